@@ -1,0 +1,1 @@
+//! Error measures between measured and simulated moments, per trial and per condition.

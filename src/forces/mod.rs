@@ -1,0 +1,1 @@
+//! Generalized forces that are not muscles.

@@ -1,0 +1,1 @@
+//! OpenSim's functions of one variable, with derivatives.

@@ -1,0 +1,20 @@
+//! Carpus personalizes OpenSim hand and wrist models from dynamometer and EMG recordings, and shows where the model
+//! fails.
+//!
+//! Data flow, modules and invariants are described in `ARCHITECTURE.md`. Inside the library all quantities are SI
+//! units and radians; another unit is part of a name (`angle_deg`).
+
+pub mod cli;
+pub mod evaluation;
+pub mod forces;
+pub mod functions;
+pub mod multibody;
+pub mod muscles;
+pub mod numerics;
+pub mod osim;
+pub mod paths;
+pub mod personalization;
+pub mod report;
+pub mod simulation;
+pub mod spatial;
+pub mod study;

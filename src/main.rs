@@ -1,0 +1,2 @@
+//! The `carpus` command: parses arguments, runs the command, sets the exit code.
+fn main() {}

@@ -1,0 +1,1 @@
+//! The compiled, immutable multibody model: coordinates, joints, couplers, kinematics.

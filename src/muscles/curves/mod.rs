@@ -1,0 +1,1 @@
+//! The Millard 2012 muscle curves.

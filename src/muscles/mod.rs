@@ -1,0 +1,3 @@
+//! Muscle models: curves, pennation, activation dynamics, Millard 2012 equilibrium.
+
+pub mod curves;

@@ -1,0 +1,3 @@
+//! Muscle paths: points, wrapping, lengths, moment arms.
+
+pub mod wrapping;

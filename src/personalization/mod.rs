@@ -1,0 +1,1 @@
+//! Fitting muscle parameters to recorded trials, and writing them back into the model file.

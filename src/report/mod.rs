@@ -1,0 +1,1 @@
+//! Self-contained HTML reports, pure functions of results files.

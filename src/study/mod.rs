@@ -1,0 +1,1 @@
+//! A study on disk: study.toml, participants, trials, and their checks.

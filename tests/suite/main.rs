@@ -1,0 +1,15 @@
+//! All integration tests, one module per subject (one binary, so that linking happens once).
+
+mod evaluation;
+mod forces;
+mod functions;
+mod multibody;
+mod muscles;
+mod osim;
+mod paths;
+mod personalization;
+mod reference;
+mod report;
+mod simulation;
+mod study;
+mod user_path;

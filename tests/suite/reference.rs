@@ -1,0 +1,24 @@
+//! Where external reference material lies, for tests that need it. Such tests skip themselves, visibly, without it.
+#![allow(dead_code)]
+
+use std::path::PathBuf;
+
+/// Folder of shared lab models and data: `CARPUS_SHARED`, else `../shared` beside the checkout (or beside the
+/// checkout's parent, for worktrees); `None` if absent.
+pub fn shared_dir() -> Option<PathBuf> {
+    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
+    std::env::var_os("CARPUS_SHARED")
+        .map(PathBuf::from)
+        .into_iter()
+        .chain([root.join("../shared"), root.join("../../shared")])
+        .find(|dir| dir.join("models").is_dir())
+}
+
+/// Path of a shared file, or `None` after printing that the test is skipped.
+pub fn shared(relative: &str) -> Option<PathBuf> {
+    let found = shared_dir().map(|dir| dir.join(relative)).filter(|path| path.exists());
+    if found.is_none() {
+        eprintln!("SKIPPED: shared file {relative} is not here");
+    }
+    found
+}
