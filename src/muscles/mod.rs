@@ -1,3 +1,21 @@
 //! Muscle models: curves, pennation, activation dynamics, Millard 2012 equilibrium.
+//!
+//! In: [`MuscleSpec`](crate::osim::spec::MuscleSpec) and, per evaluation, state (activation, fibre length) and path
+//! (length, lengthening speed). Out: state derivatives, forces, and their derivatives. Nothing here knows of paths,
+//! bones or time.
 
+mod activation;
 pub mod curves;
+mod dynamics;
+mod equilibrium;
+mod kinematics;
+mod parameters;
+mod pennation;
+mod velocity;
+
+pub use activation::FirstOrderActivation;
+pub use dynamics::MuscleDynamics;
+pub use equilibrium::{EQUILIBRIUM_TOLERANCE, Equilibrium, EquilibriumError, EquilibriumStatus};
+pub use parameters::{MIN_NONZERO_DAMPING_COEFFICIENT, Millard2012, Millard2012Parameters, MuscleError};
+pub use pennation::{FixedWidthPennation, Pennation};
+pub use velocity::{FiberVelocity, Linearization, StateGradient};

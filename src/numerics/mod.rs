@@ -1,1 +1,12 @@
-//! Numerical building blocks: the scalar trait (f64 and dual numbers), Bézier curves, root finding, interpolation.
+//! Numerical building blocks: the scalar trait (f64 and dual numbers), piecewise quintic Bézier curves, bracketed
+//! root finding.
+
+mod dual;
+mod root;
+mod scalar;
+mod smooth_segmented;
+
+pub use dual::Dual;
+pub use root::{BracketedRoot, RootError, newton_bisection};
+pub use scalar::Scalar;
+pub use smooth_segmented::{CornerError, QuinticCorner, SmoothSegmentedFunction, ValueAndDerivative};

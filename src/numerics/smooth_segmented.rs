@@ -1,0 +1,410 @@
+//! Curves joined from C-shaped quintic Bézier corners, as OpenSim's muscle curves are.
+//!
+//! A corner is a pair of polynomials x(u), y(u), 0 ≤ u ≤ 1; y(x) needs the inverse u(x). A table of local cubic
+//! expansions of u(x) gives u to within [`GUESS_TOLERANCE`]; one Newton step, done as a Taylor expansion so that every
+//! polynomial is evaluated once, then reaches machine precision.
+
+use super::Scalar;
+use thiserror::Error;
+
+/// Largest error in u of the tabulated guess; its square is below the precision of an `f64`.
+const GUESS_TOLERANCE: f64 = 1e-7;
+/// Cells per corner to start with and at most.
+const CELLS: std::ops::RangeInclusive<usize> = 32..=512;
+
+/// Control points of one corner, in OpenSim's order.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct QuinticCorner {
+    /// Abscissae of the six control points.
+    pub x: [f64; 6],
+    /// Ordinates of the six control points.
+    pub y: [f64; 6],
+}
+
+/// Why a corner cannot be built.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum CornerError {
+    /// The tangents at the ends meet too far away: the section would be S-shaped, not C-shaped.
+    #[error("the tangents at ({x0}, {y0}) and ({x1}, {y1}) do not form a C-shaped corner")]
+    NotCShaped {
+        /// Start.
+        x0: f64,
+        /// Start.
+        y0: f64,
+        /// End.
+        x1: f64,
+        /// End.
+        y1: f64,
+    },
+}
+
+impl QuinticCorner {
+    /// The corner from `(x0, y0)` with slope `dydx0` to `(x1, y1)` with slope `dydx1`.
+    ///
+    /// - `curviness`: 0 (straight) to 1 (sharp corner)
+    ///
+    /// # Errors
+    /// [`CornerError::NotCShaped`] if the tangents meet farther from an end than the ends are apart.
+    ///
+    /// # References
+    /// OpenSim `SegmentedQuinticBezierToolkit::calcQuinticBezierCornerControlPoints`.
+    pub fn new(
+        [x0, y0, dydx0]: [f64; 3],
+        [x1, y1, dydx1]: [f64; 3],
+        curviness: f64,
+    ) -> Result<QuinticCorner, CornerError> {
+        let x_c = if (dydx0 - dydx1).abs() > f64::EPSILON.sqrt() {
+            (y1 - y0 - x1 * dydx1 + x0 * dydx0) / (dydx0 - dydx1)
+        } else {
+            (x1 + x0) / 2.0
+        };
+        let y_c = (x_c - x1) * dydx1 + y1;
+        let squared_distance = |dx: f64, dy: f64| dx * dx + dy * dy;
+        let to_start = squared_distance(x_c - x0, y_c - y0);
+        let to_end = squared_distance(x_c - x1, y_c - y1);
+        let apart = squared_distance(x1 - x0, y1 - y0);
+        if !(apart > to_start && apart > to_end) {
+            return Err(CornerError::NotCShaped { x0, y0, x1, y1 });
+        }
+        let points = |start: f64, corner: f64, end: f64| {
+            let near_start = start + curviness * (corner - start);
+            let near_end = end + curviness * (corner - end);
+            [start, near_start, near_start, near_end, near_end, end]
+        };
+        Ok(QuinticCorner { x: points(x0, x_c, x1), y: points(y0, y_c, y1) })
+    }
+}
+
+/// Value and first derivative of a curve.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ValueAndDerivative {
+    /// y(x).
+    pub value: f64,
+    /// dy/dx.
+    pub derivative: f64,
+}
+
+/// Polynomial of degree five, lowest power first.
+#[derive(Clone, Copy, Debug)]
+struct Quintic([f64; 6]);
+
+impl Quintic {
+    /// Power form of a Bézier polynomial.
+    fn from_bezier(p: &[f64; 6]) -> Quintic {
+        Quintic([
+            p[0],
+            5.0 * (p[1] - p[0]),
+            10.0 * (p[2] - 2.0 * p[1] + p[0]),
+            10.0 * (p[3] - 3.0 * p[2] + 3.0 * p[1] - p[0]),
+            5.0 * (p[4] - 4.0 * p[3] + 6.0 * p[2] - 4.0 * p[1] + p[0]),
+            p[5] - 5.0 * p[4] + 10.0 * p[3] - 10.0 * p[2] + 5.0 * p[1] - p[0],
+        ])
+    }
+
+    /// Value, first derivative and half the second derivative; short dependency chains rather than Horner's rule.
+    #[inline]
+    fn expand(&self, u: f64) -> [f64; 3] {
+        let c = &self.0;
+        let u2 = u * u;
+        let u3 = u2 * u;
+        let u4 = u2 * u2;
+        [
+            (c[0] + c[1] * u) + (c[2] + c[3] * u) * u2 + (c[4] + c[5] * u) * u4,
+            (c[1] + 2.0 * c[2] * u) + (3.0 * c[3] + 4.0 * c[4] * u) * u2 + 5.0 * c[5] * u4,
+            (c[2] + 3.0 * c[3] * u) + (6.0 * c[4] * u2 + 10.0 * c[5] * u3),
+        ]
+    }
+
+    /// Sixth part of the third derivative.
+    #[inline]
+    fn third(&self, u: f64) -> f64 {
+        let c = &self.0;
+        c[3] + 4.0 * c[4] * u + 10.0 * c[5] * u * u
+    }
+}
+
+/// One corner, ready for evaluation.
+#[derive(Clone, Debug)]
+struct Segment {
+    x_start: f64,
+    x_end: f64,
+    /// x(u) − `x_start`.
+    x: Quintic,
+    /// y(u).
+    y: Quintic,
+    /// Reciprocal of the width of a cell.
+    cells_per_x: f64,
+    /// Half the width of a cell.
+    half_cell: f64,
+    /// Per cell: u and its derivatives (Taylor coefficients) at the cell's middle.
+    guess: Vec<[f64; 4]>,
+}
+
+impl Segment {
+    fn new(corner: &QuinticCorner) -> Segment {
+        let x_start = corner.x[0];
+        let mut segment = Segment {
+            x_start,
+            x_end: corner.x[5],
+            x: Quintic::from_bezier(&corner.x.map(|x| x - x_start)),
+            y: Quintic::from_bezier(&corner.y),
+            cells_per_x: 0.0,
+            half_cell: 0.0,
+            guess: Vec::new(),
+        };
+        let mut cells = *CELLS.start();
+        while segment.tabulate(cells) > GUESS_TOLERANCE && cells < *CELLS.end() {
+            cells *= 2;
+        }
+        segment
+    }
+
+    /// Fills the table of guesses; returns the largest error found at the edges of cells.
+    fn tabulate(&mut self, cells: usize) -> f64 {
+        let width = self.x_end - self.x_start;
+        let cell = width / cells as f64;
+        self.cells_per_x = cells as f64 / width;
+        self.half_cell = 0.5 * cell;
+        self.guess.clear();
+        let mut error = 0.0_f64;
+        for i in 0..cells {
+            let u = self.solve_slowly((i as f64 + 0.5) * cell);
+            let [_, x1, half_x2] = self.x.expand(u);
+            let third_x3 = self.x.third(u);
+            // Series reversion of dx = x1 du + half_x2 du² + third_x3 du³.
+            let t1 = 1.0 / x1;
+            let t2 = -half_x2 * t1 * t1 * t1;
+            let t3 = (2.0 * half_x2 * half_x2 - x1 * third_x3) * t1.powi(5);
+            self.guess.push([u, t1, t2, t3]);
+            for edge in [i as f64 * cell, (i as f64 + 1.0) * cell] {
+                let d = edge - (i as f64 + 0.5) * cell;
+                let guess = (u + d * (t1 + d * (t2 + d * t3))).clamp(0.0, 1.0);
+                error = error.max((guess - self.solve_slowly(edge)).abs());
+            }
+        }
+        error
+    }
+
+    /// u where x(u) = `x_start` + `dx`, by bisection and Newton's method.
+    fn solve_slowly(&self, dx: f64) -> f64 {
+        self.refine(dx, dx / (self.x_end - self.x_start))
+    }
+
+    /// Improves the guess `u` of the solution of x(u) = `x_start` + `dx` until nothing changes.
+    #[cold]
+    fn refine(&self, dx: f64, u: f64) -> f64 {
+        let (mut low, mut high) = (0.0, 1.0);
+        let mut u = if (0.0..=1.0).contains(&u) { u } else { 0.5 };
+        for _ in 0..80 {
+            let [x, slope, _] = self.x.expand(u);
+            let residual = x - dx;
+            if residual == 0.0 {
+                break;
+            }
+            if residual < 0.0 {
+                low = u;
+            } else {
+                high = u;
+            }
+            let newton = u - residual / slope;
+            let next = if newton >= low && newton <= high { newton } else { 0.5 * (low + high) };
+            if (next - u).abs() <= 0.5 * f64::EPSILON {
+                u = next;
+                break;
+            }
+            u = next;
+        }
+        u
+    }
+
+    /// u within [`GUESS_TOLERANCE`] of the solution of x(u) = x, and the Newton step (to second order) that remains.
+    #[inline]
+    fn locate(&self, x: f64) -> (f64, [f64; 3], f64) {
+        let dx = x - self.x_start;
+        let index = ((dx * self.cells_per_x) as usize).min(self.guess.len() - 1);
+        let d = dx - (2.0 * index as f64 + 1.0) * self.half_cell;
+        let [t0, t1, t2, t3] = self.guess[index];
+        let mut u = t0 + (d * t1 + (d * d) * (t2 + d * t3));
+        let mut at = self.x.expand(u);
+        let mut step = (dx - at[0]) / at[1];
+        if step.abs() > 4.0 * GUESS_TOLERANCE {
+            u = self.refine(dx, u);
+            at = self.x.expand(u);
+            step = 0.0;
+        }
+        (u, at, step)
+    }
+}
+
+/// A smooth curve y(x): quintic Bézier corners, continued linearly beyond both ends.
+///
+/// Values and first and second derivatives agree with OpenSim's `SmoothSegmentedFunction` to rounding.
+#[derive(Clone, Debug)]
+pub struct SmoothSegmentedFunction {
+    segments: Vec<Segment>,
+    start: [f64; 3],
+    end: [f64; 3],
+}
+
+impl SmoothSegmentedFunction {
+    /// The curve through `corners`, in order of x, each starting where the one before ends.
+    ///
+    /// - `slope_start`, `slope_end`: slopes of the linear continuations
+    ///
+    /// `corners` must not be empty.
+    pub fn new(corners: &[QuinticCorner], slope_start: f64, slope_end: f64) -> SmoothSegmentedFunction {
+        let (first, last) = (&corners[0], &corners[corners.len() - 1]);
+        SmoothSegmentedFunction {
+            segments: corners.iter().map(Segment::new).collect(),
+            start: [first.x[0], first.y[0], slope_start],
+            end: [last.x[5], last.y[5], slope_end],
+        }
+    }
+
+    /// First and last x of the curved part.
+    pub fn domain(&self) -> [f64; 2] {
+        [self.start[0], self.end[0]]
+    }
+
+    #[inline]
+    fn segment(&self, x: f64) -> &Segment {
+        let mut index = 0;
+        while index + 1 < self.segments.len() && x >= self.segments[index].x_end {
+            index += 1;
+        }
+        &self.segments[index]
+    }
+
+    /// The straight line beyond an end, if `x` lies there.
+    #[inline]
+    fn beyond(&self, x: f64) -> Option<ValueAndDerivative> {
+        let [x0, y0, slope] = if x < self.start[0] {
+            self.start
+        } else if x > self.end[0] {
+            self.end
+        } else {
+            return None;
+        };
+        Some(ValueAndDerivative { value: y0 + slope * (x - x0), derivative: slope })
+    }
+
+    /// y(x) and dy/dx; NaN for NaN.
+    #[inline]
+    pub fn value_and_derivative(&self, x: f64) -> ValueAndDerivative {
+        if let Some(line) = self.beyond(x) {
+            return line;
+        }
+        let segment = self.segment(x);
+        let (u, [_, x1, half_x2], step) = segment.locate(x);
+        let [y, y1, half_y2] = segment.y.expand(u);
+        ValueAndDerivative {
+            value: y + step * (y1 + step * half_y2),
+            derivative: (y1 + 2.0 * step * half_y2) / (x1 + 2.0 * step * half_x2),
+        }
+    }
+
+    /// y(x).
+    #[inline]
+    pub fn value(&self, x: f64) -> f64 {
+        self.value_and_derivative(x).value
+    }
+
+    /// dy/dx.
+    #[inline]
+    pub fn derivative(&self, x: f64) -> f64 {
+        self.value_and_derivative(x).derivative
+    }
+
+    /// d²y/dx²; zero beyond the ends.
+    pub fn second_derivative(&self, x: f64) -> f64 {
+        if self.beyond(x).is_some() {
+            return 0.0;
+        }
+        let segment = self.segment(x);
+        let (u, _, step) = segment.locate(x);
+        let u = (u + step).clamp(0.0, 1.0);
+        let [_, x1, half_x2] = segment.x.expand(u);
+        let [_, y1, half_y2] = segment.y.expand(u);
+        2.0 * (half_y2 - y1 / x1 * half_x2) / (x1 * x1)
+    }
+
+    /// y(x) with the derivatives that x carries.
+    #[inline]
+    pub fn evaluate<S: Scalar>(&self, x: S) -> S {
+        let at = self.value_and_derivative(x.value());
+        x.chain(at.value, at.derivative)
+    }
+
+    /// dy/dx with the derivatives that x carries.
+    pub fn evaluate_derivative<S: Scalar>(&self, x: S) -> S {
+        x.chain(self.derivative(x.value()), self.second_derivative(x.value()))
+    }
+
+    /// The x where `a`·y(x) + `b`·x = `target`, with y and dy/dx there; for a curve that never falls.
+    ///
+    /// On a corner the equation is a polynomial in u, so that no inverse is needed.
+    /// - `a` ≥ 0, `b` > 0: weights; the left side then rises strictly and has one solution
+    pub fn solve_weighted_sum(&self, a: f64, b: f64, target: f64) -> (f64, ValueAndDerivative) {
+        let line = |[x0, y0, slope]: [f64; 3]| {
+            let x = (target - a * (y0 - slope * x0)) / (a * slope + b);
+            (x, ValueAndDerivative { value: y0 + slope * (x - x0), derivative: slope })
+        };
+        let side = |[x0, y0, _]: [f64; 3]| a * y0 + b * x0;
+        let (mut f_low, last) = (side(self.start), side(self.end));
+        if target <= f_low {
+            return line(self.start);
+        }
+        if target >= last {
+            return line(self.end);
+        }
+        let mut found = None;
+        for segment in &self.segments {
+            let f_high = a * segment.y.0.iter().sum::<f64>() + b * segment.x_end;
+            if target <= f_high {
+                found = Some((segment, f_high));
+                break;
+            }
+            f_low = f_high;
+        }
+        // NaN reaches this point without a segment.
+        let Some((segment, f_high)) = found else {
+            return (f64::NAN, ValueAndDerivative { value: f64::NAN, derivative: f64::NAN });
+        };
+        let mut sum = [0.0; 6];
+        for i in 0..6 {
+            sum[i] = a * segment.y.0[i] + b * segment.x.0[i];
+        }
+        sum[0] += b * segment.x_start - target;
+        let u = root_of_rising(&Quintic(sum), (target - f_low) / (f_high - f_low));
+        let [x, x1, _] = segment.x.expand(u);
+        let [y, y1, _] = segment.y.expand(u);
+        (segment.x_start + x, ValueAndDerivative { value: y, derivative: y1 / x1 })
+    }
+}
+
+/// Root in [0, 1] of a polynomial that rises from below zero to above zero, from the guess `u`.
+fn root_of_rising(polynomial: &Quintic, guess: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 1.0);
+    let mut u = guess;
+    for _ in 0..100 {
+        let [f, f1, half_f2] = polynomial.expand(u);
+        if f < 0.0 {
+            low = u;
+        } else {
+            high = u;
+        }
+        // Halley's step: the corner's curvature is strong.
+        let step = -f * f1 / (f1 * f1 - f * half_f2);
+        let trial = u + step;
+        if !(trial >= low && trial <= high) {
+            u = 0.5 * (low + high);
+            continue;
+        }
+        u = trial;
+        // The error after a Halley step is of third order in the step.
+        if step.abs() < 1e-6 {
+            break;
+        }
+    }
+    u
+}
