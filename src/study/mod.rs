@@ -1,1 +1,223 @@
-//! A study on disk: study.toml, participants, trials, and their checks.
+//! A study on disk: `study.toml`, participants, trials, and their checks.
+//!
+//! In: a folder as a lab keeps it. Out: a typed [`Study`] in SI units and radians, and one [`Trial`] at a time with
+//! its samples. Every key and column is either read or reported; all problems of a study are collected and returned
+//! together, each with file, line and, where there is one, a hint. Resampling, filtering and everything that needs the
+//! model (ranges of coordinates, names of muscles) is not here; [`Trial::check_against_range`] is called by those who
+//! have it.
+
+mod participants;
+mod plausibility;
+mod problem;
+mod settings;
+mod table;
+mod toml_section;
+mod trial;
+mod trial_list;
+mod ultrasound;
+
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+pub use participants::{Participant, Sex, Side};
+pub use problem::{Fault, MAX_LISTED, Problem, Severity, StudyErrors};
+pub use settings::{
+    AngleUnit, Columns, Dynamometer, MomentPart, ParameterBounds, PostureCoordinate, RelativeBounds, Settings,
+};
+pub use trial::{
+    ANGLE_RANGE_TOLERANCE, EMG_NOISE_ABOVE, EMG_NOISE_BELOW, GAP_IN_MEDIAN_STEPS, MAX_SAMPLES, MIN_SAMPLES, Trial,
+};
+pub use trial_list::{Contraction, Direction, TrialInfo, TrialUse};
+pub use ultrasound::UltrasoundMeasurement;
+
+/// A study: who was measured, how, and which trials there are. Samples are read trial by trial ([`Study::trial`]).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Study {
+    /// The `study.toml`.
+    pub file: PathBuf,
+    /// The folder it is in; all paths of a study are relative to it.
+    pub folder: PathBuf,
+    /// What `study.toml` says.
+    pub settings: Settings,
+    /// The participants, in the order of `participants.csv`.
+    pub participants: Vec<Participant>,
+    /// The trials of all participants, in the order of recording, ignored ones included.
+    pub trials: Vec<TrialInfo>,
+    /// Imaging, if there is any.
+    pub ultrasound: Vec<UltrasoundMeasurement>,
+    /// What a person should look at.
+    pub warnings: Vec<Problem>,
+}
+
+impl Study {
+    /// Reads a study and checks all of it, the samples of every trial included (one trial in memory per thread).
+    ///
+    /// - `path`: the `study.toml`, or the folder it is in
+    ///
+    /// # Errors
+    /// Every problem that makes the study unusable, together.
+    pub fn read(path: impl AsRef<Path>) -> Result<Study, StudyErrors> {
+        let (study, mut problems) = Self::read_parts(path.as_ref());
+        if let Some(study) = &study {
+            problems.extend(study.check_trials(|_| true));
+        }
+        Self::settle(study, problems)
+    }
+
+    /// Reads `study.toml` and the tables, not the trials.
+    ///
+    /// # Errors
+    /// Every problem that makes the study unusable, together.
+    pub fn read_tables(path: impl AsRef<Path>) -> Result<Study, StudyErrors> {
+        let (study, problems) = Self::read_parts(path.as_ref());
+        Self::settle(study, problems)
+    }
+
+    fn settle(study: Option<Study>, problems: Vec<Problem>) -> Result<Study, StudyErrors> {
+        let warnings = StudyErrors::settle(problems)?;
+        // Without a study there was an error: see `read_parts`.
+        study.map(|study| Study { warnings, ..study }).ok_or_else(StudyErrors::default)
+    }
+
+    /// The study as far as it can be read; `None` only with at least one error among the problems.
+    fn read_parts(path: &Path) -> (Option<Study>, Vec<Problem>) {
+        let mut problems = Vec::new();
+        let file = if path.is_dir() { path.join("study.toml") } else { path.to_owned() };
+        let folder = file.parent().map(Path::to_owned).unwrap_or_default();
+        let settings = read_settings(&file, &folder, &mut problems);
+        if settings.is_none() && !file.exists() {
+            return (None, problems); // a wrong path: complaints about its neighbours would only hide that
+        }
+        let study_model = settings.as_ref().map(|s| s.model.clone()).unwrap_or_default();
+        let participants = participants::read(&folder.join("participants.csv"), &folder, &study_model, &mut problems);
+        let trials = trial_list::read(&folder.join("trials.csv"), &folder, &participants, &mut problems);
+        let names: Vec<&str> = participants.iter().map(|p| p.name.as_str()).collect();
+        let ultrasound = ultrasound::read(&folder.join("ultrasound.csv"), &names, &mut problems);
+        let Some(settings) = settings else { return (None, problems) };
+        let study = Study { file, folder, settings, participants, trials, ultrasound, warnings: Vec::new() };
+        study.check_models(&mut problems);
+        study.check_trial_list(&mut problems);
+        (Some(study), problems)
+    }
+
+    /// The participant of that name.
+    pub fn participant(&self, name: &str) -> Option<&Participant> {
+        self.participants.iter().find(|p| p.name == name)
+    }
+
+    /// The trials of a participant that are not ignored, in the order of recording.
+    pub fn trials_of<'a>(&'a self, participant: &'a str) -> impl Iterator<Item = &'a TrialInfo> {
+        self.trials.iter().filter(move |t| t.participant == participant && t.usage != TrialUse::Ignore)
+    }
+
+    /// Reads and checks one trial.
+    ///
+    /// # Errors
+    /// Every problem of the file, together.
+    pub fn trial(&self, info: &TrialInfo) -> Result<Trial, StudyErrors> {
+        let mut trial = Trial::read(info, &self.settings, &self.folder.join("trials.csv"))?;
+        let doubtful = plausibility::check(&trial, &self.settings, self.participant(&info.participant));
+        trial.warnings.extend(doubtful);
+        Ok(trial)
+    }
+
+    /// Reads and checks all trials of a participant that are not ignored.
+    ///
+    /// # Errors
+    /// The problems of all files, together.
+    pub fn load_trials(&self, participant: &str) -> Result<Vec<Trial>, StudyErrors> {
+        let infos: Vec<&TrialInfo> = self.trials_of(participant).collect();
+        let results: Vec<_> = infos.into_par_iter().map(|info| self.trial(info)).collect();
+        let mut trials = Vec::with_capacity(results.len());
+        let mut failed = StudyErrors::default();
+        for result in results {
+            match result {
+                Ok(trial) => trials.push(trial),
+                Err(mut errors) => {
+                    failed.errors.append(&mut errors.errors);
+                    failed.warnings.append(&mut errors.warnings);
+                }
+            }
+        }
+        if failed.errors.is_empty() { Ok(trials) } else { Err(failed) }
+    }
+
+    /// Reads every trial that is not ignored and passes `wanted`, keeps nothing, and returns the findings in the
+    /// order of the trials.
+    pub fn check_trials(&self, wanted: impl Fn(&TrialInfo) -> bool + Sync) -> Vec<Problem> {
+        let findings: Vec<Vec<Problem>> = self
+            .trials
+            .par_iter()
+            .filter(|info| info.usage != TrialUse::Ignore && wanted(info))
+            .map(|info| match self.trial(info) {
+                Ok(trial) => trial.warnings,
+                Err(StudyErrors { errors, warnings }) => errors.into_iter().chain(warnings).collect(),
+            })
+            .collect();
+        findings.into_iter().flatten().collect()
+    }
+
+    /// Every file the study is made of (tables, models, trials not ignored), each once, for checksums.
+    pub fn input_files(&self) -> Vec<PathBuf> {
+        let tables = ["participants.csv", "trials.csv"].map(|name| self.folder.join(name));
+        let ultrasound = Some(self.folder.join("ultrasound.csv")).filter(|path| path.exists());
+        let trials = self.trials.iter().filter(|t| t.usage != TrialUse::Ignore).map(|t| t.file.clone());
+        let models = self.participants.iter().map(|p| p.model.clone());
+        let mut files = vec![self.file.clone()];
+        for path in tables.into_iter().chain(ultrasound).chain(models).chain(trials) {
+            if !files.contains(&path) {
+                files.push(path);
+            }
+        }
+        files
+    }
+
+    fn check_models(&self, problems: &mut Vec<Problem>) {
+        let mut seen: Vec<&Path> = Vec::new();
+        let study_line = (&self.file, self.settings.model_line);
+        let table = self.folder.join("participants.csv");
+        let study_model = self.participants.is_empty() || self.participants.iter().any(|p| !p.own_model);
+        let models = study_model
+            .then_some((self.settings.model.as_path(), study_line))
+            .into_iter()
+            .chain(self.participants.iter().filter(|p| p.own_model).map(|p| (p.model.as_path(), (&table, p.line))));
+        for (model, (file, line)) in models {
+            if !model.is_file() && !seen.contains(&model) {
+                let named_at = Some(format!("{}:{line}", file.display()));
+                problems.push(Problem::error(model, None, Fault::MissingFile { what: "model", named_at }));
+                seen.push(model);
+            }
+        }
+    }
+
+    fn check_trial_list(&self, problems: &mut Vec<Problem>) {
+        let trials_file = self.folder.join("trials.csv");
+        for participant in &self.participants {
+            if !self.trials.is_empty() && self.trials_of(&participant.name).next().is_none() {
+                let fault = Fault::NoTrials { participant: participant.name.clone() };
+                problems.push(Problem::warning(&trials_file, None, fault));
+            }
+        }
+        if !self.trials.is_empty() && self.trials.iter().all(|t| t.usage != TrialUse::Train) {
+            problems.push(Problem::warning(&trials_file, None, Fault::NothingToTrain));
+        }
+    }
+}
+
+fn read_settings(file: &Path, folder: &Path, problems: &mut Vec<Problem>) -> Option<Settings> {
+    let bytes = match std::fs::read(file) {
+        Ok(bytes) => bytes,
+        Err(error) => {
+            problems.push(Problem::error(file, None, table::file_fault(&error, "study.toml", None)));
+            return None;
+        }
+    };
+    let Ok(text) = String::from_utf8(bytes) else {
+        problems.push(Problem::error(file, None, Fault::NotText));
+        return None;
+    };
+    let mut settings = Settings::parse(&text, file, problems)?;
+    settings.model = folder.join(&settings.model);
+    Some(settings)
+}

@@ -1,0 +1,560 @@
+//! What can be wrong with a study, where it stands, and what to do about it.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// How many problems [`StudyErrors`] prints before it only counts the rest.
+pub const MAX_LISTED: usize = 20;
+
+/// Whether a study can be used in spite of a problem.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Severity {
+    /// The study cannot be used until this is put right.
+    Error,
+    /// The study can be used; a person should look.
+    Warning,
+}
+
+/// One finding: where it stands and what it is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Problem {
+    /// Whether the study can be used in spite of it.
+    pub severity: Severity,
+    /// The file it stands in.
+    pub file: PathBuf,
+    /// Line, counted from 1; `None` if it concerns the file as a whole.
+    pub line: Option<usize>,
+    /// What is wrong.
+    pub fault: Fault,
+}
+
+impl Problem {
+    /// An error at a line of a file.
+    pub fn error(file: &Path, line: impl Into<Option<usize>>, fault: Fault) -> Self {
+        Self { severity: Severity::Error, file: file.to_owned(), line: line.into(), fault }
+    }
+
+    /// A warning at a line of a file.
+    pub fn warning(file: &Path, line: impl Into<Option<usize>>, fault: Fault) -> Self {
+        Self { severity: Severity::Warning, file: file.to_owned(), line: line.into(), fault }
+    }
+
+    /// What to do about it, if there is something more to say than the message says.
+    pub fn hint(&self) -> Option<String> {
+        self.fault.hint()
+    }
+}
+
+impl fmt::Display for Problem {
+    /// `file:line: what` and, on a second line, `  hint: …`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:", self.file.display())?;
+        if let Some(line) = self.line {
+            write!(f, "{line}:")?;
+        }
+        if self.severity == Severity::Warning {
+            write!(f, " warning:")?;
+        }
+        write!(f, " {}", self.fault)?;
+        if let Some(hint) = self.hint() {
+            write!(f, "\n  hint: {hint}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Why a study cannot be used: every error found, and the warnings found on the way.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct StudyErrors {
+    /// The errors, in order of file reading; never empty when returned from a reader.
+    pub errors: Vec<Problem>,
+    /// Warnings found before reading stopped.
+    pub warnings: Vec<Problem>,
+}
+
+impl StudyErrors {
+    /// Splits a list of findings; `Ok(warnings)` if none of them is an error.
+    pub(crate) fn settle(problems: Vec<Problem>) -> Result<Vec<Problem>, StudyErrors> {
+        let (errors, warnings): (Vec<_>, Vec<_>) = problems.into_iter().partition(|p| p.severity == Severity::Error);
+        if errors.is_empty() { Ok(warnings) } else { Err(StudyErrors { errors, warnings }) }
+    }
+}
+
+impl fmt::Display for StudyErrors {
+    /// Up to [`MAX_LISTED`] errors, one below the other, then the count of the others.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, problem) in self.errors.iter().take(MAX_LISTED).enumerate() {
+            if i > 0 {
+                writeln!(f)?;
+            }
+            write!(f, "{problem}")?;
+        }
+        match self.errors.len().saturating_sub(MAX_LISTED) {
+            0 => Ok(()),
+            1 => write!(f, "\n… and 1 further error"),
+            rest => write!(f, "\n… and {rest} further errors"),
+        }
+    }
+}
+
+impl std::error::Error for StudyErrors {}
+
+/// What is wrong. Numbers are in the unit that the field's name or the message states.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Fault {
+    /// A file that is named does not exist.
+    #[error("{what} not found")]
+    MissingFile {
+        /// What the file would be: `trial file`, `model`, …
+        what: &'static str,
+        /// `file:line` that names it, if another file does.
+        named_at: Option<String>,
+    },
+    /// The operating system refused to read a file.
+    #[error("cannot read {what}: {reason}")]
+    Unreadable {
+        /// What the file is.
+        what: &'static str,
+        /// The system's words.
+        reason: String,
+    },
+    /// The bytes are not UTF-8 text.
+    #[error("not UTF-8 text")]
+    NotText,
+    /// Broken TOML.
+    #[error("not valid TOML: {message}")]
+    TomlSyntax {
+        /// The parser's words.
+        message: String,
+    },
+    /// Broken CSV.
+    #[error("not valid CSV: {message}")]
+    CsvSyntax {
+        /// The parser's words.
+        message: String,
+    },
+    /// A key that the format does not have.
+    #[error("unknown key `{key}` in [{section}]{}", known_list("known keys", known))]
+    UnknownKey {
+        /// The key.
+        key: String,
+        /// Its table.
+        section: String,
+        /// The keys that exist there.
+        known: Vec<String>,
+        /// The known key that looks most like it.
+        nearest: Option<String>,
+    },
+    /// A section that the format does not have.
+    #[error("unknown section [{section}]{}", known_list("known sections", known))]
+    UnknownSection {
+        /// The section.
+        section: String,
+        /// The sections that exist.
+        known: Vec<String>,
+        /// The known section that looks most like it.
+        nearest: Option<String>,
+    },
+    /// A required key is absent.
+    #[error("[{section}] has no `{key}` ({expected})")]
+    MissingKey {
+        /// Table in which it is expected.
+        section: String,
+        /// The key.
+        key: String,
+        /// What it should hold.
+        expected: String,
+    },
+    /// A value of the wrong type or outside its domain.
+    #[error("`{key}`: expected {expected}, found {found}")]
+    BadValue {
+        /// Key or column.
+        key: String,
+        /// What was expected.
+        expected: String,
+        /// What was found.
+        found: String,
+    },
+    /// A word that is not one of a closed list.
+    #[error("`{key}`: unknown {what} `{found}` (one of: {})", known.join(", "))]
+    UnknownWord {
+        /// Key or column.
+        key: String,
+        /// What the word names.
+        what: &'static str,
+        /// The word.
+        found: String,
+        /// The words that exist.
+        known: Vec<String>,
+        /// The known word that looks most like it.
+        nearest: Option<String>,
+    },
+    /// The same thing is stated twice.
+    #[error("{what} `{value}` stands here again; it stands already on line {first_line}")]
+    Duplicate {
+        /// What is repeated.
+        what: &'static str,
+        /// The repeated value.
+        value: String,
+        /// Line of the first.
+        first_line: usize,
+    },
+    /// Two trials with the same participant, condition and repetition.
+    #[error("same participant, condition and repetition as the trial on line {first_line}")]
+    DuplicateCondition {
+        /// Line of the first.
+        first_line: usize,
+    },
+    /// Raw EMG, which this version does not process.
+    #[error("raw EMG is not supported in this version: expected kind = \"normalized\", found \"raw\"")]
+    RawEmgUnsupported,
+    /// A required column is absent.
+    #[error("no column `{column}` ({meaning}); columns present: {}", list_or_none(present))]
+    MissingColumn {
+        /// The column looked for.
+        column: String,
+        /// What it holds.
+        meaning: String,
+        /// The columns of the file.
+        present: Vec<String>,
+        /// The column present that looks most like it.
+        nearest: Option<String>,
+    },
+    /// A column that nothing reads.
+    #[error("unknown column `{column}`{}", known_list("known columns", known))]
+    UnknownColumn {
+        /// The column.
+        column: String,
+        /// The columns that exist.
+        known: Vec<String>,
+        /// The known column that looks most like it.
+        nearest: Option<String>,
+        /// Whether this is a trial file, where `[columns] ignore` may list it.
+        in_trial: bool,
+    },
+    /// Two columns of one name.
+    #[error("column `{column}` stands twice in the header")]
+    DuplicateColumn {
+        /// The column.
+        column: String,
+    },
+    /// The file has no header line or no rows.
+    #[error("{what} is empty")]
+    Empty {
+        /// What the file is.
+        what: &'static str,
+    },
+    /// A row with more or fewer fields than the header.
+    #[error("row has {found} fields, the header has {expected}{}", others(*more))]
+    FieldCount {
+        /// Fields in the header.
+        expected: usize,
+        /// Fields in the row.
+        found: usize,
+        /// How many further such rows there are.
+        more: usize,
+    },
+    /// The header is one field that contains another separator.
+    #[error("columns are separated by {found}; expected commas")]
+    Separator {
+        /// What separates them.
+        found: &'static str,
+    },
+    /// A cell that should hold a number.
+    #[error("column `{column}`: expected {expected}, found {}{}", quoted(found), others(*more))]
+    BadNumber {
+        /// The column.
+        column: String,
+        /// What was expected.
+        expected: &'static str,
+        /// The cell's text; may be empty.
+        found: String,
+        /// How many further cells of this column are bad.
+        more: usize,
+    },
+    /// Fewer samples than anything can be computed from.
+    #[error("only {found} samples; expected at least {expected}")]
+    TooFewSamples {
+        /// Samples in the file.
+        found: usize,
+        /// Least number.
+        expected: usize,
+    },
+    /// More samples than memory should be given to.
+    #[error("more than {limit} samples in one trial")]
+    TooManySamples {
+        /// The limit.
+        limit: usize,
+    },
+    /// Time does not increase.
+    #[error("time does not increase: {time_s} s after {before_s} s{}", others(*more))]
+    TimeNotIncreasing {
+        /// Time of this row [s].
+        time_s: f64,
+        /// Time of the row before [s].
+        before_s: f64,
+        /// How many further such rows there are.
+        more: usize,
+    },
+    /// The same time twice.
+    #[error("time {time_s} s stands twice{}", others(*more))]
+    TimeRepeated {
+        /// The time [s].
+        time_s: f64,
+        /// How many further such rows there are.
+        more: usize,
+    },
+    /// Samples are missing.
+    #[error("gap of {gap_s:.4} s before this row; expected at most {allowed_s:.4} s (median step {median_step_s:.4} s){}", others(*more))]
+    Gap {
+        /// Size of the gap [s].
+        gap_s: f64,
+        /// Largest step allowed [s].
+        allowed_s: f64,
+        /// Median step of the trial [s].
+        median_step_s: f64,
+        /// How many further gaps there are.
+        more: usize,
+    },
+    /// The sampling is too coarse for muscle dynamics.
+    #[error("median time step is {median_step_s:.4} s; expected at most {expected_s} s")]
+    CoarseSampling {
+        /// Median step [s].
+        median_step_s: f64,
+        /// Expected at most [s].
+        expected_s: f64,
+    },
+    /// Excitations outside 0..1.
+    #[error("column `{column}`: {count} of {samples} samples are {}, {} {extreme:.4}; expected 0 to 1 (part of MVC){}",
+        if *above { "above 1" } else { "below 0" }, if *above { "highest" } else { "lowest" },
+        if *clamped { "; clamped" } else { "" })]
+    EmgOutOfRange {
+        /// The column.
+        column: String,
+        /// Above 1 (else: below 0).
+        above: bool,
+        /// How many samples.
+        count: usize,
+        /// Of how many.
+        samples: usize,
+        /// The farthest.
+        extreme: f64,
+        /// Small enough to be noise: the samples were clamped to the range.
+        clamped: bool,
+    },
+    /// EMG that never changes.
+    #[error("column `{column}` is {value} in every sample: not a recording of a muscle")]
+    ConstantEmg {
+        /// The column.
+        column: String,
+        /// Its value.
+        value: f64,
+    },
+    /// Angle outside the coordinate's range.
+    #[error(
+        "{count} of {samples} samples have an angle outside the range of coordinate `{coordinate}`, {lower_deg:.2}° to {upper_deg:.2}°; farthest: {extreme_deg:.2}°"
+    )]
+    AngleOutOfRange {
+        /// OpenSim coordinate.
+        coordinate: String,
+        /// Least value [deg].
+        lower_deg: f64,
+        /// Greatest value [deg].
+        upper_deg: f64,
+        /// The farthest angle [deg].
+        extreme_deg: f64,
+        /// How many samples.
+        count: usize,
+        /// Of how many.
+        samples: usize,
+    },
+    /// Numbers in a degrees column that look like radians.
+    #[error("`{name}` looks like radians: {evidence}; degrees are expected")]
+    LooksLikeRadians {
+        /// Column or key.
+        name: String,
+        /// What makes it look so.
+        evidence: String,
+    },
+    /// Numbers in a radians column that look like degrees.
+    #[error("`{name}` looks like degrees: {evidence}; radians are expected")]
+    LooksLikeDegrees {
+        /// Column or key.
+        name: String,
+        /// What makes it look so.
+        evidence: String,
+    },
+    /// An isometric trial whose angle is not the posture stated.
+    #[error("mean angle is {mean_deg:.1}°, but trials.csv states a posture of {stated_deg:.1}°")]
+    PostureMismatch {
+        /// Mean measured angle [deg].
+        mean_deg: f64,
+        /// Posture stated [deg].
+        stated_deg: f64,
+    },
+    /// An isometric trial in which the joint moved.
+    #[error("the angle moves by {travel_deg:.1}° in an isometric trial")]
+    IsometricMoves {
+        /// Largest minus smallest angle [deg].
+        travel_deg: f64,
+    },
+    /// The velocity column is not the derivative of the angle.
+    #[error("`{column}` is {ratio:.4} times the derivative of the angle; expected 1")]
+    VelocityDisagrees {
+        /// The column.
+        column: String,
+        /// Least-squares ratio.
+        ratio: f64,
+    },
+    /// A moment of an unlikely size.
+    #[error("largest moment is {max_abs_n_m:.4} N·m; {expected}")]
+    MomentScale {
+        /// Largest absolute moment [N·m].
+        max_abs_n_m: f64,
+        /// What was expected.
+        expected: String,
+    },
+    /// Moments of the wrong sign.
+    #[error("mean moment is {mean_n_m:+.3} N·m in a trial of direction `{direction}`; expected the opposite sign")]
+    MomentSign {
+        /// Mean moment [N·m].
+        mean_n_m: f64,
+        /// Direction stated.
+        direction: &'static str,
+    },
+    /// A participant without trials.
+    #[error("participant `{participant}` has no trial in trials.csv")]
+    NoTrials {
+        /// The participant.
+        participant: String,
+    },
+    /// No trial that a fit could use.
+    #[error("no trial has use `train`: nothing can be fitted")]
+    NothingToTrain,
+    /// A length that seems to be in another unit.
+    #[error("column `{column}`: {value} is not plausible in {unit} (expected {lower} to {upper})")]
+    ImplausibleSize {
+        /// The column.
+        column: String,
+        /// The value.
+        value: f64,
+        /// The column's unit.
+        unit: &'static str,
+        /// Least plausible.
+        lower: f64,
+        /// Greatest plausible.
+        upper: f64,
+    },
+}
+
+impl Fault {
+    /// What to do about it, if there is something more to say than the message says.
+    pub fn hint(&self) -> Option<String> {
+        use Fault::*;
+        let text = match self {
+            MissingFile { named_at: Some(at), .. } => {
+                format!("it is named at {at}; paths are relative to the folder of study.toml")
+            }
+            UnknownKey { nearest: Some(n), .. } => format!("did you mean `{n}`?"),
+            UnknownSection { nearest: Some(n), .. } => format!("did you mean [{n}]?"),
+            UnknownWord { nearest: Some(n), .. } => format!("did you mean `{n}`?"),
+            MissingColumn { nearest: Some(n), .. } => {
+                format!("did you mean `{n}`? Column names are set in [columns] of study.toml")
+            }
+            UnknownColumn { in_trial: true, nearest, .. } => format!(
+                "{}a column that is not needed goes into [columns] ignore = [\"…\"] of study.toml",
+                nearest.as_ref().map(|n| format!("did you mean `{n}`? Else: ")).unwrap_or_default()
+            ),
+            UnknownColumn { nearest: Some(n), .. } => format!("did you mean `{n}`?"),
+            RawEmgUnsupported => {
+                "band-pass, rectify, smooth and divide by the MVC envelope first, and store 0 to 1".to_owned()
+            }
+            NotText => "save the file as UTF-8".to_owned(),
+            Separator { .. } => "export with commas between columns and points as decimal marks".to_owned(),
+            BadNumber { found, .. } if found.contains(',') => "use a point as decimal mark".to_owned(),
+            BadNumber { found, .. } if found.is_empty() || found.eq_ignore_ascii_case("nan") => {
+                "cut the samples off or fill them in; carpus does not guess missing samples".to_owned()
+            }
+            TimeNotIncreasing { .. } => "sort the rows by time, or split the file into two trials".to_owned(),
+            TimeRepeated { .. } => "delete one of the two rows, or give time more decimals".to_owned(),
+            Gap { .. } => "split the trial there, fill the samples in, or set [checks] max_gap_s".to_owned(),
+            EmgOutOfRange { above: true, clamped: false, .. } => {
+                "is it in percent or mV, or was the MVC too small? Divide by the highest envelope of the session"
+                    .to_owned()
+            }
+            EmgOutOfRange { above: false, clamped: false, .. } => {
+                "an envelope is never negative: was the signal rectified?".to_owned()
+            }
+            AngleOutOfRange { .. } => {
+                "check the zero and the sign of the angle, or widen the coordinate's range in the model".to_owned()
+            }
+            LooksLikeRadians { .. } => "multiply by 180/π, or set [columns] angle_unit = \"rad\"".to_owned(),
+            LooksLikeDegrees { .. } => "set [columns] angle_unit = \"deg\"".to_owned(),
+            VelocityDisagrees { ratio, .. } if *ratio < 0.0 => "its sign is turned".to_owned(),
+            VelocityDisagrees { ratio, .. } if (0.008..0.035).contains(ratio) => "is it in rad/s?".to_owned(),
+            VelocityDisagrees { .. } => "leave the column out and the derivative is used".to_owned(),
+            MomentSign { .. } => {
+                "the moment is the one the person exerts, positive in the coordinate's positive direction".to_owned()
+            }
+            MomentScale { .. } => "is it in N·m?".to_owned(),
+            PostureMismatch { .. } => "check the zero and the sign of the angle".to_owned(),
+            ImplausibleSize { .. } => "check the unit".to_owned(),
+            _ => return None,
+        };
+        Some(text)
+    }
+}
+
+fn known_list(title: &str, known: &[String]) -> String {
+    if known.is_empty() { String::new() } else { format!(" ({title}: {})", known.join(", ")) }
+}
+
+fn list_or_none(names: &[String]) -> String {
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+}
+
+fn quoted(text: &str) -> String {
+    if text.is_empty() {
+        return "an empty cell".to_owned();
+    }
+    let short: String = text.chars().take(40).collect();
+    if short.len() < text.len() { format!("`{short}…`") } else { format!("`{short}`") }
+}
+
+fn others(more: usize) -> String {
+    match more {
+        0 => String::new(),
+        n => format!(" (and {n} more)"),
+    }
+}
+
+/// The candidate most like `name`, if it is alike enough to be a slip: case, spaces and underscores do not count, and
+/// at most a third of the letters differ.
+pub(crate) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
+    let plain = |text: &str| -> Vec<char> {
+        text.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).take(80).collect()
+    };
+    let wanted = plain(name);
+    candidates
+        .into_iter()
+        .map(|candidate| (edit_distance(&wanted, &plain(candidate)), candidate))
+        .filter(|(distance, candidate)| *distance * 3 <= plain(candidate).len().max(wanted.len()))
+        .min_by_key(|(distance, _)| *distance)
+        .map(|(_, candidate)| candidate.to_owned())
+}
+
+/// Levenshtein distance.
+fn edit_distance(a: &[char], b: &[char]) -> usize {
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.iter().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, y) in b.iter().enumerate() {
+            let substitute = diagonal + usize::from(x != y);
+            diagonal = row[j + 1];
+            row[j + 1] = substitute.min(diagonal + 1).min(row[j] + 1);
+        }
+    }
+    row[b.len()]
+}

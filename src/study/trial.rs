@@ -1,0 +1,349 @@
+//! One recorded trial: its samples, and whether they can be used.
+
+use std::path::Path;
+
+use super::problem::{Fault, Problem, StudyErrors, nearest};
+use super::settings::{Columns, Settings};
+use super::table::{csv_problem, missing_column, open};
+use super::trial_list::TrialInfo;
+
+/// Fewest samples a trial may have: enough for a cubic spline with something to smooth.
+pub const MIN_SAMPLES: usize = 10;
+/// Most samples a trial may have (an hour at 2 kHz), so that a wrong file does not fill the memory.
+pub const MAX_SAMPLES: usize = 7_200_000;
+/// A step of more than this many median steps is a gap, unless `[checks] max_gap_s` says otherwise.
+pub const GAP_IN_MEDIAN_STEPS: f64 = 5.0;
+/// EMG up to this is noise about a full contraction: clamped to 1 with a warning. Above it, an error.
+pub const EMG_NOISE_ABOVE: f64 = 1.05;
+/// EMG down to this is filter ripple about rest: clamped to 0 with a warning. Below it, an error.
+pub const EMG_NOISE_BELOW: f64 = -0.02;
+/// How far a measured angle may leave the coordinate's range: an encoder's noise, 0.1° [rad].
+pub const ANGLE_RANGE_TOLERANCE: f64 = 0.1 * std::f64::consts::PI / 180.0;
+
+/// The samples of one trial, in internal units.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trial {
+    /// What `trials.csv` says of it.
+    pub info: TrialInfo,
+    /// Time [s], strictly increasing.
+    pub time: Vec<f64>,
+    /// Angle of the dynamometer's coordinate [rad].
+    pub angle: Vec<f64>,
+    /// Angular velocity [rad/s], if it was recorded; else the derivative of the angle is meant.
+    pub velocity: Option<Vec<f64>>,
+    /// Moment the person exerts about the coordinate [N·m], positive in the coordinate's positive direction.
+    pub moment: Vec<f64>,
+    /// Excitation of each active muscle, 0 to 1, in the order of the study's active muscles.
+    pub excitation: Vec<Vec<f64>>,
+    /// What a person should look at.
+    pub warnings: Vec<Problem>,
+    /// Line of each sample in the file; empty if the trial was not read from a file.
+    lines: Vec<u32>,
+}
+
+impl Trial {
+    /// A trial that does not come from a file. Nothing is checked.
+    pub fn from_samples(
+        info: TrialInfo,
+        time: Vec<f64>,
+        angle: Vec<f64>,
+        moment: Vec<f64>,
+        excitation: Vec<Vec<f64>>,
+    ) -> Self {
+        Self { info, time, angle, velocity: None, moment, excitation, warnings: Vec::new(), lines: Vec::new() }
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.time.len()
+    }
+
+    /// Whether there are no samples; never so for a trial read from a file.
+    pub fn is_empty(&self) -> bool {
+        self.time.is_empty()
+    }
+
+    /// Time from the first to the last sample [s].
+    pub fn duration(&self) -> f64 {
+        self.time.last().zip(self.time.first()).map_or(0.0, |(last, first)| last - first)
+    }
+
+    /// Largest absolute moment [N·m].
+    pub fn max_abs_moment(&self) -> f64 {
+        self.moment.iter().fold(0.0, |max, m| f64::max(max, m.abs()))
+    }
+
+    /// Line of a sample in the trial's file; `None` if it does not come from a file.
+    pub fn line_of_sample(&self, sample: usize) -> Option<usize> {
+        self.lines.get(sample).map(|line| *line as usize)
+    }
+
+    /// Checks the angle against the range of the coordinate it is prescribed to.
+    ///
+    /// - `lower`, `upper`: the coordinate's range in the model [rad]
+    ///
+    /// A sample outside by more than [`ANGLE_RANGE_TOLERANCE`] makes it an error, at the line of the first such sample.
+    pub fn check_against_range(&self, coordinate: &str, lower: f64, upper: f64) -> Option<Problem> {
+        let excess = |angle: f64| f64::max(lower - angle, angle - upper);
+        let is_outside = |angle: &f64| excess(*angle) > ANGLE_RANGE_TOLERANCE;
+        let first = self.angle.iter().position(is_outside)?;
+        let extreme =
+            self.angle.iter().copied().fold(self.angle[first], |a, b| if excess(b) > excess(a) { b } else { a });
+        let fault = Fault::AngleOutOfRange {
+            coordinate: coordinate.to_owned(),
+            lower_deg: lower.to_degrees(),
+            upper_deg: upper.to_degrees(),
+            extreme_deg: extreme.to_degrees(),
+            count: self.angle.iter().filter(|a| is_outside(a)).count(),
+            samples: self.len(),
+        };
+        Some(Problem::error(&self.info.file, self.line_of_sample(first), fault))
+    }
+
+    /// Reads and checks the file of a trial, except for what needs the rest of the study.
+    pub(crate) fn read(info: &TrialInfo, settings: &Settings, trials_file: &Path) -> Result<Trial, StudyErrors> {
+        let mut problems = Vec::new();
+        let trial = read_samples(info, settings, trials_file, &mut problems).map(|mut trial| {
+            check_time(&trial, settings.max_gap, &mut problems);
+            check_excitation(&mut trial, settings, &mut problems);
+            trial
+        });
+        let warnings = StudyErrors::settle(problems)?;
+        // No samples and no error cannot be: every way out of `read_samples` reports.
+        trial.map(|trial| Trial { warnings, ..trial }).ok_or_else(StudyErrors::default)
+    }
+}
+
+/// Where each quantity stands in the header.
+struct Layout {
+    time: usize,
+    angle: usize,
+    velocity: Option<usize>,
+    moment: usize,
+    emg: Vec<usize>,
+}
+
+fn layout(
+    header: &[String],
+    columns: &Columns,
+    muscles: &[String],
+    file: &Path,
+    problems: &mut Vec<Problem>,
+) -> Option<Layout> {
+    let before = problems.len();
+    let mut column = |name: &str, meaning: &str| {
+        let index = header.iter().position(|c| c == name);
+        if index.is_none() {
+            problems.push(Problem::error(file, 1, missing_column(name, meaning, header)));
+        }
+        index
+    };
+    let time = column(&columns.time, "time in seconds");
+    let angle = column(&columns.angle, "angle of the dynamometer's coordinate");
+    let moment = column(&columns.moment, "measured moment in N·m");
+    let has_velocity = columns.velocity_required || header.contains(&columns.velocity);
+    let velocity = if has_velocity { column(&columns.velocity, "angular velocity") } else { None };
+    let mut emg = Vec::with_capacity(muscles.len());
+    for (i, (name, muscle)) in columns.emg.iter().zip(muscles).enumerate() {
+        let said_before = columns.emg[..i].contains(name) && !header.contains(name);
+        if !said_before {
+            emg.extend(column(name, &format!("EMG of {muscle}, 0 to 1")));
+        }
+    }
+    report_unknown_columns(header, columns, file, problems);
+    (problems.len() == before).then_some(())?;
+    Some(Layout { time: time?, angle: angle?, velocity, moment: moment?, emg })
+}
+
+fn report_unknown_columns(header: &[String], columns: &Columns, file: &Path, problems: &mut Vec<Problem>) {
+    let mut known: Vec<&str> = vec![&columns.time, &columns.angle, &columns.velocity, &columns.moment];
+    known.extend(columns.emg.iter().map(String::as_str));
+    known.dedup();
+    for column in header.iter().filter(|c| !known.contains(&c.as_str()) && !columns.ignore.contains(c)) {
+        let absent = known.iter().copied().filter(|k| !header.iter().any(|c| c == k));
+        let fault = Fault::UnknownColumn {
+            column: column.clone(),
+            known: known.iter().map(|k| (*k).to_owned()).collect(),
+            nearest: nearest(column, absent),
+            in_trial: true,
+        };
+        problems.push(Problem::error(file, 1, fault));
+    }
+}
+
+/// First bad cell of a column, and how many more there are.
+#[derive(Default)]
+struct BadCells {
+    first: Option<(usize, String)>,
+    more: usize,
+}
+
+impl BadCells {
+    fn note(&mut self, line: usize, text: &str) {
+        match self.first {
+            None => self.first = Some((line, text.to_owned())),
+            Some(_) => self.more += 1,
+        }
+    }
+}
+
+/// Streams the rows; `None` after reporting at least one error.
+fn read_samples(
+    info: &TrialInfo,
+    settings: &Settings,
+    trials_file: &Path,
+    problems: &mut Vec<Problem>,
+) -> Option<Trial> {
+    let file = &info.file;
+    let named_at = format!("{}:{}", trials_file.display(), info.line);
+    let (mut reader, header) = open(file, "trial file", Some(&named_at), problems)?;
+    let layout = layout(&header, &settings.columns, &settings.active_muscles, file, problems)?;
+
+    let unit = settings.columns.angle_unit;
+    let muscles = settings.active_muscles.len();
+    let mut trial = Trial::from_samples(info.clone(), Vec::new(), Vec::new(), Vec::new(), vec![Vec::new(); muscles]);
+    let mut velocity = layout.velocity.map(|_| Vec::new());
+    let mut bad: Vec<BadCells> = header.iter().map(|_| BadCells::default()).collect();
+    let mut ragged: Option<(usize, usize, usize)> = None;
+    let mut record = csv::StringRecord::new();
+    loop {
+        match reader.read_record(&mut record) {
+            Ok(false) => break,
+            Ok(true) => {}
+            Err(error) => {
+                problems.push(csv_problem(file, &error));
+                return None;
+            }
+        }
+        if record.iter().all(str::is_empty) {
+            continue; // a row of separators, as spreadsheets leave at the end
+        }
+        let line = record.position().map_or(0, |p| p.line() as usize);
+        if record.len() != header.len() {
+            let first = ragged.get_or_insert((line, record.len(), 0));
+            first.2 += 1;
+            continue;
+        }
+        if trial.len() == MAX_SAMPLES {
+            problems.push(Problem::error(file, line, Fault::TooManySamples { limit: MAX_SAMPLES }));
+            return None;
+        }
+        let mut number = |column: usize| {
+            let text = &record[column];
+            let value = text.parse().ok().filter(|v: &f64| v.is_finite());
+            if value.is_none() {
+                bad[column].note(line, text);
+            }
+            value.unwrap_or(0.0) // never used: a noted cell fails the whole trial below
+        };
+        trial.time.push(number(layout.time));
+        trial.angle.push(unit.to_radians(number(layout.angle)));
+        trial.moment.push(number(layout.moment));
+        if let (Some(column), Some(samples)) = (layout.velocity, velocity.as_mut()) {
+            samples.push(unit.to_radians(number(column)));
+        }
+        for (i, (channel, column)) in trial.excitation.iter_mut().zip(&layout.emg).enumerate() {
+            // A column that serves several muscles is counted as bad once.
+            let again = layout.emg[..i].contains(column);
+            channel.push(if again { record[*column].parse().unwrap_or(0.0) } else { number(*column) });
+        }
+        trial.lines.push(u32::try_from(line).unwrap_or(u32::MAX));
+    }
+    trial.velocity = velocity;
+    let before = problems.len();
+    report_bad_cells(file, &header, bad, ragged, problems);
+    if problems.len() == before && trial.len() < MIN_SAMPLES {
+        problems.push(Problem::error(file, None, Fault::TooFewSamples { found: trial.len(), expected: MIN_SAMPLES }));
+    }
+    (problems.len() == before).then_some(trial)
+}
+
+fn report_bad_cells(
+    file: &Path,
+    header: &[String],
+    bad: Vec<BadCells>,
+    ragged: Option<(usize, usize, usize)>,
+    problems: &mut Vec<Problem>,
+) {
+    if let Some((line, found, count)) = ragged {
+        let fault = Fault::FieldCount { expected: header.len(), found, more: count - 1 };
+        problems.push(Problem::error(file, line, fault));
+    }
+    for (column, cells) in header.iter().zip(bad) {
+        if let Some((line, found)) = cells.first {
+            let fault =
+                Fault::BadNumber { column: column.clone(), expected: "a finite number", found, more: cells.more };
+            problems.push(Problem::error(file, line, fault));
+        }
+    }
+}
+
+/// Reports the first of each kind of flaw in the time column.
+fn check_time(trial: &Trial, max_gap: Option<f64>, problems: &mut Vec<Problem>) {
+    let file = &trial.info.file;
+    let steps: Vec<f64> = trial.time.windows(2).map(|w| w[1] - w[0]).collect();
+    let at = |step: usize| trial.line_of_sample(step + 1);
+    let flaws = |is_flaw: &dyn Fn(f64) -> bool| {
+        let mut found = steps.iter().enumerate().filter(|(_, step)| is_flaw(**step)).map(|(i, _)| i);
+        found.next().map(|first| (first, found.count()))
+    };
+    if let Some((first, more)) = flaws(&|step| step < 0.0) {
+        let fault = Fault::TimeNotIncreasing { time_s: trial.time[first + 1], before_s: trial.time[first], more };
+        problems.push(Problem::error(file, at(first), fault));
+    }
+    if let Some((first, more)) = flaws(&|step| step == 0.0) {
+        let fault = Fault::TimeRepeated { time_s: trial.time[first + 1], more };
+        problems.push(Problem::error(file, at(first), fault));
+    }
+    let median = median(&steps);
+    let allowed = max_gap.unwrap_or(GAP_IN_MEDIAN_STEPS * median);
+    if median <= 0.0 {
+        return; // already reported: time does not increase
+    }
+    if let Some((first, more)) = flaws(&|step| step > allowed) {
+        let fault = Fault::Gap { gap_s: steps[first], allowed_s: allowed, median_step_s: median, more };
+        problems.push(Problem::error(file, at(first), fault));
+    }
+}
+
+/// Median; the upper one of two middle values.
+pub(crate) fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Reports excitations outside 0..1, once per column, and clamps those that are noise.
+fn check_excitation(trial: &mut Trial, settings: &Settings, problems: &mut Vec<Problem>) {
+    let lines = &trial.lines;
+    for (i, samples) in trial.excitation.iter_mut().enumerate() {
+        let column = &settings.columns.emg[i];
+        if !settings.columns.emg[..i].contains(column) {
+            for above in [true, false] {
+                if let Some((first, fault)) = outside(samples, column, above) {
+                    let line = lines.get(first).map(|line| *line as usize);
+                    let clamped = matches!(fault, Fault::EmgOutOfRange { clamped: true, .. });
+                    let problem = if clamped { Problem::warning } else { Problem::error };
+                    problems.push(problem(&trial.info.file, line, fault));
+                }
+            }
+        }
+        samples.iter_mut().for_each(|e| *e = e.clamp(0.0, 1.0));
+    }
+}
+
+fn outside(samples: &[f64], column: &str, above: bool) -> Option<(usize, Fault)> {
+    let is_outside = |e: &f64| if above { *e > 1.0 } else { *e < 0.0 };
+    let first = samples.iter().position(is_outside)?;
+    let pick = if above { f64::max } else { f64::min };
+    let extreme = samples.iter().copied().fold(samples[first], pick);
+    let fault = Fault::EmgOutOfRange {
+        column: column.to_owned(),
+        above,
+        count: samples.iter().filter(|e| is_outside(e)).count(),
+        samples: samples.len(),
+        extreme,
+        clamped: if above { extreme <= EMG_NOISE_ABOVE } else { extreme >= EMG_NOISE_BELOW },
+    };
+    Some((first, fault))
+}

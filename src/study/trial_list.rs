@@ -1,0 +1,232 @@
+//! `trials.csv`: which trials were recorded, under which condition, and what each is for.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use super::participants::Participant;
+use super::problem::{Fault, Problem, nearest};
+use super::table::{Row, Table};
+
+const COLUMNS: [&str; 9] = [
+    "participant",
+    "file",
+    "contraction",
+    "effort_percent",
+    "direction",
+    "posture_deg",
+    "repetition",
+    "use",
+    "start_time_s",
+];
+const REQUIRED: [(&str, &str); 5] = [
+    ("participant", "name of the participant"),
+    ("file", "the trial's file, relative to study.toml"),
+    ("contraction", "isometric, isotonic, passive, mvc or freehand"),
+    ("effort_percent", "percent of the maximum voluntary effort"),
+    ("direction", "flexion, extension or none"),
+];
+
+/// One row of `trials.csv`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrialInfo {
+    /// Position among the study's trials, in the order of recording.
+    pub index: usize,
+    /// Line of the row.
+    pub line: usize,
+    /// Name of the participant.
+    pub participant: String,
+    /// The trial's file.
+    pub file: PathBuf,
+    /// The trial's file as `trials.csv` writes it.
+    pub file_as_written: String,
+    /// Kind of contraction.
+    pub contraction: Contraction,
+    /// Effort asked for, in percent of the maximum voluntary effort; `None` if none was asked for.
+    pub effort_percent: Option<f64>,
+    /// Direction of the effort.
+    pub direction: Direction,
+    /// Posture of the dynamometer's coordinate [rad], where one was asked for.
+    pub posture: Option<f64>,
+    /// Number of the repetition, from 1.
+    pub repetition: Option<u32>,
+    /// What the trial is for.
+    pub usage: TrialUse,
+    /// Time at which the trial began, since the session began [s].
+    pub start_time: Option<f64>,
+}
+
+impl TrialInfo {
+    /// A short name: the file's name without extension.
+    pub fn name(&self) -> String {
+        self.file.file_stem().map_or_else(|| format!("trial_{}", self.index + 1), |s| s.to_string_lossy().into_owned())
+    }
+}
+
+/// Kind of contraction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Contraction {
+    /// The joint is held still.
+    Isometric,
+    /// The joint moves against a constant moment.
+    Isotonic,
+    /// The machine moves a relaxed joint.
+    Passive,
+    /// Maximum voluntary contraction.
+    Mvc,
+    /// The joint moves freely.
+    Freehand,
+}
+
+impl Contraction {
+    const WORDS: [(&str, Contraction); 5] = [
+        ("isometric", Contraction::Isometric),
+        ("isotonic", Contraction::Isotonic),
+        ("passive", Contraction::Passive),
+        ("mvc", Contraction::Mvc),
+        ("freehand", Contraction::Freehand),
+    ];
+
+    /// The word that stands for it in `trials.csv`.
+    pub fn word(self) -> &'static str {
+        word_of(&Self::WORDS, self)
+    }
+}
+
+/// Direction of the effort.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Direction {
+    /// Flexion.
+    Flexion,
+    /// Extension.
+    Extension,
+    /// No direction, or both.
+    None,
+}
+
+impl Direction {
+    const WORDS: [(&str, Direction); 3] =
+        [("flexion", Direction::Flexion), ("extension", Direction::Extension), ("none", Direction::None)];
+
+    /// The word that stands for it in `trials.csv`.
+    pub fn word(self) -> &'static str {
+        word_of(&Self::WORDS, self)
+    }
+}
+
+/// What a trial is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TrialUse {
+    /// Seen by fitting.
+    Train,
+    /// Held out: never seen by fitting, diagnosis or effect selection; the fall of the error is reported on these.
+    Test,
+    /// A maximum voluntary contraction that scales EMG or strength.
+    Mvc,
+    /// Not read at all.
+    Ignore,
+}
+
+impl TrialUse {
+    const WORDS: [(&str, TrialUse); 4] =
+        [("train", TrialUse::Train), ("test", TrialUse::Test), ("mvc", TrialUse::Mvc), ("ignore", TrialUse::Ignore)];
+
+    /// The word that stands for it in `trials.csv`.
+    pub fn word(self) -> &'static str {
+        word_of(&Self::WORDS, self)
+    }
+}
+
+fn word_of<T: PartialEq>(words: &[(&'static str, T)], value: T) -> &'static str {
+    words.iter().find(|(_, v)| *v == value).map_or("", |(word, _)| word)
+}
+
+/// Reads `trials.csv`.
+pub(crate) fn read(
+    path: &Path,
+    folder: &Path,
+    participants: &[Participant],
+    problems: &mut Vec<Problem>,
+) -> Vec<TrialInfo> {
+    let Some(table) = Table::read(path, "trials.csv", None, problems) else { return Vec::new() };
+    if !table.check_columns(&REQUIRED, &COLUMNS, |c| COLUMNS.contains(&c), problems) {
+        return Vec::new();
+    }
+    let mut trials: Vec<TrialInfo> = Vec::new();
+    let mut files = HashMap::new();
+    let mut conditions = HashMap::new();
+    for row in table.rows() {
+        let Some(mut trial) = trial(&row, folder, participants, problems) else { continue };
+        trial.index = trials.len();
+        if let Some(&first_line) = files.get(&trial.file) {
+            row.error(Fault::Duplicate { what: "trial file", value: trial.file_as_written, first_line }, problems);
+            continue;
+        }
+        files.insert(trial.file.clone(), row.line);
+        if let Some(repetition) = trial.repetition {
+            let bits = |v: Option<f64>| v.map(f64::to_bits);
+            let condition = (
+                trial.participant.clone(),
+                (trial.contraction, trial.direction, repetition),
+                (bits(trial.effort_percent), bits(trial.posture)),
+            );
+            let first_line = *conditions.entry(condition).or_insert(row.line);
+            if first_line != row.line {
+                problems.push(Problem::warning(path, row.line, Fault::DuplicateCondition { first_line }));
+            }
+        }
+        trials.push(trial);
+    }
+    trials
+}
+
+fn trial(row: &Row<'_>, folder: &Path, participants: &[Participant], problems: &mut Vec<Problem>) -> Option<TrialInfo> {
+    let participant = row.required("participant", "a name", problems);
+    let participant = participant.filter(|name| known_participant(row, name, participants, problems));
+    let file = row.required("file", "a path", problems);
+    row.required("contraction", "isometric, isotonic, passive, mvc or freehand", problems);
+    let contraction = row.word("contraction", "contraction", &Contraction::WORDS, problems);
+    row.required("direction", "flexion, extension or none", problems);
+    let direction = row.word("direction", "direction", &Direction::WORDS, problems);
+    let effort_percent = row.number("effort_percent", "0 to 100 percent", |v| (0.0..=100.0).contains(&v), problems);
+    let posture = row.number("posture_deg", "an angle in degrees", |v| v.abs() <= 360.0, problems);
+    let repetition = row.number("repetition", "1, 2, 3 …", |v| v >= 1.0 && v <= 1e6 && v.fract() == 0.0, problems);
+    let start_time = row.number("start_time_s", "a time in seconds, 0 or more", |v| v >= 0.0, problems);
+    let usage = match row.text("use") {
+        Option::None => Some(TrialUse::Train),
+        Some(_) => row.word("use", "use", &TrialUse::WORDS, problems),
+    };
+    Some(TrialInfo {
+        index: 0,
+        line: row.line,
+        participant: participant?.to_owned(),
+        file: folder.join(file?),
+        file_as_written: file?.to_owned(),
+        contraction: contraction?,
+        effort_percent,
+        direction: direction?,
+        posture: posture.map(f64::to_radians),
+        repetition: repetition.map(|r| r as u32),
+        usage: usage?,
+        start_time,
+    })
+}
+
+fn known_participant(row: &Row<'_>, name: &str, participants: &[Participant], problems: &mut Vec<Problem>) -> bool {
+    let known = || participants.iter().map(|p| p.name.as_str());
+    let is_known = known().any(|k| k == name);
+    // With no participants at all, participants.csv itself is at fault and is reported once.
+    if !is_known && !participants.is_empty() {
+        let fault = Fault::UnknownWord {
+            key: "participant".to_owned(),
+            what: "participant",
+            found: name.to_owned(),
+            known: known().map(str::to_owned).collect(),
+            nearest: nearest(name, known()),
+        };
+        row.error(fault, problems);
+    }
+    is_known || participants.is_empty()
+}
