@@ -1,1 +1,298 @@
-//! OpenSim's functions of one variable, with derivatives.
+//! OpenSim's functions of one variable, with first and second derivatives.
+//!
+//! In: a [`FunctionSpec`] as the file states it. Out: a [`Function`] with all coefficients computed, which evaluates
+//! exactly as OpenSim 4.6 does, extrapolation included, without allocating.
+
+mod gcv_spline;
+mod piecewise;
+mod simm_spline;
+
+use crate::osim::spec::FunctionSpec;
+use gcv_spline::GcvSpline;
+use piecewise::{PiecewiseConstant, PiecewiseLinear};
+use simm_spline::SimmSpline;
+
+/// Two abscissae closer than this are treated as equal (`ROUNDOFF_ERROR` of OpenSim's `SimmMacros.h`).
+const ROUNDOFF_ERROR: f64 = 2e-13;
+/// Narrowest interval between two points (`TINY_NUMBER` of OpenSim's `SimmMacros.h`).
+const TINY_NUMBER: f64 = 1e-7;
+
+/// Why a function cannot be built.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum FunctionError {
+    /// `x` and `y` differ in length.
+    #[error("{class}: x has {x} values and y has {y}; expected equally many")]
+    LengthMismatch {
+        /// OpenSim class name.
+        class: &'static str,
+        /// Number of abscissae.
+        x: usize,
+        /// Number of ordinates.
+        y: usize,
+    },
+    /// Not enough points for this class of function.
+    #[error("{class}: expected at least {expected} points, found {found}")]
+    TooFewPoints {
+        /// OpenSim class name.
+        class: &'static str,
+        /// Fewest points that define the function.
+        expected: usize,
+        /// Number of points found.
+        found: usize,
+    },
+    /// Abscissae do not increase.
+    #[error("{class}: expected increasing x, found {next} after {previous} (value {index})")]
+    NotIncreasing {
+        /// OpenSim class name.
+        class: &'static str,
+        /// Position of the offending abscissa, counted from 1.
+        index: usize,
+        /// The abscissa before it.
+        previous: f64,
+        /// The offending abscissa.
+        next: f64,
+    },
+    /// A property is NaN or infinite.
+    #[error("{class}: expected a finite {property}, found {found}")]
+    NotFinite {
+        /// OpenSim class name.
+        class: &'static str,
+        /// Property name.
+        property: &'static str,
+        /// The value found.
+        found: f64,
+    },
+    /// A `StepFunction` whose transition starts and ends at the same time.
+    #[error("StepFunction: expected different start and end of the transition, both are {at}")]
+    EmptyTransition {
+        /// Start and end.
+        at: f64,
+    },
+    /// A `GCVSpline` whose `half_order` is not 1, 2, 3 or 4.
+    #[error("GCVSpline: expected half_order 1 to 4, found {found}")]
+    HalfOrder {
+        /// The value found.
+        found: usize,
+    },
+    /// A `PolynomialFunction` without coefficients.
+    #[error("PolynomialFunction: expected at least one coefficient, found none")]
+    NoCoefficients,
+}
+
+/// A function of one variable, ready to be evaluated.
+///
+/// Units of argument and value are those of whoever owns the function.
+#[derive(Clone, Debug)]
+pub struct Function {
+    kind: Kind,
+}
+
+#[derive(Clone, Debug)]
+enum Kind {
+    Constant(f64),
+    Linear { slope: f64, intercept: f64 },
+    SimmSpline(SimmSpline),
+    PiecewiseLinear(PiecewiseLinear),
+    PiecewiseConstant(PiecewiseConstant),
+    Step { x0: f64, y0: f64, rise: f64, inverse_width: f64 },
+    GcvSpline(GcvSpline),
+    Polynomial(Box<[f64]>),
+    Multiplier { scale: f64, function: Box<Function> },
+    Sine { amplitude: f64, omega: f64, phase: f64, offset: f64 },
+}
+
+impl Function {
+    /// Builds a function from its specification.
+    ///
+    /// # Errors
+    /// Any [`FunctionError`]: points missing, unequal in number, not increasing or not finite. OpenSim accepts some of
+    /// these and returns NaN or loops forever.
+    pub fn compile(spec: &FunctionSpec) -> Result<Function, FunctionError> {
+        let kind = match spec {
+            FunctionSpec::Constant { value } => Kind::Constant(finite("Constant", "value", *value)?),
+            FunctionSpec::Linear { slope, intercept } => Kind::Linear {
+                slope: finite("LinearFunction", "coefficients", *slope)?,
+                intercept: finite("LinearFunction", "coefficients", *intercept)?,
+            },
+            FunctionSpec::SimmSpline { x, y } => Kind::SimmSpline(SimmSpline::fit(x, y)?),
+            FunctionSpec::PiecewiseLinear { x, y } => Kind::PiecewiseLinear(PiecewiseLinear::new(x, y)?),
+            FunctionSpec::PiecewiseConstant { x, y } => Kind::PiecewiseConstant(PiecewiseConstant::new(x, y)?),
+            FunctionSpec::Step { start_time, end_time, start_value, end_value } => {
+                Self::compile_step(*start_time, *end_time, *start_value, *end_value)?
+            }
+            FunctionSpec::GcvSpline { half_order, error_variance, x, y, weights: _ } => {
+                // OpenSim reads the weights and then fits with unit weights.
+                Kind::GcvSpline(GcvSpline::fit(*half_order, *error_variance, x, y)?)
+            }
+            FunctionSpec::Polynomial { coefficients } => {
+                if coefficients.is_empty() {
+                    return Err(FunctionError::NoCoefficients);
+                }
+                for &coefficient in coefficients {
+                    finite("PolynomialFunction", "coefficients", coefficient)?;
+                }
+                Kind::Polynomial(coefficients.clone().into())
+            }
+            FunctionSpec::Multiplier { scale, function } => Kind::Multiplier {
+                scale: finite("MultiplierFunction", "scale", *scale)?,
+                function: Box::new(Function::compile(function)?),
+            },
+            FunctionSpec::Sine { amplitude, omega, phase, offset } => Kind::Sine {
+                amplitude: finite("Sine", "amplitude", *amplitude)?,
+                omega: finite("Sine", "omega", *omega)?,
+                phase: finite("Sine", "phase", *phase)?,
+                offset: finite("Sine", "offset", *offset)?,
+            },
+        };
+        Ok(Function { kind })
+    }
+
+    /// The constant function.
+    pub fn constant(value: f64) -> Function {
+        Function { kind: Kind::Constant(value) }
+    }
+
+    /// `slope · x + intercept`.
+    pub fn linear(slope: f64, intercept: f64) -> Function {
+        Function { kind: Kind::Linear { slope, intercept } }
+    }
+
+    /// The smooth step of Simbody's `Function::Step` from `y0` at `x0` to `y1` at `x1` (`x1` may lie below `x0`).
+    ///
+    /// # Errors
+    /// [`FunctionError::EmptyTransition`] if `x0 == x1`; [`FunctionError::NotFinite`].
+    pub fn step(y0: f64, y1: f64, x0: f64, x1: f64) -> Result<Function, FunctionError> {
+        Ok(Function { kind: Self::compile_step(x0, x1, y0, y1)? })
+    }
+
+    fn compile_step(x0: f64, x1: f64, y0: f64, y1: f64) -> Result<Kind, FunctionError> {
+        finite("StepFunction", "transition_start_time", x0)?;
+        finite("StepFunction", "transition_end_time", x1)?;
+        finite("StepFunction", "start_value", y0)?;
+        finite("StepFunction", "end_value", y1)?;
+        if x0 == x1 {
+            return Err(FunctionError::EmptyTransition { at: x0 });
+        }
+        Ok(Kind::Step { x0, y0, rise: y1 - y0, inverse_width: 1.0 / (x1 - x0) })
+    }
+
+    /// The value everywhere, if the function does not depend on its argument.
+    pub fn constant_value(&self) -> Option<f64> {
+        match &self.kind {
+            Kind::Constant(value) => Some(*value),
+            Kind::Multiplier { scale, function } => function.constant_value().map(|value| scale * value),
+            _ => None,
+        }
+    }
+
+    /// Slope and intercept, if the function is a `LinearFunction` (possibly scaled).
+    pub fn linear_coefficients(&self) -> Option<(f64, f64)> {
+        match &self.kind {
+            Kind::Linear { slope, intercept } => Some((*slope, *intercept)),
+            Kind::Multiplier { scale, function } => function.linear_coefficients().map(|(s, i)| (scale * s, scale * i)),
+            _ => None,
+        }
+    }
+
+    /// Value at `x`.
+    pub fn value(&self, x: f64) -> f64 {
+        match &self.kind {
+            Kind::Constant(value) => *value,
+            Kind::Linear { slope, intercept } => slope * x + intercept,
+            Kind::SimmSpline(spline) => spline.value(x),
+            Kind::PiecewiseLinear(function) => function.value(x),
+            Kind::PiecewiseConstant(function) => function.value(x),
+            Kind::Step { x0, y0, rise, inverse_width } => {
+                let s = ((x - x0) * inverse_width).clamp(0.0, 1.0);
+                y0 + rise * (s * s * s * (10.0 + s * (6.0 * s - 15.0)))
+            }
+            Kind::GcvSpline(spline) => spline.value(x),
+            Kind::Polynomial(coefficients) => coefficients.iter().fold(0.0, |sum, c| sum * x + c),
+            Kind::Multiplier { scale, function } => scale * function.value(x),
+            Kind::Sine { amplitude, omega, phase, offset } => amplitude * (omega * x + phase).sin() + offset,
+        }
+    }
+
+    /// First derivative at `x`.
+    pub fn derivative(&self, x: f64) -> f64 {
+        match &self.kind {
+            Kind::Constant(_) | Kind::PiecewiseConstant(_) => 0.0,
+            Kind::Linear { slope, .. } => *slope,
+            Kind::SimmSpline(spline) => spline.derivative(x),
+            Kind::PiecewiseLinear(function) => function.derivative(x),
+            Kind::Step { x0, rise, inverse_width, .. } => {
+                let s = ((x - x0) * inverse_width).clamp(0.0, 1.0);
+                let t = s * (s - 1.0);
+                rise * inverse_width * 30.0 * t * t
+            }
+            Kind::GcvSpline(spline) => spline.derivative(x, 1),
+            Kind::Polynomial(coefficients) => {
+                let degree = coefficients.len() - 1;
+                (0..degree).fold(0.0, |sum, i| sum * x + coefficients[i] * (degree - i) as f64)
+            }
+            Kind::Multiplier { scale, function } => scale * function.derivative(x),
+            Kind::Sine { amplitude, omega, phase, .. } => amplitude * omega * (omega * x + phase).cos(),
+        }
+    }
+
+    /// Second derivative at `x`.
+    pub fn second_derivative(&self, x: f64) -> f64 {
+        match &self.kind {
+            Kind::Constant(_) | Kind::PiecewiseConstant(_) | Kind::Linear { .. } | Kind::PiecewiseLinear(_) => 0.0,
+            Kind::SimmSpline(spline) => spline.second_derivative(x),
+            Kind::Step { x0, rise, inverse_width, .. } => {
+                let s = ((x - x0) * inverse_width).clamp(0.0, 1.0);
+                rise * inverse_width * inverse_width * 60.0 * s * (1.0 + s * (2.0 * s - 3.0))
+            }
+            Kind::GcvSpline(spline) => spline.derivative(x, 2),
+            Kind::Polynomial(coefficients) => {
+                let degree = coefficients.len() - 1;
+                (0..degree.saturating_sub(1))
+                    .fold(0.0, |sum, i| sum * x + coefficients[i] * ((degree - i) * (degree - i - 1)) as f64)
+            }
+            Kind::Multiplier { scale, function } => scale * function.second_derivative(x),
+            Kind::Sine { amplitude, omega, phase, .. } => -amplitude * omega * omega * (omega * x + phase).sin(),
+        }
+    }
+}
+
+/// `value` if it is finite.
+fn finite(class: &'static str, property: &'static str, value: f64) -> Result<f64, FunctionError> {
+    if value.is_finite() { Ok(value) } else { Err(FunctionError::NotFinite { class, property, found: value }) }
+}
+
+/// Checks the points of a tabulated function; `strict` forbids equal neighbours.
+fn check_points(class: &'static str, x: &[f64], y: &[f64], fewest: usize, strict: bool) -> Result<(), FunctionError> {
+    if x.len() != y.len() {
+        return Err(FunctionError::LengthMismatch { class, x: x.len(), y: y.len() });
+    }
+    if x.len() < fewest {
+        return Err(FunctionError::TooFewPoints { class, expected: fewest, found: x.len() });
+    }
+    for (&x, &y) in x.iter().zip(y) {
+        finite(class, "x", x)?;
+        finite(class, "y", y)?;
+    }
+    for (i, pair) in x.windows(2).enumerate() {
+        if pair[1] < pair[0] || (strict && pair[1] == pair[0]) {
+            return Err(FunctionError::NotIncreasing { class, index: i + 2, previous: pair[0], next: pair[1] });
+        }
+    }
+    Ok(())
+}
+
+/// The interval k with `x(k) ≤ at ≤ x(k + 1)`, found by OpenSim's bisection so that a knot falls into the same one
+/// of its two intervals as there. `at` must lie strictly inside the points.
+fn bisect(n: usize, x: impl Fn(usize) -> f64, at: f64) -> usize {
+    let (mut low, mut high) = (0, n);
+    loop {
+        let k = (low + high) / 2;
+        if at < x(k) {
+            high = k;
+        } else if k + 1 < n && at > x(k + 1) {
+            low = k;
+        } else {
+            return k.min(n.saturating_sub(2));
+        }
+    }
+}

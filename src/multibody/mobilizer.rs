@@ -1,0 +1,208 @@
+//! What a joint lets its bodies do.
+
+use super::model::BaseIndex;
+use crate::functions::Function;
+use crate::osim::spec::{CoordinateIndex, JointIndex};
+use crate::spatial::{Transform, rotation_about_axis};
+use nalgebra::{Matrix3, Vector3};
+
+/// How far a joint turns about, or moves along, one of its axes.
+#[derive(Clone, Debug)]
+pub(super) enum AxisMotion {
+    /// A constant angle [rad] or displacement [m].
+    Fixed(f64),
+    /// `slope · q + intercept`.
+    Linear { coordinate: CoordinateIndex, slope: f64, intercept: f64 },
+    /// A function of one coordinate.
+    Function { coordinate: CoordinateIndex, function: Function },
+}
+
+impl AxisMotion {
+    /// The coordinate itself.
+    pub fn identity(coordinate: CoordinateIndex) -> Self {
+        AxisMotion::Linear { coordinate, slope: 1.0, intercept: 0.0 }
+    }
+
+    pub fn value(&self, q: &[f64]) -> f64 {
+        match self {
+            AxisMotion::Fixed(value) => *value,
+            AxisMotion::Linear { coordinate, slope, intercept } => slope * q[coordinate.0] + intercept,
+            AxisMotion::Function { coordinate, function } => function.value(q[coordinate.0]),
+        }
+    }
+
+    /// Rate of the angle or displacement.
+    pub fn rate(&self, q: &[f64], qdot: &[f64]) -> f64 {
+        match self {
+            AxisMotion::Fixed(_) => 0.0,
+            AxisMotion::Linear { coordinate, slope, .. } => slope * qdot[coordinate.0],
+            AxisMotion::Function { coordinate, function } => {
+                let rate = qdot[coordinate.0];
+                // Most coordinates rest when one moves: spare the function.
+                if rate == 0.0 { 0.0 } else { function.derivative(q[coordinate.0]) * rate }
+            }
+        }
+    }
+
+    /// Second rate of the angle or displacement.
+    pub fn second_rate(&self, q: &[f64], qdot: &[f64], qddot: &[f64]) -> f64 {
+        match self {
+            AxisMotion::Fixed(_) => 0.0,
+            AxisMotion::Linear { coordinate, slope, .. } => slope * qddot[coordinate.0],
+            AxisMotion::Function { coordinate, function } => {
+                let (q, rate) = (q[coordinate.0], qdot[coordinate.0]);
+                function.derivative(q) * qddot[coordinate.0] + function.second_derivative(q) * rate * rate
+            }
+        }
+    }
+
+    pub fn coordinate(&self) -> Option<CoordinateIndex> {
+        match self {
+            AxisMotion::Fixed(_) => None,
+            AxisMotion::Linear { coordinate, .. } | AxisMotion::Function { coordinate, .. } => Some(*coordinate),
+        }
+    }
+}
+
+/// One axis of a mobilizer.
+#[derive(Clone, Debug)]
+pub(super) struct Axis {
+    /// Unit vector: for rotations in the frame that the rotations before it have turned, for translations in F.
+    pub direction: Vector3<f64>,
+    pub motion: AxisMotion,
+    /// Rotation matrix of a fixed angle.
+    fixed_rotation: Option<Matrix3<f64>>,
+}
+
+impl Axis {
+    pub fn new(direction: Vector3<f64>, motion: AxisMotion) -> Self {
+        let fixed_rotation = match motion {
+            AxisMotion::Fixed(angle) => Some(rotation_about_axis(&direction, angle)),
+            _ => None,
+        };
+        Self { direction, motion, fixed_rotation }
+    }
+
+    fn rotation(&self, q: &[f64]) -> Matrix3<f64> {
+        self.fixed_rotation.unwrap_or_else(|| rotation_about_axis(&self.direction, self.motion.value(q)))
+    }
+}
+
+/// What generalized speeds of OpenSim mean for this joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Speeds {
+    /// Rates of the coordinates.
+    CoordinateRates,
+    /// Ball and free joints: the first three are the angular velocity `w_FM` expressed in F.
+    AngularVelocity,
+}
+
+/// The motion of the joint's child frame M in its parent frame F: up to three body-fixed rotations, and translations
+/// along axes fixed in F.
+#[derive(Clone, Debug)]
+pub(super) struct Mobilizer {
+    pub rotations: Vec<Axis>,
+    pub translations: Vec<Axis>,
+    pub speeds: Speeds,
+}
+
+impl Mobilizer {
+    /// Pose `X_FM`; also the rotation axes, expressed in F.
+    #[allow(non_snake_case)]
+    pub fn pose(&self, q: &[f64], axes_F: &mut [Vector3<f64>; 3]) -> Transform {
+        let mut R = Matrix3::identity();
+        for (k, axis) in self.rotations.iter().enumerate() {
+            if k == 0 {
+                axes_F[0] = axis.direction;
+                R = axis.rotation(q);
+            } else {
+                axes_F[k] = R * axis.direction;
+                R *= axis.rotation(q);
+            }
+        }
+        let mut p = Vector3::zeros();
+        for axis in &self.translations {
+            p += axis.direction * axis.motion.value(q);
+        }
+        Transform { R, p }
+    }
+
+    /// Velocity (w_FM, v_FM) of M in F, expressed in F, for given rates of the coordinates.
+    #[allow(non_snake_case)]
+    pub fn velocity(&self, q: &[f64], qdot: &[f64], axes_F: &[Vector3<f64>; 3]) -> (Vector3<f64>, Vector3<f64>) {
+        let mut w = Vector3::zeros();
+        for (axis, direction) in self.rotations.iter().zip(axes_F) {
+            w += direction * axis.motion.rate(q, qdot);
+        }
+        (w, self.linear_velocity(q, qdot))
+    }
+
+    /// Velocity of M in F, expressed in F, for given generalized speeds as OpenSim defines them.
+    #[allow(non_snake_case)]
+    pub fn velocity_of_speeds(
+        &self,
+        q: &[f64],
+        speeds: &[f64],
+        axes_F: &[Vector3<f64>; 3],
+    ) -> (Vector3<f64>, Vector3<f64>) {
+        if self.speeds == Speeds::CoordinateRates {
+            return self.velocity(q, speeds, axes_F);
+        }
+        let mut w = Vector3::zeros();
+        for axis in &self.rotations {
+            w += axis.direction * axis.motion.rate(q, speeds);
+        }
+        (w, self.linear_velocity(q, speeds))
+    }
+
+    fn linear_velocity(&self, q: &[f64], qdot: &[f64]) -> Vector3<f64> {
+        let mut v = Vector3::zeros();
+        for axis in &self.translations {
+            v += axis.direction * axis.motion.rate(q, qdot);
+        }
+        v
+    }
+
+    /// Acceleration (α_FM, a_FM) of M in F, expressed in F.
+    #[allow(non_snake_case)]
+    pub fn acceleration(
+        &self,
+        q: &[f64],
+        qdot: &[f64],
+        qddot: &[f64],
+        axes_F: &[Vector3<f64>; 3],
+    ) -> (Vector3<f64>, Vector3<f64>) {
+        let (mut w, mut alpha) = (Vector3::zeros(), Vector3::zeros());
+        for (axis, direction) in self.rotations.iter().zip(axes_F) {
+            let rate = axis.motion.rate(q, qdot);
+            alpha += direction * axis.motion.second_rate(q, qdot, qddot) + w.cross(direction) * rate;
+            w += direction * rate;
+        }
+        let mut a = Vector3::zeros();
+        for axis in &self.translations {
+            a += axis.direction * axis.motion.second_rate(q, qdot, qddot);
+        }
+        (alpha, a)
+    }
+
+    /// The coordinates that move M.
+    pub fn coordinates(&self) -> impl Iterator<Item = CoordinateIndex> + '_ {
+        self.rotations.iter().chain(&self.translations).filter_map(|axis| axis.motion.coordinate())
+    }
+}
+
+/// A joint in the tree: from the inboard body, whose pose is known first, to the outboard body.
+#[derive(Clone, Debug)]
+#[allow(non_snake_case)]
+pub(super) struct Node {
+    pub joint: JointIndex,
+    pub inboard: BaseIndex,
+    pub outboard: BaseIndex,
+    /// The joint's child is the inboard body.
+    pub reversed: bool,
+    /// Joint frame on the inboard body (F, or M if reversed).
+    pub X_PF: Transform,
+    /// The outboard body in the joint frame on it (M, or F if reversed).
+    pub X_MB: Transform,
+    pub mobilizer: Mobilizer,
+}
