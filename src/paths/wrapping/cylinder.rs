@@ -1,0 +1,294 @@
+//! Wrapping over a cylinder along z, centred at the origin (OpenSim's `WrapCylinder::wrapLine`).
+
+use super::{
+    ConstrainedHalf, ROUNDOFF_ERROR, Wrap, WrapAction, WrapPath, is_zero_within_roundoff, normalize_or_zero, sign,
+};
+use nalgebra::{Vector2, Vector3};
+
+/// Largest angle between the straight and the curved part at a tangent point that is accepted as tangency [rad].
+const TANGENCY_THRESHOLD: f64 = 0.1 * std::f64::consts::PI / 180.0;
+/// Largest number of corrections of the tangent points.
+const MAX_ITERATIONS: usize = 100;
+/// Length of the pieces into which OpenSim divides the spiral [m]; the first and the last define its end tangents.
+const SPIRAL_STEP: f64 = 0.002;
+/// Half the height over which a tangent point is slid along its edge [m].
+const SLIDE_REACH: f64 = 10.0;
+/// Smallest |normal·edge| for which a plane and an edge intersect, and slack at the edge's ends.
+const LINE_EPSILON: f64 = 1e-5;
+
+/// Wraps the segment from `p1` to `p2` over a cylinder of the given `radius` and `length` [m].
+///
+/// The tangent points are found in the xy plane and then slid along z: first onto the plane through `p1`, `p2` and an
+/// apex of the surface; then, if `find_tangency`, until the spiral between them meets both straight parts at the same
+/// angle within 0.1°. OpenSim leaves out the second step for paths with a single wrap object, so that their tangent
+/// points are those of the plane. A wrap is given up if both tangent points are beyond the cylinder's ends.
+pub fn wrap(
+    radius: f64,
+    length: f64,
+    half: Option<ConstrainedHalf>,
+    find_tangency: bool,
+    p1: &Vector3<f64>,
+    p2: &Vector3<f64>,
+) -> Wrap {
+    let r_squared = radius * radius;
+    let (xy1, xy2) = (p1.xy(), p2.xy());
+    if xy1.norm_squared() < r_squared || xy2.norm_squared() < r_squared {
+        return Wrap::INSIDE_RADIUS;
+    }
+    let nearest = NearestToAxis::of_segment(p1, p2, length);
+    let crosses = nearest.distance_squared < r_squared && nearest.fraction > 0.0 && nearest.fraction < 1.0;
+    let action = match half {
+        None if crosses => WrapAction::MandatoryWrap,
+        None => return Wrap::NO_WRAP,
+        Some(half) if half.holds(p1) || half.holds(p2) => {
+            if crosses {
+                WrapAction::MandatoryWrap
+            } else if sign(p1[half.axis]) != sign(p2[half.axis]) && !half.holds(&nearest.point) {
+                WrapAction::Wrapped
+            } else {
+                return Wrap::NO_WRAP;
+            }
+        }
+        Some(_) => WrapAction::Wrapped,
+    };
+
+    let t1 = Tangents::from_point(p1, radius);
+    let t2 = Tangents::from_point(p2, radius);
+    let choice = match half {
+        Some(half) => choose_constrained(half, p1, p2, &t1, &t2),
+        None => choose_nearest(&t1, &t2),
+    };
+    let mut ends = SpiralEnds { r1: choice.r1, r2: choice.r2, p1: *p1, p2: *p2 };
+    ends.slide_onto_apex_plane(radius, t1.distance, t2.distance, choice.apex_on_far_side);
+
+    let half_length = length / 2.0;
+    let beyond = |r: &Vector3<f64>| r.z < -half_length || r.z > half_length;
+    if beyond(&ends.r1) && beyond(&ends.r2) {
+        return Wrap::NO_WRAP;
+    }
+    let length = ends.make_spiral(radius, choice.long_way, find_tangency);
+    Wrap { action, path: Some(WrapPath { r1: ends.r1, r2: ends.r2, length }) }
+}
+
+/// Where the line of a segment comes nearest to the cylinder's axis.
+struct NearestToAxis {
+    /// The point on the line (NaN if parallel to the axis, or if the cylinder has no length).
+    point: Vector3<f64>,
+    /// Its squared distance from the axis [m²].
+    distance_squared: f64,
+    /// Its position on the segment, 0 at `p1`, 1 at `p2`; NaN if undefined.
+    fraction: f64,
+}
+
+impl NearestToAxis {
+    fn of_segment(p1: &Vector3<f64>, p2: &Vector3<f64>, length: f64) -> NearestToAxis {
+        let d = p2 - p1;
+        let across = d.x * d.x + d.y * d.y;
+        let undefined = length < f64::EPSILON || !(across > ROUNDOFF_ERROR * (across + d.z * d.z));
+        if undefined {
+            let point = Vector3::repeat(f64::NAN);
+            return NearestToAxis { point, distance_squared: f64::NAN, fraction: f64::NAN };
+        }
+        let fraction = -(p1.x * d.x + p1.y * d.y) / across;
+        let point = p1 + d * fraction;
+        NearestToAxis { point, distance_squared: point.x * point.x + point.y * point.y, fraction }
+    }
+}
+
+/// The two points where lines from one end, at the height of that end, touch the cylinder.
+struct Tangents {
+    a: Vector3<f64>,
+    b: Vector3<f64>,
+    /// Distance of the end from the axis [m].
+    distance: f64,
+}
+
+impl Tangents {
+    fn from_point(p: &Vector3<f64>, radius: f64) -> Tangents {
+        let distance = p.xy().norm();
+        let outward = if distance >= f64::EPSILON { p.xy() * (1.0 / distance) } else { Vector2::zeros() };
+        let depth = radius * (radius / distance);
+        let width = (radius * radius - depth * depth).max(0.0).sqrt();
+        let middle = outward * depth;
+        let side = Vector2::new(-outward.y, outward.x) * width;
+        let at = |xy: Vector2<f64>| Vector3::new(xy.x, xy.y, p.z);
+        Tangents { a: at(middle + side), b: at(middle - side), distance }
+    }
+}
+
+/// Which tangent points are used, and on which side the curve runs.
+struct Choice {
+    r1: Vector3<f64>,
+    r2: Vector3<f64>,
+    /// The apex of the wrapping plane is the one away from the segment.
+    apex_on_far_side: bool,
+    /// The curve covers more than half of the circumference.
+    long_way: bool,
+}
+
+/// Unconstrained: the pair with the smallest angle between them.
+fn choose_nearest(t1: &Tangents, t2: &Tangents) -> Choice {
+    let dot = |u: &Vector3<f64>, v: &Vector3<f64>| u.x * v.x + u.y * v.y;
+    let (d1, d2) = (dot(&t1.a, &t2.a), dot(&t1.a, &t2.b));
+    let (d3, d4) = (dot(&t1.b, &t2.a), dot(&t1.b, &t2.b));
+    let (r1, r2) = if d1 > d2 && d1 > d3 && d1 > d4 {
+        (t1.a, t2.a)
+    } else if d2 > d3 && d2 > d4 {
+        (t1.a, t2.b)
+    } else if d3 > d4 {
+        (t1.b, t2.a)
+    } else {
+        (t1.b, t2.b)
+    };
+    Choice { r1, r2, apex_on_far_side: false, long_way: false }
+}
+
+/// Constrained: the pair `a, b` or `b, a` that touches the allowed half.
+fn choose_constrained(
+    half: ConstrainedHalf,
+    p1: &Vector3<f64>,
+    p2: &Vector3<f64>,
+    t1: &Tangents,
+    t2: &Tangents,
+) -> Choice {
+    let dot = |u: &Vector3<f64>, v: &Vector3<f64>| u.x * v.x + u.y * v.y;
+    // The pair with the larger angle between its points is the long way around (OpenSim's alpha > beta).
+    let ab_is_wider = dot(&t1.a, &t2.b) < dot(&t1.b, &t2.a);
+    let (r1a_held, r1b_held) = (half.holds(&t1.a), half.holds(&t1.b));
+    // Some(true): a, b; Some(false): b, a; None: no tangent point is on the allowed half.
+    let use_ab = match (r1a_held, r1b_held) {
+        (true, false) => Some(true),
+        (false, true) => Some(false),
+        (true, true) => Some(!half.holds(&t2.a)),
+        (false, false) if half.holds(&t2.a) => Some(false),
+        (false, false) if half.holds(&t2.b) => Some(true),
+        (false, false) => None,
+    };
+    let (ab, apex_on_far_side) = match use_ab {
+        Some(true) => (true, ab_is_wider),
+        Some(false) => (false, !ab_is_wider),
+        None => (ab_is_wider, true),
+    };
+    let (r1, r2) = if ab { (t1.a, t2.b) } else { (t1.b, t2.a) };
+    let pull = (r1 - p1) + (r2 - p2);
+    let long_way = (r1.x + r2.x) * pull.x + (r1.y + r2.y) * pull.y < 0.0;
+    Choice { r1, r2, apex_on_far_side, long_way }
+}
+
+/// The tangent points while they are slid along z; their x and y stay.
+struct SpiralEnds {
+    r1: Vector3<f64>,
+    r2: Vector3<f64>,
+    p1: Vector3<f64>,
+    p2: Vector3<f64>,
+}
+
+impl SpiralEnds {
+    /// Slides the tangent points onto the plane through both ends and the apex of the curve.
+    fn slide_onto_apex_plane(&mut self, radius: f64, distance1: f64, distance2: f64, apex_on_far_side: bool) {
+        let (p1, p2) = (self.p1, self.p2);
+        let on_line = p1 + (p2 - p1) * (distance1 / (distance1 + distance2));
+        let mut outward = normalize_or_zero(&Vector3::new(on_line.x, on_line.y, 0.0));
+        if apex_on_far_side {
+            outward = -outward;
+        }
+        let apex = outward * radius + Vector3::new(0.0, 0.0, on_line.z);
+        let normal = normalize_or_zero(&(p1 - apex)).cross(&normalize_or_zero(&(p2 - apex)));
+        let n = normal / normal.norm();
+
+        let height_on_plane = |r: &Vector3<f64>| {
+            let d = n.dot(&p1) - n.x * r.x - n.y * r.y;
+            let z = d / n.z;
+            let reached = ((z - r.z) / (2.0 * SLIDE_REACH)).abs() <= 0.5 + LINE_EPSILON;
+            ((2.0 * SLIDE_REACH * n.z).abs() >= LINE_EPSILON && reached).then_some(z)
+        };
+        // A point is slid only if it comes nearer to the height of the other end. OpenSim measures this along the
+        // line from the axis point of p1 in the direction of the axis point of p2, which has no direction if p2 is at
+        // height 0: then r1 stays, and r2 always follows the plane.
+        let p2_has_height = p2.z.abs() >= f64::EPSILON;
+        let apart = (p1.z - p2.z).abs();
+        if let Some(z) = height_on_plane(&self.r1)
+            && p2_has_height
+            && (z - p2.z).abs() < apart
+        {
+            self.r1.z = z;
+        }
+        if let Some(z) = height_on_plane(&self.r2) {
+            let remaining = if p2_has_height { (z - p1.z).abs() } else { 0.0 };
+            if remaining < apart {
+                self.r2.z = z;
+            }
+        }
+    }
+
+    /// Length of the spiral between the tangent points, after correcting them for tangency if asked.
+    fn make_spiral(&mut self, radius: f64, long_way: bool, find_tangency: bool) -> f64 {
+        let (u, v) = (self.r1.xy(), self.r2.xy());
+        let mut theta = (u.x * v.y - u.y * v.x).atan2(u.dot(&v));
+        if long_way {
+            theta = 2.0 * std::f64::consts::PI - theta;
+        }
+        let around = radius * theta;
+        let turn = if long_way { -theta } else { theta };
+        let mut iterations = 0;
+        let mut chords = SpiralChords { steps: 0, first: Vector2::zeros(), last: Vector2::zeros() };
+        loop {
+            let rise = self.r2.z - self.r1.z;
+            let length = (around * around + rise * rise).sqrt();
+            let steps = (length / SPIRAL_STEP) as usize;
+            if !find_tangency || steps < 2 || iterations >= MAX_ITERATIONS {
+                return length;
+            }
+            if chords.steps != steps {
+                chords = SpiralChords::new(u, turn, steps);
+            }
+            let t = 1.0 / steps as f64;
+            let first = Vector3::new(chords.first.x, chords.first.y, self.r1.z + t * rise);
+            let adjusted1 = adjust_to_tangency(&self.p1, &mut self.r1, &first);
+            // As in OpenSim, the last point of the spiral is counted from the already corrected r1.
+            let last = Vector3::new(chords.last.x, chords.last.y, self.r1.z + (1.0 - t) * rise);
+            let adjusted2 = adjust_to_tangency(&self.p2, &mut self.r2, &last);
+            if !adjusted1 && !adjusted2 {
+                return length;
+            }
+            iterations += 1;
+        }
+    }
+}
+
+/// x and y of the points next to the ends of a spiral divided into `steps` pieces.
+struct SpiralChords {
+    steps: usize,
+    first: Vector2<f64>,
+    last: Vector2<f64>,
+}
+
+impl SpiralChords {
+    fn new(start: Vector2<f64>, turn: f64, steps: usize) -> SpiralChords {
+        let rotated = |angle: f64| {
+            let (s, c) = angle.sin_cos();
+            Vector2::new(c * start.x - s * start.y, s * start.x + c * start.y)
+        };
+        let t = 1.0 / steps as f64;
+        SpiralChords { steps, first: rotated(t * turn), last: rotated((1.0 - t) * turn) }
+    }
+}
+
+/// Moves the tangent point `r` along z if the straight part from `p` and the spiral's chord to `w` differ in slope;
+/// over-corrects by half, as OpenSim does. Returns whether it differed.
+fn adjust_to_tangency(p: &Vector3<f64>, r: &mut Vector3<f64>, w: &Vector3<f64>) -> bool {
+    let alpha = normalize_or_zero(&(*r - p)).z.acos();
+    let omega = normalize_or_zero(&(w - *r)).z.acos();
+    if (alpha - omega).abs() > TANGENCY_THRESHOLD {
+        // Height at which the line from p to w passes the vertical line through r.
+        let d = w - p;
+        let across = d.x * d.x + d.y * d.y;
+        let sine_squared = across / d.norm_squared();
+        if !is_zero_within_roundoff(sine_squared) && d.z.abs() >= f64::EPSILON {
+            let s = ((r.x - p.x) * d.x + (r.y - p.y) * d.y) / across;
+            r.z += 1.5 * (p.z + s * d.z - r.z);
+        }
+        return true;
+    }
+    false
+}
