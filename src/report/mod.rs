@@ -1,1 +1,16 @@
 //! Self-contained HTML reports, pure functions of results files.
+//!
+//! In: [`results::Results`] (the content of a `results.json`) or, for path sweeps, a [`sweep::SweepFigure`]. Out: the
+//! text of one HTML page that needs no network: styles and script are inline and named by hash in a strict content
+//! security policy, figures are SVG drawn here. Nothing in this module reads files, the clock or the environment.
+
+mod number;
+mod page;
+mod plot;
+pub mod results;
+pub mod sweep;
+mod view;
+
+pub use number::{percent, quantity, significant};
+pub use page::render_report;
+pub use sweep::render_sweep;
