@@ -11,6 +11,6 @@ pub mod results;
 pub mod sweep;
 mod view;
 
-pub use number::{percent, quantity, significant};
+pub use number::{percent, plain, quantity, significant};
 pub use page::render_report;
 pub use sweep::render_sweep;

@@ -21,7 +21,17 @@ pub fn significant(value: f64, digits: i32) -> String {
     text.replace('-', "−")
 }
 
-/// A fraction in percent with three significant digits, but never more than one decimal.
+/// The value as a label: at most three significant digits, without trailing zeros.
+pub fn plain(value: f64) -> String {
+    let text = significant(value, 3);
+    if text.contains('.') && !text.contains('e') {
+        text.trim_end_matches('0').trim_end_matches('.').to_string()
+    } else {
+        text
+    }
+}
+
+/// A fraction in percent with one decimal.
 pub fn percent(fraction: f64) -> String {
     if !fraction.is_finite() {
         return "–".to_string();
@@ -57,6 +67,7 @@ mod tests {
         assert_eq!(significant(0.99996, 3), "1.00");
         assert_eq!(significant(1.5e-9, 2), "1.5e−9");
         assert_eq!(significant(f64::NAN, 3), "–");
+        assert_eq!([plain(25.0), plain(12.5), plain(-30.0), plain(0.25)], ["25", "12.5", "−30", "0.25"]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What the report page shows, worked out from the results: sentences, rows and figures, all formatted.
 
-use super::number::{percent, quantity, significant};
+use super::number::{percent, plain, quantity, significant};
 use super::plot::{self, Curve, CurveFigure};
 use super::results::{
     Condition, Errors, Kind, ModelResult, ParameterResult, Results, StageResult, TrialResult, Use, WarningResult,
@@ -11,6 +11,7 @@ pub struct Card {
     pub label: &'static str,
     pub value: String,
     pub before: String,
+    pub unit: &'static str,
     pub note: String,
     /// `good`, `bad` or empty.
     pub tone: &'static str,
@@ -113,6 +114,7 @@ pub struct View {
     pub warnings: Vec<WarningResult>,
     pub has_before: bool,
     pub has_errors: bool,
+    pub few_panels: bool,
     pub before_label: String,
     pub after_label: String,
     pub axis_svg: String,
@@ -131,6 +133,7 @@ impl View {
         let pair = Pair::of(results);
         let has_errors = results.models.iter().any(|m| !m.errors.is_empty());
         let max = condition_axis(&results.models);
+        let groups = groups(results, &pair);
         View {
             kicker: match results.kind {
                 Kind::Simulation => "Simulation",
@@ -150,8 +153,9 @@ impl View {
             after_label: pair.after.map(|m| m.label.clone()).unwrap_or_default(),
             axis_svg: plot::percent_axis(max),
             conditions: if has_errors { condition_sections(&pair, max) } else { Vec::new() },
-            groups: groups(results, &pair),
-            trial_columns: vec!["NRMSE", "Max. error", "1 − XCorr", "Sum", "RMSE [N·m]", "r", "R²"],
+            few_panels: groups.iter().all(|g| g.panels.len() <= 3),
+            groups,
+            trial_columns: vec!["NRMSE", "Max. error", "XCorr term", "Sum", "RMSE [N·m]", "r", "R²"],
             trials: if has_errors { trial_sections(results) } else { Vec::new() },
             parameters: parameter_groups(&results.parameters),
             bound_hits: results.parameters.iter().filter(|p| p.at_bound()).count(),
@@ -255,14 +259,8 @@ fn worst_condition(pair: &Pair) -> Option<String> {
         key(&a.errors).total_cmp(&key(&b.errors))
     })?;
     let nrmse = worst.errors.nrmse?;
-    Some(
-        format!(
-            " Largest where the contraction is {}: {}.",
-            condition_title(&worst.condition).to_lowercase(),
-            percent(nrmse)
-        )
-        .replace("mvc", "MVC"),
-    )
+    let condition = condition_title(&worst.condition).replace(" · ", ", ");
+    Some(format!(" The error is largest for “{condition}”: {}.", percent(nrmse)))
 }
 
 fn facts(results: &Results) -> Vec<Fact> {
@@ -274,14 +272,10 @@ fn facts(results: &Results) -> Vec<Fact> {
     facts.push(Fact { name: "Simulated moment sums", value: results.study.moment_includes.join(", ") });
     facts.push(Fact { name: "Active muscles", value: results.study.active_muscles.join(", ") });
     if !results.study.posture.is_empty() {
-        let held = results.study.posture.iter().map(|h| {
-            format!(
-                "{} {}\u{202f}{}",
-                h.coordinate,
-                significant(h.value, 3),
-                if h.unit == "deg" { "°" } else { &h.unit }
-            )
-        });
+        let held =
+            results.study.posture.iter().map(|h| {
+                format!("{} {}{}", h.coordinate, plain(h.value), if h.unit == "deg" { "°" } else { "\u{202f}m" })
+            });
         facts.push(Fact { name: "Posture", value: held.collect::<Vec<_>>().join(", ") });
     }
     facts
@@ -304,34 +298,40 @@ fn file_name(path: &str) -> &str {
 fn cards(results: &Results, pair: &Pair) -> Vec<Card> {
     let mut cards = Vec::new();
     if let Some((trial_use, before, after)) = pair.judged() {
-        let note = use_words(trial_use).to_string();
-        let mut push = |label, pick: fn(&Errors) -> Option<f64>, show: fn(f64) -> String, rises: bool, note: String| {
-            let (a, b) = (before.and_then(pick), pick(after));
-            let tone = if rises { tone(b, a) } else { tone(a, b) };
-            cards.push(Card { label, value: maybe(b, show), before: a.map(show).unwrap_or_default(), note, tone });
+        let words = use_words(trial_use);
+        let card = |label, a: Option<f64>, b: Option<f64>, unit, show: fn(f64) -> String, note: &str| Card {
+            label,
+            before: a.map(show).unwrap_or_default(),
+            value: maybe(b, show),
+            unit,
+            note: note.to_string(),
+            tone: tone(a, b),
         };
-        push("Error (NRMSE)", |e| e.nrmse, percent, false, note.clone());
-        push("RMS error", |e| e.rmse_n_m, |v| quantity(v, "N·m"), false, note.clone());
-        push("Correlation r", |e| e.pearson_r, |v| format!("{v:.3}").replace('-', "−"), true, note);
-        if let (Use::HeldOut, (_, Some(train))) = (trial_use, pair.errors(Use::Train)) {
-            let before = pair.errors(Use::Train).0.and_then(|e| e.nrmse);
-            cards.push(Card {
-                label: "Error (NRMSE)",
-                value: maybe(train.nrmse, percent),
-                before: before.map(percent).unwrap_or_default(),
-                note: use_words(Use::Train).to_string(),
-                tone: tone(before, train.nrmse),
-            });
+        let hundredth: fn(f64) -> String = |v| format!("{:.1}", 100.0 * v).replace('-', "−");
+        let pick = |of: fn(&Errors) -> Option<f64>| (before.and_then(of), of(after));
+        let (a, b) = pick(|e| e.nrmse);
+        let label = if trial_use == Use::HeldOut { "Held-out error" } else { "Training error" };
+        cards.push(card(label, a, b, "%", hundredth, "NRMSE"));
+        let (a, b) = pick(|e| e.rmse_n_m);
+        cards.push(card("RMS error", a, b, "N·m", |v| significant(v, 3), words));
+        let (a, b) = pick(|e| e.pearson_r);
+        let mut correlation = card("Correlation r", a, b, "", |v| format!("{v:.3}").replace('-', "−"), words);
+        correlation.tone = tone(b, a);
+        cards.push(correlation);
+        if let (Use::HeldOut, (before, Some(train))) = (trial_use, pair.errors(Use::Train)) {
+            let before = before.and_then(|e| e.nrmse);
+            cards.push(card("Training error", before, train.nrmse, "%", hundredth, "NRMSE"));
         }
     }
     let mut noise: Vec<f64> = results.trials.iter().filter_map(|t| t.moment_noise_n_m).collect();
     noise.sort_by(f64::total_cmp);
     if let Some(median) = noise.get(noise.len() / 2) {
         cards.push(Card {
-            label: "Noise of the measurement",
-            value: quantity(*median, "N·m"),
+            label: "Moment noise",
+            value: significant(*median, 2),
             before: String::new(),
-            note: "sample to sample, median of trials".to_string(),
+            unit: "N·m",
+            note: "sample to sample".to_string(),
             tone: "",
         });
     }
@@ -358,7 +358,7 @@ fn condition_title(condition: &Condition) -> String {
         contraction = first.to_uppercase() + &contraction[1..];
     }
     parts.push(contraction);
-    parts.extend(condition.effort_percent.map(|e| format!("{}\u{202f}% MVC", significant(e, 3))));
+    parts.extend(condition.effort_percent.map(|e| format!("{}\u{202f}% MVC", plain(e))));
     if condition.direction != "none" && !condition.direction.is_empty() {
         parts.push(condition.direction.clone());
     }
@@ -472,12 +472,10 @@ fn panel(trial: &TrialResult, pair: &Pair, ranges: &PanelRanges) -> Panel {
     };
     let error = |m: Option<&ModelResult>| m.and_then(|m| trial.errors.get(&m.id));
     let (before, after) = (error(pair.before), error(pair.after));
-    let mut detail = Vec::new();
-    detail.extend(trial.posture_deg.filter(|_| ranges.angle.is_none()).map(|p| format!("at {}°", significant(p, 3))));
-    detail.extend(trial.repetition.map(|r| format!("repetition {r}")));
+    let held = trial.posture_deg.filter(|_| ranges.angle.is_none());
     Panel {
         title: trial.id.replace('_', " "),
-        detail: detail.join(", "),
+        detail: held.map(|p| format!("at {}°", plain(p))).unwrap_or_default(),
         held_out: trial.trial_use == Use::HeldOut,
         svg: figure.svg(),
         before: before.map(|e| maybe(e.nrmse, percent)).unwrap_or_default(),
