@@ -1,1 +1,11 @@
 //! Error measures between measured and simulated moments, per trial and per condition.
+//!
+//! In: two moments [N·m] on the same samples. Out: the measures of one trial ([`error_measures`]) and their tables
+//! over trials ([`ErrorTable`]), serializable, with units in the names. Bringing both moments onto the same samples is
+//! not here; see [`crate::simulation`].
+
+mod measures;
+mod table;
+
+pub use measures::{ErrorMeasures, EvaluationError, Measure, Undefined, error_measures};
+pub use table::{Condition, ConditionErrors, ErrorSummary, ErrorTable, SetErrors, Spread, TrialErrors};
