@@ -1,0 +1,164 @@
+//! The buffer that a path's evaluation fills.
+
+use super::path::{Path, PathWrap};
+use super::wrapping::Wrap;
+use crate::multibody::{BaseIndex, Cache};
+use crate::osim::spec::WrapObjectIndex;
+use crate::spatial::Transform;
+use nalgebra::Vector3;
+
+/// Where a point of the current path comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PointOrigin {
+    /// A path point, by its position in the path's specification.
+    Point(usize),
+    /// Where the path meets the surface of a wrap, by the wrap's position in the specification.
+    WrapStart(usize),
+    /// Where it leaves that surface.
+    WrapEnd(usize),
+}
+
+/// A point that the path runs through at the present pose.
+#[derive(Clone, Copy, Debug)]
+#[allow(non_snake_case)]
+pub struct CurrentPoint {
+    /// Where it comes from.
+    pub origin: PointOrigin,
+    /// What it is fixed to.
+    pub base: BaseIndex,
+    /// Location in the base `p_BS` [m].
+    pub p_BS: Vector3<f64>,
+    /// Location in ground `p_GS` [m].
+    pub p_GS: Vector3<f64>,
+    /// The wrap object that it lies on.
+    pub wrap_object: Option<WrapObjectIndex>,
+    /// For a [`PointOrigin::WrapEnd`]: length of the curve that ends here [m]; else 0.
+    pub wrap_length: f64,
+}
+
+/// Number of recent segments whose wrap is remembered, per wrap.
+const MEMORY_PER_WRAP: usize = 8;
+
+/// A wrap and the segment that it was computed for.
+#[derive(Clone, Copy, Debug)]
+struct Remembered {
+    p1: Vector3<f64>,
+    p2: Vector3<f64>,
+    wrap: Wrap,
+}
+
+/// Points and length of a path at one pose, and the memory that its evaluation needs. Reused between poses; after the
+/// first evaluations nothing is allocated.
+///
+/// Belongs to one path: made by [`Path::new_geometry`], filled by [`Path::update`].
+#[derive(Clone, Debug)]
+#[allow(non_snake_case)]
+pub struct PathGeometry {
+    pub(super) length: f64,
+    pub(super) points: Vec<CurrentPoint>,
+    /// Pose of every wrap surface in ground.
+    pub(super) X_GW: Vec<Transform>,
+    pub(super) order: Vec<usize>,
+    /// The latest wrap of each segment. Wrapping is a pure function of the segment's ends, so that a segment whose ends
+    /// have not moved (in a later pass, or at a pose that does not touch it) need not be wrapped again.
+    memory: Vec<Remembered>,
+}
+
+impl PathGeometry {
+    pub(super) fn new(path: &Path) -> PathGeometry {
+        let nowhere = Vector3::repeat(f64::NAN);
+        PathGeometry {
+            length: f64::NAN,
+            points: Vec::with_capacity(path.points.len() + 2 * path.wraps.len()),
+            X_GW: vec![Transform::identity(); path.wraps.len()],
+            order: (0..path.wraps.len()).collect(),
+            memory: vec![
+                Remembered { p1: nowhere, p2: nowhere, wrap: Wrap::NO_WRAP };
+                path.wraps.len() * MEMORY_PER_WRAP
+            ],
+        }
+    }
+
+    /// Length of the path [m].
+    pub fn length(&self) -> f64 {
+        self.length
+    }
+
+    /// Points that the path runs through, from origin to insertion.
+    pub fn points(&self) -> &[CurrentPoint] {
+        &self.points
+    }
+
+    /// Fills in the active points and the poses of the wrap surfaces.
+    #[allow(non_snake_case)]
+    pub(super) fn start(&mut self, path: &Path, q: &[f64], cache: &Cache) {
+        self.points.clear();
+        for (i, point) in path.points.iter().enumerate() {
+            if point.is_active(q) {
+                let p_BS = point.location(q);
+                self.points.push(CurrentPoint {
+                    origin: PointOrigin::Point(i),
+                    base: point.base,
+                    p_BS,
+                    p_GS: cache.X_GB(point.base) * p_BS,
+                    wrap_object: None,
+                    wrap_length: 0.0,
+                });
+            }
+        }
+        for (X_GW, wrap) in self.X_GW.iter_mut().zip(&path.wraps) {
+            if wrap.active {
+                *X_GW = cache.X_GB(wrap.base) * &wrap.X_BW;
+            }
+        }
+    }
+
+    /// Location of a current point in a wrap's frame [m].
+    #[inline]
+    pub(super) fn in_wrap_frame(&self, point: usize, wrap: &PathWrap, w: usize) -> Vector3<f64> {
+        let point = &self.points[point];
+        if point.base == wrap.base {
+            wrap.X_BW.inverse_transform_point(&point.p_BS)
+        } else {
+            self.X_GW[w].inverse_transform_point(&point.p_GS)
+        }
+    }
+
+    /// Wraps the segment `p1`, `p2`, given in the frame of wrap `w`; `slot` tells segments apart.
+    #[inline]
+    pub(super) fn wrap_segment(
+        &mut self,
+        wrap: &PathWrap,
+        w: usize,
+        slot: usize,
+        p1: &Vector3<f64>,
+        p2: &Vector3<f64>,
+    ) -> Wrap {
+        let remembered = &mut self.memory[w * MEMORY_PER_WRAP + slot % MEMORY_PER_WRAP];
+        if remembered.p1 != *p1 || remembered.p2 != *p2 {
+            *remembered = Remembered { p1: *p1, p2: *p2, wrap: wrap.surface.wrap(p1, p2) };
+        }
+        remembered.wrap
+    }
+
+    /// Removes the two points of wrap `w`, if the path has them.
+    pub(super) fn remove_wrap(&mut self, w: usize) {
+        if let Some(i) = self.points.iter().position(|p| p.origin == PointOrigin::WrapStart(w)) {
+            self.points.drain(i..i + 2);
+        }
+    }
+
+    /// Length of the path through the present points [m].
+    pub(super) fn measure(&self) -> f64 {
+        let mut length = 0.0;
+        for pair in self.points.windows(2) {
+            let (a, b) = (&pair[0], &pair[1]);
+            if a.wrap_object.is_some() && a.wrap_object == b.wrap_object {
+                length += b.wrap_length;
+            } else {
+                length += (a.p_GS - b.p_GS).norm();
+            }
+        }
+        length
+    }
+}

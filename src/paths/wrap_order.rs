@@ -1,0 +1,156 @@
+//! Which segment wraps over which object, in which order (OpenSim's `GeometryPath::applyWrapObjects`).
+
+use super::geometry::{CurrentPoint, PathGeometry, PointOrigin};
+use super::path::{Path, PathWrap};
+use super::wrapping::{WrapAction, WrapPath};
+use crate::multibody::Cache;
+use nalgebra::Vector3;
+
+/// Passes over several wrap objects, each starting from the result of the one before.
+const MAX_PASSES: usize = 8;
+/// Passes end when the length changes by less than this [m].
+const LENGTH_TOLERANCE: f64 = 0.0005;
+
+/// The wrap chosen for one object.
+struct Best {
+    path: WrapPath,
+    /// Position of the segment's second point among the current points.
+    end: usize,
+}
+
+/// A wrap's range, or an order to stop.
+enum Range {
+    /// Positions of its first and last active point among the current points.
+    Points(usize, usize),
+    /// No active point in it: OpenSim then leaves this and all further wraps alone.
+    Empty,
+}
+
+impl Path {
+    /// Computes the points and the length of the path.
+    ///
+    /// - `q`: coordinates [rad or m], couplers satisfied, as given to
+    ///   [`Model::update_positions`](crate::multibody::Model::update_positions)
+    /// - `cache`: poses of the bodies at `q` (at least [`Path::bodies`])
+    pub fn update(&self, q: &[f64], cache: &Cache, geometry: &mut PathGeometry) {
+        geometry.start(self, q, cache);
+        self.apply_wraps(q, cache, geometry);
+        geometry.length = geometry.measure();
+    }
+
+    fn apply_wraps(&self, q: &[f64], cache: &Cache, geometry: &mut PathGeometry) {
+        let n = self.wraps.len();
+        for (i, order) in geometry.order.iter_mut().enumerate() {
+            *order = i;
+        }
+        let passes = if n < 2 { n } else { MAX_PASSES };
+        let mut last_length = f64::INFINITY;
+        for pass in 0..passes {
+            // Results of the first two objects decide whether their order is exchanged.
+            let mut results = [WrapAction::NoWrap; 2];
+            for i in 0..n {
+                let w = geometry.order[i];
+                let wrap = &self.wraps[w];
+                geometry.remove_wrap(w);
+                if !wrap.active {
+                    continue;
+                }
+                let Range::Points(start, end) = self.range_of(wrap, q, geometry) else { return };
+                let (best, result) = best_wrap(wrap, w, start, end, geometry);
+                if i < 2 {
+                    results[i] = result;
+                }
+                if let Some(best) = best {
+                    insert_wrap(wrap, w, &best, cache, geometry);
+                }
+            }
+            if n < 2 {
+                return;
+            }
+            let length = geometry.measure();
+            if (length - last_length).abs() < LENGTH_TOLERANCE {
+                return;
+            }
+            last_length = length;
+            if pass == 0 && results == [WrapAction::NoWrap, WrapAction::InsideRadius] {
+                geometry.order.swap(0, 1);
+                geometry.remove_wrap(0);
+            }
+        }
+    }
+
+    /// The current points between which a wrap may act.
+    fn range_of(&self, wrap: &PathWrap, q: &[f64], geometry: &PathGeometry) -> Range {
+        let active = |i: &usize| self.points[*i].is_active(q);
+        let first = (wrap.first..=wrap.last).find(active);
+        let last = (wrap.first..=wrap.last).rev().find(active);
+        let (Some(first), Some(last)) = (first, last) else { return Range::Empty };
+        let position = |i: usize| geometry.points.iter().position(|p| p.origin == PointOrigin::Point(i));
+        match (position(first), position(last)) {
+            (Some(start), Some(end)) => Range::Points(start, end),
+            _ => Range::Empty,
+        }
+    }
+}
+
+/// The wrap of the first segment that must wrap, else of the segment whose length changes least; and what the last
+/// segment looked at said.
+fn best_wrap(
+    wrap: &PathWrap,
+    w: usize,
+    start: usize,
+    end: usize,
+    geometry: &mut PathGeometry,
+) -> (Option<Best>, WrapAction) {
+    let mut best = None;
+    let mut result = WrapAction::NoWrap;
+    let mut least_change = f64::INFINITY;
+    if start >= end {
+        return (best, result);
+    }
+    let mut p1: Vector3<f64>;
+    let mut p2 = geometry.in_wrap_frame(start, wrap, w);
+    for i in start..end {
+        p1 = p2;
+        p2 = geometry.in_wrap_frame(i + 1, wrap, w);
+        let (a, b) = (&geometry.points[i], &geometry.points[i + 1]);
+        if a.wrap_object.is_some() && a.wrap_object == b.wrap_object {
+            continue;
+        }
+        let segment = geometry.wrap_segment(wrap, w, i - start, &p1, &p2);
+        result = segment.action;
+        match segment.action {
+            WrapAction::MandatoryWrap => {
+                best = segment.path.map(|path| Best { path, end: i + 1 });
+                break;
+            }
+            WrapAction::Wrapped => {
+                if let Some(path) = segment.path {
+                    let wrapped = (p1 - path.r1).norm() + path.length + (p2 - path.r2).norm();
+                    let change = wrapped - (p1 - p2).norm();
+                    if change < least_change {
+                        least_change = change;
+                        best = Some(Best { path, end: i + 1 });
+                    }
+                }
+            }
+            WrapAction::NoWrap | WrapAction::InsideRadius => {}
+        }
+    }
+    (best, result)
+}
+
+/// Puts the tangent points of a wrap into the path.
+#[allow(non_snake_case)]
+fn insert_wrap(wrap: &PathWrap, w: usize, best: &Best, cache: &Cache, geometry: &mut PathGeometry) {
+    let X_GB = cache.X_GB(wrap.base);
+    let tangent = |origin: PointOrigin, r: &Vector3<f64>, wrap_length: f64| {
+        let p_BS = &wrap.X_BW * r;
+        CurrentPoint { origin, base: wrap.base, p_BS, p_GS: X_GB * p_BS, wrap_object: Some(wrap.object), wrap_length }
+    };
+    let points = [
+        tangent(PointOrigin::WrapStart(w), &best.path.r1, 0.0),
+        tangent(PointOrigin::WrapEnd(w), &best.path.r2, best.path.length),
+    ];
+    geometry.points.splice(best.end..best.end, points);
+}
