@@ -5,4 +5,58 @@
 //! Writing goes the other way: an edit of the specification is a splice into the original bytes, so bytes that were
 //! not edited stay as they were. This is the only module that knows XML.
 
+pub mod diagnostics;
+pub mod document;
+pub mod error;
+mod reader;
 pub mod spec;
+
+use std::path::Path;
+
+pub use diagnostics::{Diagnostic, Diagnostics, Severity};
+pub use document::{Document, ElementId};
+pub use error::{DocumentError, DocumentErrorKind, OsimError, Problem, ProblemKind, WriteError};
+use spec::ModelSpec;
+
+/// An `.osim` file: its text, what it says, and what of it was not understood.
+#[derive(Clone, Debug)]
+pub struct OsimFile {
+    /// The text. Change it through the methods of this type, which keep `spec` in agreement.
+    pub document: Document,
+    /// What the text says.
+    pub spec: ModelSpec,
+    /// What was not understood, ignored or changed on reading.
+    pub diagnostics: Diagnostics,
+}
+
+impl OsimFile {
+    /// Reads a model file.
+    ///
+    /// # Errors
+    /// [`OsimError`]: the file cannot be read, is not well-formed, is no OpenSim model, has a format version outside
+    /// 10901 to 40600, or contains values or references that cannot be used (all of them are listed).
+    pub fn read(path: impl AsRef<Path>) -> Result<OsimFile, OsimError> {
+        OsimFile::from_document(Document::read(path)?)
+    }
+
+    /// Reads a model from bytes; `file` is the name used in messages.
+    ///
+    /// # Errors
+    /// As [`OsimFile::read`].
+    pub fn parse(bytes: impl Into<Vec<u8>>, file: &str) -> Result<OsimFile, OsimError> {
+        OsimFile::from_document(Document::parse(bytes.into(), file)?)
+    }
+
+    fn from_document(document: Document) -> Result<OsimFile, OsimError> {
+        let (spec, diagnostics) = reader::read_model(&document)?;
+        Ok(OsimFile { document, spec, diagnostics })
+    }
+
+    /// Writes the file; bytes that were not edited are those that were read.
+    ///
+    /// # Errors
+    /// [`WriteError`]; what was at `path` before is then untouched.
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), WriteError> {
+        self.document.write(path)
+    }
+}
