@@ -6,6 +6,7 @@
 //! model (ranges of coordinates, names of muscles) is not here; [`Trial::check_against_range`] is called by those who
 //! have it.
 
+mod lines;
 mod participants;
 mod plausibility;
 mod problem;
@@ -50,6 +51,15 @@ pub struct Study {
     pub warnings: Vec<Problem>,
 }
 
+/// A study as far as it can be read.
+struct Parts {
+    /// `None` only with at least one error among the problems.
+    study: Option<Study>,
+    problems: Vec<Problem>,
+    /// Whether the names of columns can be trusted; else trial files would only echo the errors of `study.toml`.
+    columns_sound: bool,
+}
+
 impl Study {
     /// Reads a study and checks all of it, the samples of every trial included (one trial in memory per thread).
     ///
@@ -58,8 +68,8 @@ impl Study {
     /// # Errors
     /// Every problem that makes the study unusable, together.
     pub fn read(path: impl AsRef<Path>) -> Result<Study, StudyErrors> {
-        let (study, mut problems) = Self::read_parts(path.as_ref());
-        if let Some(study) = &study {
+        let Parts { study, mut problems, columns_sound } = Self::read_parts(path.as_ref());
+        if let Some(study) = study.as_ref().filter(|_| columns_sound) {
             problems.extend(study.check_trials(|_| true));
         }
         Self::settle(study, problems)
@@ -70,7 +80,7 @@ impl Study {
     /// # Errors
     /// Every problem that makes the study unusable, together.
     pub fn read_tables(path: impl AsRef<Path>) -> Result<Study, StudyErrors> {
-        let (study, problems) = Self::read_parts(path.as_ref());
+        let Parts { study, problems, .. } = Self::read_parts(path.as_ref());
         Self::settle(study, problems)
     }
 
@@ -80,25 +90,27 @@ impl Study {
         study.map(|study| Study { warnings, ..study }).ok_or_else(StudyErrors::default)
     }
 
-    /// The study as far as it can be read; `None` only with at least one error among the problems.
-    fn read_parts(path: &Path) -> (Option<Study>, Vec<Problem>) {
+    /// The study and its tables.
+    fn read_parts(path: &Path) -> Parts {
         let mut problems = Vec::new();
         let file = if path.is_dir() { path.join("study.toml") } else { path.to_owned() };
         let folder = file.parent().map(Path::to_owned).unwrap_or_default();
         let settings = read_settings(&file, &folder, &mut problems);
         if settings.is_none() && !file.exists() {
-            return (None, problems); // a wrong path: complaints about its neighbours would only hide that
+            return Parts { study: None, problems, columns_sound: false }; // a wrong path: complaints about its neighbours would only hide that
         }
-        let study_model = settings.as_ref().map(|s| s.model.clone()).unwrap_or_default();
+        let study_model = settings.as_ref().map(|(s, _)| s.model.clone()).unwrap_or_default();
         let participants = participants::read(&folder.join("participants.csv"), &folder, &study_model, &mut problems);
         let trials = trial_list::read(&folder.join("trials.csv"), &folder, &participants, &mut problems);
         let names: Vec<&str> = participants.iter().map(|p| p.name.as_str()).collect();
         let ultrasound = ultrasound::read(&folder.join("ultrasound.csv"), &names, &mut problems);
-        let Some(settings) = settings else { return (None, problems) };
+        let Some((settings, columns_sound)) = settings else {
+            return Parts { study: None, problems, columns_sound: false };
+        };
         let study = Study { file, folder, settings, participants, trials, ultrasound, warnings: Vec::new() };
         study.check_models(&mut problems);
         study.check_trial_list(&mut problems);
-        (Some(study), problems)
+        Parts { study: Some(study), problems, columns_sound }
     }
 
     /// The participant of that name.
@@ -205,7 +217,7 @@ impl Study {
     }
 }
 
-fn read_settings(file: &Path, folder: &Path, problems: &mut Vec<Problem>) -> Option<Settings> {
+fn read_settings(file: &Path, folder: &Path, problems: &mut Vec<Problem>) -> Option<(Settings, bool)> {
     let bytes = match std::fs::read(file) {
         Ok(bytes) => bytes,
         Err(error) => {
@@ -217,7 +229,7 @@ fn read_settings(file: &Path, folder: &Path, problems: &mut Vec<Problem>) -> Opt
         problems.push(Problem::error(file, None, Fault::NotText));
         return None;
     };
-    let mut settings = Settings::parse(&text, file, problems)?;
+    let (mut settings, columns_sound) = Settings::parse(&text, file, problems)?;
     settings.model = folder.join(&settings.model);
-    Some(settings)
+    Some((settings, columns_sound))
 }

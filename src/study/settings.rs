@@ -160,7 +160,8 @@ impl Default for ParameterBounds {
 
 impl Settings {
     /// Reads the text of a `study.toml`. Problems go to `problems`; `None` if a part without default is unusable.
-    pub(crate) fn parse(text: &str, file: &Path, problems: &mut Vec<Problem>) -> Option<Settings> {
+    /// Beside the settings: whether muscles and columns were read without an error, so that trial files can be judged.
+    pub(crate) fn parse(text: &str, file: &Path, problems: &mut Vec<Problem>) -> Option<(Settings, bool)> {
         let sections = Sections::parse(text, file, problems)?;
         let mut study = sections.section("study");
         let name = study.required_string("name", "the study's name");
@@ -171,12 +172,14 @@ impl Settings {
         let dynamometer = dynamometer(&sections, problems);
         let posture = posture(&sections, dynamometer.as_ref().map(|d| d.coordinate.as_str()), file, problems);
 
+        let before = problems.len();
         let mut muscles = sections.section("muscles");
         let active = muscles.required_strings("active", "list of the muscles that EMG drives");
         muscles.finish(problems);
 
-        emg_kind(&sections, file, problems);
         let columns = columns(&sections, active.as_deref().unwrap_or_default(), problems);
+        let columns_sound = problems.len() == before;
+        emg_kind(&sections, file, problems);
         let bounds = bounds(&sections, problems);
 
         let mut checks = sections.section("checks");
@@ -184,7 +187,7 @@ impl Settings {
         checks.finish(problems);
 
         sections.report_unknown(problems);
-        Some(Settings {
+        let settings = Settings {
             name: name?,
             model: PathBuf::from(model?),
             model_line,
@@ -194,7 +197,8 @@ impl Settings {
             columns,
             bounds,
             max_gap,
-        })
+        };
+        Some((settings, columns_sound))
     }
 }
 

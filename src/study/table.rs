@@ -1,10 +1,14 @@
 //! CSV tables with a header, with the line of every row.
 
 use std::fs::File;
-use std::io::ErrorKind;
+use std::io::{BufReader, ErrorKind};
 use std::path::{Path, PathBuf};
 
+use super::lines::Lines;
 use super::problem::{Fault, Problem, nearest};
+
+/// A streaming reader of CSV whose records know their line.
+pub(crate) type CsvReader = csv::Reader<Lines<BufReader<File>>>;
 
 /// Opens a CSV file and reads its header; problems with either are reported.
 pub(crate) fn open(
@@ -12,7 +16,7 @@ pub(crate) fn open(
     what: &'static str,
     named_at: Option<&str>,
     problems: &mut Vec<Problem>,
-) -> Option<(csv::Reader<File>, Vec<String>)> {
+) -> Option<(CsvReader, Vec<String>)> {
     let file = match File::open(path)
         .and_then(|file| if file.metadata()?.is_dir() { Err(ErrorKind::IsADirectory.into()) } else { Ok(file) })
     {
@@ -22,7 +26,8 @@ pub(crate) fn open(
             return None;
         }
     };
-    let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(file);
+    let mut reader =
+        csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(Lines::new(BufReader::new(file)));
     let header = match reader.headers() {
         Ok(header) => header.iter().map(|name| name.trim_start_matches('\u{feff}').to_owned()).collect::<Vec<_>>(),
         Err(error) => {

@@ -1,1 +1,9 @@
-//! Tests of `study`.
+//! Tests of `study`: good studies read into internal units, bad ones are refused with file, line and hint.
+
+mod bad_settings;
+mod bad_tables;
+mod bad_trials;
+mod folder;
+mod good;
+mod random_bytes;
+mod warnings;

@@ -1,0 +1,163 @@
+use approx::assert_relative_eq;
+use carpus::study::{AngleUnit, Contraction, Direction, MomentPart, Sex, Side, Study, TrialUse};
+
+use super::folder::{Folder, PARTICIPANTS, SAMPLES, TOML, TRIAL_HEADER};
+
+#[test]
+fn verif_a_good_study_is_read_without_a_warning() {
+    let folder = Folder::good();
+    let study = folder.read().unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(study.warnings, []);
+    assert_eq!(study.settings.name, "Two muscles");
+    assert_eq!(study.settings.model, folder.path("wrist.osim"));
+    assert_eq!(study.settings.active_muscles, ["ECRL", "FCR"]);
+    assert_eq!(study.settings.columns.emg, ["emg_ECRL", "emg_FCR"]);
+    assert_eq!(study.settings.columns.angle_unit, AngleUnit::Degrees);
+    assert!(study.settings.dynamometer.includes(MomentPart::Passive));
+    assert!(!study.settings.dynamometer.includes(MomentPart::Gravity));
+    assert_eq!(Study::read(folder.path("")).unwrap(), study, "the folder stands for its study.toml");
+}
+
+#[test]
+fn verif_units_are_converted_once_at_the_border() {
+    let folder = Folder::good();
+    let study = folder.read().unwrap();
+    // 0.005 N·m per deg/s, the Biodex motor of the dissertation, is 0.2865 N·m·s/rad.
+    assert_relative_eq!(study.settings.dynamometer.damping, 0.005 * 180.0 / std::f64::consts::PI, epsilon = 1e-15);
+    let posture = &study.settings.posture;
+    assert_eq!(posture[0].coordinate, "elbow_flexion");
+    assert_relative_eq!(posture[0].value(false), std::f64::consts::FRAC_PI_2);
+    assert_eq!(posture[1].value(true), -12.5);
+    assert_relative_eq!(study.trials[0].posture.unwrap(), 30f64.to_radians());
+    let trial = study.trial(&study.trials[1]).unwrap();
+    assert_relative_eq!(trial.angle[0], -35f64.to_radians());
+    assert_relative_eq!(trial.duration(), 0.49, epsilon = 1e-12);
+    assert_eq!((trial.len(), trial.excitation.len(), trial.line_of_sample(0)), (SAMPLES, 2, Some(2)));
+}
+
+#[test]
+fn verif_default_bounds_are_those_of_table_3_2() {
+    let bounds = Folder::good().read().unwrap().settings.bounds;
+    assert_relative_eq!(bounds.optimal_fiber_length.lower, 0.822);
+    assert_relative_eq!(bounds.optimal_fiber_length.upper, 1.178);
+    assert_relative_eq!(bounds.tendon_slack_length.lower, 0.868);
+    assert_relative_eq!(bounds.tendon_slack_length.upper, 1.132);
+    assert_relative_eq!(bounds.max_isometric_force.lower, 0.42);
+    assert_relative_eq!(bounds.max_isometric_force.upper, 2.514);
+    let folder = Folder::good();
+    folder.write("study.toml", format!("{TOML}\n[personalization]\ntendon_slack_length = [90, 110.5]\n"));
+    let bounds = folder.read().unwrap().settings.bounds;
+    assert_relative_eq!(bounds.tendon_slack_length.upper, 1.105);
+    assert_relative_eq!(bounds.max_isometric_force.upper, 2.514);
+}
+
+#[test]
+fn verif_tables_are_read_whole() {
+    let folder = Folder::good();
+    folder.write(
+        "ultrasound.csv",
+        "participant,muscle,posture_deg,muscle_belly_length_m,external_tendon_length_m,cross_sectional_area_m2,\
+         pennation_angle_deg\nP01,FCR,0,0.16,0.12,0.0002,9\n",
+    );
+    let study = folder.read().unwrap_or_else(|e| panic!("{e}"));
+    let participant = study.participant("P01").unwrap();
+    assert_eq!((participant.mass, participant.height), (Some(70.5), Some(1.75)));
+    assert_eq!((participant.sex, participant.side), (Some(Sex::Female), Some(Side::Right)));
+    assert_eq!(participant.segment_lengths, [("hand".to_owned(), 0.19), ("forearm".to_owned(), 0.26)]);
+    assert_eq!((participant.mvc_flexion, participant.mvc_extension), (Some(10.0), Some(6.0)));
+    let trial = &study.trials[1];
+    assert_eq!((trial.contraction, trial.direction), (Contraction::Isotonic, Direction::Extension));
+    assert_eq!((trial.usage, trial.repetition, trial.effort_percent), (TrialUse::Test, Some(1), Some(50.0)));
+    assert_eq!((trial.posture, trial.start_time, trial.name()), (None, None, "dyn".to_owned()));
+    assert_relative_eq!(study.ultrasound[0].pennation_angle.unwrap(), 9f64.to_radians());
+    assert_eq!((study.ultrasound[0].fascicle_length, study.ultrasound[0].line), (None, 2));
+    assert_eq!(study.input_files().len(), 7);
+}
+
+#[test]
+fn verif_a_participant_may_have_an_own_model() {
+    let folder = Folder::good();
+    folder.write("participants.csv", "participant,model\nP01,scaled/P01.osim\nP02,\n");
+    folder.write("scaled/P01.osim", "");
+    let study = folder.read().unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(study.participants[0].model, folder.path("scaled/P01.osim"));
+    assert_eq!(study.participants[1].model, folder.path("wrist.osim"));
+    std::fs::remove_file(folder.path("scaled/P01.osim")).unwrap();
+    let error = folder.only_error("scaled/P01.osim", None);
+    super::folder::says(&error, "model not found", "participants.csv:2");
+}
+
+#[test]
+fn verif_one_channel_may_drive_several_muscles_and_columns_may_be_renamed() {
+    let folder = Folder::good();
+    folder.write(
+        "study.toml",
+        format!(
+            "{TOML}\n[columns]\ntime = \"t\"\nangle = \"Position\"\nangle_unit = \"rad\"\nmoment = \"Torque\"\n\
+             ignore = [\"Trigger\"]\n[columns.emg]\nECRL = \"Ch 1\"\nFCR = \"Ch 1\"\n"
+        ),
+    );
+    let mut text = "t,Trigger,Ch 1,Torque,Position\r\n".to_owned();
+    for i in 0..30 {
+        text += &format!("{},x,{},{},{}\r\n", i as f64 * 0.01, 0.1 + 0.001 * i as f64, 2.0, 0.5236 + 1e-4 * i as f64);
+    }
+    folder.write("data/iso.csv", format!("\u{feff}{text}"));
+    folder.spoil("trials.csv", "P01,data/dyn.csv,isotonic,50,extension,,1,test\n", "");
+    let study = folder.read().unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(study.warnings, []);
+    let trial = study.trial(&study.trials[0]).unwrap();
+    assert_eq!(trial.excitation[0], trial.excitation[1]);
+    assert_eq!((trial.angle[0], trial.time[1], trial.velocity.clone()), (0.5236, 0.01, None));
+}
+
+#[test]
+fn verif_velocity_is_read_when_it_is_there() {
+    let folder = Folder::good();
+    let mut text = format!("{TRIAL_HEADER},velocity_deg_per_s\n");
+    for i in 0..SAMPLES {
+        let t = i as f64 * 0.01;
+        let (angle, velocity) = (-35.0 * (6.0 * t).cos(), 210.0 * (6.0 * t).sin());
+        text += &format!("{t},{angle},-3,{},{},{velocity}\n", 0.3 + 0.1 * t, 0.1 + 0.1 * t);
+    }
+    folder.write("data/dyn.csv", text);
+    let study = folder.read().unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(study.warnings, []);
+    let trial = study.trial(&study.trials[1]).unwrap();
+    assert_relative_eq!(trial.velocity.unwrap()[7], (210.0 * 0.42f64.sin()).to_radians(), epsilon = 1e-12);
+}
+
+#[test]
+fn verif_ignored_trials_are_not_read() {
+    let folder = Folder::spoilt("trials.csv", "1,test", "1,ignore");
+    std::fs::remove_file(folder.path("data/dyn.csv")).unwrap();
+    let study = folder.read().unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(
+        (study.trials.len(), study.trials_of("P01").count(), study.load_trials("P01").unwrap().len()),
+        (2, 1, 1)
+    );
+}
+
+#[test]
+fn verif_reading_is_the_same_at_any_number_of_threads() {
+    let folder = Folder::good();
+    folder.write("participants.csv", PARTICIPANTS.replace("P01", "P1"));
+    folder.write("data/iso.csv", "a\n1\n");
+    let read = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| folder.read().unwrap_err())
+    };
+    assert_eq!(read(1), read(4));
+}
+
+#[test]
+fn verif_trial_out_of_range_of_its_coordinate_is_an_error() {
+    let folder = Folder::good();
+    let study = folder.read().unwrap();
+    let trial = study.trial(&study.trials[1]).unwrap();
+    let range = |deg: f64| trial.check_against_range("flexion", -deg.to_radians(), deg.to_radians());
+    assert_eq!(range(35.0), None);
+    assert_eq!(range(34.95), None, "an encoder's noise is allowed");
+    let problem = range(20.0).expect("35° is outside ±20°");
+    assert_eq!((problem.file.clone(), problem.line), (folder.path("data/dyn.csv"), Some(2)));
+    super::folder::says(&problem, "-20.00° to 20.00°; farthest: -35.00°", "zero and the sign");
+}
