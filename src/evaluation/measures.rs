@@ -200,7 +200,8 @@ pub fn error_measures(measured: &[f64], simulated: &[f64]) -> Result<ErrorMeasur
         let r = if is_constant(simulated) {
             Measure::Undefined(Undefined::ConstantSimulatedMoment)
         } else {
-            match Measure::finite(covariance / (variance_exp.sqrt() * variance_sim.sqrt())) {
+            // Written so that a perfect simulation has r = 1 exactly, and no product of variances overflows.
+            match Measure::finite(covariance / variance_exp * (variance_exp / variance_sim).sqrt()) {
                 Measure::Defined(r) => Measure::Defined(r.clamp(-1.0, 1.0)), // rounding may leave the last bit above 1
                 undefined => undefined,
             }
