@@ -1,2 +1,5 @@
 //! The `carpus` command: parses arguments, runs the command, sets the exit code.
-fn main() {}
+
+fn main() -> std::process::ExitCode {
+    carpus::cli::main()
+}

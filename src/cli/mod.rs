@@ -1,1 +1,114 @@
 //! Command line: one file per command. The only module that prints.
+//!
+//! Results go to stdout, messages to stderr. Exit codes: 0 done, 1 the input (arguments, model, study, disk) is at
+//! fault, 2 carpus is at fault.
+
+mod args;
+mod commands;
+mod describe;
+mod failure;
+mod model;
+mod output;
+mod provenance;
+mod quantity;
+mod table;
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::process::ExitCode;
+
+use clap::Parser;
+use clap::error::ErrorKind;
+
+use args::{Cli, Command, Global};
+use failure::{Failure, Message};
+
+/// Exit code for faults of the input.
+const INPUT_FAULT: u8 = 1;
+/// Exit code for faults of this program.
+const OWN_FAULT: u8 = 2;
+
+/// Runs the command that the process was started with.
+pub fn main() -> ExitCode {
+    std::panic::set_hook(Box::new(report_panic));
+    match catch_unwind(AssertUnwindSafe(run)) {
+        Ok(code) => code,
+        Err(_) => ExitCode::from(OWN_FAULT),
+    }
+}
+
+fn run() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => {
+            let asked = matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion);
+            // Nothing can be done when even the help cannot be printed.
+            let _ = error.print();
+            return if asked { ExitCode::SUCCESS } else { ExitCode::from(INPUT_FAULT) };
+        }
+    };
+    match start_threads(&cli.global).and_then(|()| execute(&cli)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Failure::Input(messages)) => {
+            failure::print(&messages);
+            ExitCode::from(INPUT_FAULT)
+        }
+        Err(Failure::Internal(what)) => {
+            eprintln!("{}", defect(&what));
+            ExitCode::from(OWN_FAULT)
+        }
+        Err(Failure::ReaderGone) => ExitCode::SUCCESS,
+    }
+}
+
+fn execute(cli: &Cli) -> Result<(), Failure> {
+    let global = &cli.global;
+    match &cli.command {
+        Command::Demo(args) => commands::demo::run(args, global),
+        Command::Info(args) => commands::info::run(args, global),
+        Command::Paths(args) => commands::paths::run(args, global),
+        Command::Equilibrium(args) => commands::equilibrium::run(args, global),
+        Command::Simulate(args) => commands::simulate::run(args, global),
+        Command::Compare(args) => commands::compare::run(args, global),
+        Command::Personalize(args) => commands::personalize::run(args, global),
+    }
+}
+
+fn start_threads(global: &Global) -> Result<(), Failure> {
+    let Some(threads) = global.threads else { return Ok(()) };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.get());
+    pool.build_global().map_err(|e| Failure::Internal(format!("cannot start {threads} threads: {e}")))
+}
+
+/// What is said about a fault of this program.
+fn defect(what: &str) -> String {
+    let command = provenance::command_line();
+    format!(
+        "internal error: {what}\n  This is a defect of carpus {}, not of your files. Please report it with the command:\n  {command}",
+        env!("CARGO_PKG_VERSION")
+    )
+}
+
+fn report_panic(panic: &std::panic::PanicHookInfo<'_>) {
+    let payload = panic.payload();
+    let text = payload
+        .downcast_ref::<&str>()
+        .map(|s| (*s).to_string())
+        .or_else(|| payload.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| "no message".to_string());
+    let at = panic.location().map(|l| format!(" ({}:{})", l.file(), l.line())).unwrap_or_default();
+    eprintln!("{}", defect(&format!("{text}{at}")));
+}
+
+/// Prints a result to stdout.
+fn print_result(text: &str) -> Result<(), Failure> {
+    use std::io::Write;
+    let mut stdout = std::io::stdout().lock();
+    let written = stdout.write_all(text.as_bytes()).and_then(|()| {
+        if text.ends_with('\n') { Ok(()) } else { stdout.write_all(b"\n") }
+    });
+    match written.and_then(|()| stdout.flush()) {
+        Ok(()) => Ok(()),
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Err(Failure::ReaderGone),
+        Err(error) => Err(Message::error(format!("cannot write to standard output: {error}")).into()),
+    }
+}

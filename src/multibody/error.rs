@@ -116,6 +116,25 @@ pub enum CompileError {
     },
 }
 
+impl CompileError {
+    /// Where it is wrong.
+    pub fn at(&self) -> &Location {
+        match self {
+            CompileError::BadReference { at, .. }
+            | CompileError::FrameCycle { at }
+            | CompileError::JointWithinBody { at, .. }
+            | CompileError::ClosedLoop { at }
+            | CompileError::CoordinateCount { at, .. }
+            | CompileError::ParallelAxes { at, .. }
+            | CompileError::DegenerateAxis { at, .. }
+            | CompileError::Function { at, .. }
+            | CompileError::ArgumentCount { at, .. }
+            | CompileError::Coupler { at, .. }
+            | CompileError::NotFinite { at, .. } => at,
+        }
+    }
+}
+
 /// What is wrong with a coupler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CouplerProblem {

@@ -22,6 +22,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 pub use participants::{Participant, Sex, Side};
+pub(crate) use problem::nearest;
 pub use problem::{Fault, MAX_LISTED, Problem, Severity, StudyErrors};
 pub use settings::{
     AngleUnit, Columns, Dynamometer, MomentPart, ParameterBounds, PostureCoordinate, RelativeBounds, Settings,

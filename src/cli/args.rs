@@ -1,0 +1,224 @@
+//! Arguments as they are typed.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+use super::quantity::{Assignment, Sweep};
+
+/// Personalize OpenSim hand and wrist models from dynamometer and EMG recordings, and see where the model fails.
+#[derive(Debug, Parser)]
+#[command(name = "carpus", version, propagate_version = true, subcommand_required = true, arg_required_else_help = true)]
+#[command(after_help = "Start with:\n  carpus demo\n\nExit codes: 0 done, 1 the input is at fault, 2 carpus is at fault.")]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+    /// Options of every command.
+    #[command(flatten)]
+    pub global: Global,
+}
+
+/// Options of every command.
+#[derive(Debug, Args)]
+pub struct Global {
+    /// Threads to use (default: one per core); results do not depend on it
+    #[arg(long, global = true, value_name = "N", help_heading = "Global options")]
+    pub threads: Option<NonZeroUsize>,
+    /// Seed of everything random; the same seed gives the same bytes
+    #[arg(long, global = true, value_name = "N", default_value_t = 1, help_heading = "Global options")]
+    pub seed: u64,
+    /// Print the result as JSON, for programs
+    #[arg(long, global = true, help_heading = "Global options")]
+    pub json: bool,
+    /// No progress bars
+    #[arg(long, short, global = true, help_heading = "Global options")]
+    pub quiet: bool,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run the bundled study end to end: simulate, compare, personalize, report
+    Demo(DemoArgs),
+    /// What is in a model; what was understood, approximated, ignored or unsupported, by line
+    Info(InfoArgs),
+    /// Muscle lengths and moment arms over a coordinate: CSV and a page of plots
+    Paths(PathsArgs),
+    /// Fibre and tendon lengths, forces and moments of every muscle at rest in a posture
+    Equilibrium(EquilibriumArgs),
+    /// Simulate the trials of a study: moments, fibre lengths, forces over time
+    Simulate(SimulateArgs),
+    /// Compare simulated with measured moments: errors per trial and per condition, report
+    Compare(CompareArgs),
+    /// Fit muscle parameters to a study: a personalized .osim, errors before and after, report
+    Personalize(PersonalizeArgs),
+}
+
+/// `carpus demo`
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  carpus demo\n  carpus demo --out somewhere/else")]
+pub struct DemoArgs {
+    /// Folder for the study and its results
+    #[arg(long, value_name = "DIR", default_value = "carpus-demo")]
+    pub out: PathBuf,
+}
+
+/// A model and how strictly it is read.
+#[derive(Debug, Args)]
+pub struct ModelArgs {
+    /// The model
+    #[arg(value_name = "MODEL.osim")]
+    pub model: PathBuf,
+    /// Go on although the model has components that would change the result and are not supported
+    #[arg(long)]
+    pub allow_unsupported: bool,
+}
+
+/// `carpus info`
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  carpus info wrist.osim\n  carpus info wrist.osim --json | jq .coordinates")]
+pub struct InfoArgs {
+    /// The model
+    #[arg(value_name = "MODEL.osim")]
+    pub model: PathBuf,
+    /// List every finding, also where everything was understood
+    #[arg(long)]
+    pub all: bool,
+}
+
+/// `carpus paths`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus paths wrist.osim --sweep flexion=-70:70:1deg --set elbow_flexion=90deg --out sweep\n\nWithout --out the table goes to standard output as CSV."
+)]
+pub struct PathsArgs {
+    /// Model and strictness.
+    #[command(flatten)]
+    pub model: ModelArgs,
+    /// Coordinate to move: NAME=FROM:TO:STEP and unit (deg, rad, m, mm)
+    #[arg(long, value_name = "NAME=FROM:TO:STEP", allow_hyphen_values = true)]
+    pub sweep: Sweep,
+    /// Hold a coordinate at a value, with unit; may be given several times
+    #[arg(long = "set", value_name = "NAME=VALUE", allow_hyphen_values = true)]
+    pub set: Vec<Assignment>,
+    /// Only these muscles (comma-separated; default: all)
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    pub muscles: Vec<String>,
+    /// Folder for paths.csv and paths.html
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
+
+/// `carpus equilibrium`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus equilibrium wrist.osim --set flexion=30deg --activation 0.01\n  carpus equilibrium wrist.osim --set flexion=30deg --moment-about flexion,deviation --csv posture.csv"
+)]
+pub struct EquilibriumArgs {
+    /// Model and strictness.
+    #[command(flatten)]
+    pub model: ModelArgs,
+    /// Hold a coordinate at a value, with unit; may be given several times
+    #[arg(long = "set", value_name = "NAME=VALUE", allow_hyphen_values = true)]
+    pub set: Vec<Assignment>,
+    /// Activation of every muscle, 0 to 1
+    #[arg(long, value_name = "A", default_value_t = 0.01, value_parser = activation)]
+    pub activation: f64,
+    /// Coordinates about which moments are given (comma-separated; default: those that --set names)
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    pub moment_about: Vec<String>,
+    /// Only these muscles (comma-separated; default: all)
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    pub muscles: Vec<String>,
+    /// Write the table to this CSV file too
+    #[arg(long, value_name = "FILE")]
+    pub csv: Option<PathBuf>,
+}
+
+/// A study and what of it is used.
+#[derive(Debug, Args)]
+pub struct StudyArgs {
+    /// The study: its study.toml or the folder it is in
+    #[arg(value_name = "STUDY/study.toml")]
+    pub study: PathBuf,
+    /// Only this participant; may be given several times (default: all)
+    #[arg(long, value_name = "NAME")]
+    pub participant: Vec<String>,
+    /// Use this model instead of the one the study names
+    #[arg(long, value_name = "OTHER.osim")]
+    pub model: Option<PathBuf>,
+    /// Folder for the results: one folder per participant
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Go on although the model has components that would change the result and are not supported
+    #[arg(long)]
+    pub allow_unsupported: bool,
+}
+
+/// `carpus simulate`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus simulate study/study.toml --participant P01 --out simulated\n\nWrites DIR/P01/{results.json,report.html} and for every trial DIR/P01/series/TRIAL.csv and .sto."
+)]
+pub struct SimulateArgs {
+    /// The study.
+    #[command(flatten)]
+    pub study: StudyArgs,
+}
+
+/// `carpus compare`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus compare study/study.toml --out compared\n  carpus compare study/study.toml --model personalized/P01/model.osim --participant P01 --out compared\n\nWrites DIR/P01/{results.json,report.html,errors_per_trial.csv,errors_per_condition.csv,series/}."
+)]
+pub struct CompareArgs {
+    /// The study.
+    #[command(flatten)]
+    pub study: StudyArgs,
+}
+
+/// `carpus personalize`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus personalize study/study.toml --out personalized --seed 1\n\nWrites DIR/P01/{model.osim,results.json,report.html,errors_per_trial.csv,errors_per_condition.csv,series/}. Held-out trials (use = test) are never fitted."
+)]
+pub struct PersonalizeArgs {
+    /// The study.
+    #[command(flatten)]
+    pub study: StudyArgs,
+}
+
+fn activation(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.0..=1.0).contains(&value) => Ok(value),
+        _ => Err("expected a number from 0 to 1".to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn verif_arguments_are_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn verif_every_command_has_an_example() {
+        for command in Cli::command().get_subcommands() {
+            let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+            assert!(help.contains(&format!("carpus {}", command.get_name())), "{}", command.get_name());
+        }
+    }
+
+    #[test]
+    fn verif_negative_values_are_not_taken_for_options() {
+        let line = ["carpus", "paths", "m.osim", "--sweep", "flexion=-70:70:1deg", "--set", "a=-5deg"];
+        let Command::Paths(args) = Cli::try_parse_from(line).unwrap().command else { panic!("paths expected") };
+        assert_eq!(args.set[0].value.value, -5.0);
+    }
+}

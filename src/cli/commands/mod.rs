@@ -1,0 +1,9 @@
+//! One file per command. Each reads what its arguments name, computes through the library, and writes or prints.
+
+pub mod compare;
+pub mod demo;
+pub mod equilibrium;
+pub mod info;
+pub mod paths;
+pub mod personalize;
+pub mod simulate;

@@ -1,0 +1,128 @@
+//! `carpus paths`: muscle lengths and moment arms over a coordinate.
+
+use crate::cli::args::{Global, PathsArgs};
+use crate::cli::failure::{self, Failure};
+use crate::cli::model::{self, LoadedModel, Needs};
+use crate::cli::output::OutputFolder;
+use crate::cli::{print_result, provenance};
+use crate::osim::spec::{CoordinateIndex, MotionType, MuscleIndex};
+use crate::report::sweep::{SweepFigure, SweepMuscle};
+
+/// Runs the command.
+///
+/// # Errors
+/// The model, a coordinate, a muscle, or the output folder.
+pub fn run(args: &PathsArgs, global: &Global) -> Result<(), Failure> {
+    let path = &args.model.model;
+    let out = args.out.as_ref().map(|dir| OutputFolder::create(dir, std::slice::from_ref(path))).transpose()?;
+    let mut messages = Vec::new();
+    let loaded = model::load(path, Needs::Motion, args.model.allow_unsupported, &mut messages)?;
+    let moved = loaded.check_settable(&args.sweep.coordinate, args.sweep.first())?;
+    let muscles = loaded.muscles(&args.muscles)?;
+    let posture = loaded.posture(&args.set, &mut messages)?;
+    let values = args.sweep.values();
+    for end in [values.first(), values.last()].into_iter().flatten() {
+        if !loaded.model.coordinates[moved.0].in_range(args.sweep.si(*end)) {
+            messages.push(loaded.outside_range(moved, args.sweep.si(*end)));
+        }
+    }
+    let si: Vec<f64> = values.iter().map(|v| args.sweep.si(*v)).collect();
+    let translation = loaded.model.coordinates[moved.0].motion_type == MotionType::Translational;
+    let figure = SweepFigure {
+        model: loaded.model.name.clone(),
+        coordinate: args.sweep.coordinate.clone(),
+        unit: if translation { "m" } else { "deg" },
+        values: if translation { si.clone() } else { si.iter().map(|v| v.to_degrees()).collect() },
+        held: args.set.iter().map(ToString::to_string).collect(),
+        muscles: sweep(&loaded, &muscles, moved, &posture, &si)?,
+        provenance: provenance::provenance(
+            global,
+            vec![provenance::input_file(path, &path.display().to_string(), "model")?],
+        ),
+    };
+    failure::print(&messages);
+    if let Some(out) = &out {
+        let table = out.write("paths.csv", csv(&figure)?.as_bytes())?;
+        let page = out.write("paths.html", crate::report::render_sweep(&figure).as_bytes())?;
+        let muscles = figure.muscles.len();
+        eprintln!("{muscles} muscles at {} values of {}", figure.values.len(), figure.coordinate);
+        if !global.json {
+            return print_result(&format!("{}\n{}\n", table.display(), page.display()));
+        }
+    }
+    print_result(&if global.json { json(&figure) } else { csv(&figure)? })
+}
+
+/// Lengths and moment arms at each value [rad or m] of the coordinate.
+fn sweep(
+    loaded: &LoadedModel,
+    muscles: &[MuscleIndex],
+    moved: CoordinateIndex,
+    posture: &[f64],
+    values: &[f64],
+) -> Result<Vec<SweepMuscle>, Failure> {
+    let model = &loaded.model;
+    let mut paths = loaded.muscle_paths(muscles)?;
+    let mut swept: Vec<_> = muscles
+        .iter()
+        .map(|m| SweepMuscle {
+            name: loaded.file.spec().muscles[m.0].name.clone(),
+            length_m: Vec::with_capacity(values.len()),
+            moment_arm_m: Vec::with_capacity(values.len()),
+        })
+        .collect();
+    let mut cache = model.new_cache();
+    let mut q = posture.to_vec();
+    for value in values {
+        q[moved.0] = *value;
+        model.satisfy_couplers(&mut q);
+        model.update_positions(&q, &mut cache);
+        model.update_unit_motion(&q, moved, &mut cache);
+        for ((path, geometry), muscle) in paths.iter_mut().zip(&mut swept) {
+            path.update(&q, &cache, geometry);
+            muscle.length_m.push(geometry.length());
+            muscle.moment_arm_m.push(path.moment_arm(&q, &cache, geometry));
+        }
+    }
+    Ok(swept)
+}
+
+/// One row per value: the coordinate, all lengths, all moment arms.
+fn csv(figure: &SweepFigure) -> Result<String, Failure> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let broken = |e: csv::Error| Failure::Internal(format!("CSV: {e}"));
+    let names = figure.muscles.iter().map(|m| &m.name);
+    // About a translation the moment arm has no unit.
+    let arm = if figure.unit == "deg" { "moment_arm_m" } else { "moment_arm" };
+    let header = std::iter::once(format!("{}_{}", figure.coordinate, figure.unit))
+        .chain(names.clone().map(|n| format!("{n}_length_m")))
+        .chain(names.map(|n| format!("{n}_{arm}")));
+    writer.write_record(header).map_err(broken)?;
+    for (i, value) in figure.values.iter().enumerate() {
+        let lengths = figure.muscles.iter().map(|m| m.length_m[i]);
+        let arms = figure.muscles.iter().map(|m| m.moment_arm_m[i]);
+        let row = lengths.chain(arms).map(|v| format!("{v:.9}"));
+        writer.write_record(std::iter::once(crate::report::results::rounded(*value, 12).to_string()).chain(row)).map_err(broken)?;
+    }
+    let bytes = writer.into_inner().map_err(|e| Failure::Internal(e.to_string()))?;
+    String::from_utf8(bytes).map_err(|e| Failure::Internal(e.to_string()))
+}
+
+fn json(figure: &SweepFigure) -> String {
+    let muscles: Vec<_> = figure
+        .muscles
+        .iter()
+        .map(|m| serde_json::json!({ "name": m.name, "length_m": m.length_m, "moment_arm_m": m.moment_arm_m }))
+        .collect();
+    let key = format!("values_{}", figure.unit);
+    serde_json::json!({
+        "schema": "carpus.paths/1",
+        "model": figure.model,
+        "coordinate": figure.coordinate,
+        key: figure.values,
+        "held": figure.held,
+        "muscles": muscles,
+        "provenance": figure.provenance,
+    })
+    .to_string()
+}

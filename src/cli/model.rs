@@ -1,0 +1,224 @@
+//! Reading a model for a command, and what of it a result depends on.
+
+use std::path::{Path, PathBuf};
+
+use super::failure::{Failure, Gravity, Message};
+use super::quantity::{Assignment, Quantity};
+use crate::multibody::Model;
+use crate::osim::spec::{CoordinateIndex, MotionType, MuscleIndex};
+use crate::osim::{Diagnostic, OsimError, OsimFile, Severity};
+use crate::paths::{Path as MusclePath, PathGeometry};
+
+/// A model that was read and compiled.
+#[derive(Debug)]
+pub struct LoadedModel {
+    /// Where it was read from.
+    pub path: PathBuf,
+    /// The file and its specification.
+    pub file: OsimFile,
+    /// The compiled skeleton.
+    pub model: Model,
+}
+
+/// What a result depends on, beyond the paths and properties of muscles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Needs {
+    /// Only the motion of bodies.
+    Motion,
+    /// Motion and all forces.
+    Forces,
+}
+
+/// Reads and compiles a model. Unsupported components that the result depends on are errors, or warnings if allowed.
+///
+/// # Errors
+/// The file is not a usable model; or it has unsupported components that matter, and they are not allowed.
+pub fn load(path: &Path, needs: Needs, allow: bool, messages: &mut Vec<Message>) -> Result<LoadedModel, Failure> {
+    let file = OsimFile::read(path).map_err(|e| osim_failure(path, &e))?;
+    let findings = file.diagnostics();
+    messages.extend(findings.of(Severity::Warning).map(|d| finding(path, d, Gravity::Warning)));
+    let matters = |d: &&Diagnostic| needs == Needs::Forces || !is_force(&d.path);
+    let unsupported: Vec<_> = findings.of(Severity::Unsupported).filter(matters).collect();
+    if allow {
+        messages.extend(unsupported.iter().map(|d| finding(path, d, Gravity::Warning)));
+    } else if !unsupported.is_empty() {
+        let errors = unsupported.iter().map(|d| finding(path, d, Gravity::Error));
+        let mut errors: Vec<_> = messages.drain(..).chain(errors).collect();
+        if let Some(last) = errors.last_mut() {
+            let more = "--allow-unsupported goes on without them";
+            last.hint = Some(match last.hint.take() {
+                Some(hint) => format!("{hint}; {more}"),
+                None => more.to_string(),
+            });
+        }
+        return Err(errors.into());
+    }
+    let model = Model::compile(file.spec()).map_err(|e| {
+        let message = Message::error(e.to_string()).in_file(path);
+        Failure::from(message.at_line(e.at().line))
+    })?;
+    Ok(LoadedModel { path: path.to_owned(), file, model })
+}
+
+/// Whether a component acts only through forces: it changes neither motion nor paths.
+fn is_force(path: &str) -> bool {
+    ["/forceset", "/controllerset", "/contactgeometryset", "/probeset"].iter().any(|set| path.starts_with(set))
+}
+
+/// A finding as a message.
+pub fn finding(path: &Path, diagnostic: &Diagnostic, gravity: Gravity) -> Message {
+    Message {
+        gravity,
+        file: Some(path.to_owned()),
+        line: Some(diagnostic.line),
+        text: format!("{}: {}", diagnostic.path, diagnostic.message),
+        hint: diagnostic.hint.clone(),
+    }
+}
+
+/// Why a model file cannot be read, one message per problem.
+pub fn osim_failure(path: &Path, error: &OsimError) -> Failure {
+    let message = |text: String, line: usize, hint: Option<String>| {
+        let message = Message::error(text).in_file(path).at_line(line);
+        Message { hint, ..message }
+    };
+    let messages = match error {
+        OsimError::Read { source, .. } => vec![message(format!("cannot be read: {source}"), 0, error.hint())],
+        OsimError::Document(e) => vec![message(e.kind.to_string(), e.line, e.hint())],
+        OsimError::NotAModel { line, found, .. } => {
+            let text = format!("not an OpenSim model: expected <OpenSimDocument Version=\"…\"> with a <Model>, found {found}");
+            vec![message(text, *line, error.hint())]
+        }
+        OsimError::UnsupportedVersion { line, found, oldest, newest, .. } => {
+            let text = format!("file format version {found} is not supported; expected {oldest} to {newest}");
+            vec![message(text, *line, error.hint())]
+        }
+        OsimError::Invalid { problems } => {
+            problems.iter().map(|p| message(format!("{}: {}", p.path, p.kind), p.line, p.hint())).collect()
+        }
+    };
+    Failure::Input(messages)
+}
+
+impl LoadedModel {
+    /// Name of the file, for messages.
+    fn message(&self, text: String) -> Message {
+        Message::error(text).in_file(&self.path)
+    }
+
+    /// The coordinate of that name.
+    ///
+    /// # Errors
+    /// There is none; the message names the nearest.
+    pub fn coordinate(&self, name: &str) -> Result<CoordinateIndex, Failure> {
+        self.model.coordinate(name).ok_or_else(|| {
+            let names = self.model.coordinates.iter().map(|c| c.name.as_str());
+            self.unknown("coordinate", name, names).into()
+        })
+    }
+
+    /// The muscles of these names, or all.
+    ///
+    /// # Errors
+    /// A name that the model does not have.
+    pub fn muscles(&self, names: &[String]) -> Result<Vec<MuscleIndex>, Failure> {
+        let muscles = &self.file.spec().muscles;
+        if names.is_empty() {
+            if muscles.is_empty() {
+                return Err(self.message("the model has no muscles".to_string()).into());
+            }
+            return Ok((0..muscles.len()).map(MuscleIndex).collect());
+        }
+        let find = |name: &String| {
+            let found = muscles.iter().position(|m| m.name == *name).map(MuscleIndex);
+            found.ok_or_else(|| self.unknown("muscle", name, muscles.iter().map(|m| m.name.as_str())))
+        };
+        names.iter().map(find).collect::<Result<_, Message>>().map_err(Failure::from)
+    }
+
+    fn unknown<'a>(&self, what: &str, name: &str, names: impl Iterator<Item = &'a str> + Clone) -> Message {
+        let message = self.message(format!("the model has no {what} `{name}`"));
+        match crate::study::nearest(name, names.clone()) {
+            Some(nearest) => message.hint(format!("did you mean `{nearest}`?")),
+            None => message.hint(format!("it has: {}", first_names(names))),
+        }
+    }
+
+    /// Checks that a coordinate can be set: the unit suits it and it does not follow another.
+    ///
+    /// # Errors
+    /// It cannot.
+    pub fn check_settable(&self, name: &str, value: Quantity) -> Result<CoordinateIndex, Failure> {
+        let index = self.coordinate(name)?;
+        let coordinate = &self.model.coordinates[index.0];
+        if !value.suits(coordinate.motion_type) {
+            let (kind, units) = match coordinate.motion_type {
+                MotionType::Translational => ("a translation", "m or mm"),
+                _ => ("a rotation", "deg or rad"),
+            };
+            let message = self.message(format!("coordinate `{name}` is {kind}: expected {units}, found {value}"));
+            return Err(message.into());
+        }
+        if self.model.is_dependent(index) {
+            let driver = &self.model.coordinates[self.model.root_of(index).0].name;
+            let message = self.message(format!("coordinate `{name}` follows `{driver}` through a coupler"));
+            return Err(message.hint(format!("set `{driver}` instead")).into());
+        }
+        Ok(index)
+    }
+
+    /// The default posture with some coordinates set and couplers followed [rad or m]. Values outside a coordinate's
+    /// range are used, with a warning.
+    ///
+    /// # Errors
+    /// A coordinate that the model does not have, follows another, or is of another kind than the unit.
+    pub fn posture(&self, set: &[Assignment], messages: &mut Vec<Message>) -> Result<Vec<f64>, Failure> {
+        let mut q = self.model.default_coordinates();
+        for assignment in set {
+            let index = self.check_settable(&assignment.coordinate, assignment.value)?;
+            q[index.0] = assignment.value.si();
+            let coordinate = &self.model.coordinates[index.0];
+            if !coordinate.in_range(q[index.0]) {
+                messages.push(self.outside_range(index, q[index.0]));
+            }
+        }
+        self.model.satisfy_couplers(&mut q);
+        Ok(q)
+    }
+
+    /// The warning that a value lies outside a coordinate's range.
+    pub fn outside_range(&self, index: CoordinateIndex, value: f64) -> Message {
+        let coordinate = &self.model.coordinates[index.0];
+        let show = |v: f64| match coordinate.motion_type {
+            MotionType::Translational => format!("{v:.4} m"),
+            _ => format!("{:.1}°", v.to_degrees()),
+        };
+        let [low, high] = coordinate.range.map(show);
+        let text = format!("coordinate `{}` is {}, outside its range of {low} to {high}", coordinate.name, show(value));
+        Message { gravity: Gravity::Warning, ..self.message(text) }.at_line(self.file.spec().coordinates[index.0].at.line)
+    }
+
+    /// The compiled paths of muscles, each with its buffers.
+    ///
+    /// # Errors
+    /// A path that cannot be compiled.
+    pub fn muscle_paths(&self, muscles: &[MuscleIndex]) -> Result<Vec<(MusclePath, PathGeometry)>, Failure> {
+        let compile = |index: &MuscleIndex| {
+            let muscle = &self.file.spec().muscles[index.0];
+            let path = MusclePath::compile(&muscle.path, self.file.spec(), &self.model).map_err(|e| {
+                Failure::from(self.message(format!("{}: {e}", muscle.at.path)).at_line(muscle.path.at.line))
+            })?;
+            let geometry = path.new_geometry();
+            Ok((path, geometry))
+        };
+        muscles.iter().map(compile).collect()
+    }
+}
+
+/// The first few names of a list.
+fn first_names<'a>(names: impl Iterator<Item = &'a str> + Clone) -> String {
+    const SHOWN: usize = 12;
+    let rest = names.clone().count().saturating_sub(SHOWN);
+    let shown = names.take(SHOWN).collect::<Vec<_>>().join(", ");
+    if rest > 0 { format!("{shown} and {rest} more") } else { shown }
+}

@@ -1,0 +1,57 @@
+//! What is needed to run a command again: its words, the program's version, the seed, and hashes of its input.
+
+use std::fmt::Write;
+use std::io::Read;
+use std::path::Path;
+
+use sha2::{Digest, Sha256};
+
+use super::args::Global;
+use super::failure::{Failure, Message};
+use crate::report::results::{InputFile, Provenance};
+
+/// The command as it was typed, quoted for a shell where needed.
+pub fn command_line() -> String {
+    let quoted = |word: String| {
+        let plain = |c: char| c.is_alphanumeric() || "-_./=:,+%@".contains(c);
+        if !word.is_empty() && word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', r"'\''")) }
+    };
+    let words = std::env::args_os().skip(1).map(|word| quoted(word.to_string_lossy().into_owned()));
+    std::iter::once("carpus".to_string()).chain(words).collect::<Vec<_>>().join(" ")
+}
+
+/// Provenance of a run that read `inputs`.
+pub fn provenance(global: &Global, inputs: Vec<InputFile>) -> Provenance {
+    Provenance {
+        program: "carpus".to_string(),
+        version: env!("CARGO_PKG_VERSION").to_string(),
+        command: command_line(),
+        seed: global.seed,
+        inputs,
+    }
+}
+
+/// A file and its hash.
+///
+/// # Errors
+/// The file cannot be read.
+pub fn input_file(path: &Path, shown: &str, role: &str) -> Result<InputFile, Failure> {
+    let unreadable = |error: std::io::Error| Message::error(format!("cannot be read: {error}")).in_file(path);
+    let mut file = std::fs::File::open(path).map_err(unreadable)?;
+    let mut hasher = Sha256::new();
+    let mut buffer = [0; 1 << 16];
+    loop {
+        match file.read(&mut buffer).map_err(unreadable)? {
+            0 => break,
+            n => hasher.update(&buffer[..n]),
+        }
+    }
+    Ok(InputFile { path: shown.to_string(), role: role.to_string(), sha256: hexadecimal(&hasher.finalize()) })
+}
+
+fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
+}
