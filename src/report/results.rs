@@ -158,6 +158,8 @@ pub enum Use {
     Train,
     /// Never seen by the fit.
     HeldOut,
+    /// A maximum voluntary contraction: neither fitted nor held out.
+    Mvc,
 }
 
 /// Errors over all trials of one use.

@@ -191,10 +191,16 @@ impl<'a> Pair<'a> {
     }
 }
 
+/// The uses of trials in the order of the tables, with their titles.
+fn uses() -> [(Use, &'static str); 3] {
+    [(Use::HeldOut, "Held out"), (Use::Train, "Training"), (Use::Mvc, "Maximal contractions")]
+}
+
 fn use_words(trial_use: Use) -> &'static str {
     match trial_use {
         Use::HeldOut => "held-out trials",
         Use::Train => "training trials",
+        Use::Mvc => "maximal contractions",
     }
 }
 
@@ -377,7 +383,6 @@ fn condition_sections(pair: &Pair, max: f64) -> Vec<Section<ConditionRow>> {
         total,
     };
     let Some(after) = pair.after else { return Vec::new() };
-    let uses = [(Use::HeldOut, "Held out: never seen by a fit"), (Use::Train, "Training")];
     let section = |(trial_use, title)| {
         let of_use = after.conditions.iter().filter(|c| c.trial_use == trial_use);
         let mut rows: Vec<_> = of_use
@@ -392,7 +397,7 @@ fn condition_sections(pair: &Pair, max: f64) -> Vec<Section<ConditionRow>> {
         rows.push(row("All".to_string(), total.trials, pair.errors(trial_use).0, &total.errors, true));
         Some(Section { title, held_out: trial_use == Use::HeldOut, rows })
     };
-    uses.into_iter().filter_map(section).collect()
+    uses().into_iter().filter_map(section).collect()
 }
 
 fn groups(results: &Results, pair: &Pair) -> Vec<Group> {
@@ -517,7 +522,7 @@ fn trial_sections(results: &Results) -> Vec<Section<TrialRow>> {
         let rows: Vec<_> = results.trials.iter().filter(|t| t.trial_use == trial_use).map(row).collect();
         (!rows.is_empty()).then_some(Section { title, held_out: trial_use == Use::HeldOut, rows })
     };
-    [(Use::HeldOut, "Held out"), (Use::Train, "Training")].into_iter().filter_map(section).collect()
+    uses().into_iter().filter_map(section).collect()
 }
 
 fn parameter_groups(parameters: &[ParameterResult]) -> Vec<ParameterGroup> {

@@ -19,6 +19,8 @@ struct Row {
     fiber_length_m: f64,
     normalized_fiber_length: f64,
     tendon_length_m: f64,
+    active_fiber_force_n: f64,
+    passive_fiber_force_n: f64,
     pennation_angle_deg: f64,
     tendon_force_n: f64,
     status: &'static str,
@@ -141,14 +143,16 @@ fn at_rest(loaded: &LoadedModel, index: MuscleIndex, path_length: f64, activatio
     let unusable = |text: String| Message::error(text).in_file(&loaded.path).at_line(spec.at.line);
     let muscle = Millard2012::from_spec(spec).map_err(|e| unusable(e.to_string()))?;
     let found = muscle.equilibrium(path_length, activation).map_err(|e| unusable(e.to_string()))?;
-    let pennation = muscle.pennation().pennation(found.fiber_length);
+    let state = muscle.dynamics(found.fiber_length, activation, path_length, 0.0);
     Ok(Row {
         muscle: spec.name.clone(),
         path_length_m: path_length,
-        fiber_length_m: found.fiber_length,
-        normalized_fiber_length: found.fiber_length / spec.optimal_fiber_length,
-        tendon_length_m: path_length - found.fiber_length * pennation.cos,
-        pennation_angle_deg: pennation.sin.atan2(pennation.cos).to_degrees(),
+        fiber_length_m: state.fiber_length,
+        normalized_fiber_length: state.normalized_fiber_length,
+        tendon_length_m: state.tendon_length,
+        active_fiber_force_n: state.active_fiber_force,
+        passive_fiber_force_n: state.passive_fiber_force,
+        pennation_angle_deg: state.pennation_angle.to_degrees(),
         tendon_force_n: found.tendon_force,
         status: match found.status {
             EquilibriumStatus::Converged => "converged",
@@ -162,7 +166,7 @@ fn at_rest(loaded: &LoadedModel, index: MuscleIndex, path_length: f64, activatio
 
 fn readable(rows: &[Row]) -> String {
     let mut header: Vec<String> =
-        ["muscle", "path mm", "fibre mm", "l/l_opt", "tendon mm", "pennation °", "force N"].map(String::from).to_vec();
+        ["muscle", "path mm", "fibre mm", "l/l_opt", "tendon mm", "pennation °", "active N", "passive N", "tendon force N"].map(String::from).to_vec();
     if let Some(first) = rows.first() {
         header.extend(first.moments.iter().flat_map(|m| [format!("arm({}) mm", m.coordinate), format!("moment({}) N·m", m.coordinate)]));
     }
@@ -175,6 +179,8 @@ fn readable(rows: &[Row]) -> String {
             format!("{:.3}", r.normalized_fiber_length),
             format!("{:.1}", 1e3 * r.tendon_length_m),
             format!("{:.1}", r.pennation_angle_deg),
+            format!("{:.2}", r.active_fiber_force_n),
+            format!("{:.2}", r.passive_fiber_force_n),
             format!("{:.2}", r.tendon_force_n),
         ];
         for m in &r.moments {
@@ -191,7 +197,7 @@ fn csv(rows: &[Row]) -> Result<String, Failure> {
     let broken = |e: csv::Error| Failure::Internal(format!("CSV: {e}"));
     let mut writer = csv::Writer::from_writer(Vec::new());
     let mut header: Vec<String> = [
-        "muscle", "path_length_m", "fiber_length_m", "normalized_fiber_length", "tendon_length_m", "pennation_angle_deg",
+        "muscle", "path_length_m", "fiber_length_m", "normalized_fiber_length", "tendon_length_m", "active_fiber_force_n", "passive_fiber_force_n", "pennation_angle_deg",
         "tendon_force_n", "status",
     ]
     .map(String::from)
@@ -203,7 +209,8 @@ fn csv(rows: &[Row]) -> Result<String, Failure> {
     writer.write_record(&header).map_err(broken)?;
     for r in rows {
         let numbers = [
-            r.path_length_m, r.fiber_length_m, r.normalized_fiber_length, r.tendon_length_m, r.pennation_angle_deg, r.tendon_force_n,
+            r.path_length_m, r.fiber_length_m, r.normalized_fiber_length, r.tendon_length_m, r.active_fiber_force_n,
+            r.passive_fiber_force_n, r.pennation_angle_deg, r.tendon_force_n,
         ];
         let mut cells = vec![r.muscle.clone()];
         cells.extend(numbers.map(|v| format!("{v:.9}")));
