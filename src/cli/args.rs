@@ -9,8 +9,16 @@ use super::quantity::{Assignment, Sweep};
 
 /// Personalize OpenSim hand and wrist models from dynamometer and EMG recordings, and see where the model fails.
 #[derive(Debug, Parser)]
-#[command(name = "carpus", version, propagate_version = true, subcommand_required = true, arg_required_else_help = true)]
-#[command(after_help = "Start with:\n  carpus demo\n\nExit codes: 0 done, 1 the input is at fault, 2 carpus is at fault.")]
+#[command(
+    name = "carpus",
+    version,
+    propagate_version = true,
+    subcommand_required = true,
+    arg_required_else_help = true
+)]
+#[command(
+    after_help = "Start with:\n  carpus demo\n\nExit codes: 0 done, 1 the input is at fault, 2 carpus is at fault."
+)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]

@@ -89,9 +89,12 @@ impl Message {
             None => first.to_string(),
         };
         let source = self.source_line();
-        let mut group = level.primary_title(title).elements(lines.map(|l| Level::NOTE.no_name().message(l.trim().to_string())));
+        let mut group =
+            level.primary_title(title).elements(lines.map(|l| Level::NOTE.no_name().message(l.trim().to_string())));
         if let (Some(source), Some(line)) = (&source, self.line) {
-            let snippet = Snippet::source(source.as_str()).line_start(line).annotation(AnnotationKind::Primary.span(0..source.len()));
+            let snippet = Snippet::source(source.as_str())
+                .line_start(line)
+                .annotation(AnnotationKind::Primary.span(0..source.len()));
             group = group.element(snippet);
         }
         if let Some(hint) = &self.hint {

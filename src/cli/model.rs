@@ -35,7 +35,7 @@ pub enum Needs {
 /// The file is not a usable model; or it has unsupported components that matter, and they are not allowed.
 pub fn load(path: &Path, needs: Needs, allow: bool, messages: &mut Vec<Message>) -> Result<LoadedModel, Failure> {
     let file = OsimFile::read(path).map_err(|e| osim_failure(path, &e))?;
-    let findings = file.diagnostics();
+    let findings = &file.diagnostics;
     messages.extend(findings.of(Severity::Warning).map(|d| finding(path, d, Gravity::Warning)));
     let matters = |d: &&Diagnostic| needs == Needs::Forces || !is_force(&d.path);
     let unsupported: Vec<_> = findings.of(Severity::Unsupported).filter(matters).collect();
@@ -53,7 +53,7 @@ pub fn load(path: &Path, needs: Needs, allow: bool, messages: &mut Vec<Message>)
         }
         return Err(errors.into());
     }
-    let model = Model::compile(file.spec()).map_err(|e| {
+    let model = Model::compile(&file.spec).map_err(|e| {
         let message = Message::error(e.to_string()).in_file(path);
         Failure::from(message.at_line(e.at().line))
     })?;
@@ -86,7 +86,8 @@ pub fn osim_failure(path: &Path, error: &OsimError) -> Failure {
         OsimError::Read { source, .. } => vec![message(format!("cannot be read: {source}"), 0, error.hint())],
         OsimError::Document(e) => vec![message(e.kind.to_string(), e.line, e.hint())],
         OsimError::NotAModel { line, found, .. } => {
-            let text = format!("not an OpenSim model: expected <OpenSimDocument Version=\"…\"> with a <Model>, found {found}");
+            let text =
+                format!("not an OpenSim model: expected <OpenSimDocument Version=\"…\"> with a <Model>, found {found}");
             vec![message(text, *line, error.hint())]
         }
         OsimError::UnsupportedVersion { line, found, oldest, newest, .. } => {
@@ -122,7 +123,7 @@ impl LoadedModel {
     /// # Errors
     /// A name that the model does not have.
     pub fn muscles(&self, names: &[String]) -> Result<Vec<MuscleIndex>, Failure> {
-        let muscles = &self.file.spec().muscles;
+        let muscles = &self.file.spec.muscles;
         if names.is_empty() {
             if muscles.is_empty() {
                 return Err(self.message("the model has no muscles".to_string()).into());
@@ -195,7 +196,7 @@ impl LoadedModel {
         };
         let [low, high] = coordinate.range.map(show);
         let text = format!("coordinate `{}` is {}, outside its range of {low} to {high}", coordinate.name, show(value));
-        Message { gravity: Gravity::Warning, ..self.message(text) }.at_line(self.file.spec().coordinates[index.0].at.line)
+        Message { gravity: Gravity::Warning, ..self.message(text) }.at_line(self.file.spec.coordinates[index.0].at.line)
     }
 
     /// The compiled paths of muscles, each with its buffers.
@@ -204,8 +205,8 @@ impl LoadedModel {
     /// A path that cannot be compiled.
     pub fn muscle_paths(&self, muscles: &[MuscleIndex]) -> Result<Vec<(MusclePath, PathGeometry)>, Failure> {
         let compile = |index: &MuscleIndex| {
-            let muscle = &self.file.spec().muscles[index.0];
-            let path = MusclePath::compile(&muscle.path, self.file.spec(), &self.model).map_err(|e| {
+            let muscle = &self.file.spec.muscles[index.0];
+            let path = MusclePath::compile(&muscle.path, &self.file.spec, &self.model).map_err(|e| {
                 Failure::from(self.message(format!("{}: {e}", muscle.at.path)).at_line(muscle.path.at.line))
             })?;
             let geometry = path.new_geometry();

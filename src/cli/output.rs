@@ -44,7 +44,8 @@ impl OutputFolder {
     pub fn write(&self, relative: impl AsRef<Path>, bytes: &[u8]) -> Result<PathBuf, Failure> {
         let target = self.path.join(relative);
         self.refuse_input(&target)?;
-        let unwritable = |error: std::io::Error| Message::error(format!("cannot be written: {}", reason(&error))).in_file(&target);
+        let unwritable =
+            |error: std::io::Error| Message::error(format!("cannot be written: {}", reason(&error))).in_file(&target);
         let folder = target.parent().unwrap_or(&self.path);
         std::fs::create_dir_all(folder).map_err(unwritable)?;
         let mut file = tempfile::Builder::new().prefix(".carpus-").tempfile_in(folder).map_err(unwritable)?;

@@ -184,7 +184,8 @@ fn with_unit(text: &str, default: Option<Unit>) -> Result<Quantity, String> {
     let end = text.trim_end_matches(|c: char| c.is_alphabetic() || c == '°').len();
     // `1e` would end in a letter that belongs to no unit; numbers such as 1e3 end in a digit.
     let (number, unit) = text.split_at(end);
-    let value: f64 = number.trim().parse().map_err(|_| format!("`{text}` is not a number with a unit (deg, rad, m, mm)"))?;
+    let value: f64 =
+        number.trim().parse().map_err(|_| format!("`{text}` is not a number with a unit (deg, rad, m, mm)"))?;
     if !value.is_finite() {
         return Err(format!("`{text}` is not finite"));
     }

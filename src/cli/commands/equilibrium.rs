@@ -7,7 +7,7 @@ use crate::cli::failure::{self, Failure, Message};
 use crate::cli::model::{self, LoadedModel, Needs};
 use crate::cli::output::OutputFolder;
 use crate::cli::print_result;
-use crate::cli::table::table;
+use crate::cli::table::{fixed, table};
 use crate::muscles::{EquilibriumStatus, Millard2012};
 use crate::osim::spec::{CoordinateIndex, MuscleIndex, MuscleKind};
 
@@ -82,7 +82,7 @@ fn computed_muscles(
     let mut computed = Vec::new();
     let mut others = Vec::new();
     for index in loaded.muscles(&args.muscles)? {
-        let muscle = &loaded.file.spec().muscles[index.0];
+        let muscle = &loaded.file.spec.muscles[index.0];
         match &muscle.kind {
             MuscleKind::Millard2012Equilibrium(_) => computed.push(index),
             MuscleKind::PathOnly { class } => {
@@ -139,7 +139,7 @@ fn rows(
 
 /// A muscle at rest, without its moments.
 fn at_rest(loaded: &LoadedModel, index: MuscleIndex, path_length: f64, activation: f64) -> Result<Row, Failure> {
-    let spec = &loaded.file.spec().muscles[index.0];
+    let spec = &loaded.file.spec.muscles[index.0];
     let unusable = |text: String| Message::error(text).in_file(&loaded.path).at_line(spec.at.line);
     let muscle = Millard2012::from_spec(spec).map_err(|e| unusable(e.to_string()))?;
     let found = muscle.equilibrium(path_length, activation).map_err(|e| unusable(e.to_string()))?;
@@ -165,26 +165,42 @@ fn at_rest(loaded: &LoadedModel, index: MuscleIndex, path_length: f64, activatio
 }
 
 fn readable(rows: &[Row]) -> String {
-    let mut header: Vec<String> =
-        ["muscle", "path mm", "fibre mm", "l/l_opt", "tendon mm", "pennation °", "active N", "passive N", "tendon force N"].map(String::from).to_vec();
+    let mut header: Vec<String> = [
+        "muscle",
+        "path mm",
+        "fibre mm",
+        "l/l_opt",
+        "tendon mm",
+        "pennation °",
+        "active N",
+        "passive N",
+        "tendon force N",
+    ]
+    .map(String::from)
+    .to_vec();
     if let Some(first) = rows.first() {
-        header.extend(first.moments.iter().flat_map(|m| [format!("arm({}) mm", m.coordinate), format!("moment({}) N·m", m.coordinate)]));
+        header.extend(
+            first
+                .moments
+                .iter()
+                .flat_map(|m| [format!("arm({}) mm", m.coordinate), format!("moment({}) N·m", m.coordinate)]),
+        );
     }
     header.push("note".to_string());
     let body = rows.iter().map(|r| {
         let mut cells = vec![
             r.muscle.clone(),
-            format!("{:.1}", 1e3 * r.path_length_m),
-            format!("{:.2}", 1e3 * r.fiber_length_m),
-            format!("{:.3}", r.normalized_fiber_length),
-            format!("{:.1}", 1e3 * r.tendon_length_m),
-            format!("{:.1}", r.pennation_angle_deg),
-            format!("{:.2}", r.active_fiber_force_n),
-            format!("{:.2}", r.passive_fiber_force_n),
-            format!("{:.2}", r.tendon_force_n),
+            fixed(1e3 * r.path_length_m, 1),
+            fixed(1e3 * r.fiber_length_m, 2),
+            fixed(r.normalized_fiber_length, 3),
+            fixed(1e3 * r.tendon_length_m, 1),
+            fixed(r.pennation_angle_deg, 1),
+            fixed(r.active_fiber_force_n, 2),
+            fixed(r.passive_fiber_force_n, 2),
+            fixed(r.tendon_force_n, 2),
         ];
         for m in &r.moments {
-            cells.extend([format!("{:.2}", 1e3 * m.moment_arm_m), format!("{:.4}", m.moment_n_m)]);
+            cells.extend([fixed(1e3 * m.moment_arm_m, 2), fixed(m.moment_n_m, 4)]);
         }
         cells.push(if r.status == "converged" { String::new() } else { r.status.replace('_', " ") });
         cells
@@ -197,8 +213,16 @@ fn csv(rows: &[Row]) -> Result<String, Failure> {
     let broken = |e: csv::Error| Failure::Internal(format!("CSV: {e}"));
     let mut writer = csv::Writer::from_writer(Vec::new());
     let mut header: Vec<String> = [
-        "muscle", "path_length_m", "fiber_length_m", "normalized_fiber_length", "tendon_length_m", "active_fiber_force_n", "passive_fiber_force_n", "pennation_angle_deg",
-        "tendon_force_n", "status",
+        "muscle",
+        "path_length_m",
+        "fiber_length_m",
+        "normalized_fiber_length",
+        "tendon_length_m",
+        "active_fiber_force_n",
+        "passive_fiber_force_n",
+        "pennation_angle_deg",
+        "tendon_force_n",
+        "status",
     ]
     .map(String::from)
     .to_vec();
@@ -209,8 +233,14 @@ fn csv(rows: &[Row]) -> Result<String, Failure> {
     writer.write_record(&header).map_err(broken)?;
     for r in rows {
         let numbers = [
-            r.path_length_m, r.fiber_length_m, r.normalized_fiber_length, r.tendon_length_m, r.active_fiber_force_n,
-            r.passive_fiber_force_n, r.pennation_angle_deg, r.tendon_force_n,
+            r.path_length_m,
+            r.fiber_length_m,
+            r.normalized_fiber_length,
+            r.tendon_length_m,
+            r.active_fiber_force_n,
+            r.passive_fiber_force_n,
+            r.pennation_angle_deg,
+            r.tendon_force_n,
         ];
         let mut cells = vec![r.muscle.clone()];
         cells.extend(numbers.map(|v| format!("{v:.9}")));

@@ -64,7 +64,7 @@ struct Info<'a> {
 /// The file cannot be read as a model.
 pub fn run(args: &InfoArgs, global: &Global) -> Result<(), Failure> {
     let file = OsimFile::read(&args.model).map_err(|e| model::osim_failure(&args.model, &e))?;
-    let spec = file.spec();
+    let spec = &file.spec;
     let compiled = Model::compile(spec);
     let info = Info {
         schema: "carpus.info/1",
@@ -79,7 +79,7 @@ pub fn run(args: &InfoArgs, global: &Global) -> Result<(), Failure> {
         markers: spec.markers.len(),
         coordinates: coordinates(spec, compiled.as_ref().ok()),
         muscles: spec.muscles.iter().map(muscle).collect(),
-        diagnostics: file.diagnostics(),
+        diagnostics: &file.diagnostics,
         compile_error: compiled.as_ref().err().map(ToString::to_string),
     };
     if global.json {
@@ -92,7 +92,11 @@ pub fn run(args: &InfoArgs, global: &Global) -> Result<(), Failure> {
         Ok(_) => Ok(()),
         Err(e) => {
             let message = Message { gravity: Gravity::Error, ..Message::error(e.to_string()) };
-            Err(message.in_file(&args.model).at_line(e.at().line).hint("the file can be read, but not computed with").into())
+            Err(message
+                .in_file(&args.model)
+                .at_line(e.at().line)
+                .hint("the file can be read, but not computed with")
+                .into())
         }
     }
 }
@@ -224,10 +228,14 @@ fn findings(diagnostics: &Diagnostics, file: &str, all: bool) -> String {
     ];
     for (severity, title) in severities {
         let found: Vec<_> = diagnostics.of(severity).collect();
-        text.push_str(&format!("{title}: {}\n", if found.is_empty() { "none".to_string() } else { found.len().to_string() }));
+        text.push_str(&format!(
+            "{title}: {}\n",
+            if found.is_empty() { "none".to_string() } else { found.len().to_string() }
+        ));
         let shown = if all { found.len() } else { LISTED.min(found.len()) };
         for d in &found[..shown] {
-            let more = if d.also_at.is_empty() { String::new() } else { format!(" (and at {} more lines)", d.also_at.len()) };
+            let more =
+                if d.also_at.is_empty() { String::new() } else { format!(" (and at {} more lines)", d.also_at.len()) };
             text.push_str(&format!("  {file}:{}: {}: {}{more}\n", d.line, d.path, d.message));
             if let Some(hint) = &d.hint {
                 text.push_str(&format!("    hint: {hint}\n"));

@@ -66,7 +66,7 @@ fn sweep(
     let mut swept: Vec<_> = muscles
         .iter()
         .map(|m| SweepMuscle {
-            name: loaded.file.spec().muscles[m.0].name.clone(),
+            name: loaded.file.spec.muscles[m.0].name.clone(),
             length_m: Vec::with_capacity(values.len()),
             moment_arm_m: Vec::with_capacity(values.len()),
         })
@@ -102,7 +102,9 @@ fn csv(figure: &SweepFigure) -> Result<String, Failure> {
         let lengths = figure.muscles.iter().map(|m| m.length_m[i]);
         let arms = figure.muscles.iter().map(|m| m.moment_arm_m[i]);
         let row = lengths.chain(arms).map(|v| format!("{v:.9}"));
-        writer.write_record(std::iter::once(crate::report::results::rounded(*value, 12).to_string()).chain(row)).map_err(broken)?;
+        writer
+            .write_record(std::iter::once(crate::report::results::rounded(*value, 12).to_string()).chain(row))
+            .map_err(broken)?;
     }
     let bytes = writer.into_inner().map_err(|e| Failure::Internal(e.to_string()))?;
     String::from_utf8(bytes).map_err(|e| Failure::Internal(e.to_string()))
