@@ -1,7 +1,7 @@
 //! The buffer that a path's evaluation fills.
 
 use super::path::{Path, PathWrap};
-use super::wrapping::Wrap;
+use super::wrapping::{Wrap, WrapPath};
 use crate::multibody::{BaseIndex, Cache};
 use crate::osim::spec::WrapObjectIndex;
 use crate::spatial::Transform;
@@ -30,6 +30,12 @@ pub struct CurrentPoint {
     pub p_BS: Vector3<f64>,
     /// Location in ground `p_GS` [m].
     pub p_GS: Vector3<f64>,
+    /// Location in ground that straight pieces are measured from and to [m]: `p_GS`, except that a tangent point which a
+    /// later pass over several wrap objects has moved is still measured where it was put first.
+    ///
+    /// OpenSim keeps the ground location of a point until the pose changes and overlooks that its own passes move
+    /// tangent points; lengths and directions of such paths are therefore a few millimetres off, in OpenSim and here.
+    pub measured_p_GS: Vector3<f64>,
     /// The wrap object that it lies on.
     pub wrap_object: Option<WrapObjectIndex>,
     /// For a [`PointOrigin::WrapEnd`]: length of the curve that ends here [m]; else 0.
@@ -59,6 +65,8 @@ pub struct PathGeometry {
     /// Pose of every wrap surface in ground.
     pub(super) X_GW: Vec<Transform>,
     pub(super) order: Vec<usize>,
+    /// Where the tangent points of each wrap were put first at this pose, in ground.
+    pub(super) first_tangents_G: Vec<Option<[Vector3<f64>; 2]>>,
     /// The latest wrap of each segment. Wrapping is a pure function of the segment's ends, so that a segment whose ends
     /// have not moved (in a later pass, or at a pose that does not touch it) need not be wrapped again.
     memory: Vec<Remembered>,
@@ -72,6 +80,7 @@ impl PathGeometry {
             points: Vec::with_capacity(path.points.len() + 2 * path.wraps.len()),
             X_GW: vec![Transform::identity(); path.wraps.len()],
             order: (0..path.wraps.len()).collect(),
+            first_tangents_G: vec![None; path.wraps.len()],
             memory: vec![
                 Remembered { p1: nowhere, p2: nowhere, wrap: Wrap::NO_WRAP };
                 path.wraps.len() * MEMORY_PER_WRAP
@@ -93,14 +102,17 @@ impl PathGeometry {
     #[allow(non_snake_case)]
     pub(super) fn start(&mut self, path: &Path, q: &[f64], cache: &Cache) {
         self.points.clear();
+        self.first_tangents_G.fill(None);
         for (i, point) in path.points.iter().enumerate() {
             if point.is_active(q) {
                 let p_BS = point.location(q);
+                let p_GS = cache.X_GB(point.base) * p_BS;
                 self.points.push(CurrentPoint {
                     origin: PointOrigin::Point(i),
                     base: point.base,
                     p_BS,
-                    p_GS: cache.X_GB(point.base) * p_BS,
+                    p_GS,
+                    measured_p_GS: p_GS,
                     wrap_object: None,
                     wrap_length: 0.0,
                 });
@@ -122,6 +134,13 @@ impl PathGeometry {
         } else {
             self.X_GW[w].inverse_transform_point(&point.p_GS)
         }
+    }
+
+    /// By how much a wrap changes the length of the segment from current point `i` to the next [m].
+    pub(super) fn length_change(&self, i: usize, w: usize, path: &WrapPath) -> f64 {
+        let (a, b) = (&self.points[i].measured_p_GS, &self.points[i + 1].measured_p_GS);
+        let measured = |p: &Vector3<f64>, r: &Vector3<f64>| (p - &self.X_GW[w] * r).norm();
+        measured(a, &path.r1) + path.length + measured(b, &path.r2) - (a - b).norm()
     }
 
     /// Wraps the segment `p1`, `p2`, given in the frame of wrap `w`; `slot` tells segments apart.
@@ -156,7 +175,7 @@ impl PathGeometry {
             if a.wrap_object.is_some() && a.wrap_object == b.wrap_object {
                 length += b.wrap_length;
             } else {
-                length += (a.p_GS - b.p_GS).norm();
+                length += (a.measured_p_GS - b.measured_p_GS).norm();
             }
         }
         length

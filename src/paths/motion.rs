@@ -35,7 +35,7 @@ impl Path {
             if from.base == to.base {
                 continue;
             }
-            let along = to.p_GS - from.p_GS;
+            let along = to.measured_p_GS - from.measured_p_GS;
             let distance = along.norm();
             if distance < COINCIDENT {
                 continue;
@@ -56,7 +56,7 @@ impl Path {
         let mut speed = 0.0;
         for pair in geometry.points.windows(2) {
             let (from, to) = (&pair[0], &pair[1]);
-            let along = to.p_GS - from.p_GS;
+            let along = to.measured_p_GS - from.measured_p_GS;
             let distance = along.norm();
             let relative = velocity(to) - velocity(from);
             speed += if distance < f64::EPSILON { relative.norm() } else { along.dot(&relative) / distance };

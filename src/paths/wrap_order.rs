@@ -126,8 +126,7 @@ fn best_wrap(
             }
             WrapAction::Wrapped => {
                 if let Some(path) = segment.path {
-                    let wrapped = (p1 - path.r1).norm() + path.length + (p2 - path.r2).norm();
-                    let change = wrapped - (p1 - p2).norm();
+                    let change = geometry.length_change(i, w, &path);
                     if change < least_change {
                         least_change = change;
                         best = Some(Best { path, end: i + 1 });
@@ -144,13 +143,18 @@ fn best_wrap(
 #[allow(non_snake_case)]
 fn insert_wrap(wrap: &PathWrap, w: usize, best: &Best, cache: &Cache, geometry: &mut PathGeometry) {
     let X_GB = cache.X_GB(wrap.base);
-    let tangent = |origin: PointOrigin, r: &Vector3<f64>, wrap_length: f64| {
-        let p_BS = &wrap.X_BW * r;
-        CurrentPoint { origin, base: wrap.base, p_BS, p_GS: X_GB * p_BS, wrap_object: Some(wrap.object), wrap_length }
+    let p_B = [&wrap.X_BW * best.path.r1, &wrap.X_BW * best.path.r2];
+    let p_G = p_B.map(|p| X_GB * p);
+    let measured = *geometry.first_tangents_G[w].get_or_insert(p_G);
+    let tangent = |i: usize, origin: PointOrigin, wrap_length: f64| CurrentPoint {
+        origin,
+        base: wrap.base,
+        p_BS: p_B[i],
+        p_GS: p_G[i],
+        measured_p_GS: measured[i],
+        wrap_object: Some(wrap.object),
+        wrap_length,
     };
-    let points = [
-        tangent(PointOrigin::WrapStart(w), &best.path.r1, 0.0),
-        tangent(PointOrigin::WrapEnd(w), &best.path.r2, best.path.length),
-    ];
+    let points = [tangent(0, PointOrigin::WrapStart(w), 0.0), tangent(1, PointOrigin::WrapEnd(w), best.path.length)];
     geometry.points.splice(best.end..best.end, points);
 }

@@ -22,3 +22,13 @@ pub fn shared(relative: &str) -> Option<PathBuf> {
     }
     found
 }
+
+/// A Python that can import OpenSim: `CARPUS_PYTHON`, else `python3`; `None` if neither can.
+pub fn opensim_python() -> Option<PathBuf> {
+    let candidates = std::env::var_os("CARPUS_PYTHON").into_iter().chain([std::ffi::OsString::from("python3")]);
+    candidates.map(PathBuf::from).find(|python| {
+        let mut check = std::process::Command::new(python);
+        check.args(["-c", "import opensim"]).stdout(std::process::Stdio::null()).stderr(std::process::Stdio::null());
+        check.status().is_ok_and(|status| status.success())
+    })
+}

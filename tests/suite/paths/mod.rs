@@ -1,3 +1,4 @@
 //! Tests of `paths`.
 
+mod opensim;
 mod wrapping;
