@@ -156,6 +156,13 @@ impl<S: Scalar> Millard2012<S> {
         })
     }
 
+    /// Fibre force along the tendon minus tendon force, both at rest, over `max_isometric_force`; zero in equilibrium.
+    ///
+    /// For a compliant tendon. The fibre length is clamped to the minimum, the activation to its bounds.
+    pub fn equilibrium_residual(&self, fiber_length: S, path_length: S, activation: S) -> S {
+        self.balance(fiber_length, path_length, self.clamp_activation(activation)).residual
+    }
+
     fn rigid_equilibrium(&self, path_length: S, activation: S) -> Equilibrium<S> {
         let at = self.dynamics(S::constant(0.0), activation, path_length, S::constant(0.0));
         Equilibrium {
@@ -241,8 +248,12 @@ impl<S: Scalar> Millard2012<S> {
     fn polish(&self, solution: &mut Solution, balance: impl Fn(f64) -> (f64, f64)) {
         let minimum = self.minimum_fiber_length.value();
         let l_opt = self.parameters.optimal_fiber_length.value();
+        if solution.fiber_length <= minimum {
+            solution.status = EquilibriumStatus::FiberAtLowerBound;
+            return;
+        }
         let imprecision = EQUILIBRIUM_TOLERANCE / solution.slope.abs();
-        if !(imprecision <= WELL_DETERMINED * l_opt) || solution.fiber_length <= minimum {
+        if !(imprecision <= WELL_DETERMINED * l_opt) {
             solution.status = EquilibriumStatus::WeaklyDetermined;
             return;
         }
