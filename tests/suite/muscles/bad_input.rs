@@ -53,7 +53,10 @@ fn verif_invalid_properties_are_named() {
 #[test]
 fn verif_invalid_curves_are_named() {
     let error = refused(|s| millard(s).tendon_force_length.curviness = Some(0.5));
-    assert!(matches!(error, MuscleError::Curve(CurveError::PartlySet { curve: "TendonForceLengthCurve", .. })), "{error}");
+    assert!(
+        matches!(error, MuscleError::Curve(CurveError::PartlySet { curve: "TendonForceLengthCurve", .. })),
+        "{error}"
+    );
     let error = refused(|s| millard(s).force_velocity.isometric_slope = 0.5);
     let expected = CurveError::OutOfRange {
         curve: "ForceVelocityCurve",

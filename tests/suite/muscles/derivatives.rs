@@ -132,9 +132,8 @@ fn verif_parameter_derivatives_of_equilibrium() {
     for row in rows(&fixtures().join("equilibrium.csv")) {
         let muscle = &muscles[&row["muscle"]];
         let (path, activation) = (number(&row, "path_length"), number(&row, "activation"));
-        let dual = with_duals(muscle)
-            .equilibrium(Dual::constant(path), Dual::constant(activation))
-            .expect("equilibrium");
+        let dual =
+            with_duals(muscle).equilibrium(Dual::constant(path), Dual::constant(activation)).expect("equilibrium");
         if dual.status != EquilibriumStatus::Converged {
             continue;
         }

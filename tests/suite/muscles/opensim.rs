@@ -51,7 +51,8 @@ fn curve_differences(folder: &Path) -> Vec<Differences> {
         let near = [x - OPENSIM_ABSCISSA_TOLERANCE, x + OPENSIM_ABSCISSA_TOLERANCE];
         let second = curve.second_derivative(x);
         let spread = near.map(|x| (curve.second_derivative(x) - second).abs()).into_iter().fold(0.0, f64::max);
-        let ours = [("value", at.value, 0.0), ("derivative", at.derivative, 0.0), ("second_derivative", second, spread)];
+        let ours =
+            [("value", at.value, 0.0), ("derivative", at.derivative, 0.0), ("second_derivative", second, spread)];
         for (order, ours, spread) in ours {
             let theirs = number(&row, order);
             let quantity = format!("{} {order}", row["curve"]);
@@ -143,6 +144,7 @@ fn val_opensim_equilibrium() {
     assert_equilibria(&result);
     assert!(result.length.count() > 200);
     assert!(result.at_lower_bound + result.weakly_determined > 10, "slack tendons are among the cases");
+    assert!(result.opensim_failures > 5, "states that OpenSim cannot equilibrate are among the cases");
 }
 
 /// Name of a reference column, our number for it, and the scale that differences are judged by.

@@ -32,10 +32,7 @@ pub fn specs(folder: &Path) -> Vec<MuscleSpec> {
 
 /// The muscles in a folder's `muscles.json`, by name.
 pub fn muscles(folder: &Path) -> HashMap<String, Millard2012> {
-    specs(folder)
-        .iter()
-        .map(|spec| (spec.name.clone(), Millard2012::from_spec(spec).expect("valid muscle")))
-        .collect()
+    specs(folder).iter().map(|spec| (spec.name.clone(), Millard2012::from_spec(spec).expect("valid muscle"))).collect()
 }
 
 fn spec(json: &Value) -> MuscleSpec {
