@@ -136,17 +136,17 @@ pub enum EvaluationError {
 pub struct ErrorMeasures {
     /// Number of samples M.
     pub samples: usize,
-    /// Equation 3.1 [1], ≥ 0.
+    /// Equation 3.1 \[1\], ≥ 0.
     pub nrmse: Measure,
-    /// Equation 3.2 [1], ≥ 0.
+    /// Equation 3.2 \[1\], ≥ 0.
     pub max_error: Measure,
-    /// Equation 3.3 [1]: zero-lag cross-correlation term.
+    /// Equation 3.3 \[1\]: zero-lag cross-correlation term.
     pub xcorr: Measure,
-    /// Equation 3.4 [1]: the sum of the three.
+    /// Equation 3.4 \[1\]: the sum of the three.
     pub objective: Measure,
     /// Root mean square of the error [N·m].
     pub rmse_n_m: Measure,
-    /// Root mean square of the error over max|τ_exp| [1].
+    /// Root mean square of the error over max|τ_exp| \[1\].
     pub rmse_over_max_moment: Measure,
     /// Mean of τ_sim − τ_exp [N·m].
     pub mean_error_n_m: Measure,
@@ -154,9 +154,9 @@ pub struct ErrorMeasures {
     pub max_abs_error_n_m: Measure,
     /// max|τ_exp| [N·m], by which the normalized measures divide.
     pub max_abs_measured_n_m: f64,
-    /// Pearson's correlation coefficient r [1], −1 to 1.
+    /// Pearson's correlation coefficient r \[1\], −1 to 1.
     pub pearson_r: Measure,
-    /// Coefficient of determination R² = 1 − Σ(τ_exp − τ_sim)² / Σ(τ_exp − mean τ_exp)² [1], ≤ 1, negative where the
+    /// Coefficient of determination R² = 1 − Σ(τ_exp − τ_sim)² / Σ(τ_exp − mean τ_exp)² \[1\], ≤ 1, negative where the
     /// mean of the measured moment would be the better prediction. Not the square of r.
     pub r_squared: Measure,
 }

@@ -121,23 +121,23 @@ impl Spread {
 pub struct ErrorSummary {
     /// Number of trials.
     pub trials: usize,
-    /// Equation 3.1 [1].
+    /// Equation 3.1 \[1\].
     pub nrmse: Spread,
-    /// Equation 3.2 [1].
+    /// Equation 3.2 \[1\].
     pub max_error: Spread,
-    /// Equation 3.3 [1].
+    /// Equation 3.3 \[1\].
     pub xcorr: Spread,
-    /// Equation 3.4 [1].
+    /// Equation 3.4 \[1\].
     pub objective: Spread,
     /// Root mean square of the error [N·m].
     pub rmse_n_m: Spread,
-    /// Root mean square of the error over max|τ_exp| [1].
+    /// Root mean square of the error over max|τ_exp| \[1\].
     pub rmse_over_max_moment: Spread,
     /// Mean of τ_sim − τ_exp [N·m].
     pub mean_error_n_m: Spread,
-    /// Pearson's r [1].
+    /// Pearson's r \[1\].
     pub pearson_r: Spread,
-    /// Coefficient of determination [1].
+    /// Coefficient of determination \[1\].
     pub r_squared: Spread,
 }
 

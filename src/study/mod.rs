@@ -2,9 +2,16 @@
 //!
 //! In: a folder as a lab keeps it. Out: a typed [`Study`] in SI units and radians, and one [`Trial`] at a time with
 //! its samples. Every key and column is either read or reported; all problems of a study are collected and returned
-//! together, each with file, line and, where there is one, a hint. Resampling, filtering and everything that needs the
-//! model (ranges of coordinates, names of muscles) is not here; [`Trial::check_against_range`] is called by those who
-//! have it.
+//! together, each with file, line and, where there is one, a hint. Resampling and filtering are not here. What needs the
+//! model is checked by those who have it: [`Study::check_names`], [`Trial::check_against_range`].
+//!
+//! | file | what is in it | optional keys beyond the essential ones |
+//! |---|---|---|
+//! | `study.toml` | `[study]`, `[dynamometer]`, `[posture_deg]`, `[muscles]`, `[emg]`, `[columns]`, `[personalization]` | `[columns] ignore = [..]`: columns that are there and not used; `[columns] angle_unit = "rad"`; `[checks] max_gap_s` |
+//! | `participants.csv` | [`Participant`] | any `<segment>_length_m` |
+//! | `trials.csv` | [`TrialInfo`] | `start_time_s` |
+//! | `ultrasound.csv` | [`UltrasoundMeasurement`] | the file itself |
+//! | trial files | time, angle, moment, EMG, perhaps velocity: [`Trial`] | |
 
 mod lines;
 mod participants;
@@ -169,6 +176,34 @@ impl Study {
             })
             .collect();
         findings.into_iter().flatten().collect()
+    }
+
+    /// Checks the names that the study takes from a model: coordinates, active muscles, imaged muscles.
+    ///
+    /// - `model`: the model's file, for messages
+    /// - `coordinates`, `muscles`: the names in the model
+    pub fn check_names(&self, model: &Path, coordinates: &[&str], muscles: &[&str]) -> Vec<Problem> {
+        let mut problems = Vec::new();
+        let mut check = |what: &'static str, name: &str, known: &[&str], file: &Path, line: usize| {
+            if !known.contains(&name) {
+                let nearest = nearest(name, known.iter().copied());
+                let fault = Fault::NotInModel { what, name: name.to_owned(), model: model.to_owned(), nearest };
+                problems.push(Problem::error(file, line, fault));
+            }
+        };
+        let dynamometer = &self.settings.dynamometer;
+        check("coordinate", &dynamometer.coordinate, coordinates, &self.file, dynamometer.coordinate_line);
+        for held in &self.settings.posture {
+            check("coordinate", &held.coordinate, coordinates, &self.file, held.line);
+        }
+        for muscle in &self.settings.active_muscles {
+            check("muscle", muscle, muscles, &self.file, self.settings.active_line);
+        }
+        let ultrasound = self.folder.join("ultrasound.csv");
+        for imaged in &self.ultrasound {
+            check("muscle", &imaged.muscle, muscles, &ultrasound, imaged.line);
+        }
+        problems
     }
 
     /// Every file the study is made of (tables, models, trials not ignored), each once, for checksums.

@@ -31,15 +31,15 @@ pub struct Participant {
     pub model: PathBuf,
     /// Whether the row names an own model.
     pub own_model: bool,
-    /// Body mass [kg].
+    /// Body mass \[kg\].
     pub mass: Option<f64>,
-    /// Body height [m].
+    /// Body height \[m\].
     pub height: Option<f64>,
     /// Sex as recorded.
     pub sex: Option<Sex>,
     /// The arm measured.
     pub side: Option<Side>,
-    /// Segment lengths [m], named by the column without `_length_m`, in the order of the columns.
+    /// Segment lengths \[m\], named by the column without `_length_m`, in the order of the columns.
     pub segment_lengths: Vec<(String, f64)>,
     /// Largest voluntary flexion moment [N·m], positive.
     pub mvc_flexion: Option<f64>,

@@ -6,17 +6,17 @@ use super::trial::{Trial, median};
 use super::trial_list::{Contraction, Direction, TrialUse};
 use super::{Participant, Settings};
 
-/// Coarsest sampling that resolves activation dynamics (time constants of 10–40 ms) [s].
+/// Coarsest sampling that resolves activation dynamics (time constants of 10–40 ms) \[s\].
 const COARSEST_STEP: f64 = 0.02;
 /// Largest moment a wrist or elbow exerts on a dynamometer [N·m].
 const LARGEST_MOMENT: f64 = 120.0;
 /// A measured moment of an active trial stays below this multiple of the MVC moment.
 const LARGEST_PART_OF_MVC: f64 = 2.0;
-/// Travel below which a trial that should move does not [deg].
+/// Travel below which a trial that should move does not \[deg\].
 const LEAST_TRAVEL_DEG: f64 = 2.0;
-/// Travel above which an isometric trial moves [deg].
+/// Travel above which an isometric trial moves \[deg\].
 const MOST_ISOMETRIC_TRAVEL_DEG: f64 = 10.0;
-/// Difference between stated and measured posture worth a look [deg].
+/// Difference between stated and measured posture worth a look \[deg\].
 const POSTURE_TOLERANCE_DEG: f64 = 10.0;
 
 /// What a person should look at in this trial.

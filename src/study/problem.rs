@@ -64,6 +64,20 @@ impl fmt::Display for Problem {
     }
 }
 
+impl serde::Serialize for Problem {
+    /// `{severity, file, line, message, hint}`.
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        use serde::ser::SerializeStruct;
+        let mut fields = serializer.serialize_struct("Problem", 5)?;
+        fields.serialize_field("severity", &self.severity)?;
+        fields.serialize_field("file", &self.file.to_string_lossy())?;
+        fields.serialize_field("line", &self.line)?;
+        fields.serialize_field("message", &self.fault.to_string())?;
+        fields.serialize_field("hint", &self.hint())?;
+        fields.end()
+    }
+}
+
 /// Why a study cannot be used: every error found, and the warnings found on the way.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct StudyErrors {
@@ -290,9 +304,9 @@ pub enum Fault {
     /// Time does not increase.
     #[error("time does not increase: {time_s} s after {before_s} s{}", others(*more))]
     TimeNotIncreasing {
-        /// Time of this row [s].
+        /// Time of this row \[s\].
         time_s: f64,
-        /// Time of the row before [s].
+        /// Time of the row before \[s\].
         before_s: f64,
         /// How many further such rows there are.
         more: usize,
@@ -300,7 +314,7 @@ pub enum Fault {
     /// The same time twice.
     #[error("time {time_s} s stands twice{}", others(*more))]
     TimeRepeated {
-        /// The time [s].
+        /// The time \[s\].
         time_s: f64,
         /// How many further such rows there are.
         more: usize,
@@ -308,11 +322,11 @@ pub enum Fault {
     /// Samples are missing.
     #[error("gap of {gap_s:.4} s before this row; expected at most {allowed_s:.4} s (median step {median_step_s:.4} s){}", others(*more))]
     Gap {
-        /// Size of the gap [s].
+        /// Size of the gap \[s\].
         gap_s: f64,
-        /// Largest step allowed [s].
+        /// Largest step allowed \[s\].
         allowed_s: f64,
-        /// Median step of the trial [s].
+        /// Median step of the trial \[s\].
         median_step_s: f64,
         /// How many further gaps there are.
         more: usize,
@@ -320,9 +334,9 @@ pub enum Fault {
     /// The sampling is too coarse for muscle dynamics.
     #[error("median time step is {median_step_s:.4} s; expected at most {expected_s} s")]
     CoarseSampling {
-        /// Median step [s].
+        /// Median step \[s\].
         median_step_s: f64,
-        /// Expected at most [s].
+        /// Expected at most \[s\].
         expected_s: f64,
     },
     /// Excitations outside 0..1.
@@ -358,11 +372,11 @@ pub enum Fault {
     AngleOutOfRange {
         /// OpenSim coordinate.
         coordinate: String,
-        /// Least value [deg].
+        /// Least value \[deg\].
         lower_deg: f64,
-        /// Greatest value [deg].
+        /// Greatest value \[deg\].
         upper_deg: f64,
-        /// The farthest angle [deg].
+        /// The farthest angle \[deg\].
         extreme_deg: f64,
         /// How many samples.
         count: usize,
@@ -388,15 +402,15 @@ pub enum Fault {
     /// An isometric trial whose angle is not the posture stated.
     #[error("mean angle is {mean_deg:.1}°, but trials.csv states a posture of {stated_deg:.1}°")]
     PostureMismatch {
-        /// Mean measured angle [deg].
+        /// Mean measured angle \[deg\].
         mean_deg: f64,
-        /// Posture stated [deg].
+        /// Posture stated \[deg\].
         stated_deg: f64,
     },
     /// An isometric trial in which the joint moved.
     #[error("the angle moves by {travel_deg:.1}° in an isometric trial")]
     IsometricMoves {
-        /// Largest minus smallest angle [deg].
+        /// Largest minus smallest angle \[deg\].
         travel_deg: f64,
     },
     /// The velocity column is not the derivative of the angle.
@@ -422,6 +436,26 @@ pub enum Fault {
         mean_n_m: f64,
         /// Direction stated.
         direction: &'static str,
+    },
+    /// The model has no component of that name.
+    #[error("{what} `{name}` is not in the model {}", model.display())]
+    NotInModel {
+        /// `coordinate` or `muscle`.
+        what: &'static str,
+        /// The name.
+        name: String,
+        /// The model's file.
+        model: PathBuf,
+        /// The name in the model that looks most like it.
+        nearest: Option<String>,
+    },
+    /// Trials of a participant do not stand in the order of recording.
+    #[error("trial starts at {start_s} s, before the one on line {before_line}; rows stand in the order of recording")]
+    StartOrder {
+        /// Start of this trial \[s\].
+        start_s: f64,
+        /// Line of the trial above it that starts later.
+        before_line: usize,
     },
     /// A participant without trials.
     #[error("participant `{participant}` has no trial in trials.csv")]
@@ -457,6 +491,7 @@ impl Fault {
                 format!("it is named at {at}; paths are relative to the folder of study.toml")
             }
             UnknownKey { nearest: Some(n), .. } => format!("did you mean `{n}`?"),
+            NotInModel { nearest: Some(n), .. } => format!("did you mean `{n}`?"),
             UnknownSection { nearest: Some(n), .. } => format!("did you mean [{n}]?"),
             UnknownWord { nearest: Some(n), .. } => format!("did you mean `{n}`?"),
             MissingColumn { nearest: Some(n), .. } => {

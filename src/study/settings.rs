@@ -28,11 +28,13 @@ pub struct Settings {
     pub posture: Vec<PostureCoordinate>,
     /// Muscles that EMG drives, in the order of the file; all others are disabled.
     pub active_muscles: Vec<String>,
+    /// Line that lists the active muscles.
+    pub active_line: usize,
     /// Names of the columns of trial files.
     pub columns: Columns,
     /// How far personalization may go.
     pub bounds: ParameterBounds,
-    /// Largest time step allowed in a trial [s]; `None`: five median steps.
+    /// Largest time step allowed in a trial \[s\]; `None`: five median steps.
     pub max_gap: Option<f64>,
 }
 
@@ -92,7 +94,7 @@ impl PostureCoordinate {
 /// Names of the columns of trial files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Columns {
-    /// Time [s].
+    /// Time \[s\].
     pub time: String,
     /// Angle of the dynamometer's coordinate, in `angle_unit`.
     pub angle: String,
@@ -175,6 +177,7 @@ impl Settings {
         let before = problems.len();
         let mut muscles = sections.section("muscles");
         let active = muscles.required_strings("active", "list of the muscles that EMG drives");
+        let active_line = muscles.line_of("active");
         muscles.finish(problems);
 
         let columns = columns(&sections, active.as_deref().unwrap_or_default(), problems);
@@ -194,6 +197,7 @@ impl Settings {
             dynamometer: dynamometer?,
             posture,
             active_muscles: active?,
+            active_line,
             columns,
             bounds,
             max_gap,

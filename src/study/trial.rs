@@ -17,7 +17,7 @@ pub const GAP_IN_MEDIAN_STEPS: f64 = 5.0;
 pub const EMG_NOISE_ABOVE: f64 = 1.05;
 /// EMG down to this is filter ripple about rest: clamped to 0 with a warning. Below it, an error.
 pub const EMG_NOISE_BELOW: f64 = -0.02;
-/// How far a measured angle may leave the coordinate's range: an encoder's noise, 0.1° [rad].
+/// How far a measured angle may leave the coordinate's range: an encoder's noise, 0.1° \[rad\].
 pub const ANGLE_RANGE_TOLERANCE: f64 = 0.1 * std::f64::consts::PI / 180.0;
 
 /// The samples of one trial, in internal units.
@@ -25,9 +25,9 @@ pub const ANGLE_RANGE_TOLERANCE: f64 = 0.1 * std::f64::consts::PI / 180.0;
 pub struct Trial {
     /// What `trials.csv` says of it.
     pub info: TrialInfo,
-    /// Time [s], strictly increasing.
+    /// Time \[s\], strictly increasing.
     pub time: Vec<f64>,
-    /// Angle of the dynamometer's coordinate [rad].
+    /// Angle of the dynamometer's coordinate \[rad\].
     pub angle: Vec<f64>,
     /// Angular velocity [rad/s], if it was recorded; else the derivative of the angle is meant.
     pub velocity: Option<Vec<f64>>,
@@ -63,7 +63,7 @@ impl Trial {
         self.time.is_empty()
     }
 
-    /// Time from the first to the last sample [s].
+    /// Time from the first to the last sample \[s\].
     pub fn duration(&self) -> f64 {
         self.time.last().zip(self.time.first()).map_or(0.0, |(last, first)| last - first)
     }
@@ -80,7 +80,7 @@ impl Trial {
 
     /// Checks the angle against the range of the coordinate it is prescribed to.
     ///
-    /// - `lower`, `upper`: the coordinate's range in the model [rad]
+    /// - `lower`, `upper`: the coordinate's range in the model \[rad\]
     ///
     /// A sample outside by more than [`ANGLE_RANGE_TOLERANCE`] makes it an error, at the line of the first such sample.
     pub fn check_against_range(&self, coordinate: &str, lower: f64, upper: f64) -> Option<Problem> {
@@ -157,8 +157,11 @@ fn layout(
 
 fn report_unknown_columns(header: &[String], columns: &Columns, file: &Path, problems: &mut Vec<Problem>) {
     let mut known: Vec<&str> = vec![&columns.time, &columns.angle, &columns.velocity, &columns.moment];
-    known.extend(columns.emg.iter().map(String::as_str));
-    known.dedup();
+    for name in &columns.emg {
+        if !known.contains(&name.as_str()) {
+            known.push(name); // one column may drive several muscles
+        }
+    }
     for column in header.iter().filter(|c| !known.contains(&c.as_str()) && !columns.ignore.contains(c)) {
         let absent = known.iter().copied().filter(|k| !header.iter().any(|c| c == k));
         let fault = Fault::UnknownColumn {

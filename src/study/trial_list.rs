@@ -45,13 +45,13 @@ pub struct TrialInfo {
     pub effort_percent: Option<f64>,
     /// Direction of the effort.
     pub direction: Direction,
-    /// Posture of the dynamometer's coordinate [rad], where one was asked for.
+    /// Posture of the dynamometer's coordinate \[rad\], where one was asked for.
     pub posture: Option<f64>,
     /// Number of the repetition, from 1.
     pub repetition: Option<u32>,
     /// What the trial is for.
     pub usage: TrialUse,
-    /// Time at which the trial began, since the session began [s].
+    /// Time at which the trial began, since the session began \[s\].
     pub start_time: Option<f64>,
 }
 
@@ -177,6 +177,10 @@ pub(crate) fn read(
                 problems.push(Problem::warning(path, row.line, Fault::DuplicateCondition { first_line }));
             }
         }
+        let later = |t: &&TrialInfo| t.participant == trial.participant && t.start_time > trial.start_time;
+        if let (Some(start_s), Some(before)) = (trial.start_time, trials.iter().find(later)) {
+            row.error(Fault::StartOrder { start_s, before_line: before.line }, problems);
+        }
         trials.push(trial);
     }
     trials
@@ -192,7 +196,7 @@ fn trial(row: &Row<'_>, folder: &Path, participants: &[Participant], problems: &
     let direction = row.word("direction", "direction", &Direction::WORDS, problems);
     let effort_percent = row.number("effort_percent", "0 to 100 percent", |v| (0.0..=100.0).contains(&v), problems);
     let posture = row.number("posture_deg", "an angle in degrees", |v| v.abs() <= 360.0, problems);
-    let repetition = row.number("repetition", "1, 2, 3 …", |v| v >= 1.0 && v <= 1e6 && v.fract() == 0.0, problems);
+    let repetition = row.number("repetition", "1, 2, 3 …", |v| (1.0..=1e6).contains(&v) && v.fract() == 0.0, problems);
     let start_time = row.number("start_time_s", "a time in seconds, 0 or more", |v| v >= 0.0, problems);
     let usage = match row.text("use") {
         Option::None => Some(TrialUse::Train),

@@ -26,17 +26,17 @@ pub struct UltrasoundMeasurement {
     pub muscle: String,
     /// Line of the row.
     pub line: usize,
-    /// Angle of the dynamometer's coordinate [rad].
+    /// Angle of the dynamometer's coordinate \[rad\].
     pub posture: Option<f64>,
-    /// Length of the muscle belly [m].
+    /// Length of the muscle belly \[m\].
     pub muscle_belly_length: Option<f64>,
-    /// Length of the tendon outside the belly [m].
+    /// Length of the tendon outside the belly \[m\].
     pub external_tendon_length: Option<f64>,
-    /// Anatomical cross-sectional area [m²].
+    /// Anatomical cross-sectional area \[m²\].
     pub cross_sectional_area: Option<f64>,
-    /// Fascicle length [m].
+    /// Fascicle length \[m\].
     pub fascicle_length: Option<f64>,
-    /// Pennation angle [rad].
+    /// Pennation angle \[rad\].
     pub pennation_angle: Option<f64>,
 }
 

@@ -140,3 +140,29 @@ fn verif_all_problems_come_together_and_the_list_is_cut() {
     assert_eq!(text.matches("trial file not found").count(), MAX_LISTED);
     assert!(text.ends_with("… and 5 further errors"), "{text}");
 }
+
+#[test]
+fn verif_trials_stand_in_the_order_of_recording() {
+    let folder = Folder::good();
+    let trials =
+        TRIALS.replace(",use", ",use,start_time_s").replace(",train", ",train,60").replace(",test", ",test,20");
+    folder.write("trials.csv", trials);
+    says(&folder.only_error("trials.csv", 3), "trial starts at 20 s, before the one on line 2", "");
+}
+
+#[test]
+fn verif_names_are_checked_against_the_model() {
+    let folder = Folder::good();
+    folder.write("ultrasound.csv", "participant,muscle\nP01,FCU\n");
+    let study = folder.read().unwrap();
+    let model = folder.path("wrist.osim");
+    let coordinates = ["flexion", "deviation", "elbow_flexion", "pro_sup"];
+    assert_eq!(study.check_names(&model, &coordinates, &["ECRL", "FCR", "FCU"]), []);
+    let problems = study.check_names(&model, &["wrist_flexion", "pro_sup"], &["ECRB", "FCR"]);
+    let lines: Vec<_> = problems.iter().map(|p| p.line).collect();
+    assert_eq!(lines, [Some(6), Some(11), Some(15), Some(2)], "{}", list(&problems));
+    says(&problems[2], "muscle `ECRL` is not in the model", "did you mean `ECRB`?");
+    let json = serde_json::to_value(&problems[2]).unwrap();
+    assert_eq!((json["severity"].as_str(), json["line"].as_u64()), (Some("error"), Some(15)));
+    assert_eq!(json["hint"], "did you mean `ECRB`?");
+}
