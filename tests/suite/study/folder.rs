@@ -49,8 +49,8 @@ impl Folder {
         folder.write("participants.csv", PARTICIPANTS);
         folder.write("trials.csv", TRIALS);
         folder.write("wrist.osim", "<OpenSimDocument Version=\"40000\"/>");
-        folder.write("data/iso.csv", &isometric());
-        folder.write("data/dyn.csv", &isotonic());
+        folder.write("data/iso.csv", isometric());
+        folder.write("data/dyn.csv", isotonic());
         folder
     }
 
