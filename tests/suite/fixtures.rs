@@ -1,0 +1,67 @@
+//! The shipped reference outputs are the ones their manifests describe, and the demo study is a complete, readable study.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use carpus::study::{Study, TrialUse};
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn sha256(path: &Path) -> String {
+    let bytes = std::fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn manifest(relative: &str) -> (PathBuf, Value) {
+    let path = root().join(relative);
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let value = serde_json::from_str(&text).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    (path, value)
+}
+
+/// Every file under "outputs" has the digest the manifest gives; returns how many there are.
+fn check_outputs(relative: &str) -> usize {
+    let (path, manifest) = manifest(relative);
+    let folder = path.parent().expect("a manifest lies in a folder");
+    let outputs = manifest["outputs"].as_object().expect("outputs: file → sha256");
+    for (file, digest) in outputs {
+        assert_eq!(digest.as_str(), Some(sha256(&folder.join(file)).as_str()), "{relative}: {file} was changed");
+    }
+    outputs.len()
+}
+
+#[test]
+fn regress_reference_outputs_match_their_manifests() {
+    assert_eq!(check_outputs("fixtures/prescribed_motion/wrist.manifest.json"), 1);
+    assert_eq!(check_outputs("fixtures/demo_study/manifest.json"), 28 + 4);
+}
+
+#[test]
+fn regress_references_belong_to_the_shipped_model() {
+    let model = sha256(&root().join("models/wrist.osim"));
+    let (_, motion) = manifest("fixtures/prescribed_motion/wrist.manifest.json");
+    assert_eq!(motion["model"]["sha256"].as_str(), Some(model.as_str()), "run fixtures/scripts/prescribed_motion.py again");
+    let (_, study) = manifest("fixtures/demo_study/manifest.json");
+    assert_eq!(study["inputs"]["wrist.osim"].as_str(), Some(model.as_str()), "run fixtures/scripts/make_study.py again");
+}
+
+#[test]
+fn regress_demo_study_reads_and_holds_out_every_condition() {
+    let study = Study::read(root().join("fixtures/demo_study/study.toml")).unwrap_or_else(|errors| panic!("{errors}"));
+    assert_eq!(study.warnings, [], "the demo study is clean");
+    let conditions = |usage: TrialUse| -> BTreeSet<String> {
+        let of_use = study.trials.iter().filter(|trial| trial.usage == usage);
+        of_use.map(|t| format!("{:?} {:?} {:?}", t.contraction, t.effort_percent, t.direction)).collect()
+    };
+    assert_eq!(conditions(TrialUse::Train), conditions(TrialUse::Test));
+    assert_eq!(conditions(TrialUse::Train).len(), 9, "isometric and isotonic, two efforts, two directions; passive");
+    let trials = study.load_trials("P01").unwrap_or_else(|errors| panic!("{errors}"));
+    let peak = |name: &str| trials.iter().find(|t| t.info.name() == name).map(|t| t.max_abs_moment());
+    // A plausible person: flexion and extension strength within the spread of Delp et al. 1996.
+    assert!(matches!(peak("mvc_flexion"), Some(m) if (5.0..19.0).contains(&m)), "{:?}", peak("mvc_flexion"));
+    assert!(matches!(peak("mvc_extension"), Some(m) if (3.0..15.0).contains(&m)), "{:?}", peak("mvc_extension"));
+}
