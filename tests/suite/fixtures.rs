@@ -44,9 +44,17 @@ fn regress_reference_outputs_match_their_manifests() {
 fn regress_references_belong_to_the_shipped_model() {
     let model = sha256(&root().join("models/wrist.osim"));
     let (_, motion) = manifest("fixtures/prescribed_motion/wrist.manifest.json");
-    assert_eq!(motion["model"]["sha256"].as_str(), Some(model.as_str()), "run fixtures/scripts/prescribed_motion.py again");
+    assert_eq!(
+        motion["model"]["sha256"].as_str(),
+        Some(model.as_str()),
+        "run fixtures/scripts/prescribed_motion.py again"
+    );
     let (_, study) = manifest("fixtures/demo_study/manifest.json");
-    assert_eq!(study["inputs"]["wrist.osim"].as_str(), Some(model.as_str()), "run fixtures/scripts/make_study.py again");
+    assert_eq!(
+        study["inputs"]["wrist.osim"].as_str(),
+        Some(model.as_str()),
+        "run fixtures/scripts/make_study.py again"
+    );
 }
 
 #[test]
