@@ -1,1 +1,180 @@
 //! Generalized forces that are not muscles.
+//!
+//! In: a [`ModelSpec`] and the compiled [`Model`], then kinematics from a [`Cache`]. Out: generalized forces about one
+//! coordinate, couplers followed: `f_c = Σᵢ fᵢ · dqᵢ/dq_c + Σ_B F_B · V_B(q̇_c = 1)`, [N·m] about an angle, [N] along a
+//! displacement, positive when they tend to increase the coordinate.
+//!
+//! Forces along paths ([`Ligament`], [`PathSpring`]) are given the path's length and lengthening speed, so that this
+//! module needs no path geometry; their generalized force is tension × moment arm.
+
+mod body_forces;
+mod bushing;
+mod coordinate_limit;
+mod path_forces;
+mod spring;
+
+pub use body_forces::{gravity_force, inertia_force};
+pub use bushing::FunctionBasedBushingForce;
+pub use coordinate_limit::CoordinateLimitForce;
+pub use path_forces::{Ligament, PathForce, PathSpring};
+pub use spring::SpringGeneralizedForce;
+
+use crate::functions::FunctionError;
+use crate::multibody::{Cache, Model};
+use crate::osim::spec::{ForceKind, Location, ModelSpec, PathSpec};
+
+/// Why a force cannot be built.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ForceError {
+    /// A function of the force cannot be built.
+    #[error("{}: {property}: {source}", .at.path)]
+    Function {
+        /// The force.
+        at: Location,
+        /// Property name.
+        property: &'static str,
+        /// What is wrong with the function.
+        source: FunctionError,
+    },
+    /// A property is NaN or infinite.
+    #[error("{}: expected finite {property}, found {found}", .at.path)]
+    NotFinite {
+        /// The force.
+        at: Location,
+        /// Property name.
+        property: &'static str,
+        /// The value found.
+        found: f64,
+    },
+    /// A property must be positive.
+    #[error("{}: expected positive {property}, found {found}", .at.path)]
+    NotPositive {
+        /// The force.
+        at: Location,
+        /// Property name.
+        property: &'static str,
+        /// The value found.
+        found: f64,
+    },
+    /// The force refers to a coordinate or frame that does not exist.
+    #[error("{}: refers to {what} {index}, but there are only {count}", .at.path)]
+    BadReference {
+        /// The force.
+        at: Location,
+        /// "coordinate" or "frame".
+        what: &'static str,
+        /// The index referred to.
+        index: usize,
+        /// How many there are.
+        count: usize,
+    },
+}
+
+/// A force law that needs only coordinates and poses.
+#[derive(Clone, Debug)]
+pub enum ForceLaw {
+    /// `CoordinateLimitForce`.
+    CoordinateLimit(CoordinateLimitForce),
+    /// `SpringGeneralizedForce`.
+    SpringGeneralized(SpringGeneralizedForce),
+    /// `FunctionBasedBushingForce`.
+    FunctionBasedBushing(Box<FunctionBasedBushingForce>),
+}
+
+/// A force that needs only coordinates and poses.
+#[derive(Clone, Debug)]
+pub struct Force {
+    /// Name.
+    pub name: String,
+    /// The law.
+    pub law: ForceLaw,
+}
+
+/// A force along a path, with the path as the file states it.
+#[derive(Clone, Debug)]
+pub struct ForceAlongPath {
+    /// Name.
+    pub name: String,
+    /// The path, not compiled.
+    pub path: PathSpec,
+    /// Tension as a function of the path's length.
+    pub law: PathForce,
+}
+
+/// All forces of a model that are not muscles. Those that do not apply (`appliesForce` false) are left out.
+#[derive(Clone, Debug, Default)]
+pub struct Forces {
+    /// Forces that need only coordinates and poses, in the order of the file.
+    pub forces: Vec<Force>,
+    /// Forces along paths, in the order of the file.
+    pub along_paths: Vec<ForceAlongPath>,
+    /// Names and classes of applied forces that this program does not compute.
+    pub unsupported: Vec<(String, String)>,
+}
+
+impl Forces {
+    /// Builds all forces of `spec` that are not muscles.
+    ///
+    /// # Errors
+    /// Any [`ForceError`].
+    pub fn compile(spec: &ModelSpec, model: &Model) -> Result<Forces, ForceError> {
+        let mut forces = Forces::default();
+        for force in spec.forces.iter().filter(|force| force.applies_force) {
+            let name = force.name.clone();
+            let law = match &force.kind {
+                ForceKind::CoordinateLimit { .. } => {
+                    ForceLaw::CoordinateLimit(CoordinateLimitForce::compile(force, model)?)
+                }
+                ForceKind::SpringGeneralized { .. } => {
+                    ForceLaw::SpringGeneralized(SpringGeneralizedForce::compile(force, model)?)
+                }
+                ForceKind::FunctionBasedBushing { .. } => {
+                    ForceLaw::FunctionBasedBushing(Box::new(FunctionBasedBushingForce::compile(force, model)?))
+                }
+                ForceKind::Ligament { path, .. } => {
+                    let law = PathForce::Ligament(Ligament::compile(force)?);
+                    forces.along_paths.push(ForceAlongPath { name, path: path.clone(), law });
+                    continue;
+                }
+                ForceKind::PathSpring { path, .. } => {
+                    let law = PathForce::PathSpring(PathSpring::compile(force)?);
+                    forces.along_paths.push(ForceAlongPath { name, path: path.clone(), law });
+                    continue;
+                }
+                ForceKind::Unsupported { class } => {
+                    forces.unsupported.push((name, class.clone()));
+                    continue;
+                }
+            };
+            forces.forces.push(Force { name, law });
+        }
+        Ok(forces)
+    }
+
+    /// Sum of the generalized forces of [`Forces::forces`]; see [`Force::generalized_force`].
+    pub fn generalized_force(&self, model: &Model, q: &[f64], qdot: &[f64], cache: &Cache) -> f64 {
+        self.forces.iter().map(|force| force.generalized_force(model, q, qdot, cache)).sum()
+    }
+}
+
+impl Force {
+    /// Generalized force [N·m or N] about the coordinate that [`Model::update_unit_motion`] was last called for on
+    /// `cache`, couplers followed.
+    ///
+    /// - `q`, `qdot`: coordinates and their rates, for which `cache` holds positions and velocities
+    pub fn generalized_force(&self, model: &Model, q: &[f64], qdot: &[f64], cache: &Cache) -> f64 {
+        match &self.law {
+            ForceLaw::CoordinateLimit(force) => force.generalized_force(q, qdot, cache),
+            ForceLaw::SpringGeneralized(force) => force.generalized_force(q, qdot, cache),
+            ForceLaw::FunctionBasedBushing(force) => force.generalized_force(model, cache),
+        }
+    }
+}
+
+fn check_finite(at: &Location, property: &'static str, found: f64) -> Result<f64, ForceError> {
+    if found.is_finite() { Ok(found) } else { Err(ForceError::NotFinite { at: at.clone(), property, found }) }
+}
+
+fn check_index(at: &Location, what: &'static str, index: usize, count: usize) -> Result<(), ForceError> {
+    if index < count { Ok(()) } else { Err(ForceError::BadReference { at: at.clone(), what, index, count }) }
+}

@@ -1,0 +1,152 @@
+//! A bushing between two frames whose moments and forces are functions of its deflections.
+
+use super::{ForceError, check_finite, check_index};
+use crate::functions::Function;
+use crate::multibody::{BaseIndex, Cache, Model};
+use crate::osim::spec::{ForceKind, ForceSpec, FrameIndex};
+use crate::spatial::{SpatialForce, SpatialVelocity, Transform, angular_rate_matrix_body_xyz, body_xyz_angles};
+use nalgebra::Vector3;
+
+/// OpenSim's `FunctionBasedBushingForce` between frame F (`frame1`) and frame M (`frame2`).
+///
+/// ```text
+/// θ = body-fixed x-y-z angles of R_FM,  δ = p_FM (in F)
+/// f_θ = −m(θ) − D_r·θ̇,  f_δ = −f(δ) − D_t·δ̇
+/// on frame 2, at its origin: moment R_GM·Nᵀ(θ)·f_θ, force R_GF·f_δ; the opposite on frame 1
+/// ```
+/// with θ̇ = N(θ)·w_FM_M. Angles in radians in every function; moments [N·m], forces [N]. OpenSim: `TwoFrameLinker`.
+#[derive(Clone, Debug)]
+pub struct FunctionBasedBushingForce {
+    /// First frame, F.
+    pub frame1: FrameIndex,
+    /// Second frame, M.
+    pub frame2: FrameIndex,
+    /// m_x(θx), m_y(θy), m_z(θz), f_x(δx), f_y(δy), f_z(δz).
+    pub functions: [Function; 6],
+    /// Rotational damping [N·m·s/rad].
+    pub rotational_damping: Vector3<f64>,
+    /// Translational damping [N·s/m].
+    pub translational_damping: Vector3<f64>,
+}
+
+/// Deflection of a bushing and its rate.
+#[derive(Clone, Copy, Debug)]
+#[allow(non_snake_case)]
+struct Deflection {
+    X_GF: Transform,
+    X_GM: Transform,
+    /// Angles [rad] and displacements [m].
+    theta: Vector3<f64>,
+    delta: Vector3<f64>,
+}
+
+impl FunctionBasedBushingForce {
+    pub(super) fn compile(force: &ForceSpec, model: &Model) -> Result<Self, ForceError> {
+        const PROPERTIES: [&str; 6] = [
+            "m_x_theta_x_function",
+            "m_y_theta_y_function",
+            "m_z_theta_z_function",
+            "f_x_delta_x_function",
+            "f_y_delta_y_function",
+            "f_z_delta_z_function",
+        ];
+        let ForceKind::FunctionBasedBushing { frame1, frame2, functions, rotational_damping, translational_damping } =
+            &force.kind
+        else {
+            unreachable!("called for a FunctionBasedBushing only")
+        };
+        for frame in [frame1, frame2] {
+            check_index(&force.at, "frame", frame.0, model.frames.len())?;
+        }
+        for &damping in rotational_damping {
+            check_finite(&force.at, "rotational_damping", damping)?;
+        }
+        for &damping in translational_damping {
+            check_finite(&force.at, "translational_damping", damping)?;
+        }
+        let mut compiled = [const { None }; 6];
+        for (i, spec) in functions.iter().enumerate() {
+            let function = Function::compile(spec).map_err(|source| ForceError::Function {
+                at: force.at.clone(),
+                property: PROPERTIES[i],
+                source,
+            })?;
+            compiled[i] = Some(function);
+        }
+        Ok(Self {
+            frame1: *frame1,
+            frame2: *frame2,
+            functions: compiled.map(|function| function.unwrap_or_else(|| Function::constant(0.0))),
+            rotational_damping: *rotational_damping,
+            translational_damping: *translational_damping,
+        })
+    }
+
+    #[allow(non_snake_case)]
+    fn deflection(&self, model: &Model, cache: &Cache) -> Deflection {
+        let X_GF = cache.X_GF(model, self.frame1);
+        let X_GM = cache.X_GF(model, self.frame2);
+        let R_FM = X_GF.R.tr_mul(&X_GM.R);
+        Deflection { X_GF, X_GM, theta: body_xyz_angles(&R_FM), delta: X_GF.inverse_transform_point(&X_GM.p) }
+    }
+
+    /// Moments [N·m] and forces [N] in the basis of the deflection (θ, δ), stiffness and damping together, as they act
+    /// on frame 2.
+    #[allow(non_snake_case)]
+    fn internal_force(&self, model: &Model, cache: &Cache, at: &Deflection) -> (Vector3<f64>, Vector3<f64>) {
+        let stiffness = |k: usize, x: f64| -self.functions[k].value(x);
+        let mut f_theta =
+            Vector3::new(stiffness(0, at.theta.x), stiffness(1, at.theta.y), stiffness(2, at.theta.z));
+        let mut f_delta =
+            Vector3::new(stiffness(3, at.delta.x), stiffness(4, at.delta.y), stiffness(5, at.delta.z));
+        if self.rotational_damping != Vector3::zeros() || self.translational_damping != Vector3::zeros() {
+            let V_GF = self.frame_velocity(model, cache, self.frame1, |base| *cache.V_GB(base));
+            let V_GM = self.frame_velocity(model, cache, self.frame2, |base| *cache.V_GB(base));
+            let w_FM_M = at.X_GM.R.tr_mul(&(V_GM.w - V_GF.w));
+            let p_FM_G = at.X_GM.p - at.X_GF.p;
+            let v_FM_F = at.X_GF.R.tr_mul(&(V_GM.v - V_GF.v - V_GF.w.cross(&p_FM_G)));
+            let theta_dot = angular_rate_matrix_body_xyz(&at.theta) * w_FM_M;
+            f_theta -= self.rotational_damping.component_mul(&theta_dot);
+            f_delta -= self.translational_damping.component_mul(&v_FM_F);
+        }
+        (f_theta, f_delta)
+    }
+
+    #[allow(non_snake_case)]
+    fn frame_velocity(
+        &self,
+        model: &Model,
+        cache: &Cache,
+        frame: FrameIndex,
+        of_base: impl Fn(BaseIndex) -> SpatialVelocity,
+    ) -> SpatialVelocity {
+        let frame = model.frame(frame);
+        let p_BF_G = cache.X_GB(frame.base).R * frame.X_BF.p;
+        of_base(frame.base).shift(&p_BF_G)
+    }
+
+    /// Moments and forces on frame 1 and frame 2, at their origins, expressed in ground.
+    ///
+    /// `cache` holds positions, and velocities if there is damping.
+    #[allow(non_snake_case)]
+    pub fn forces_on_frames(&self, model: &Model, cache: &Cache) -> [SpatialForce; 2] {
+        let at = self.deflection(model, cache);
+        let (f_theta, f_delta) = self.internal_force(model, cache, &at);
+        let moment = at.X_GM.R * angular_rate_matrix_body_xyz(&at.theta).tr_mul(&f_theta);
+        let on_frame2 = SpatialForce { moment, force: at.X_GF.R * f_delta };
+        let p_FM_G = at.X_GM.p - at.X_GF.p;
+        [-on_frame2.shift_to_origin(&p_FM_G), on_frame2]
+    }
+
+    /// Generalized force about the coordinate of the cache's unit motion.
+    pub fn generalized_force(&self, model: &Model, cache: &Cache) -> f64 {
+        let unit = |frame| self.frame_velocity(model, cache, frame, |base| *cache.partial_velocity(base));
+        let (unit1, unit2) = (unit(self.frame1), unit(self.frame2));
+        // The bushing often spans bodies that do not move with the coordinate of interest.
+        if unit1 == unit2 && unit1 == SpatialVelocity::zero() {
+            return 0.0;
+        }
+        let [on_frame1, on_frame2] = self.forces_on_frames(model, cache);
+        on_frame1.power(&unit1) + on_frame2.power(&unit2)
+    }
+}
