@@ -64,19 +64,17 @@ impl FunctionBasedBushingForce {
         for &damping in translational_damping {
             check_finite(&force.at, "translational_damping", damping)?;
         }
-        let mut compiled = [const { None }; 6];
-        for (i, spec) in functions.iter().enumerate() {
-            let function = Function::compile(spec).map_err(|source| ForceError::Function {
+        let function = |i: usize| {
+            Function::compile(&functions[i]).map_err(|source| ForceError::Function {
                 at: force.at.clone(),
                 property: PROPERTIES[i],
                 source,
-            })?;
-            compiled[i] = Some(function);
-        }
+            })
+        };
         Ok(Self {
             frame1: *frame1,
             frame2: *frame2,
-            functions: compiled.map(|function| function.unwrap_or_else(|| Function::constant(0.0))),
+            functions: [function(0)?, function(1)?, function(2)?, function(3)?, function(4)?, function(5)?],
             rotational_damping: *rotational_damping,
             translational_damping: *translational_damping,
         })
@@ -95,10 +93,8 @@ impl FunctionBasedBushingForce {
     #[allow(non_snake_case)]
     fn internal_force(&self, model: &Model, cache: &Cache, at: &Deflection) -> (Vector3<f64>, Vector3<f64>) {
         let stiffness = |k: usize, x: f64| -self.functions[k].value(x);
-        let mut f_theta =
-            Vector3::new(stiffness(0, at.theta.x), stiffness(1, at.theta.y), stiffness(2, at.theta.z));
-        let mut f_delta =
-            Vector3::new(stiffness(3, at.delta.x), stiffness(4, at.delta.y), stiffness(5, at.delta.z));
+        let mut f_theta = Vector3::new(stiffness(0, at.theta.x), stiffness(1, at.theta.y), stiffness(2, at.theta.z));
+        let mut f_delta = Vector3::new(stiffness(3, at.delta.x), stiffness(4, at.delta.y), stiffness(5, at.delta.z));
         if self.rotational_damping != Vector3::zeros() || self.translational_damping != Vector3::zeros() {
             let V_GF = self.frame_velocity(model, cache, self.frame1, |base| *cache.V_GB(base));
             let V_GM = self.frame_velocity(model, cache, self.frame2, |base| *cache.V_GB(base));

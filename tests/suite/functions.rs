@@ -1,1 +1,128 @@
-//! Tests of `functions`.
+//! Tests of `functions`: against OpenSim's values, and derivatives against finite differences.
+
+use carpus::functions::{Function, FunctionError};
+use carpus::osim::spec::FunctionSpec;
+use serde_json::Value;
+
+/// Rounding only: both programs evaluate the same polynomials. Relative to the largest magnitude of the function (or
+/// of its derivative) on the tested points, because OpenSim evaluates GCV splines by another, equivalent recursion.
+const RELATIVE_TOLERANCE: f64 = 1e-12;
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().expect("array").iter().map(|v| v.as_f64().expect("number")).collect()
+}
+
+/// The specification that a row of the reference file states.
+fn specification(class: &str, spec: &Value) -> FunctionSpec {
+    let number = |key: &str| spec[key].as_f64().expect("number");
+    let (x, y) = if spec["x"].is_array() { (numbers(&spec["x"]), numbers(&spec["y"])) } else { (vec![], vec![]) };
+    match class {
+        "Constant" => FunctionSpec::Constant { value: number("value") },
+        "LinearFunction" => FunctionSpec::Linear { slope: number("slope"), intercept: number("intercept") },
+        "SimmSpline" => FunctionSpec::SimmSpline { x, y },
+        "PiecewiseLinearFunction" => FunctionSpec::PiecewiseLinear { x, y },
+        "PiecewiseConstantFunction" => FunctionSpec::PiecewiseConstant { x, y },
+        "StepFunction" => FunctionSpec::Step {
+            start_time: number("start_time"),
+            end_time: number("end_time"),
+            start_value: number("start_value"),
+            end_value: number("end_value"),
+        },
+        "PolynomialFunction" => FunctionSpec::Polynomial { coefficients: numbers(&spec["coefficients"]) },
+        "Sine" => FunctionSpec::Sine {
+            amplitude: number("amplitude"),
+            omega: number("omega"),
+            phase: number("phase"),
+            offset: number("offset"),
+        },
+        "MultiplierFunction" => {
+            FunctionSpec::Multiplier { scale: number("scale"), function: Box::new(FunctionSpec::SimmSpline { x, y }) }
+        }
+        "GCVSpline" => FunctionSpec::GcvSpline {
+            half_order: number("half_order") as usize,
+            error_variance: number("error_variance"),
+            weights: vec![1.0; x.len()],
+            x,
+            y,
+        },
+        other => panic!("no such class in the reference: {other}"),
+    }
+}
+
+fn reference() -> Vec<(String, Function, Value)> {
+    let rows: Vec<Value> = serde_json::from_str(include_str!("../../fixtures/functions/values.json")).expect("JSON");
+    rows.into_iter()
+        .map(|row| {
+            let spec = specification(row["class"].as_str().expect("class"), &row["spec"]);
+            let name = row["name"].as_str().expect("name").to_string();
+            let function = Function::compile(&spec).unwrap_or_else(|error| panic!("{name}: {error}"));
+            (name, function, row)
+        })
+        .collect()
+}
+
+#[test]
+fn val_opensim_values_and_derivatives() {
+    for (name, function, row) in reference() {
+        let x = numbers(&row["x"]);
+        let evaluations: [(&str, fn(&Function, f64) -> f64); 3] =
+            [("value", Function::value), ("first", Function::derivative), ("second", Function::second_derivative)];
+        for (key, evaluate) in evaluations {
+            let expected = numbers(&row[key]);
+            let scale = expected.iter().fold(1.0_f64, |scale, value| scale.max(value.abs()));
+            let worst = x
+                .iter()
+                .zip(&expected)
+                .map(|(&x, &expected)| ((evaluate(&function, x) - expected).abs() / scale, x))
+                .fold((0.0, 0.0), |worst, at| if at.0 > worst.0 || at.0.is_nan() { at } else { worst });
+            println!("{name:40} {key:6} {:.1e} (scale {scale:.1e})", worst.0);
+            assert!(worst.0 <= RELATIVE_TOLERANCE, "{name}: {key} differs by {:.2e} at x = {}", worst.0, worst.1);
+        }
+    }
+}
+
+#[test]
+fn verif_derivatives_against_finite_differences() {
+    for (name, function, row) in reference() {
+        // Points that are no knots: random ones come first in the file.
+        for &x in &numbers(&row["x"])[..12] {
+            let h = 1e-6;
+            let first = (function.value(x + h) - function.value(x - h)) / (2.0 * h);
+            let second = (function.derivative(x + h) - function.derivative(x - h)) / (2.0 * h);
+            let tolerance = 1e-7 * (1.0 + second.abs() + first.abs());
+            assert!((function.derivative(x) - first).abs() < tolerance, "{name}: first derivative at {x}");
+            assert!((function.second_derivative(x) - second).abs() < tolerance * 10.0, "{name}: second at {x}");
+        }
+    }
+}
+
+#[test]
+fn verif_gcv_spline_interpolates_without_error_variance() {
+    for (name, function, row) in reference() {
+        if row["class"] == "GCVSpline" && row["spec"]["error_variance"] == 0.0 {
+            for (x, y) in numbers(&row["spec"]["x"]).into_iter().zip(numbers(&row["spec"]["y"])) {
+                assert!((function.value(x) - y).abs() < 1e-9, "{name} at {x}: {} {y}", function.value(x));
+            }
+        }
+    }
+}
+
+#[test]
+fn verif_bad_functions_are_named() {
+    let spline = |x: &[f64], y: &[f64]| Function::compile(&FunctionSpec::SimmSpline { x: x.into(), y: y.into() });
+    assert!(matches!(spline(&[0.0], &[1.0]), Err(FunctionError::TooFewPoints { expected: 2, found: 1, .. })));
+    assert!(matches!(spline(&[0.0, 1.0], &[1.0]), Err(FunctionError::LengthMismatch { x: 2, y: 1, .. })));
+    assert!(matches!(spline(&[0.0, 2.0, 1.0], &[0.0; 3]), Err(FunctionError::NotIncreasing { index: 3, .. })));
+    assert!(matches!(spline(&[0.0, f64::NAN], &[0.0; 2]), Err(FunctionError::NotFinite { property: "x", .. })));
+    let gcv = |half_order, x: Vec<f64>| {
+        let (y, weights) = (vec![0.0; x.len()], vec![]);
+        Function::compile(&FunctionSpec::GcvSpline { half_order, error_variance: 0.0, x, y, weights })
+    };
+    assert!(matches!(gcv(0, vec![0.0, 1.0]), Err(FunctionError::HalfOrder { found: 0 })));
+    assert!(matches!(gcv(3, vec![0.0, 1.0]), Err(FunctionError::TooFewPoints { expected: 6, found: 2, .. })));
+    assert!(matches!(gcv(1, vec![1.0, 1.0]), Err(FunctionError::NotIncreasing { .. })));
+    let step = FunctionSpec::Step { start_time: 1.0, end_time: 1.0, start_value: 0.0, end_value: 1.0 };
+    assert!(matches!(Function::compile(&step), Err(FunctionError::EmptyTransition { .. })));
+    let message = spline(&[0.0, 2.0, 1.0], &[0.0; 3]).expect_err("not increasing").to_string();
+    assert_eq!(message, "SimmSpline: expected increasing x, found 1 after 2 (value 3)");
+}
