@@ -1,1 +1,248 @@
-//! Tests of `multibody`.
+//! Tests of `multibody`: poses, velocities, couplers and accelerations against OpenSim and against finite differences.
+
+mod compile;
+
+use super::reference;
+use carpus::multibody::Model;
+use carpus::osim::OsimFile;
+use carpus::osim::spec::{CoordinateIndex, ModelSpec};
+use carpus::spatial::{SpatialVelocity, Transform};
+use serde_json::Value;
+use std::path::Path;
+
+/// Largest difference in any element of a rotation matrix or position [m]: rounding along a chain of joints.
+pub const POSE_TOLERANCE: f64 = 1e-10;
+/// Largest difference in any component of a velocity for unit speed [rad/s or m/s]. OpenSim's coupling comes from a
+/// least-squares projection here, which costs some digits.
+pub const VELOCITY_TOLERANCE: f64 = 1e-9;
+
+/// Our own models that ship with reference numbers.
+pub const FIXTURES: [(&str, &str, &str); 2] = [
+    ("joints", include_str!("../../fixtures/multibody/joints.osim"), include_str!("../../fixtures/multibody/joints.json")),
+    ("forces", include_str!("../../fixtures/multibody/forces.osim"), include_str!("../../fixtures/multibody/forces.json")),
+];
+
+/// A compiled model with its specification and the reference's poses.
+pub struct Case {
+    pub name: String,
+    pub spec: ModelSpec,
+    pub model: Model,
+    pub poses: Vec<Value>,
+}
+
+pub fn fixture_cases() -> Vec<Case> {
+    FIXTURES
+        .iter()
+        .map(|(name, osim, json)| {
+            let file = OsimFile::parse(osim.as_bytes(), name).unwrap_or_else(|error| panic!("{name}: {error}"));
+            case(name, file.spec, serde_json::from_str(json).expect("JSON"))
+        })
+        .collect()
+}
+
+fn case(name: &str, spec: ModelSpec, reference: Value) -> Case {
+    let model = Model::compile(&spec).unwrap_or_else(|error| panic!("{name}: {error}"));
+    Case { name: name.into(), spec, model, poses: reference["poses"].as_array().expect("poses").clone() }
+}
+
+/// Shared models of format 4, with reference numbers computed now by OpenSim; empty, after saying so, without them.
+pub fn shared_cases(n_poses: usize) -> Vec<Case> {
+    let Some((python, dir)) = reference::opensim_python().zip(reference::shared("models")) else {
+        eprintln!("SKIPPED: needs shared models, and Python with OpenSim (CARPUS_PYTHON)");
+        return Vec::new();
+    };
+    let scratch = tempfile::tempdir().expect("temporary folder");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scripts/multibody.py");
+    let mut cases = Vec::new();
+    for path in reference::models_of_format_4(&dir) {
+        let name = path.file_name().expect("file name").to_string_lossy().into_owned();
+        let out = scratch.path().join("reference.json");
+        let run = std::process::Command::new(&python)
+            .args([script.as_os_str(), path.as_os_str(), out.as_os_str()])
+            .args(["--poses", &n_poses.to_string()])
+            .output()
+            .expect("Python runs");
+        assert!(run.status.success(), "{name}: {}", String::from_utf8_lossy(&run.stderr));
+        let file = OsimFile::read(&path).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let text = std::fs::read_to_string(&out).expect("reference written");
+        cases.push(case(&name, file.spec, serde_json::from_str(&text).expect("JSON")));
+    }
+    cases
+}
+
+pub fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().expect("array").iter().map(|v| v.as_f64().expect("number")).collect()
+}
+
+impl Case {
+    /// Values that the reference gives per coordinate name, in the order of the model's coordinates.
+    pub fn by_coordinate(&self, values: &Value) -> Vec<f64> {
+        self.model.coordinates.iter().map(|c| values[&c.name].as_f64().unwrap_or(0.0)).collect()
+    }
+
+    pub fn coordinate(&self, name: &str) -> CoordinateIndex {
+        self.model.coordinate(name).unwrap_or_else(|| panic!("{}: no coordinate {name}", self.name))
+    }
+}
+
+fn pose_difference(pose: &Transform, expected: &[f64]) -> f64 {
+    let rotation = (0..9).map(|k| (pose.R[(k / 3, k % 3)] - expected[k]).abs());
+    let position = (0..3).map(|k| (pose.p[k] - expected[9 + k]).abs());
+    rotation.chain(position).fold(0.0, f64::max)
+}
+
+fn velocity_difference(velocity: &SpatialVelocity, expected: &[f64]) -> f64 {
+    let angular = (0..3).map(|k| (velocity.w[k] - expected[k]).abs());
+    let linear = (0..3).map(|k| (velocity.v[k] - expected[3 + k]).abs());
+    angular.chain(linear).fold(0.0, f64::max)
+}
+
+/// Largest differences from OpenSim over all poses: poses, velocities, unit motions, coupling.
+fn compare_kinematics(case: &Case) -> [f64; 4] {
+    let model = &case.model;
+    let mut cache = model.new_cache();
+    let mut worst = [0.0_f64; 4];
+    for pose in &case.poses {
+        let q = case.by_coordinate(&pose["q"]);
+        let mut satisfied = q.clone();
+        model.satisfy_couplers(&mut satisfied);
+        for (ours, theirs) in satisfied.iter().zip(&q) {
+            assert!((ours - theirs).abs() < 1e-12, "{}: couplers differ: {ours} {theirs}", case.name);
+        }
+        model.update_positions(&q, &mut cache);
+        model.update_velocities(&q, &case.by_coordinate(&pose["u"]), &mut cache);
+        for (name, expected) in pose["bodies"].as_object().expect("bodies") {
+            let body = model.body(name).unwrap_or_else(|| panic!("{}: no body {name}", case.name));
+            let expected = numbers(expected);
+            worst[0] = worst[0].max(pose_difference(cache.X_GB(body), &expected[..12]));
+            worst[1] = worst[1].max(velocity_difference(cache.V_GB(body), &expected[12..]));
+        }
+        for (name, unit) in pose["unit"].as_object().expect("unit motions") {
+            model.update_unit_motion(&q, case.coordinate(name), &mut cache);
+            let expected = case.by_coordinate(&unit["coupling"]);
+            for (ours, theirs) in cache.coupling().iter().zip(&expected) {
+                worst[3] = worst[3].max((ours - theirs).abs());
+            }
+            for (i, body) in model.bodies.iter().enumerate() {
+                let expected = &unit["bodies"][&body.name];
+                let expected = if expected.is_null() { vec![0.0; 6] } else { numbers(expected) };
+                let velocity = cache.partial_velocity(carpus::osim::spec::BodyIndex(i));
+                worst[2] = worst[2].max(velocity_difference(velocity, &expected));
+            }
+        }
+    }
+    worst
+}
+
+fn check_kinematics(case: &Case) {
+    let [pose, velocity, unit, coupling] = compare_kinematics(case);
+    println!(
+        "{:45} {:3} poses: pose {pose:.1e}, velocity {velocity:.1e}, unit motion {unit:.1e}, coupling {coupling:.1e}",
+        case.name,
+        case.poses.len()
+    );
+    assert!(pose < POSE_TOLERANCE, "{}: poses differ by {pose:e}", case.name);
+    assert!(velocity < VELOCITY_TOLERANCE, "{}: velocities differ by {velocity:e}", case.name);
+    assert!(unit < VELOCITY_TOLERANCE, "{}: unit motions differ by {unit:e}", case.name);
+    assert!(coupling < VELOCITY_TOLERANCE, "{}: coupling differs by {coupling:e}", case.name);
+}
+
+#[test]
+fn val_opensim_kinematics_of_every_joint() {
+    fixture_cases().iter().for_each(check_kinematics);
+}
+
+#[test]
+fn val_opensim_kinematics_of_shared_models() {
+    shared_cases(20).iter().for_each(check_kinematics);
+}
+
+#[test]
+fn verif_unit_motion_against_finite_differences() {
+    for case in fixture_cases() {
+        let model = &case.model;
+        let (mut cache, mut ahead, mut behind) = (model.new_cache(), model.new_cache(), model.new_cache());
+        let q = case.by_coordinate(&case.poses[1]["q"]);
+        model.update_positions(&q, &mut cache);
+        for c in (0..model.n_coordinates()).map(CoordinateIndex) {
+            if model.is_dependent(c) || ["ball_", "free_r"].iter().any(|p| model.coordinates[c.0].name.starts_with(p)) {
+                continue; // not free to move by themselves, or their speeds are no rates
+            }
+            if case.name == "forces" && ["x", "y", "z"].contains(&model.coordinates[c.0].name.as_str()) {
+                continue; // a ball joint, too
+            }
+            model.update_unit_motion(&q, c, &mut cache);
+            let h = 1e-6;
+            for (cache, h) in [(&mut ahead, h), (&mut behind, -h)] {
+                let mut moved = q.clone();
+                moved[c.0] += h;
+                model.satisfy_couplers(&mut moved);
+                model.update_positions(&moved, cache);
+            }
+            for body in 0..model.n_bases() {
+                let base = carpus::multibody::BaseIndex(body);
+                let difference = (ahead.X_GB(base).p - behind.X_GB(base).p) / (2.0 * h);
+                assert!((difference - cache.partial_velocity(base).v).norm() < 1e-8);
+                let cross = (ahead.X_GB(base).R - behind.X_GB(base).R) / (2.0 * h) * cache.X_GB(base).R.transpose();
+                let w = nalgebra::Vector3::new(cross[(2, 1)], cross[(0, 2)], cross[(1, 0)]);
+                assert!((w - cache.partial_velocity(base).w).norm() < 1e-8);
+            }
+        }
+    }
+}
+
+#[test]
+fn verif_accelerations_against_finite_differences() {
+    for case in fixture_cases() {
+        let model = &case.model;
+        // q(t) = q0 + qdot·t + ½·qddot·t² in the independent coordinates
+        let q0 = case.by_coordinate(&case.poses[1]["q"]);
+        let (qdot0, qddot0) = (case.by_coordinate(&case.poses[2]["q"]), case.by_coordinate(&case.poses[3]["q"]));
+        let motion = |t: f64, cache: &mut carpus::multibody::Cache| {
+            let mut q: Vec<f64> = (0..q0.len()).map(|i| q0[i] + t * (qdot0[i] + 0.5 * t * qddot0[i])).collect();
+            let mut qdot: Vec<f64> = (0..q0.len()).map(|i| qdot0[i] + t * qddot0[i]).collect();
+            let mut qddot = qddot0.clone();
+            model.satisfy_couplers(&mut q);
+            model.follow_couplers(&q, &mut qdot);
+            model.follow_couplers_second(&q, &qdot, &mut qddot);
+            model.update_positions(&q, cache);
+            model.update_velocities(&q, &qdot, cache);
+            model.update_accelerations(&q, &qdot, &qddot, cache);
+        };
+        let (mut cache, mut ahead, mut behind) = (model.new_cache(), model.new_cache(), model.new_cache());
+        let h = 1e-6;
+        motion(0.0, &mut cache);
+        motion(h, &mut ahead);
+        motion(-h, &mut behind);
+        for base in (0..model.n_bases()).map(carpus::multibody::BaseIndex) {
+            let a = (ahead.V_GB(base).v - behind.V_GB(base).v) / (2.0 * h);
+            let alpha = (ahead.V_GB(base).w - behind.V_GB(base).w) / (2.0 * h);
+            assert!((a - cache.A_GB(base).a).norm() < 1e-7, "{}: {base:?} {a} {}", case.name, cache.A_GB(base).a);
+            assert!((alpha - cache.A_GB(base).alpha).norm() < 1e-7, "{}: {base:?}", case.name);
+        }
+    }
+}
+
+#[test]
+fn verif_subset_update_equals_full_update() {
+    for case in fixture_cases() {
+        let model = &case.model;
+        let (start, end) = (case.by_coordinate(&case.poses[1]["q"]), case.by_coordinate(&case.poses[2]["q"]));
+        for c in (0..model.n_coordinates()).map(CoordinateIndex).filter(|&c| !model.is_dependent(c)) {
+            let moved = model.bodies_moved_by(&[c]);
+            let (mut partial, mut full) = (model.new_cache(), model.new_cache());
+            model.update_positions(&start, &mut partial);
+            let mut q = start.clone();
+            q[c.0] = end[c.0];
+            model.satisfy_couplers(&mut q);
+            model.update_positions_in(&moved, &q, &mut partial);
+            model.update_unit_motion_in(&moved, &q, c, &mut partial);
+            model.update_positions(&q, &mut full);
+            model.update_unit_motion(&q, c, &mut full);
+            for base in (0..model.n_bases()).map(carpus::multibody::BaseIndex) {
+                assert_eq!(partial.X_GB(base), full.X_GB(base));
+                assert_eq!(partial.partial_velocity(base), full.partial_velocity(base));
+            }
+        }
+    }
+}
