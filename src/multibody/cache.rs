@@ -62,7 +62,7 @@ impl Cache {
     #[allow(non_snake_case)]
     pub fn X_GF(&self, model: &Model, frame: FrameIndex) -> Transform {
         let frame = model.frame(frame);
-        &self.X_GB[frame.base.0] * &frame.X_BF
+        self.X_GB[frame.base.0] * frame.X_BF
     }
 
     /// Velocity of ground or a body (at its origin, expressed in ground), after [`Model::update_velocities`].

@@ -99,12 +99,12 @@ impl Model {
     fn update_node_position(&self, i: usize, q: &[f64], cache: &mut Cache) {
         let node = &self.nodes[i];
         let work = &mut cache.nodes[i];
-        let X_GP = &cache.X_GB[node.inboard.0];
+        let X_GP = cache.X_GB[node.inboard.0];
         let X_FM = node.mobilizer.pose(q, &mut work.axes_F);
         // X_GN: joint frame on the inboard body; X_GO: joint frame on the outboard body.
-        let X_GN = X_GP * &node.X_PF;
-        let X_GO = if node.reversed { &X_GN * &X_FM.inverse() } else { &X_GN * &X_FM };
-        let X_GB = &X_GO * &node.X_MB;
+        let X_GN = X_GP * node.X_PF;
+        let X_GO = if node.reversed { X_GN * X_FM.inverse() } else { X_GN * X_FM };
+        let X_GB = X_GO * node.X_MB;
         let (X_GF, X_GM): (&Transform, &Transform) = if node.reversed { (&X_GO, &X_GN) } else { (&X_GN, &X_GO) };
         work.R_GF = X_GF.R;
         work.p_FM_G = X_GM.p - X_GF.p;

@@ -105,7 +105,7 @@ mod tests {
             (rotation_body_xyz(&(angles + rates * h)) - rotation_body_xyz(&(angles - rates * h))) / (2.0 * h);
         // Rᵀ Ṙ = [w_FM_M]×
         let cross = rotation_body_xyz(&angles).transpose() * derivative;
-        let w_M = Vector3::new(cross[(2, 1)], cross[(0, 2)], cross[(1, 0)]);
-        assert_abs_diff_eq!(angular_rate_matrix_body_xyz(&angles) * w_M, rates, epsilon = 1e-8);
+        let w_in_m = Vector3::new(cross[(2, 1)], cross[(0, 2)], cross[(1, 0)]);
+        assert_abs_diff_eq!(angular_rate_matrix_body_xyz(&angles) * w_in_m, rates, epsilon = 1e-8);
     }
 }

@@ -46,14 +46,14 @@ impl Default for Transform {
 impl Mul for Transform {
     type Output = Transform;
     fn mul(self, other: Transform) -> Transform {
-        &self * &other
+        Transform { R: self.R * other.R, p: self.R * other.p + self.p }
     }
 }
 
 impl Mul<&Transform> for &Transform {
     type Output = Transform;
     fn mul(self, other: &Transform) -> Transform {
-        Transform { R: self.R * other.R, p: self.R * other.p + self.p }
+        *self * *other
     }
 }
 

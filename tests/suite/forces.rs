@@ -72,8 +72,8 @@ fn compare_force(case: &Case, force: &Force, theirs: &Value, pose: &Value, worst
                     .zip(&expected)
                     .map(|(&frame, force)| {
                         let frame = case.model.frame(frame);
-                        let p_BF_G = cache.X_GB(frame.base).R * frame.X_BF.p;
-                        force.power(&cache.partial_velocity(frame.base).shift(&p_BF_G))
+                        let offset = cache.X_GB(frame.base).R * frame.X_BF.p;
+                        force.power(&cache.partial_velocity(frame.base).shift(&offset))
                     })
                     .sum();
                 let ours = force.generalized_force(&case.model, &q, &qdot, &cache);

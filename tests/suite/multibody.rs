@@ -18,8 +18,16 @@ pub const VELOCITY_TOLERANCE: f64 = 1e-9;
 
 /// Our own models that ship with reference numbers.
 pub const FIXTURES: [(&str, &str, &str); 2] = [
-    ("joints", include_str!("../../fixtures/multibody/joints.osim"), include_str!("../../fixtures/multibody/joints.json")),
-    ("forces", include_str!("../../fixtures/multibody/forces.osim"), include_str!("../../fixtures/multibody/forces.json")),
+    (
+        "joints",
+        include_str!("../../fixtures/multibody/joints.osim"),
+        include_str!("../../fixtures/multibody/joints.json"),
+    ),
+    (
+        "forces",
+        include_str!("../../fixtures/multibody/forces.osim"),
+        include_str!("../../fixtures/multibody/forces.json"),
+    ),
 ];
 
 /// A compiled model with its specification and the reference's poses.
@@ -227,7 +235,8 @@ fn verif_accelerations_against_finite_differences() {
 fn verif_subset_update_equals_full_update() {
     for case in fixture_cases() {
         let model = &case.model;
-        let (start, end) = (case.by_coordinate(&case.poses[1]["q"]), case.by_coordinate(&case.poses[2]["q"]));
+        let (mut start, end) = (case.by_coordinate(&case.poses[1]["q"]), case.by_coordinate(&case.poses[2]["q"]));
+        model.satisfy_couplers(&mut start); // the reference's agree but for the last digit
         for c in (0..model.n_coordinates()).map(CoordinateIndex).filter(|&c| !model.is_dependent(c)) {
             let moved = model.bodies_moved_by(&[c]);
             let (mut partial, mut full) = (model.new_cache(), model.new_cache());

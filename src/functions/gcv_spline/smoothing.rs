@@ -3,7 +3,7 @@
 /// Relative size below which the smoothing parameter counts as zero, and above whose inverse as infinite.
 const EPSILON: f64 = 1e-15;
 /// Smoothing parameter at which the search for a larger one ends.
-const LARGEST_PARAMETER: f64 = 999_999_999_999_999.88;
+const LARGEST_PARAMETER: f64 = 999_999_999_999_999.9;
 /// Golden ratio, with the digits of the original.
 const TAU: f64 = 1.618033983;
 /// Relative width of the bracket at which the search ends.
