@@ -1,5 +1,7 @@
 //! Reading, editing and writing `.osim` files.
 
+mod against_opensim;
+
 use carpus::osim::{Document, OsimFile, Severity};
 
 use crate::reference::{shared, shared_dir};
