@@ -7,6 +7,7 @@
 
 pub mod diagnostics;
 pub mod document;
+pub mod edit;
 pub mod error;
 mod reader;
 pub mod spec;
@@ -15,8 +16,9 @@ use std::path::Path;
 
 pub use diagnostics::{Diagnostic, Diagnostics, Severity};
 pub use document::{Document, ElementId};
+pub use edit::{ComponentSet, EditError};
 pub use error::{DocumentError, DocumentErrorKind, OsimError, Problem, ProblemKind, WriteError};
-use spec::ModelSpec;
+use spec::{Location, ModelSpec};
 
 /// An `.osim` file: its text, what it says, and what of it was not understood.
 #[derive(Clone, Debug)]

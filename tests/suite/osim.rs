@@ -1,6 +1,9 @@
 //! Reading, editing and writing `.osim` files.
 
 mod against_opensim;
+mod editing;
+mod reading;
+mod small_models;
 
 use carpus::osim::{Document, OsimFile, Severity};
 

@@ -13,6 +13,10 @@ use crate::osim::spec::{
     BodyIndex, BodySpec, FrameIndex, FrameKind, FrameSpec, Location, Quadrant, WrapObjectSpec, WrapShape,
 };
 
+/// The inertia's properties before format 30500.
+const INERTIA_COMPONENTS: [&str; 6] =
+    ["inertia_xx", "inertia_yy", "inertia_zz", "inertia_xy", "inertia_xz", "inertia_yz"];
+
 /// Whether OpenSim takes a mass as zero: up to `SimTK::SignificantReal`, ε^(7/8).
 fn is_negligible(mass: f64) -> bool {
     mass.abs() <= f64::EPSILON.powf(0.875)
@@ -27,6 +31,7 @@ impl Reader<'_> {
             Some(element) => self.object(element, "/", "ground"),
             None => Object { element: None, default: None, path: "/ground".to_owned(), line: model.line },
         };
+        self.skip_mass_of_ground(&ground_object);
         let at = self.location(&ground_object);
         self.add_frame("ground", at, FrameKind::Ground);
         let mut names = Names::default();
@@ -68,6 +73,20 @@ impl Reader<'_> {
         self.property(model, &["Ground"])
     }
 
+    /// In old files ground is written as a body: its mass means nothing and its joint is empty.
+    fn skip_mass_of_ground(&mut self, ground: &Object) {
+        if !self.version.has_joints_in_bodies() {
+            return;
+        }
+        for property in ["mass", "mass_center"].into_iter().chain(INERTIA_COMPONENTS) {
+            let _ = self.own_property(ground, &[property]);
+        }
+        let joint = ground.element.and_then(|ground| self.document.child(ground, "Joint"));
+        if let Some(joint) = joint.filter(|&joint| self.document.children(joint).is_empty()) {
+            self.mark(joint);
+        }
+    }
+
     pub(super) fn add_frame(&mut self, name: &str, at: Location, kind: FrameKind) -> FrameIndex {
         let index = FrameIndex(self.spec.frames.len());
         self.frames_by_path.entry(at.path.clone()).or_insert(index);
@@ -104,12 +123,11 @@ impl Reader<'_> {
 
     /// Ixx Iyy Izz Ixy Ixz Iyz.
     fn inertia_values(&mut self, object: &Object) -> [f64; 6] {
-        const OLD: [&str; 6] = ["inertia_xx", "inertia_yy", "inertia_zz", "inertia_xy", "inertia_xz", "inertia_yz"];
         if !self.version.has_inertia_components() {
             return self.numbers(object, &["inertia"], [0.0; 6], Bound::Finite);
         }
         let mut values = [1.0, 1.0, 1.0, 0.0, 0.0, 0.0];
-        for (value, name) in values.iter_mut().zip(OLD) {
+        for (value, name) in values.iter_mut().zip(INERTIA_COMPONENTS) {
             *value = six_significant_digits(self.number(object, &[name], *value, Bound::Finite));
         }
         values

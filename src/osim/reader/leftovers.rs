@@ -36,7 +36,7 @@ fn ignored(tag: &str) -> Option<&'static str> {
         "defaults" => "no component takes a value from it",
         "optimal_force" => "not used by muscles",
         "fixed" => "used only by marker placement",
-        "initial_conditions_for_integration" => "not used by OpenSim 4.6 either",
+        "initial_conditions_for_integration" | "initial_value" => "not used by OpenSim 4.6 either",
         _ => return None,
     })
 }
@@ -136,6 +136,9 @@ impl Reader<'_> {
 
     fn report_unread(&mut self, parent: ElementId, element: ElementId, path: String, tag: &str) {
         let owner = self.document.tag(parent).to_owned();
+        if self.is_reported_as_a_whole(&owner) {
+            return;
+        }
         if owner == "components" || owner == "objects" || tag.chars().next().is_some_and(char::is_uppercase) {
             if only_reports(tag) {
                 self.diagnose(Severity::Ignored, element, &path, format!("{tag} only reports"), None);
@@ -150,9 +153,6 @@ impl Reader<'_> {
             self.diagnose(Severity::Warning, element, &path, message, None);
             return;
         }
-        if self.is_foreign_property(&owner) {
-            return;
-        }
         let known = self.known.get(&owner).into_iter().flatten().copied();
         let hint = nearest(tag, known).map(|nearest| format!("did you mean <{nearest}>?"));
         let message = format!("<{tag}> is not a property that is used in {owner}");
@@ -160,13 +160,20 @@ impl Reader<'_> {
         self.diagnose(severity, element, &path, message, hint);
     }
 
-    /// Properties of objects that are reported as a whole (muscles and forces that are not computed).
-    fn is_foreign_property(&self, owner: &str) -> bool {
-        let computed = ["Millard2012EquilibriumMuscle", "CoordinateLimitForce", "SpringGeneralizedForce"];
-        let computed = [&computed[..], &["FunctionBasedBushingForce", "Ligament", "PathSpring"]].concat();
-        let is_force = super::muscles::is_muscle(owner)
-            || ["Force", "Actuator", "Constraint"].iter().any(|end| owner.ends_with(end));
-        is_force && !computed.contains(&owner) && owner != "CoordinateCouplerConstraint"
+    /// Muscles, forces and constraints that are not computed: one entry for each, none for their properties.
+    fn is_reported_as_a_whole(&self, class: &str) -> bool {
+        const COMPUTED: [&str; 7] = [
+            "Millard2012EquilibriumMuscle",
+            "CoordinateLimitForce",
+            "SpringGeneralizedForce",
+            "FunctionBasedBushingForce",
+            "Ligament",
+            "PathSpring",
+            "CoordinateCouplerConstraint",
+        ];
+        let acts = super::muscles::is_muscle(class)
+            || ["Force", "Actuator", "Constraint", "Spring", "Ligament"].iter().any(|end| class.ends_with(end));
+        acts && !COMPUTED.contains(&class)
     }
 
     fn refuse_external_file(&mut self, element: ElementId, path: &str, tag: &str) {

@@ -157,9 +157,9 @@ fn summary(spec: &ModelSpec) -> Value {
         ConstraintKind::Unsupported { .. } => None,
     });
     let wraps = spec.wrap_objects.iter().map(|wrap| wrap_summary(wrap, frame(wrap.frame)));
-    let markers = spec.markers.iter().map(|marker| {
-        json!({ "name": marker.name, "frame": frame(marker.frame), "location": marker.location.as_slice() })
-    });
+    let markers = spec.markers.iter().map(
+        |marker| json!({ "name": marker.name, "frame": frame(marker.frame), "location": marker.location.as_slice() }),
+    );
     json!({
         "gravity": spec.gravity.as_slice(),
         "bodies": bodies.collect::<Vec<_>>(),
@@ -421,8 +421,7 @@ fn force_summary<'a>(
 fn val_opensim_unsupported_is_reported_for_every_force_that_is_not_computed() {
     for path in lab_models() {
         let file = OsimFile::read(&path).unwrap_or_else(|error| panic!("{error}"));
-        let reported: Vec<&str> =
-            file.diagnostics.of(Severity::Unsupported).map(|item| item.path.as_str()).collect();
+        let reported: Vec<&str> = file.diagnostics.of(Severity::Unsupported).map(|item| item.path.as_str()).collect();
         for muscle in &file.spec.muscles {
             let computed = matches!(muscle.kind, MuscleKind::Millard2012Equilibrium(_));
             assert_eq!(computed, !reported.contains(&muscle.at.path.as_str()), "{}", muscle.at.path);

@@ -1,0 +1,548 @@
+//! Edits: splices into the text, after which specification and text agree again.
+//!
+//! An edit changes the bytes of one value or inserts one property or component with the file's own indentation and
+//! line ends; everything else stays. Each edit is checked by reading the new text: one that would make the model
+//! invalid is refused and leaves the file as it was.
+
+use std::ops::Range;
+
+use thiserror::Error;
+
+use super::document::{Document, ElementId, escape};
+use super::error::{DocumentError, OsimError, nearest};
+use super::reader;
+use super::spec::{ForceKind, MuscleKind, MuscleSpec, PathSpec};
+use super::{Location, OsimFile};
+
+/// Properties of every muscle that [`OsimFile::set_muscle_property`] can set.
+const MUSCLE_PROPERTIES: [&str; 7] = [
+    "max_isometric_force",
+    "optimal_fiber_length",
+    "tendon_slack_length",
+    "pennation_angle_at_optimal",
+    "max_contraction_velocity",
+    "min_control",
+    "max_control",
+];
+
+/// Further properties of `Millard2012EquilibriumMuscle`; those of a curve are written `Curve/property`.
+const MILLARD_PROPERTIES: [&str; 29] = [
+    "fiber_damping",
+    "default_fiber_length",
+    "default_activation",
+    "minimum_activation",
+    "activation_time_constant",
+    "deactivation_time_constant",
+    "maximum_pennation_angle",
+    "ActiveForceLengthCurve/min_norm_active_fiber_length",
+    "ActiveForceLengthCurve/transition_norm_fiber_length",
+    "ActiveForceLengthCurve/max_norm_active_fiber_length",
+    "ActiveForceLengthCurve/shallow_ascending_slope",
+    "ActiveForceLengthCurve/minimum_value",
+    "ForceVelocityCurve/concentric_slope_at_vmax",
+    "ForceVelocityCurve/concentric_slope_near_vmax",
+    "ForceVelocityCurve/isometric_slope",
+    "ForceVelocityCurve/eccentric_slope_at_vmax",
+    "ForceVelocityCurve/eccentric_slope_near_vmax",
+    "ForceVelocityCurve/max_eccentric_velocity_force_multiplier",
+    "ForceVelocityCurve/concentric_curviness",
+    "ForceVelocityCurve/eccentric_curviness",
+    "FiberForceLengthCurve/strain_at_zero_force",
+    "FiberForceLengthCurve/strain_at_one_norm_force",
+    "FiberForceLengthCurve/stiffness_at_low_force",
+    "FiberForceLengthCurve/stiffness_at_one_norm_force",
+    "FiberForceLengthCurve/curviness",
+    "TendonForceLengthCurve/strain_at_one_norm_force",
+    "TendonForceLengthCurve/stiffness_at_one_norm_force",
+    "TendonForceLengthCurve/norm_force_at_toe_end",
+    "TendonForceLengthCurve/curviness",
+];
+
+/// Sets of a model that components can be added to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ComponentSet {
+    /// `BodySet`.
+    Bodies,
+    /// `JointSet` (formats from 30501; before, joints stand in bodies).
+    Joints,
+    /// `ConstraintSet`.
+    Constraints,
+    /// `ForceSet`.
+    Forces,
+    /// `MarkerSet`.
+    Markers,
+}
+
+impl ComponentSet {
+    fn tag(self) -> &'static str {
+        match self {
+            ComponentSet::Bodies => "BodySet",
+            ComponentSet::Joints => "JointSet",
+            ComponentSet::Constraints => "ConstraintSet",
+            ComponentSet::Forces => "ForceSet",
+            ComponentSet::Markers => "MarkerSet",
+        }
+    }
+}
+
+/// Why an edit was refused; the file is then as it was.
+#[derive(Debug, Error)]
+pub enum EditError {
+    /// No muscle of that name.
+    #[error("{file}: no muscle named \"{name}\"")]
+    UnknownMuscle {
+        /// File name.
+        file: String,
+        /// The name.
+        name: String,
+        /// The most similar name.
+        nearest: Option<String>,
+    },
+    /// Several muscles of that name in the file.
+    #[error("{file}: {count} muscles are named \"{name}\" (lines {lines:?})", count = .lines.len())]
+    AmbiguousMuscle {
+        /// File name.
+        file: String,
+        /// The name.
+        name: String,
+        /// Where they stand.
+        lines: Vec<usize>,
+    },
+    /// No component at that path.
+    #[error("{file}: no component at {path}")]
+    UnknownComponent {
+        /// File name.
+        file: String,
+        /// The path.
+        path: String,
+        /// The most similar path.
+        nearest: Option<String>,
+    },
+    /// The component has no such property.
+    #[error("{file}:{line}: {path} has no property \"{property}\"")]
+    UnknownProperty {
+        /// File name.
+        file: String,
+        /// Line of the component.
+        line: usize,
+        /// Path of the component.
+        path: String,
+        /// The property.
+        property: String,
+        /// The most similar property.
+        nearest: Option<String>,
+    },
+    /// The property holds objects, not text.
+    #[error("{file}:{line}: {property} of {path} holds components, not a value")]
+    NotAValue {
+        /// File name.
+        file: String,
+        /// Line of the property.
+        line: usize,
+        /// Path of the component.
+        path: String,
+        /// The property.
+        property: String,
+    },
+    /// A muscle parameter has to be a number.
+    #[error("{property} of {muscle}: expected a number, found {value}")]
+    NotANumber {
+        /// Muscle name.
+        muscle: String,
+        /// Property name.
+        property: String,
+        /// The value.
+        value: f64,
+    },
+    /// The component to be added is not one well-formed element.
+    #[error("component to be added: {0}")]
+    Fragment(DocumentError),
+    /// The edited file could not be read.
+    #[error("the edit would make the model invalid: {0}")]
+    Invalid(OsimError),
+}
+
+impl EditError {
+    /// What to do about it.
+    pub fn hint(&self) -> Option<String> {
+        match self {
+            EditError::UnknownMuscle { nearest, .. }
+            | EditError::UnknownComponent { nearest, .. }
+            | EditError::UnknownProperty { nearest, .. } => {
+                nearest.as_ref().map(|nearest| format!("did you mean \"{nearest}\"?"))
+            }
+            EditError::AmbiguousMuscle { .. } => Some("give every muscle a name of its own".to_owned()),
+            EditError::Invalid(error) => error.hint(),
+            _ => None,
+        }
+    }
+}
+
+/// New values of muscle properties: muscle, property, value in the file's unit.
+pub type MusclePropertyChange<'a> = (&'a str, &'a str, f64);
+
+impl OsimFile {
+    /// Sets a property of a muscle, in OpenSim's unit (m, N, rad); exactly the line of that property changes. A
+    /// property that the file does not give is added to the muscle. A curve's property is written `Curve/property`,
+    /// e.g. `FiberForceLengthCurve/strain_at_one_norm_force`.
+    ///
+    /// # Errors
+    /// [`EditError`]: unknown or ambiguous muscle, unknown property, a value that is not a number or that makes the
+    /// model invalid. The file is then unchanged.
+    pub fn set_muscle_property(&mut self, muscle: &str, property: &str, value: f64) -> Result<(), EditError> {
+        self.set_muscle_properties(&[(muscle, property, value)])
+    }
+
+    /// Sets several properties of muscles; all or none.
+    ///
+    /// # Errors
+    /// As [`OsimFile::set_muscle_property`].
+    pub fn set_muscle_properties(&mut self, changes: &[MusclePropertyChange<'_>]) -> Result<(), EditError> {
+        let before = self.clone();
+        let result = self.change_muscles(changes);
+        if result.is_err() {
+            *self = before;
+        }
+        result
+    }
+
+    fn change_muscles(&mut self, changes: &[MusclePropertyChange<'_>]) -> Result<(), EditError> {
+        // Values that the file gives are replaced first, all at once: that keeps element handles valid.
+        let mut edits: Vec<Splice> = Vec::new();
+        let mut absent = Vec::new();
+        for &(name, property, value) in changes {
+            if value.is_nan() {
+                let (muscle, property) = (name.to_owned(), property.to_owned());
+                return Err(EditError::NotANumber { muscle, property, value });
+            }
+            let muscle = self.muscle_element(name, property)?;
+            match self.existing(muscle, property) {
+                Some(element) => {
+                    let edit = self.value_edit(element, property, &format_number(value))?;
+                    edits.retain(|(range, _)| *range != edit.0);
+                    edits.push(edit);
+                }
+                None => absent.push((name, property, value)),
+            }
+        }
+        self.apply(edits)?;
+        for (name, property, value) in absent {
+            let muscle = self.muscle_element(name, property)?;
+            self.set_in(muscle, property, &format_number(value))?;
+        }
+        Ok(())
+    }
+
+    /// Sets the text of a property of the component at an absolute path (`/bodyset/hand`, `/forceset/ECRL/path/ECRL-P1`);
+    /// adds the property if the file does not give it. A nested object's property is written `Class/property`.
+    ///
+    /// # Errors
+    /// [`EditError`]: unknown component, a property that holds components, text that makes the model invalid. The file
+    /// is then unchanged.
+    pub fn set_property(&mut self, path: &str, property: &str, text: &str) -> Result<(), EditError> {
+        let element = self.component(path)?;
+        let before = self.clone();
+        let result = self.set_in(element, property, text);
+        if result.is_err() {
+            *self = before;
+        }
+        result
+    }
+
+    /// Adds a force, given as one element (`<CoordinateLimitForce name="…">…`), at the end of the force set.
+    ///
+    /// # Errors
+    /// As [`OsimFile::add_component`].
+    pub fn add_force(&mut self, fragment: &str) -> Result<(), EditError> {
+        self.add_component(ComponentSet::Forces, fragment)
+    }
+
+    /// Adds a component, given as one element, at the end of a set; the set is created if the model has none. The
+    /// fragment's own indentation is replaced by that of the file.
+    ///
+    /// # Errors
+    /// [`EditError`]: the fragment is not one element, or the model would become invalid. The file is then unchanged.
+    pub fn add_component(&mut self, set: ComponentSet, fragment: &str) -> Result<(), EditError> {
+        Document::parse(fragment.trim().as_bytes().to_vec(), "fragment").map_err(EditError::Fragment)?;
+        let tag = set.tag();
+        let Some(&model) = self.document.children(self.document.root()).first() else {
+            return Err(EditError::UnknownComponent {
+                file: self.document.file().to_owned(),
+                path: "/".to_owned(),
+                nearest: None,
+            });
+        };
+        let edits = match self.document.child(model, tag) {
+            Some(set) => match self.document.child(set, "objects") {
+                Some(objects) => insertion(&self.document, objects, fragment),
+                None => insertion(&self.document, set, &lines(&["<objects>", fragment, "</objects>"])),
+            },
+            None => {
+                let open = format!("<{tag} name=\"{}\">", tag.to_lowercase());
+                let close = format!("</{tag}>");
+                let inner = lines(&["<objects>", fragment, "</objects>"]);
+                insertion(&self.document, model, &lines(&[&open, &inner, &close]))
+            }
+        };
+        self.apply(edits)
+    }
+
+    /// The element of the muscle with this name, which has to be the only one and to have the property.
+    fn muscle_element(&self, name: &str, property: &str) -> Result<ElementId, EditError> {
+        let file = || self.document.file().to_owned();
+        let written = |muscle: &&MuscleSpec| {
+            let element = muscle.at.element.map(ElementId);
+            element.and_then(|element| self.document.attribute(element, "name")).as_deref() == Some(name)
+        };
+        let mut found: Vec<&MuscleSpec> = self.spec.muscles.iter().filter(written).collect();
+        if found.is_empty() {
+            found = self.spec.muscles.iter().filter(|muscle| muscle.name == name).collect();
+        }
+        let muscle = match found[..] {
+            [muscle] => muscle,
+            [] => {
+                let names = self.spec.muscles.iter().map(|muscle| muscle.name.as_str());
+                return Err(EditError::UnknownMuscle {
+                    file: file(),
+                    name: name.to_owned(),
+                    nearest: nearest(name, names),
+                });
+            }
+            _ => {
+                let lines = found.iter().map(|muscle| muscle.at.line).collect();
+                return Err(EditError::AmbiguousMuscle { file: file(), name: name.to_owned(), lines });
+            }
+        };
+        let millard: &[&str] = match muscle.kind {
+            MuscleKind::Millard2012Equilibrium(_) => &MILLARD_PROPERTIES,
+            MuscleKind::PathOnly { .. } => &[],
+        };
+        let mut known = MUSCLE_PROPERTIES.iter().chain(millard);
+        match muscle.at.element {
+            Some(element) if known.any(|&known| known == property) => Ok(ElementId(element)),
+            _ => Err(EditError::UnknownProperty {
+                file: file(),
+                line: muscle.at.line,
+                path: muscle.at.path.clone(),
+                property: property.to_owned(),
+                nearest: nearest(property, MUSCLE_PROPERTIES.iter().chain(millard).copied()),
+            }),
+        }
+    }
+
+    /// The element of a property (`Curve/property` for nested ones), if the file gives it.
+    fn existing(&self, owner: ElementId, property: &str) -> Option<ElementId> {
+        let found = property.split('/').try_fold(owner, |at, tag| self.document.child(at, tag));
+        let old_name = (property == "pennation_angle_at_optimal").then_some("pennation_angle");
+        found.or_else(|| self.document.child(owner, old_name?))
+    }
+
+    fn set_in(&mut self, owner: ElementId, property: &str, text: &str) -> Result<(), EditError> {
+        if let Some(element) = self.existing(owner, property) {
+            let edit = self.value_edit(element, property, text)?;
+            return self.apply(vec![edit]);
+        }
+        let value = escape(text);
+        match property.split_once('/') {
+            None => self.apply(insertion(&self.document, owner, &format!("<{property}>{value}</{property}>"))),
+            Some((object, inner)) => match self.document.child(owner, object) {
+                Some(element) => self.set_in(element, inner, text),
+                None => {
+                    let fragment = self.new_nested_object(owner, object);
+                    self.apply(insertion(&self.document, owner, &fragment))?;
+                    // Insertion at the end of `owner` leaves its own handle valid: its start tag comes first.
+                    self.set_in(owner, property, text)
+                }
+            },
+        }
+    }
+
+    /// A nested object that the file does not give: a copy of the one in `<defaults>`, whose values hold until now.
+    fn new_nested_object(&self, owner: ElementId, object: &str) -> String {
+        let model = self.document.children(self.document.root()).first();
+        let defaults = model.and_then(|&model| self.document.child(model, "defaults"));
+        let class = defaults.and_then(|defaults| self.document.child(defaults, self.document.tag(owner)));
+        match class.and_then(|class| self.document.child(class, object)) {
+            Some(element) => String::from_utf8_lossy(&self.document.bytes()[self.document.range(element)]).into_owned(),
+            None => format!("<{object} />"),
+        }
+    }
+
+    fn value_edit(&self, element: ElementId, property: &str, text: &str) -> Result<Splice, EditError> {
+        if !self.document.children(element).is_empty() {
+            let owner = self.document.parent(element);
+            return Err(EditError::NotAValue {
+                file: self.document.file().to_owned(),
+                line: self.document.line(element),
+                path: owner.and_then(|owner| self.document.attribute(owner, "name")).unwrap_or_default(),
+                property: property.to_owned(),
+            });
+        }
+        let text = escape(text);
+        if !self.document.is_self_closing(element) {
+            return Ok((self.document.value_range(element), text));
+        }
+        let range = self.document.start_tag(element);
+        Ok((range.clone(), format!("{}{text}</{}>", opened(&self.document, range), self.document.tag(element))))
+    }
+
+    /// Element of the component at a path.
+    fn component(&self, path: &str) -> Result<ElementId, EditError> {
+        let locations = locations(self);
+        let found = locations.iter().find(|location| location.path == path).and_then(|location| location.element);
+        found.map(ElementId).ok_or_else(|| EditError::UnknownComponent {
+            file: self.document.file().to_owned(),
+            path: path.to_owned(),
+            nearest: nearest(path, locations.iter().map(|location| location.path.as_str())),
+        })
+    }
+
+    /// Splices, then reads the new text.
+    fn apply(&mut self, edits: Vec<Splice>) -> Result<(), EditError> {
+        if edits.is_empty() {
+            return Ok(());
+        }
+        let document = self.document.spliced(edits).map_err(|error| EditError::Invalid(error.into()))?;
+        let (spec, diagnostics) = reader::read_model(&document).map_err(EditError::Invalid)?;
+        *self = OsimFile { document, spec, diagnostics };
+        Ok(())
+    }
+}
+
+type Splice = (Range<usize>, String);
+
+/// A number in its shortest form that reads back the same; infinities as OpenSim writes them.
+pub fn format_number(value: f64) -> String {
+    if value.is_infinite() {
+        return if value > 0.0 { "Inf" } else { "-Inf" }.to_owned();
+    }
+    let text = format!("{value:?}");
+    text.strip_suffix(".0").map_or_else(|| text.clone(), str::to_owned)
+}
+
+/// Where every component of a file stands.
+fn locations(file: &OsimFile) -> Vec<&Location> {
+    fn path_locations(path: &PathSpec) -> impl Iterator<Item = &Location> {
+        let points = path.points.iter().map(|point| &point.at);
+        std::iter::once(&path.at).chain(points).chain(path.wraps.iter().map(|wrap| &wrap.at))
+    }
+    let spec = &file.spec;
+    let mut all: Vec<&Location> = Vec::new();
+    all.extend(spec.frames.iter().map(|frame| &frame.at));
+    all.extend(spec.joints.iter().map(|joint| &joint.at));
+    all.extend(spec.coordinates.iter().map(|coordinate| &coordinate.at));
+    all.extend(spec.constraints.iter().map(|constraint| &constraint.at));
+    all.extend(spec.wrap_objects.iter().map(|wrap| &wrap.at));
+    for muscle in &spec.muscles {
+        all.push(&muscle.at);
+        all.extend(path_locations(&muscle.path));
+    }
+    for force in &spec.forces {
+        all.push(&force.at);
+        if let ForceKind::Ligament { path, .. } | ForceKind::PathSpring { path, .. } = &force.kind {
+            all.extend(path_locations(path));
+        }
+    }
+    all.extend(spec.markers.iter().map(|marker| &marker.at));
+    all
+}
+
+/// A self-closing start tag as an opening one.
+fn opened(document: &Document, start_tag: Range<usize>) -> String {
+    let text = String::from_utf8_lossy(&document.bytes()[start_tag]).into_owned();
+    format!("{}>", text.trim_end_matches('>').trim_end_matches('/').trim_end())
+}
+
+fn lines(parts: &[&str]) -> String {
+    let mut text = String::new();
+    for (i, part) in parts.iter().enumerate() {
+        // What stands between the first and last line is one level deeper.
+        let inner = i > 0 && i + 1 < parts.len();
+        for line in reindented(part, if inner { "\t" } else { "" }, "\t", "\n").lines() {
+            if !text.is_empty() {
+                text.push('\n');
+            }
+            text.push_str(line);
+        }
+    }
+    text
+}
+
+/// Splices that make `fragment` the last child of `parent`.
+fn insertion(document: &Document, parent: ElementId, fragment: &str) -> Vec<Splice> {
+    let newline = document.newline();
+    let unit = indentation_unit(document);
+    if let Some(&last) = document.children(parent).last() {
+        let end = document.range(last).end;
+        let text = match document.indentation(last) {
+            Some(indentation) => format!("{newline}{}", reindented(fragment, indentation, &unit, newline)),
+            None => fragment.trim().to_owned(),
+        };
+        return vec![(end..end, text)];
+    }
+    let base = document.indentation(parent).unwrap_or_default().to_owned();
+    let text = reindented(fragment, &format!("{base}{unit}"), &unit, newline);
+    if document.is_self_closing(parent) {
+        let range = document.start_tag(parent);
+        let tag = document.tag(parent);
+        let open = opened(document, range.clone());
+        return vec![(range, format!("{open}{newline}{text}{newline}{base}</{tag}>"))];
+    }
+    // Comments may stand inside; the new child comes behind them, in place of the white space before the end tag.
+    let inner = document.inner(parent);
+    let bytes = &document.bytes()[inner.clone()];
+    let kept = bytes.trim_ascii_end().len();
+    vec![(inner.start + kept..inner.end, format!("{newline}{text}{newline}{base}"))]
+}
+
+/// One level of indentation: that of the model below the root.
+fn indentation_unit(document: &Document) -> String {
+    let model = document.children(document.root()).first();
+    let of_model = model.and_then(|&model| document.indentation(model)).filter(|text| !text.is_empty());
+    of_model.unwrap_or("\t").to_owned()
+}
+
+/// The fragment with the indentation of its lines (relative to its last line) expressed in `unit`.
+fn reindented(fragment: &str, indentation: &str, unit: &str, newline: &str) -> String {
+    let fragment = fragment.trim();
+    let leading = |line: &str| line.len() - line.trim_ascii_start().len();
+    let filled = || fragment.lines().skip(1).filter(|line| !line.trim_ascii().is_empty());
+    let least = filled().map(leading).min().unwrap_or(0);
+    let step = filled().map(|line| leading(line) - least).filter(|&extra| extra > 0).min().unwrap_or(1);
+    let mut text = String::new();
+    for (i, line) in fragment.lines().enumerate() {
+        if i > 0 {
+            text.push_str(newline);
+        }
+        let depth = if i == 0 { 0 } else { leading(line).saturating_sub(least) / step };
+        text.push_str(indentation);
+        text.push_str(&unit.repeat(depth));
+        text.push_str(line.trim_ascii());
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn verif_numbers_are_written_in_their_shortest_form() {
+        for (value, text) in
+            [(0.1, "0.1"), (5.0, "5"), (-0.0, "-0"), (1e-7, "1e-7"), (1e22, "1e22"), (f64::INFINITY, "Inf")]
+        {
+            assert_eq!(format_number(value), text);
+        }
+        let value = 0.1 + 0.2;
+        assert_eq!(format_number(value).parse::<f64>(), Ok(value));
+    }
+
+    #[test]
+    fn verif_fragments_take_the_indentation_of_the_file() {
+        let fragment = "<a>\n  <b>\n    <c/>\n  </b>\n</a>";
+        assert_eq!(
+            reindented(fragment, "\t\t", "\t", "\r\n"),
+            "\t\t<a>\r\n\t\t\t<b>\r\n\t\t\t\t<c/>\r\n\t\t\t</b>\r\n\t\t</a>"
+        );
+    }
+}
