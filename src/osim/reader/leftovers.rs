@@ -28,6 +28,10 @@ fn ignored(tag: &str) -> Option<&'static str> {
         | "geometry_files"
         | "frame_geometry"
         | "display_geometry" => "appearance only",
+        "Sphere" | "Cylinder" | "Brick" | "Ellipsoid" | "Cone" | "Torus" | "Arrow" | "LineGeometry" => {
+            "appearance only"
+        }
+        "Station" | "Marker" | "IMU" | "ExperimentalSensor" => "a point that no force uses",
         "credits" | "publications" => "documentation only",
         "groups" => "groups are names for sets of components",
         "ProbeSet" => "probes only report",

@@ -20,10 +20,9 @@ impl Reader<'_> {
     /// The path of a muscle, ligament or spring; `None` if it is of a class that is not supported (class name given
     /// back as the error).
     pub(super) fn read_path(&mut self, owner: &Object) -> Result<PathSpec, String> {
-        let element = self.property(owner, &["GeometryPath"]).or_else(|| {
-            let any: fn(&str) -> bool = |_| true;
-            self.one_object(owner, "path", any).flatten()
-        });
+        let element = self
+            .property(owner, &["GeometryPath"])
+            .or_else(|| self.one_object(owner, "path", |tag| tag.ends_with("Path")).flatten());
         let object = match element {
             Some(element) if self.document.tag(element) != "GeometryPath" => {
                 return Err(self.document.tag(element).to_owned());

@@ -63,7 +63,7 @@ mod tests {
 
     #[test]
     fn verif_six_digits_as_printed_by_a_c_plus_plus_stream() {
-        assert_eq!(six_significant_digits(1.57079633), 1.5708);
+        assert_eq!(six_significant_digits(0.785398163), 0.785398);
         assert_eq!(six_significant_digits(-0.017545), -0.017545);
         assert_eq!(six_significant_digits(1.23456789e-9), 1.23457e-9);
         assert_eq!(six_significant_digits(0.0), 0.0);

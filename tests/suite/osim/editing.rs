@@ -36,8 +36,8 @@ fn verif_setting_a_parameter_changes_one_line() {
 fn verif_every_parameter_of_every_lab_muscle_changes_one_line() {
     for path in lab_models() {
         let original = OsimFile::read(&path).unwrap_or_else(|error| panic!("{error}"));
-        // Every tenth muscle: each change reads the whole file again.
-        for i in (0..original.spec.muscles.len()).step_by(10) {
+        // A sample of muscles: each change reads the whole file again.
+        for i in (0..original.spec.muscles.len()).step_by(25) {
             let mut file = original.clone();
             let muscle = original.spec.muscles[i].clone();
             let value = 1.01 * muscle.optimal_fiber_length;
