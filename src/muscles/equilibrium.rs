@@ -253,7 +253,7 @@ impl<S: Scalar> Millard2012<S> {
             return;
         }
         let imprecision = EQUILIBRIUM_TOLERANCE / solution.slope.abs();
-        if !(imprecision <= WELL_DETERMINED * l_opt) {
+        if imprecision > WELL_DETERMINED * l_opt {
             solution.status = EquilibriumStatus::WeaklyDetermined;
             return;
         }
@@ -263,7 +263,7 @@ impl<S: Scalar> Millard2012<S> {
                 return;
             }
             let (residual, slope) = balance(next);
-            if !(residual.abs() < solution.residual.abs()) {
+            if residual.abs() >= solution.residual.abs() {
                 return;
             }
             (solution.fiber_length, solution.residual, solution.slope) = (next, residual, slope);

@@ -142,7 +142,7 @@ impl<S: Scalar> Millard2012<S> {
             }
         }
         let at_minimum = state.length.fiber_length.value() <= self.minimum_fiber_length.value();
-        if at_minimum && !(state.norm_velocity.value() > 0.0) {
+        if at_minimum && state.norm_velocity.value() <= 0.0 {
             state.is_clamped = true;
             state.norm_velocity = S::constant(0.0);
             state.multiplier = S::constant(1.0);

@@ -12,6 +12,9 @@ const GUESS_TOLERANCE: f64 = 1e-7;
 /// Cells per corner to start with and at most.
 const CELLS: std::ops::RangeInclusive<usize> = 32..=512;
 
+/// Corners of the longest curve, the active force–length curve.
+const MOST_CORNERS: usize = 5;
+
 /// Control points of one corner, in OpenSim's order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct QuinticCorner {
@@ -217,23 +220,36 @@ impl Segment {
         u
     }
 
-    /// u within [`GUESS_TOLERANCE`] of the solution of x(u) = x, and the Newton step (to second order) that remains.
+    /// u within [`GUESS_TOLERANCE`] of the solution of x(u) = x, and the Newton step that remains.
     #[inline]
-    fn locate(&self, x: f64) -> (f64, [f64; 3], f64) {
+    fn locate(&self, x: f64) -> Located {
         let dx = x - self.x_start;
-        let index = ((dx * self.cells_per_x) as usize).min(self.guess.len() - 1);
+        let index = ((dx * self.cells_per_x) as i32 as usize).min(self.guess.len() - 1);
         let d = dx - (2.0 * index as f64 + 1.0) * self.half_cell;
         let [t0, t1, t2, t3] = self.guess[index];
-        let mut u = t0 + (d * t1 + (d * d) * (t2 + d * t3));
-        let mut at = self.x.expand(u);
-        let mut step = (dx - at[0]) / at[1];
+        let u = t0 + (d * t1 + (d * d) * (t2 + d * t3));
+        let [at, x1, half_x2] = self.x.expand(u);
+        let du_dx = 1.0 / x1;
+        let step = (dx - at) * du_dx;
         if step.abs() > 4.0 * GUESS_TOLERANCE {
-            u = self.refine(dx, u);
-            at = self.x.expand(u);
-            step = 0.0;
+            let u = self.refine(dx, u);
+            let [_, x1, half_x2] = self.x.expand(u);
+            return Located { u, step: 0.0, du_dx: 1.0 / x1, half_x2 };
         }
-        (u, at, step)
+        Located { u, step, du_dx, half_x2 }
     }
+}
+
+/// Where on a corner an abscissa lies.
+struct Located {
+    /// Guess of the curve parameter.
+    u: f64,
+    /// What is missing to the curve parameter.
+    step: f64,
+    /// 1/x′ at the guess.
+    du_dx: f64,
+    /// Half of x″ at the guess.
+    half_x2: f64,
 }
 
 /// A smooth curve y(x): quintic Bézier corners, continued linearly beyond both ends.
@@ -242,6 +258,8 @@ impl Segment {
 #[derive(Clone, Debug)]
 pub struct SmoothSegmentedFunction {
     segments: Vec<Segment>,
+    /// Ends of all segments but the last, filled up with infinity: comparing with all of them needs no branch.
+    breaks: [f64; MOST_CORNERS - 1],
     start: [f64; 3],
     end: [f64; 3],
 }
@@ -251,10 +269,17 @@ impl SmoothSegmentedFunction {
     ///
     /// - `slope_start`, `slope_end`: slopes of the linear continuations
     ///
-    /// `corners` must not be empty.
+    /// # Panics
+    /// If there are no corners or more than five.
     pub fn new(corners: &[QuinticCorner], slope_start: f64, slope_end: f64) -> SmoothSegmentedFunction {
+        assert!((1..=MOST_CORNERS).contains(&corners.len()), "{} corners", corners.len());
         let (first, last) = (&corners[0], &corners[corners.len() - 1]);
+        let mut breaks = [f64::INFINITY; MOST_CORNERS - 1];
+        for (end, corner) in breaks.iter_mut().zip(&corners[..corners.len() - 1]) {
+            *end = corner.x[5];
+        }
         SmoothSegmentedFunction {
+            breaks,
             segments: corners.iter().map(Segment::new).collect(),
             start: [first.x[0], first.y[0], slope_start],
             end: [last.x[5], last.y[5], slope_end],
@@ -268,10 +293,7 @@ impl SmoothSegmentedFunction {
 
     #[inline]
     fn segment(&self, x: f64) -> &Segment {
-        let mut index = 0;
-        while index + 1 < self.segments.len() && x >= self.segments[index].x_end {
-            index += 1;
-        }
+        let index: usize = self.breaks.iter().map(|&end| usize::from(x >= end)).sum();
         &self.segments[index]
     }
 
@@ -295,11 +317,14 @@ impl SmoothSegmentedFunction {
             return line;
         }
         let segment = self.segment(x);
-        let (u, [_, x1, half_x2], step) = segment.locate(x);
+        let Located { u, step, du_dx, half_x2 } = segment.locate(x);
         let [y, y1, half_y2] = segment.y.expand(u);
+        // Second-order Taylor terms of u(x) = u + step − (x″/2x′) step² and of 1/x′ leave errors of third order.
+        let bend = step * half_x2 * du_dx;
+        let step = step * (1.0 - bend);
         ValueAndDerivative {
             value: y + step * (y1 + step * half_y2),
-            derivative: (y1 + 2.0 * step * half_y2) / (x1 + 2.0 * step * half_x2),
+            derivative: (y1 + 2.0 * step * half_y2) * du_dx * (1.0 - 2.0 * bend * (1.0 - 2.0 * bend)),
         }
     }
 
@@ -321,8 +346,8 @@ impl SmoothSegmentedFunction {
             return 0.0;
         }
         let segment = self.segment(x);
-        let (u, _, step) = segment.locate(x);
-        let u = (u + step).clamp(0.0, 1.0);
+        let located = segment.locate(x);
+        let u = (located.u + located.step).clamp(0.0, 1.0);
         let [_, x1, half_x2] = segment.x.expand(u);
         let [_, y1, half_y2] = segment.y.expand(u);
         2.0 * (half_y2 - y1 / x1 * half_x2) / (x1 * x1)
