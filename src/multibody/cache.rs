@@ -1,7 +1,7 @@
 //! Buffers for computed kinematics.
 
 use super::model::{BaseIndex, Model};
-use crate::osim::spec::FrameIndex;
+use crate::osim::spec::{CoordinateIndex, FrameIndex};
 use crate::spatial::{SpatialAcceleration, SpatialVelocity, Transform};
 use nalgebra::{Matrix3, Vector3};
 
@@ -15,6 +15,8 @@ pub struct Cache {
     pub(super) partial_velocity: Vec<SpatialVelocity>,
     pub(super) nodes: Vec<NodeCache>,
     pub(super) coupling: Vec<f64>,
+    /// Coordinate that `partial_velocity` and `coupling` belong to.
+    pub(super) unit_coordinate: Option<CoordinateIndex>,
 }
 
 /// Intermediate results of one joint.
@@ -49,6 +51,7 @@ impl Cache {
             partial_velocity: vec![SpatialVelocity::zero(); model.n_bases()],
             nodes: vec![node; model.nodes.len()],
             coupling: vec![0.0; model.n_coordinates()],
+            unit_coordinate: None,
         }
     }
 
@@ -81,6 +84,11 @@ impl Cache {
     /// [`Model::update_unit_motion`], couplers followed.
     pub fn partial_velocity(&self, base: impl Into<BaseIndex>) -> &SpatialVelocity {
         &self.partial_velocity[base.into().0]
+    }
+
+    /// The coordinate last given to [`Model::update_unit_motion`].
+    pub fn unit_coordinate(&self) -> Option<CoordinateIndex> {
+        self.unit_coordinate
     }
 
     /// Coupling vector dqᵢ/dq_c of the last [`Model::update_unit_motion`].

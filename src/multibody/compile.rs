@@ -244,7 +244,8 @@ fn compile_mobilizer(spec: &ModelSpec, joint: &JointSpec) -> Result<Mobilizer, C
 
 /// A CustomJoint: rotations about three axes, each turned by those before it, then displacements along three axes
 /// fixed in the parent frame. Axes are normalized; they need not be orthogonal. Mirrors Simbody's
-/// `MobilizedBody::FunctionBased`.
+/// `MobilizedBody::FunctionBased`, except where that one's velocities contradict its poses: it takes a rotation by a
+/// nonzero `Constant` without coordinates for zero when it computes the axes of the rotations after it.
 fn compile_custom(
     spec: &ModelSpec,
     joint: &JointSpec,

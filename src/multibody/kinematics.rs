@@ -56,9 +56,13 @@ impl Model {
         }
     }
 
-    /// Computes the partial velocities of the bodies of `subset` only; those of bodies inboard of them must be up to
-    /// date for the same coordinate (or zero since the cache was made).
+    /// Computes the partial velocities of the bodies of `subset` only. Other bodies keep theirs, which are set to zero
+    /// when `c` is not the coordinate of the call before: correct for any subset that holds all needed bodies of
+    /// [`Model::bodies_moved_by`] and those inboard of them that move.
     pub fn update_unit_motion_in(&self, subset: &BodySubset, q: &[f64], c: CoordinateIndex, cache: &mut Cache) {
+        if cache.unit_coordinate != Some(c) {
+            cache.partial_velocity.fill(SpatialVelocity::zero());
+        }
         self.update_cached_coupling(q, c, cache);
         for &i in subset.nodes() {
             self.update_node_partial_velocity(i, q, cache);
@@ -93,6 +97,7 @@ impl Model {
         let mut coupling = std::mem::take(&mut cache.coupling);
         self.update_coupling(q, c, &mut coupling);
         cache.coupling = coupling;
+        cache.unit_coordinate = Some(c);
     }
 
     #[allow(non_snake_case)]

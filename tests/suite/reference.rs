@@ -33,18 +33,12 @@ pub fn opensim_python() -> Option<PathBuf> {
     })
 }
 
-/// The `.osim` files of format 4.x in a folder, sorted by name.
-pub fn models_of_format_4(dir: &std::path::Path) -> Vec<PathBuf> {
-    let is_format_4 = |path: &PathBuf| {
-        let start: Vec<u8> = std::fs::read(path).unwrap_or_default().into_iter().take(400).collect();
-        String::from_utf8_lossy(&start).contains("Version=\"40")
-    };
-    let mut paths: Vec<PathBuf> = std::fs::read_dir(dir)
-        .into_iter()
-        .flatten()
-        .flatten()
+/// All `.osim` files in a folder, sorted by name.
+pub fn osim_files(dir: &std::path::Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(dir).into_iter().flatten().flatten();
+    let mut paths: Vec<PathBuf> = entries
         .map(|entry| entry.path())
-        .filter(|path| path.extension().is_some_and(|extension| extension == "osim") && is_format_4(path))
+        .filter(|path| path.extension().is_some_and(|extension| extension == "osim"))
         .collect();
     paths.sort();
     paths
