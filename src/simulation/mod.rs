@@ -1,1 +1,31 @@
 //! Simulation of recorded trials with prescribed motion; equilibrium at a posture; path sweeps.
+//!
+//! ```text
+//! let model = MusculoskeletalModel::compile(&spec, &Setup::from_settings(&settings))?;   // once per model
+//! let trials = model.prepare_all(&recordings, &Options::default())?;                     // once per study
+//! let simulations = simulate_all(&trials, &model.nominal_parameters())?;                 // per parameter set
+//! ```
+//!
+//! One coordinate follows the recorded angle, couplers follow it, all others are held: no mass matrix is needed and
+//! massless bodies are no obstacle. Paths, moment arms, passive forces and activations do not depend on the muscles'
+//! lengths and forces, so they are computed once per study or trial; a further parameter set costs only the fibres'
+//! differential equations. Deliberately not here: reading files, comparing with measured moments, choosing parameters.
+
+mod activation_trajectory;
+mod error;
+mod fiber;
+mod model;
+mod motion;
+mod path_table;
+mod tables;
+mod trial;
+
+pub use error::SimulationError;
+pub use fiber::integrate::FiberAccuracy;
+pub use fiber::radau::Work;
+pub use model::{HeldCoordinate, MuscleParameters, MusculoskeletalModel, Setup};
+pub use motion::MotionInterpolation;
+pub use trial::{
+    MIN_RECORDING_SAMPLES, MuscleKinematics, MuscleSimulation, Options, PreparedTrial, Recording, TrialKinematics,
+    TrialSimulation, UnitMoment, simulate_all,
+};

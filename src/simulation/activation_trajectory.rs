@@ -1,0 +1,326 @@
+//! Activation a(t) of one muscle over a trial, from its excitation e(t).
+//!
+//! Activation does not depend on fibre length, so it is integrated once per trial and muscle; a change of the muscle's
+//! lengths or force costs nothing here. The excitation is piecewise linear between samples, as with OpenSim's
+//! `PrescribedController` over `PiecewiseLinearFunction`. The dynamics are those of
+//! `MuscleFirstOrderActivationDynamicModel`:
+//!
+//! ```text
+//! ȧ = (e − â) / τ(â, e),   â = clamp(a, a_min, 1)
+//! τ = τ_act (0.5 + 1.5 â)      if e > â
+//!     τ_deact / (0.5 + 1.5 â)  otherwise
+//! ```
+//!
+//! Like there, the excitation itself is not limited: while e < a_min the state a drifts below a_min, while muscles see â.
+
+/// Local error of one step, absolute. Activation errors decay with the time constants, so that the global error stays
+/// near it.
+const STEP_TOLERANCE: f64 = 1e-9;
+
+/// Parameters of first-order activation dynamics.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ActivationDynamics {
+    /// Activation time constant τ_act [s].
+    pub(crate) activation_time_constant: f64,
+    /// Deactivation time constant τ_deact [s].
+    pub(crate) deactivation_time_constant: f64,
+    /// Lower bound a_min of activation.
+    pub(crate) minimum_activation: f64,
+    /// Activation equals excitation (`ignore_activation_dynamics`).
+    pub(crate) ignored: bool,
+}
+
+/// One piece of a trajectory: a quintic in the local coordinate 0…1.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    start: f64,
+    per_second: f64,
+    coefficients: [f64; 6],
+}
+
+/// Activation as a function of time.
+#[derive(Clone, Debug)]
+pub(crate) struct ActivationTrajectory {
+    pieces: Vec<Piece>,
+    bounds: [f64; 2],
+}
+
+/// The side of the kink at e = â that a step is on.
+#[derive(Clone, Copy, PartialEq)]
+enum Branch {
+    Activating,
+    Deactivating,
+}
+
+impl ActivationDynamics {
+    fn clamp(&self, a: f64) -> f64 {
+        a.max(self.minimum_activation).min(1.0)
+    }
+
+    fn rate(&self, a: f64, e: f64, branch: Branch) -> f64 {
+        let a = self.clamp(a);
+        match branch {
+            Branch::Activating => (e - a) / (self.activation_time_constant * (0.5 + 1.5 * a)),
+            Branch::Deactivating => (e - a) * (0.5 + 1.5 * a) / self.deactivation_time_constant,
+        }
+    }
+
+    /// ä for an excitation that changes at `slope`.
+    fn acceleration(&self, a: f64, e: f64, slope: f64, branch: Branch) -> f64 {
+        let clamped = self.clamp(a);
+        let (by_e, by_a) = match branch {
+            Branch::Activating => {
+                let tau = self.activation_time_constant * (0.5 + 1.5 * clamped);
+                (1.0 / tau, -1.0 / tau - (e - clamped) * 1.5 * self.activation_time_constant / (tau * tau))
+            }
+            Branch::Deactivating => {
+                let rate = (0.5 + 1.5 * clamped) / self.deactivation_time_constant;
+                (rate, 1.5 * (e - clamped) / self.deactivation_time_constant - rate)
+            }
+        };
+        let by_a = if a < self.minimum_activation || a > 1.0 { 0.0 } else { by_a };
+        by_e * slope + by_a * self.rate(a, e, branch)
+    }
+
+    /// A Dormand–Prince step of order 5 within one branch; returns the new activation and the error estimate.
+    fn step(&self, a: f64, e: f64, slope: f64, h: f64, branch: Branch) -> (f64, f64) {
+        let f = |da: f64, c: f64| self.rate(a + h * da, e + slope * c * h, branch);
+        let k1 = f(0.0, 0.0);
+        let k2 = f(k1 / 5.0, 0.2);
+        let k3 = f(3.0 / 40.0 * k1 + 9.0 / 40.0 * k2, 0.3);
+        let k4 = f(44.0 / 45.0 * k1 - 56.0 / 15.0 * k2 + 32.0 / 9.0 * k3, 0.8);
+        let k5 = f(
+            19372.0 / 6561.0 * k1 - 25360.0 / 2187.0 * k2 + 64448.0 / 6561.0 * k3 - 212.0 / 729.0 * k4,
+            8.0 / 9.0,
+        );
+        let k6 = f(
+            9017.0 / 3168.0 * k1 - 355.0 / 33.0 * k2 + 46732.0 / 5247.0 * k3 + 49.0 / 176.0 * k4
+                - 5103.0 / 18656.0 * k5,
+            1.0,
+        );
+        let increment = 35.0 / 384.0 * k1 + 500.0 / 1113.0 * k3 + 125.0 / 192.0 * k4 - 2187.0 / 6784.0 * k5
+            + 11.0 / 84.0 * k6;
+        let k7 = f(increment, 1.0);
+        let error = 71.0 / 57600.0 * k1 - 71.0 / 16695.0 * k3 + 71.0 / 1920.0 * k4 - 17253.0 / 339200.0 * k5
+            + 22.0 / 525.0 * k6
+            - k7 / 40.0;
+        (a + h * increment, (h * error).abs())
+    }
+}
+
+impl ActivationTrajectory {
+    /// Integrates activation over the samples `time`, `excitation` (piecewise linear between them).
+    ///
+    /// Activation starts at the first excitation, within a_min…1: the muscle is taken to be in steady state when the
+    /// recording starts. `time` increases strictly and has at least two samples.
+    pub(crate) fn integrate(dynamics: &ActivationDynamics, time: &[f64], excitation: &[f64]) -> ActivationTrajectory {
+        let mut trajectory = ActivationTrajectory {
+            pieces: Vec::with_capacity(4 * time.len()),
+            bounds: [dynamics.minimum_activation, 1.0],
+        };
+        let mut a = dynamics.clamp(excitation[0]);
+        let mut trial_step = f64::INFINITY;
+        for k in 0..time.len() - 1 {
+            let slope = (excitation[k + 1] - excitation[k]) / (time[k + 1] - time[k]);
+            let segment = Segment { start: time[k], end: time[k + 1], excitation: excitation[k], slope };
+            if dynamics.ignored {
+                let coefficients = [excitation[k], excitation[k + 1] - excitation[k], 0.0, 0.0, 0.0, 0.0];
+                trajectory.push(segment.start, segment.end, coefficients);
+            } else {
+                a = trajectory.integrate_segment(dynamics, segment, a, &mut trial_step);
+            }
+        }
+        trajectory
+    }
+
+    fn integrate_segment(
+        &mut self,
+        dynamics: &ActivationDynamics,
+        segment: Segment,
+        mut a: f64,
+        trial_step: &mut f64,
+    ) -> f64 {
+        let duration = segment.end - segment.start;
+        let resolution = 1e-9 * duration;
+        let gap = |elapsed: f64, a: f64| segment.excitation + segment.slope * elapsed - dynamics.clamp(a);
+        let mut elapsed = 0.0;
+        let start_gap = gap(0.0, a);
+        let mut branch = if start_gap > 0.0 || (start_gap == 0.0 && segment.slope > 0.0) {
+            Branch::Activating
+        } else {
+            Branch::Deactivating
+        };
+        while duration - elapsed > resolution {
+            let e = segment.excitation + segment.slope * elapsed;
+            let mut h = trial_step.min(duration - elapsed);
+            if duration - elapsed - h < resolution {
+                h = duration - elapsed;
+            }
+            let (mut next, error) = dynamics.step(a, e, segment.slope, h, branch);
+            let growth = (0.9 * (STEP_TOLERANCE / error.max(1e-30)).powf(0.2)).clamp(0.2, 4.0);
+            if error > STEP_TOLERANCE && h > resolution {
+                *trial_step = h * growth;
+                continue;
+            }
+            *trial_step = (h * growth).max(if h < *trial_step { *trial_step } else { 0.0 });
+            let mut crossed = false;
+            let end_gap = gap(elapsed + h, next);
+            if (branch == Branch::Activating) != (end_gap > 0.0) && end_gap != 0.0 {
+                // The excitation meets the activation inside the step: end the step there.
+                let piece = hermite(dynamics, a, next, e, segment.slope, h, branch);
+                let (mut low, mut high) = (0.0, h);
+                for _ in 0..50 {
+                    let middle = 0.5 * (low + high);
+                    let on_branch = gap(elapsed + middle, polynomial(&piece, middle / h)) > 0.0;
+                    if on_branch == (branch == Branch::Activating) { low = middle } else { high = middle }
+                }
+                h = high;
+                next = dynamics.step(a, e, segment.slope, h, branch).0;
+                crossed = true;
+            }
+            if h > 0.0 {
+                let start = segment.start + elapsed;
+                let end = if duration - elapsed - h <= resolution { segment.end } else { start + h };
+                self.push(start, end, hermite(dynamics, a, next, e, segment.slope, h, branch));
+                a = next;
+                elapsed += h;
+            }
+            if crossed {
+                branch = match branch {
+                    Branch::Activating => Branch::Deactivating,
+                    Branch::Deactivating => Branch::Activating,
+                };
+            }
+        }
+        a
+    }
+
+    fn push(&mut self, start: f64, end: f64, coefficients: [f64; 6]) {
+        self.pieces.push(Piece { start, per_second: 1.0 / (end - start), coefficients });
+    }
+
+    /// Activation at `time`, within its bounds. `cursor` remembers the piece for the next call at a nearby time.
+    pub(crate) fn value(&self, time: f64, cursor: &mut usize) -> f64 {
+        let mut i = (*cursor).min(self.pieces.len() - 1);
+        while i > 0 && time < self.pieces[i].start {
+            i -= 1;
+        }
+        while i + 1 < self.pieces.len() && time >= self.pieces[i + 1].start {
+            i += 1;
+        }
+        *cursor = i;
+        let piece = &self.pieces[i];
+        let t = (time - piece.start) * piece.per_second;
+        polynomial(&piece.coefficients, t).max(self.bounds[0]).min(self.bounds[1])
+    }
+}
+
+/// Excitation between two samples.
+#[derive(Clone, Copy)]
+struct Segment {
+    start: f64,
+    end: f64,
+    excitation: f64,
+    slope: f64,
+}
+
+fn polynomial(c: &[f64; 6], t: f64) -> f64 {
+    c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5]))))
+}
+
+/// Quintic through both ends of a step with their first and second derivatives.
+fn hermite(d: &ActivationDynamics, a0: f64, a1: f64, e0: f64, slope: f64, h: f64, branch: Branch) -> [f64; 6] {
+    let e1 = e0 + slope * h;
+    let (v0, v1) = (h * d.rate(a0, e0, branch), h * d.rate(a1, e1, branch));
+    let (w0, w1) =
+        (h * h * d.acceleration(a0, e0, slope, branch), h * h * d.acceleration(a1, e1, slope, branch));
+    let rise = a1 - a0;
+    [
+        a0,
+        v0,
+        0.5 * w0,
+        10.0 * rise - 6.0 * v0 - 4.0 * v1 - 1.5 * w0 + 0.5 * w1,
+        -15.0 * rise + 8.0 * v0 + 7.0 * v1 + 1.5 * w0 - w1,
+        6.0 * rise - 3.0 * (v0 + v1) - 0.5 * (w0 - w1),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DYNAMICS: ActivationDynamics = ActivationDynamics {
+        activation_time_constant: 0.01,
+        deactivation_time_constant: 0.04,
+        minimum_activation: 0.01,
+        ignored: false,
+    };
+
+    /// Brute force: classical Runge–Kutta with very many steps of the differential equation as OpenSim writes it.
+    fn brute_force(time: &[f64], excitation: &[f64], at: &[f64]) -> Vec<f64> {
+        let rate = |t: f64, a: f64| {
+            let k = time.partition_point(|&s| s <= t).clamp(1, time.len() - 1) - 1;
+            let e = excitation[k] + (excitation[k + 1] - excitation[k]) * (t - time[k]) / (time[k + 1] - time[k]);
+            let a = a.clamp(0.01, 1.0);
+            let tau = if e > a { 0.01 * (0.5 + 1.5 * a) } else { 0.04 / (0.5 + 1.5 * a) };
+            (e - a) / tau
+        };
+        let (mut t, mut a) = (time[0], excitation[0].clamp(0.01, 1.0));
+        let mut out = Vec::new();
+        for &target in at {
+            let steps = ((target - t) / 2e-6).ceil().max(1.0) as usize;
+            let h = (target - t) / steps as f64;
+            for _ in 0..steps {
+                let k1 = rate(t, a);
+                let k2 = rate(t + 0.5 * h, a + 0.5 * h * k1);
+                let k3 = rate(t + 0.5 * h, a + 0.5 * h * k2);
+                let k4 = rate(t + h, a + h * k3);
+                a += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
+                t += h;
+            }
+            out.push(a.clamp(0.01, 1.0));
+        }
+        out
+    }
+
+    #[test]
+    fn verif_activation_matches_brute_force_on_rough_excitation() {
+        let time: Vec<f64> = (0..60).map(|i| 0.3 + 0.01 * i as f64).collect();
+        let excitation: Vec<f64> = (0..60)
+            .map(|i| (0.45 + 0.45 * (0.7 * i as f64).sin() + 0.08 * (5.1 * i as f64).cos()).clamp(0.0, 1.0))
+            .collect();
+        let trajectory = ActivationTrajectory::integrate(&DYNAMICS, &time, &excitation);
+        let at: Vec<f64> = (1..400).map(|i| 0.3 + 0.59 * i as f64 / 400.0).collect();
+        let reference = brute_force(&time, &excitation, &at);
+        let mut cursor = 0;
+        let worst = at
+            .iter()
+            .zip(&reference)
+            .map(|(&t, r)| (trajectory.value(t, &mut cursor) - r).abs())
+            .fold(0.0, f64::max);
+        println!("largest activation error {worst:.2e}, {} pieces", trajectory.pieces.len());
+        assert!(worst < 1e-6, "{worst:e}");
+    }
+
+    #[test]
+    fn verif_state_drifts_below_minimum_as_in_opensim_while_muscles_see_the_minimum() {
+        let trajectory = ActivationTrajectory::integrate(&DYNAMICS, &[0.0, 1.0, 1.001, 2.0], &[0.0, 0.0, 0.3, 0.3]);
+        let mut cursor = 0;
+        assert_eq!(trajectory.value(0.9, &mut cursor), 0.01);
+        let at = [1.002, 1.005, 1.02, 1.1];
+        let reference = brute_force(&[0.0, 1.0, 1.001, 2.0], &[0.0, 0.0, 0.3, 0.3], &at);
+        for (t, r) in at.iter().zip(reference) {
+            assert!((trajectory.value(*t, &mut cursor) - r).abs() < 1e-6, "t = {t}");
+        }
+    }
+
+    #[test]
+    fn verif_ignored_dynamics_follow_excitation() {
+        let dynamics = ActivationDynamics { ignored: true, ..DYNAMICS };
+        let trajectory = ActivationTrajectory::integrate(&dynamics, &[0.0, 1.0, 2.0], &[0.0, 1.2, 0.2]);
+        let mut cursor = 0;
+        let values = [0.0, 0.5, 1.0, 1.5].map(|t| trajectory.value(t, &mut cursor));
+        assert!((values[0] - 0.01).abs() < 1e-15 && (values[1] - 0.6).abs() < 1e-12);
+        assert!((values[2] - 1.0).abs() < 1e-15 && (values[3] - 0.7).abs() < 1e-12);
+    }
+}

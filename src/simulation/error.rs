@@ -1,0 +1,228 @@
+//! Why a model or a trial cannot be simulated.
+
+use crate::forces::ForceError;
+use crate::functions::FunctionError;
+use crate::multibody::CompileError;
+use crate::muscles::MuscleError;
+use crate::paths::PathError;
+
+/// Why a model or a trial cannot be simulated.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SimulationError {
+    /// The skeleton cannot be compiled.
+    #[error(transparent)]
+    Model(#[from] CompileError),
+    /// A force cannot be compiled.
+    #[error(transparent)]
+    Force(#[from] ForceError),
+    /// A muscle cannot be computed.
+    #[error(transparent)]
+    Muscle(#[from] MuscleError),
+    /// A path cannot be compiled.
+    #[error("{owner}: {source}")]
+    Path {
+        /// Muscle or force that owns the path.
+        owner: String,
+        /// What is wrong.
+        source: PathError,
+    },
+    /// The model has no such coordinate.
+    #[error("the model has no coordinate `{name}`; it has {}", .available.join(", "))]
+    UnknownCoordinate {
+        /// The name asked for.
+        name: String,
+        /// The model's coordinates.
+        available: Vec<String>,
+    },
+    /// A coupler determines the coordinate, so that it cannot be set.
+    #[error("coordinate `{name}` follows `{driver}` through coupler `{coupler}`; set `{driver}` instead")]
+    DependentCoordinate {
+        /// The coordinate.
+        name: String,
+        /// The coordinate that it follows.
+        driver: String,
+        /// The coupler.
+        coupler: String,
+    },
+    /// A value that a coordinate is held at is outside its range.
+    #[error("coordinate `{name}` is held at {value}, outside its range {lower} to {upper} [rad or m]")]
+    PostureOutOfRange {
+        /// The coordinate.
+        name: String,
+        /// The value [rad or m].
+        value: f64,
+        /// Least value of the range.
+        lower: f64,
+        /// Greatest value of the range.
+        upper: f64,
+    },
+    /// The model has no such muscle.
+    #[error("the model has no muscle `{name}`; it has {}", .available.join(", "))]
+    UnknownMuscle {
+        /// The name asked for.
+        name: String,
+        /// The model's muscles.
+        available: Vec<String>,
+    },
+    /// A muscle is listed twice.
+    #[error("muscle `{name}` is listed twice")]
+    RepeatedMuscle {
+        /// The muscle.
+        name: String,
+    },
+    /// Forces of the model that this program does not compute, so that the moment would be wrong.
+    #[error("the model has forces that are not computed: {}; the simulated moment would lack them", list(.forces))]
+    UnsupportedForces {
+        /// Name and class of each.
+        forces: Vec<(String, String)>,
+    },
+    /// Constraints of the model that this program does not enforce, so that the motion would be wrong.
+    #[error("the model has constraints that are not enforced: {}; its motion would be wrong", list(.constraints))]
+    UnsupportedConstraints {
+        /// Name and class of each.
+        constraints: Vec<(String, String)>,
+    },
+    /// Not enough samples to interpolate.
+    #[error("{recording}: {found} samples, expected at least {expected}")]
+    TooFewSamples {
+        /// The recording.
+        recording: String,
+        /// Samples found.
+        found: usize,
+        /// Fewest samples.
+        expected: usize,
+    },
+    /// A column of a recording has another length than its time column.
+    #[error("{recording}: {column} has {found} samples, time has {expected}")]
+    ColumnLength {
+        /// The recording.
+        recording: String,
+        /// The column.
+        column: String,
+        /// Samples found.
+        found: usize,
+        /// Samples of the time column.
+        expected: usize,
+    },
+    /// The recording does not have one excitation per active muscle.
+    #[error("{recording}: {found} excitations, expected {expected}, one for each active muscle")]
+    ExcitationCount {
+        /// The recording.
+        recording: String,
+        /// Excitations found.
+        found: usize,
+        /// Active muscles.
+        expected: usize,
+    },
+    /// A sample is not a finite number.
+    #[error("{recording}: {column} is {value} at sample {sample}, expected a finite number")]
+    NotFinite {
+        /// The recording.
+        recording: String,
+        /// The column.
+        column: String,
+        /// Index of the sample, from 0.
+        sample: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// Time does not increase.
+    #[error("{recording}: time goes from {before} s to {time} s, expected it to increase")]
+    TimeNotIncreasing {
+        /// The recording.
+        recording: String,
+        /// A time [s].
+        time: f64,
+        /// The time of the sample before [s].
+        before: f64,
+    },
+    /// The angle leaves the range of the coordinate.
+    #[error(
+        "{recording}: at {time} s the angle is {angle} rad, outside the range {lower} to {upper} rad of coordinate `{coordinate}`"
+    )]
+    AngleOutOfRange {
+        /// The recording.
+        recording: String,
+        /// First time outside [s].
+        time: f64,
+        /// The angle then [rad or m].
+        angle: f64,
+        /// The coordinate.
+        coordinate: String,
+        /// Least value of its range.
+        lower: f64,
+        /// Greatest value of its range.
+        upper: f64,
+    },
+    /// The motion cannot be interpolated.
+    #[error("{recording}: {source}")]
+    Motion {
+        /// The recording.
+        recording: String,
+        /// What is wrong.
+        source: FunctionError,
+    },
+    /// A muscle's path has no finite length at some angle.
+    #[error("{muscle}: the path has length {length} m at {angle} rad")]
+    PathLength {
+        /// The muscle or force.
+        muscle: String,
+        /// Angle of the moving coordinate [rad or m].
+        angle: f64,
+        /// Length found [m].
+        length: f64,
+    },
+    /// A parameter is not allowed.
+    #[error("{muscle}: {property} is {value}, expected {expected}")]
+    InvalidParameter {
+        /// The muscle.
+        muscle: String,
+        /// OpenSim property name.
+        property: &'static str,
+        /// The value.
+        value: f64,
+        /// What is allowed.
+        expected: &'static str,
+    },
+    /// The number of parameter sets differs from that of the muscles.
+    #[error("{found} parameter sets, expected {expected}, one for each active muscle")]
+    ParameterCount {
+        /// Sets given.
+        found: usize,
+        /// Active muscles.
+        expected: usize,
+    },
+    /// The fibre of a muscle cannot be integrated further.
+    #[error("{recording}: {muscle}: no fibre length balances the forces after {time} s")]
+    NoBalance {
+        /// The recording.
+        recording: String,
+        /// The muscle.
+        muscle: String,
+        /// Time [s].
+        time: f64,
+    },
+}
+
+impl SimulationError {
+    /// What a person may do about it, where there is something.
+    pub fn hint(&self) -> Option<&'static str> {
+        match self {
+            SimulationError::UnsupportedForces { .. } | SimulationError::UnsupportedConstraints { .. } => {
+                Some("remove or disable them in the model, or allow unsupported components to leave them out")
+            }
+            SimulationError::AngleOutOfRange { .. } => {
+                Some("check the angle's unit and zero; if it is right, widen the coordinate's range in the model")
+            }
+            SimulationError::NoBalance { .. } => {
+                Some("check the muscle's tendon slack length and optimal fibre length against its path length")
+            }
+            SimulationError::PostureOutOfRange { .. } => Some("posture values are degrees (metres for translations)"),
+            _ => None,
+        }
+    }
+}
+
+fn list(items: &[(String, String)]) -> String {
+    items.iter().map(|(name, class)| format!("{name} ({class})")).collect::<Vec<_>>().join(", ")
+}

@@ -1,0 +1,399 @@
+//! A fibre over a whole trial: a step plan made once per trial and muscle, then followed for every parameter set.
+//!
+//! The plan's steps are those that error control chose for the model's own parameters, and the plan holds activation
+//! and path length at every stage, so that a further parameter set looks nothing up. The error is estimated again in
+//! every run; a step that misses the tolerance is halved until it does not.
+
+use super::equation::{Drive, Fiber, PARAMETERS};
+use super::radau::{FiberState, STAGES, StepInput, StepSolution, Work, stage_weight_slopes, stage_weights};
+
+/// Ticks per sample interval: steps start and end at multiples of 1/1024 of an interval.
+const TICK_BITS: u32 = 10;
+/// Halvings of a planned step before giving up.
+const MOST_HALVINGS: usize = 14;
+/// The plan is made for this part of the tolerance, so that most other parameter sets meet the tolerance without halving.
+const PLAN_TOLERANCE: f64 = 0.25;
+
+/// Accuracy of the integration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FiberAccuracy {
+    /// Largest estimate of the local error of fibre length, in optimal fibre lengths.
+    pub tolerance: f64,
+    /// Largest step [s].
+    pub max_step: f64,
+}
+
+impl Default for FiberAccuracy {
+    /// Forces within about 1e-5 of maximum isometric force.
+    fn default() -> Self {
+        FiberAccuracy { tolerance: 1e-6, max_step: 0.02 }
+    }
+}
+
+/// Where a fibre cannot be integrated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Stuck {
+    /// Time [s].
+    pub(crate) time: f64,
+}
+
+/// What drives a fibre, as functions of time.
+pub(crate) trait DriveSource {
+    /// Activation and path length at `time`; `cursor` remembers the neighbourhood between calls.
+    fn drive(&self, time: f64, cursor: &mut Cursor) -> Drive;
+}
+
+/// Positions in the tables of a drive source.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Cursor {
+    pub(crate) activation: usize,
+    pub(crate) angle: usize,
+    pub(crate) path: usize,
+}
+
+/// One planned step.
+#[derive(Clone, Debug)]
+struct PlannedStep {
+    start: f64,
+    input: StepInput,
+    /// Samples in the half-open interval from after the start to the end: one past the last.
+    samples_end: usize,
+}
+
+/// Steps of one muscle over one trial.
+#[derive(Clone, Debug)]
+pub(crate) struct StepPlan {
+    /// What drives the fibre at the first sample.
+    pub(crate) initial: Drive,
+    steps: Vec<PlannedStep>,
+    /// Weights of the stage increments at each sample, within the step that the sample falls in.
+    weights: Vec<[f64; 3]>,
+    times: Vec<f64>,
+}
+
+/// A fibre's state at a sample.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct FiberSample {
+    /// Normalized fibre length.
+    pub(crate) x: f64,
+    /// Its rate [1/s].
+    pub(crate) rate: f64,
+    /// dx/dp.
+    pub(crate) by_parameters: [f64; PARAMETERS],
+}
+
+/// What became of an attempt to take a step.
+enum Attempt {
+    /// The fibre stays at its shortest length.
+    Stays,
+    /// The step is solved.
+    Moves(StepSolution),
+    /// The step must be divided.
+    Divide,
+}
+
+impl Fiber {
+    /// Initial state: static equilibrium, as OpenSim's `equilibrateMuscles` leaves it.
+    pub(crate) fn initial_state(&self, drive: Drive, work: &mut Work) -> FiberState {
+        let (x, at_limit) = self.static_equilibrium(drive);
+        let (rate, stiffness) = self.rate(x, drive, work);
+        let clamped = at_limit && rate <= 0.0;
+        let by_parameters = if at_limit {
+            self.shortest_by_parameters()
+        } else {
+            let by_x = self.static_residual(x, drive)[1];
+            self.static_residual_by_parameters(x, drive).map(|by_p| -by_p / by_x)
+        };
+        FiberState {
+            x,
+            rate: if clamped { 0.0 } else { rate },
+            stiffness,
+            by_parameters,
+            clamped,
+            previous: ([0.0; 3], 0.0),
+        }
+    }
+
+    /// One step with the rules of the shortest fibre length: a fibre at x_min whose velocity would be negative stays
+    /// there until it is positive.
+    fn attempt<const DERIVATIVES: bool>(
+        &self,
+        state: &mut FiberState,
+        input: &StepInput,
+        tolerance: f64,
+        last_resort: bool,
+        work: &mut Work,
+    ) -> Attempt {
+        if state.clamped {
+            let releases = input.drive.iter().any(|&drive| self.velocity(self.shortest, drive, 0.0) > 0.0);
+            work.residual_evaluations += 9;
+            if !releases {
+                work.steps += 1;
+                return Attempt::Stays;
+            }
+            if !last_resort {
+                return Attempt::Divide;
+            }
+            state.clamped = false;
+            (state.rate, state.stiffness) = self.rate(state.x, input.drive[0], work);
+        }
+        let Some(mut solution) = self.step::<DERIVATIVES>(state, input, work) else {
+            return Attempt::Divide;
+        };
+        let below = solution.end.x < self.shortest;
+        if (solution.error > tolerance || below && solution.end.x < self.shortest - tolerance) && !last_resort {
+            return Attempt::Divide;
+        }
+        if below {
+            solution.end.x = self.shortest;
+            solution.end.by_parameters = self.shortest_by_parameters();
+            solution.end.previous.1 = 0.0;
+            solution.end.clamped = self.velocity(self.shortest, input.drive[2], 0.0) <= 0.0;
+            if solution.end.clamped {
+                solution.end.rate = 0.0;
+            }
+        }
+        Attempt::Moves(solution)
+    }
+
+    /// Follows the plan; `emit` receives the fibre's state at every sample, in order.
+    ///
+    /// # Errors
+    /// [`Stuck`] where Newton's method fails in the smallest step.
+    pub(crate) fn follow<const DERIVATIVES: bool>(
+        &self,
+        plan: &StepPlan,
+        source: &impl DriveSource,
+        accuracy: &FiberAccuracy,
+        mut emit: impl FnMut(usize, FiberSample),
+    ) -> Result<Work, Stuck> {
+        let mut work = Work::default();
+        let mut state = self.initial_state(plan.initial, &mut work);
+        emit(0, FiberSample { x: state.x, rate: state.rate, by_parameters: state.by_parameters });
+        let mut sample = 1;
+        for planned in &plan.steps {
+            match self.attempt::<DERIVATIVES>(&mut state, &planned.input, accuracy.tolerance, false, &mut work) {
+                Attempt::Stays => {
+                    while sample < planned.samples_end {
+                        emit(sample, self.resting());
+                        sample += 1;
+                    }
+                }
+                Attempt::Moves(solution) => {
+                    while sample < planned.samples_end {
+                        let weights = plan.weights[sample];
+                        emit(sample, within::<DERIVATIVES>(&state, &solution, weights, planned.input.h));
+                        sample += 1;
+                    }
+                    state = solution.end;
+                }
+                Attempt::Divide => {
+                    work.divided_steps += 1;
+                    let mut division = Division {
+                        fiber: self,
+                        source,
+                        times: &plan.times,
+                        tolerance: accuracy.tolerance,
+                        samples_end: planned.samples_end,
+                        sample,
+                        cursor: Cursor::default(),
+                        work: &mut work,
+                    };
+                    let half = 0.5 * planned.input.h;
+                    let middle = planned.start + half;
+                    let end = planned.start + planned.input.h;
+                    division.run::<DERIVATIVES>(&mut state, planned.start, middle, 1, &mut emit)?;
+                    division.run::<DERIVATIVES>(&mut state, middle, end, 1, &mut emit)?;
+                    sample = division.sample;
+                    // Rounding of the last division's end must not lose the sample at the end of the step.
+                    while sample < planned.samples_end {
+                        let by_parameters = state.by_parameters;
+                        emit(sample, FiberSample { x: state.x, rate: state.rate, by_parameters });
+                        sample += 1;
+                    }
+                }
+            }
+        }
+        Ok(work)
+    }
+
+    /// Sample of a fibre held at its shortest length.
+    fn resting(&self) -> FiberSample {
+        FiberSample { x: self.shortest, rate: 0.0, by_parameters: self.shortest_by_parameters() }
+    }
+}
+
+/// State within a step from the weights of the stage increments.
+#[inline]
+fn within<const DERIVATIVES: bool>(
+    start: &FiberState,
+    solution: &StepSolution,
+    weights: [f64; 3],
+    h: f64,
+) -> FiberSample {
+    let z = solution.z;
+    if weights == [0.0, 0.0, 1.0] {
+        let end = &solution.end;
+        return FiberSample { x: end.x, rate: end.rate, by_parameters: end.by_parameters };
+    }
+    let mut sample = FiberSample {
+        x: start.x + weights[0] * z[0] + weights[1] * z[1] + weights[2] * z[2],
+        rate: 0.0,
+        by_parameters: [0.0; PARAMETERS],
+    };
+    let theta = local_time(weights);
+    let slopes = stage_weight_slopes(theta);
+    sample.rate = (slopes[0] * z[0] + slopes[1] * z[1] + slopes[2] * z[2]) / h;
+    if DERIVATIVES {
+        for p in 0..PARAMETERS {
+            sample.by_parameters[p] =
+                start.by_parameters[p] + (0..3).map(|i| weights[i] * solution.z_by_parameters[i][p]).sum::<f64>();
+        }
+    }
+    sample
+}
+
+/// The local time θ that stage weights belong to: the polynomial that is θ itself has stage increments cᵢ.
+fn local_time(weights: [f64; 3]) -> f64 {
+    weights[0] * STAGES[0] + weights[1] * STAGES[1] + weights[2] * STAGES[2]
+}
+
+/// Inputs of the step between two times.
+fn step_input(source: &impl DriveSource, start: f64, end: f64, cursor: &mut Cursor) -> StepInput {
+    let h = end - start;
+    let at = |i: usize| if i == 2 { end } else { start + STAGES[i] * h };
+    let drive = [0, 1, 2].map(|i| source.drive(at(i), cursor));
+    StepInput { h, drive }
+}
+
+/// A planned step that is being halved.
+struct Division<'a, S> {
+    fiber: &'a Fiber,
+    source: &'a S,
+    times: &'a [f64],
+    tolerance: f64,
+    samples_end: usize,
+    sample: usize,
+    cursor: Cursor,
+    work: &'a mut Work,
+}
+
+impl<S: DriveSource> Division<'_, S> {
+    fn run<const DERIVATIVES: bool>(
+        &mut self,
+        state: &mut FiberState,
+        start: f64,
+        end: f64,
+        depth: usize,
+        emit: &mut impl FnMut(usize, FiberSample),
+    ) -> Result<(), Stuck> {
+        let input = step_input(self.source, start, end, &mut self.cursor);
+        let last_resort = depth >= MOST_HALVINGS;
+        match self.fiber.attempt::<DERIVATIVES>(state, &input, self.tolerance, last_resort, self.work) {
+            Attempt::Stays => {
+                while self.sample < self.samples_end && self.times[self.sample] <= end {
+                    emit(self.sample, self.fiber.resting());
+                    self.sample += 1;
+                }
+                Ok(())
+            }
+            Attempt::Moves(solution) => {
+                while self.sample < self.samples_end && self.times[self.sample] <= end {
+                    let theta = (self.times[self.sample] - start) / input.h;
+                    let weights = if theta >= 1.0 { [0.0, 0.0, 1.0] } else { stage_weights(theta) };
+                    emit(self.sample, within::<DERIVATIVES>(state, &solution, weights, input.h));
+                    self.sample += 1;
+                }
+                *state = solution.end;
+                Ok(())
+            }
+            Attempt::Divide if last_resort => Err(Stuck { time: start }),
+            Attempt::Divide => {
+                self.work.divided_steps += 1;
+                let middle = 0.5 * (start + end);
+                self.run::<DERIVATIVES>(state, start, middle, depth + 1, emit)?;
+                self.run::<DERIVATIVES>(state, middle, end, depth + 1, emit)
+            }
+        }
+    }
+}
+
+impl StepPlan {
+    /// Chooses steps for the samples `times` (strictly increasing, at least two) by error control.
+    ///
+    /// # Errors
+    /// [`Stuck`] where Newton's method fails in the smallest step.
+    pub(crate) fn build(
+        fiber: &Fiber,
+        source: &impl DriveSource,
+        times: &[f64],
+        accuracy: &FiberAccuracy,
+    ) -> Result<StepPlan, Stuck> {
+        let mut cursor = Cursor::default();
+        let initial = source.drive(times[0], &mut cursor);
+        let mut plan =
+            StepPlan { initial, steps: Vec::new(), weights: vec![[0.0, 0.0, 1.0]; times.len()], times: times.to_vec() };
+        let mut work = Work::default();
+        let mut state = fiber.initial_state(initial, &mut work);
+        let last = (times.len() - 1) << TICK_BITS;
+        let time_of = |tick: usize| {
+            let (k, part) = (tick >> TICK_BITS, tick & ((1 << TICK_BITS) - 1));
+            if part == 0 {
+                times[k]
+            } else {
+                times[k] + (times[k + 1] - times[k]) * part as f64 / f64::from(1 << TICK_BITS)
+            }
+        };
+        let tolerance = PLAN_TOLERANCE * accuracy.tolerance;
+        let (mut tick, mut exponent, mut sample) = (0_usize, TICK_BITS, 1_usize);
+        while tick < last {
+            exponent = fitting(tick, exponent, last, |t| time_of(t) - time_of(tick) <= accuracy.max_step);
+            let (start, next) = (time_of(tick), tick + (1 << exponent));
+            let end = time_of(next);
+            let input = step_input(source, start, end, &mut cursor);
+            let growth = match fiber.attempt::<false>(&mut state, &input, tolerance, exponent == 0, &mut work) {
+                Attempt::Divide if exponent == 0 => return Err(Stuck { time: start }),
+                Attempt::Divide => {
+                    exponent -= 1;
+                    continue;
+                }
+                Attempt::Stays => 1,
+                Attempt::Moves(solution) => {
+                    state = solution.end;
+                    // The error of a step of twice the size would be about 16 times as large.
+                    u32::from(solution.error < tolerance / 32.0)
+                }
+            };
+            while sample < times.len() && times[sample] <= end {
+                if times[sample] < end {
+                    plan.weights[sample] = stage_weights((times[sample] - start) / input.h);
+                }
+                sample += 1;
+            }
+            plan.steps.push(PlannedStep { start, input, samples_end: sample });
+            tick = next;
+            exponent += growth;
+        }
+        Ok(plan)
+    }
+
+    /// Number of planned steps.
+    pub(crate) fn len(&self) -> usize {
+        self.steps.len()
+    }
+}
+
+/// Largest exponent up to `wanted` for which a step of 2^exponent ticks starts at a multiple of itself (within a sample
+/// interval), ends within the trial, and is allowed.
+fn fitting(tick: usize, wanted: u32, last: usize, allowed: impl Fn(usize) -> bool) -> u32 {
+    let mut exponent = wanted.min(usize::BITS - 2);
+    while exponent > 0 {
+        let size = 1_usize << exponent;
+        let alignment = size.min(1 << TICK_BITS);
+        if tick % alignment == 0 && tick + size <= last && (allowed(tick + size) || exponent <= 1) {
+            break;
+        }
+        exponent -= 1;
+    }
+    exponent
+}

@@ -1,0 +1,283 @@
+//! One step of Radau IIA collocation (three stages, order 5, stiffly accurate) for a single fibre.
+//!
+//! The fibre length obeys an implicit equation R(x, ẋ/v_max; a(t), l_MT(t)) = 0. Collocation asks for it at three
+//! instants of a step at once; the fibre velocity is never solved for by itself. With the stages xᵢ = x₀ + zᵢ and the
+//! inverse Butcher matrix B:
+//!
+//! ```text
+//! Rᵢ = R(x₀ + zᵢ, (1/(h v_max)) Σⱼ Bᵢⱼ zⱼ; a(t₀ + cᵢ h), l_MT(t₀ + cᵢ h)) = 0,   i = 1, 2, 3
+//! ```
+//! # References
+//! Hairer & Wanner (1996), Solving Ordinary Differential Equations II, section IV.8, doi:10.1007/978-3-642-05221-7.
+
+use super::equation::{Drive, Fiber, PARAMETERS};
+
+/// √6.
+const ROOT_6: f64 = 2.449_489_742_783_178;
+/// Where in the step the stages are.
+pub(crate) const STAGES: [f64; 3] = [(4.0 - ROOT_6) / 10.0, (4.0 + ROOT_6) / 10.0, 1.0];
+/// Inverse of the Butcher matrix.
+const INVERSE_BUTCHER: [[f64; 3]; 3] = [
+    [3.224_744_871_391_589, 1.167_840_084_690_405_6, -0.253_197_264_742_180_96],
+    [-3.567_840_084_690_405_3, 0.775_255_128_608_411_1, 1.053_197_264_742_181],
+    [5.531_972_647_421_811, -7.531_972_647_421_809, 5.0],
+];
+/// Real eigenvalue of [`INVERSE_BUTCHER`].
+const GAMMA: f64 = 3.637_834_252_744_496;
+/// Weights of the error estimate.
+const ERROR_WEIGHTS: [f64; 3] = [-(13.0 + 7.0 * ROOT_6) / 3.0, (-13.0 + 7.0 * ROOT_6) / 3.0, -1.0 / 3.0];
+
+/// Newton's method ends when a correction is below this: it converges quadratically, so the next one would be near rounding.
+const NEWTON_TOLERANCE: f64 = 1e-7;
+const MOST_ITERATIONS: usize = 10;
+
+/// State of a fibre between steps.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FiberState {
+    /// Normalized fibre length.
+    pub(crate) x: f64,
+    /// Its rate [1/s].
+    pub(crate) rate: f64,
+    /// ∂ẋ/∂x of the differential equation [1/s].
+    pub(crate) stiffness: f64,
+    /// dx/dp.
+    pub(crate) by_parameters: [f64; PARAMETERS],
+    /// Held at its shortest length.
+    pub(crate) clamped: bool,
+    /// Stage increments and size of the step that led here, for extrapolation; size 0 if there is none.
+    pub(crate) previous: ([f64; 3], f64),
+}
+
+/// Inputs of a step: its size and what drives the fibre at the stages.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct StepInput {
+    /// Step size [s].
+    pub(crate) h: f64,
+    /// Activation and path length at the stages.
+    pub(crate) drive: [Drive; 3],
+}
+
+/// A step's solution: the state as a cubic in the local time θ = 0…1.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StepSolution {
+    /// State at the end.
+    pub(crate) end: FiberState,
+    /// Stage increments zᵢ.
+    pub(crate) z: [f64; 3],
+    /// dzᵢ/dp.
+    pub(crate) z_by_parameters: [[f64; PARAMETERS]; 3],
+    /// Estimate of the local error of x.
+    pub(crate) error: f64,
+}
+
+/// Work done, for tests and reports.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Work {
+    /// Steps accepted.
+    pub steps: usize,
+    /// Steps that had to be divided, because their error was too large or Newton's method failed.
+    pub divided_steps: usize,
+    /// Evaluations of the force equilibrium.
+    pub residual_evaluations: usize,
+}
+
+impl std::ops::AddAssign for Work {
+    fn add_assign(&mut self, other: Work) {
+        self.steps += other.steps;
+        self.divided_steps += other.divided_steps;
+        self.residual_evaluations += other.residual_evaluations;
+    }
+}
+
+/// Weights of the three stage increments in the collocation polynomial at local time θ.
+pub(crate) fn stage_weights(theta: f64) -> [f64; 3] {
+    let [c1, c2, c3] = STAGES;
+    let (d1, d2, d3) = (theta - c1, theta - c2, theta - c3);
+    [
+        theta * d2 * d3 / (c1 * (c1 - c2) * (c1 - c3)),
+        theta * d1 * d3 / (c2 * (c2 - c1) * (c2 - c3)),
+        theta * d1 * d2 / (c3 * (c3 - c1) * (c3 - c2)),
+    ]
+}
+
+/// Derivatives of [`stage_weights`] by θ.
+pub(crate) fn stage_weight_slopes(theta: f64) -> [f64; 3] {
+    let c = STAGES;
+    let slope = |a: f64, b: f64, own: f64| {
+        let (da, db) = (theta - a, theta - b);
+        (da * db + theta * (da + db)) / (own * (own - a) * (own - b))
+    };
+    [slope(c[1], c[2], c[0]), slope(c[0], c[2], c[1]), slope(c[0], c[1], c[2])]
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Inverse of a 3×3 matrix; `None` if it is singular to rounding.
+fn inverse(m: &[[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
+    let cofactor = |r: usize, c: usize| {
+        let (r1, r2, c1, c2) = ((r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3);
+        m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1]
+    };
+    let first = [cofactor(0, 0), cofactor(0, 1), cofactor(0, 2)];
+    let determinant = dot(m[0], first);
+    if !determinant.is_finite() || determinant == 0.0 {
+        return None;
+    }
+    let d = 1.0 / determinant;
+    Some([
+        [first[0] * d, cofactor(1, 0) * d, cofactor(2, 0) * d],
+        [first[1] * d, cofactor(1, 1) * d, cofactor(2, 1) * d],
+        [first[2] * d, cofactor(1, 2) * d, cofactor(2, 2) * d],
+    ])
+}
+
+impl Fiber {
+    /// Rate and stiffness of the differential equation at `x`, ignoring the lower bound of the fibre length.
+    pub(crate) fn rate(&self, x: f64, drive: Drive, work: &mut Work) -> (f64, f64) {
+        let u = self.velocity(x, drive, 0.0);
+        let residual = self.residual(x, u, drive);
+        work.residual_evaluations += 4;
+        (self.curves.max_velocity * u, -self.curves.max_velocity * residual.by_x / residual.by_u)
+    }
+
+    /// Attempts one step from `state`. `None`: Newton's method did not converge, the step must be divided.
+    ///
+    /// With `DERIVATIVES`, also differentiates the discrete solution by the parameters (implicit function theorem), so
+    /// that the derivatives are those of the numbers computed, not of an ideal solution.
+    #[inline]
+    pub(crate) fn step<const DERIVATIVES: bool>(
+        &self,
+        state: &FiberState,
+        input: &StepInput,
+        work: &mut Work,
+    ) -> Option<StepSolution> {
+        let per_h = 1.0 / input.h;
+        let per_velocity = per_h / self.curves.max_velocity;
+        let mut z = predict(state, input.h);
+        let mut by_x = [0.0; 3];
+        let mut by_u = [0.0; 3];
+        let mut converged = false;
+        let mut last_correction = f64::INFINITY;
+        for _ in 0..MOST_ITERATIONS {
+            let mut r = [0.0; 3];
+            for i in 0..3 {
+                let u = per_velocity * dot(INVERSE_BUTCHER[i], z);
+                let residual = self.residual(state.x + z[i], u, input.drive[i]);
+                (r[i], by_x[i], by_u[i]) = (residual.r, residual.by_x, residual.by_u);
+            }
+            work.residual_evaluations += 3;
+            let inverse = inverse(&newton_matrix(by_x, by_u, per_velocity))?;
+            let mut correction = 0.0_f64;
+            for i in 0..3 {
+                let dz = dot(inverse[i], r);
+                z[i] -= dz;
+                correction = correction.max(dz.abs());
+            }
+            if correction < NEWTON_TOLERANCE {
+                converged = true;
+                break;
+            }
+            // A correction as large as a fibre, or one that does not shrink, leads nowhere.
+            if !(correction < 1.0) || correction > 2.0 * last_correction {
+                return None;
+            }
+            last_correction = correction;
+        }
+        if !converged {
+            return None;
+        }
+        let mut z_by_parameters = [[0.0; PARAMETERS]; 3];
+        let mut end_by_parameters = [0.0; PARAMETERS];
+        if DERIVATIVES {
+            let mut by_p = [[0.0; PARAMETERS]; 3];
+            for i in 0..3 {
+                let x = state.x + z[i];
+                let u = per_velocity * dot(INVERSE_BUTCHER[i], z);
+                let residual = self.residual(x, u, input.drive[i]);
+                (by_x[i], by_u[i]) = (residual.by_x, residual.by_u);
+                by_p[i] = self.residual_by_parameters(x, u, input.drive[i]);
+            }
+            work.residual_evaluations += 3;
+            let inverse = inverse(&newton_matrix(by_x, by_u, per_velocity))?;
+            for p in 0..PARAMETERS {
+                let right = [0, 1, 2].map(|i| -(by_x[i] * state.by_parameters[p] + by_p[i][p]));
+                for i in 0..3 {
+                    z_by_parameters[i][p] = dot(inverse[i], right);
+                }
+                end_by_parameters[p] = state.by_parameters[p] + z_by_parameters[2][p];
+            }
+        }
+        let weighted = state.rate + per_h * dot(ERROR_WEIGHTS, z);
+        let error = (weighted / (GAMMA * per_h - state.stiffness.min(0.5 * GAMMA * per_h))).abs();
+        work.steps += 1;
+        Some(StepSolution {
+            end: FiberState {
+                x: state.x + z[2],
+                rate: per_h * dot(INVERSE_BUTCHER[2], z),
+                stiffness: -self.curves.max_velocity * by_x[2] / by_u[2],
+                by_parameters: end_by_parameters,
+                clamped: false,
+                previous: (z, input.h),
+            },
+            z,
+            z_by_parameters,
+            error,
+        })
+    }
+}
+
+fn newton_matrix(by_x: [f64; 3], by_u: [f64; 3], per_velocity: f64) -> [[f64; 3]; 3] {
+    let mut matrix = [[0.0; 3]; 3];
+    for i in 0..3 {
+        let scale = by_u[i] * per_velocity;
+        for j in 0..3 {
+            matrix[i][j] = scale * INVERSE_BUTCHER[i][j];
+        }
+        matrix[i][i] += by_x[i];
+    }
+    matrix
+}
+
+/// First guess of the stage increments: the previous step's polynomial continued, or the present rate.
+#[inline]
+fn predict(state: &FiberState, h: f64) -> [f64; 3] {
+    let (z, previous_h) = state.previous;
+    if previous_h > 0.0 && h <= 2.01 * previous_h {
+        let ratio = h / previous_h;
+        STAGES.map(|c| dot(stage_weights(1.0 + c * ratio), z) - z[2])
+    } else {
+        STAGES.map(|c| c * h * state.rate)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn verif_inverse_butcher_matrix_is_the_slope_of_the_collocation_polynomial() {
+        for (i, c) in STAGES.into_iter().enumerate() {
+            let slopes = stage_weight_slopes(c);
+            for j in 0..3 {
+                assert!((slopes[j] - INVERSE_BUTCHER[i][j]).abs() < 1e-13);
+            }
+        }
+        assert_eq!(stage_weights(0.0), [0.0; 3]);
+        assert!((stage_weights(1.0)[2] - 1.0).abs() < 1e-14 && stage_weights(1.0)[0].abs() < 1e-14);
+    }
+
+    #[test]
+    fn verif_inverse_of_a_matrix() {
+        let m = [[2.0, 1.0, 0.5], [-1.0, 3.0, 0.25], [0.1, 0.2, 4.0]];
+        let i = inverse(&m).unwrap();
+        for r in 0..3 {
+            for c in 0..3 {
+                let product: f64 = (0..3).map(|k| m[r][k] * i[k][c]).sum();
+                assert!((product - f64::from(u8::from(r == c))).abs() < 1e-14);
+            }
+        }
+        assert!(inverse(&[[1.0, 2.0, 3.0], [2.0, 4.0, 6.0], [1.0, 1.0, 1.0]]).is_none());
+    }
+}

@@ -1,0 +1,186 @@
+//! What depends on the moving coordinate alone, tabulated once for all trials of a study.
+
+use super::error::SimulationError;
+use super::model::MusculoskeletalModel;
+use super::path_table::{PathTable, TableAccuracy};
+use crate::forces::{gravity_force, inertia_force};
+use crate::multibody::{BodySubset, Cache};
+use crate::paths::{Path, PathGeometry};
+use crate::study::MomentPart;
+
+/// Length, moment arm, lengthening speed for unit speed of the coordinate.
+pub(crate) const LENGTH: usize = 0;
+pub(crate) const MOMENT_ARM: usize = 1;
+pub(crate) const UNIT_SPEED: usize = 2;
+
+/// Errors that move a force by less than about 1e-6 of its maximum (tendons strain by 3 % of 0.2 m at maximum force).
+const PATH_ACCURACY: TableAccuracy<3> =
+    TableAccuracy { tolerance: [2e-8, 1e-6, 1e-6], start_width: 0.2, min_width: 2e-4 };
+/// Of moments [N·m], viscosity [N·m·s], and inertia [kg·m²].
+const FORCE_ACCURACY: TableAccuracy<5> =
+    TableAccuracy { tolerance: [1e-5, 1e-5, 1e-6, 1e-8, 1e-8], start_width: 0.1, min_width: 2e-4 };
+
+/// Generalized forces about the moving coordinate that are not along paths, for speed q̇ and acceleration q̈:
+///
+/// ```text
+/// passive = elastic + viscous·q̇      gravity      inertia = by_acceleration·q̈ + by_speed_squared·q̇²
+/// ```
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct CoordinateForces {
+    pub(crate) elastic: f64,
+    pub(crate) viscous: f64,
+    pub(crate) gravity: f64,
+    pub(crate) by_acceleration: f64,
+    pub(crate) by_speed_squared: f64,
+}
+
+/// Tables over the range of the moving coordinate.
+#[derive(Clone, Debug)]
+pub(crate) struct CoordinateTables {
+    /// Per active muscle.
+    pub(crate) muscles: Vec<PathTable<3>>,
+    /// Per passive force along a path.
+    pub(crate) passive_paths: Vec<PathTable<3>>,
+    /// Everything else; `None` if none of it is part of the moment.
+    forces: Option<PathTable<5>>,
+}
+
+impl CoordinateTables {
+    /// Tabulates paths and forces of `model` on `range` of its moving coordinate.
+    ///
+    /// # Errors
+    /// [`SimulationError::PathLength`].
+    pub(crate) fn build(model: &MusculoskeletalModel, range: [f64; 2]) -> Result<CoordinateTables, SimulationError> {
+        // A held joint still needs a table that is wide enough to be well conditioned.
+        let margin = 1e-3_f64.max(0.002 * (range[1] - range[0]));
+        let range = [range[0] - margin, range[1] + margin];
+        let mut muscles = Vec::with_capacity(model.muscles.len());
+        for muscle in &model.muscles {
+            muscles.push(path_table(model, &muscle.path, &muscle.name, range)?);
+        }
+        let mut passive_paths = Vec::with_capacity(model.passive_paths.len());
+        for force in &model.passive_paths {
+            passive_paths.push(path_table(model, &force.path, &force.name, range)?);
+        }
+        let forces = force_table(model, range)?;
+        Ok(CoordinateTables { muscles, passive_paths, forces })
+    }
+
+    /// Forces at an angle.
+    pub(crate) fn forces(&self, angle: f64, cursor: &mut usize) -> CoordinateForces {
+        let Some(table) = &self.forces else { return CoordinateForces::default() };
+        let [elastic, viscous, gravity, by_acceleration, by_speed_squared] = table.values(angle, cursor);
+        CoordinateForces { elastic, viscous, gravity, by_acceleration, by_speed_squared }
+    }
+
+    /// Evaluations of paths and forces that building took.
+    pub(crate) fn evaluations(&self) -> usize {
+        let paths = self.muscles.iter().chain(&self.passive_paths).map(PathTable::evaluations).sum::<usize>();
+        paths + self.forces.as_ref().map_or(0, PathTable::evaluations)
+    }
+}
+
+/// The moving coordinate at some value, and the kinematics that follow from it.
+struct Posed<'a> {
+    model: &'a MusculoskeletalModel,
+    q: Vec<f64>,
+    cache: Cache,
+    moving: BodySubset,
+}
+
+impl<'a> Posed<'a> {
+    /// - `bodies`: those whose poses matter
+    fn new(model: &'a MusculoskeletalModel, bodies: BodySubset) -> Posed<'a> {
+        let skeleton = &model.skeleton;
+        let mut cache = skeleton.new_cache();
+        let q = model.posture.clone();
+        skeleton.update_positions_in(&bodies, &q, &mut cache);
+        skeleton.update_unit_motion_in(&bodies, &q, model.coordinate, &mut cache);
+        let moving = bodies.intersection(&skeleton.bodies_moved_by(&[model.coordinate]));
+        Posed { model, q, cache, moving }
+    }
+
+    fn set(&mut self, angle: f64) {
+        let (skeleton, c) = (&self.model.skeleton, self.model.coordinate);
+        self.q[c.0] = angle;
+        skeleton.satisfy_couplers(&mut self.q);
+        skeleton.update_positions_in(&self.moving, &self.q, &mut self.cache);
+        skeleton.update_unit_motion_in(&self.moving, &self.q, c, &mut self.cache);
+    }
+}
+
+fn path_table(
+    model: &MusculoskeletalModel,
+    path: &Path,
+    owner: &str,
+    range: [f64; 2],
+) -> Result<PathTable<3>, SimulationError> {
+    let skeleton = &model.skeleton;
+    let mut posed = Posed::new(model, skeleton.body_subset(&path.bodies()));
+    let mut geometry: PathGeometry = path.new_geometry();
+    let mut unit_rates = vec![0.0; skeleton.n_coordinates()];
+    // The bodies that do not move keep velocity zero.
+    let mut evaluate = |angle: f64| {
+        posed.set(angle);
+        path.update(&posed.q, &posed.cache, &mut geometry);
+        unit_rates.copy_from_slice(posed.cache.coupling());
+        skeleton.update_velocities_in(&posed.moving, &posed.q, &unit_rates, &mut posed.cache);
+        let length = geometry.length();
+        if !(length > 0.0 && length.is_finite()) {
+            return Err(SimulationError::PathLength { muscle: owner.to_owned(), angle, length });
+        }
+        Ok([
+            length,
+            path.moment_arm(&posed.q, &posed.cache, &geometry),
+            path.lengthening_speed(&posed.q, &unit_rates, &posed.cache, &geometry),
+        ])
+    };
+    PathTable::build(range, PATH_ACCURACY, &mut evaluate)
+}
+
+fn force_table(
+    model: &MusculoskeletalModel,
+    range: [f64; 2],
+) -> Result<Option<PathTable<5>>, SimulationError> {
+    let setup = &model.setup;
+    let passive = setup.includes(MomentPart::Passive) && !model.forces.forces.is_empty();
+    let gravity = setup.includes(MomentPart::Gravity);
+    let inertia = setup.includes(MomentPart::Inertia);
+    if !(passive || gravity || inertia) {
+        return Ok(None);
+    }
+    let skeleton = &model.skeleton;
+    let all = skeleton.all_bodies();
+    let mut posed = Posed::new(model, all);
+    let mut rates = vec![0.0; skeleton.n_coordinates()];
+    let mut accelerations = vec![0.0; skeleton.n_coordinates()];
+    let zero = vec![0.0; skeleton.n_coordinates()];
+    let mut evaluate = |angle: f64| {
+        posed.set(angle);
+        let Posed { q, cache, moving, .. } = &mut posed;
+        let mut at = [0.0; 5];
+        rates.copy_from_slice(cache.coupling());
+        if passive {
+            skeleton.update_velocities_in(moving, q, &zero, cache);
+            at[0] = model.forces.generalized_force(skeleton, q, &zero, cache);
+            skeleton.update_velocities_in(moving, q, &rates, cache);
+            at[1] = model.forces.generalized_force(skeleton, q, &rates, cache) - at[0];
+        }
+        if gravity {
+            at[2] = gravity_force(skeleton, moving, cache);
+        }
+        if inertia {
+            // Unit acceleration from rest, then unit speed without acceleration of the moving coordinate itself.
+            skeleton.update_velocities_in(moving, q, &zero, cache);
+            skeleton.update_accelerations_in(moving, q, &zero, &rates, cache);
+            at[3] = inertia_force(skeleton, moving, cache);
+            accelerations.fill(0.0);
+            skeleton.follow_couplers_second(q, &rates, &mut accelerations);
+            skeleton.update_velocities_in(moving, q, &rates, cache);
+            skeleton.update_accelerations_in(moving, q, &rates, &accelerations, cache);
+            at[4] = inertia_force(skeleton, moving, cache);
+        }
+        Ok(at)
+    };
+    PathTable::build(range, FORCE_ACCURACY, &mut evaluate).map(Some)
+}
