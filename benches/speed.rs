@@ -146,8 +146,12 @@ fn measure(arguments: &Arguments, reference: &Reference) -> Timings {
         allow_unsupported: false,
     };
     let excitation: Vec<&[f64]> = muscles.iter().map(|m| reference.column(&format!("{m}_excitation"))).collect();
-    let recording =
-        Recording { name: "bench".into(), time: reference.column("time"), angle: reference.column("flexion"), excitation };
+    let recording = Recording {
+        name: "bench".into(),
+        time: reference.column("time"),
+        angle: reference.column("flexion"),
+        excitation,
+    };
     let repeat = arguments.repeat;
 
     let load = median(repeat, || drop(OsimFile::read(&arguments.model).unwrap()));

@@ -89,17 +89,15 @@ impl ActivationDynamics {
         let k2 = f(k1 / 5.0, 0.2);
         let k3 = f(3.0 / 40.0 * k1 + 9.0 / 40.0 * k2, 0.3);
         let k4 = f(44.0 / 45.0 * k1 - 56.0 / 15.0 * k2 + 32.0 / 9.0 * k3, 0.8);
-        let k5 = f(
-            19372.0 / 6561.0 * k1 - 25360.0 / 2187.0 * k2 + 64448.0 / 6561.0 * k3 - 212.0 / 729.0 * k4,
-            8.0 / 9.0,
-        );
+        let k5 =
+            f(19372.0 / 6561.0 * k1 - 25360.0 / 2187.0 * k2 + 64448.0 / 6561.0 * k3 - 212.0 / 729.0 * k4, 8.0 / 9.0);
         let k6 = f(
             9017.0 / 3168.0 * k1 - 355.0 / 33.0 * k2 + 46732.0 / 5247.0 * k3 + 49.0 / 176.0 * k4
                 - 5103.0 / 18656.0 * k5,
             1.0,
         );
-        let increment = 35.0 / 384.0 * k1 + 500.0 / 1113.0 * k3 + 125.0 / 192.0 * k4 - 2187.0 / 6784.0 * k5
-            + 11.0 / 84.0 * k6;
+        let increment =
+            35.0 / 384.0 * k1 + 500.0 / 1113.0 * k3 + 125.0 / 192.0 * k4 - 2187.0 / 6784.0 * k5 + 11.0 / 84.0 * k6;
         let k7 = f(increment, 1.0);
         let error = 71.0 / 57600.0 * k1 - 71.0 / 16695.0 * k3 + 71.0 / 1920.0 * k4 - 17253.0 / 339200.0 * k5
             + 22.0 / 525.0 * k6
@@ -232,8 +230,7 @@ fn polynomial(c: &[f64; 6], t: f64) -> f64 {
 fn hermite(d: &ActivationDynamics, a0: f64, a1: f64, e0: f64, slope: f64, h: f64, branch: Branch) -> [f64; 6] {
     let e1 = e0 + slope * h;
     let (v0, v1) = (h * d.rate(a0, e0, branch), h * d.rate(a1, e1, branch));
-    let (w0, w1) =
-        (h * h * d.acceleration(a0, e0, slope, branch), h * h * d.acceleration(a1, e1, slope, branch));
+    let (w0, w1) = (h * h * d.acceleration(a0, e0, slope, branch), h * h * d.acceleration(a1, e1, slope, branch));
     let rise = a1 - a0;
     [
         a0,
@@ -293,11 +290,8 @@ mod tests {
         let at: Vec<f64> = (1..400).map(|i| 0.3 + 0.59 * i as f64 / 400.0).collect();
         let reference = brute_force(&time, &excitation, &at);
         let mut cursor = 0;
-        let worst = at
-            .iter()
-            .zip(&reference)
-            .map(|(&t, r)| (trajectory.value(t, &mut cursor) - r).abs())
-            .fold(0.0, f64::max);
+        let worst =
+            at.iter().zip(&reference).map(|(&t, r)| (trajectory.value(t, &mut cursor) - r).abs()).fold(0.0, f64::max);
         println!("largest activation error {worst:.2e}, {} pieces", trajectory.pieces.len());
         assert!(worst < 1e-6, "{worst:e}");
     }

@@ -257,11 +257,7 @@ pub(crate) fn independent_coordinate(skeleton: &Model, name: &str) -> Result<Coo
 }
 
 /// Sets coordinates to values in degrees or metres and makes the others follow.
-pub(crate) fn set_posture(
-    skeleton: &Model,
-    q: &mut [f64],
-    held: &[HeldCoordinate],
-) -> Result<(), SimulationError> {
+pub(crate) fn set_posture(skeleton: &Model, q: &mut [f64], held: &[HeldCoordinate]) -> Result<(), SimulationError> {
     for item in held {
         let index = independent_coordinate(skeleton, &item.coordinate)?;
         let coordinate = &skeleton.coordinates[index.0];

@@ -158,7 +158,8 @@ mod tests {
         let speed_error = |interpolation| {
             let motion = Motion::interpolate(&times, &angles, interpolation).unwrap();
             let mut cursor = 0;
-            (50..350).map(|i| (motion.jet(times[i], &mut cursor)[1] - (2.0 * times[i]).cos()).abs()).sum::<f64>() / 300.0
+            (50..350).map(|i| (motion.jet(times[i], &mut cursor)[1] - (2.0 * times[i]).cos()).abs()).sum::<f64>()
+                / 300.0
         };
         let rough = speed_error(MotionInterpolation::ThroughSamples);
         let smooth = speed_error(MotionInterpolation::Smoothed { noise: 2e-3 / 2.0_f64.sqrt() });

@@ -50,8 +50,7 @@ impl<const N: usize> PathTable<N> {
         let [lower, upper] = range;
         let count = ((upper - lower) / accuracy.start_width).ceil().max(1.0) as usize;
         let width = (upper - lower) / count as f64;
-        let table =
-            PathTable { starts: Vec::new(), pieces: Vec::new(), evaluations: 0, discontinuities: Vec::new() };
+        let table = PathTable { starts: Vec::new(), pieces: Vec::new(), evaluations: 0, discontinuities: Vec::new() };
         let mut builder = Builder { function, accuracy, table };
         let mut first = builder.evaluate(lower)?;
         for i in 0..count {

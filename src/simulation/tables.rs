@@ -138,10 +138,7 @@ fn path_table(
     PathTable::build(range, PATH_ACCURACY, &mut evaluate)
 }
 
-fn force_table(
-    model: &MusculoskeletalModel,
-    range: [f64; 2],
-) -> Result<Option<PathTable<5>>, SimulationError> {
+fn force_table(model: &MusculoskeletalModel, range: [f64; 2]) -> Result<Option<PathTable<5>>, SimulationError> {
     let setup = &model.setup;
     let passive = setup.includes(MomentPart::Passive) && !model.forces.forces.is_empty();
     let gravity = setup.includes(MomentPart::Gravity);

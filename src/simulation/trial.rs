@@ -342,16 +342,14 @@ impl MusculoskeletalModel {
             let forces = tables.forces(angle, &mut cursor);
             let mut passive_moment = forces.elastic + forces.viscous * speed;
             if passive {
-                for ((force, table), cursor) in self.passive_paths.iter().zip(&tables.passive_paths).zip(&mut cursors)
-                {
+                for ((force, table), cursor) in self.passive_paths.iter().zip(&tables.passive_paths).zip(&mut cursors) {
                     let at = table.values(angle, cursor);
                     passive_moment += at[MOMENT_ARM] * force.law.tension(at[LENGTH], at[UNIT_SPEED] * speed);
                 }
             }
             out.passive_moment.push(passive_moment);
             out.gravity_moment.push(forces.gravity);
-            out.inertia_moment
-                .push(forces.by_acceleration * acceleration + forces.by_speed_squared * speed * speed);
+            out.inertia_moment.push(forces.by_acceleration * acceleration + forces.by_speed_squared * speed * speed);
             out.damping_moment.push(-self.setup.dynamometer_damping * speed);
         }
         self.include_muscles(out);
@@ -517,11 +515,8 @@ impl PreparedTrial {
             self.run_rigid(&fiber, muscle, emit);
             return Ok(Work { residual_evaluations: self.len(), ..Work::default() });
         };
-        let source = Source {
-            activation: &prepared.activation,
-            motion: &self.motion,
-            path: &self.tables.muscles[muscle],
-        };
+        let source =
+            Source { activation: &prepared.activation, motion: &self.motion, path: &self.tables.muscles[muscle] };
         fiber
             .follow::<DERIVATIVES>(plan, &source, &self.accuracy, |k, at| {
                 let tendon = fiber.tendon_force(at.x, kinematics.length[k]);
@@ -543,11 +538,8 @@ impl PreparedTrial {
     fn run_rigid(&self, fiber: &Fiber, muscle: usize, mut emit: impl FnMut(usize, ForceSample)) {
         let kinematics = &self.kinematics.muscles[muscle];
         for k in 0..self.len() {
-            let at = fiber.rigid_tendon(
-                kinematics.activation[k],
-                kinematics.length[k],
-                kinematics.lengthening_speed[k],
-            );
+            let at =
+                fiber.rigid_tendon(kinematics.activation[k], kinematics.length[k], kinematics.lengthening_speed[k]);
             let rate = at.u * fiber.curves.max_velocity;
             emit(k, ForceSample { x: at.x, rate, force: at.force, force_by: at.by_parameters });
         }

@@ -99,7 +99,8 @@ fn compare_with_opensim(model_path: &Path, table_path: &Path, posture: &[(&str, 
     );
     for (i, muscle) in MUSCLES.into_iter().enumerate() {
         let (kin, sim) = (&kinematics.muscles[i], &result.muscles[i]);
-        let force = largest(&sim.tendon_force, table.muscle(muscle, "tendon_force")) / parameters[i].max_isometric_force;
+        let force =
+            largest(&sim.tendon_force, table.muscle(muscle, "tendon_force")) / parameters[i].max_isometric_force;
         let length = largest(&kin.length, table.muscle(muscle, "length"));
         let speed = largest(&kin.lengthening_speed, table.muscle(muscle, "lengthening_speed"));
         let arm = largest(&kin.moment_arm, table.muscle(muscle, "moment_arm"));

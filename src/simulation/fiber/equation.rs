@@ -93,8 +93,7 @@ impl Fiber {
             (0.01, 0.0)
         };
         let active = curves.min_active_length.max(significant / optimal);
-        let (shortest, shortest_by_sine) =
-            if pennate > active { (pennate, pennate_by_sine) } else { (active, 0.0) };
+        let (shortest, shortest_by_sine) = if pennate > active { (pennate, pennate_by_sine) } else { (active, 0.0) };
         Fiber { curves, optimal, slack, sine, shortest, shortest_by_sine }
     }
 
@@ -131,8 +130,7 @@ impl Fiber {
         let cosine = y / x;
         let y_by_x = 1.0 / cosine;
         let inverse_slack = 1.0 / self.slack;
-        let (tendon, tendon_slope) =
-            c.tendon.value_and_slope((drive.length - self.optimal * y) * inverse_slack);
+        let (tendon, tendon_slope) = c.tendon.value_and_slope((drive.length - self.optimal * y) * inverse_slack);
         let tendon_by_x = -tendon_slope * self.optimal * inverse_slack * y_by_x;
         let cosine_by_x = self.sine * self.sine / (x * x * y);
         let a = drive.activation;
@@ -142,8 +140,7 @@ impl Fiber {
                 let fiber = a * active * velocity + passive + c.damping * u;
                 Residual {
                     r: fiber * cosine - tendon,
-                    by_x: (a * active_slope * velocity + passive_slope) * cosine + fiber * cosine_by_x
-                        - tendon_by_x,
+                    by_x: (a * active_slope * velocity + passive_slope) * cosine + fiber * cosine_by_x - tendon_by_x,
                     by_u: (a * active * velocity_slope + c.damping) * cosine,
                 }
             }
@@ -151,7 +148,8 @@ impl Fiber {
                 let available = 1.0 / (a * active);
                 let multiplier = (tendon * y_by_x - passive) * available;
                 let (velocity, slope) = inverse.value_and_slope(multiplier);
-                let multiplier_by_x = (tendon_by_x * y_by_x - tendon * cosine_by_x * y_by_x * y_by_x
+                let multiplier_by_x = (tendon_by_x * y_by_x
+                    - tendon * cosine_by_x * y_by_x * y_by_x
                     - passive_slope
                     - multiplier * a * active_slope)
                     * available;
@@ -228,7 +226,11 @@ impl Fiber {
         let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
         for _ in 0..100 {
             let residual = self.residual(x, u, drive);
-            if residual.r > 0.0 { high = u } else { low = u }
+            if residual.r > 0.0 {
+                high = u
+            } else {
+                low = u
+            }
             let newton = u - residual.r / residual.by_u;
             let middle = 0.5 * (low + high);
             // Before both ends of the bracket are known, only Newton's step is there.

@@ -6,8 +6,8 @@ use super::equation::{Drive, Fiber, FiberCurves, PARAMETERS};
 use super::integrate::{Cursor, DriveSource, FiberAccuracy, FiberSample, StepPlan};
 use crate::muscles::Millard2012;
 use crate::osim::spec::{
-    ActiveForceLengthSpec, FiberForceLengthSpec, ForceVelocitySpec, Location, Millard2012Spec, MuscleKind,
-    MuscleSpec, PathSpec, TendonForceLengthSpec,
+    ActiveForceLengthSpec, FiberForceLengthSpec, ForceVelocitySpec, Location, Millard2012Spec, MuscleKind, MuscleSpec,
+    PathSpec, TendonForceLengthSpec,
 };
 
 /// A muscle like ECRB with OpenSim's default curves.
@@ -184,7 +184,11 @@ fn verif_residual_derivatives_match_differences() {
                 };
                 let r = |f: &Fiber| f.residual(x, u, drive).r;
                 let difference = (r(&shifted(1.0)) - r(&shifted(-1.0))) / 2e-7;
-                assert!((difference - by_p[k]).abs() < 1e-5 * (1.0 + difference.abs()), "{k}: {difference} {}", by_p[k]);
+                assert!(
+                    (difference - by_p[k]).abs() < 1e-5 * (1.0 + difference.abs()),
+                    "{k}: {difference} {}",
+                    by_p[k]
+                );
                 let f = |f: &Fiber| f.tendon_force(x, length).value;
                 let difference = (f(&shifted(1.0)) - f(&shifted(-1.0))) / 2e-7;
                 assert!((difference - force.by_parameters[k]).abs() < 1e-5 * (1.0 + difference.abs()));
