@@ -68,8 +68,8 @@ pub fn render_sweep(figure: &SweepFigure) -> String {
         script: SCRIPT,
         figure,
         unit: if figure.unit == "deg" { "°" } else { figure.unit },
-        first: figure.values.first().map(|v| super::significant(*v, 4)).unwrap_or_default(),
-        last: figure.values.last().map(|v| super::significant(*v, 4)).unwrap_or_default(),
+        first: figure.values.first().map(|v| super::plain(*v)).unwrap_or_default(),
+        last: figure.values.last().map(|v| super::plain(*v)).unwrap_or_default(),
         muscles: figure.muscles.iter().map(|m| panel(figure, m, arm_range)).collect(),
     };
     page.render().expect("the sweep template has no failing filter")
