@@ -89,7 +89,11 @@ fn model_result(run: &ModelRun, table: &ErrorTable, compared: bool) -> ModelResu
         sets.into_iter().filter(|_| compared).filter_map(|(u, set)| set.as_ref().map(|set| (u, set))).collect();
     let conditions = sets.iter().flat_map(|(trial_use, set)| {
         set.conditions.iter().map(|c| ConditionErrors {
-            condition: condition(c.condition.contraction.word(), c.condition.effort_percent, c.condition.direction.word()),
+            condition: condition(
+                c.condition.contraction.word(),
+                c.condition.effort_percent,
+                c.condition.direction.word(),
+            ),
             trial_use: *trial_use,
             trials: c.errors.trials,
             errors: summarized(&c.errors),

@@ -3,6 +3,7 @@
 //! Results go to stdout, messages to stderr. Exit codes: 0 done, 1 the input (arguments, model, study, disk) is at
 //! fault, 2 carpus is at fault.
 
+mod account;
 mod args;
 mod commands;
 mod failure;
@@ -10,6 +11,8 @@ mod model;
 mod output;
 mod provenance;
 mod quantity;
+mod series;
+mod study_run;
 mod table;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};

@@ -1,11 +1,125 @@
-//! `carpus simulate`.
+//! `carpus simulate`: moments, fibre lengths and forces of every trial over time.
+
+use std::path::PathBuf;
+
+use rayon::prelude::*;
+
+use crate::cli::account::{self, ModelRun, Setting};
 use crate::cli::args::{Global, SimulateArgs};
-use crate::cli::failure::Failure;
+use crate::cli::failure::{self, Failure};
+use crate::cli::print_result;
+use crate::cli::provenance::provenance;
+use crate::cli::series;
+use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
+use crate::report::render_report;
+use crate::report::results::{Kind, Results};
+use crate::simulation::TrialSimulation;
 
 /// Runs the command.
 ///
 /// # Errors
-/// See the library.
-pub fn run(_args: &SimulateArgs, _global: &Global) -> Result<(), Failure> {
-    Err(Failure::Internal("not wired".into()))
+/// The study, its models and trials, or the output folder.
+pub fn run(args: &SimulateArgs, global: &Global) -> Result<(), Failure> {
+    let study = StudyRun::prepare(&args.study)?;
+    let bar = progress(global, study.participants.len() as u64, "simulating");
+    let mut outcomes = Vec::new();
+    for participant in &study.participants {
+        let run = study.participant(participant)?;
+        failure::print(&run.warnings);
+        let simulations = run.simulate(&run.model.nominal_parameters())?;
+        let model = run.model_run("model", "Simulated", run.loaded.path.display().to_string(), &simulations);
+        let results = account(Kind::Simulation, global, &study, &run, &[model])?;
+        let folder = PathBuf::from(&participant.name);
+        write_series(&study, &folder, &run, &simulations)?;
+        write_results(&study, &folder, &results)?;
+        outcomes.push(results);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    if global.json {
+        return print_result(&serde_json::Value::Array(outcomes.iter().map(summary).collect()).to_string());
+    }
+    let lines = outcomes.iter().map(|r| {
+        let report = study.out.path().join(&r.participant.id).join("report.html");
+        format!("{}: {} trials simulated, {}\n", r.participant.id, r.trials.len(), report.display())
+    });
+    print_result(&lines.collect::<String>())
+}
+
+/// The results of a participant.
+///
+/// # Errors
+/// None that input can cause.
+pub fn account(
+    kind: Kind,
+    global: &Global,
+    study: &StudyRun,
+    run: &ParticipantRun,
+    models: &[ModelRun],
+) -> Result<Results, Failure> {
+    let setting = Setting {
+        kind,
+        provenance: provenance(global, run.inputs.clone()),
+        study: &study.study,
+        participant: &run.participant,
+        spec: &run.loaded.file.spec,
+        warnings: &run.warnings,
+    };
+    account::results(setting, &run.trials, models)
+}
+
+/// Writes the series of every trial.
+///
+/// # Errors
+/// The disk.
+pub fn write_series(
+    study: &StudyRun,
+    folder: &std::path::Path,
+    run: &ParticipantRun,
+    simulations: &[TrialSimulation],
+) -> Result<(), Failure> {
+    let coordinate = &study.study.settings.dynamometer.coordinate;
+    let muscles: Vec<String> = run.model.muscle_names().map(String::from).collect();
+    let write = |i: usize| {
+        let trial = &run.trials[i];
+        let (csv, sto) = series::texts(coordinate, &muscles, trial, &run.prepared[i], &simulations[i])?;
+        let name = folder.join("series").join(trial.info.name());
+        study.out.write(with_extension(&name, "csv"), csv.as_bytes())?;
+        study.out.write(with_extension(&name, "sto"), sto.as_bytes())?;
+        Ok(())
+    };
+    let written: Vec<Result<(), Failure>> = (0..simulations.len()).into_par_iter().map(write).collect();
+    written.into_iter().collect()
+}
+
+/// Appends an extension; a dot inside the name is not taken for one.
+fn with_extension(path: &std::path::Path, extension: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".");
+    name.push(extension);
+    name.into()
+}
+
+/// Writes `results.json` and its report.
+///
+/// # Errors
+/// The disk.
+pub fn write_results(study: &StudyRun, folder: &std::path::Path, results: &Results) -> Result<(), Failure> {
+    study.out.write(folder.join("report.html"), render_report(results).as_bytes())?;
+    study.out.write(folder.join("results.json"), results.to_json().as_bytes())?;
+    Ok(())
+}
+
+/// A results file without its series and inputs, for standard output.
+pub fn summary(results: &Results) -> serde_json::Value {
+    serde_json::json!({
+        "schema": "carpus.summary/1",
+        "kind": results.kind,
+        "participant": results.participant.id,
+        "study": results.study.name,
+        "trials": results.trials.len(),
+        "models": results.models,
+        "parameters": results.parameters,
+        "warnings": results.warnings,
+    })
 }

@@ -1,0 +1,216 @@
+//! What `simulate`, `compare` and `personalize` have in common: read the study, the models and the trials, simulate.
+
+use std::path::{Path, PathBuf};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::account::ModelRun;
+use super::args::{Global, StudyArgs};
+use super::failure::{Failure, Message};
+use super::model::{self, LoadedModel, Needs};
+use super::output::OutputFolder;
+use super::provenance;
+use crate::report::results::InputFile;
+use crate::simulation::{
+    MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, Setup, SimulationError, TrialSimulation,
+};
+use crate::study::{MomentPart, Participant, Study, Trial};
+
+/// A study that was read, and the folder that its results go to.
+#[derive(Debug)]
+pub struct StudyRun {
+    /// The study, trials not yet read.
+    pub study: Study,
+    /// Where results go.
+    pub out: OutputFolder,
+    /// Participants asked for.
+    pub participants: Vec<Participant>,
+    /// Model given on the command line, in place of those of the study.
+    other_model: Option<PathBuf>,
+    allow_unsupported: bool,
+}
+
+/// All that is needed to simulate a participant's trials.
+#[derive(Debug)]
+pub struct ParticipantRun {
+    /// The participant.
+    pub participant: Participant,
+    /// The model.
+    pub loaded: LoadedModel,
+    /// The trials, in the order of recording.
+    pub trials: Vec<Trial>,
+    /// The model compiled for these trials.
+    pub model: MusculoskeletalModel,
+    /// The trials prepared, in the same order.
+    pub prepared: Vec<PreparedTrial>,
+    /// Every file that was read.
+    pub inputs: Vec<InputFile>,
+    /// Warnings about the study, the model and the trials.
+    pub warnings: Vec<Message>,
+}
+
+impl StudyRun {
+    /// Reads the study's tables and makes the output folder.
+    ///
+    /// # Errors
+    /// The study; an unknown participant; the output folder.
+    pub fn prepare(args: &StudyArgs) -> Result<StudyRun, Failure> {
+        let study = Study::read_tables(&args.study)?;
+        let participants = wanted(&study, &args.participant)?;
+        let mut inputs = study.input_files();
+        inputs.extend(args.model.clone());
+        let out = OutputFolder::create(&args.out, &inputs)?;
+        for participant in &participants {
+            out.refuse_input(&args.out.join(&participant.name).join("model.osim"))?;
+        }
+        Ok(StudyRun {
+            study,
+            out,
+            participants,
+            other_model: args.model.clone(),
+            allow_unsupported: args.allow_unsupported,
+        })
+    }
+
+    /// Reads a participant's model and trials and does all work that does not depend on muscle parameters.
+    ///
+    /// # Errors
+    /// The model, the trials, or one does not suit the other.
+    pub fn participant(&self, participant: &Participant) -> Result<ParticipantRun, Failure> {
+        let settings = &self.study.settings;
+        let mut warnings: Vec<Message> = self.study.warnings.iter().map(Message::from).collect();
+        let path = self.other_model.as_ref().unwrap_or(&participant.model);
+        let needs = if settings.dynamometer.includes(MomentPart::Passive) { Needs::Forces } else { Needs::Motion };
+        let loaded = model::load(path, needs, self.allow_unsupported, &mut warnings)?;
+        self.check_names(&loaded)?;
+        let setup = Setup { allow_unsupported: self.allow_unsupported, ..Setup::from_settings(settings) };
+        let at_study = |e: SimulationError| Failure::from(simulation_message(&e, &loaded.path));
+        let model = MusculoskeletalModel::compile(&loaded.file.spec, &setup).map_err(at_study)?;
+        let left_out = model.left_out().iter().map(|(name, class)| format!("{name} ({class})")).collect::<Vec<_>>();
+        if !left_out.is_empty() {
+            warnings.push(Message::warning(format!("left out: {}", left_out.join(", "))).in_file(&loaded.path));
+        }
+        let trials = self.study.load_trials(&participant.name)?;
+        warnings.extend(trials.iter().flat_map(|t| t.warnings.iter().map(Message::from)));
+        self.check_trials(participant, &trials, &model)?;
+        let recordings: Vec<Recording> = trials.iter().map(Recording::from).collect();
+        let prepared = model.prepare_all(&recordings, &Options::default()).map_err(at_study)?;
+        let inputs = self.inputs(participant, &loaded.path, &trials)?;
+        Ok(ParticipantRun { participant: participant.clone(), loaded, trials, model, prepared, inputs, warnings })
+    }
+
+    /// Checks the names that `study.toml` uses against the model, where a hint can be given.
+    fn check_names(&self, loaded: &LoadedModel) -> Result<(), Failure> {
+        let settings = &self.study.settings;
+        let mut messages = Vec::new();
+        let mut note = |found: Result<(), Failure>, line: usize| {
+            if let Err(Failure::Input(found)) = found {
+                messages.extend(found.into_iter().map(|m| m.in_file(&self.study.file).at_line(line)));
+            }
+        };
+        let dynamometer = &settings.dynamometer;
+        note(loaded.coordinate(&dynamometer.coordinate).map(drop), dynamometer.coordinate_line);
+        for held in &settings.posture {
+            note(loaded.coordinate(&held.coordinate).map(drop), held.line);
+        }
+        note(loaded.muscles(&settings.active_muscles).map(drop), 0);
+        if messages.is_empty() { Ok(()) } else { Err(messages.into()) }
+    }
+
+    /// Checks the recorded angles against the range of the coordinate.
+    fn check_trials(&self, of: &Participant, trials: &[Trial], model: &MusculoskeletalModel) -> Result<(), Failure> {
+        if trials.is_empty() {
+            let message = Message::error(format!("participant {} has no trials to simulate", of.name));
+            return Err(message.in_file(&self.study.folder.join("trials.csv")).into());
+        }
+        let coordinate = &model.skeleton().coordinates[model.coordinate().0];
+        let [lower, upper] = coordinate.range;
+        let problems: Vec<Message> = trials
+            .iter()
+            .filter_map(|t| t.check_against_range(&coordinate.name, lower, upper))
+            .map(|p| Message::from(&p))
+            .collect();
+        if problems.is_empty() { Ok(()) } else { Err(problems.into()) }
+    }
+
+    /// The files that the results of a participant depend on, with their hashes.
+    fn inputs(&self, participant: &Participant, model: &Path, trials: &[Trial]) -> Result<Vec<InputFile>, Failure> {
+        let tables = [("participants.csv", "participants"), ("trials.csv", "trials"), ("ultrasound.csv", "ultrasound")];
+        let shown = |path: &Path| path.strip_prefix(&self.study.folder).unwrap_or(path).display().to_string();
+        let mut inputs = vec![
+            provenance::input_file(model, &shown(model), "model")?,
+            provenance::input_file(&self.study.file, &shown(&self.study.file), "study")?,
+        ];
+        for (name, role) in tables {
+            let path = self.study.folder.join(name);
+            if path.exists() {
+                inputs.push(provenance::input_file(&path, name, role)?);
+            }
+        }
+        for trial in trials.iter().filter(|t| t.info.participant == participant.name) {
+            inputs.push(provenance::input_file(&trial.info.file, &trial.info.file_as_written, "trial")?);
+        }
+        Ok(inputs)
+    }
+}
+
+impl ParticipantRun {
+    /// Simulates all trials with the given parameters of the active muscles.
+    ///
+    /// # Errors
+    /// A muscle whose forces cannot be balanced.
+    pub fn simulate(&self, parameters: &[MuscleParameters]) -> Result<Vec<TrialSimulation>, Failure> {
+        crate::simulation::simulate_all(&self.prepared, parameters)
+            .map_err(|e| simulation_message(&e, &self.loaded.path).into())
+    }
+
+    /// A model and its moments, for the account.
+    pub fn model_run(&self, id: &str, label: &str, file: String, simulations: &[TrialSimulation]) -> ModelRun {
+        ModelRun {
+            id: id.to_string(),
+            label: label.to_string(),
+            name: self.loaded.model.name.clone(),
+            file,
+            moments: simulations.iter().map(|s| s.moment.clone()).collect(),
+        }
+    }
+}
+
+/// The participants of these names, or all.
+fn wanted(study: &Study, names: &[String]) -> Result<Vec<Participant>, Failure> {
+    if names.is_empty() {
+        return Ok(study.participants.clone());
+    }
+    let find = |name: &String| {
+        study.participant(name).cloned().ok_or_else(|| {
+            let known: Vec<&str> = study.participants.iter().map(|p| p.name.as_str()).collect();
+            let message = Message::error(format!("there is no participant `{name}`"));
+            let hint = match crate::study::nearest(name, known.iter().copied()) {
+                Some(nearest) => format!("did you mean `{nearest}`?"),
+                None => format!("there are: {}", known.join(", ")),
+            };
+            Failure::from(message.in_file(&study.folder.join("participants.csv")).hint(hint))
+        })
+    };
+    names.iter().map(find).collect()
+}
+
+fn simulation_message(error: &SimulationError, model: &Path) -> Message {
+    let message = Message::error(error.to_string()).in_file(model);
+    match error.hint() {
+        Some(hint) => message.hint(hint),
+        None => message,
+    }
+}
+
+/// A progress bar on stderr; nothing where stderr is no terminal or silence was asked for.
+pub fn progress(global: &Global, steps: u64, what: &str) -> ProgressBar {
+    if global.quiet || global.json {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(steps).with_message(what.to_string());
+    if let Ok(style) = ProgressStyle::with_template("{msg:<28} {wide_bar} {pos}/{len} {elapsed}") {
+        bar.set_style(style);
+    }
+    bar
+}
