@@ -99,21 +99,13 @@ impl StudyRun {
         Ok(ParticipantRun { participant: participant.clone(), loaded, trials, model, prepared, inputs, warnings })
     }
 
-    /// Checks the names that `study.toml` uses against the model, where a hint can be given.
+    /// Checks the names that the study uses against the model.
     fn check_names(&self, loaded: &LoadedModel) -> Result<(), Failure> {
-        let settings = &self.study.settings;
-        let mut messages = Vec::new();
-        let mut note = |found: Result<(), Failure>, line: usize| {
-            if let Err(Failure::Input(found)) = found {
-                messages.extend(found.into_iter().map(|m| m.in_file(&self.study.file).at_line(line)));
-            }
-        };
-        let dynamometer = &settings.dynamometer;
-        note(loaded.coordinate(&dynamometer.coordinate).map(drop), dynamometer.coordinate_line);
-        for held in &settings.posture {
-            note(loaded.coordinate(&held.coordinate).map(drop), held.line);
-        }
-        note(loaded.muscles(&settings.active_muscles).map(drop), 0);
+        let spec = &loaded.file.spec;
+        let coordinates: Vec<&str> = spec.coordinates.iter().map(|c| c.name.as_str()).collect();
+        let muscles: Vec<&str> = spec.muscles.iter().map(|m| m.name.as_str()).collect();
+        let problems = self.study.check_names(&loaded.path, &coordinates, &muscles);
+        let messages: Vec<Message> = problems.iter().map(Message::from).collect();
         if messages.is_empty() { Ok(()) } else { Err(messages.into()) }
     }
 

@@ -27,13 +27,15 @@ pub struct Fact {
 pub struct Group {
     pub title: String,
     pub note: String,
+    /// Columns that the group takes, 1 to 4.
+    pub width: usize,
     pub panels: Vec<Panel>,
 }
 
 /// One trial: its figure and what stands around it.
 pub struct Panel {
+    pub id: String,
     pub title: String,
-    pub detail: String,
     pub held_out: bool,
     pub svg: String,
     pub before: String,
@@ -114,7 +116,6 @@ pub struct View {
     pub warnings: Vec<WarningResult>,
     pub has_before: bool,
     pub has_errors: bool,
-    pub few_panels: bool,
     pub before_label: String,
     pub after_label: String,
     pub axis_svg: String,
@@ -153,7 +154,6 @@ impl View {
             after_label: pair.after.map(|m| m.label.clone()).unwrap_or_default(),
             axis_svg: plot::percent_axis(max),
             conditions: if has_errors { condition_sections(&pair, max) } else { Vec::new() },
-            few_panels: groups.iter().all(|g| g.panels.len() <= 3),
             groups,
             trial_columns: vec!["NRMSE", "Max. error", "XCorr term", "Sum", "RMSE [N·m]", "r", "R²"],
             trials: if has_errors { trial_sections(results) } else { Vec::new() },
@@ -364,7 +364,9 @@ fn condition_title(condition: &Condition) -> String {
         contraction = first.to_uppercase() + &contraction[1..];
     }
     parts.push(contraction);
-    parts.extend(condition.effort_percent.map(|e| format!("{}\u{202f}% MVC", plain(e))));
+    // A maximum voluntary contraction is 100 % by definition.
+    let effort = condition.effort_percent.filter(|_| condition.contraction != "mvc");
+    parts.extend(effort.map(|e| format!("{}\u{202f}% MVC", plain(e))));
     if condition.direction != "none" && !condition.direction.is_empty() {
         parts.push(condition.direction.clone());
     }
@@ -418,9 +420,12 @@ fn groups(results: &Results, pair: &Pair) -> Vec<Group> {
         Group {
             title: condition_title(condition),
             note,
+            width: trials.len().clamp(1, 4),
             panels: trials.iter().map(|t| panel(t, pair, &ranges)).collect(),
         }
     };
+    // Maximal contractions come last: they are neither fitted nor judged.
+    conditions.sort_by_key(|c| c.contraction == "mvc");
     conditions.into_iter().map(group).collect()
 }
 
@@ -478,9 +483,11 @@ fn panel(trial: &TrialResult, pair: &Pair, ranges: &PanelRanges) -> Panel {
     let error = |m: Option<&ModelResult>| m.and_then(|m| trial.errors.get(&m.id));
     let (before, after) = (error(pair.before), error(pair.after));
     let held = trial.posture_deg.filter(|_| ranges.angle.is_none());
+    let parts = [held.map(|p| format!("{}°", plain(p))), trial.repetition.map(|r| format!("repetition {r}"))];
+    let title = parts.into_iter().flatten().collect::<Vec<_>>().join(", ");
     Panel {
-        title: trial.id.replace('_', " "),
-        detail: held.map(|p| format!("at {}°", plain(p))).unwrap_or_default(),
+        title: if title.is_empty() { trial.id.replace('_', " ") } else { title },
+        id: trial.id.clone(),
         held_out: trial.trial_use == Use::HeldOut,
         svg: figure.svg(),
         before: before.map(|e| maybe(e.nrmse, percent)).unwrap_or_default(),
