@@ -1,1 +1,497 @@
-//! Tests of `user_path`.
+//! The commands as a user types them: happy paths on bundled input, and the errors that bad input gets.
+
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+use predicates::prelude::*;
+use predicates::str::contains;
+
+fn carpus() -> Command {
+    let mut command = Command::cargo_bin("carpus").unwrap();
+    // A command that hangs is a failure, not a wait.
+    command.timeout(std::time::Duration::from_secs(600)).env_remove("RUST_LOG");
+    command
+}
+
+fn root(relative: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(relative)
+}
+
+fn model() -> PathBuf {
+    root("models/wrist.osim")
+}
+
+/// A copy of the bundled study with its model, to be spoilt, with two trials only.
+struct StudyCopy {
+    folder: tempfile::TempDir,
+}
+
+const TRAIN: &str = "data/P01/isotonic_25_flexion_1.csv";
+const TEST: &str = "data/P01/isotonic_25_flexion_2.csv";
+
+impl StudyCopy {
+    fn new() -> StudyCopy {
+        let copy = StudyCopy { folder: tempfile::tempdir().unwrap() };
+        let source = root("fixtures/demo_study");
+        std::fs::create_dir_all(copy.path("data/P01")).unwrap();
+        for name in ["study.toml", "participants.csv", "trials.csv", TRAIN, TEST] {
+            std::fs::copy(source.join(name), copy.path(name)).unwrap();
+        }
+        std::fs::copy(model(), copy.path("wrist.osim")).unwrap();
+        copy.edit("study.toml", |text| text.replace("../../models/wrist.osim", "wrist.osim"));
+        copy.edit("trials.csv", |text| {
+            let kept = |(i, line): &(usize, &str)| *i == 0 || line.contains(TRAIN) || line.contains(TEST);
+            text.lines().enumerate().filter(kept).map(|(_, line)| format!("{line}\n")).collect()
+        });
+        copy
+    }
+
+    fn path(&self, relative: &str) -> PathBuf {
+        self.folder.path().join(relative)
+    }
+
+    fn edit(&self, relative: &str, change: impl Fn(&str) -> String) {
+        let text = std::fs::read_to_string(self.path(relative)).unwrap();
+        let changed = change(&text);
+        assert_ne!(text, changed, "the edit of {relative} does something");
+        std::fs::write(self.path(relative), changed).unwrap();
+    }
+
+    /// Changes one row of a trial (0 is the header): its fields in place.
+    fn edit_row(&self, row: usize, change: impl Fn(&mut Vec<String>)) {
+        self.edit(TRAIN, |text| {
+            let edited = |(i, line): (usize, &str)| {
+                let mut fields: Vec<String> = line.split(',').map(String::from).collect();
+                if i == row {
+                    change(&mut fields);
+                }
+                fields.join(",") + "\n"
+            };
+            text.lines().enumerate().map(edited).collect()
+        });
+    }
+
+    fn run(&self, command: &str) -> assert_cmd::assert::Assert {
+        carpus().arg(command).arg(self.path("study.toml")).arg("--out").arg(self.path("out")).assert()
+    }
+
+    /// `compare` refuses the study, names this place and says all of this.
+    fn refused(&self, place: &str, says: &[&str]) {
+        let failed = self.run("compare").code(1).stdout("");
+        let text = String::from_utf8(failed.get_output().stderr.clone()).unwrap();
+        assert!(text.contains("error: "), "{text}");
+        assert!(text.contains(place), "expected {place} in:\n{text}");
+        for words in says {
+            assert!(text.contains(words), "expected `{words}` in:\n{text}");
+        }
+        assert!(!text.contains("panicked") && !text.contains("internal error"), "{text}");
+    }
+}
+
+/// The bundled model, spoilt, through `info`: exit code 1 and a message with file and line.
+fn model_refused(change: impl Fn(&str) -> String, line_of: &str, says: &[&str]) {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("spoilt.osim");
+    let text = std::fs::read_to_string(model()).unwrap();
+    let spoilt = change(&text);
+    assert_ne!(text, spoilt, "the edit does something");
+    let line = spoilt.lines().position(|l| l.contains(line_of)).map(|i| i + 1);
+    let line = line.unwrap_or_else(|| panic!("the spoilt model contains {line_of}"));
+    std::fs::write(&file, &spoilt).unwrap();
+    let failed = carpus().arg("info").arg(&file).assert().code(1).stdout("");
+    let text = String::from_utf8(failed.get_output().stderr.clone()).unwrap();
+    let place = format!("error: {}:{line}: ", file.display());
+    assert!(text.contains(&place), "expected `{place}` in:\n{text}");
+    for words in says {
+        assert!(text.contains(words), "expected `{words}` in:\n{text}");
+    }
+    assert!(!text.contains("panicked") && !text.contains("internal error"), "{text}");
+}
+
+#[test]
+fn verif_help_of_every_command_has_an_example() {
+    for command in ["demo", "info", "paths", "equilibrium", "simulate", "compare", "personalize"] {
+        let example = format!("Example:\n  carpus {command}");
+        carpus().args([command, "--help"]).assert().success().stdout(contains(example)).stderr("");
+    }
+    carpus().arg("--version").assert().success().stdout(contains(env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn verif_wrong_arguments_are_the_users_fault() {
+    carpus().arg("personalise").assert().code(1).stderr(contains("personalize"));
+    carpus()
+        .arg("paths")
+        .arg(model())
+        .args(["--sweep", "flexion=-70:70:1"])
+        .assert()
+        .code(1)
+        .stderr(contains("no unit"));
+    carpus().arg("equilibrium").arg(model()).args(["--activation", "1.5"]).assert().code(1).stderr(contains("0 to 1"));
+    carpus().args(["info", "model.osim", "--threads", "0"]).assert().code(1);
+}
+
+#[test]
+fn verif_info_tells_what_is_in_the_model() {
+    let shown = carpus().arg("info").arg(model()).assert().success().stderr("");
+    shown.stdout(contains("5 muscles").and(contains("ECRL")).and(contains("unsupported")));
+    let json = carpus().arg("info").arg(model()).arg("--json").assert().success();
+    let info: serde_json::Value = serde_json::from_slice(&json.get_output().stdout).unwrap();
+    assert_eq!(info["schema"], "carpus.info/1");
+    assert_eq!(info["muscles"].as_array().unwrap().len(), 5);
+    let flexion = info["coordinates"].as_array().unwrap().iter().find(|c| c["name"] == "flexion").unwrap();
+    assert_eq!(flexion["range"][1].as_f64().unwrap().round(), 70.0);
+}
+
+#[test]
+fn verif_paths_writes_table_and_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let sweep = ["--sweep", "flexion=-60:60:10deg", "--set", "elbow_flexion=90deg"];
+    carpus().arg("paths").arg(model()).args(sweep).arg("--out").arg(folder.path()).assert().success();
+    let table = std::fs::read_to_string(folder.path().join("paths.csv")).unwrap();
+    assert_eq!(table.lines().count(), 14);
+    assert!(table.starts_with("flexion_deg,ECRL_length_m,"));
+    let page = std::fs::read_to_string(folder.path().join("paths.html")).unwrap();
+    assert_eq!(page.matches("<svg class=\"figure\"").count(), 10, "an arm and a length for each of five muscles");
+    // Without --out the same table goes to standard output.
+    carpus().arg("paths").arg(model()).args(sweep).assert().success().stdout(table);
+}
+
+#[test]
+fn verif_moment_arm_is_minus_the_slope_of_the_length() {
+    let run =
+        carpus().arg("paths").arg(model()).args(["--sweep", "flexion=9.99:10.01:0.01deg", "--json"]).assert().success();
+    let found: serde_json::Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
+    for muscle in found["muscles"].as_array().unwrap() {
+        let at = |key: &str, i: usize| muscle[key][i].as_f64().unwrap();
+        let slope = (at("length_m", 2) - at("length_m", 0)) / 0.02f64.to_radians();
+        assert!((slope + at("moment_arm_m", 1)).abs() < 1e-5, "{}: {slope}", muscle["name"]);
+    }
+}
+
+#[test]
+fn verif_equilibrium_balances_tendon_and_fibre() {
+    let folder = tempfile::tempdir().unwrap();
+    let csv = folder.path().join("rest.csv");
+    let posture = ["--set", "flexion=30deg", "--activation", "0.3"];
+    carpus()
+        .arg("equilibrium")
+        .arg(model())
+        .args(posture)
+        .arg("--csv")
+        .arg(&csv)
+        .assert()
+        .success()
+        .stdout(contains("FCU"));
+    let mut reader = csv::Reader::from_path(&csv).unwrap();
+    let header = reader.headers().unwrap().clone();
+    let column = |name: &str| header.iter().position(|h| h == name).unwrap_or_else(|| panic!("column {name}"));
+    let mut rows = 0;
+    for row in reader.records() {
+        let row = row.unwrap();
+        let number = |name: &str| row[column(name)].parse::<f64>().unwrap();
+        let fibre = number("active_fiber_force_n") + number("passive_fiber_force_n");
+        let along = fibre * number("pennation_angle_deg").to_radians().cos();
+        assert!((along - number("tendon_force_n")).abs() < 1e-3, "{row:?}");
+        let moment = number("tendon_force_n") * number("flexion_moment_arm_m");
+        assert!((moment - number("flexion_moment_n_m")).abs() < 1e-6);
+        rows += 1;
+    }
+    assert_eq!(rows, 5);
+}
+
+#[test]
+fn verif_names_that_are_nearly_right_get_a_hint() {
+    let sweep = |text: &str| carpus().arg("paths").arg(model()).args(["--sweep", text]).assert().code(1);
+    sweep("flexon=-70:70:1deg").stderr(contains("no coordinate `flexon`").and(contains("did you mean `flexion`?")));
+    sweep("flexion=-7:7:1mm").stderr(contains("is a rotation: expected deg or rad"));
+    let muscle = carpus().arg("paths").arg(model()).args(["--sweep", "flexion=0:1:1deg", "--muscles", "ECRK"]).assert();
+    muscle.code(1).stderr(contains("did you mean `ECRL`?").or(contains("did you mean `ECRB`?")));
+    let study = StudyCopy::new();
+    let run = carpus()
+        .arg("compare")
+        .arg(study.path("study.toml"))
+        .args(["--participant", "p1", "--out"])
+        .arg(study.path("o"))
+        .assert();
+    run.code(1).stderr(contains("no participant `p1`").and(contains("did you mean `P01`?")));
+}
+
+#[test]
+fn verif_simulate_writes_series_that_agree() {
+    let study = StudyCopy::new();
+    study.run("simulate").success().stdout(contains("P01"));
+    let csv = std::fs::read_to_string(study.path("out/P01/series/isotonic_25_flexion_1.csv")).unwrap();
+    let sto = std::fs::read_to_string(study.path("out/P01/series/isotonic_25_flexion_1.sto")).unwrap();
+    let samples = std::fs::read_to_string(study.path(TRAIN)).unwrap().lines().count() - 1;
+    assert_eq!(csv.lines().count(), samples + 1);
+    assert!(sto.contains(&format!("nRows={samples}\n")) && sto.contains("endheader\ntime\t"));
+    let mut reader = csv::Reader::from_reader(csv.as_bytes());
+    let header = reader.headers().unwrap().clone();
+    let column = |name: &str| header.iter().position(|h| h == name).unwrap_or_else(|| panic!("column {name}"));
+    // The moment is the sum of its parts.
+    for row in reader.records() {
+        let row = row.unwrap();
+        let number = |name: &str| row[column(name)].parse::<f64>().unwrap();
+        let muscles: f64 =
+            ["ECRL", "ECRB", "ECU", "FCR", "FCU"].iter().map(|m| number(&format!("{m}_moment_n_m"))).sum();
+        let others =
+            number("passive_n_m") + number("gravity_n_m") + number("inertia_n_m") + number("dynamometer_damping_n_m");
+        assert!((muscles + others - number("simulated_n_m")).abs() < 1e-6);
+    }
+    assert!(study.path("out/P01/report.html").exists() && study.path("out/P01/results.json").exists());
+}
+
+#[test]
+fn verif_compare_writes_errors_and_report() {
+    let study = StudyCopy::new();
+    study.run("compare").success().stdout(contains("held out").and(contains("training")).and(contains("report.html")));
+    let json = std::fs::read_to_string(study.path("out/P01/results.json")).unwrap();
+    let results = carpus::report::results::Results::parse(&json).unwrap();
+    assert_eq!(results.trials.len(), 2);
+    let page = std::fs::read_to_string(study.path("out/P01/report.html")).unwrap();
+    assert_eq!(page, carpus::report::render_report(&results), "the report is a function of its results file");
+    let per_trial = std::fs::read_to_string(study.path("out/P01/errors_per_trial.csv")).unwrap();
+    assert_eq!(per_trial.lines().count(), 3);
+    assert!(per_trial.contains("isotonic_25_flexion_2,test,") && per_trial.contains("isotonic_25_flexion_1,train,"));
+    assert!(study.path("out/P01/errors_per_condition.csv").exists());
+    // Every input is hashed; the hash of the model is the one of its bytes.
+    let model = results.provenance.inputs.iter().find(|i| i.role == "model").unwrap();
+    use sha2::Digest;
+    let hash = sha2::Sha256::digest(std::fs::read(study.path("wrist.osim")).unwrap());
+    assert_eq!(model.sha256, hash.iter().map(|b| format!("{b:02x}")).collect::<String>());
+    assert_eq!(results.provenance.inputs.len(), 6, "model, study, participants, trials, two recordings");
+}
+
+#[test]
+fn verif_results_do_not_depend_on_threads() {
+    let study = StudyCopy::new();
+    let result = |threads: &str| {
+        let out = study.path("out");
+        let run = carpus()
+            .arg("compare")
+            .arg(study.path("study.toml"))
+            .arg("--out")
+            .arg(&out)
+            .args(["--threads", threads])
+            .assert();
+        run.success();
+        let text = std::fs::read_to_string(out.join("P01/results.json")).unwrap();
+        text.replace(&format!("--threads {threads}"), "")
+    };
+    assert_eq!(result("1"), result("3"));
+}
+
+#[test]
+fn verif_json_is_for_programs() {
+    let study = StudyCopy::new();
+    let run = carpus()
+        .arg("compare")
+        .arg(study.path("study.toml"))
+        .arg("--out")
+        .arg(study.path("out"))
+        .arg("--json")
+        .assert();
+    let found: serde_json::Value = serde_json::from_slice(&run.success().get_output().stdout).unwrap();
+    assert_eq!(found[0]["participant"], "P01");
+    assert!(found[0]["models"][0]["errors"][0]["errors"]["nrmse"].as_f64().unwrap() > 0.0);
+}
+
+// Bad input: models.
+
+#[test]
+fn verif_truncated_model() {
+    let text = std::fs::read_to_string(model()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("cut.osim");
+    let refused = |length: usize, says: &str| {
+        std::fs::write(&file, &text[..length]).unwrap();
+        let place = predicates::str::is_match(r"error: \S*cut\.osim:\d+: ").unwrap();
+        carpus().arg("info").arg(&file).assert().code(1).stdout("").stderr(place.and(contains(says)));
+    };
+    refused(text.find("</BodySet>").unwrap(), "the file ends inside <BodySet>");
+    refused(text.find("<JointSet").unwrap() + 4, "broken markup");
+    refused(0, "empty");
+}
+
+#[test]
+fn verif_wrong_nesting() {
+    model_refused(
+        |t| t.replacen("</BodySet>", "</JointSet>", 1),
+        "</JointSet>",
+        &["expected </BodySet>", "found </JointSet>"],
+    );
+}
+
+#[test]
+fn verif_text_in_a_number() {
+    let edit = |t: &str| replace_value(t, "max_isometric_force", "strong");
+    model_refused(edit, ">strong<", &["max_isometric_force", "\"strong\""]);
+}
+
+#[test]
+fn verif_not_a_number() {
+    let edit = |t: &str| replace_value(t, "tendon_slack_length", "NaN");
+    model_refused(edit, ">NaN<", &["tendon_slack_length"]);
+}
+
+#[test]
+fn verif_negative_fibre_length() {
+    let edit = |t: &str| replace_value(t, "optimal_fiber_length", "-0.08");
+    model_refused(edit, ">-0.08<", &["optimal_fiber_length", "-0.08"]);
+}
+
+#[test]
+fn verif_unknown_body_in_a_socket() {
+    let edit = |t: &str| t.replacen("<socket_parent_frame>/bodyset/hand</", "<socket_parent_frame>/bodyset/hnad</", 1);
+    model_refused(edit, "/bodyset/hnad<", &["hnad", "did you mean"]);
+}
+
+#[test]
+fn verif_missing_model() {
+    carpus().args(["info", "no_such.osim"]).assert().code(1).stderr(contains("no_such.osim: cannot be read"));
+}
+
+#[test]
+fn verif_a_file_that_is_no_model() {
+    let run = carpus().arg("info").arg(root("Cargo.toml")).assert().code(1);
+    run.stderr(contains("Cargo.toml").and(contains("panicked").not()));
+}
+
+/// Replaces the first value of a property.
+fn replace_value(text: &str, property: &str, value: &str) -> String {
+    let open = format!("<{property}>");
+    let start = text.find(&open).unwrap() + open.len();
+    let end = start + text[start..].find('<').unwrap();
+    format!("{}{value}{}", &text[..start], &text[end..])
+}
+
+// Bad input: studies. Line numbers count the header as 1, so row n of a table stands in line n + 1.
+
+#[test]
+fn verif_missing_column() {
+    let study = StudyCopy::new();
+    study.edit(TRAIN, |t| t.replacen("moment_n_m", "momnt_n_m", 1));
+    study.refused(&format!("{}:1", study.path(TRAIN).display()), &["moment_n_m", "did you mean `momnt_n_m`?"]);
+}
+
+#[test]
+fn verif_unsorted_time() {
+    let study = StudyCopy::new();
+    study.edit_row(7, |f| f[0] = "0.001".into());
+    study.refused(&format!("{}:8", study.path(TRAIN).display()), &["hint: sort the rows"]);
+}
+
+#[test]
+fn verif_duplicate_time() {
+    let study = StudyCopy::new();
+    study.edit_row(7, |f| f[0] = "0.05".into());
+    study.refused(&format!("{}:8", study.path(TRAIN).display()), &["hint: delete one of the two rows"]);
+}
+
+#[test]
+fn verif_gap() {
+    let study = StudyCopy::new();
+    study.edit(TRAIN, |t| {
+        let kept = |(i, line): (usize, &str)| (!(100..160).contains(&i)).then(|| format!("{line}\n"));
+        t.lines().enumerate().filter_map(kept).collect()
+    });
+    study.refused(&format!("{}:101", study.path(TRAIN).display()), &["hint: split the trial"]);
+}
+
+#[test]
+fn verif_emg_above_one_and_below_zero() {
+    let study = StudyCopy::new();
+    study.edit_row(9, |f| f[3] = "1.7".into());
+    study.refused(&format!("{}:10", study.path(TRAIN).display()), &["1.7", "hint: is it in percent or mV"]);
+    let study = StudyCopy::new();
+    study.edit_row(9, |f| f[4] = "-0.4".into());
+    study.refused(&format!("{}:10", study.path(TRAIN).display()), &["-0.4", "hint: an envelope is never negative"]);
+}
+
+#[test]
+fn verif_nan_in_a_trial() {
+    let study = StudyCopy::new();
+    study.edit_row(9, |f| f[2] = "NaN".into());
+    study.refused(&format!("{}:10", study.path(TRAIN).display()), &["hint: cut the samples off"]);
+}
+
+#[test]
+fn verif_angle_outside_the_range() {
+    let study = StudyCopy::new();
+    study.edit_row(9, |f| f[1] = "95".into());
+    study.refused(&format!("{}:10", study.path(TRAIN).display()), &["95", "hint: check the zero"]);
+}
+
+#[test]
+fn verif_radians_given_as_degrees_are_warned_of() {
+    let study = StudyCopy::new();
+    study.edit(TRAIN, |t| {
+        let row = |(i, line): (usize, &str)| {
+            let mut fields: Vec<String> = line.split(',').map(String::from).collect();
+            if i > 0 {
+                fields[1] = format!("{:.5}", fields[1].parse::<f64>().unwrap().to_radians());
+            }
+            fields.join(",") + "\n"
+        };
+        t.lines().enumerate().map(row).collect()
+    });
+    study.run("compare").success().stderr(contains("warning: ").and(contains("rad")).and(contains(TRAIN)));
+    let page = std::fs::read_to_string(study.path("out/P01/report.html")).unwrap();
+    assert!(page.contains("Read this first"), "the report repeats the warning");
+}
+
+#[test]
+fn verif_missing_files() {
+    let study = StudyCopy::new();
+    std::fs::remove_file(study.path(TEST)).unwrap();
+    study.refused(&study.path(TEST).display().to_string(), &["trials.csv:"]);
+    let study = StudyCopy::new();
+    std::fs::remove_file(study.path("wrist.osim")).unwrap();
+    study.refused("wrist.osim", &["study.toml:"]);
+    let run = carpus().args(["compare", "nowhere/study.toml", "--out", "x"]).assert().code(1);
+    run.stderr(contains("nowhere/study.toml"));
+    assert!(!Path::new("x").exists(), "nothing is made for a study that cannot be read");
+}
+
+#[test]
+fn verif_misspelt_names_in_the_study() {
+    let study = StudyCopy::new();
+    study.edit("study.toml", |t| t.replacen("coordinate = \"flexion\"", "coordinate = \"flexon\"", 1));
+    study.refused("study.toml:", &["flexon", "did you mean `flexion`?"]);
+    let study = StudyCopy::new();
+    study.edit("study.toml", |t| t.replacen("\"FCU\"", "\"FCUU\"", 1));
+    study.refused("study.toml:", &["FCUU", "FCU"]);
+}
+
+#[test]
+fn verif_unwritable_output_is_found_before_computing() {
+    let study = StudyCopy::new();
+    // A file in place of the folder cannot be written into by anyone, not even by root.
+    std::fs::write(study.path("out"), "").unwrap();
+    study.refused(
+        &study.path("out").display().to_string(),
+        &["cannot write results here", "hint: choose another folder"],
+    );
+}
+
+#[test]
+fn verif_a_muscle_without_force_model_is_refused_or_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("thelen.osim");
+    let text = std::fs::read_to_string(model()).unwrap();
+    let start = text.find("<Millard2012EquilibriumMuscle").unwrap();
+    let end = start
+        + text[start..].find("</Millard2012EquilibriumMuscle>").unwrap()
+        + "</Millard2012EquilibriumMuscle>".len();
+    let changed = text[start..end].replace("Millard2012EquilibriumMuscle", "Thelen2003Muscle");
+    std::fs::write(&file, format!("{}{changed}{}", &text[..start], &text[end..])).unwrap();
+    let run = || {
+        let mut command = carpus();
+        command.arg("equilibrium").arg(&file);
+        command
+    };
+    run().assert().code(1).stderr(contains("Thelen2003Muscle is not computed").and(contains("thelen.osim:")));
+    let shown = run().arg("--allow-unsupported").assert().success();
+    shown.stderr(contains("warning: ")).stdout(contains("FCU").and(contains("ECRL").not()));
+}
