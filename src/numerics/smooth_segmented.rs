@@ -87,14 +87,27 @@ pub struct ValueAndDerivative {
     pub derivative: f64,
 }
 
-/// Polynomial of degree five, lowest power first.
+/// Polynomial of degree five with its derivatives, lowest powers first.
 #[derive(Clone, Copy, Debug)]
-struct Quintic([f64; 6]);
+struct Quintic {
+    value: [f64; 6],
+    first: [f64; 5],
+    /// Half the second derivative.
+    half_second: [f64; 4],
+}
 
 impl Quintic {
+    fn new(c: [f64; 6]) -> Quintic {
+        Quintic {
+            value: c,
+            first: [c[1], 2.0 * c[2], 3.0 * c[3], 4.0 * c[4], 5.0 * c[5]],
+            half_second: [c[2], 3.0 * c[3], 6.0 * c[4], 10.0 * c[5]],
+        }
+    }
+
     /// Power form of a Bézier polynomial.
     fn from_bezier(p: &[f64; 6]) -> Quintic {
-        Quintic([
+        Quintic::new([
             p[0],
             5.0 * (p[1] - p[0]),
             10.0 * (p[2] - 2.0 * p[1] + p[0]),
@@ -107,21 +120,19 @@ impl Quintic {
     /// Value, first derivative and half the second derivative; short dependency chains rather than Horner's rule.
     #[inline]
     fn expand(&self, u: f64) -> [f64; 3] {
-        let c = &self.0;
+        let (c, d, e) = (&self.value, &self.first, &self.half_second);
         let u2 = u * u;
-        let u3 = u2 * u;
         let u4 = u2 * u2;
         [
             (c[0] + c[1] * u) + (c[2] + c[3] * u) * u2 + (c[4] + c[5] * u) * u4,
-            (c[1] + 2.0 * c[2] * u) + (3.0 * c[3] + 4.0 * c[4] * u) * u2 + 5.0 * c[5] * u4,
-            (c[2] + 3.0 * c[3] * u) + (6.0 * c[4] * u2 + 10.0 * c[5] * u3),
+            (d[0] + d[1] * u) + (d[2] + d[3] * u) * u2 + d[4] * u4,
+            (e[0] + e[1] * u) + (e[2] + e[3] * u) * u2,
         ]
     }
 
     /// Sixth part of the third derivative.
-    #[inline]
     fn third(&self, u: f64) -> f64 {
-        let c = &self.0;
+        let c = &self.value;
         c[3] + 4.0 * c[4] * u + 10.0 * c[5] * u * u
     }
 }
@@ -384,7 +395,7 @@ impl SmoothSegmentedFunction {
         }
         let mut found = None;
         for segment in &self.segments {
-            let f_high = a * segment.y.0.iter().sum::<f64>() + b * segment.x_end;
+            let f_high = a * segment.y.value.iter().sum::<f64>() + b * segment.x_end;
             if target <= f_high {
                 found = Some((segment, f_high));
                 break;
@@ -397,10 +408,10 @@ impl SmoothSegmentedFunction {
         };
         let mut sum = [0.0; 6];
         for i in 0..6 {
-            sum[i] = a * segment.y.0[i] + b * segment.x.0[i];
+            sum[i] = a * segment.y.value[i] + b * segment.x.value[i];
         }
         sum[0] += b * segment.x_start - target;
-        let u = root_of_rising(&Quintic(sum), (target - f_low) / (f_high - f_low));
+        let u = root_of_rising(&Quintic::new(sum), (target - f_low) / (f_high - f_low));
         let [x, x1, _] = segment.x.expand(u);
         let [y, y1, _] = segment.y.expand(u);
         (segment.x_start + x, ValueAndDerivative { value: y, derivative: y1 / x1 })
