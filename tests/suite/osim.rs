@@ -15,7 +15,12 @@ fn lab_models() -> Vec<std::path::PathBuf> {
         eprintln!("SKIPPED: shared lab models are not here");
         return Vec::new();
     };
-    let entries = std::fs::read_dir(dir.join("models")).expect("shared models can be listed");
+    models_in(&dir.join("models"))
+}
+
+/// All models in a folder, by name.
+fn models_in(folder: &std::path::Path) -> Vec<std::path::PathBuf> {
+    let entries = std::fs::read_dir(folder).expect("the folder of models can be listed");
     let mut models: Vec<_> = entries.map(|entry| entry.expect("entry").path()).collect();
     models.retain(|path| path.extension().is_some_and(|extension| extension == "osim"));
     models.sort();

@@ -222,7 +222,7 @@ impl Reader<'_> {
             name.retain(|c| !c.is_whitespace());
         }
         if name.is_empty() {
-            name = self.document.tag(element).to_lowercase();
+            name = upgrade::present_class(self.document.tag(element)).to_lowercase();
         }
         let unique = names.unique(&name);
         if unique != name && !written.is_empty() {

@@ -53,6 +53,10 @@ impl Reader<'_> {
             true => LENGTH,
             false => Bound::NotNegative("a length of 0 m or more"),
         };
+        let velocity = match is_millard {
+            true => Bound::Positive("a velocity greater than 0 optimal fibre lengths per second"),
+            false => Bound::Finite,
+        };
         let minimum_control = if is_millard || class == "Thelen2003Muscle" { 0.01 } else { 0.0 };
         let spec = MuscleSpec {
             at: self.location(object),
@@ -66,12 +70,7 @@ impl Reader<'_> {
                 0.0,
                 Bound::Finite,
             ),
-            max_contraction_velocity: self.number(
-                object,
-                &["max_contraction_velocity"],
-                10.0,
-                Bound::Positive("a velocity greater than 0 optimal fibre lengths per second"),
-            ),
+            max_contraction_velocity: self.number(object, &["max_contraction_velocity"], 10.0, velocity),
             ignore_tendon_compliance,
             ignore_activation_dynamics: self.boolean(object, &["ignore_activation_dynamics"], false),
             min_control: self.control(object, "min_control", minimum_control, 0.0),

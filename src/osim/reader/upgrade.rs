@@ -48,6 +48,22 @@ impl Version {
     }
 }
 
+/// Today's name of a class (`Object::renameType` in OpenSim's type registrations).
+pub(super) fn present_class(tag: &str) -> &str {
+    match tag {
+        "MusclePoint" => "PathPoint",
+        "MuscleViaPoint" => "ConditionalPathPoint",
+        "MovingMusclePoint" => "MovingPathPoint",
+        "MuscleWrap" => "PathWrap",
+        "Schutte1993Muscle" => "Schutte1993Muscle_Deprecated",
+        "Delp1990Muscle" => "Delp1990Muscle_Deprecated",
+        "GeneralizedForce" => "CoordinateActuator",
+        "Force" => "PointActuator",
+        "Torque" => "TorqueActuator",
+        present => present,
+    }
+}
+
 /// A number as it survives OpenSim's upgrade of old files, which writes it with C++'s default of six significant
 /// digits and reads it again (`Body`, `XMLDocument::addPhysicalOffsetFrame30505_30517`).
 pub(super) fn six_significant_digits(value: f64) -> f64 {
@@ -63,7 +79,7 @@ mod tests {
 
     #[test]
     fn verif_six_digits_as_printed_by_a_c_plus_plus_stream() {
-        assert_eq!(six_significant_digits(0.785398163), 0.785398);
+        assert_eq!(six_significant_digits(0.123456789), 0.123457);
         assert_eq!(six_significant_digits(-0.017545), -0.017545);
         assert_eq!(six_significant_digits(1.23456789e-9), 1.23457e-9);
         assert_eq!(six_significant_digits(0.0), 0.0);

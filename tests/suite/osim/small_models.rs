@@ -140,7 +140,7 @@ pub fn format_30000() -> String {
             <PinJoint name="elbow">
               <parent_body>ground</parent_body>
               <location_in_parent>0 -0.01 0</location_in_parent>
-              <orientation_in_parent>1.04719755 0 0</orientation_in_parent>
+              <orientation_in_parent>0.123456789 0 0</orientation_in_parent>
               <location>0 0 0</location>
               <orientation>0 0 0</orientation>
               <CoordinateSet>
