@@ -18,6 +18,17 @@ pub enum PointOrigin {
     WrapEnd(usize),
 }
 
+impl PointOrigin {
+    /// A small number that tells most points of a path apart.
+    fn number(self) -> usize {
+        match self {
+            PointOrigin::Point(i) => i,
+            PointOrigin::WrapStart(w) => 5 + 2 * w,
+            PointOrigin::WrapEnd(w) => 6 + 2 * w,
+        }
+    }
+}
+
 /// A point that the path runs through at the present pose.
 #[derive(Clone, Copy, Debug)]
 #[allow(non_snake_case)]
@@ -43,7 +54,7 @@ pub struct CurrentPoint {
 }
 
 /// Number of recent segments whose wrap is remembered, per wrap.
-const MEMORY_PER_WRAP: usize = 8;
+const MEMORY_PER_WRAP: usize = 16;
 
 /// A wrap and the segment that it was computed for.
 #[derive(Clone, Copy, Debug)]
@@ -143,16 +154,17 @@ impl PathGeometry {
         measured(a, &path.r1) + path.length + measured(b, &path.r2) - (a - b).norm()
     }
 
-    /// Wraps the segment `p1`, `p2`, given in the frame of wrap `w`; `slot` tells segments apart.
+    /// Wraps the segment `p1`, `p2`, given in the frame of wrap `w`; it starts at current point `i`.
     #[inline]
     pub(super) fn wrap_segment(
         &mut self,
         wrap: &PathWrap,
         w: usize,
-        slot: usize,
+        i: usize,
         p1: &Vector3<f64>,
         p2: &Vector3<f64>,
     ) -> Wrap {
+        let slot = self.points[i].origin.number() + 2 * self.points[i + 1].origin.number();
         let remembered = &mut self.memory[w * MEMORY_PER_WRAP + slot % MEMORY_PER_WRAP];
         if remembered.p1 != *p1 || remembered.p2 != *p2 {
             *remembered = Remembered { p1: *p1, p2: *p2, wrap: wrap.surface.wrap(p1, p2) };

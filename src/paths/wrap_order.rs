@@ -117,7 +117,7 @@ fn best_wrap(
         if a.wrap_object.is_some() && a.wrap_object == b.wrap_object {
             continue;
         }
-        let segment = geometry.wrap_segment(wrap, w, i - start, &p1, &p2);
+        let segment = geometry.wrap_segment(wrap, w, i, &p1, &p2);
         result = segment.action;
         match segment.action {
             WrapAction::MandatoryWrap => {

@@ -1,12 +1,11 @@
 //! Wrapping over a cylinder along z, centred at the origin (OpenSim's `WrapCylinder::wrapLine`).
 
-use super::{
-    ConstrainedHalf, ROUNDOFF_ERROR, Wrap, WrapAction, WrapPath, is_zero_within_roundoff, normalize_or_zero, sign,
-};
+use super::{ConstrainedHalf, ROUNDOFF_ERROR, Wrap, WrapAction, WrapPath, normalize_or_zero, sign};
 use nalgebra::{Vector2, Vector3};
 
-/// Largest angle between the straight and the curved part at a tangent point that is accepted as tangency [rad].
-const TANGENCY_THRESHOLD: f64 = 0.1 * std::f64::consts::PI / 180.0;
+/// Largest angle between the straight and the curved part at a tangent point that is accepted as tangency is
+/// 0.1°; this is its tangent.
+const TANGENCY_THRESHOLD_TANGENT: f64 = 1.745_331_024_188_800_4e-3;
 /// Largest number of corrections of the tangent points.
 const MAX_ITERATIONS: usize = 100;
 /// Length of the pieces into which OpenSim divides the spiral [m]; the first and the last define its end tangents.
@@ -229,66 +228,144 @@ impl SpiralEnds {
             theta = 2.0 * std::f64::consts::PI - theta;
         }
         let around = radius * theta;
-        let turn = if long_way { -theta } else { theta };
-        let mut iterations = 0;
-        let mut chords = SpiralChords { steps: 0, first: Vector2::zeros(), last: Vector2::zeros() };
-        loop {
-            let rise = self.r2.z - self.r1.z;
-            let length = (around * around + rise * rise).sqrt();
-            let steps = (length / SPIRAL_STEP) as usize;
-            if !find_tangency || steps < 2 || iterations >= MAX_ITERATIONS {
-                return length;
+        if find_tangency {
+            let turn = if long_way { -theta } else { theta };
+            self.find_tangency(around, turn);
+        }
+        let rise = self.r2.z - self.r1.z;
+        (around * around + rise * rise).sqrt()
+    }
+
+    /// Slides the tangent points until the spiral meets the straight parts without a corner, or until OpenSim gives
+    /// up; with its over-correction by half that is the rule where a straight part is long.
+    ///
+    /// - `around`: length of the spiral seen along the axis [m]
+    /// - `turn`: signed angle from r1 to r2 [rad]
+    fn find_tangency(&mut self, around: f64, turn: f64) {
+        let (p1, p2) = (self.p1, self.p2);
+        let (mut z1, mut z2) = (self.r1.z, self.r2.z);
+        let mut corners = Corners::of_length((around * around + (z2 - z1) * (z2 - z1)).sqrt(), around, turn, self);
+        for _ in 0..MAX_ITERATIONS {
+            let rise = z2 - z1;
+            if !corners.rises.contains(&rise.abs()) {
+                corners = Corners::of_length((around * around + rise * rise).sqrt(), around, turn, self);
             }
-            if chords.steps != steps {
-                chords = SpiralChords::new(u, turn, steps);
+            if corners.steps < 2 {
+                break;
             }
-            let t = 1.0 / steps as f64;
-            let first = Vector3::new(chords.first.x, chords.first.y, self.r1.z + t * rise);
-            let adjusted1 = adjust_to_tangency(&self.p1, &mut self.r1, &first);
+            let Corners { t, corner1, corner2, .. } = &corners;
             // As in OpenSim, the last point of the spiral is counted from the already corrected r1.
-            let last = Vector3::new(chords.last.x, chords.last.y, self.r1.z + (1.0 - t) * rise);
-            let adjusted2 = adjust_to_tangency(&self.p2, &mut self.r2, &last);
-            if !adjusted1 && !adjusted2 {
-                return length;
+            let moved1 = corner1.own * z1 + (corner1.other * z2 + corner1.constant);
+            let moves1 = corner1.differs(z1 - p1.z, t * rise);
+            let z1_before = z1;
+            if moves1 && corner1.is_defined(z1 + t * rise - p1.z) {
+                z1 = moved1;
             }
-            iterations += 1;
+            let last = z1 + (1.0 - t) * rise;
+            let moved2 = corner2.own * z2 + (corner2.other * z1_before + corner2.constant) + corner2.gain * z1;
+            let moves2 = corner2.differs(z2 - p2.z, last - z2);
+            if moves2 && corner2.is_defined(last - p2.z) {
+                z2 = moved2;
+            }
+            if !moves1 && !moves2 {
+                break;
+            }
         }
+        self.r1.z = z1;
+        self.r2.z = z2;
     }
 }
 
-/// x and y of the points next to the ends of a spiral divided into `steps` pieces.
-struct SpiralChords {
+/// The corners at both ends of a spiral that OpenSim divides into `steps` pieces.
+struct Corners {
     steps: usize,
-    first: Vector2<f64>,
-    last: Vector2<f64>,
+    /// 1 / steps.
+    t: f64,
+    /// Heights of the spiral's rise for which its number of pieces stays [m].
+    rises: std::ops::Range<f64>,
+    corner1: Corner,
+    corner2: Corner,
 }
 
-impl SpiralChords {
-    fn new(start: Vector2<f64>, turn: f64, steps: usize) -> SpiralChords {
-        let rotated = |angle: f64| {
-            let (s, c) = angle.sin_cos();
-            Vector2::new(c * start.x - s * start.y, s * start.x + c * start.y)
-        };
+impl Corners {
+    fn of_length(length: f64, around: f64, turn: f64, ends: &SpiralEnds) -> Corners {
+        let steps = (length / SPIRAL_STEP) as usize;
         let t = 1.0 / steps as f64;
-        SpiralChords { steps, first: rotated(t * turn), last: rotated((1.0 - t) * turn) }
+        let rise_at = |steps: usize| {
+            let length = steps as f64 * SPIRAL_STEP;
+            (length * length - around * around).max(0.0).sqrt()
+        };
+        let u = ends.r1.xy();
+        let mut corner1 = Corner::new(&ends.p1, &ends.r1, rotated(&u, t * turn));
+        let mut corner2 = Corner::new(&ends.p2, &ends.r2, rotated(&u, (1.0 - t) * turn));
+        // r1 moves to −r1/2 + 3/2·(p1 + f1·(w1 − p1)) with w1 = r1 + t·(r2 − r1); r2 to the same expression of its own
+        // quantities with w2 = r1′ + (1 − t)·(r2 − r1).
+        corner1.own = -0.5 + corner1.gain * (1.0 - t);
+        corner1.other = corner1.gain * t;
+        corner2.own = -0.5 + corner2.gain * (1.0 - t);
+        corner2.other = -corner2.gain * (1.0 - t);
+        Corners { steps, t, rises: rise_at(steps)..rise_at(steps + 1), corner1, corner2 }
     }
 }
 
-/// Moves the tangent point `r` along z if the straight part from `p` and the spiral's chord to `w` differ in slope;
-/// over-corrects by half, as OpenSim does. Returns whether it differed.
-fn adjust_to_tangency(p: &Vector3<f64>, r: &mut Vector3<f64>, w: &Vector3<f64>) -> bool {
-    let alpha = normalize_or_zero(&(*r - p)).z.acos();
-    let omega = normalize_or_zero(&(w - *r)).z.acos();
-    if (alpha - omega).abs() > TANGENCY_THRESHOLD {
-        // Height at which the line from p to w passes the vertical line through r.
-        let d = w - p;
-        let across = d.x * d.x + d.y * d.y;
-        let sine_squared = across / d.norm_squared();
-        if !is_zero_within_roundoff(sine_squared) && d.z.abs() >= f64::EPSILON {
-            let s = ((r.x - p.x) * d.x + (r.y - p.y) * d.y) / across;
-            r.z += 1.5 * (p.z + s * d.z - r.z);
+/// `v` rotated by `angle` about z.
+fn rotated(v: &Vector2<f64>, angle: f64) -> Vector2<f64> {
+    let (s, c) = angle.sin_cos();
+    Vector2::new(c * v.x - s * v.y, s * v.x + c * v.y)
+}
+
+/// Where a straight part from `p` meets the first chord of the spiral, at a tangent point `r`.
+struct Corner {
+    /// Horizontal length of the straight part [m].
+    straight: f64,
+    /// Horizontal length of the chord [m].
+    chord: f64,
+    /// Climb from `p` to the chord's end up to which the line between them is not vertical [m].
+    max_climb: f64,
+    /// 3/2 of the position of r on the horizontal line from `p` to the chord's end.
+    gain: f64,
+    /// Corrected height of r, as a linear function of its own height, the height of the other tangent point, and (for
+    /// r2, through `gain`) the corrected height of r1.
+    own: f64,
+    other: f64,
+    constant: f64,
+}
+
+impl Corner {
+    fn new(p: &Vector3<f64>, r: &Vector3<f64>, chord_end: Vector2<f64>) -> Corner {
+        let to_r = r.xy() - p.xy();
+        let to_end = chord_end - p.xy();
+        let across = to_end.norm_squared();
+        let fraction = to_r.dot(&to_end) / across;
+        Corner {
+            straight: to_r.norm(),
+            chord: (chord_end - r.xy()).norm(),
+            max_climb: (across / ROUNDOFF_ERROR - across).max(0.0).sqrt(),
+            gain: 1.5 * fraction,
+            own: 0.0,
+            other: 0.0,
+            constant: 1.5 * p.z * (1.0 - fraction),
         }
-        return true;
     }
-    false
+
+    /// Whether straight part and chord, which climb by the given heights, differ in slope by more than the threshold.
+    /// A part without length counts as horizontal, as in OpenSim.
+    #[inline]
+    fn differs(&self, straight_climb: f64, chord_climb: f64) -> bool {
+        let direction = |across: f64, climb: f64| {
+            if across < f64::EPSILON && climb.abs() < f64::EPSILON { (1.0, 0.0) } else { (across, climb) }
+        };
+        let (h1, z1) = direction(self.straight, straight_climb);
+        let (h2, z2) = direction(self.chord, chord_climb);
+        let sine = (h1 * z2 - h2 * z1).abs();
+        let cosine = h1 * h2 + z1 * z2;
+        !(cosine > 0.0 && sine <= TANGENCY_THRESHOLD_TANGENT * cosine)
+    }
+
+    /// Whether OpenSim finds the height at which the line from `p` to the chord's end, which climbs by `climb`, passes
+    /// the vertical line through r.
+    #[inline]
+    fn is_defined(&self, climb: f64) -> bool {
+        climb.abs() < self.max_climb && climb.abs() >= f64::EPSILON
+    }
 }

@@ -48,11 +48,7 @@ fn nearest_on_circle(
     p1: &Vector3<f64>,
     p2: &Vector3<f64>,
 ) -> Option<Vector3<f64>> {
-    let from = |start: &Vector3<f64>, end: &Vector3<f64>| {
-        let direction = (end - start) / (end - start).norm();
-        start + direction * LineToCircle::new(start, &direction, radius).minimize()
-    };
-    let (a1, a2) = (from(p1, p2), from(p2, p1));
+    let (a1, a2) = nearest_on_line(radius, p1, p2);
     let first_is_nearer = || squared_distance_to_circle(&a1, radius) < squared_distance_to_circle(&a2, radius);
     let use_first = match half {
         None => first_is_nearer(),
@@ -101,79 +97,122 @@ impl LineToCircle {
         let distance_from_axis = (u * u * self.c4 + 2.0 * self.c3 * u + self.c5).sqrt();
         self.c2 + 2.0 * u - 2.0 * self.radius * (2.0 * self.c4 * u + 2.0 * self.c3) / distance_from_axis
     }
+}
 
-    /// Position along the line [m] where MINPACK's `lmdif`, as OpenSim calls it, ends from 0: one unknown, one
-    /// residual, relative tolerances 1e-4 and a first step of at most 0.2 (scaled by the slope).
-    fn minimize(&self) -> f64 {
-        const TOLERANCE: f64 = 1e-4;
-        const STEP_FACTOR: f64 = 0.2;
-        const MAX_EVALUATIONS: usize = 500;
-        const DIFFERENCE: f64 = 1e-5;
-        const MACHINE_PRECISION: f64 = 1.2e-16;
+/// The points of the line where the iteration ends, started from `p1` and from `p2`.
+fn nearest_on_line(radius: f64, p1: &Vector3<f64>, p2: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+    let forward = (p2 - p1) / (p2 - p1).norm();
+    let backward = -forward;
+    let mut from1 = Minimization::new(LineToCircle::new(p1, &forward, radius));
+    let mut from2 = Minimization::new(LineToCircle::new(p2, &backward, radius));
+    // The two are independent; taking turns lets the processor work on both at once.
+    while !(from1.is_done && from2.is_done) {
+        from1.step();
+        from2.step();
+    }
+    (p1 + forward * from1.x, p2 + backward * from2.x)
+}
 
-        let mut x = 0.0;
-        let mut f = self.residual(x);
-        let mut evaluations = 1;
-        let mut lambda = 0.0;
-        let mut scale = 0.0;
-        let mut step_bound = STEP_FACTOR;
-        let mut x_norm = 0.0;
-        let mut first = true;
-        loop {
-            let slope = (self.residual(x + DIFFERENCE) - f) / DIFFERENCE;
-            if f == 0.0 || slope == 0.0 {
-                return x;
-            }
-            if scale == 0.0 {
-                scale = slope.abs();
-            }
-            scale = slope.abs().max(scale);
-            loop {
-                let step = -trust_region_step(slope, f, scale, step_bound, &mut lambda);
-                let step_norm = (scale * step).abs();
-                if first {
-                    step_bound = step_bound.min(step_norm);
-                }
-                let f_new = self.residual(x + step);
-                evaluations += 1;
-                let f_norm = f.abs();
-                let actual = if 0.1 * f_new.abs() < f_norm { 1.0 - (f_new.abs() / f_norm).powi(2) } else { -1.0 };
-                let gauss_newton_part = (slope * step / f_norm).powi(2);
-                let damping_part = lambda * (step_norm / f_norm).powi(2);
-                let predicted = gauss_newton_part + damping_part / 0.5;
-                let directional = -(gauss_newton_part + damping_part);
-                let ratio = if predicted != 0.0 { actual / predicted } else { 0.0 };
-                if ratio <= 0.25 {
-                    let mut shrink = if actual >= 0.0 { 0.5 } else { 0.5 * directional / (directional + 0.5 * actual) };
-                    if 0.1 * f_new.abs() >= f_norm || shrink < 0.1 {
-                        shrink = 0.1;
-                    }
-                    step_bound = shrink * step_bound.min(step_norm / 0.1);
-                    lambda /= shrink;
-                } else if lambda == 0.0 || ratio >= 0.75 {
-                    step_bound = step_norm / 0.5;
-                    lambda *= 0.5;
-                }
-                if ratio >= 1e-4 {
-                    x += step;
-                    f = f_new;
-                    x_norm = (scale * x).abs();
-                    first = false;
-                }
-                let agrees = |tolerance: f64| actual.abs() <= tolerance && predicted <= tolerance && 0.5 * ratio <= 1.0;
-                if agrees(TOLERANCE)
-                    || step_bound <= TOLERANCE * x_norm
-                    || evaluations >= MAX_EVALUATIONS
-                    || agrees(MACHINE_PRECISION)
-                    || step_bound <= MACHINE_PRECISION * x_norm
-                {
-                    return x;
-                }
-                if !(ratio < 1e-4) {
-                    break;
-                }
-            }
+/// MINPACK's `lmdif` (Moré, Garbow, Hillstrom 1980) for one unknown and one residual as OpenSim calls it: from 0, with
+/// relative tolerances 1e-4, a first step of at most 0.2 (scaled by the slope) and a fixed finite difference.
+struct Minimization {
+    function: LineToCircle,
+    /// Position along the line [m].
+    x: f64,
+    /// Residual there.
+    f: f64,
+    /// Slope there; recomputed after a successful step.
+    slope: f64,
+    evaluations: usize,
+    lambda: f64,
+    scale: f64,
+    step_bound: f64,
+    x_norm: f64,
+    is_first: bool,
+    is_done: bool,
+}
+
+impl Minimization {
+    const TOLERANCE: f64 = 1e-4;
+    const STEP_FACTOR: f64 = 0.2;
+    const MAX_EVALUATIONS: usize = 500;
+    const DIFFERENCE: f64 = 1e-5;
+
+    fn new(function: LineToCircle) -> Minimization {
+        let mut start = Minimization {
+            x: 0.0,
+            f: function.residual(0.0),
+            slope: 0.0,
+            evaluations: 1,
+            lambda: 0.0,
+            scale: 0.0,
+            step_bound: Self::STEP_FACTOR,
+            x_norm: 0.0,
+            is_first: true,
+            is_done: false,
+            function,
+        };
+        start.differentiate();
+        start
+    }
+
+    /// Slope at the present point; the end is reached where residual or slope vanish.
+    #[inline]
+    fn differentiate(&mut self) {
+        self.slope = (self.function.residual(self.x + Self::DIFFERENCE) - self.f) / Self::DIFFERENCE;
+        self.is_done = self.f == 0.0 || self.slope == 0.0;
+        self.scale = self.slope.abs().max(self.scale);
+    }
+
+    /// One trial step; nothing if the end is reached.
+    #[inline]
+    fn step(&mut self) {
+        if self.is_done {
+            return;
         }
+        let step = -trust_region_step(self.slope, self.f, self.scale, self.step_bound, &mut self.lambda);
+        let step_norm = (self.scale * step).abs();
+        if self.is_first {
+            self.step_bound = self.step_bound.min(step_norm);
+        }
+        let f_new = self.function.residual(self.x + step);
+        self.evaluations += 1;
+        let relative = (f_new / self.f).abs();
+        let actual = if 0.1 * relative < 1.0 { 1.0 - relative * relative } else { -1.0 };
+        let gauss_newton_part = (self.slope * step / self.f).powi(2);
+        let damping_part = self.lambda * (step_norm / self.f).powi(2);
+        let predicted = gauss_newton_part + damping_part / 0.5;
+        let ratio = if predicted != 0.0 { actual / predicted } else { 0.0 };
+        if ratio <= 0.25 {
+            let directional = -(gauss_newton_part + damping_part);
+            let mut shrink = if actual >= 0.0 { 0.5 } else { 0.5 * directional / (directional + 0.5 * actual) };
+            if 0.1 * relative >= 1.0 || shrink < 0.1 {
+                shrink = 0.1;
+            }
+            self.step_bound = shrink * self.step_bound.min(step_norm / 0.1);
+            self.lambda /= shrink;
+        } else if self.lambda == 0.0 || ratio >= 0.75 {
+            self.step_bound = step_norm / 0.5;
+            self.lambda *= 0.5;
+        }
+        let is_accepted = ratio >= 1e-4;
+        if is_accepted {
+            self.x += step;
+            self.f = f_new;
+            self.x_norm = (self.scale * self.x).abs();
+            self.is_first = false;
+        }
+        let agrees = |tolerance: f64| actual.abs() <= tolerance && predicted <= tolerance && 0.5 * ratio <= 1.0;
+        if agrees(Self::TOLERANCE)
+            || self.step_bound <= Self::TOLERANCE * self.x_norm
+            || self.evaluations >= Self::MAX_EVALUATIONS
+        {
+            self.is_done = true;
+        } else if is_accepted {
+            self.differentiate();
+        }
+        // A step that is not a number neither is accepted nor refused: lmdif then starts over from the same point,
+        // until the evaluations are used up.
     }
 }
 

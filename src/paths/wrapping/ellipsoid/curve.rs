@@ -66,7 +66,8 @@ pub(super) fn measure(
         let f = ray.component_div(&segment.a);
         let aa = f.dot(&f);
         let bb = 2.0 * f.dot(&center);
-        a0 + ray * ((-bb + (bb * bb - 4.0 * aa * cc).sqrt()) / (2.0 * aa))
+        // A ray that misses the surface, which makes OpenSim's length NaN, counts where it passes nearest.
+        a0 + ray * ((-bb + (bb * bb - 4.0 * aa * cc).max(0.0).sqrt()) / (2.0 * aa))
     };
     let mut length = 0.0;
     let mut from = *r1;
