@@ -243,24 +243,31 @@ impl SpiralEnds {
     /// - `turn`: signed angle from r1 to r2 [rad]
     fn find_tangency(&mut self, around: f64, turn: f64) {
         let (p1, p2) = (self.p1, self.p2);
+        let spiral = Spiral {
+            around_squared: around * around,
+            turn,
+            radius: self.r1.xy().norm(),
+            end1: SpiralEnd::new(&p1, &self.r1, turn.signum()),
+            end2: SpiralEnd::new(&p2, &self.r2, -turn.signum()),
+        };
         let (mut z1, mut z2) = (self.r1.z, self.r2.z);
-        let mut corners = Corners::of_length((around * around + (z2 - z1) * (z2 - z1)).sqrt(), around, turn, self);
+        let mut corners = spiral.corners(z2 - z1);
         for _ in 0..MAX_ITERATIONS {
             let rise = z2 - z1;
-            if !corners.rises.contains(&rise.abs()) {
-                corners = Corners::of_length((around * around + rise * rise).sqrt(), around, turn, self);
+            if !corners.lengths_squared.contains(&(spiral.around_squared + rise * rise)) {
+                corners = spiral.corners(rise);
             }
             if corners.steps < 2 {
                 break;
             }
             let Corners { t, corner1, corner2, .. } = &corners;
-            // As in OpenSim, the last point of the spiral is counted from the already corrected r1.
             let moved1 = corner1.own * z1 + (corner1.other * z2 + corner1.constant);
             let moves1 = corner1.differs(z1 - p1.z, t * rise);
             let z1_before = z1;
             if moves1 && corner1.is_defined(z1 + t * rise - p1.z) {
                 z1 = moved1;
             }
+            // As in OpenSim, the last point of the spiral is counted from the already corrected r1.
             let last = z1 + (1.0 - t) * rise;
             let moved2 = corner2.own * z2 + (corner2.other * z1_before + corner2.constant) + corner2.gain * z1;
             let moves2 = corner2.differs(z2 - p2.z, last - z2);
@@ -276,42 +283,71 @@ impl SpiralEnds {
     }
 }
 
+/// What stays the same while the ends of a spiral are slid along z.
+struct Spiral {
+    /// Squared length seen along the axis [m²].
+    around_squared: f64,
+    /// Signed angle from r1 to r2 [rad].
+    turn: f64,
+    radius: f64,
+    end1: SpiralEnd,
+    end2: SpiralEnd,
+}
+
+/// One end of a spiral seen along the axis: the straight part from p to r is tangent to the circle there.
+struct SpiralEnd {
+    p_z: f64,
+    /// Length of the straight part [m].
+    straight: f64,
+    /// Component of p → r along the tangent in which the spiral leaves r [m]: ± the length.
+    forward: f64,
+}
+
+impl SpiralEnd {
+    /// - `sense`: +1 if the spiral leaves `r` counter-clockwise
+    fn new(p: &Vector3<f64>, r: &Vector3<f64>, sense: f64) -> SpiralEnd {
+        let to_r = r.xy() - p.xy();
+        let straight = to_r.norm();
+        let forward = straight * (sense * (r.x * to_r.y - r.y * to_r.x)).signum();
+        SpiralEnd { p_z: p.z, straight, forward }
+    }
+}
+
 /// The corners at both ends of a spiral that OpenSim divides into `steps` pieces.
 struct Corners {
     steps: usize,
     /// 1 / steps.
     t: f64,
-    /// Heights of the spiral's rise for which its number of pieces stays [m].
-    rises: std::ops::Range<f64>,
+    /// Squared lengths of the spiral for which its number of pieces stays [m²].
+    lengths_squared: std::ops::Range<f64>,
     corner1: Corner,
     corner2: Corner,
 }
 
-impl Corners {
-    fn of_length(length: f64, around: f64, turn: f64, ends: &SpiralEnds) -> Corners {
+impl Spiral {
+    /// The corners where the spiral rises by `rise`.
+    fn corners(&self, rise: f64) -> Corners {
+        let length = (self.around_squared + rise * rise).sqrt();
         let steps = (length / SPIRAL_STEP) as usize;
         let t = 1.0 / steps as f64;
-        let rise_at = |steps: usize| {
+        let squared = |steps: usize| {
             let length = steps as f64 * SPIRAL_STEP;
-            (length * length - around * around).max(0.0).sqrt()
+            length * length
         };
-        let u = ends.r1.xy();
-        let mut corner1 = Corner::new(&ends.p1, &ends.r1, rotated(&u, t * turn));
-        let mut corner2 = Corner::new(&ends.p2, &ends.r2, rotated(&u, (1.0 - t) * turn));
+        // Half the angle of one piece.
+        let (sine, cosine) = (0.5 * t * self.turn.abs()).sin_cos();
+        let chord = 2.0 * self.radius * sine.abs();
+        let forward = 2.0 * self.radius * sine * cosine;
+        let mut corner1 = Corner::new(&self.end1, chord, forward);
+        let mut corner2 = Corner::new(&self.end2, chord, forward);
         // r1 moves to −r1/2 + 3/2·(p1 + f1·(w1 − p1)) with w1 = r1 + t·(r2 − r1); r2 to the same expression of its own
         // quantities with w2 = r1′ + (1 − t)·(r2 − r1).
         corner1.own = -0.5 + corner1.gain * (1.0 - t);
         corner1.other = corner1.gain * t;
         corner2.own = -0.5 + corner2.gain * (1.0 - t);
         corner2.other = -corner2.gain * (1.0 - t);
-        Corners { steps, t, rises: rise_at(steps)..rise_at(steps + 1), corner1, corner2 }
+        Corners { steps, t, lengths_squared: squared(steps)..squared(steps + 1), corner1, corner2 }
     }
-}
-
-/// `v` rotated by `angle` about z.
-fn rotated(v: &Vector2<f64>, angle: f64) -> Vector2<f64> {
-    let (s, c) = angle.sin_cos();
-    Vector2::new(c * v.x - s * v.y, s * v.x + c * v.y)
 }
 
 /// Where a straight part from `p` meets the first chord of the spiral, at a tangent point `r`.
@@ -320,8 +356,8 @@ struct Corner {
     straight: f64,
     /// Horizontal length of the chord [m].
     chord: f64,
-    /// Climb from `p` to the chord's end up to which the line between them is not vertical [m].
-    max_climb: f64,
+    /// Squared climb from `p` to the chord's end up to which the line between them is not vertical [m²].
+    max_climb_squared: f64,
     /// 3/2 of the position of r on the horizontal line from `p` to the chord's end.
     gain: f64,
     /// Corrected height of r, as a linear function of its own height, the height of the other tangent point, and (for
@@ -332,19 +368,21 @@ struct Corner {
 }
 
 impl Corner {
-    fn new(p: &Vector3<f64>, r: &Vector3<f64>, chord_end: Vector2<f64>) -> Corner {
-        let to_r = r.xy() - p.xy();
-        let to_end = chord_end - p.xy();
-        let across = to_end.norm_squared();
-        let fraction = to_r.dot(&to_end) / across;
+    /// - `chord`: horizontal length of the chord [m]
+    /// - `forward`: its component along the tangent at r [m]
+    fn new(end: &SpiralEnd, chord: f64, forward: f64) -> Corner {
+        let straight_squared = end.straight * end.straight;
+        let along = end.forward * forward;
+        let across = straight_squared + 2.0 * along + chord * chord;
+        let fraction = (straight_squared + along) / across;
         Corner {
-            straight: to_r.norm(),
-            chord: (chord_end - r.xy()).norm(),
-            max_climb: (across / ROUNDOFF_ERROR - across).max(0.0).sqrt(),
+            straight: end.straight,
+            chord,
+            max_climb_squared: across * (1.0 / ROUNDOFF_ERROR - 1.0),
             gain: 1.5 * fraction,
             own: 0.0,
             other: 0.0,
-            constant: 1.5 * p.z * (1.0 - fraction),
+            constant: 1.5 * end.p_z * (1.0 - fraction),
         }
     }
 
@@ -366,6 +404,6 @@ impl Corner {
     /// the vertical line through r.
     #[inline]
     fn is_defined(&self, climb: f64) -> bool {
-        climb.abs() < self.max_climb && climb.abs() >= f64::EPSILON
+        climb * climb < self.max_climb_squared && climb.abs() >= f64::EPSILON
     }
 }
