@@ -45,7 +45,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let moved = model.bodies_moved_by(&[c]);
     println!("{} bodies, {} of them moved by {name}", model.bodies.len(), moved.len());
     let [low, high] = model.coordinates[c.0].range;
-    let mut pose = |q: &mut Vec<f64>, i: usize| {
+    let pose = |q: &mut Vec<f64>, i: usize| {
         q[c.0] = low + (high - low) * i as f64 / SAMPLES as f64;
         model.satisfy_couplers(q);
     };
