@@ -192,7 +192,7 @@ impl PathPoint {
                     let x = argument.map_or(0.0, |(c, range)| q[c.0].max(range[0]).min(range[1]));
                     function.value(x)
                 };
-                &moving.X_BF * Vector3::new(component(0), component(1), component(2))
+                moving.X_BF * Vector3::new(component(0), component(1), component(2))
             }
         }
     }

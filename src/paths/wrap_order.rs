@@ -143,7 +143,7 @@ fn best_wrap(
 #[allow(non_snake_case)]
 fn insert_wrap(wrap: &PathWrap, w: usize, best: &Best, cache: &Cache, geometry: &mut PathGeometry) {
     let X_GB = cache.X_GB(wrap.base);
-    let p_B = [&wrap.X_BW * best.path.r1, &wrap.X_BW * best.path.r2];
+    let p_B = [wrap.X_BW * best.path.r1, wrap.X_BW * best.path.r2];
     let p_G = p_B.map(|p| X_GB * p);
     let measured = *geometry.first_tangents_G[w].get_or_insert(p_G);
     let tangent = |i: usize, origin: PointOrigin, wrap_length: f64| CurrentPoint {

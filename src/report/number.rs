@@ -46,7 +46,7 @@ pub fn quantity(value: f64, unit: &str) -> String {
 }
 
 /// A value in SI units in the unit that people use for it.
-fn for_display<'u>(value: f64, unit: &'u str) -> (f64, &'u str) {
+fn for_display(value: f64, unit: &str) -> (f64, &str) {
     match unit {
         "m" => (1e3 * value, "mm"),
         "rad" => (value.to_degrees(), "°"),

@@ -58,7 +58,7 @@ pub fn wrap(radius: f64, half: Option<ConstrainedHalf>, p1: &Vector3<f64>, p2: &
         let nearest = p1 - from_2_to_1 * along;
         if nearest.norm_squared() < radius * radius && along > 0.0 && along < 1.0 {
             action = WrapAction::MandatoryWrap;
-        } else if !(sign(p1[half.axis]) != sign(p2[half.axis]) && !half.holds(&nearest)) {
+        } else if sign(p1[half.axis]) == sign(p2[half.axis]) || half.holds(&nearest) {
             return Wrap::NO_WRAP;
         }
     }

@@ -390,7 +390,7 @@ fn fitting(tick: usize, wanted: u32, last: usize, allowed: impl Fn(usize) -> boo
     while exponent > 0 {
         let size = 1_usize << exponent;
         let alignment = size.min(1 << TICK_BITS);
-        if tick % alignment == 0 && tick + size <= last && (allowed(tick + size) || exponent <= 1) {
+        if tick.is_multiple_of(alignment) && tick + size <= last && (allowed(tick + size) || exponent <= 1) {
             break;
         }
         exponent -= 1;
