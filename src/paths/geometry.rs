@@ -1,7 +1,7 @@
 //! The buffer that a path's evaluation fills.
 
 use super::path::{Path, PathWrap};
-use super::wrapping::{Wrap, WrapPath};
+use super::wrapping::{Attempt, Wrap, WrapPath};
 use crate::multibody::{BaseIndex, Cache};
 use crate::osim::spec::WrapObjectIndex;
 use crate::spatial::Transform;
@@ -56,12 +56,12 @@ pub struct CurrentPoint {
 /// Number of recent segments whose wrap is remembered, per wrap.
 const MEMORY_PER_WRAP: usize = 16;
 
-/// A wrap and the segment that it was computed for.
+/// What is known of wrapping one segment.
 #[derive(Clone, Copy, Debug)]
 struct Remembered {
     p1: Vector3<f64>,
     p2: Vector3<f64>,
-    wrap: Wrap,
+    attempt: Attempt,
 }
 
 /// Points and length of a path at one pose, and the memory that its evaluation needs. Reused between poses; after the
@@ -76,6 +76,8 @@ pub struct PathGeometry {
     /// Pose of every wrap surface in ground.
     pub(super) X_GW: Vec<Transform>,
     pub(super) order: Vec<usize>,
+    /// First point of the segment that each wrap took last, which it likely takes again.
+    pub(super) favourite: Vec<Option<PointOrigin>>,
     /// Where the tangent points of each wrap were put first at this pose, in ground.
     pub(super) first_tangents_G: Vec<Option<[Vector3<f64>; 2]>>,
     /// The latest wrap of each segment. Wrapping is a pure function of the segment's ends, so that a segment whose ends
@@ -91,9 +93,10 @@ impl PathGeometry {
             points: Vec::with_capacity(path.points.len() + 2 * path.wraps.len()),
             X_GW: vec![Transform::identity(); path.wraps.len()],
             order: (0..path.wraps.len()).collect(),
+            favourite: vec![None; path.wraps.len()],
             first_tangents_G: vec![None; path.wraps.len()],
             memory: vec![
-                Remembered { p1: nowhere, p2: nowhere, wrap: Wrap::NO_WRAP };
+                Remembered { p1: nowhere, p2: nowhere, attempt: Attempt::Done(Wrap::NO_WRAP) };
                 path.wraps.len() * MEMORY_PER_WRAP
             ],
         }
@@ -154,22 +157,23 @@ impl PathGeometry {
         measured(a, &path.r1) + path.length + measured(b, &path.r2) - (a - b).norm()
     }
 
-    /// Wraps the segment `p1`, `p2`, given in the frame of wrap `w`; it starts at current point `i`.
+    /// Wraps the segment from current point `i` to the next over wrap `w`, unless it is optional and certainly changes
+    /// the length by more than `max_change` [m].
     #[inline]
-    pub(super) fn wrap_segment(
-        &mut self,
-        wrap: &PathWrap,
-        w: usize,
-        i: usize,
-        p1: &Vector3<f64>,
-        p2: &Vector3<f64>,
-    ) -> Wrap {
+    pub(super) fn wrap_segment(&mut self, wrap: &PathWrap, w: usize, i: usize, max_change: f64) -> Attempt {
+        let (p1, p2) = (self.in_wrap_frame(i, wrap, w), self.in_wrap_frame(i + 1, wrap, w));
         let slot = self.points[i].origin.number() + 2 * self.points[i + 1].origin.number();
         let remembered = &mut self.memory[w * MEMORY_PER_WRAP + slot % MEMORY_PER_WRAP];
-        if remembered.p1 != *p1 || remembered.p2 != *p2 {
-            *remembered = Remembered { p1: *p1, p2: *p2, wrap: wrap.surface.wrap(p1, p2) };
+        let is_known = remembered.p1 == p1
+            && remembered.p2 == p2
+            && match remembered.attempt {
+                Attempt::Done(_) => true,
+                Attempt::TooLong { least_change } => least_change > max_change,
+            };
+        if !is_known {
+            *remembered = Remembered { p1, p2, attempt: wrap.surface.wrap_unless_longer(&p1, &p2, max_change) };
         }
-        remembered.wrap
+        remembered.attempt
     }
 
     /// Removes the two points of wrap `w`, if the path has them.

@@ -2,9 +2,8 @@
 
 use super::geometry::{CurrentPoint, PathGeometry, PointOrigin};
 use super::path::{Path, PathWrap};
-use super::wrapping::{WrapAction, WrapPath};
+use super::wrapping::{Attempt, Wrap, WrapAction, WrapPath};
 use crate::multibody::Cache;
-use nalgebra::Vector3;
 
 /// Passes over several wrap objects, each starting from the result of the one before.
 const MAX_PASSES: usize = 8;
@@ -105,19 +104,20 @@ fn best_wrap(
     let mut best = None;
     let mut result = WrapAction::NoWrap;
     let mut least_change = f64::INFINITY;
-    if start >= end {
-        return (best, result);
-    }
-    let mut p1: Vector3<f64>;
-    let mut p2 = geometry.in_wrap_frame(start, wrap, w);
+    // Optional wraps that cost more than the one taken last need not be finished.
+    let max_change = change_of_favourite(wrap, w, start, end, geometry);
     for i in start..end {
-        p1 = p2;
-        p2 = geometry.in_wrap_frame(i + 1, wrap, w);
         let (a, b) = (&geometry.points[i], &geometry.points[i + 1]);
         if a.wrap_object.is_some() && a.wrap_object == b.wrap_object {
             continue;
         }
-        let segment = geometry.wrap_segment(wrap, w, i, &p1, &p2);
+        // The bound that an unfinished wrap is left for holds between the points' true locations only.
+        let is_measured_truly = a.measured_p_GS == a.p_GS && b.measured_p_GS == b.p_GS;
+        let max_change = if is_measured_truly { max_change } else { f64::INFINITY };
+        let segment = match geometry.wrap_segment(wrap, w, i, max_change) {
+            Attempt::Done(segment) => segment,
+            Attempt::TooLong { .. } => Wrap { action: WrapAction::Wrapped, path: None },
+        };
         result = segment.action;
         match segment.action {
             WrapAction::MandatoryWrap => {
@@ -136,7 +136,27 @@ fn best_wrap(
             WrapAction::NoWrap | WrapAction::InsideRadius => {}
         }
     }
+    geometry.favourite[w] = best.as_ref().map(|best| geometry.points[best.end - 1].origin);
     (best, result)
+}
+
+/// By how much the wrap of the segment that wrap `w` took last changes its length now [m]; infinite if there is none.
+fn change_of_favourite(wrap: &PathWrap, w: usize, start: usize, end: usize, geometry: &mut PathGeometry) -> f64 {
+    let Some(origin) = geometry.favourite[w] else { return f64::INFINITY };
+    let Some(i) = geometry.points[start..end].iter().position(|p| p.origin == origin).map(|i| start + i) else {
+        return f64::INFINITY;
+    };
+    let (a, b) = (&geometry.points[i], &geometry.points[i + 1]);
+    if a.wrap_object.is_some() && a.wrap_object == b.wrap_object {
+        return f64::INFINITY;
+    }
+    match geometry.wrap_segment(wrap, w, i, f64::INFINITY) {
+        Attempt::Done(Wrap { action: WrapAction::Wrapped, path: Some(path) }) => {
+            let change = geometry.length_change(i, w, &path);
+            if change.is_nan() { f64::INFINITY } else { change }
+        }
+        Attempt::Done(_) | Attempt::TooLong { .. } => f64::INFINITY,
+    }
 }
 
 /// Puts the tangent points of a wrap into the path.

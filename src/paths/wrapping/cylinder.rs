@@ -1,6 +1,6 @@
 //! Wrapping over a cylinder along z, centred at the origin (OpenSim's `WrapCylinder::wrapLine`).
 
-use super::{ConstrainedHalf, ROUNDOFF_ERROR, Wrap, WrapAction, WrapPath, normalize_or_zero, sign};
+use super::{Attempt, ConstrainedHalf, Effort, ROUNDOFF_ERROR, Wrap, WrapAction, WrapPath, normalize_or_zero, sign};
 use nalgebra::{Vector2, Vector3};
 
 /// Largest angle between the straight and the curved part at a tangent point that is accepted as tangency is
@@ -18,34 +18,34 @@ const LINE_EPSILON: f64 = 1e-5;
 /// Wraps the segment from `p1` to `p2` over a cylinder of the given `radius` and `length` [m].
 ///
 /// The tangent points are found in the xy plane and then slid along z: first onto the plane through `p1`, `p2` and an
-/// apex of the surface; then, if `find_tangency`, until the spiral between them meets both straight parts at the same
+/// apex of the surface; then, if asked for, until the spiral between them meets both straight parts at the same
 /// angle within 0.1°. OpenSim leaves out the second step for paths with a single wrap object, so that their tangent
 /// points are those of the plane. A wrap is given up if both tangent points are beyond the cylinder's ends.
 pub fn wrap(
     radius: f64,
     length: f64,
     half: Option<ConstrainedHalf>,
-    find_tangency: bool,
+    effort: &Effort,
     p1: &Vector3<f64>,
     p2: &Vector3<f64>,
-) -> Wrap {
+) -> Attempt {
     let r_squared = radius * radius;
     let (xy1, xy2) = (p1.xy(), p2.xy());
     if xy1.norm_squared() < r_squared || xy2.norm_squared() < r_squared {
-        return Wrap::INSIDE_RADIUS;
+        return Attempt::Done(Wrap::INSIDE_RADIUS);
     }
     let nearest = NearestToAxis::of_segment(p1, p2, length);
     let crosses = nearest.distance_squared < r_squared && nearest.fraction > 0.0 && nearest.fraction < 1.0;
     let action = match half {
         None if crosses => WrapAction::MandatoryWrap,
-        None => return Wrap::NO_WRAP,
+        None => return Attempt::Done(Wrap::NO_WRAP),
         Some(half) if half.holds(p1) || half.holds(p2) => {
             if crosses {
                 WrapAction::MandatoryWrap
             } else if sign(p1[half.axis]) != sign(p2[half.axis]) && !half.holds(&nearest.point) {
                 WrapAction::Wrapped
             } else {
-                return Wrap::NO_WRAP;
+                return Attempt::Done(Wrap::NO_WRAP);
             }
         }
         Some(_) => WrapAction::Wrapped,
@@ -63,10 +63,22 @@ pub fn wrap(
     let half_length = length / 2.0;
     let beyond = |r: &Vector3<f64>| r.z < -half_length || r.z > half_length;
     if beyond(&ends.r1) && beyond(&ends.r2) {
-        return Wrap::NO_WRAP;
+        return Attempt::Done(Wrap::NO_WRAP);
     }
-    let length = ends.make_spiral(radius, choice.long_way, find_tangency);
-    Wrap { action, path: Some(WrapPath { r1: ends.r1, r2: ends.r2, length }) }
+    let spiral = Spiral::between(&ends, radius, choice.long_way);
+    if effort.find_tangency {
+        let is_optional = action == WrapAction::Wrapped || effort.mandatory_is_optional;
+        if is_optional && effort.max_change < f64::INFINITY {
+            let least_change = spiral.least_change(p1, p2);
+            if least_change > effort.max_change {
+                return Attempt::TooLong { least_change };
+            }
+        }
+        spiral.slide_to_tangency(&mut ends);
+    }
+    let rise = ends.r2.z - ends.r1.z;
+    let length = (spiral.around_squared + rise * rise).sqrt();
+    Attempt::Done(Wrap { action, path: Some(WrapPath { r1: ends.r1, r2: ends.r2, length }) })
 }
 
 /// Where the line of a segment comes nearest to the cylinder's axis.
@@ -219,68 +231,6 @@ impl SpiralEnds {
             }
         }
     }
-
-    /// Length of the spiral between the tangent points, after correcting them for tangency if asked.
-    fn make_spiral(&mut self, radius: f64, long_way: bool, find_tangency: bool) -> f64 {
-        let (u, v) = (self.r1.xy(), self.r2.xy());
-        let mut theta = (u.x * v.y - u.y * v.x).atan2(u.dot(&v));
-        if long_way {
-            theta = 2.0 * std::f64::consts::PI - theta;
-        }
-        let around = radius * theta;
-        if find_tangency {
-            let turn = if long_way { -theta } else { theta };
-            self.find_tangency(around, turn);
-        }
-        let rise = self.r2.z - self.r1.z;
-        (around * around + rise * rise).sqrt()
-    }
-
-    /// Slides the tangent points until the spiral meets the straight parts without a corner, or until OpenSim gives
-    /// up; with its over-correction by half that is the rule where a straight part is long.
-    ///
-    /// - `around`: length of the spiral seen along the axis [m]
-    /// - `turn`: signed angle from r1 to r2 [rad]
-    fn find_tangency(&mut self, around: f64, turn: f64) {
-        let (p1, p2) = (self.p1, self.p2);
-        let spiral = Spiral {
-            around_squared: around * around,
-            turn,
-            radius: self.r1.xy().norm(),
-            end1: SpiralEnd::new(&p1, &self.r1, turn.signum()),
-            end2: SpiralEnd::new(&p2, &self.r2, -turn.signum()),
-        };
-        let (mut z1, mut z2) = (self.r1.z, self.r2.z);
-        let mut corners = spiral.corners(z2 - z1);
-        for _ in 0..MAX_ITERATIONS {
-            let rise = z2 - z1;
-            if !corners.lengths_squared.contains(&(spiral.around_squared + rise * rise)) {
-                corners = spiral.corners(rise);
-            }
-            if corners.steps < 2 {
-                break;
-            }
-            let Corners { t, corner1, corner2, .. } = &corners;
-            let moved1 = corner1.own * z1 + (corner1.other * z2 + corner1.constant);
-            let moves1 = corner1.differs(z1 - p1.z, t * rise);
-            let z1_before = z1;
-            if moves1 && corner1.is_defined(z1 + t * rise - p1.z) {
-                z1 = moved1;
-            }
-            // As in OpenSim, the last point of the spiral is counted from the already corrected r1.
-            let last = z1 + (1.0 - t) * rise;
-            let moved2 = corner2.own * z2 + (corner2.other * z1_before + corner2.constant) + corner2.gain * z1;
-            let moves2 = corner2.differs(z2 - p2.z, last - z2);
-            if moves2 && corner2.is_defined(last - p2.z) {
-                z2 = moved2;
-            }
-            if !moves1 && !moves2 {
-                break;
-            }
-        }
-        self.r1.z = z1;
-        self.r2.z = z2;
-    }
 }
 
 /// What stays the same while the ends of a spiral are slid along z.
@@ -325,6 +275,68 @@ struct Corners {
 }
 
 impl Spiral {
+    /// The spiral between the present tangent points.
+    fn between(ends: &SpiralEnds, radius: f64, long_way: bool) -> Spiral {
+        let (u, v) = (ends.r1.xy(), ends.r2.xy());
+        let mut theta = (u.x * v.y - u.y * v.x).atan2(u.dot(&v));
+        if long_way {
+            theta = 2.0 * std::f64::consts::PI - theta;
+        }
+        let turn = if long_way { -theta } else { theta };
+        Spiral {
+            around_squared: (radius * theta) * (radius * theta),
+            turn,
+            radius,
+            end1: SpiralEnd::new(&ends.p1, &ends.r1, turn.signum()),
+            end2: SpiralEnd::new(&ends.p2, &ends.r2, -turn.signum()),
+        }
+    }
+
+    /// Lower bound of the change in length of the segment that this wrap causes, wherever the tangent points are slid
+    /// [m]: that of the shortest curve, which climbs evenly, less a little for rounding.
+    fn least_change(&self, p1: &Vector3<f64>, p2: &Vector3<f64>) -> f64 {
+        const ROUNDING: f64 = 1e-9;
+        let level = self.end1.straight + self.around_squared.sqrt() + self.end2.straight;
+        let climb = p2.z - p1.z;
+        (level * level + climb * climb).sqrt() - (p2 - p1).norm() - ROUNDING
+    }
+
+    /// Slides the tangent points until the spiral meets the straight parts without a corner, or until OpenSim gives
+    /// up; with its over-correction by half that is common where a straight part is long.
+    fn slide_to_tangency(&self, ends: &mut SpiralEnds) {
+        let (p1_z, p2_z) = (ends.p1.z, ends.p2.z);
+        let (mut z1, mut z2) = (ends.r1.z, ends.r2.z);
+        let mut corners = self.corners(z2 - z1);
+        for _ in 0..MAX_ITERATIONS {
+            let rise = z2 - z1;
+            if !corners.lengths_squared.contains(&(self.around_squared + rise * rise)) {
+                corners = self.corners(rise);
+            }
+            if corners.steps < 2 {
+                break;
+            }
+            let Corners { t, corner1, corner2, .. } = &corners;
+            let moved1 = corner1.own * z1 + (corner1.other * z2 + corner1.constant);
+            let moves1 = corner1.differs(z1 - p1_z, t * rise);
+            let z1_before = z1;
+            if moves1 && corner1.is_defined(z1 + t * rise - p1_z) {
+                z1 = moved1;
+            }
+            // As in OpenSim, the last point of the spiral is counted from the already corrected r1.
+            let last = z1 + (1.0 - t) * rise;
+            let moved2 = corner2.own * z2 + (corner2.other * z1_before + corner2.constant) + corner2.gain * z1;
+            let moves2 = corner2.differs(z2 - p2_z, last - z2);
+            if moves2 && corner2.is_defined(last - p2_z) {
+                z2 = moved2;
+            }
+            if !moves1 && !moves2 {
+                break;
+            }
+        }
+        ends.r1.z = z1;
+        ends.r2.z = z2;
+    }
+
     /// The corners where the spiral rises by `rise`.
     fn corners(&self, rise: f64) -> Corners {
         let length = (self.around_squared + rise * rise).sqrt();

@@ -103,17 +103,52 @@ pub struct Surface {
 impl Surface {
     /// Wraps the segment from `p1` to `p2`, both in the surface's frame [m].
     pub fn wrap(&self, p1: &Vector3<f64>, p2: &Vector3<f64>) -> Wrap {
+        match self.wrap_unless_longer(p1, p2, f64::INFINITY) {
+            Attempt::Done(wrap) => wrap,
+            Attempt::TooLong { .. } => Wrap::NO_WRAP, // unreachable: nothing exceeds infinity
+        }
+    }
+
+    /// Wraps the segment, but leaves a wrap that the caller need not take ([`WrapAction::Wrapped`]) unfinished if it
+    /// certainly lengthens the segment by more than `max_change` [m]. The unfinished part is what costs most: the
+    /// search for tangency on a cylinder, which for hopeless segments does not converge.
+    pub fn wrap_unless_longer(&self, p1: &Vector3<f64>, p2: &Vector3<f64>, max_change: f64) -> Attempt {
+        let effort = Effort { find_tangency: !self.is_only_wrap_of_path, max_change, mandatory_is_optional: false };
         match self.shape {
-            WrapShape::Sphere { radius } => sphere::wrap(radius, self.half, p1, p2),
-            WrapShape::Cylinder { radius, length } => {
-                cylinder::wrap(radius, length, self.half, !self.is_only_wrap_of_path, p1, p2)
+            WrapShape::Sphere { radius } => Attempt::Done(sphere::wrap(radius, self.half, p1, p2)),
+            WrapShape::Cylinder { radius, length } => cylinder::wrap(radius, length, self.half, &effort, p1, p2),
+            WrapShape::Ellipsoid { dimensions } => {
+                Attempt::Done(ellipsoid::wrap(&dimensions, self.half, self.method, p1, p2))
             }
-            WrapShape::Ellipsoid { dimensions } => ellipsoid::wrap(&dimensions, self.half, self.method, p1, p2),
             WrapShape::Torus { inner_radius, outer_radius } => {
-                torus::wrap(inner_radius, outer_radius, self.half, !self.is_only_wrap_of_path, p1, p2)
+                torus::wrap(inner_radius, outer_radius, self.half, &effort, p1, p2)
             }
         }
     }
+}
+
+/// Result of [`Surface::wrap_unless_longer`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Attempt {
+    /// The wrap, as [`Surface::wrap`] gives it.
+    Done(Wrap),
+    /// The segment may wrap, at the cost of at least `least_change` [m], which is more than was asked for.
+    TooLong {
+        /// Lower bound of the change in length [m].
+        least_change: f64,
+    },
+}
+
+/// How much work a cylinder is worth.
+#[derive(Clone, Copy, Debug)]
+pub struct Effort {
+    /// Whether the tangent points are slid until straight and curved parts meet without a corner. OpenSim does so
+    /// unless the path has a single wrap.
+    pub find_tangency: bool,
+    /// An optional wrap is left unfinished if it certainly lengthens the segment by more than this [m].
+    pub max_change: f64,
+    /// The caller takes mandatory wraps for optional ones (the torus).
+    pub mandatory_is_optional: bool,
 }
 
 /// OpenSim's `DSIGN`: +1 for zero and above, else −1 (also for NaN).

@@ -5,7 +5,7 @@
 //! tolerances (1e-4) and finite-difference step (1e-5 m) show in OpenSim's path lengths; therefore the same iteration
 //! is done here.
 
-use super::{ConstrainedHalf, Wrap, WrapAction, WrapPath, cylinder, normalize_or_zero};
+use super::{Attempt, ConstrainedHalf, Effort, Wrap, WrapAction, WrapPath, cylinder, normalize_or_zero};
 use nalgebra::Vector3;
 
 /// Length of the replacing cylinder [m].
@@ -14,17 +14,17 @@ const CYLINDER_LENGTH: f64 = 10_000.0;
 /// Wraps the segment from `p1` to `p2` over a torus: `inner_radius` is the radius of the tube and `outer_radius` that
 /// of its centre circle [m] (OpenSim's names).
 ///
-/// Once a nearest point exists OpenSim reports `Wrapped` even if the cylinder then is not wrapped.
+/// Once a nearest point exists OpenSim reports `Wrapped`, even if the cylinder then is not wrapped or must be.
 pub fn wrap(
     inner_radius: f64,
     outer_radius: f64,
     half: Option<ConstrainedHalf>,
-    find_tangency: bool,
+    effort: &Effort,
     p1: &Vector3<f64>,
     p2: &Vector3<f64>,
-) -> Wrap {
+) -> Attempt {
     let Some(nearest) = nearest_on_circle(outer_radius, half, p1, p2) else {
-        return Wrap::NO_WRAP;
+        return Attempt::Done(Wrap::NO_WRAP);
     };
     // Cylinder frame: x towards the torus' centre, y against its axis; origin on the circle.
     let x = normalize_or_zero(&-nearest);
@@ -35,9 +35,14 @@ pub fn wrap(
     };
     let out_of = |p: &Vector3<f64>| nearest + x * p.x + Vector3::new(0.0, 0.0, -p.y) + z * p.z;
     let inside = Some(ConstrainedHalf { axis: 0, sign: 1 });
-    let wrap = cylinder::wrap(inner_radius, CYLINDER_LENGTH, inside, find_tangency, &into(p1), &into(p2));
-    let path = wrap.path.map(|path| WrapPath { r1: out_of(&path.r1), r2: out_of(&path.r2), length: path.length });
-    Wrap { action: WrapAction::Wrapped, path }
+    let effort = Effort { mandatory_is_optional: true, ..*effort };
+    match cylinder::wrap(inner_radius, CYLINDER_LENGTH, inside, &effort, &into(p1), &into(p2)) {
+        Attempt::Done(Wrap { path, .. }) => {
+            let path = path.map(|path| WrapPath { r1: out_of(&path.r1), r2: out_of(&path.r2), length: path.length });
+            Attempt::Done(Wrap { action: WrapAction::Wrapped, path })
+        }
+        Attempt::TooLong { least_change } => Attempt::TooLong { least_change },
+    }
 }
 
 /// The point on the circle of `radius` in the xy plane nearest to the line of the segment; `None` if it is not on the
