@@ -5,6 +5,7 @@
 //! units and radians; another unit is part of a name (`angle_deg`).
 
 pub mod cli;
+pub mod diagnosis;
 pub mod evaluation;
 pub mod forces;
 pub mod functions;

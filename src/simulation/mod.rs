@@ -19,6 +19,7 @@ mod motion;
 mod path_table;
 mod tables;
 mod trial;
+mod variation;
 
 pub use error::SimulationError;
 pub use fiber::integrate::FiberAccuracy;
@@ -29,3 +30,4 @@ pub use trial::{
     MIN_RECORDING_SAMPLES, MuscleKinematics, MuscleSimulation, Options, PreparedTrial, Recording, TrialKinematics,
     TrialSimulation, UnitMoment, simulate_all,
 };
+pub use variation::ExcitationResponse;

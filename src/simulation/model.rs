@@ -8,7 +8,7 @@ use super::fiber::equation::{Fiber, FiberCurves};
 use crate::forces::{Forces, PathForce};
 use crate::multibody::Model;
 use crate::muscles::Millard2012;
-use crate::osim::spec::{CoordinateIndex, ModelSpec, MotionType, MuscleKind};
+use crate::osim::spec::{CoordinateIndex, ModelSpec, MotionType, MuscleKind, MuscleSpec};
 use crate::paths::Path;
 use crate::study::{MomentPart, Settings};
 
@@ -288,6 +288,11 @@ fn active_muscle(spec: &ModelSpec, skeleton: &Model, name: &str) -> Result<Activ
         name: name.to_owned(),
         available: spec.muscles.iter().map(|m| m.name.clone()).collect(),
     })?;
+    active_muscle_along(muscle, compile_path(&muscle.path, spec, skeleton, name)?)
+}
+
+/// The muscle of that specification on a path that is compiled already.
+pub(crate) fn active_muscle_along(muscle: &MuscleSpec, path: Path) -> Result<ActiveMuscle, SimulationError> {
     let millard = Millard2012::from_spec(muscle)?;
     let MuscleKind::Millard2012Equilibrium(properties) = &muscle.kind else {
         unreachable!("Millard2012::from_spec accepts this class only")
@@ -295,8 +300,8 @@ fn active_muscle(spec: &ModelSpec, skeleton: &Model, name: &str) -> Result<Activ
     let p = millard.parameters();
     let dynamics = millard.activation_dynamics();
     Ok(ActiveMuscle {
-        name: name.to_owned(),
-        path: compile_path(&muscle.path, spec, skeleton, name)?,
+        name: muscle.name.clone(),
+        path,
         curves: FiberCurves::tabulate(&millard, properties.maximum_pennation_angle),
         nominal: MuscleParameters {
             max_isometric_force: p.max_isometric_force,

@@ -59,18 +59,18 @@ pub struct Options {
 pub struct PreparedTrial {
     name: String,
     pub(crate) time: Vec<f64>,
-    motion: Motion,
-    tables: Arc<CoordinateTables>,
-    muscles: Vec<PreparedMuscle>,
-    kinematics: TrialKinematics,
+    pub(crate) motion: Motion,
+    pub(crate) tables: Arc<CoordinateTables>,
+    pub(crate) muscles: Vec<PreparedMuscle>,
+    pub(crate) kinematics: TrialKinematics,
     accuracy: FiberAccuracy,
 }
 
 /// A muscle in a prepared trial.
 #[derive(Clone, Debug)]
-struct PreparedMuscle {
-    muscle: ActiveMuscle,
-    activation: ActivationTrajectory,
+pub(crate) struct PreparedMuscle {
+    pub(crate) muscle: ActiveMuscle,
+    pub(crate) activation: ActivationTrajectory,
     /// `None` for a rigid tendon.
     plan: Option<StepPlan>,
 }
@@ -212,7 +212,7 @@ impl MusculoskeletalModel {
             .collect()
     }
 
-    fn checked_motion(&self, recording: &Recording, options: &Options) -> Result<Motion, SimulationError> {
+    pub(crate) fn checked_motion(&self, recording: &Recording, options: &Options) -> Result<Motion, SimulationError> {
         self.check_samples(recording)?;
         if !options.allow_angle_outside_range {
             let coordinate = &self.skeleton.coordinates[self.coordinate.0];
@@ -264,7 +264,7 @@ impl MusculoskeletalModel {
         Ok(())
     }
 
-    fn prepare_with(
+    pub(crate) fn prepare_with(
         &self,
         recording: &Recording,
         motion: Motion,
@@ -491,6 +491,16 @@ impl PreparedTrial {
             out.by_pennation_angle[k] = arms[k] * at.force_by[2] * cosine;
         })?;
         Ok(out)
+    }
+
+    /// Normalized fibre length and its rate [1/s] at every sample.
+    pub(crate) fn follow_fiber(
+        &self,
+        muscle: usize,
+        parameters: &MuscleParameters,
+        mut emit: impl FnMut(usize, f64, f64),
+    ) -> Result<Work, SimulationError> {
+        self.run::<false>(muscle, parameters, |k, at| emit(k, at.x, at.rate))
     }
 
     fn check(&self, parameters: &[MuscleParameters]) -> Result<(), SimulationError> {

@@ -1,0 +1,215 @@
+//! What a physical effect is: a description for people, and how it acts on a simulated trial.
+
+use crate::osim::spec::MuscleSpec;
+
+/// Where an effect acts; trials are simulated in this order, whatever the order effects are listed in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stage {
+    /// Recorded EMG to excitation.
+    Excitation,
+    /// Excitation to activation.
+    Activation,
+    /// Properties of the muscle.
+    Muscle,
+    /// Angle and moment arms.
+    Geometry,
+    /// Moments of the joint itself.
+    Joint,
+    /// Weight and inertia of the segment.
+    Inertia,
+    /// From the joint's moment to the recorded one.
+    Sensor,
+}
+
+/// How an effect is written into a model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OsimForm {
+    /// A component or property of stock OpenSim 4.6.
+    Native(&'static str),
+    /// No component exists: it changes the controls (excitations).
+    Controls(&'static str),
+    /// Neither: kept beside the model.
+    SideCar(&'static str),
+}
+
+/// What a parameter does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// At 0 the effect is absent.
+    Amplitude,
+    /// Says how the effect looks when it is there.
+    Shape,
+}
+
+/// A parameter of an effect.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Parameter {
+    /// Name.
+    pub name: &'static str,
+    /// Unit as reported.
+    pub unit: &'static str,
+    /// What it does.
+    pub role: Role,
+    /// Value without the effect (amplitudes: 0), or the usual shape.
+    pub start: f64,
+    /// A typical size: the scale of the amplitude, the standard deviation that a shape is expected to have.
+    pub scale: f64,
+    /// Plausible range as reported.
+    pub plausible: [f64; 2],
+    /// Where the range comes from.
+    pub source: &'static str,
+}
+
+/// What people should know of an effect.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Description {
+    /// Identifier.
+    pub id: &'static str,
+    /// How people call it.
+    pub name: &'static str,
+    /// Where it acts.
+    pub stage: Stage,
+    /// What it adds or changes.
+    pub equation: &'static str,
+    /// Its parameters, in the order of every `values` slice.
+    pub parameters: &'static [Parameter],
+    /// How it shows in the residual.
+    pub signature: &'static str,
+    /// The experiment that exposes it.
+    pub experiment: &'static str,
+    /// Effects that look alike.
+    pub rivals: &'static [&'static str],
+    /// Its form in an `.osim` file.
+    pub osim_form: OsimForm,
+    /// Cannot be told from a muscle parameter by any moment, and why; `None` if it can.
+    pub unidentifiable: Option<&'static str>,
+}
+
+/// What is known of a trial besides its samples.
+#[derive(Clone, Copy, Debug)]
+pub struct TrialContext<'a> {
+    /// Time [s].
+    pub time: &'a [f64],
+    /// Place in the session, 0 at its start to 1 at its end.
+    pub session: f64,
+    /// ∫ e dt of every muscle from the start of the session to that of the trial [s].
+    pub exposure: &'a [f64],
+    /// Recorded angle of the coordinate [rad].
+    pub recorded_angle: &'a [f64],
+    /// Recorded moment [N·m].
+    pub recorded_moment: &'a [f64],
+    /// Sign of each muscle's moment arm in the middle of the recorded angles.
+    pub directions: &'a [f64],
+}
+
+/// The joint over a trial.
+#[derive(Clone, Copy, Debug)]
+pub struct JointState<'a> {
+    /// The trial.
+    pub trial: &'a TrialContext<'a>,
+    /// Angle [rad].
+    pub angle: &'a [f64],
+    /// Speed [rad/s].
+    pub speed: &'a [f64],
+    /// Acceleration [rad/s²].
+    pub acceleration: &'a [f64],
+}
+
+/// A physical effect that a model may lack. All stages do nothing unless an effect overrides them.
+///
+/// With all amplitudes 0 every stage leaves its argument as it is, to the last bit. `values` are in the order of
+/// [`Description::parameters`], in SI units.
+pub trait Effect: Sync {
+    /// What people should know of it.
+    fn description(&self) -> &'static Description;
+
+    /// Recorded EMG to excitation, per muscle and sample.
+    fn excite(&self, values: &[f64], trial: &TrialContext, excitation: &mut [Vec<f64>]) {
+        let _ = (values, trial, excitation);
+    }
+
+    /// Properties of the active muscles. Returns whether anything changed.
+    fn change_muscles(&self, values: &[f64], muscles: &mut [MuscleSpec]) -> bool {
+        let _ = (values, muscles);
+        false
+    }
+
+    /// The recorded angle to the joint's.
+    fn change_angle(&self, values: &[f64], trial: &TrialContext, angle: &mut [f64]) {
+        let _ = (values, trial, angle);
+    }
+
+    /// Factor of a muscle's moment at an angle.
+    fn moment_factor(&self, values: &[f64], trial: &TrialContext, muscle: usize, angle: f64) -> f64 {
+        let _ = (values, trial, muscle, angle);
+        1.0
+    }
+
+    /// Moments of the joint, weight and inertia: adds to the moment [N·m] at every sample.
+    fn add_moment(&self, values: &[f64], joint: &JointState, moment: &mut [f64]) {
+        let _ = (values, joint, moment);
+    }
+
+    /// The joint's moment to the recorded one; affine in the moment.
+    fn sense(&self, values: &[f64], trial: &TrialContext, moment: &mut Vec<f64>) {
+        let _ = (values, trial, moment);
+    }
+
+    /// The parameters as people read them, given the model's muscles: for those that are changes of a muscle's property.
+    fn reported(&self, values: &[f64], muscles: &[MuscleSpec]) -> Vec<f64> {
+        let _ = muscles;
+        values.to_vec()
+    }
+}
+
+impl Description {
+    /// Values at which the effect is absent.
+    pub fn absent(&self) -> Vec<f64> {
+        self.parameters.iter().map(|p| p.start).collect()
+    }
+
+    /// Positions of the amplitudes among the parameters.
+    pub fn amplitudes(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.parameters.len()).filter(|i| self.parameters[*i].role == Role::Amplitude)
+    }
+}
+
+/// An amplitude: absent at 0.
+pub(crate) const fn amplitude(
+    name: &'static str,
+    unit: &'static str,
+    scale: f64,
+    plausible: [f64; 2],
+    source: &'static str,
+) -> Parameter {
+    Parameter { name, unit, role: Role::Amplitude, start: 0.0, scale, plausible, source }
+}
+
+/// A shape: `start` with standard deviation `scale`.
+pub(crate) const fn shape(
+    name: &'static str,
+    unit: &'static str,
+    start: f64,
+    scale: f64,
+    plausible: [f64; 2],
+    source: &'static str,
+) -> Parameter {
+    Parameter { name, unit, role: Role::Shape, start, scale, plausible, source }
+}
+
+/// Value of a series at a time, linear between samples and constant outside.
+pub(crate) fn interpolate(time: &[f64], series: &[f64], at: f64) -> f64 {
+    let last = time.len() - 1;
+    if at <= time[0] {
+        return series[0];
+    }
+    if at >= time[last] {
+        return series[last];
+    }
+    let i = time.partition_point(|t| *t <= at).clamp(1, last) - 1;
+    let part = (at - time[i]) / (time[i + 1] - time[i]);
+    series[i] + part * (series[i + 1] - series[i])
+}

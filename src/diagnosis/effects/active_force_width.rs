@@ -1,0 +1,48 @@
+//! Width of the active force-length curve.
+
+use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, amplitude};
+use crate::osim::spec::{MuscleKind, MuscleSpec};
+
+/// Width of the active force-length curve: `(l_max - l_min)/2 about the optimum`.
+pub struct ActiveForceWidth;
+
+static DESCRIPTION: Description = Description {
+    id: "active_force_width",
+    name: "Width of the active force-length curve",
+    stage: Stage::Muscle,
+    equation: "(l_max - l_min)/2 about the optimum",
+    parameters: &[amplitude("width_ratio", "1", 0.1, [0.7, 1.4], "differences between muscles and species")],
+    signature: "angle × activation",
+    experiment: "five or more angles at maximal effort",
+    rivals: &["moment_arm_slope", "activation_dependent_length"],
+    osim_form: OsimForm::Native("ActiveForceLengthCurve"),
+    unidentifiable: None,
+};
+
+impl Effect for ActiveForceWidth {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn change_muscles(&self, values: &[f64], muscles: &mut [MuscleSpec]) -> bool {
+        let [ratio] = *values else { return false };
+        if ratio == 0.0 {
+            return false;
+        }
+        for muscle in muscles {
+            if let MuscleKind::Millard2012Equilibrium(p) = &mut muscle.kind {
+                let curve = &mut p.active_force_length;
+                let stretch = |length: &mut f64| *length = 1.0 + (*length - 1.0) * ratio.exp();
+                stretch(&mut curve.min_norm_active_fiber_length);
+                stretch(&mut curve.transition_norm_fiber_length);
+                stretch(&mut curve.max_norm_active_fiber_length);
+                curve.shallow_ascending_slope *= (-ratio).exp();
+            }
+        }
+        true
+    }
+
+    fn reported(&self, values: &[f64], _: &[MuscleSpec]) -> Vec<f64> {
+        vec![values[0].exp()]
+    }
+}

@@ -1,0 +1,34 @@
+//! Dry friction.
+
+use crate::diagnosis::effect::{Description, Effect, JointState, OsimForm, Stage, amplitude};
+
+/// Dry friction: `-(Tc + (Ts - Tc) exp(-(q̇/vs)²)) tanh(q̇/vε), Ts = 1.25 Tc, vs = 0.1, vε = 0.03 rad/s`.
+pub struct CoulombFriction;
+
+static DESCRIPTION: Description = Description {
+    id: "coulomb_friction",
+    name: "Dry friction",
+    stage: Stage::Joint,
+    equation: "-(Tc + (Ts - Tc) exp(-(q̇/vs)²)) tanh(q̇/vε), Ts = 1.25 Tc, vs = 0.1, vε = 0.03 rad/s",
+    parameters: &[amplitude("friction", "N·m", 0.1, [0.0, 0.6], "0.05 to 0.5 N·m")],
+    signature: "a step where the movement reverses",
+    experiment: "slow sweep with reversals",
+    rivals: &["joint_damping", "power_law_damping", "thixotropy"],
+    osim_form: OsimForm::Native("ExpressionBasedCoordinateForce"),
+    unidentifiable: None,
+};
+
+impl Effect for CoulombFriction {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn add_moment(&self, values: &[f64], joint: &JointState, moment: &mut [f64]) {
+        let [friction] = *values else { return };
+        for k in 0..moment.len() {
+            let speed = joint.speed[k];
+            let breakaway = 1.0 + 0.25 * (-(speed / 0.1).powi(2)).exp();
+            moment[k] += -friction * breakaway * (speed / 0.03).tanh();
+        }
+    }
+}

@@ -1,0 +1,35 @@
+//! Electromechanical delay.
+
+use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude, interpolate};
+
+/// Electromechanical delay: `e(t - d)`.
+pub struct ElectromechanicalDelay;
+
+static DESCRIPTION: Description = Description {
+    id: "electromechanical_delay",
+    name: "Electromechanical delay",
+    stage: Stage::Excitation,
+    equation: "e(t - d)",
+    parameters: &[amplitude("delay", "s", 0.01, [0.0, 0.14], "20 to 140 ms")],
+    signature: "follows -dτ/dt of the active part",
+    experiment: "ballistic pulses",
+    rivals: &["time_shift", "activation_dynamics"],
+    osim_form: OsimForm::Controls("delayed controls"),
+    unidentifiable: None,
+};
+
+impl Effect for ElectromechanicalDelay {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn excite(&self, values: &[f64], trial: &TrialContext, excitation: &mut [Vec<f64>]) {
+        let [delay] = *values else { return };
+        if delay == 0.0 {
+            return;
+        }
+        for e in excitation {
+            *e = trial.time.iter().map(|t| interpolate(trial.time, e, t - delay)).collect();
+        }
+    }
+}

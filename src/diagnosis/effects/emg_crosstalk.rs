@@ -1,0 +1,53 @@
+//! EMG cross-talk.
+
+use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude};
+use nalgebra::{DMatrix, DVector};
+
+/// EMG cross-talk: `e_meas = (I + c X) e, X the mean of the neighbours on the same side`.
+pub struct EmgCrosstalk;
+
+static DESCRIPTION: Description = Description {
+    id: "emg_crosstalk",
+    name: "EMG cross-talk",
+    stage: Stage::Excitation,
+    equation: "e_meas = (I + c X) e, X the mean of the neighbours on the same side",
+    parameters: &[amplitude("cross_talk", "1", 0.1, [0.0, 0.7], "to 50 % in forearm flexors")],
+    signature: "follows the EMG of the neighbour",
+    experiment: "contractions of single muscles",
+    rivals: &["emg_gain_drift"],
+    osim_form: OsimForm::Controls("unmixed controls"),
+    unidentifiable: None,
+};
+
+impl Effect for EmgCrosstalk {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn excite(&self, values: &[f64], trial: &TrialContext, excitation: &mut [Vec<f64>]) {
+        let [c] = *values else { return };
+        if c == 0.0 {
+            return;
+        }
+        let n = excitation.len();
+        let same = |i: usize, j: usize| i != j && trial.directions[i] == trial.directions[j];
+        let neighbours = |i: usize| (0..n).filter(|j| same(i, *j)).count().max(1) as f64;
+        let mixing = DMatrix::from_fn(n, n, |i, j| {
+            if i == j {
+                1.0
+            } else if same(i, j) {
+                c / neighbours(i)
+            } else {
+                0.0
+            }
+        });
+        let Some(unmixing) = mixing.try_inverse() else { return };
+        for k in 0..trial.time.len() {
+            let recorded = DVector::from_fn(n, |i, _| excitation[i][k]);
+            let pure = &unmixing * recorded;
+            for i in 0..n {
+                excitation[i][k] = pure[i].max(0.0);
+            }
+        }
+    }
+}

@@ -1,0 +1,33 @@
+//! Baseline of the EMG.
+
+use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude};
+
+/// Baseline of the EMG: `max(0, e - b)`.
+pub struct EmgFloor;
+
+static DESCRIPTION: Description = Description {
+    id: "emg_floor",
+    name: "Baseline of the EMG",
+    stage: Stage::Excitation,
+    equation: "max(0, e - b)",
+    parameters: &[amplitude("baseline", "1", 0.005, [0.0, 0.04], "0 to 0.03 of maximal EMG")],
+    signature: "moment at rest",
+    experiment: "a rest segment",
+    rivals: &["torque_offset"],
+    osim_form: OsimForm::Controls("controls without baseline"),
+    unidentifiable: None,
+};
+
+impl Effect for EmgFloor {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn excite(&self, values: &[f64], _: &TrialContext, excitation: &mut [Vec<f64>]) {
+        let [b] = *values else { return };
+        if b == 0.0 {
+            return;
+        }
+        excitation.iter_mut().flatten().for_each(|e| *e = (*e - b).max(0.0));
+    }
+}

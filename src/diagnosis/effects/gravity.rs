@@ -1,0 +1,41 @@
+//! Weight of the hand.
+
+use crate::diagnosis::effect::{Description, Effect, JointState, OsimForm, Stage, amplitude};
+
+/// Weight of the hand: `-(A cos q + B sin q); A² + B² = (m g l)²`.
+pub struct Gravity;
+
+static DESCRIPTION: Description = Description {
+    id: "gravity",
+    name: "Weight of the hand",
+    stage: Stage::Inertia,
+    equation: "-(A cos q + B sin q); A² + B² = (m g l)²",
+    parameters: &[
+        amplitude(
+            "moment_at_zero",
+            "N·m",
+            0.2,
+            [-1.2, 1.2],
+            "weight of hand and attachment: 0.2 to 0.6 N·m, more with a handle",
+        ),
+        amplitude("moment_at_90_deg", "N·m", 0.2, [-1.2, 1.2], "the same, for another direction of gravity"),
+    ],
+    signature: "a sinusoid against angle, the same at every activation",
+    experiment: "relaxed sweep, forearm turned over",
+    rivals: &["joint_stiffness", "torque_offset"],
+    osim_form: OsimForm::Native("mass and mass centre of the body"),
+    unidentifiable: None,
+};
+
+impl Effect for Gravity {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn add_moment(&self, values: &[f64], joint: &JointState, moment: &mut [f64]) {
+        let [a, b] = *values else { return };
+        for k in 0..moment.len() {
+            moment[k] += -(a * joint.angle[k].cos() + b * joint.angle[k].sin());
+        }
+    }
+}

@@ -1,0 +1,38 @@
+//! Compliance between the joint and the machine.
+
+use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude};
+
+/// Compliance between the joint and the machine: `q + c τ`.
+pub struct JointCompliance;
+
+static DESCRIPTION: Description = Description {
+    id: "joint_compliance",
+    name: "Compliance between the joint and the machine",
+    stage: Stage::Geometry,
+    equation: "q + c τ",
+    parameters: &[amplitude("compliance", "rad/(N·m)", 0.01, [0.0, 0.06], "0.5 to 3°/(N·m)")],
+    signature: "loading differs from unloading",
+    experiment: "ramps of force at a held angle",
+    rivals: &["tendon_compliance", "angle_offset"],
+    osim_form: OsimForm::SideCar("the angle depends on the moment"),
+    unidentifiable: None,
+};
+
+impl Effect for JointCompliance {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn change_angle(&self, values: &[f64], trial: &TrialContext, angle: &mut [f64]) {
+        let [compliance] = *values else { return };
+        if compliance != 0.0 {
+            // The recorded moment, smoothed over 50 ms: its noise is no motion.
+            let mut smooth = trial.recorded_moment[0];
+            for k in 0..angle.len() {
+                let h = if k > 0 { trial.time[k] - trial.time[k - 1] } else { 0.0 };
+                smooth += (1.0 - (-h / 0.05).exp()) * (trial.recorded_moment[k] - smooth);
+                angle[k] += compliance * smooth;
+            }
+        }
+    }
+}

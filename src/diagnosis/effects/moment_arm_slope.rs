@@ -1,0 +1,30 @@
+//! Moment arms that change with the angle.
+
+use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude};
+
+/// Moment arms that change with the angle: `r (1 + s q)`.
+pub struct MomentArmSlope;
+
+static DESCRIPTION: Description = Description {
+    id: "moment_arm_slope",
+    name: "Moment arms that change with the angle",
+    stage: Stage::Geometry,
+    equation: "r (1 + s q)",
+    parameters: &[amplitude("slope", "1/rad", 0.1, [-0.4, 0.4], "differences between specimens, ±0.3 per rad")],
+    signature: "angle × activation",
+    experiment: "five or more isometric angles",
+    rivals: &["angle_offset", "unmodelled_muscles", "active_force_width"],
+    osim_form: OsimForm::Native("path points"),
+    unidentifiable: None,
+};
+
+impl Effect for MomentArmSlope {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn moment_factor(&self, values: &[f64], _: &TrialContext, _: usize, angle: f64) -> f64 {
+        let [slope] = *values else { return 1.0 };
+        1.0 + slope * angle
+    }
+}

@@ -1,0 +1,30 @@
+//! Drift of the sensor.
+
+use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude};
+
+/// Drift of the sensor: `τ + d s, s = 0 to 1 over the session`.
+pub struct TorqueDrift;
+
+static DESCRIPTION: Description = Description {
+    id: "torque_drift",
+    name: "Drift of the sensor",
+    stage: Stage::Sensor,
+    equation: "τ + d s, s = 0 to 1 over the session",
+    parameters: &[amplitude("drift", "N·m per session", 0.1, [-0.8, 0.8], "within 0.4 N·m per session")],
+    signature: "follows the order of the session",
+    experiment: "zero of the sensor after every trial",
+    rivals: &["fatigue", "emg_gain_drift", "torque_offset"],
+    osim_form: OsimForm::SideCar("a property of the sensor"),
+    unidentifiable: None,
+};
+
+impl Effect for TorqueDrift {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn sense(&self, values: &[f64], trial: &TrialContext, moment: &mut Vec<f64>) {
+        let [drift] = *values else { return };
+        moment.iter_mut().for_each(|m| *m += drift * trial.session);
+    }
+}

@@ -1,0 +1,6 @@
+//! Which physical effect a model lacks: catalogue of effects, simulation with any of them, and the statistics that say
+//! which of them a participant's trials call for.
+
+pub mod catalogue;
+pub mod effect;
+pub mod effects;

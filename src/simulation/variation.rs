@@ -1,0 +1,184 @@
+//! Variations of a prepared trial: other muscle properties, another angle or excitation, on the paths already tabulated;
+//! and the linear response of a muscle's moment to its excitation.
+
+use std::sync::Arc;
+
+use super::error::SimulationError;
+use super::fiber::equation::{Drive, Fiber};
+use super::model::{MuscleParameters, MusculoskeletalModel, active_muscle_along};
+use super::tables::CoordinateTables;
+use super::trial::{Options, PreparedTrial, Recording};
+use crate::osim::spec::MuscleSpec;
+
+/// How far beyond the recorded angles paths are tabulated for variations [rad]: 12°.
+const ANGLE_MARGIN: f64 = 0.21;
+
+impl MusculoskeletalModel {
+    /// The same model with other properties of its active muscles (paths excepted).
+    ///
+    /// - `muscles`: one specification for each active muscle, in order
+    ///
+    /// # Errors
+    /// A property that is not allowed.
+    pub fn with_muscles(&self, muscles: &[MuscleSpec]) -> Result<MusculoskeletalModel, SimulationError> {
+        let mut model = self.clone();
+        for (muscle, spec) in model.muscles.iter_mut().zip(muscles) {
+            *muscle = active_muscle_along(spec, muscle.path.clone())?;
+        }
+        Ok(model)
+    }
+
+    /// As [`MusculoskeletalModel::prepare_all`], with paths tabulated 12° beyond the recorded angles, so that
+    /// [`MusculoskeletalModel::prepare_like`] may change the angle that far.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn prepare_all_with_margin(
+        &self,
+        recordings: &[Recording],
+        options: &Options,
+    ) -> Result<Vec<PreparedTrial>, SimulationError> {
+        let motions =
+            recordings.iter().map(|r| self.checked_motion(r, options)).collect::<Result<Vec<_>, SimulationError>>()?;
+        let Some([low, high]) = motions.iter().map(|m| m.range()).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+        else {
+            return Ok(Vec::new());
+        };
+        let tables = Arc::new(CoordinateTables::build(self, [low - ANGLE_MARGIN, high + ANGLE_MARGIN])?);
+        recordings
+            .iter()
+            .zip(motions)
+            .map(|(recording, motion)| self.prepare_with(recording, motion, Arc::clone(&tables), options))
+            .collect()
+    }
+
+    /// Prepares a variation of a trial on the paths tabulated for `like`, which must come from this skeleton.
+    ///
+    /// # Errors
+    /// As [`MusculoskeletalModel::prepare`].
+    pub fn prepare_like(
+        &self,
+        recording: &Recording,
+        like: &PreparedTrial,
+        options: &Options,
+    ) -> Result<PreparedTrial, SimulationError> {
+        let motion = self.checked_motion(recording, options)?;
+        self.prepare_with(recording, motion, Arc::clone(&like.tables), options)
+    }
+}
+
+/// Linear response of one muscle's moment to its excitation, along a simulated trial.
+#[derive(Clone, Debug)]
+pub struct ExcitationResponse {
+    /// Per interval between samples: how much of an activation disturbance is left after it.
+    activation_decay: Vec<f64>,
+    /// Per interval: activation per unit of (constant) excitation disturbance.
+    activation_gain: Vec<f64>,
+    /// The same for the normalized fibre length, driven by activation.
+    fiber_decay: Vec<f64>,
+    fiber_gain: Vec<f64>,
+    /// Per sample: moment per normalized fibre length [N·m], and per activation for a rigid tendon.
+    moment_by_fiber: Vec<f64>,
+    moment_by_activation: Vec<f64>,
+}
+
+impl PreparedTrial {
+    /// Linearizes activation and fibre dynamics of a muscle along the trial.
+    ///
+    /// ```text
+    /// δȧ = (∂ȧ/∂a) δa + (∂ȧ/∂e) δe,   δẋ = (∂ẋ/∂x) δx + (∂ẋ/∂a) δa,   δM = F_max r (∂f_T/∂x) δx
+    /// ```
+    /// with coefficients frozen between samples. Good to a few percent at 100 Hz: for covariances, not for fits.
+    ///
+    /// - `excitation`: of this muscle, at the samples
+    ///
+    /// # Errors
+    /// A muscle whose forces cannot be balanced.
+    pub fn excitation_response(
+        &self,
+        muscle: usize,
+        parameters: &MuscleParameters,
+        excitation: &[f64],
+    ) -> Result<ExcitationResponse, SimulationError> {
+        let n = self.len();
+        let prepared = &self.muscles[muscle];
+        let kinematics = &self.kinematics.muscles[muscle];
+        let fiber: Fiber = prepared.muscle.fiber(parameters);
+        let dynamics = &prepared.muscle.activation;
+        let mut response = ExcitationResponse {
+            activation_decay: vec![0.0; n],
+            activation_gain: vec![1.0; n],
+            fiber_decay: vec![0.0; n],
+            fiber_gain: vec![1.0; n],
+            moment_by_fiber: vec![0.0; n],
+            moment_by_activation: vec![0.0; n],
+        };
+        let max_velocity = fiber.curves.max_velocity;
+        let force = parameters.max_isometric_force;
+        let mut at = vec![(0.0, 0.0); n];
+        self.follow_fiber(muscle, parameters, |k, x, rate| at[k] = (x, rate))?;
+        for k in 0..n {
+            let h = if k + 1 < n { self.time[k + 1] - self.time[k] } else { self.time[k] - self.time[k - 1] };
+            let a = kinematics.activation[k];
+            let e = excitation[k];
+            if !dynamics.ignored {
+                let rate = if e > a {
+                    1.0 / (dynamics.activation_time_constant * (0.5 + 1.5 * a))
+                } else {
+                    (0.5 + 1.5 * a) / dynamics.deactivation_time_constant
+                };
+                response.activation_decay[k] = (-h * rate).exp();
+                response.activation_gain[k] = 1.0 - response.activation_decay[k];
+            }
+            if e <= dynamics.minimum_activation && a <= dynamics.minimum_activation {
+                response.activation_gain[k] = 0.0;
+            }
+            let (x, rate) = at[k];
+            let arm = kinematics.moment_arm[k];
+            if prepared.muscle.rigid_tendon {
+                let near = |a: f64| fiber.rigid_tendon(a, kinematics.length[k], kinematics.lengthening_speed[k]).force;
+                response.moment_by_activation[k] = arm * force * (near(a + 1e-4) - near(a)) / 1e-4;
+                continue;
+            }
+            let drive = Drive { activation: a, length: kinematics.length[k] };
+            let u = rate / max_velocity;
+            let residual = fiber.residual(x, u, drive);
+            let more = fiber.residual(x, u, Drive { activation: a + 1e-5, ..drive });
+            let by_a = (more.r - residual.r) / 1e-5;
+            let stiffness = (max_velocity * residual.by_x / residual.by_u).max(1e-3);
+            response.fiber_decay[k] = (-h * stiffness).exp();
+            let by_activation = -max_velocity * by_a / residual.by_u;
+            response.fiber_gain[k] = (1.0 - response.fiber_decay[k]) * by_activation / stiffness;
+            response.moment_by_fiber[k] = arm * force * fiber.tendon_force(x, kinematics.length[k]).by_x;
+        }
+        Ok(response)
+    }
+}
+
+impl ExcitationResponse {
+    /// Moment [N·m] that a disturbance of excitation from sample `first` on causes; `disturbance` holds its values from
+    /// there to its last sample that is not zero. Stops where less than 10⁻⁴ of the largest response is left.
+    pub fn respond(&self, first: usize, disturbance: &[f64], mut emit: impl FnMut(usize, f64)) {
+        let n = self.activation_decay.len();
+        let (mut a, mut x, mut largest) = (0.0_f64, 0.0_f64, 0.0_f64);
+        // The trial starts in equilibrium with its first excitation.
+        if first == 0 && !disturbance.is_empty() {
+            a = disturbance[0] * if self.activation_gain[0] > 0.0 { 1.0 } else { 0.0 };
+            let left = 1.0 - self.fiber_decay[0];
+            x = if left > 0.0 { a * self.fiber_gain[0] / left } else { 0.0 };
+        }
+        for k in first..n {
+            let moment = self.moment_by_fiber[k] * x + self.moment_by_activation[k] * a;
+            emit(k, moment);
+            largest = largest.max(x.abs() + a.abs());
+            if k >= first + disturbance.len() && x.abs() + a.abs() < 1e-4 * largest {
+                break;
+            }
+            let here = disturbance.get(k - first).copied().unwrap_or(0.0);
+            let next = disturbance.get(k + 1 - first).copied().unwrap_or(0.0);
+            let before = a;
+            a = self.activation_decay[k] * a + self.activation_gain[k] * 0.5 * (here + next);
+            x = self.fiber_decay[k] * x + self.fiber_gain[k] * 0.5 * (before + a);
+        }
+    }
+}
