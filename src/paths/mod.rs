@@ -17,6 +17,13 @@
 //! over which object in which order, when the search for the order ends (0.5 mm), and the peculiarities of each
 //! surface (see [`wrapping`]).
 //!
+//! **What OpenSim 4.6 does that geometry would not** and is reproduced, because OpenSim is the referee: on paths with
+//! several wraps, straight pieces are measured from where a tangent point was put first (see
+//! [`CurrentPoint::measured_p_GS`]), so that such a path can have a small moment arm about joints that it does not
+//! cross; the search for tangency on a cylinder over-corrects, and for unlucky segments runs away by metres; the
+//! finite tolerances of ellipsoid and torus show at 1e-5 m. Where OpenSim's own result is not a number (coincident
+//! points, a curve over an ellipsoid that leaves its surface) a finite one is given.
+//!
 //! **History.** The result depends on the pose alone. OpenSim keeps the previous wrap of every path outside its state,
 //! but version 4.6 cannot use it: the factor that it multiplies it with is NaN after every copy. So OpenSim's result
 //! does not depend on the path's history either, with one exception that has not been seen in practice: an ellipsoid

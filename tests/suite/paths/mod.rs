@@ -1,4 +1,5 @@
 //! Tests of `paths`.
 
+mod motion;
 mod opensim;
 mod wrapping;
