@@ -495,3 +495,65 @@ fn verif_a_muscle_without_force_model_is_refused_or_left_out() {
     let shown = run().arg("--allow-unsupported").assert().success();
     shown.stderr(contains("warning: ")).stdout(contains("FCU").and(contains("ECRL").not()));
 }
+
+// The whole path.
+
+#[test]
+fn verif_demo_runs_anywhere_and_the_error_falls() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = carpus().current_dir(folder.path()).arg("demo").assert().success();
+    run.stdout(contains("held out").and(contains("carpus-demo/report.html")).and(contains("Personalized")));
+    let out = folder.path().join("carpus-demo");
+    let results = std::fs::read_to_string(out.join("results.json")).unwrap();
+    let results = carpus::report::results::Results::parse(&results).unwrap();
+    let held_out = |i: usize| {
+        let errors = results.models[i].errors_of(carpus::report::results::Use::HeldOut).unwrap();
+        errors.nrmse.unwrap()
+    };
+    assert!(held_out(1) < 0.5 * held_out(0), "{} → {}", held_out(0), held_out(1));
+    assert_eq!(results.parameters.len(), 15);
+    assert!(out.join("report.html").exists());
+    // The personalized model is the given one with fifteen lines changed.
+    let lines = |path: PathBuf| std::fs::read_to_string(path).unwrap().lines().map(String::from).collect::<Vec<_>>();
+    let (given, fitted) = (lines(out.join("study/wrist.osim")), lines(out.join("model.osim")));
+    assert_eq!(given.len(), fitted.len());
+    assert_eq!(given.iter().zip(&fitted).filter(|(a, b)| a != b).count(), 15);
+    // The written model, compared anew, gives the errors that were reported.
+    let mut compare = carpus();
+    compare.arg("compare").arg(out.join("study")).arg("--model").arg(out.join("model.osim"));
+    let run = compare.arg("--out").arg(folder.path().join("again")).arg("--json").assert().success();
+    let again: serde_json::Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
+    let errors = again[0]["models"][0]["errors"].as_array().unwrap();
+    let nrmse = errors.iter().find(|e| e["use"] == "held_out").unwrap()["errors"]["nrmse"].as_f64().unwrap();
+    assert!((nrmse - held_out(1)).abs() < 1e-9, "{nrmse} and {}", held_out(1));
+}
+
+#[test]
+fn verif_personalize_does_not_overwrite_the_labs_model() {
+    let study = StudyCopy::new();
+    // The lab keeps its model where the result would go.
+    std::fs::create_dir_all(study.path("out/P01")).unwrap();
+    std::fs::rename(study.path("wrist.osim"), study.path("out/P01/model.osim")).unwrap();
+    study.edit("study.toml", |t| t.replace("wrist.osim", "out/P01/model.osim"));
+    let given = std::fs::read(study.path("out/P01/model.osim")).unwrap();
+    study
+        .run("personalize")
+        .code(1)
+        .stderr(contains("it is not overwritten").and(contains("hint: choose another folder")));
+    assert_eq!(std::fs::read(study.path("out/P01/model.osim")).unwrap(), given);
+}
+
+#[test]
+fn verif_personalize_is_the_same_at_any_number_of_threads() {
+    let study = StudyCopy::new();
+    let result = |threads: &str| {
+        let out = study.path("out");
+        let mut command = carpus();
+        command.arg("personalize").arg(study.path("study.toml")).arg("--out").arg(&out);
+        command.args(["--threads", threads, "--seed", "3"]).assert().success();
+        let results = std::fs::read_to_string(out.join("P01/results.json")).unwrap();
+        let model = std::fs::read(out.join("P01/model.osim")).unwrap();
+        (results.replace(&format!("--threads {threads}"), ""), model)
+    };
+    assert!(result("1") == result("3"));
+}
