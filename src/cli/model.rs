@@ -25,7 +25,7 @@ pub struct LoadedModel {
 pub enum Needs {
     /// Only the motion of bodies.
     Motion,
-    /// Motion and all forces.
+    /// Motion and all forces that are not muscles.
     Forces,
 }
 
@@ -37,7 +37,12 @@ pub fn load(path: &Path, needs: Needs, allow: bool, messages: &mut Vec<Message>)
     let file = OsimFile::read(path).map_err(|e| osim_failure(path, &e))?;
     let findings = &file.diagnostics;
     messages.extend(findings.of(Severity::Warning).map(|d| finding(path, d, Gravity::Warning)));
-    let matters = |d: &&Diagnostic| needs == Needs::Forces || !is_force(&d.path);
+    // Muscles are judged by those who know which of them act.
+    let is_muscle = |d: &Diagnostic| file.spec.muscles.iter().any(|m| m.at.path == d.path);
+    let matters = |d: &&Diagnostic| match needs {
+        Needs::Motion => !acts_by_force(&d.path),
+        Needs::Forces => !is_driver(&d.path) && !is_muscle(d),
+    };
     let unsupported: Vec<_> = findings.of(Severity::Unsupported).filter(matters).collect();
     if allow {
         messages.extend(unsupported.iter().map(|d| finding(path, d, Gravity::Warning)));
@@ -61,8 +66,13 @@ pub fn load(path: &Path, needs: Needs, allow: bool, messages: &mut Vec<Message>)
 }
 
 /// Whether a component acts only through forces: it changes neither motion nor paths.
-fn is_force(path: &str) -> bool {
-    ["/forceset", "/controllerset", "/contactgeometryset", "/probeset"].iter().any(|set| path.starts_with(set))
+fn acts_by_force(path: &str) -> bool {
+    is_driver(path) || path.starts_with("/forceset")
+}
+
+/// Whether a component only drives, measures or serves others: excitations and motion are given here.
+fn is_driver(path: &str) -> bool {
+    ["/controllerset", "/contactgeometryset", "/probeset"].iter().any(|set| path.starts_with(set))
 }
 
 /// A finding as a message.
