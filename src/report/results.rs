@@ -287,6 +287,12 @@ pub struct ParameterResult {
     pub lower: f64,
     /// Upper bound.
     pub upper: f64,
+    /// Standard deviation of the fitted value, in `unit`, if it was estimated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub standard_deviation: Option<f64>,
+    /// Share of the variance within the bounds that the data removed: 0, they say nothing about the value; 1, all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub share_from_data: Option<f64>,
 }
 
 /// One stage of the fit.

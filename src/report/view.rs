@@ -95,7 +95,13 @@ pub struct ParameterRow {
     pub upper: String,
     pub svg: String,
     pub at_bound: bool,
+    pub deviation: String,
+    pub from_data: String,
+    pub weak: bool,
 }
+
+/// Fitted values of which the data give less than this share are called weakly determined.
+const WELL_DETERMINED: f64 = 0.5;
 
 /// A stage of the fit.
 pub struct StageRow {
@@ -125,6 +131,7 @@ pub struct View {
     pub trials: Vec<Section<TrialRow>>,
     pub parameters: Vec<ParameterGroup>,
     pub bound_hits: usize,
+    pub has_determination: bool,
     pub stages: Vec<StageRow>,
 }
 
@@ -159,6 +166,7 @@ impl View {
             trials: if has_errors { trial_sections(results) } else { Vec::new() },
             parameters: parameter_groups(&results.parameters),
             bound_hits: results.parameters.iter().filter(|p| p.at_bound()).count(),
+            has_determination: results.parameters.iter().any(|p| p.share_from_data.is_some()),
             stages: results.stages.iter().map(stage_row).collect(),
         }
     }
@@ -545,6 +553,9 @@ fn parameter_groups(parameters: &[ParameterResult]) -> Vec<ParameterGroup> {
             upper: quantity(p.upper, &p.unit),
             svg: plot::bounds_bar(p.position(p.before), p.position(p.after), p.at_bound()),
             at_bound: p.at_bound(),
+            deviation: p.standard_deviation.map(|d| format!("± {}", quantity(d, &p.unit))).unwrap_or_default(),
+            from_data: p.share_from_data.map(|s| format!("{:.0}\u{202f}%", 100.0 * s)).unwrap_or_default(),
+            weak: p.share_from_data.is_some_and(|s| s < WELL_DETERMINED),
         };
         match groups.iter_mut().find(|g| g.title == title) {
             Some(group) => group.rows.push(row),

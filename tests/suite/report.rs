@@ -140,6 +140,8 @@ fn example() -> Results {
                 after: before * if muscle == "ECU" && i == 0 { 1.178 } else { [0.94, 1.03, 1.41][i] },
                 lower: before * lower,
                 upper: before * upper,
+                standard_deviation: Some(0.04 * before),
+                share_from_data: Some(if muscle == "FCR" { 0.31 } else { 0.87 }),
             })
             .collect::<Vec<_>>()
     });
@@ -248,6 +250,7 @@ fn verif_page_shows_every_trial_parameter_and_input() {
         assert!(page.contains(&parameter.muscle) && page.contains(&parameter.property));
     }
     assert_eq!(page.matches("on bound</span>").count(), 1, "the one parameter on its bound is flagged");
+    assert_eq!(page.matches("weak</span> 31").count(), 3, "weakly determined values are flagged");
     assert!(page.contains("81.0\u{202f}mm"), "lengths in millimetres");
     for input in &results.provenance.inputs {
         assert!(page.contains(&input.sha256) && page.contains(&input.path));

@@ -7,11 +7,14 @@ use super::simulate::{account, summary, write_results, write_series};
 use crate::cli::args::{Global, PersonalizeArgs};
 use crate::cli::failure::{self, Failure, Message};
 use crate::cli::print_result;
-use crate::cli::study_run::{ParticipantRun, StudyRun};
-use crate::osim::OsimFile;
-use crate::report::results::{Kind, ParameterResult, Results, StageResult};
+use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
+use crate::personalization::{
+    FitOptions, FitProblem, FittedParameter, Personalization, Progress, Property, Stage, TrainingTrial, WriteBackError,
+    write_parameters,
+};
+use crate::report::results::{Kind, ParameterResult, Results, StageResult, rounded};
 use crate::simulation::MuscleParameters;
-use crate::study::{ParameterBounds, Participant, RelativeBounds};
+use crate::study::{Participant, TrialUse};
 
 /// Runs the command.
 ///
@@ -53,10 +56,16 @@ pub fn personalize(
     failure::print(&run.warnings);
     let nominal = run.model.nominal_parameters();
     let before = run.simulate(&nominal)?;
-    let (fitted, stages) = fit(study, &run, global)?;
-    let (file, written) = personalized_model(&run, &fitted)?;
-    // What is reported is what the written file says, digit by digit.
-    let after = run.simulate(&written)?;
+    let fit = fit(study, &run, &nominal, global)?;
+    let mut file = run.loaded.file.clone();
+    write_parameters(&mut file, &fit.fitted).map_err(|e| {
+        let message = Message::error(e.to_string()).in_file(&run.loaded.path);
+        match &e {
+            WriteBackError::Edit(edit) => Failure::from(edit.hint().into_iter().fold(message, Message::hint)),
+            WriteBackError::ReadBack { .. } => Failure::Internal(e.to_string()),
+        }
+    })?;
+    let after = run.simulate(&fit.parameters)?;
 
     let name = folder.join("model.osim");
     let models = [
@@ -64,9 +73,8 @@ pub fn personalize(
         run.model_run("personalized", "Personalized", name.display().to_string(), &after),
     ];
     let mut results = account(Kind::Personalization, global, study, &run, &models)?;
-    let muscles: Vec<&str> = run.model.muscle_names().collect();
-    results.parameters = parameters(&muscles, &nominal, &written, &study.study.settings.bounds);
-    results.stages = stages;
+    results.parameters = parameters(&fit.fitted);
+    results.stages = fit.stages.iter().map(stage).collect();
     study.out.write(&name, file.document.bytes())?;
     write_series(study, folder, &run, &after)?;
     write_errors(study, folder, &[&results])?;
@@ -74,73 +82,55 @@ pub fn personalize(
     Ok(results)
 }
 
-/// Fits the active muscles' parameters to the training trials.
-fn fit(_: &StudyRun, _: &ParticipantRun, _: &Global) -> Result<(Vec<MuscleParameters>, Vec<StageResult>), Failure> {
-    Err(Failure::Internal("personalization is not wired".into()))
-}
-
-/// The participant's file with the fitted values in it, and the values as the file now has them.
-fn personalized_model(
+/// Fits the active muscles' parameters to the training trials; held-out trials are not handed over.
+fn fit(
+    study: &StudyRun,
     run: &ParticipantRun,
-    fitted: &[MuscleParameters],
-) -> Result<(OsimFile, Vec<MuscleParameters>), Failure> {
-    let mut file = run.loaded.file.clone();
-    let names: Vec<&str> = run.model.muscle_names().collect();
-    let changes: Vec<_> = names
-        .iter()
-        .zip(fitted)
-        .flat_map(|(name, p)| {
-            [
-                (*name, "max_isometric_force", p.max_isometric_force),
-                (*name, "optimal_fiber_length", p.optimal_fiber_length),
-                (*name, "tendon_slack_length", p.tendon_slack_length),
-            ]
-        })
-        .collect();
-    file.set_muscle_properties(&changes).map_err(|e| {
-        let message = Message::error(e.to_string()).in_file(&run.loaded.path);
-        Failure::from(e.hint().into_iter().fold(message, Message::hint))
-    })?;
-    let read_back = |(name, p): (&&str, &MuscleParameters)| {
-        let muscle = file.spec.muscles.iter().find(|m| m.name == **name);
-        let muscle = muscle.ok_or_else(|| Failure::Internal(format!("{name} is missing in the written model")))?;
-        Ok(MuscleParameters {
-            max_isometric_force: muscle.max_isometric_force,
-            optimal_fiber_length: muscle.optimal_fiber_length,
-            tendon_slack_length: muscle.tendon_slack_length,
-            ..*p
-        })
+    nominal: &[MuscleParameters],
+    global: &Global,
+) -> Result<Personalization, Failure> {
+    let training = run.trials.iter().zip(&run.prepared).filter(|(trial, _)| trial.info.usage == TrialUse::Train);
+    let problem = FitProblem {
+        trials: training.map(|(trial, prepared)| TrainingTrial { prepared, measured: &trial.moment }).collect(),
+        muscles: run.model.muscle_names().map(String::from).collect(),
+        nominal: nominal.to_vec(),
+        bounds: study.study.settings.bounds,
     };
-    let written = names.iter().zip(fitted).map(read_back).collect::<Result<_, Failure>>()?;
-    Ok((file, written))
+    let bar = progress(global, 0, &format!("fitting {}", run.participant.name));
+    let options = FitOptions { seed: global.seed, ..FitOptions::default() };
+    let fit = crate::personalization::personalize(&problem, &options, &|p: Progress| {
+        bar.set_length(p.expected as u64);
+        bar.set_position(p.evaluations as u64);
+        bar.set_message(format!("fitting {}: {}", run.participant.name, p.stage));
+    });
+    bar.finish_and_clear();
+    fit.map_err(|e| Message::error(e.to_string()).in_file(&study.study.file).into())
 }
 
-/// Parameters before and after, property by property.
-fn parameters(
-    muscles: &[&str],
-    before: &[MuscleParameters],
-    after: &[MuscleParameters],
-    bounds: &ParameterBounds,
-) -> Vec<ParameterResult> {
-    type Pick = fn(&MuscleParameters) -> f64;
-    let properties: [(&str, &str, Pick, RelativeBounds); 3] = [
-        ("optimal_fiber_length", "m", |p| p.optimal_fiber_length, bounds.optimal_fiber_length),
-        ("tendon_slack_length", "m", |p| p.tendon_slack_length, bounds.tendon_slack_length),
-        ("max_isometric_force", "N", |p| p.max_isometric_force, bounds.max_isometric_force),
-    ];
-    let of_property = |(property, unit, pick, bounds): (&str, &str, Pick, RelativeBounds)| {
-        let row = |(i, muscle): (usize, &&str)| ParameterResult {
-            muscle: (*muscle).to_string(),
-            property: property.to_string(),
-            unit: unit.to_string(),
-            before: pick(&before[i]),
-            after: pick(&after[i]),
-            lower: bounds.lower * pick(&before[i]),
-            upper: bounds.upper * pick(&before[i]),
-        };
-        muscles.iter().enumerate().map(row).collect::<Vec<_>>()
+/// Fitted parameters, property by property.
+fn parameters(fitted: &[FittedParameter]) -> Vec<ParameterResult> {
+    let result = |p: &FittedParameter| ParameterResult {
+        muscle: p.muscle.clone(),
+        property: p.property.name().to_string(),
+        unit: p.property.unit().to_string(),
+        before: p.before,
+        after: p.after,
+        lower: p.lower,
+        upper: p.upper,
+        standard_deviation: p.determination.map(|d| rounded(d.relative_deviation * p.before, 6)),
+        share_from_data: p.determination.map(|d| rounded(d.share_from_data, 6)),
     };
-    properties.into_iter().flat_map(of_property).collect()
+    let of = |property: Property| fitted.iter().filter(move |p| p.property == property).map(result);
+    Property::ALL.into_iter().flat_map(of).collect()
+}
+
+fn stage(stage: &Stage) -> StageResult {
+    StageResult {
+        name: stage.name.to_string(),
+        evaluations: stage.evaluations,
+        objective_before: stage.objective_before,
+        objective_after: stage.objective_after,
+    }
 }
 
 /// What `--json` prints.
