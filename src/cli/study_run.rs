@@ -10,6 +10,7 @@ use super::failure::{Failure, Message};
 use super::model::{self, LoadedModel, Needs};
 use super::output::OutputFolder;
 use super::provenance;
+use crate::osim::spec::ModelSpec;
 use crate::report::results::InputFile;
 use crate::simulation::{
     MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, Setup, SimulationError, TrialSimulation,
@@ -83,9 +84,8 @@ impl StudyRun {
         let needs = if settings.dynamometer.includes(MomentPart::Passive) { Needs::Forces } else { Needs::Motion };
         let loaded = model::load(path, needs, self.allow_unsupported, &mut warnings)?;
         self.check_names(&loaded)?;
-        let setup = Setup { allow_unsupported: self.allow_unsupported, ..Setup::from_settings(settings) };
         let at_study = |e: SimulationError| Failure::from(simulation_message(&e, &loaded.path));
-        let model = MusculoskeletalModel::compile(&loaded.file.spec, &setup).map_err(at_study)?;
+        let model = MusculoskeletalModel::compile(&loaded.file.spec, &self.setup()).map_err(at_study)?;
         let left_out = model.left_out().iter().map(|(name, class)| format!("{name} ({class})")).collect::<Vec<_>>();
         if !left_out.is_empty() {
             warnings.push(Message::warning(format!("left out: {}", left_out.join(", "))).in_file(&loaded.path));
@@ -97,6 +97,25 @@ impl StudyRun {
         let prepared = model.prepare_all(&recordings, &Options::default()).map_err(at_study)?;
         let inputs = self.inputs(participant, &loaded.path, &trials)?;
         Ok(ParticipantRun { participant: participant.clone(), loaded, trials, model, prepared, inputs, warnings })
+    }
+
+    /// What of a model the study simulates.
+    fn setup(&self) -> Setup {
+        Setup { allow_unsupported: self.allow_unsupported, ..Setup::from_settings(&self.study.settings) }
+    }
+
+    /// Simulates a participant's trials with an edited model, just as a later run with that file does.
+    ///
+    /// # Errors
+    /// The edited model cannot be simulated.
+    pub fn simulate_edited(&self, run: &ParticipantRun, spec: &ModelSpec) -> Result<Vec<TrialSimulation>, Failure> {
+        let recordings: Vec<Recording> = run.trials.iter().map(Recording::from).collect();
+        let simulate = || {
+            let model = MusculoskeletalModel::compile(spec, &self.setup())?;
+            let prepared = model.prepare_all(&recordings, &Options::default())?;
+            crate::simulation::simulate_all(&prepared, &model.nominal_parameters())
+        };
+        simulate().map_err(|e| simulation_message(&e, &run.loaded.path).into())
     }
 
     /// Checks the names that the study uses against the model.

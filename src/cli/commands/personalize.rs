@@ -65,7 +65,8 @@ pub fn personalize(
             WriteBackError::ReadBack { .. } => Failure::Internal(e.to_string()),
         }
     })?;
-    let after = run.simulate(&fit.parameters)?;
+    // What is reported is what the written file gives.
+    let after = study.simulate_edited(&run, &file.spec)?;
 
     let name = folder.join("model.osim");
     let models = [
