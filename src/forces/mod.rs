@@ -10,16 +10,18 @@
 mod body_forces;
 mod bushing;
 mod coordinate_limit;
+mod expression;
 mod path_forces;
 mod spring;
 
 pub use body_forces::{gravity_force, inertia_force};
 pub use bushing::FunctionBasedBushingForce;
 pub use coordinate_limit::CoordinateLimitForce;
+pub use expression::ExpressionBasedCoordinateForce;
 pub use path_forces::{Ligament, PathForce, PathSpring};
 pub use spring::SpringGeneralizedForce;
 
-use crate::functions::FunctionError;
+use crate::functions::{ExpressionError, FunctionError};
 use crate::multibody::{Cache, Model};
 use crate::osim::spec::{ForceKind, Location, ModelSpec, PathSpec};
 
@@ -35,6 +37,14 @@ pub enum ForceError {
         property: &'static str,
         /// What is wrong with the function.
         source: FunctionError,
+    },
+    /// A formula cannot be read.
+    #[error("{}: expression: {source}", .at.path)]
+    Expression {
+        /// The force.
+        at: Location,
+        /// What is wrong with the formula.
+        source: ExpressionError,
     },
     /// A property is NaN or infinite.
     #[error("{}: expected finite {property}, found {found}", .at.path)]
@@ -77,6 +87,8 @@ pub enum ForceLaw {
     CoordinateLimit(CoordinateLimitForce),
     /// `SpringGeneralizedForce`.
     SpringGeneralized(SpringGeneralizedForce),
+    /// `ExpressionBasedCoordinateForce`.
+    ExpressionBasedCoordinate(ExpressionBasedCoordinateForce),
     /// `FunctionBasedBushingForce`.
     FunctionBasedBushing(Box<FunctionBasedBushingForce>),
 }
@@ -128,6 +140,9 @@ impl Forces {
                 ForceKind::SpringGeneralized { .. } => {
                     ForceLaw::SpringGeneralized(SpringGeneralizedForce::compile(force, model)?)
                 }
+                ForceKind::ExpressionBasedCoordinate { .. } => {
+                    ForceLaw::ExpressionBasedCoordinate(ExpressionBasedCoordinateForce::compile(force, model)?)
+                }
                 ForceKind::FunctionBasedBushing { .. } => {
                     ForceLaw::FunctionBasedBushing(Box::new(FunctionBasedBushingForce::compile(force, model)?))
                 }
@@ -155,6 +170,19 @@ impl Forces {
     pub fn generalized_force(&self, model: &Model, q: &[f64], qdot: &[f64], cache: &Cache) -> f64 {
         self.forces.iter().map(|force| force.generalized_force(model, q, qdot, cache)).sum()
     }
+
+    /// Those of [`Forces::forces`] that are affine in speed: all but formulas.
+    pub fn affine_in_speed(&self) -> impl Iterator<Item = &Force> {
+        self.forces.iter().filter(|force| !matches!(force.law, ForceLaw::ExpressionBasedCoordinate(_)))
+    }
+
+    /// Forces given by formulas.
+    pub fn expressions(&self) -> impl Iterator<Item = &ExpressionBasedCoordinateForce> {
+        self.forces.iter().filter_map(|force| match &force.law {
+            ForceLaw::ExpressionBasedCoordinate(force) => Some(force),
+            _ => None,
+        })
+    }
 }
 
 impl Force {
@@ -166,6 +194,7 @@ impl Force {
         match &self.law {
             ForceLaw::CoordinateLimit(force) => force.generalized_force(q, qdot, cache),
             ForceLaw::SpringGeneralized(force) => force.generalized_force(q, qdot, cache),
+            ForceLaw::ExpressionBasedCoordinate(force) => force.generalized_force(q, qdot, cache),
             ForceLaw::FunctionBasedBushing(force) => force.generalized_force(model, cache),
         }
     }

@@ -1,11 +1,14 @@
-//! OpenSim's functions of one variable, with first and second derivatives.
+//! OpenSim's functions of one variable, with first and second derivatives; and formulas in a coordinate and its speed.
 //!
 //! In: a [`FunctionSpec`] as the file states it. Out: a [`Function`] with all coefficients computed, which evaluates
 //! exactly as OpenSim 4.6 does, extrapolation included, without allocating.
 
+mod expression;
 mod gcv_spline;
 mod piecewise;
 mod simm_spline;
+
+pub use expression::{Expression, ExpressionError};
 
 use crate::osim::spec::FunctionSpec;
 use gcv_spline::GcvSpline;

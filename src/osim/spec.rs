@@ -654,6 +654,13 @@ pub enum ForceKind {
         /// Viscosity.
         viscosity: f64,
     },
+    /// `ExpressionBasedCoordinateForce`: a formula in `q` and `qdot`, in SI units.
+    ExpressionBasedCoordinate {
+        /// The coordinate.
+        coordinate: CoordinateIndex,
+        /// The formula as written.
+        expression: String,
+    },
     /// `FunctionBasedBushingForce`.
     FunctionBasedBushing {
         /// First frame.

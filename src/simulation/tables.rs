@@ -5,6 +5,7 @@ use super::model::MusculoskeletalModel;
 use super::path_table::{PathTable, TableAccuracy};
 use crate::forces::{gravity_force, inertia_force};
 use crate::multibody::{BodySubset, Cache};
+use crate::osim::spec::CoordinateIndex;
 use crate::paths::{Path, PathGeometry};
 use crate::study::MomentPart;
 
@@ -41,6 +42,9 @@ pub(crate) struct CoordinateTables {
     pub(crate) muscles: Vec<PathTable<3>>,
     /// Per passive force along a path.
     pub(crate) passive_paths: Vec<PathTable<3>>,
+    /// Per force given by a formula: value of its coordinate and that one's speed per speed of the moving coordinate;
+    /// `None` if it does not follow the moving coordinate.
+    pub(crate) expressions: Vec<Option<PathTable<2>>>,
     /// Everything else; `None` if none of it is part of the moment.
     forces: Option<PathTable<5>>,
 }
@@ -62,8 +66,13 @@ impl CoordinateTables {
         for force in &model.passive_paths {
             passive_paths.push(path_table(model, &force.path, &force.name, range)?);
         }
+        let expressions = model
+            .forces
+            .expressions()
+            .map(|force| follower_table(model, force.coordinate, range))
+            .collect::<Result<_, SimulationError>>()?;
         let forces = force_table(model, range)?;
-        Ok(CoordinateTables { muscles, passive_paths, forces })
+        Ok(CoordinateTables { muscles, passive_paths, expressions, forces })
     }
 
     /// Forces at an angle.
@@ -138,9 +147,28 @@ fn path_table(
     PathTable::build(range, PATH_ACCURACY, &mut evaluate)
 }
 
+/// Value and relative speed of a coordinate that the moving one may drive.
+fn follower_table(
+    model: &MusculoskeletalModel,
+    coordinate: CoordinateIndex,
+    range: [f64; 2],
+) -> Result<Option<PathTable<2>>, SimulationError> {
+    let skeleton = &model.skeleton;
+    if coordinate != model.coordinate && skeleton.root_of(coordinate) != model.coordinate {
+        return Ok(None);
+    }
+    let mut posed = Posed::new(model, skeleton.bodies_moved_by(&[model.coordinate]));
+    let mut evaluate = |angle: f64| {
+        posed.set(angle);
+        Ok([posed.q[coordinate.0], posed.cache.coupling()[coordinate.0]])
+    };
+    let accuracy = TableAccuracy { tolerance: [1e-9, 1e-9], start_width: 0.2, min_width: 2e-4 };
+    PathTable::build(range, accuracy, &mut evaluate).map(Some)
+}
+
 fn force_table(model: &MusculoskeletalModel, range: [f64; 2]) -> Result<Option<PathTable<5>>, SimulationError> {
     let setup = &model.setup;
-    let passive = setup.includes(MomentPart::Passive) && !model.forces.forces.is_empty();
+    let passive = setup.includes(MomentPart::Passive) && model.forces.affine_in_speed().next().is_some();
     let gravity = setup.includes(MomentPart::Gravity);
     let inertia = setup.includes(MomentPart::Inertia);
     if !(passive || gravity || inertia) {
@@ -159,9 +187,11 @@ fn force_table(model: &MusculoskeletalModel, range: [f64; 2]) -> Result<Option<P
         rates.copy_from_slice(cache.coupling());
         if passive {
             skeleton.update_velocities_in(moving, q, &zero, cache);
-            at[0] = model.forces.generalized_force(skeleton, q, &zero, cache);
+            at[0] = model.forces.affine_in_speed().map(|f| f.generalized_force(skeleton, q, &zero, cache)).sum();
             skeleton.update_velocities_in(moving, q, &rates, cache);
-            at[1] = model.forces.generalized_force(skeleton, q, &rates, cache) - at[0];
+            let at_speed: f64 =
+                model.forces.affine_in_speed().map(|f| f.generalized_force(skeleton, q, &rates, cache)).sum();
+            at[1] = at_speed - at[0];
         }
         if gravity {
             at[2] = gravity_force(skeleton, moving, cache);

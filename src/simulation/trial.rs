@@ -336,6 +336,7 @@ impl MusculoskeletalModel {
     fn passive_moments(&self, out: &mut TrialKinematics, tables: &CoordinateTables) {
         let mut cursor = 0;
         let mut cursors = vec![0; tables.passive_paths.len()];
+        let mut followers = vec![0; tables.expressions.len()];
         let passive = self.setup.includes(MomentPart::Passive);
         for k in 0..out.time.len() {
             let (angle, speed, acceleration) = (out.angle[k], out.speed[k], out.acceleration[k]);
@@ -345,6 +346,15 @@ impl MusculoskeletalModel {
                 for ((force, table), cursor) in self.passive_paths.iter().zip(&tables.passive_paths).zip(&mut cursors) {
                     let at = table.values(angle, cursor);
                     passive_moment += at[MOMENT_ARM] * force.law.tension(at[LENGTH], at[UNIT_SPEED] * speed);
+                }
+            }
+            if passive {
+                let formulas = self.forces.expressions().zip(&tables.expressions).zip(&mut followers);
+                for ((force, table), cursor) in formulas {
+                    if let Some(table) = table {
+                        let [value, coupling] = table.values(angle, cursor);
+                        passive_moment += coupling * force.force(value, coupling * speed);
+                    }
                 }
             }
             out.passive_moment.push(passive_moment);

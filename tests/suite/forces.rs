@@ -55,6 +55,11 @@ fn compare_force(case: &Case, force: &Force, theirs: &Value, pose: &Value, worst
             note(&mut worst.spring, ours, record[0], record[0].abs());
             check_about_coordinate(case, force, spring.coordinate, record[0], &q, &qdot);
         }
+        ForceLaw::ExpressionBasedCoordinate(formula) => {
+            let ours = formula.force(q[formula.coordinate.0], qdot[formula.coordinate.0]);
+            note(&mut worst.spring, ours, record[0], record[0].abs());
+            check_about_coordinate(case, force, formula.coordinate, record[0], &q, &qdot);
+        }
         ForceLaw::FunctionBasedBushing(bushing) => {
             let scale = record.iter().fold(0.0_f64, |scale, value| scale.max(value.abs()));
             let expected = [spatial(&record[..6]), spatial(&record[6..])];

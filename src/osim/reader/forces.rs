@@ -58,6 +58,7 @@ impl Reader<'_> {
         let kind = match class.as_str() {
             "CoordinateLimitForce" => self.coordinate_limit(object),
             "SpringGeneralizedForce" => self.spring_generalized(object),
+            "ExpressionBasedCoordinateForce" => self.expression_based(object),
             "FunctionBasedBushingForce" => self.bushing(object),
             "Ligament" => self.ligament(object),
             "PathSpring" => self.path_spring(object),
@@ -120,6 +121,12 @@ impl Reader<'_> {
             rest_length: value("rest_length"),
             viscosity: value("viscosity"),
         })
+    }
+
+    fn expression_based(&mut self, object: &Object) -> Option<ForceKind> {
+        let coordinate = self.force_coordinate(object)?;
+        let expression = self.string(object, &["expression"]).map_or_else(|| "0.0".to_owned(), |(_, text)| text);
+        Some(ForceKind::ExpressionBasedCoordinate { coordinate, expression })
     }
 
     fn bushing(&mut self, object: &Object) -> Option<ForceKind> {

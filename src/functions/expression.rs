@@ -1,0 +1,485 @@
+//! Formulas in `q` and `qdot`, as `ExpressionBasedCoordinateForce` holds them.
+//!
+//! The grammar is that of Lepton, the parser that OpenSim uses: numbers, `q`, `qdot`, `+ - * / ^` (`^` binds to the
+//! right and before a sign: `-q^2` is `-(q^2)`), functions, parentheses, and definitions behind semicolons
+//! (`2*s;s=sin(q)`). White space does not count.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use crate::numerics::Scalar;
+
+/// Operations that a formula may have, definitions written out.
+const MAX_OPERATIONS: usize = 10_000;
+/// Operations within operations.
+const MAX_DEPTH: usize = 200;
+
+/// Why a formula cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ExpressionError {
+    /// Something else had to stand there.
+    #[error("expected {expected}, found {found} (character {position})")]
+    Unexpected {
+        /// What would have been right.
+        expected: &'static str,
+        /// What stands there.
+        found: String,
+        /// Which character, from 1, white space not counted.
+        position: usize,
+    },
+    /// No such function.
+    #[error("there is no function \"{name}\"; there are {FUNCTION_NAMES}")]
+    UnknownFunction {
+        /// As written.
+        name: String,
+    },
+    /// No such variable.
+    #[error("there is no variable \"{name}\"; there are q (the coordinate's value) and qdot (its speed)")]
+    UnknownVariable {
+        /// As written.
+        name: String,
+    },
+    /// A function with too many or too few arguments.
+    #[error("{name} takes {expected} argument(s), found {found}")]
+    ArgumentCount {
+        /// The function.
+        name: String,
+        /// How many it takes.
+        expected: usize,
+        /// How many are given.
+        found: usize,
+    },
+    /// More operations than anyone writes.
+    #[error("the formula has more than {MAX_OPERATIONS} operations, or more than {MAX_DEPTH} within each other")]
+    TooLarge,
+}
+
+const FUNCTION_NAMES: &str = "sqrt, exp, log, sin, cos, sec, csc, tan, cot, asin, acos, atan, sinh, cosh, tanh, erf, \
+                              erfc, step, delta, square, cube, recip, min, max, abs";
+
+/// A formula f(q, q̇), read once and evaluated without allocation.
+#[derive(Clone, Debug)]
+pub struct Expression {
+    root: Arc<Node>,
+}
+
+#[derive(Debug)]
+struct Node {
+    operation: Operation,
+    /// Operations in it, itself included.
+    size: usize,
+    depth: usize,
+}
+
+#[derive(Debug)]
+enum Operation {
+    Number(f64),
+    Q,
+    Qdot,
+    Function(Function, Arc<Node>),
+    Binary(Binary, Arc<Node>, Arc<Node>),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Function {
+    Negate,
+    Sqrt,
+    Exp,
+    Log,
+    Sin,
+    Cos,
+    Sec,
+    Csc,
+    Tan,
+    Cot,
+    Asin,
+    Acos,
+    Atan,
+    Sinh,
+    Cosh,
+    Tanh,
+    Erf,
+    Erfc,
+    Step,
+    Delta,
+    Square,
+    Cube,
+    Recip,
+    Abs,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Binary {
+    Add,
+    Subtract,
+    Multiply,
+    Divide,
+    Power,
+    Min,
+    Max,
+}
+
+impl Expression {
+    /// Reads a formula.
+    ///
+    /// # Errors
+    /// [`ExpressionError`].
+    pub fn parse(text: &str) -> Result<Expression, ExpressionError> {
+        let text: Vec<char> = text.chars().filter(|c| !c.is_whitespace()).collect();
+        let mut parts = text.split(|c| *c == ';');
+        let main = parts.next().unwrap_or_default();
+        let mut position = main.len() + 1;
+        let mut definitions = Vec::new();
+        for part in parts {
+            let start = position;
+            position += part.len() + 1;
+            if part.is_empty() {
+                continue;
+            }
+            let Some(equals) = part.iter().position(|c| *c == '=').filter(|at| *at > 0) else {
+                return Err(unexpected("a definition NAME=FORMULA", part, 0, start));
+            };
+            definitions.push((part[..equals].iter().collect::<String>(), &part[equals + 1..], start + equals + 1));
+        }
+        let mut known = HashMap::new();
+        // A definition may use those behind it.
+        for (name, formula, start) in definitions.into_iter().rev() {
+            let node = Parser { text: formula, start, at: 0, nesting: 0, known: &known }.whole()?;
+            known.insert(name, node);
+        }
+        let root = Parser { text: main, start: 0, at: 0, nesting: 0, known: &known }.whole()?;
+        Ok(Expression { root })
+    }
+
+    /// Value at a coordinate and its speed; with derivatives if they carry them.
+    pub fn value<S: Scalar>(&self, q: S, qdot: S) -> S {
+        evaluate(&self.root, q, qdot)
+    }
+}
+
+fn evaluate<S: Scalar>(node: &Node, q: S, qdot: S) -> S {
+    match &node.operation {
+        Operation::Number(value) => S::constant(*value),
+        Operation::Q => q,
+        Operation::Qdot => qdot,
+        Operation::Function(function, argument) => function.apply(evaluate(argument, q, qdot)),
+        Operation::Binary(binary, a, b) => binary.apply(evaluate(a, q, qdot), evaluate(b, q, qdot)),
+    }
+}
+
+impl Function {
+    fn named(name: &str) -> Option<Function> {
+        Some(match name {
+            "sqrt" => Function::Sqrt,
+            "exp" => Function::Exp,
+            "log" => Function::Log,
+            "sin" => Function::Sin,
+            "cos" => Function::Cos,
+            "sec" => Function::Sec,
+            "csc" => Function::Csc,
+            "tan" => Function::Tan,
+            "cot" => Function::Cot,
+            "asin" => Function::Asin,
+            "acos" => Function::Acos,
+            "atan" => Function::Atan,
+            "sinh" => Function::Sinh,
+            "cosh" => Function::Cosh,
+            "tanh" => Function::Tanh,
+            "erf" => Function::Erf,
+            "erfc" => Function::Erfc,
+            "step" => Function::Step,
+            "delta" => Function::Delta,
+            "square" => Function::Square,
+            "cube" => Function::Cube,
+            "recip" => Function::Recip,
+            "abs" => Function::Abs,
+            _ => return None,
+        })
+    }
+
+    fn apply<S: Scalar>(self, a: S) -> S {
+        let x = a.value();
+        let gaussian = |x: f64| std::f64::consts::FRAC_2_SQRT_PI * (-x * x).exp();
+        match self {
+            Function::Negate => -a,
+            Function::Sqrt => a.sqrt(),
+            Function::Exp => a.exp(),
+            Function::Log => a.ln(),
+            Function::Sin => a.sin(),
+            Function::Cos => a.cos(),
+            Function::Sec => a.cos().recip(),
+            Function::Csc => a.sin().recip(),
+            Function::Tan => a.tan(),
+            Function::Cot => a.tan().recip(),
+            Function::Asin => a.asin(),
+            Function::Acos => a.acos(),
+            Function::Atan => a.chain(x.atan(), 1.0 / (1.0 + x * x)),
+            Function::Sinh => a.chain(x.sinh(), x.cosh()),
+            Function::Cosh => a.chain(x.cosh(), x.sinh()),
+            Function::Tanh => a.chain(x.tanh(), 1.0 - x.tanh() * x.tanh()),
+            Function::Erf => a.chain(statrs::function::erf::erf(x), gaussian(x)),
+            Function::Erfc => a.chain(statrs::function::erf::erfc(x), -gaussian(x)),
+            Function::Step => S::constant(if x >= 0.0 { 1.0 } else { 0.0 }),
+            Function::Delta => S::constant(if x == 0.0 { 1.0 } else { 0.0 }),
+            Function::Square => a * a,
+            Function::Cube => a * a * a,
+            Function::Recip => a.recip(),
+            Function::Abs => a.abs(),
+        }
+    }
+}
+
+impl Binary {
+    fn apply<S: Scalar>(self, a: S, b: S) -> S {
+        match self {
+            Binary::Add => a + b,
+            Binary::Subtract => a - b,
+            Binary::Multiply => a * b,
+            Binary::Divide => a / b,
+            Binary::Min => a.min(b),
+            Binary::Max => a.max(b),
+            Binary::Power => {
+                let (x, p) = (a.value(), b.value());
+                let value = x.powf(p);
+                let by_base = if p == 0.0 { 0.0 } else { p * x.powf(p - 1.0) };
+                // A constant exponent carries no derivative, whatever the logarithm of a negative base would be.
+                let by_exponent = if x > 0.0 { value * x.ln() } else { 0.0 };
+                a.chain(value, by_base) + b.chain(0.0, by_exponent)
+            }
+        }
+    }
+}
+
+fn unexpected(expected: &'static str, text: &[char], at: usize, start: usize) -> ExpressionError {
+    let found = match text.get(at) {
+        Some(c) => format!("\"{c}\""),
+        None => "the end".to_owned(),
+    };
+    ExpressionError::Unexpected { expected, found, position: start + at + 1 }
+}
+
+/// Recursive descent over one formula.
+struct Parser<'a> {
+    text: &'a [char],
+    start: usize,
+    at: usize,
+    nesting: usize,
+    known: &'a HashMap<String, Arc<Node>>,
+}
+
+impl Parser<'_> {
+    fn whole(mut self) -> Result<Arc<Node>, ExpressionError> {
+        let node = self.sum()?;
+        if self.at < self.text.len() {
+            return Err(self.expected("an operator or the end"));
+        }
+        Ok(node)
+    }
+
+    fn expected(&self, what: &'static str) -> ExpressionError {
+        unexpected(what, self.text, self.at, self.start)
+    }
+
+    fn take(&mut self, wanted: &[char]) -> Option<char> {
+        let c = *self.text.get(self.at).filter(|c| wanted.contains(c))?;
+        self.at += 1;
+        Some(c)
+    }
+
+    fn sum(&mut self) -> Result<Arc<Node>, ExpressionError> {
+        let mut left = self.product()?;
+        while let Some(sign) = self.take(&['+', '-']) {
+            let right = self.product()?;
+            let operation = if sign == '+' { Binary::Add } else { Binary::Subtract };
+            left = node(Operation::Binary(operation, left, right))?;
+        }
+        Ok(left)
+    }
+
+    fn product(&mut self) -> Result<Arc<Node>, ExpressionError> {
+        let mut left = self.signed()?;
+        while let Some(sign) = self.take(&['*', '/']) {
+            let right = self.signed()?;
+            let operation = if sign == '*' { Binary::Multiply } else { Binary::Divide };
+            left = node(Operation::Binary(operation, left, right))?;
+        }
+        Ok(left)
+    }
+
+    /// A sign binds less than `^`.
+    fn signed(&mut self) -> Result<Arc<Node>, ExpressionError> {
+        self.nesting += 1;
+        if self.nesting > MAX_DEPTH {
+            return Err(ExpressionError::TooLarge);
+        }
+        let result = if self.take(&['-']).is_some() {
+            let inner = self.signed()?;
+            node(Operation::Function(Function::Negate, inner))
+        } else {
+            let base = self.value()?;
+            if self.take(&['^']).is_some() {
+                let exponent = self.signed()?;
+                node(Operation::Binary(Binary::Power, base, exponent))
+            } else {
+                Ok(base)
+            }
+        };
+        self.nesting -= 1;
+        result
+    }
+
+    fn value(&mut self) -> Result<Arc<Node>, ExpressionError> {
+        if self.take(&['(']).is_some() {
+            let inner = self.sum()?;
+            self.close()?;
+            return Ok(inner);
+        }
+        match self.text.get(self.at) {
+            Some(c) if c.is_ascii_digit() || *c == '.' => self.number(),
+            Some(c) if c.is_alphabetic() || *c == '_' => self.named(),
+            _ => Err(self.expected("a number, q, qdot, a function or \"(\"")),
+        }
+    }
+
+    fn close(&mut self) -> Result<(), ExpressionError> {
+        self.take(&[')']).map(|_| ()).ok_or_else(|| self.expected("\")\""))
+    }
+
+    fn number(&mut self) -> Result<Arc<Node>, ExpressionError> {
+        let begin = self.at;
+        let digit = |c: &char| c.is_ascii_digit() || *c == '.';
+        while self.text.get(self.at).is_some_and(digit) {
+            self.at += 1;
+        }
+        if self.text.get(self.at).is_some_and(|c| matches!(c, 'e' | 'E')) {
+            self.at += 1;
+            let _ = self.take(&['+', '-']);
+            while self.text.get(self.at).is_some_and(char::is_ascii_digit) {
+                self.at += 1;
+            }
+        }
+        let text: String = self.text[begin..self.at].iter().collect();
+        match text.parse() {
+            Ok(value) => node(Operation::Number(value)),
+            Err(_) => Err(unexpected("a number", self.text, begin, self.start)),
+        }
+    }
+
+    fn named(&mut self) -> Result<Arc<Node>, ExpressionError> {
+        let begin = self.at;
+        while self.text.get(self.at).is_some_and(|c| c.is_alphanumeric() || *c == '_') {
+            self.at += 1;
+        }
+        let name: String = self.text[begin..self.at].iter().collect();
+        if self.take(&['(']).is_some() {
+            return self.function(name);
+        }
+        if let Some(defined) = self.known.get(&name) {
+            return Ok(Arc::clone(defined));
+        }
+        match name.as_str() {
+            "q" => node(Operation::Q),
+            "qdot" => node(Operation::Qdot),
+            _ => Err(ExpressionError::UnknownVariable { name }),
+        }
+    }
+
+    fn function(&mut self, name: String) -> Result<Arc<Node>, ExpressionError> {
+        let mut arguments = vec![self.sum()?];
+        while self.take(&[',']).is_some() {
+            arguments.push(self.sum()?);
+        }
+        self.close()?;
+        let found = arguments.len();
+        let mut arguments = arguments.into_iter();
+        let both = match name.as_str() {
+            "min" => Some(Binary::Min),
+            "max" => Some(Binary::Max),
+            _ => None,
+        };
+        match (both, Function::named(&name), arguments.next(), arguments.next()) {
+            (Some(binary), _, Some(a), Some(b)) if found == 2 => node(Operation::Binary(binary, a, b)),
+            (Some(_), ..) => Err(ExpressionError::ArgumentCount { name, expected: 2, found }),
+            (None, Some(function), Some(a), None) => node(Operation::Function(function, a)),
+            (None, Some(_), ..) => Err(ExpressionError::ArgumentCount { name, expected: 1, found }),
+            (None, None, ..) => Err(ExpressionError::UnknownFunction { name }),
+        }
+    }
+}
+
+fn node(operation: Operation) -> Result<Arc<Node>, ExpressionError> {
+    let (size, depth) = match &operation {
+        Operation::Number(_) | Operation::Q | Operation::Qdot => (1, 1),
+        Operation::Function(_, a) => (1 + a.size, 1 + a.depth),
+        Operation::Binary(_, a, b) => (1 + a.size + b.size, 1 + a.depth.max(b.depth)),
+    };
+    if size > MAX_OPERATIONS || depth > MAX_DEPTH {
+        return Err(ExpressionError::TooLarge);
+    }
+    Ok(Arc::new(Node { operation, size, depth }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numerics::Dual;
+
+    fn at(text: &str, q: f64, qdot: f64) -> f64 {
+        Expression::parse(text).unwrap_or_else(|e| panic!("{text}: {e}")).value(q, qdot)
+    }
+
+    #[test]
+    fn verif_grammar_binds_as_lepton() {
+        let (q, v) = (0.7_f64, -1.3_f64);
+        for (text, expected) in [
+            ("1+2*3", 7.0),
+            ("-q^2", -(q * q)),
+            ("2^3^2", 512.0),
+            ("8/2/2", 2.0),
+            ("1-2-3", -4.0),
+            ("-2*-q", 2.0 * q),
+            ("2^-1", 0.5),
+            ("1.5e-3*q", 1.5e-3 * q),
+            (" 2 * ( q + qdot ) ", 2.0 * (q + v)),
+            ("min(q,qdot)+max(q,qdot)", q + v),
+            ("step(q)+step(qdot)+step(0)", 2.0),
+            ("square(q)+cube(qdot)+recip(q)", q * q + v * v * v + 1.0 / q),
+            ("abs(qdot)*tanh(qdot)", v.abs() * v.tanh()),
+            ("2*a+b;a=b*q;b=3", 6.0 * q + 3.0),
+            ("(qdot*qdot+1)^0.17", (v * v + 1.0).powf(0.17)),
+            ("sin(q)^2+cos(q)^2+erf(0)+delta(1)", 1.0),
+        ] {
+            let found = at(text, q, v);
+            assert!((found - expected).abs() < 1e-14, "{text}: {found} instead of {expected}");
+        }
+    }
+
+    #[test]
+    fn verif_derivatives_match_differences() {
+        let text = "0.3*exp(-4*(q+1))-tanh(qdot/0.3)*(1+0.25*exp(-square(qdot/0.1)))+atan(q)*sinh(qdot)+(qdot^2+q^2)^0.3";
+        let formula = Expression::parse(text).unwrap();
+        let (q, v, h) = (0.4, 0.2, 1e-6);
+        let dual = formula.value(Dual::<2>::variable(q, 0), Dual::<2>::variable(v, 1));
+        let by_q = (formula.value(q + h, v) - formula.value(q - h, v)) / (2.0 * h);
+        let by_v = (formula.value(q, v + h) - formula.value(q, v - h)) / (2.0 * h);
+        assert!((dual.gradient[0] - by_q).abs() < 1e-7, "{dual:?} {by_q}");
+        assert!((dual.gradient[1] - by_v).abs() < 1e-7, "{dual:?} {by_v}");
+    }
+
+    #[test]
+    fn verif_errors_say_what_is_wrong() {
+        let error = |text: &str| Expression::parse(text).err().map(|e| e.to_string()).unwrap_or_default();
+        assert!(error("2*").contains("found the end"));
+        assert!(error("2*(q").contains("expected \")\""));
+        assert!(error("q q2").contains("no variable \"qq2\""));
+        assert!(error("t+1").contains("no variable \"t\""));
+        assert!(error("sine(q)").contains("no function \"sine\""));
+        assert!(error("min(q)").contains("takes 2"));
+        assert!(error("").contains("found the end"));
+        assert!(error("1;2").contains("a definition"));
+        assert!(error(&"(".repeat(100_000)).contains("more than"));
+        assert!(error(&"-".repeat(100_000)).contains("more than"));
+        let bomb = (0..40).map(|i| format!("x{i}=x{}+x{}", i + 1, i + 1)).collect::<Vec<_>>().join(";");
+        assert!(error(&format!("x0;{bomb};x40=q")).contains("more than"));
+    }
+}
