@@ -20,8 +20,8 @@ impl ExpressionBasedCoordinateForce {
             unreachable!("called for an ExpressionBasedCoordinate only")
         };
         check_index(&force.at, "coordinate", coordinate.0, model.n_coordinates())?;
-        let expression = Expression::parse(expression)
-            .map_err(|source| ForceError::Expression { at: force.at.clone(), source })?;
+        let expression =
+            Expression::parse(expression).map_err(|source| ForceError::Expression { at: force.at.clone(), source })?;
         Ok(Self { coordinate: *coordinate, expression })
     }
 

@@ -456,7 +456,8 @@ mod tests {
 
     #[test]
     fn verif_derivatives_match_differences() {
-        let text = "0.3*exp(-4*(q+1))-tanh(qdot/0.3)*(1+0.25*exp(-square(qdot/0.1)))+atan(q)*sinh(qdot)+(qdot^2+q^2)^0.3";
+        let text =
+            "0.3*exp(-4*(q+1))-tanh(qdot/0.3)*(1+0.25*exp(-square(qdot/0.1)))+atan(q)*sinh(qdot)+(qdot^2+q^2)^0.3";
         let formula = Expression::parse(text).unwrap();
         let (q, v, h) = (0.4, 0.2, 1e-6);
         let dual = formula.value(Dual::<2>::variable(q, 0), Dual::<2>::variable(v, 1));
