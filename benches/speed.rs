@@ -1,11 +1,13 @@
 //! How long loading, the first simulation and every further parameter set take.
 //!
 //! ```text
-//! cargo bench --bench speed -- MODEL.osim REFERENCE.csv [--posture elbow_flexion=90]… [--repeat N] [--json]
+//! cargo bench --bench speed -- [--model MODEL.osim --motion TABLE.csv] [--posture elbow_flexion=90]… [--repeat N] [--json]
 //! ```
-//! `REFERENCE.csv` is a table of `fixtures/scripts/prescribed_motion.py`: its angle and excitations are the trial, its
+//! `TABLE.csv` is a table of `fixtures/scripts/prescribed_motion.py`: its angle and excitations are the trial, its
 //! tendon forces (OpenSim at accuracy 1e-7) say how accurate the timed simulation is. Without arguments the bundled
-//! wrist model and its reference table are used. One thread; medians of N repetitions.
+//! wrist model and its reference table are used. One thread. The best of N repetitions counts, so that a busy machine
+//! does not; for further parameter sets the mean over 21 different ones, repeated. `benches/speed.py` runs this together
+//! with OpenSim.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -15,6 +17,9 @@ use carpus::simulation::{
     HeldCoordinate, MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, Setup,
 };
 use carpus::study::MomentPart;
+
+/// Parameter sets in one timing of further sets.
+const PARAMETER_SETS: i32 = 21;
 
 struct Arguments {
     model: PathBuf,
@@ -40,6 +45,8 @@ struct Timings {
     steps: usize,
     duration: f64,
     samples: usize,
+    prepare: f64,
+    tendon_force: Vec<(String, Vec<f64>)>,
 }
 
 fn main() {
@@ -68,33 +75,35 @@ fn arguments() -> Result<Arguments, String> {
         repeat: 21,
         json: false,
     };
-    let mut files = Vec::new();
+    let mut files = [None, None];
     let mut given = std::env::args().skip(1);
     while let Some(argument) = given.next() {
+        let mut value = || given.next().ok_or_else(|| format!("{argument}: expected a value"));
         match argument.as_str() {
             "--bench" => {} // cargo adds it
             "--json" => out.json = true,
+            "--model" => files[0] = Some(PathBuf::from(value()?)),
+            "--motion" => files[1] = Some(PathBuf::from(value()?)),
             "--repeat" => {
-                let value = given.next().unwrap_or_default();
+                let value = value()?;
                 out.repeat = value.parse().map_err(|_| format!("--repeat {value}: expected a number"))?;
             }
             "--posture" => {
-                let value = given.next().unwrap_or_default();
+                let value = value()?;
                 let parsed = value.split_once('=').and_then(|(name, v)| Some((name.to_owned(), v.parse().ok()?)));
                 let (coordinate, value_deg_or_m) =
                     parsed.ok_or_else(|| format!("--posture {value}: expected COORDINATE=DEGREES"))?;
                 out.posture.push(HeldCoordinate { coordinate, value_deg_or_m });
             }
-            flag if flag.starts_with('-') => return Err(format!("unknown option {flag}")),
-            file => files.push(PathBuf::from(file)),
+            other => return Err(format!("unknown argument {other}")),
         }
     }
-    match <[PathBuf; 2]>::try_from(files) {
-        Ok([model, reference]) => (out.model, out.reference) = (model, reference),
-        Err(files) if files.is_empty() => {
+    match files {
+        [Some(model), Some(reference)] => (out.model, out.reference) = (model, reference),
+        [None, None] => {
             out.posture = vec![HeldCoordinate { coordinate: "elbow_flexion".into(), value_deg_or_m: 90.0 }];
         }
-        Err(_) => return Err("expected MODEL.osim and REFERENCE.csv, or neither".into()),
+        _ => return Err("expected both --model and --motion, or neither".into()),
     }
     Ok(out)
 }
@@ -123,16 +132,14 @@ impl Reference {
     }
 }
 
-fn median(repeat: usize, mut run: impl FnMut()) -> f64 {
-    let mut seconds: Vec<f64> = (0..repeat.max(1))
-        .map(|_| {
-            let start = Instant::now();
-            run();
-            start.elapsed().as_secs_f64()
-        })
-        .collect();
-    seconds.sort_by(f64::total_cmp);
-    seconds[seconds.len() / 2]
+/// Seconds of the fastest of some runs.
+fn best(repeat: usize, mut run: impl FnMut()) -> f64 {
+    let time = |_| {
+        let start = Instant::now();
+        run();
+        start.elapsed().as_secs_f64()
+    };
+    (0..repeat.max(1)).map(time).fold(f64::INFINITY, f64::min)
 }
 
 fn measure(arguments: &Arguments, reference: &Reference) -> Timings {
@@ -154,26 +161,26 @@ fn measure(arguments: &Arguments, reference: &Reference) -> Timings {
     };
     let repeat = arguments.repeat;
 
-    let load = median(repeat, || drop(OsimFile::read(&arguments.model).unwrap()));
+    let load = best(repeat, || drop(OsimFile::read(&arguments.model).unwrap()));
     let file = OsimFile::read(&arguments.model).unwrap();
-    let compile = median(repeat, || drop(MusculoskeletalModel::compile(&file.spec, &setup).unwrap()));
+    let compile = best(repeat, || drop(MusculoskeletalModel::compile(&file.spec, &setup).unwrap()));
     let model = MusculoskeletalModel::compile(&file.spec, &setup).unwrap();
     let nominal = model.nominal_parameters();
-    let first = median(repeat, || {
+    let first = best(repeat, || {
         let trial = model.prepare(&recording, &Options::default()).unwrap();
         trial.simulate(&nominal).unwrap();
     });
+    let prepare = best(repeat, || drop(model.prepare(&recording, &Options::default()).unwrap()));
     let trial = model.prepare(&recording, &Options::default()).unwrap();
 
-    // Every repetition takes other parameters, as a search does.
-    let mut call = 0;
+    // A search tries other parameters every time.
     let mut moment = vec![0.0; trial.len()];
-    let further = median(20 * repeat, || {
-        let factor = 1.0 + 1e-3 * f64::from(call % 21 - 10);
-        call += 1;
-        total_moment(&trial, &nominal, factor, &mut moment);
-    });
-    let with_derivatives = median(5 * repeat, || {
+    let further = best(repeat, || {
+        for set in 0..PARAMETER_SETS {
+            total_moment(&trial, &nominal, 1.0 + 1e-3 * (f64::from(set) - 10.0), &mut moment);
+        }
+    }) / f64::from(PARAMETER_SETS);
+    let with_derivatives = best(repeat, || {
         for (muscle, p) in nominal.iter().enumerate() {
             trial.unit_moment_with_derivatives(muscle, p).unwrap();
         }
@@ -200,6 +207,8 @@ fn measure(arguments: &Arguments, reference: &Reference) -> Timings {
         steps: result.work.steps,
         duration: time[time.len() - 1] - time[0],
         samples: time.len(),
+        prepare,
+        tendon_force: muscles.into_iter().zip(result.muscles.into_iter().map(|m| m.tendon_force)).collect(),
     }
 }
 
@@ -217,23 +226,25 @@ fn total_moment(trial: &PreparedTrial, nominal: &[MuscleParameters], factor: f64
 
 impl Timings {
     fn to_json(&self, model: &Path) -> String {
-        let value = serde_json::json!({
-            "program": "carpus",
-            "version": env!("CARGO_PKG_VERSION"),
+        let forces: serde_json::Map<String, serde_json::Value> =
+            self.tendon_force.iter().map(|(muscle, force)| (muscle.clone(), force.clone().into())).collect();
+        serde_json::json!({
+            "program": format!("carpus {}", env!("CARGO_PKG_VERSION")),
             "model": model.file_name().map(|n| n.to_string_lossy().into_owned()),
-            "trial_seconds": self.duration,
+            "trial_s": self.duration,
             "samples": self.samples,
-            "threads": 1,
-            "load_seconds": self.load,
-            "compile_seconds": self.compile,
-            "first_run_seconds": self.first,
-            "further_parameter_set_seconds": self.further,
-            "with_derivatives_seconds": self.with_derivatives,
-            "largest_force_error_over_max_isometric_force": self.force_error,
-            "path_and_force_evaluations": self.evaluations,
-            "fibre_steps": self.steps,
-        });
-        value.to_string()
+            "load_s": self.load + self.compile,
+            "read_s": self.load,
+            "first_trial_s": self.first,
+            "prepare_s": self.prepare,
+            "further_set_s": self.further,
+            "derivatives_s": self.with_derivatives,
+            "force_error_per_fmax": self.force_error,
+            "path_evaluations": self.evaluations,
+            "integration_steps": self.steps,
+            "tendon_force": forces,
+        })
+        .to_string()
     }
 
     fn print(&self, model: &Path) {
@@ -241,6 +252,7 @@ impl Timings {
         println!("{}: {} s of motion, {} samples", model.display(), self.duration, self.samples);
         println!("load                        {}", ms(self.load));
         println!("compile                     {}", ms(self.compile));
+        println!("of it, preparation           {}", ms(self.prepare));
         println!("first run, paths included   {}  ({} evaluations)", ms(self.first), self.evaluations);
         println!("further parameter set       {}  ({} fibre steps)", ms(self.further), self.steps);
         println!("with exact derivatives      {}", ms(self.with_derivatives));

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::activation_trajectory::ActivationDynamics;
 use super::error::SimulationError;
+use super::fiber::CurveCache;
 use super::fiber::equation::{Fiber, FiberCurves};
 use crate::forces::{Forces, PathForce};
 use crate::multibody::Model;
@@ -121,6 +122,7 @@ impl MusculoskeletalModel {
         let skeleton = Model::compile(spec)?;
         let coordinate = independent_coordinate(&skeleton, &setup.coordinate)?;
         let posture = posture(&skeleton, setup)?;
+        let mut cache = CurveCache::default();
         let muscles = setup
             .active_muscles
             .iter()
@@ -129,7 +131,7 @@ impl MusculoskeletalModel {
                 if setup.active_muscles[..i].contains(name) {
                     return Err(SimulationError::RepeatedMuscle { name: name.clone() });
                 }
-                active_muscle(spec, &skeleton, name)
+                active_muscle(spec, &skeleton, name, &mut cache)
             })
             .collect::<Result<_, _>>()?;
         let mut left_out = skeleton.unsupported_constraints.clone();
@@ -283,16 +285,25 @@ fn posture(skeleton: &Model, setup: &Setup) -> Result<Vec<f64>, SimulationError>
     Ok(q)
 }
 
-fn active_muscle(spec: &ModelSpec, skeleton: &Model, name: &str) -> Result<ActiveMuscle, SimulationError> {
+fn active_muscle(
+    spec: &ModelSpec,
+    skeleton: &Model,
+    name: &str,
+    cache: &mut CurveCache,
+) -> Result<ActiveMuscle, SimulationError> {
     let muscle = spec.muscles.iter().find(|m| m.name == name).ok_or_else(|| SimulationError::UnknownMuscle {
         name: name.to_owned(),
         available: spec.muscles.iter().map(|m| m.name.clone()).collect(),
     })?;
-    active_muscle_along(muscle, compile_path(&muscle.path, spec, skeleton, name)?)
+    active_muscle_along(muscle, compile_path(&muscle.path, spec, skeleton, name)?, cache)
 }
 
 /// The muscle of that specification on a path that is compiled already.
-pub(crate) fn active_muscle_along(muscle: &MuscleSpec, path: Path) -> Result<ActiveMuscle, SimulationError> {
+pub(crate) fn active_muscle_along(
+    muscle: &MuscleSpec,
+    path: Path,
+    cache: &mut CurveCache,
+) -> Result<ActiveMuscle, SimulationError> {
     let millard = Millard2012::from_spec(muscle)?;
     let MuscleKind::Millard2012Equilibrium(properties) = &muscle.kind else {
         unreachable!("Millard2012::from_spec accepts this class only")
@@ -302,7 +313,7 @@ pub(crate) fn active_muscle_along(muscle: &MuscleSpec, path: Path) -> Result<Act
     Ok(ActiveMuscle {
         name: muscle.name.clone(),
         path,
-        curves: FiberCurves::tabulate(&millard, properties.maximum_pennation_angle),
+        curves: FiberCurves::tabulate(&millard, properties, cache),
         nominal: MuscleParameters {
             max_isometric_force: p.max_isometric_force,
             optimal_fiber_length: p.optimal_fiber_length,

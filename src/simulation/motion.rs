@@ -73,7 +73,10 @@ impl Motion {
     fn locate(&self, time: f64, cursor: &mut usize) -> (f64, f64, &[f64; 6]) {
         let last = self.pieces.len() - 1;
         let mut i = (*cursor).min(last);
-        if time < self.times[i] || time >= self.times[i + 1] {
+        if i < last && time >= self.times[i + 1] && time < self.times[i + 2] {
+            i += 1; // times are mostly asked for in order
+            *cursor = i;
+        } else if time < self.times[i] || time >= self.times[i + 1] {
             i = self.times.partition_point(|&t| t <= time).saturating_sub(1).min(last);
             *cursor = i;
         }

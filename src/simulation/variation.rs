@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use super::error::SimulationError;
+use super::fiber::CurveCache;
 use super::fiber::equation::{Drive, Fiber};
 use super::model::{MuscleParameters, MusculoskeletalModel, active_muscle_along};
 use super::tables::CoordinateTables;
@@ -22,8 +23,9 @@ impl MusculoskeletalModel {
     /// A property that is not allowed.
     pub fn with_muscles(&self, muscles: &[MuscleSpec]) -> Result<MusculoskeletalModel, SimulationError> {
         let mut model = self.clone();
+        let mut cache = CurveCache::default();
         for (muscle, spec) in model.muscles.iter_mut().zip(muscles) {
-            *muscle = active_muscle_along(spec, muscle.path.clone())?;
+            *muscle = active_muscle_along(spec, muscle.path.clone(), &mut cache)?;
         }
         Ok(model)
     }

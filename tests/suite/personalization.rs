@@ -5,7 +5,8 @@ use std::path::Path;
 use carpus::evaluation::error_measures;
 use carpus::osim::OsimFile;
 use carpus::personalization::{
-    FitOptions, FitProblem, Method, Personalization, Property, TrainingTrial, personalize, write_parameters,
+    FitOptions, FitProblem, Method, Personalization, PersonalizationError, Property, TrainingTrial, personalize,
+    write_parameters,
 };
 use carpus::simulation::{MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, Setup};
 use carpus::study::{Study, Trial, TrialUse};
@@ -125,6 +126,60 @@ fn check_study(folder: &Path) {
 #[test]
 fn val_demo_study_held_out_error_comes_within_ten_percent_of_the_truth() {
     check_study(&Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/demo_study"));
+}
+
+#[test]
+fn verif_fit_is_the_same_at_any_number_of_threads_and_differs_only_by_seed() {
+    let participant = participant(&Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/demo_study"));
+    let mut problem = participant.problem();
+    problem.trials.truncate(4);
+    let quick = FitOptions { global_points: 8, local_evaluations: 24, seed: 3, ..FitOptions::default() };
+    let run = |threads: usize, options: &FitOptions| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        // Progress is reported on the calling thread, so that the callback need not be shared.
+        pool.install(|| personalize(&problem, options, &|_| ()).unwrap())
+    };
+    let once = run(1, &quick);
+    assert_eq!(once, run(4, &quick));
+    assert_ne!(once.stages, run(2, &FitOptions { seed: 4, ..quick }).stages);
+}
+
+#[test]
+fn verif_written_model_changes_only_fitted_lines_and_simulates_as_fitted() {
+    let participant = participant(&Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/demo_study"));
+    let mut problem = participant.problem();
+    problem.trials.truncate(3);
+    let quick = FitOptions { global_points: 4, local_evaluations: 24, ..FitOptions::default() };
+    let fit = personalize(&problem, &quick, &|_| ()).unwrap();
+    let mut file = participant.file.clone();
+    write_parameters(&mut file, &fit.fitted).unwrap();
+    let text = |file: &OsimFile| String::from_utf8(file.document.bytes().to_vec()).unwrap();
+    let (before, after) = (text(&participant.file), text(&file));
+    assert_eq!(before.lines().count(), after.lines().count());
+    let changed: Vec<&str> = before.lines().zip(after.lines()).filter(|(a, b)| a != b).map(|(_, b)| b).collect();
+    assert_eq!(changed.len(), fit.fitted.iter().filter(|p| p.before != p.after).count());
+    assert!(changed.iter().all(|line| Property::ALL.iter().any(|p| line.contains(p.name()))));
+    let model = MusculoskeletalModel::compile(&file.spec, &Setup::from_settings(&participant.study.settings)).unwrap();
+    assert_eq!(model.nominal_parameters(), fit.parameters);
+}
+
+#[test]
+fn verif_unusable_problems_are_refused() {
+    let participant = participant(&Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/demo_study"));
+    let problem = participant.problem();
+    let refuse = |problem: FitProblem| personalize(&problem, &FitOptions::default(), &|_| ()).unwrap_err();
+    let none = FitProblem { trials: Vec::new(), ..problem.clone() };
+    assert!(matches!(refuse(none), PersonalizationError::NoTrials));
+    let zeros = vec![0.0; problem.trials[0].measured.len()];
+    let with =
+        |measured| FitProblem { trials: vec![TrainingTrial { measured, ..problem.trials[0] }], ..problem.clone() };
+    assert!(matches!(refuse(with(&zeros)), PersonalizationError::UnusableMoment { .. }));
+    assert!(matches!(refuse(with(&zeros[1..])), PersonalizationError::MomentLength { .. }));
+    let mut narrow = problem.clone();
+    narrow.bounds.max_isometric_force.lower = 1.2;
+    assert!(matches!(refuse(narrow), PersonalizationError::Bounds { property: "max_isometric_force", .. }));
+    let muscles = FitProblem { muscles: problem.muscles[..3].to_vec(), ..problem.clone() };
+    assert!(matches!(refuse(muscles), PersonalizationError::Count { found: 3, .. }));
 }
 
 /// Other generated studies, for example of a lab's model: a folder with `study.toml` and `truth.json`.

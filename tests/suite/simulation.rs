@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use carpus::osim::OsimFile;
-use carpus::simulation::{HeldCoordinate, MusculoskeletalModel, Options, Recording, Setup, TrialSimulation};
+use carpus::simulation::{
+    HeldCoordinate, MuscleParameters, MusculoskeletalModel, Options, Recording, Setup, SimulationError, TrialSimulation,
+};
 use carpus::study::MomentPart;
 
 use crate::reference::shared;
@@ -99,8 +101,24 @@ fn compare_with_opensim(model_path: &Path, table_path: &Path, posture: &[(&str, 
     );
     for (i, muscle) in MUSCLES.into_iter().enumerate() {
         let (kin, sim) = (&kinematics.muscles[i], &result.muscles[i]);
-        let force =
-            largest(&sim.tendon_force, table.muscle(muscle, "tendon_force")) / parameters[i].max_isometric_force;
+        // A path that jumps by decimetres (wrapping the long way round) tears the tendon to many times its strength: there
+        // the error is relative to the force. After the path has jumped back, the fibre shortens at its maximum velocity
+        // under a slack tendon for 50 ms; when the tendon tightens again depends on that whole transient. Those samples
+        // are counted and bounded less tightly.
+        let reference = table.muscle(muscle, "tendon_force");
+        let path = table.muscle(muscle, "length");
+        let after_jump = |k: usize| (k.saturating_sub(8).max(1)..=k).any(|i| (path[i] - path[i - 1]).abs() > 0.1);
+        let error = |k: usize| {
+            let scale = parameters[i].max_isometric_force.max(reference[k]);
+            (sim.tendon_force[k] - reference[k]).abs() / scale
+        };
+        let worst_of = |jump: bool| (0..trial.len()).filter(|&k| after_jump(k) == jump).map(error).fold(0.0, f64::max);
+        let (force, transient) = (worst_of(false), worst_of(true));
+        let transients = (0..trial.len()).filter(|&k| after_jump(k)).count();
+        if transients > 0 {
+            println!("  {muscle}: {transients} samples after path jumps, force {transient:.1e}·Fmax");
+        }
+        assert!(transients <= 36 && transient < 1e-3, "{muscle}: {transient:e}");
         let length = largest(&kin.length, table.muscle(muscle, "length"));
         let speed = largest(&kin.lengthening_speed, table.muscle(muscle, "lengthening_speed"));
         let arm = largest(&kin.moment_arm, table.muscle(muscle, "moment_arm"));
@@ -116,8 +134,9 @@ fn compare_with_opensim(model_path: &Path, table_path: &Path, posture: &[(&str, 
     let muscle_moment: Vec<f64> =
         (0..trial.len()).map(|k| result.muscles.iter().map(|m| m.moment[k]).sum::<f64>()).collect();
     let moment = largest(&muscle_moment, table.column("muscle_moment"));
-    println!("  muscle moment {moment:.1e} N·m");
-    assert!(moment < 1e-3);
+    let moment_scale = table.column("muscle_moment").iter().fold(10.0_f64, |m, v| m.max(v.abs()));
+    println!("  muscle moment {moment:.1e} N·m of {moment_scale:.0} N·m");
+    assert!(moment < 1e-4 * moment_scale);
     if passive {
         let difference = largest(&kinematics.passive_moment, table.column("passive_moment"));
         println!("  passive moment {difference:.1e} N·m");
@@ -153,4 +172,180 @@ fn val_opensim_prescribed_motion_of_mcfarland() {
         return;
     };
     compare_with_opensim(&model, &table, &[], false);
+}
+
+#[test]
+fn val_opensim_prescribed_motion_of_mobl_arms() {
+    let (Some(model), Some(table)) = (shared("models/MOBL_ARMS_41.osim"), lab_reference("mobl_arms_41.csv")) else {
+        return;
+    };
+    compare_with_opensim(&model, &table, &[("elbow_flexion", 90.0)], false);
+}
+
+#[test]
+fn val_opensim_prescribed_motion_of_mobl_arms_with_straight_elbow() {
+    let (Some(model), Some(table)) =
+        (shared("models/MOBL_ARMS_41.osim"), lab_reference("mobl_arms_41_elbow_straight.csv"))
+    else {
+        return;
+    };
+    compare_with_opensim(&model, &table, &[], false);
+}
+
+/// The bundled wrist and a recording of it: half a second of a sine.
+fn short_trial() -> (MusculoskeletalModel, Vec<f64>, Vec<f64>, Vec<Vec<f64>>) {
+    let parts = [MomentPart::Muscles, MomentPart::Passive];
+    let posture = [("elbow_flexion", 90.0), ("pro_sup", 0.0)];
+    let model = compile(&fixture("models/wrist.osim"), &setup(&parts, &posture));
+    let time: Vec<f64> = (0..51).map(|i| 0.01 * f64::from(i)).collect();
+    let angle = time.iter().map(|t| 0.4 * (4.0 * t).sin()).collect();
+    let wave = |m: usize| time.iter().map(|t| 0.3 + 0.25 * (9.0 * t + m as f64).sin()).collect();
+    let excitation = (0..MUSCLES.len()).map(wave).collect();
+    (model, time, angle, excitation)
+}
+
+fn as_recording<'a>(time: &'a [f64], angle: &'a [f64], excitation: &'a [Vec<f64>]) -> Recording<'a> {
+    Recording { name: "trial.csv".into(), time, angle, excitation: excitation.iter().map(Vec::as_slice).collect() }
+}
+
+#[test]
+fn verif_moment_derivatives_match_differences_of_whole_simulations() {
+    let (model, time, angle, excitation) = short_trial();
+    let trial = model.prepare(&as_recording(&time, &angle, &excitation), &Options::default()).unwrap();
+    for (i, p) in model.nominal_parameters().into_iter().enumerate() {
+        let exact = trial.unit_moment_with_derivatives(i, &p).unwrap();
+        let run = |p: &MuscleParameters| {
+            let mut moment = vec![0.0; trial.len()];
+            trial.add_unit_moment(i, p, &mut moment).unwrap();
+            moment
+        };
+        assert_eq!(run(&p), exact.moment, "with and without derivatives");
+        type Shift = fn(&mut MuscleParameters) -> &mut f64;
+        let parameters: [(&str, Shift, &[f64]); 3] = [
+            ("optimal_fiber_length", |p| &mut p.optimal_fiber_length, &exact.by_optimal_fiber_length),
+            ("tendon_slack_length", |p| &mut p.tendon_slack_length, &exact.by_tendon_slack_length),
+            ("pennation_angle_at_optimal", |p| &mut p.pennation_angle_at_optimal, &exact.by_pennation_angle),
+        ];
+        for (name, field, derivative) in parameters {
+            let difference = |h: f64| -> Vec<f64> {
+                let shifted = |sign: f64| {
+                    let mut q = p;
+                    *field(&mut q) += sign * h;
+                    run(&q)
+                };
+                let (up, down) = (shifted(1.0), shifted(-1.0));
+                (0..trial.len()).map(|k| (up[k] - down[k]) / (2.0 * h)).collect()
+            };
+            // Large steps suffer from the corners of the curves, small ones from rounding: the best of some counts.
+            let value = *field(&mut p.clone());
+            let scale = derivative.iter().fold(0.0_f64, |m, d| m.max(d.abs()));
+            let worst = [3e-5, 1e-5, 3e-6, 1e-6]
+                .map(|h| largest(&difference(h * value), derivative))
+                .into_iter()
+                .fold(f64::INFINITY, f64::min);
+            println!("{} {name}: {:.1e} relative", MUSCLES[i], worst / scale);
+            assert!(worst < 1e-6 * scale, "{} {name}: {worst:e} of {scale:e}", MUSCLES[i]);
+        }
+    }
+}
+
+#[test]
+fn verif_simulation_is_the_sum_of_its_parts_and_linear_in_force() {
+    let (model, time, angle, excitation) = short_trial();
+    let trial = model.prepare(&as_recording(&time, &angle, &excitation), &Options::default()).unwrap();
+    let mut parameters = model.nominal_parameters();
+    let once = trial.simulate(&parameters).unwrap();
+    let rest = trial.moment_without_muscles();
+    parameters.iter_mut().for_each(|p| p.max_isometric_force *= 2.0);
+    let twice = trial.simulate(&parameters).unwrap();
+    for k in 0..trial.len() {
+        let muscles: f64 = once.muscles.iter().map(|m| m.moment[k]).sum();
+        assert!((once.moment[k] - rest[k] - muscles).abs() < 1e-12);
+        assert!((twice.moment[k] - rest[k] - 2.0 * muscles).abs() < 1e-9 * (1.0 + muscles.abs()));
+    }
+}
+
+#[test]
+fn verif_tables_shared_by_several_trials_do_not_change_a_trial() {
+    let (model, time, angle, excitation) = short_trial();
+    let wider: Vec<f64> = angle.iter().map(|a| 1.4 * a - 0.1).collect();
+    let recordings = [as_recording(&time, &angle, &excitation), as_recording(&time, &wider, &excitation)];
+    let alone = model.prepare(&recordings[0], &Options::default()).unwrap();
+    let together = model.prepare_all(&recordings, &Options::default()).unwrap();
+    let parameters = model.nominal_parameters();
+    let (a, b) = (alone.simulate(&parameters).unwrap(), together[0].simulate(&parameters).unwrap());
+    assert!(largest(&a.moment, &b.moment) < 1e-5);
+}
+
+/// Work of one simulation: counted, not timed.
+#[test]
+fn verif_work_stays_within_its_budget() {
+    let (model, time, angle, excitation) = short_trial();
+    let trial = model.prepare(&as_recording(&time, &angle, &excitation), &Options::default()).unwrap();
+    let work = trial.simulate(&model.nominal_parameters()).unwrap().work;
+    println!("{work:?}, {} path evaluations", trial.path_evaluations());
+    // Half a second, five muscles with busy excitations: 160 steps per second and muscle, seven evaluations per step.
+    assert!(work.steps <= 5 * 80 && work.residual_evaluations <= 7 * work.steps && work.divided_steps == 0);
+    assert!(trial.path_evaluations() < 500);
+}
+
+#[test]
+fn verif_result_does_not_depend_on_the_number_of_threads() {
+    let (model, time, angle, excitation) = short_trial();
+    let run = |threads: usize| {
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
+            let recordings: Vec<Recording> = (0..5).map(|_| as_recording(&time, &angle, &excitation)).collect();
+            let trials = model.prepare_all(&recordings, &Options::default()).unwrap();
+            carpus::simulation::simulate_all(&trials, &model.nominal_parameters()).unwrap()
+        })
+    };
+    assert_eq!(run(1), run(4));
+}
+
+#[test]
+fn verif_bad_recordings_and_setups_are_refused_with_their_place() {
+    let (model, time, angle, excitation) = short_trial();
+    let refuse = |time: &[f64], angle: &[f64], excitation: &[Vec<f64>]| {
+        model.prepare(&as_recording(time, angle, excitation), &Options::default()).unwrap_err()
+    };
+    let mut outside = angle.clone();
+    outside[20] = 2.5;
+    let error = refuse(&time, &outside, &excitation);
+    assert!(
+        matches!(&error, SimulationError::AngleOutOfRange { recording, time, .. } if recording == "trial.csv" && *time == 0.2),
+        "{error}"
+    );
+    assert!(error.hint().is_some());
+    let mut not_a_number = angle.clone();
+    not_a_number[3] = f64::NAN;
+    assert!(matches!(refuse(&time, &not_a_number, &excitation), SimulationError::NotFinite { sample: 3, .. }));
+    let mut backwards = time.clone();
+    backwards[10] = backwards[9];
+    assert!(matches!(refuse(&backwards, &angle, &excitation), SimulationError::TimeNotIncreasing { .. }));
+    assert!(matches!(refuse(&time, &angle[..40], &excitation), SimulationError::ColumnLength { found: 40, .. }));
+    assert!(matches!(refuse(&time, &angle, &excitation[..4]), SimulationError::ExcitationCount { found: 4, .. }));
+    let few = |v: &[f64]| v[..4].to_vec();
+    let short: Vec<Vec<f64>> = excitation.iter().map(|e| few(e)).collect();
+    assert!(matches!(refuse(&few(&time), &few(&angle), &short), SimulationError::TooFewSamples { found: 4, .. }));
+
+    let trial = model.prepare(&as_recording(&time, &angle, &excitation), &Options::default()).unwrap();
+    let mut parameters = model.nominal_parameters();
+    parameters[2].optimal_fiber_length = -0.01;
+    assert!(matches!(
+        trial.simulate(&parameters).unwrap_err(),
+        SimulationError::InvalidParameter { property: "optimal_fiber_length", .. }
+    ));
+    assert!(matches!(trial.simulate(&parameters[..2]).unwrap_err(), SimulationError::ParameterCount { found: 2, .. }));
+
+    let file = OsimFile::read(fixture("models/wrist.osim")).unwrap();
+    let with = |change: &dyn Fn(&mut Setup)| {
+        let mut setup = setup(&[MomentPart::Muscles], &[]);
+        change(&mut setup);
+        MusculoskeletalModel::compile(&file.spec, &setup).unwrap_err()
+    };
+    assert!(matches!(with(&|s| s.coordinate = "flexoin".into()), SimulationError::UnknownCoordinate { .. }));
+    assert!(matches!(with(&|s| s.active_muscles[1] = "FDS".into()), SimulationError::UnknownMuscle { .. }));
+    assert!(matches!(with(&|s| s.active_muscles[1] = "ECU".into()), SimulationError::RepeatedMuscle { .. }));
+    let far = HeldCoordinate { coordinate: "elbow_flexion".into(), value_deg_or_m: 400.0 };
+    assert!(matches!(with(&|s| s.posture.push(far.clone())), SimulationError::PostureOutOfRange { .. }));
 }

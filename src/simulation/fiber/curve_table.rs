@@ -8,7 +8,7 @@
 
 /// Largest deviation of a tabulated curve from the original, relative to the curve's largest tabulated magnitude
 /// (at least 1); 1,000 times below what moves a force by 1e-5·`max_isometric_force`.
-const TABLE_TOLERANCE: f64 = 1e-9;
+const TABLE_TOLERANCE: f64 = 1e-8;
 const FEWEST_CELLS: usize = 64;
 const MOST_CELLS: usize = 8192;
 

@@ -12,15 +12,15 @@ pub(crate) const PARAMETERS: usize = 3;
 #[derive(Clone, Debug)]
 pub(crate) struct FiberCurves {
     /// Active force–length.
-    pub(crate) active: CurveTable,
+    pub(crate) active: Arc<CurveTable>,
     /// Passive fibre force–length.
-    pub(crate) passive: CurveTable,
+    pub(crate) passive: Arc<CurveTable>,
     /// Force–velocity.
-    pub(crate) force_velocity: CurveTable,
+    pub(crate) force_velocity: Arc<CurveTable>,
     /// Tendon force–length.
-    pub(crate) tendon: CurveTable,
+    pub(crate) tendon: Arc<CurveTable>,
     /// Velocity as a function of the force multiplier: only for a muscle without fibre damping.
-    pub(crate) velocity_of_force: Option<CurveTable>,
+    pub(crate) velocity_of_force: Option<Arc<CurveTable>>,
     /// Fibre damping β; 0 for the undamped model.
     pub(crate) damping: f64,
     /// Maximum contraction velocity [optimal fibre lengths/s].

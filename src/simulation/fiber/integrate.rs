@@ -26,7 +26,7 @@ pub struct FiberAccuracy {
 impl Default for FiberAccuracy {
     /// Forces within about 1e-5 of maximum isometric force.
     fn default() -> Self {
-        FiberAccuracy { tolerance: 1e-6, max_step: 0.02 }
+        FiberAccuracy { tolerance: 2e-6, max_step: 0.02 }
     }
 }
 
@@ -137,7 +137,9 @@ impl Fiber {
             state.clamped = false;
             (state.rate, state.stiffness) = self.rate(state.x, input.drive[0], work);
         }
-        let Some(mut solution) = self.step::<DERIVATIVES>(state, input, work) else {
+        let collocation = self.step::<DERIVATIVES>(state, input, work);
+        let robust = || if last_resort { self.euler_step(state, input, work) } else { None };
+        let Some(mut solution) = collocation.or_else(robust) else {
             return Attempt::Divide;
         };
         let below = solution.end.x < self.shortest;

@@ -180,7 +180,7 @@ impl Fiber {
                 break;
             }
             // A correction as large as a fibre, or one that does not shrink, leads nowhere.
-            if !(correction < 1.0) || correction > 2.0 * last_correction {
+            if correction.is_nan() || correction > 1.0_f64.min(2.0 * last_correction) {
                 return None;
             }
             last_correction = correction;
@@ -224,6 +224,64 @@ impl Fiber {
             z,
             z_by_parameters,
             error,
+        })
+    }
+}
+
+impl Fiber {
+    /// One step of the implicit Euler method: for the smallest steps, where the path jumps and the fibre is torn along.
+    ///
+    /// The force balance at the end of the step rises with fibre length as long as the step is short, so that a bracket
+    /// can be closed around its root. `None` only for inputs that are not finite.
+    pub(crate) fn euler_step(&self, state: &FiberState, input: &StepInput, work: &mut Work) -> Option<StepSolution> {
+        let drive = input.drive[2];
+        let per_velocity = 1.0 / (input.h * self.curves.max_velocity);
+        let balance = |x: f64| {
+            let at = self.residual(x, (x - state.x) * per_velocity, drive);
+            (at, at.by_x + at.by_u * per_velocity)
+        };
+        let (mut low, mut high) = (self.shortest, state.x.max(drive.length / self.optimal).max(1.0));
+        if balance(high).0.r.is_nan() {
+            return None;
+        }
+        let mut x = state.x.clamp(low, high);
+        for _ in 0..200 {
+            let (at, slope) = balance(x);
+            work.residual_evaluations += 1;
+            if at.r > 0.0 {
+                high = x
+            } else {
+                low = x
+            }
+            let newton = x - at.r / slope;
+            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+            let change = (next - x).abs();
+            x = next;
+            if change < 1e-14 * (1.0 + x) {
+                break;
+            }
+        }
+        let (at, slope) = balance(x);
+        let by_p = self.residual_by_parameters(x, (x - state.x) * per_velocity, drive);
+        let mut by_parameters = [0.0; PARAMETERS];
+        for p in 0..PARAMETERS {
+            by_parameters[p] = (at.by_u * per_velocity * state.by_parameters[p] - by_p[p]) / slope;
+        }
+        let rise = x - state.x;
+        let rise_by = [0, 1, 2].map(|p| by_parameters[p] - state.by_parameters[p]);
+        work.steps += 1;
+        Some(StepSolution {
+            end: FiberState {
+                x,
+                rate: rise / input.h,
+                stiffness: -self.curves.max_velocity * at.by_x / at.by_u,
+                by_parameters,
+                clamped: false,
+                previous: ([0.0; 3], 0.0),
+            },
+            z: STAGES.map(|c| c * rise),
+            z_by_parameters: STAGES.map(|c| rise_by.map(|r| c * r)),
+            error: 0.0,
         })
     }
 }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::CurveCache;
 use super::equation::{Drive, Fiber, FiberCurves, PARAMETERS};
 use super::integrate::{Cursor, DriveSource, FiberAccuracy, FiberSample, StepPlan};
 use crate::muscles::Millard2012;
@@ -73,7 +74,9 @@ fn muscle(pennation: f64, fiber_damping: f64) -> Millard2012 {
 }
 
 fn tabulated(muscle: &Millard2012) -> Arc<FiberCurves> {
-    FiberCurves::tabulate(muscle, 0.1_f64.acos())
+    let spec = muscle_spec(0.0, muscle.parameters().fiber_damping, muscle.ignore_tendon_compliance());
+    let MuscleKind::Millard2012Equilibrium(properties) = &spec.kind else { unreachable!() };
+    FiberCurves::tabulate(muscle, properties, &mut CurveCache::default())
 }
 
 fn fiber(muscle: &Millard2012) -> Fiber {
