@@ -62,6 +62,10 @@ pub enum Command {
     Compare(CompareArgs),
     /// Fit muscle parameters to a study: a personalized .osim, errors before and after, report
     Personalize(PersonalizeArgs),
+    /// See where the model fails and which physical effects could be missing
+    Diagnose(DiagnoseArgs),
+    /// The catalogue of physical effects: equation, parameters, signature, rivals
+    Effects(EffectsArgs),
 }
 
 /// `carpus demo`
@@ -196,6 +200,29 @@ pub struct PersonalizeArgs {
     /// The study.
     #[command(flatten)]
     pub study: StudyArgs,
+}
+
+/// `carpus diagnose`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus diagnose study/study.toml --out diagnosed\n  carpus diagnose study/study.toml --candidates joint_stiffness,gravity --out diagnosed\n\nWrites DIR/P01/diagnosis.json. Held-out trials (use = test) are never fitted."
+)]
+pub struct DiagnoseArgs {
+    /// The study.
+    #[command(flatten)]
+    pub study: StudyArgs,
+    /// Only these effects (comma-separated; default: all)
+    #[arg(long, value_name = "ID,…", value_delimiter = ',')]
+    pub candidates: Vec<String>,
+}
+
+/// `carpus effects`
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  carpus effects\n  carpus effects joint_stiffness")]
+pub struct EffectsArgs {
+    /// Only this effect, in full
+    #[arg(value_name = "ID")]
+    pub id: Option<String>,
 }
 
 fn activation(text: &str) -> Result<f64, String> {

@@ -71,6 +71,8 @@ fn execute(cli: &Cli) -> Result<(), Failure> {
         Command::Equilibrium(args) => commands::equilibrium::run(args, global),
         Command::Simulate(args) => commands::simulate::run(args, global),
         Command::Compare(args) => commands::compare::run(args, global),
+        Command::Diagnose(args) => commands::diagnose::run(args, global),
+        Command::Effects(args) => commands::effects::run(args, global),
         Command::Personalize(args) => commands::personalize::run(args, global),
     }
 }

@@ -4,3 +4,9 @@
 pub mod catalogue;
 pub mod effect;
 pub mod effects;
+pub mod forward_model;
+pub mod fit;
+pub mod noise;
+pub mod score_test;
+pub mod diagnose;
+pub mod where_it_fails;

@@ -173,7 +173,7 @@ impl ExcitationResponse {
             let moment = self.moment_by_fiber[k] * x + self.moment_by_activation[k] * a;
             emit(k, moment);
             largest = largest.max(x.abs() + a.abs());
-            if k >= first + disturbance.len() && x.abs() + a.abs() < 1e-4 * largest {
+            if k >= first + disturbance.len() && x.abs() + a.abs() <= 1e-4 * largest {
                 break;
             }
             let here = disturbance.get(k - first).copied().unwrap_or(0.0);

@@ -2,6 +2,8 @@
 
 pub mod compare;
 pub mod demo;
+pub mod diagnose;
+pub mod effects;
 pub mod equilibrium;
 pub mod info;
 pub mod paths;

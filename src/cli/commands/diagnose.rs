@@ -1,0 +1,162 @@
+//! `carpus diagnose`: where the model fails, and which physical effect is missing.
+
+use crate::cli::args::{DiagnoseArgs, Global};
+use crate::cli::failure::{self, Failure, Message};
+use crate::cli::print_result;
+use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
+use crate::cli::table::{fixed, table};
+use crate::diagnosis::catalogue::{CATALOGUE, effect};
+use crate::diagnosis::diagnose::{Diagnosis, Outcome, Request, Verdict, diagnose};
+use crate::diagnosis::effect::Effect;
+use crate::diagnosis::forward_model::ForwardModel;
+use crate::study::TrialUse;
+
+/// Runs the command.
+///
+/// # Errors
+/// The study, its models and trials, the candidates, or the output folder.
+pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
+    let candidates = candidates(&args.candidates)?;
+    let study = StudyRun::prepare(&args.study)?;
+    let bar = progress(global, study.participants.len() as u64, "diagnosing");
+    let mut diagnoses = Vec::new();
+    for participant in &study.participants {
+        let run = study.participant(participant)?;
+        failure::print(&run.warnings);
+        let forward = forward_model(&run)?;
+        let diagnosis = diagnosed(&study, &run, &forward, candidates.clone(), global)?.diagnosis;
+        let json = serde_json::to_string_pretty(&diagnosis).map_err(|e| Failure::Internal(e.to_string()))?;
+        study.out.write(format!("{}/diagnosis.json", participant.name), json.as_bytes())?;
+        diagnoses.push(diagnosis);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    if global.json {
+        return print_result(&serde_json::to_string(&diagnoses).map_err(|e| Failure::Internal(e.to_string()))?);
+    }
+    print_result(&diagnoses.iter().map(readable).collect::<Vec<_>>().join("\n\n"))
+}
+
+/// The trials of a participant, ready to be simulated with effects.
+///
+/// # Errors
+/// A trial that cannot be simulated; nothing to train on.
+pub fn forward_model(run: &ParticipantRun) -> Result<ForwardModel, Failure> {
+    let forward = ForwardModel::new(&run.loaded.file.spec, &run.model, &run.trials)
+        .map_err(|e| Message::error(e.to_string()).in_file(&run.loaded.path))?;
+    if forward.trials_for(TrialUse::Train).len() < 2 {
+        let text = format!("participant {}: expected at least two trials with use = train", run.participant.name);
+        return Err(Message::error(text).hint("a diagnosis compares trials with each other").into());
+    }
+    Ok(forward)
+}
+
+/// Diagnoses one participant.
+///
+/// # Errors
+/// A trial that cannot be simulated.
+pub fn diagnosed(
+    study: &StudyRun,
+    run: &ParticipantRun,
+    forward: &ForwardModel,
+    candidates: Vec<&'static dyn Effect>,
+    global: &Global,
+) -> Result<Outcome, Failure> {
+    let request = Request {
+        participant: run.participant.name.clone(),
+        forward,
+        bounds: study.study.settings.bounds,
+        candidates,
+        mvc: largest_moment(run),
+        seed: global.seed,
+    };
+    diagnose(&request).map_err(|e| Message::error(e.to_string()).in_file(&run.loaded.path).into())
+}
+
+/// The session's MVC moment [N·m]: as the study states it, else the largest that was recorded.
+fn largest_moment(run: &ParticipantRun) -> f64 {
+    let p = &run.participant;
+    let stated = [p.mvc_flexion, p.mvc_extension].into_iter().flatten().fold(0.0, f64::max);
+    if stated > 0.0 { stated } else { run.trials.iter().map(|t| t.max_abs_moment()).fold(0.0, f64::max) }
+}
+
+/// The effects of these identifiers; `all` or nothing: the whole catalogue.
+///
+/// # Errors
+/// An unknown identifier.
+pub fn candidates(ids: &[String]) -> Result<Vec<&'static dyn Effect>, Failure> {
+    if ids.is_empty() || ids == ["all"] {
+        return Ok(CATALOGUE.to_vec());
+    }
+    ids.iter().map(|id| known(id)).collect()
+}
+
+/// The effect of an identifier.
+///
+/// # Errors
+/// There is none.
+pub fn known(id: &str) -> Result<&'static dyn Effect, Failure> {
+    effect(id).ok_or_else(|| {
+        let message = Message::error(format!("there is no effect `{id}`"));
+        let hint = match crate::study::nearest(id, CATALOGUE.iter().map(|e| e.description().id)) {
+            Some(nearest) => format!("did you mean `{nearest}`? `carpus effects` lists all"),
+            None => "`carpus effects` lists all".to_string(),
+        };
+        message.hint(hint).into()
+    })
+}
+
+/// A verdict in words.
+pub fn in_words(diagnosis: &Diagnosis) -> String {
+    let names = |ids: &[&'static str]| {
+        ids.iter().map(|id| effect(id).map_or(*id, |e| e.description().name)).collect::<Vec<_>>().join(" + ")
+    };
+    let sets: Vec<String> = diagnosis.explanations.iter().map(|e| names(&e.effects)).collect();
+    match diagnosis.verdict {
+        Verdict::Identified => format!("consistent with one missing effect: {}", sets.join("")),
+        Verdict::TwoEffects => format!("no single effect explains the data; consistent with {}", sets.join("")),
+        Verdict::CannotTell => format!("cannot tell; consistent with any of: {}", sets.join("; ")),
+        Verdict::NothingDetectable => "nothing detectable beyond muscle parameters and noise".to_string(),
+        Verdict::Negligible => format!("detectable but negligible; consistent with {}", sets.join("; ")),
+        Verdict::Unknown => "something is missing, and no effect of the catalogue explains it".to_string(),
+        Verdict::Implausible => format!("only implausible sizes explain the data: {}", sets.join("; ")),
+    }
+}
+
+fn readable(diagnosis: &Diagnosis) -> String {
+    let mut text = format!("{}: {}\n", diagnosis.participant, in_words(diagnosis));
+    let percent = |v: Option<f64>| v.map_or("–".to_string(), |v| fixed(100.0 * v, 2));
+    let mut rows = Vec::new();
+    let steps = [("training", Some(diagnosis.error.train)), ("held out", diagnosis.error.held_out)];
+    for (name, steps) in steps {
+        let Some(s) = steps else { continue };
+        let floor = percent(Some(diagnosis.error.noise_floor));
+        rows.push(vec![name.to_string(), percent(Some(s.base)), percent(Some(s.refit_only)), percent(s.with_effect), floor]);
+    }
+    text.push_str("\nRMSE in % of the session's MVC moment\n");
+    text.push_str(&table(&["trials", "as given", "muscles refitted", "with effect", "noise floor"], 1, rows));
+    if !diagnosis.explanations.is_empty() {
+        text.push_str("\n\nExplanations that leave nothing\n");
+        let rows = diagnosis.explanations.iter().flat_map(|e| {
+            e.parameters.iter().map(|(name, p)| {
+                vec![
+                    name.clone(),
+                    format!("{:.4} [{:.4}, {:.4}] {}", p.value, p.ci95[0], p.ci95[1], p.unit),
+                    format!("{} to {}", p.plausible[0], p.plausible[1]),
+                    fixed(e.p_value, 3),
+                ]
+            })
+        });
+        text.push_str(&table(&["parameter", "estimate, 95 % interval", "plausible", "p"], 2, rows));
+    } else if diagnosis.verdict == Verdict::NothingDetectable {
+        text.push_str(&format!("\n\np = {:.3}. Smallest sizes that would have been found:\n", diagnosis.null_p_value));
+        let rows = diagnosis.candidates.iter().flat_map(|c| {
+            c.detectable_size.iter().map(|(name, size)| vec![c.effect.to_string(), (*name).to_string(), format!("{size:.4}")])
+        });
+        text.push_str(&table(&["effect", "parameter", "size"], 2, rows));
+    }
+    if !diagnosis.not_testable.is_empty() {
+        text.push_str(&format!("\n\nNot testable with these trials: {}", diagnosis.not_testable.join(", ")));
+    }
+    text
+}

@@ -1,0 +1,523 @@
+//! The diagnosis of one participant: which single effects, or pairs, explain what the model misses.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::catalogue::CATALOGUE;
+use super::effect::{Effect, Role};
+use super::fit::{Analysis, Fit};
+use super::forward_model::{ForwardModel, Setting};
+use super::score_test::{BlockScore, Omnibus};
+use super::where_it_fails::{AxisResult, along_axes};
+use crate::simulation::SimulationError;
+use crate::study::{ParameterBounds, TrialUse};
+
+/// A null model with a smaller p-value is rejected.
+const REJECT_NULL: f64 = 0.05;
+/// An explanation with a smaller p-value is rejected: slightly laxer than 0.05, so that the true one stays in at least
+/// 95 of 100 times.
+const REJECT_EXPLANATION: f64 = 0.03;
+/// An effect whose signature keeps less than this share once muscle parameters are fitted cannot be tested.
+const TESTABLE: f64 = 0.01;
+/// z that an effect needs to be found with a probability of about 80 % among all others.
+const DETECTABLE_Z: f64 = 4.2;
+/// A detected effect that lowers the training error by less than this share is negligible.
+const NEGLIGIBLE: f64 = 0.02;
+/// Candidates whose one-step fit leaves this much more deviance than the best are not fitted.
+const HOPELESS: f64 = 0.5;
+/// Candidates for pairs.
+const PAIRED: usize = 6;
+/// Pairs that are fitted.
+const FITTED_PAIRS: usize = 8;
+
+/// What the data say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// One effect explains the data.
+    Identified,
+    /// No single effect does; one pair does.
+    TwoEffects,
+    /// Several explanations survive.
+    CannotTell,
+    /// The muscle parameters alone explain the data.
+    NothingDetectable,
+    /// Something is there but hardly matters.
+    Negligible,
+    /// Nothing in the catalogue explains the data.
+    Unknown,
+    /// Only with implausible sizes do effects explain the data.
+    Implausible,
+}
+
+/// A parameter of an explanation.
+#[derive(Clone, Debug, Serialize)]
+pub struct ParameterEstimate {
+    /// Estimate.
+    pub value: f64,
+    /// Unit.
+    pub unit: &'static str,
+    /// 95 % interval.
+    pub ci95: [f64; 2],
+    /// Plausible range.
+    pub plausible: [f64; 2],
+}
+
+/// Effects that, fitted jointly with the muscles, leave nothing.
+#[derive(Clone, Debug, Serialize)]
+pub struct Explanation {
+    /// Effects.
+    pub effects: Vec<&'static str>,
+    /// p-value of "nothing is left".
+    pub p_value: f64,
+    /// RMSE over held-out trials / session MVC moment.
+    pub held_out_error: Option<f64>,
+    /// Every interval overlaps its plausible range.
+    pub plausible: bool,
+    /// Parameters by `effect.parameter`.
+    pub parameters: BTreeMap<String, ParameterEstimate>,
+}
+
+/// A candidate of the catalogue.
+#[derive(Clone, Debug, Serialize)]
+pub struct Candidate {
+    /// Effect.
+    pub effect: &'static str,
+    /// p-value that nothing is left once it is fitted; `None` if it was not fitted.
+    pub p_value: Option<f64>,
+    /// p-value of its own score test on the model without effects.
+    pub score_p_value: f64,
+    /// Its score statistic T.
+    pub score: f64,
+    /// Share of its signature that fitting the muscles leaves.
+    pub kept: f64,
+    /// Smallest size that would be found, per amplitude, in the parameter's unit (for changes of a muscle's property: as
+    /// a share of it).
+    pub detectable_size: BTreeMap<&'static str, f64>,
+    /// RMSE over held-out trials / session MVC moment, once fitted.
+    pub held_out_error: Option<f64>,
+    /// Parameters, once fitted.
+    pub parameters: BTreeMap<String, ParameterEstimate>,
+}
+
+/// Errors step by step.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Steps {
+    /// The model as given.
+    pub base: f64,
+    /// Muscle parameters fitted.
+    pub refit_only: f64,
+    /// With the best explanation, if there is one.
+    pub with_effect: Option<f64>,
+}
+
+/// Errors.
+#[derive(Clone, Debug, Serialize)]
+pub struct Errors {
+    /// Training trials.
+    pub train: Steps,
+    /// Held-out trials.
+    pub held_out: Option<Steps>,
+    /// What noise alone would leave.
+    pub noise_floor: f64,
+    /// What is measured.
+    pub measure: &'static str,
+}
+
+/// How well two effects can be told apart.
+#[derive(Clone, Debug, Serialize)]
+pub struct Confusion {
+    /// The effect taken to be true.
+    pub truth: &'static str,
+    /// Its rival.
+    pub rival: &'static str,
+    /// |effect| · length of its signature once muscles and the rival are fitted, in standard deviations.
+    pub z: f64,
+}
+
+/// The diagnosis of one participant.
+#[derive(Clone, Debug, Serialize)]
+pub struct Diagnosis {
+    /// Version of this format.
+    pub schema: &'static str,
+    /// Participant.
+    pub participant: String,
+    /// What the data say.
+    pub verdict: Verdict,
+    /// p-value of the model without effects.
+    pub null_p_value: f64,
+    /// The same by sign flips of whole trials.
+    pub null_sign_flip_p_value: f64,
+    /// The confidence set.
+    pub explanations: Vec<Explanation>,
+    /// Effects that were rejected.
+    pub ruled_out: Vec<&'static str>,
+    /// Effects that these data cannot test.
+    pub not_testable: Vec<&'static str>,
+    /// Errors.
+    pub error: Errors,
+    /// All candidates.
+    pub candidates: Vec<Candidate>,
+    /// Pairwise separability of the leading candidates.
+    pub confusion: Vec<Confusion>,
+    /// Residual of the refitted model along every axis.
+    pub where_it_fails: Vec<AxisResult>,
+    /// Standard deviations of the noise: white and slow moment [N·m], EMG envelope, gain per trial (relative), baseline.
+    pub noise: BTreeMap<&'static str, f64>,
+}
+
+/// What to diagnose.
+pub struct Request<'a> {
+    /// Name of the participant.
+    pub participant: String,
+    /// Model and trials.
+    pub forward: &'a ForwardModel,
+    /// Bounds of the muscle parameters: priors.
+    pub bounds: ParameterBounds,
+    /// Effects to consider; empty: all.
+    pub candidates: Vec<&'static dyn Effect>,
+    /// Largest moment of the session [N·m].
+    pub mvc: f64,
+    /// Seed of random draws.
+    pub seed: u64,
+}
+
+/// A diagnosis and the fit of its best explanation.
+pub struct Outcome {
+    /// The account.
+    pub diagnosis: Diagnosis,
+    /// Fit without effects.
+    pub refit: Fit,
+    /// Fit of the first explanation.
+    pub best: Option<Fit>,
+}
+
+/// Diagnoses one participant.
+///
+/// # Errors
+/// A trial that cannot be simulated.
+pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
+    let forward = request.forward;
+    let all: Vec<&'static dyn Effect> =
+        if request.candidates.is_empty() { CATALOGUE.to_vec() } else { request.candidates.clone() };
+    let train = forward.trials_for(TrialUse::Train);
+    let (analysis, null) = Analysis::new(forward, train, all, &request.bounds, request.seed)?;
+    let first = test(&analysis, &null, &[])?;
+    let not_testable: Vec<&'static str> = analysis
+        .candidates
+        .iter()
+        .map(|e| e.description())
+        .filter(|d| {
+            d.unidentifiable.is_some() || block(&first, d.id).is_none_or(|b| b.kept < TESTABLE || b.rank == 0)
+        })
+        .map(|d| d.id)
+        .collect();
+    let left = test(&analysis, &null, &not_testable)?;
+    let judge = Judge { request, analysis: &analysis, not_testable: &not_testable };
+    let rejected = left.p_value < REJECT_NULL;
+    let singles = if rejected { judge.singles(&null, &left)? } else { Vec::new() };
+    let mut explanations: Vec<(Fit, Explanation)> =
+        singles.iter().filter(|s| s.1.p_value > REJECT_EXPLANATION).cloned().collect();
+    if rejected && explanations.is_empty() {
+        explanations =
+            judge.pairs(&null, &left, &singles)?.into_iter().filter(|s| s.1.p_value > REJECT_EXPLANATION).collect();
+    }
+    let implausible = !explanations.is_empty() && explanations.iter().all(|e| !e.1.plausible);
+    if !implausible {
+        explanations.retain(|e| e.1.plausible);
+    }
+    explanations.sort_by(|a, b| a.0.deviance.total_cmp(&b.0.deviance));
+    let best = explanations.first().map(|e| e.0.clone());
+    let error = judge.errors(&null, best.as_ref())?;
+    let fall = error.train.with_effect.map_or(0.0, |with| 1.0 - with / error.train.refit_only);
+    let verdict = match explanations.as_slice() {
+        _ if !rejected => Verdict::NothingDetectable,
+        [] => Verdict::Unknown,
+        _ if implausible => Verdict::Implausible,
+        _ if fall < NEGLIGIBLE => Verdict::Negligible,
+        [only] if only.1.effects.len() == 2 => Verdict::TwoEffects,
+        [_] => Verdict::Identified,
+        _ => Verdict::CannotTell,
+    };
+    let kept: Vec<&str> = explanations.iter().flat_map(|e| e.1.effects.clone()).collect();
+    let ids = || analysis.candidates.iter().map(|e| e.description().id);
+    let ruled_out =
+        ids().filter(|id| rejected && !kept.contains(id) && !not_testable.contains(id)).collect();
+    let residuals = judge.residuals(&null)?;
+    let [white, slow, envelope, gain, floor] = analysis.levels.0.map(f64::sqrt);
+    let diagnosis = Diagnosis {
+        schema: "carpus.diagnosis/1",
+        participant: request.participant.clone(),
+        verdict,
+        null_p_value: left.p_value,
+        null_sign_flip_p_value: left.sign_flip_p_value,
+        candidates: judge.candidates(&first, &singles),
+        confusion: judge.confusion(&null, &left),
+        explanations: explanations.into_iter().map(|e| e.1).collect(),
+        ruled_out,
+        not_testable,
+        error,
+        where_it_fails: along_axes(forward, &residuals, &left),
+        noise: BTreeMap::from([
+            ("moment_white_n_m", white),
+            ("moment_slow_n_m", slow),
+            ("emg_envelope", envelope),
+            ("emg_gain_per_trial", gain),
+            ("emg_baseline", floor),
+        ]),
+    };
+    Ok(Outcome { diagnosis, refit: null, best })
+}
+
+fn test(analysis: &Analysis, fit: &Fit, skip: &[&str]) -> Result<Omnibus, SimulationError> {
+    analysis.anything_left(fit, skip).ok_or(SimulationError::ParameterCount { found: 0, expected: 1 })
+}
+
+fn block<'a>(omnibus: &'a Omnibus, name: &str) -> Option<&'a BlockScore> {
+    omnibus.blocks.iter().find(|b| b.name == name)
+}
+
+struct Judge<'a> {
+    request: &'a Request<'a>,
+    analysis: &'a Analysis<'a>,
+    not_testable: &'a [&'static str],
+}
+
+impl Judge<'_> {
+    fn testable(&self) -> impl Iterator<Item = &'static dyn Effect> + '_ {
+        self.analysis.candidates.iter().copied().filter(|e| !self.not_testable.contains(&e.description().id))
+    }
+
+    /// Every single effect that has a chance, fitted.
+    fn singles(&self, null: &Fit, left: &Omnibus) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
+        let score = |e: &&'static dyn Effect| block(left, e.description().id).map_or(0.0, |b| b.statistic);
+        let best = self.testable().map(|e| score(&e)).fold(0.0, f64::max);
+        let hopeful: Vec<_> = self.testable().filter(|e| score(e) >= HOPELESS * best - 30.0).collect();
+        hopeful.into_iter().map(|effect| self.explain(null, left, &[effect])).collect()
+    }
+
+    /// Pairs of the leading candidates: the best by the score of the second after the first was fitted.
+    fn pairs(
+        &self,
+        null: &Fit,
+        left: &Omnibus,
+        singles: &[(Fit, Explanation)],
+    ) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
+        let mut leaders: Vec<&(Fit, Explanation)> = singles.iter().collect();
+        leaders.sort_by(|a, b| a.0.deviance.total_cmp(&b.0.deviance));
+        leaders.truncate(PAIRED);
+        let mut pairs: Vec<(f64, &Fit, [&'static dyn Effect; 2])> = Vec::new();
+        for (fit, _) in &leaders {
+            let with = test(self.analysis, fit, self.not_testable)?;
+            let first = fit.point.effects[0].effect;
+            for second in self.testable().filter(|e| e.description().id != first.description().id) {
+                let same = |p: &[&'static dyn Effect; 2]| {
+                    p[0].description().id == second.description().id && p[1].description().id == first.description().id
+                };
+                let gain = block(&with, second.description().id).map_or(0.0, |b| b.statistic);
+                let deviance = fit.deviance - gain;
+                match pairs.iter_mut().find(|p| same(&p.2)) {
+                    Some(known) if known.0 <= deviance => {}
+                    Some(known) => *known = (deviance, fit, [first, second]),
+                    None => pairs.push((deviance, fit, [first, second])),
+                }
+            }
+        }
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        pairs.truncate(FITTED_PAIRS);
+        pairs.into_iter().map(|(_, _, pair)| self.explain(null, left, &pair)).collect()
+    }
+
+    /// Fits effects jointly with the muscles and asks what is left.
+    fn explain(
+        &self,
+        null: &Fit,
+        left: &Omnibus,
+        effects: &[&'static dyn Effect],
+    ) -> Result<(Fit, Explanation), SimulationError> {
+        let mut start = null.point.clone();
+        for effect in effects {
+            let mut setting = Setting::absent(*effect);
+            let description = effect.description();
+            if let Some(score) = block(left, description.id) {
+                for (i, p) in description.amplitudes().enumerate() {
+                    // The one-step estimate of a nonlinear effect may be far off: not beyond five times its usual size.
+                    let parameter = &description.parameters[p];
+                    setting.values[p] = score.one_step[i].clamp(-5.0, 5.0) * parameter.scale;
+                }
+            }
+            start.effects.push(setting);
+        }
+        let fit = self.analysis.fit(start)?;
+        let p_value = test(self.analysis, &fit, self.not_testable)?.p_value;
+        let parameters = self.estimates(&fit);
+        let plausible = parameters.values().all(|p| p.ci95[1] >= p.plausible[0] && p.ci95[0] <= p.plausible[1]);
+        let held_out_error = self.error_of(&fit, TrialUse::Test)?;
+        let effects = effects.iter().map(|e| e.description().id).collect();
+        Ok((fit, Explanation { effects, p_value, held_out_error, plausible, parameters }))
+    }
+
+    fn estimates(&self, fit: &Fit) -> BTreeMap<String, ParameterEstimate> {
+        let muscles = &self.request.forward.muscles;
+        let mut out = BTreeMap::new();
+        let mut column = 0;
+        for setting in &fit.point.effects {
+            let description = setting.effect.description();
+            let reported = setting.effect.reported(&setting.values, muscles);
+            for (i, p) in description.parameters.iter().enumerate() {
+                let half = 1.96 * fit.covariance[(column, column)].max(0.0).sqrt() * p.scale;
+                let side = |sign: f64| {
+                    let mut values = setting.values.clone();
+                    values[i] += sign * half;
+                    setting.effect.reported(&values, muscles)[i]
+                };
+                let (a, b) = (side(-1.0), side(1.0));
+                out.insert(
+                    format!("{}.{}", description.id, p.name),
+                    ParameterEstimate {
+                        value: reported[i],
+                        unit: p.unit,
+                        ci95: [a.min(b), a.max(b)],
+                        plausible: p.plausible,
+                    },
+                );
+                column += 1;
+            }
+        }
+        out
+    }
+
+    /// Simulated moments of the trials of a use, from the EMG as recorded.
+    fn simulate(&self, fit: &Fit, usage: TrialUse) -> Result<Vec<(usize, Vec<f64>)>, SimulationError> {
+        simulate(self.request.forward, &fit.point.parameters, &fit.point.effects, usage)
+    }
+
+    fn error_of(&self, fit: &Fit, usage: TrialUse) -> Result<Option<f64>, SimulationError> {
+        Ok(self.rmse(&self.simulate(fit, usage)?))
+    }
+
+    fn rmse(&self, simulated: &[(usize, Vec<f64>)]) -> Option<f64> {
+        rmse(self.request.forward, simulated).map(|e| e / self.request.mvc)
+    }
+
+    fn residuals(&self, fit: &Fit) -> Result<Vec<(usize, Vec<f64>)>, SimulationError> {
+        let mut out = self.simulate(fit, TrialUse::Train)?;
+        for (g, moment) in &mut out {
+            for (m, y) in moment.iter_mut().zip(&self.request.forward.trials[*g].moment) {
+                *m = y - *m;
+            }
+        }
+        Ok(out)
+    }
+
+    fn errors(&self, null: &Fit, best: Option<&Fit>) -> Result<Errors, SimulationError> {
+        let steps = |usage| -> Result<Option<Steps>, SimulationError> {
+            let forward = self.request.forward;
+            let base = self.rmse(&simulate(forward, &forward.nominal_parameters(), &[], usage)?);
+            let refit = self.error_of(null, usage)?;
+            let with_effect = best.map(|b| self.error_of(b, usage)).transpose()?.flatten();
+            Ok(base.zip(refit).map(|(base, refit_only)| Steps { base, refit_only, with_effect }))
+        };
+        let nothing = Steps { base: 0.0, refit_only: 0.0, with_effect: None };
+        Ok(Errors {
+            train: steps(TrialUse::Train)?.unwrap_or(nothing),
+            held_out: steps(TrialUse::Test)?,
+            noise_floor: self.analysis.noise_floor() / self.request.mvc,
+            measure: "RMSE / session MVC moment",
+        })
+    }
+
+    fn candidates(&self, first: &Omnibus, singles: &[(Fit, Explanation)]) -> Vec<Candidate> {
+        let mut out: Vec<Candidate> = self
+            .analysis
+            .candidates
+            .iter()
+            .filter_map(|effect| {
+                let description = effect.description();
+                let score = block(first, description.id)?;
+                let fitted = singles.iter().find(|s| s.1.effects == [description.id]).map(|s| &s.1);
+                let detectable_size = description
+                    .amplitudes()
+                    .enumerate()
+                    .filter(|(i, _)| score.information[(*i, *i)] > 1e-9)
+                    .map(|(i, p)| {
+                        let p = &description.parameters[p];
+                        (p.name, DETECTABLE_Z * p.scale / score.information[(i, i)].sqrt())
+                    })
+                    .collect();
+                Some(Candidate {
+                    effect: description.id,
+                    p_value: fitted.map(|f| f.p_value),
+                    score_p_value: score.p_value,
+                    score: score.statistic,
+                    kept: score.kept,
+                    detectable_size,
+                    held_out_error: fitted.and_then(|f| f.held_out_error),
+                    parameters: fitted.map(|f| f.parameters.clone()).unwrap_or_default(),
+                })
+            })
+            .collect();
+        out.sort_by(|a, b| {
+            b.p_value.unwrap_or(-1.0).total_cmp(&a.p_value.unwrap_or(-1.0)).then(b.score.total_cmp(&a.score))
+        });
+        out
+    }
+
+    /// Pairwise z of the leading candidates at their one-step sizes.
+    fn confusion(&self, null: &Fit, left: &Omnibus) -> Vec<Confusion> {
+        let mut leaders: Vec<&BlockScore> =
+            left.blocks.iter().filter(|b| !b.name.starts_with("axis:") && b.rank > 0).collect();
+        leaders.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));
+        leaders.truncate(PAIRED);
+        let mut out = Vec::new();
+        for truth in &leaders {
+            for rival in leaders.iter().filter(|r| r.name != truth.name) {
+                let Some(z) = self.analysis.pairwise_z(null, &truth.name, &truth.one_step, &rival.name) else { continue };
+                let id = |name: &str| super::catalogue::effect(name).map(|e| e.description().id);
+                if let Some((truth, rival)) = id(&truth.name).zip(id(&rival.name)) {
+                    out.push(Confusion { truth, rival, z });
+                }
+            }
+        }
+        out
+    }
+}
+
+/// Simulated moments [N·m] of the trials of a use, from the EMG as recorded.
+///
+/// # Errors
+/// A muscle whose forces cannot be balanced.
+pub fn simulate(
+    forward: &ForwardModel,
+    parameters: &[crate::simulation::MuscleParameters],
+    effects: &[Setting],
+    usage: TrialUse,
+) -> Result<Vec<(usize, Vec<f64>)>, SimulationError> {
+    let variant = forward.variant(effects)?;
+    forward
+        .trials_for(usage)
+        .into_par_iter()
+        .map(|g| {
+            let excitation = &forward.trials[g].excitation;
+            let core = forward.core(&variant, g, excitation, parameters, effects, false)?;
+            Ok((g, forward.recorded_moment(g, &core, effects)))
+        })
+        .collect::<Vec<_>>()
+        .into_iter()
+        .collect()
+}
+
+/// Root mean square of measured minus simulated moment over trials [N·m].
+pub fn rmse(forward: &ForwardModel, simulated: &[(usize, Vec<f64>)]) -> Option<f64> {
+    let squares = simulated.iter().flat_map(|(g, s)| forward.trials[*g].moment.iter().zip(s).map(|(y, s)| (y - s).powi(2)));
+    let (sum, count) = squares.fold((0.0, 0usize), |(sum, n), s| (sum + s, n + 1));
+    (count > 0).then(|| (sum / count as f64).sqrt())
+}
+
+/// Whether a setting has an amplitude that is not 0: for messages.
+pub fn is_on(setting: &Setting) -> bool {
+    let parameters = setting.effect.description().parameters;
+    parameters.iter().zip(&setting.values).any(|(p, v)| p.role == Role::Amplitude && *v != 0.0)
+}

@@ -1,0 +1,576 @@
+//! Joint fit of muscle parameters and effects to a participant's training trials.
+//!
+//! The true excitation is the recorded one times exp(w), w unknown. Around the present estimate ŵ the moment is linear in
+//! w, so that with G = ∂τ/∂w
+//!
+//! ```text
+//! y − τ(θ, φ, ŵ) + G ŵ ~ N(0, V),   ŵ ← E[w | data] = K Gᵀ V⁻¹ (y − τ + G ŵ)
+//! ```
+//! (first-order conditional linearization). Sensitivities taken at ŵ are, to first order, independent of the residual:
+//! EMG noise that is in both would otherwise make time constants, delays and nonlinearities look significant.
+//!
+//! # References
+//! Lindstrom & Bates (1990), Nonlinear mixed effects models for repeated measures data, doi:10.2307/2532087.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use rayon::prelude::*;
+
+use super::effect::{Effect, Role};
+use super::forward_model::{Core, FITTED_PER_MUSCLE, ForwardModel, Setting, matters};
+use super::noise::{self, KNOT_SPACING, NoiseLevels, TrialNoise};
+use super::score_test::{self, Block, Omnibus};
+use crate::simulation::{MuscleParameters, SimulationError};
+use crate::study::ParameterBounds;
+
+/// Most blocks that the samples of a trial are averaged to.
+const MOST_BLOCKS: usize = 80;
+/// Standard deviation expected of an EMG channel's baseline.
+const BASELINE_SD: f64 = 0.004;
+/// Scale of lack-of-fit directions [N·m].
+const LACK_SCALE: f64 = 0.1;
+
+/// Where a fit stands.
+#[derive(Clone)]
+pub struct Point {
+    /// Muscle parameters.
+    pub parameters: Vec<MuscleParameters>,
+    /// Effects that are on.
+    pub effects: Vec<Setting>,
+    /// Per training trial and muscle: log of true over recorded excitation on knots.
+    pub correction: Vec<Vec<DVector<f64>>>,
+}
+
+/// A finished fit.
+#[derive(Clone)]
+pub struct Fit {
+    /// Where it ended.
+    pub point: Point,
+    /// −2 log posterior, up to a constant.
+    pub deviance: f64,
+    /// Covariance of the effects' parameters, in units of their scales, in the order of effects and parameters.
+    pub covariance: DMatrix<f64>,
+    /// Per training trial: whitened columns [nuisance | effects' parameters | residual].
+    whitened: Vec<DMatrix<f64>>,
+    /// Distance of nuisance and effects from the prior's mean, and prior precision.
+    offset: Vec<f64>,
+    precision: Vec<f64>,
+}
+
+/// A participant's training data, the noise in it, and the directions to test.
+pub struct Analysis<'a> {
+    /// Model and trials.
+    pub forward: &'a ForwardModel,
+    /// Training trials.
+    pub train: Vec<usize>,
+    /// Effects under test.
+    pub candidates: Vec<&'static dyn Effect>,
+    /// Variances of the noise.
+    pub levels: NoiseLevels,
+    noise: Vec<TrialNoise>,
+    factors: Vec<Cholesky<f64, Dyn>>,
+    /// Prior standard deviation of log F_max, log l_opt, log l_slack.
+    prior_sd: [f64; FITTED_PER_MUSCLE],
+    /// Blocks of directions and their columns among `directions`.
+    pub blocks: Vec<Block>,
+    /// Per training trial: whitened directions.
+    directions: Vec<DMatrix<f64>>,
+    seed: u64,
+}
+
+/// One trial at a point, averaged over blocks of samples.
+struct Linear {
+    nuisance: DMatrix<f64>,
+    effects: DMatrix<f64>,
+    residual: DVector<f64>,
+    /// The trial's core, for directions.
+    core: Core,
+    excitation: Vec<Vec<f64>>,
+}
+
+/// Start of every block of samples, and the end.
+pub(crate) fn block_starts(samples: usize) -> Vec<usize> {
+    let blocks = samples.min(MOST_BLOCKS);
+    (0..=blocks).map(|b| b * samples / blocks).collect()
+}
+
+pub(crate) fn block_means(series: &[f64], starts: &[usize]) -> DVector<f64> {
+    DVector::from_iterator(
+        starts.len() - 1,
+        starts.windows(2).map(|w| series[w[0]..w[1]].iter().sum::<f64>() / (w[1] - w[0]) as f64),
+    )
+}
+
+fn knot_count(time: &[f64]) -> usize {
+    ((time[time.len() - 1] - time[0]) / KNOT_SPACING).ceil() as usize + 1
+}
+
+/// Recorded excitation times exp(correction).
+fn corrected(time: &[f64], excitation: &[Vec<f64>], correction: &[DVector<f64>]) -> Vec<Vec<f64>> {
+    excitation
+        .iter()
+        .zip(correction)
+        .map(|(e, w)| {
+            e.iter()
+                .zip(time)
+                .map(|(e, t)| {
+                    let x = (t - time[0]) / KNOT_SPACING;
+                    let i = (x as usize).min(w.len() - 2);
+                    let part = x - i as f64;
+                    let log = w[i] + part * (w[i + 1] - w[i]);
+                    if log == 0.0 { *e } else { (e * log.exp()).min(1.0) }
+                })
+                .collect()
+        })
+        .collect()
+}
+
+impl<'a> Analysis<'a> {
+    /// Fits the muscle parameters without effects, estimates the noise, and computes all directions.
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub fn new(
+        forward: &'a ForwardModel,
+        train: Vec<usize>,
+        candidates: Vec<&'static dyn Effect>,
+        bounds: &ParameterBounds,
+        seed: u64,
+    ) -> Result<(Analysis<'a>, Fit), SimulationError> {
+        let mut analysis = Analysis {
+            forward,
+            train,
+            candidates,
+            levels: NoiseLevels::default(),
+            noise: Vec::new(),
+            factors: Vec::new(),
+            prior_sd: prior_sd(bounds),
+            blocks: Vec::new(),
+            directions: Vec::new(),
+            seed,
+        };
+        let mut point = analysis.nominal_point();
+        for round in 0..5 {
+            let linear = analysis.linearize(&point)?;
+            analysis.noise = analysis.noise_structure(&linear, &point)?;
+            if round >= 2 {
+                analysis.estimate_noise(&linear, None);
+            }
+            analysis.factorize();
+            let (step, _) = analysis.step(&linear, &point);
+            analysis.advance(&mut point, &linear, &step);
+        }
+        // With all directions among the regressors, what an effect does is not taken for noise.
+        let linear = analysis.linearize(&point)?;
+        let directions = analysis.calc_directions(&linear, &point)?;
+        analysis.estimate_noise(&linear, Some(&directions));
+        analysis.factorize();
+        analysis.directions =
+            directions.iter().zip(&analysis.factors).map(|(d, factor)| whiten(factor, d)).collect();
+        let fit = analysis.fit(point)?;
+        Ok((analysis, fit))
+    }
+
+    fn n_muscles(&self) -> usize {
+        self.forward.muscles.len()
+    }
+
+    /// Columns of nuisance: muscle parameters, and a baseline of every EMG channel.
+    pub fn n_nuisance(&self) -> usize {
+        self.n_muscles() * (FITTED_PER_MUSCLE + 1)
+    }
+
+    fn nominal_point(&self) -> Point {
+        let correction = self
+            .train
+            .iter()
+            .map(|g| vec![DVector::zeros(knot_count(&self.forward.trials[*g].time)); self.n_muscles()])
+            .collect();
+        Point { parameters: self.forward.nominal_parameters(), effects: Vec::new(), correction }
+    }
+
+    fn linearize(&self, point: &Point) -> Result<Vec<Linear>, SimulationError> {
+        let variant = self.forward.variant(&point.effects)?;
+        let variants = (0..point.effects.len())
+            .map(|i| self.forward.difference_variants(&point.effects, i))
+            .collect::<Result<Vec<_>, _>>()?;
+        (0..self.train.len())
+            .into_par_iter()
+            .map(|position| {
+                let g = self.train[position];
+                let record = &self.forward.trials[g];
+                let starts = block_starts(record.time.len());
+                let excitation = corrected(&record.time, &record.excitation, &point.correction[position]);
+                let core =
+                    self.forward.core(&variant, g, &excitation, &point.parameters, &point.effects, true)?;
+                let simulated = self.forward.recorded_moment(g, &core, &point.effects);
+                let difference: Vec<f64> = record.moment.iter().zip(&simulated).map(|(y, s)| y - s).collect();
+                let mut residual = block_means(&difference, &starts);
+                let blocks = residual.len();
+                let mut nuisance = DMatrix::zeros(blocks, self.n_nuisance());
+                for (j, by) in self.forward.sensed_derivatives(g, &core, &point.effects).iter().enumerate() {
+                    nuisance.set_column(j, &block_means(by, &starts));
+                }
+                if let Some(noise) = self.noise.get(position) {
+                    residual += noise.respond(&point.correction[position]);
+                    for m in 0..self.n_muscles() {
+                        let column = noise.respond_to_baseline(m);
+                        nuisance.set_column(self.n_muscles() * FITTED_PER_MUSCLE + m, &(column * BASELINE_SD));
+                    }
+                }
+                let count: usize = point.effects.iter().map(|s| s.values.len()).sum();
+                let mut effects = DMatrix::zeros(blocks, count);
+                let mut column = 0;
+                for (i, setting) in point.effects.iter().enumerate() {
+                    for p in 0..setting.values.len() {
+                        if matters(setting, p) {
+                            let by = self.forward.effect_derivative(
+                                g, &core, &excitation, &point.parameters, &point.effects, i, &variants[i], p,
+                            )?;
+                            effects.set_column(column, &block_means(&by, &starts));
+                        }
+                        column += 1;
+                    }
+                }
+                Ok(Linear { nuisance, effects, residual, core, excitation })
+            })
+            .collect::<Vec<_>>()
+            .into_iter()
+            .collect()
+    }
+
+    fn noise_structure(&self, linear: &[Linear], point: &Point) -> Result<Vec<TrialNoise>, SimulationError> {
+        (0..self.train.len())
+            .into_par_iter()
+            .map(|position| {
+                let record = &self.forward.trials[self.train[position]];
+                let starts = block_starts(record.time.len());
+                let blocks = starts.len() - 1;
+                let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
+                let times = block_means(&record.time, &starts);
+                let knots = knot_count(&record.time);
+                let mut responses = Vec::new();
+                let mut at_knots = Vec::new();
+                let block_of: Vec<usize> =
+                    counts.iter().enumerate().flat_map(|(b, c)| std::iter::repeat_n(b, *c)).collect();
+                for m in 0..self.n_muscles() {
+                    let e = &linear[position].core.excitation[m];
+                    let response =
+                        linear[position].core.prepared.excitation_response(m, &point.parameters[m], e)?;
+                    let mut g = DMatrix::zeros(blocks, knots);
+                    for j in 0..knots {
+                        let (first, disturbance) = hat(&record.time, e, j);
+                        response.respond(first, &disturbance, |k, moment| {
+                            g[(block_of[k], j)] += moment / counts[block_of[k]] as f64;
+                        });
+                    }
+                    responses.push(g);
+                    at_knots.push(
+                        (0..knots)
+                            .map(|j| {
+                                super::effect::interpolate(&record.time, e, record.time[0] + KNOT_SPACING * j as f64)
+                            })
+                            .collect(),
+                    );
+                }
+                Ok(TrialNoise::new(times.as_slice(), &counts, responses, &at_knots))
+            })
+            .collect::<Vec<_>>()
+            .into_iter()
+            .collect()
+    }
+
+    fn estimate_noise(&mut self, linear: &[Linear], directions: Option<&Vec<DMatrix<f64>>>) {
+        let extra = directions.map_or(0, |d| d.first().map_or(0, DMatrix::ncols));
+        let columns: Vec<DMatrix<f64>> = linear
+            .iter()
+            .enumerate()
+            .map(|(i, l)| {
+                let mut x = l.nuisance.clone().resize_horizontally(l.nuisance.ncols() + extra, 0.0);
+                if let Some(d) = directions {
+                    x.columns_mut(l.nuisance.ncols(), extra).copy_from(&d[i]);
+                }
+                x
+            })
+            .collect();
+        let mut precision = self.nuisance_precision();
+        // Directions are in units of their scale; ten times that is wide.
+        precision.extend(std::iter::repeat_n(0.01, extra));
+        let trials: Vec<_> =
+            self.noise.iter().zip(&columns).zip(linear).map(|((n, x), l)| (n, x, &l.residual)).collect();
+        self.levels = noise::estimate(&trials, &DVector::from_vec(precision), self.levels);
+    }
+
+    fn factorize(&mut self) {
+        let factors: Vec<_> = self.noise.par_iter().map(|n| noise::factor(n, &self.levels)).collect();
+        // V is a sum of a positive diagonal and positive semidefinite matrices.
+        self.factors = factors.into_iter().flatten().collect();
+    }
+
+    fn nuisance_precision(&self) -> Vec<f64> {
+        let mut out = Vec::with_capacity(self.n_nuisance());
+        for _ in 0..self.n_muscles() {
+            out.extend(self.prior_sd.iter().map(|sd| 1.0 / (sd * sd)));
+        }
+        // Baselines are in units of their standard deviation.
+        out.extend(std::iter::repeat_n(1.0, self.n_muscles()));
+        out
+    }
+
+    /// Prior precision and present distance from the prior's mean, of nuisance and effects.
+    fn prior(&self, point: &Point) -> (Vec<f64>, Vec<f64>) {
+        let mut precision = self.nuisance_precision();
+        let mut offset = Vec::new();
+        for (p, nominal) in point.parameters.iter().zip(self.forward.nominal_parameters()) {
+            offset.push((p.max_isometric_force / nominal.max_isometric_force).ln());
+            offset.push((p.optimal_fiber_length / nominal.optimal_fiber_length).ln());
+            offset.push((p.tendon_slack_length / nominal.tendon_slack_length).ln());
+        }
+        offset.extend(std::iter::repeat_n(0.0, self.n_muscles()));
+        for setting in &point.effects {
+            for (p, value) in setting.effect.description().parameters.iter().zip(&setting.values) {
+                precision.push(if p.role == Role::Shape { 1.0 } else { AMPLITUDE_PRECISION });
+                offset.push((value - p.start) / p.scale);
+            }
+        }
+        (precision, offset)
+    }
+
+    /// The Gauss–Newton step for nuisance and effects, and the whitened columns.
+    fn step(&self, linear: &[Linear], point: &Point) -> (DVector<f64>, Vec<DMatrix<f64>>) {
+        let (precision, offset) = self.prior(point);
+        let p = precision.len();
+        let whitened: Vec<DMatrix<f64>> = linear
+            .par_iter()
+            .zip(&self.factors)
+            .map(|(l, factor)| {
+                let n = l.nuisance.ncols();
+                let mut all = DMatrix::zeros(l.residual.len(), p + 1);
+                all.columns_mut(0, n).copy_from(&l.nuisance);
+                all.columns_mut(n, p - n).copy_from(&l.effects);
+                all.set_column(p, &l.residual);
+                whiten(factor, &all)
+            })
+            .collect();
+        let mut information = DMatrix::from_diagonal(&DVector::from_vec(precision.clone()));
+        let mut right = DVector::from_iterator(p, precision.iter().zip(&offset).map(|(a, b)| -a * b));
+        for w in &whitened {
+            let x = w.columns(0, p);
+            information += x.tr_mul(&x);
+            right += x.tr_mul(&w.column(p));
+        }
+        let step = information.cholesky().map_or_else(|| DVector::zeros(p), |c| c.solve(&right));
+        (step, whitened)
+    }
+
+    /// Moves a point by a step, within bounds, and updates the expected EMG noise.
+    fn advance(&self, point: &mut Point, linear: &[Linear], step: &DVector<f64>) {
+        for position in 0..self.train.len() {
+            let l = &linear[position];
+            let n = l.nuisance.ncols();
+            let left = &l.residual - &l.nuisance * step.rows(0, n) - &l.effects * step.rows(n, step.len() - n);
+            let weighted = self.factors[position].solve(&left);
+            point.correction[position] = self.noise[position].expected_noise(&self.levels, &weighted);
+            for w in &mut point.correction[position] {
+                w.iter_mut().for_each(|v| *v = v.clamp(-0.7, 0.7));
+            }
+        }
+        for (m, p) in point.parameters.iter_mut().enumerate() {
+            let s = |i: usize, most: f64| step[m * FITTED_PER_MUSCLE + i].clamp(-most, most).exp();
+            p.max_isometric_force *= s(0, 0.7);
+            p.optimal_fiber_length *= s(1, 0.08);
+            p.tendon_slack_length *= s(2, 0.03);
+        }
+        let mut column = self.n_nuisance();
+        for setting in &mut point.effects {
+            for (p, value) in setting.effect.description().parameters.iter().zip(&mut setting.values) {
+                let most = if p.role == Role::Shape { 1.0 } else { 4.0 };
+                let limit = if p.role == Role::Shape { 3.0 } else { 30.0 } * p.scale;
+                *value = (*value + step[column].clamp(-most, most) * p.scale).clamp(p.start - limit, p.start + limit);
+                column += 1;
+            }
+        }
+    }
+
+    /// Fits jointly from a point.
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub fn fit(&self, mut point: Point) -> Result<Fit, SimulationError> {
+        let mut best: Option<Fit> = None;
+        for round in 0..MOST_ROUNDS {
+            let linear = self.linearize(&point)?;
+            let (step, whitened) = self.step(&linear, &point);
+            let (precision, offset) = self.prior(&point);
+            let p = precision.len();
+            let deviance = whitened.iter().map(|w| w.column(p).norm_squared()).sum::<f64>()
+                + precision.iter().zip(&offset).map(|(a, b)| a * b * b).sum::<f64>();
+            let n = self.n_nuisance();
+            let mut information = DMatrix::from_diagonal(&DVector::from_vec(precision.clone()));
+            for w in &whitened {
+                let x = w.columns(0, p);
+                information += x.tr_mul(&x);
+            }
+            let gain = step.dot(&(&information * &step));
+            let covariance = information
+                .try_inverse()
+                .map_or_else(|| DMatrix::zeros(p - n, p - n), |c| c.view((n, n), (p - n, p - n)).into_owned());
+            let fit = Fit { point: point.clone(), deviance: deviance - gain, covariance, whitened, offset, precision };
+            let better = best.as_ref().is_none_or(|b| fit.deviance <= b.deviance + 1e-9);
+            if better {
+                best = Some(fit);
+            }
+            if gain < CONVERGED && round > 0 {
+                break;
+            }
+            self.advance(&mut point, &linear, &step);
+        }
+        best.ok_or_else(|| SimulationError::ParameterCount { found: 0, expected: 1 })
+    }
+
+    /// Directions of all candidates' amplitudes and of lack of fit, in units of their scales.
+    fn calc_directions(
+        &mut self,
+        linear: &[Linear],
+        point: &Point,
+    ) -> Result<Vec<DMatrix<f64>>, SimulationError> {
+        let mut per_trial: Vec<Vec<DVector<f64>>> = vec![Vec::new(); self.train.len()];
+        let mut blocks = Vec::new();
+        let mut next = 0;
+        for effect in &self.candidates {
+            let settings = [Setting::absent(*effect)];
+            let variants = self.forward.difference_variants(&settings, 0)?;
+            let amplitudes: Vec<usize> = effect.description().amplitudes().collect();
+            let columns = self
+                .train
+                .par_iter()
+                .zip(linear)
+                .map(|(g, l)| {
+                    let starts = block_starts(self.forward.trials[*g].time.len());
+                    amplitudes
+                        .iter()
+                        .map(|p| {
+                            let by = self.forward.effect_derivative(
+                                *g, &l.core, &l.excitation, &point.parameters, &settings, 0, &variants, *p,
+                            )?;
+                            Ok(block_means(&by, &starts))
+                        })
+                        .collect::<Result<Vec<_>, SimulationError>>()
+                })
+                .collect::<Vec<_>>();
+            for (all, new) in per_trial.iter_mut().zip(columns) {
+                all.extend(new?);
+            }
+            let columns = (next..next + amplitudes.len()).collect();
+            blocks.push(Block { name: effect.description().id.to_string(), columns });
+            next += amplitudes.len();
+        }
+        for (axis, series) in super::where_it_fails::AXES.iter().zip(0..) {
+            let mut count = 0;
+            for (position, all) in per_trial.iter_mut().enumerate() {
+                let g = self.train[position];
+                let starts = block_starts(self.forward.trials[g].time.len());
+                let columns = super::where_it_fails::directions(self.forward, g, series);
+                count = columns.len();
+                all.extend(columns.iter().map(|c| block_means(c, &starts) * LACK_SCALE));
+            }
+            blocks.push(Block { name: format!("axis:{axis}"), columns: (next..next + count).collect() });
+            next += count;
+        }
+        self.blocks = blocks;
+        Ok(per_trial.into_iter().map(|columns| DMatrix::from_columns(&columns)).collect())
+    }
+
+    /// Is anything left after a fit? Effects that are on are not tested again.
+    ///
+    /// - `skip`: names of further blocks to leave out
+    pub fn anything_left(&self, fit: &Fit, skip: &[&str]) -> Option<Omnibus> {
+        let p = fit.precision.len();
+        let columns = self.directions.first()?.ncols();
+        let normal: Vec<DMatrix<f64>> = fit
+            .whitened
+            .par_iter()
+            .zip(&self.directions)
+            .map(|(w, d)| {
+                let mut all = w.clone().resize_horizontally(p + 1 + columns, 0.0);
+                all.columns_mut(p + 1, columns).copy_from(d);
+                all.tr_mul(&all)
+            })
+            .collect();
+        let on = |name: &str| fit.point.effects.iter().any(|s| s.effect.description().id == name);
+        let blocks: Vec<Block> = self
+            .blocks
+            .iter()
+            .filter(|b| !on(&b.name) && !skip.contains(&b.name.as_str()))
+            .map(|b| Block { name: b.name.clone(), columns: b.columns.iter().map(|c| c + p + 1).collect() })
+            .collect();
+        let nuisance: Vec<usize> = (0..p).collect();
+        score_test::omnibus(&normal, &nuisance, &fit.precision, &fit.offset, &blocks, p, self.seed)
+    }
+
+    /// z of an effect against a rival: length of its signature, muscles and rival profiled out, at a given size.
+    ///
+    /// - `size`: of its amplitudes, in units of their scales
+    pub fn pairwise_z(&self, null: &Fit, truth: &str, size: &DVector<f64>, rival: &str) -> Option<f64> {
+        let p = null.precision.len();
+        let columns = |name: &str| self.blocks.iter().find(|b| b.name == name).map(|b| b.columns.clone());
+        let (own, others) = (columns(truth)?, columns(rival)?);
+        let count = p + others.len();
+        let mut information = DMatrix::from_diagonal(&DVector::from_iterator(
+            count,
+            null.precision.iter().copied().chain(std::iter::repeat_n(AMPLITUDE_PRECISION, others.len())),
+        ));
+        let (mut cross, mut length) = (DVector::zeros(count), 0.0);
+        for (w, d) in null.whitened.iter().zip(&self.directions) {
+            let mut x = DMatrix::zeros(w.nrows(), count);
+            x.columns_mut(0, p).copy_from(&w.columns(0, p));
+            let mut signature = DVector::zeros(w.nrows());
+            others.iter().enumerate().for_each(|(i, c)| x.set_column(p + i, &d.column(*c)));
+            own.iter().zip(size.iter()).for_each(|(c, s)| signature += d.column(*c) * *s);
+            information += x.tr_mul(&x);
+            cross += x.tr_mul(&signature);
+            length += signature.norm_squared();
+        }
+        let explained = cross.dot(&information.cholesky()?.solve(&cross));
+        Some((length - explained).max(0.0).sqrt())
+    }
+
+    /// Standard deviation of the noise of a sample of the training trials [N·m].
+    pub fn noise_floor(&self) -> f64 {
+        let total: f64 = self.noise.iter().map(|n| n.variance_of_samples(&self.levels)).sum();
+        let count: usize = self.train.iter().map(|g| block_starts(self.forward.trials[*g].time.len()).len() - 1).sum();
+        (total / count.max(1) as f64).sqrt()
+    }
+}
+
+/// Prior precision of amplitudes in units of their scale: 20 scales are one standard deviation.
+const AMPLITUDE_PRECISION: f64 = 1.0 / 400.0;
+/// Gauss–Newton rounds at most.
+const MOST_ROUNDS: usize = 7;
+/// A fit has converged when a step promises less than this decrease of the deviance.
+const CONVERGED: f64 = 0.02;
+
+fn whiten(factor: &Cholesky<f64, Dyn>, columns: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut out = columns.clone();
+    // The factor has a positive diagonal, so that this always succeeds.
+    let solved = factor.l_dirty().solve_lower_triangular_mut(&mut out);
+    debug_assert!(solved);
+    out
+}
+
+fn prior_sd(bounds: &ParameterBounds) -> [f64; FITTED_PER_MUSCLE] {
+    let width = |b: &crate::study::RelativeBounds, sds: f64| ((b.upper / b.lower).ln() / (2.0 * sds)).max(1e-3);
+    [
+        width(&bounds.max_isometric_force, 2.0),
+        width(&bounds.optimal_fiber_length, 3.0),
+        width(&bounds.tendon_slack_length, 3.0),
+    ]
+}
+
+/// Disturbance of an excitation by one unit of its logarithm on a knot: first sample and values.
+fn hat(time: &[f64], excitation: &[f64], knot: usize) -> (usize, Vec<f64>) {
+    let center = time[0] + KNOT_SPACING * knot as f64;
+    let first = time.partition_point(|t| *t <= center - KNOT_SPACING);
+    let end = time.partition_point(|t| *t < center + KNOT_SPACING);
+    let weight = |t: f64| (1.0 - (t - center).abs() / KNOT_SPACING).max(0.0);
+    (first.min(time.len()), (first..end).map(|k| excitation[k] * weight(time[k])).collect())
+}

@@ -1,0 +1,352 @@
+//! A participant's trials, simulated with any set of effects.
+
+use std::borrow::Cow;
+
+use super::effect::{Effect, JointState, Role, Stage, TrialContext};
+use crate::osim::spec::{ModelSpec, MuscleSpec};
+use crate::simulation::{
+    MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, SimulationError,
+};
+use crate::study::{Trial, TrialInfo, TrialUse};
+
+/// An effect and the values of its parameters.
+#[derive(Clone)]
+pub struct Setting {
+    /// The effect.
+    pub effect: &'static dyn Effect,
+    /// In the order of its parameters.
+    pub values: Vec<f64>,
+}
+
+impl Setting {
+    /// The effect, absent.
+    pub fn absent(effect: &'static dyn Effect) -> Setting {
+        Setting { effect, values: effect.description().absent() }
+    }
+
+    /// Whether all amplitudes are 0.
+    pub fn is_absent(&self) -> bool {
+        self.effect.description().amplitudes().all(|i| self.values[i] == 0.0)
+    }
+}
+
+/// A recorded trial.
+#[derive(Clone, Debug)]
+pub struct TrialRecord {
+    /// What the study says of it.
+    pub info: TrialInfo,
+    /// Time [s].
+    pub time: Vec<f64>,
+    /// Recorded angle [rad].
+    pub angle: Vec<f64>,
+    /// Recorded moment [N·m].
+    pub moment: Vec<f64>,
+    /// Recorded excitation of each active muscle.
+    pub excitation: Vec<Vec<f64>>,
+    /// Place in the session, 0 to 1.
+    pub session: f64,
+    /// ∫ e dt of every muscle before the trial [s].
+    pub exposure: Vec<f64>,
+}
+
+/// A participant's trials and model, ready to be simulated with effects.
+pub struct ForwardModel {
+    /// The trials, in the order of recording.
+    pub trials: Vec<TrialRecord>,
+    /// Specifications of the active muscles.
+    pub muscles: Vec<MuscleSpec>,
+    /// Sign of each muscle's moment arm.
+    pub directions: Vec<f64>,
+    model: MusculoskeletalModel,
+    base: Vec<PreparedTrial>,
+    options: Options,
+}
+
+/// What comes out of the muscles in one trial: everything before joint and sensor.
+pub struct Core {
+    /// The trial with its excitations, angle and muscles.
+    pub prepared: PreparedTrial,
+    /// Excitation of each muscle after the effects on it.
+    pub excitation: Vec<Vec<f64>>,
+    /// Moment of muscles, passive forces, drag [N·m].
+    pub moment: Vec<f64>,
+    /// Derivatives of the moment by log F_max, log l_opt and log l_slack of every muscle, in this order; empty unless asked for.
+    pub by_parameters: Vec<Vec<f64>>,
+}
+
+/// Muscle parameters whose logarithms are fitted, per muscle.
+pub const FITTED_PER_MUSCLE: usize = 3;
+
+impl ForwardModel {
+    /// Prepares the trials of a participant.
+    ///
+    /// - `spec`, `model`: the participant's model, compiled for the study
+    /// - `trials`: all that are not ignored, in the order of recording
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub fn new(
+        spec: &ModelSpec,
+        model: &MusculoskeletalModel,
+        trials: &[Trial],
+    ) -> Result<ForwardModel, SimulationError> {
+        let muscles: Vec<MuscleSpec> =
+            model.muscle_names().filter_map(|name| spec.muscles.iter().find(|m| m.name == name)).cloned().collect();
+        let recordings: Vec<Recording> = trials.iter().map(Recording::from).collect();
+        let options = Options { allow_angle_outside_range: true, ..Options::default() };
+        let base = model.prepare_all_with_margin(&recordings, &options)?;
+        let directions = directions(&base, muscles.len());
+        Ok(ForwardModel {
+            trials: records(trials, muscles.len()),
+            muscles,
+            directions,
+            model: model.clone(),
+            base,
+            options,
+        })
+    }
+
+    /// Positions of the trials of a use.
+    pub fn trials_for(&self, usage: TrialUse) -> Vec<usize> {
+        (0..self.trials.len()).filter(|g| self.trials[*g].info.usage == usage).collect()
+    }
+
+    /// The muscles' parameters as the model has them.
+    pub fn nominal_parameters(&self) -> Vec<MuscleParameters> {
+        self.model.nominal_parameters()
+    }
+
+    /// The recorded trial as prepared without effects.
+    pub fn base(&self, trial: usize) -> &PreparedTrial {
+        &self.base[trial]
+    }
+
+    /// The model with what effects change in the muscles.
+    ///
+    /// # Errors
+    /// A property that is not allowed.
+    pub fn variant(&self, effects: &[Setting]) -> Result<Cow<'_, MusculoskeletalModel>, SimulationError> {
+        let mut muscles = self.muscles.clone();
+        let mut changed = false;
+        for setting in effects {
+            changed |= setting.effect.change_muscles(&setting.values, &mut muscles);
+        }
+        Ok(if changed { Cow::Owned(self.model.with_muscles(&muscles)?) } else { Cow::Borrowed(&self.model) })
+    }
+
+    fn context(&self, trial: usize) -> TrialContext<'_> {
+        let record = &self.trials[trial];
+        TrialContext {
+            time: &record.time,
+            session: record.session,
+            exposure: &record.exposure,
+            recorded_angle: &record.angle,
+            recorded_moment: &record.moment,
+            directions: &self.directions,
+        }
+    }
+
+    /// Simulates a trial up to the joint.
+    ///
+    /// - `variant`: from [`ForwardModel::variant`] of the same effects
+    /// - `excitation`: of each muscle before effects: as recorded, or without its noise
+    ///
+    /// # Errors
+    /// A muscle whose forces cannot be balanced.
+    pub fn core(
+        &self,
+        variant: &MusculoskeletalModel,
+        trial: usize,
+        excitation: &[Vec<f64>],
+        parameters: &[MuscleParameters],
+        effects: &[Setting],
+        derivatives: bool,
+    ) -> Result<Core, SimulationError> {
+        let context = self.context(trial);
+        let record = &self.trials[trial];
+        let mut excitation = excitation.to_vec();
+        let mut angle = record.angle.clone();
+        for setting in effects {
+            setting.effect.excite(&setting.values, &context, &mut excitation);
+            setting.effect.change_angle(&setting.values, &context, &mut angle);
+        }
+        let recording = Recording {
+            name: record.info.file_as_written.clone(),
+            time: &record.time,
+            angle: &angle,
+            excitation: excitation.iter().map(Vec::as_slice).collect(),
+        };
+        let prepared = variant.prepare_like(&recording, &self.base[trial], &self.options)?;
+        let mut moment = prepared.moment_without_muscles();
+        let mut by_parameters = Vec::new();
+        for (i, p) in parameters.iter().enumerate() {
+            let factor = |k: usize| {
+                effects.iter().fold(1.0, |f, s| f * s.effect.moment_factor(&s.values, &context, i, angle[k]))
+            };
+            let force = p.max_isometric_force;
+            if derivatives {
+                let unit = prepared.unit_moment_with_derivatives(i, p)?;
+                let n = moment.len();
+                let mut by = vec![vec![0.0; n]; FITTED_PER_MUSCLE];
+                for k in 0..n {
+                    let f = force * factor(k);
+                    by[0][k] = f * unit.moment[k];
+                    by[1][k] = f * unit.by_optimal_fiber_length[k] * p.optimal_fiber_length;
+                    by[2][k] = f * unit.by_tendon_slack_length[k] * p.tendon_slack_length;
+                    moment[k] += by[0][k];
+                }
+                by_parameters.extend(by);
+            } else {
+                let mut unit = vec![0.0; moment.len()];
+                prepared.add_unit_moment(i, p, &mut unit)?;
+                for k in 0..moment.len() {
+                    moment[k] += force * factor(k) * unit[k];
+                }
+            }
+        }
+        Ok(Core { prepared, excitation, moment, by_parameters })
+    }
+
+    /// The moment that the sensor records [N·m]: what effects on joint, inertia and sensor make of a trial's core.
+    pub fn recorded_moment(&self, trial: usize, core: &Core, effects: &[Setting]) -> Vec<f64> {
+        self.sensed(trial, core, core.moment.clone(), effects)
+    }
+
+    fn sensed(&self, trial: usize, core: &Core, mut moment: Vec<f64>, effects: &[Setting]) -> Vec<f64> {
+        let context = self.context(trial);
+        let kinematics = core.prepared.kinematics();
+        let joint = JointState {
+            trial: &context,
+            angle: &kinematics.angle,
+            speed: &kinematics.speed,
+            acceleration: &kinematics.acceleration,
+        };
+        for setting in effects {
+            setting.effect.add_moment(&setting.values, &joint, &mut moment);
+        }
+        for setting in effects {
+            setting.effect.sense(&setting.values, &context, &mut moment);
+        }
+        moment
+    }
+
+    /// Derivatives of the recorded moment by the fitted muscle parameters: those of the core as the sensor shows them.
+    pub fn sensed_derivatives(&self, trial: usize, core: &Core, effects: &[Setting]) -> Vec<Vec<f64>> {
+        if effects.iter().all(|s| s.effect.description().stage != Stage::Sensor) {
+            return core.by_parameters.clone();
+        }
+        let base = self.recorded_moment(trial, core, effects);
+        core.by_parameters
+            .iter()
+            .map(|by| {
+                // The sensor is affine in the moment, so that a difference is exact; it is kept small because the
+                // direction of a moment may matter.
+                let step = 1e-3;
+                let moved = core.moment.iter().zip(by).map(|(m, d)| m + step * d).collect();
+                let moved = self.sensed(trial, core, moved, effects);
+                moved.iter().zip(&base).map(|(a, b)| (a - b) / step).collect()
+            })
+            .collect()
+    }
+
+    /// Derivative of the recorded moment by a parameter of an effect [N·m per unit of the parameter's scale], by central
+    /// differences of a tenth of the scale.
+    ///
+    /// - `effects`: the effects that are on, the one in question at position `which`
+    /// - `core`: of the same trial, excitation, parameters and effects
+    ///
+    /// # Errors
+    /// A muscle whose forces cannot be balanced.
+    pub fn effect_derivative(
+        &self,
+        trial: usize,
+        core: &Core,
+        excitation: &[Vec<f64>],
+        parameters: &[MuscleParameters],
+        effects: &[Setting],
+        which: usize,
+        variants: &[[Cow<'_, MusculoskeletalModel>; 2]],
+        parameter: usize,
+    ) -> Result<Vec<f64>, SimulationError> {
+        let description = effects[which].effect.description();
+        let moved = [1.0, -1.0].map(|sign| moved(effects, which, parameter, sign * STEP));
+        let sides: [Result<Vec<f64>, SimulationError>; 2] = if description.stage >= Stage::Joint {
+            moved.map(|effects| Ok(self.recorded_moment(trial, core, &effects)))
+        } else {
+            [0, 1].map(|side| {
+                let effects = &moved[side];
+                let variant = &variants[parameter][side];
+                let core = self.core(variant, trial, excitation, parameters, effects, false)?;
+                Ok(self.recorded_moment(trial, &core, effects))
+            })
+        };
+        let [up, down] = sides;
+        let (up, down) = (up?, down?);
+        Ok(up.iter().zip(&down).map(|(a, b)| (a - b) / (2.0 * STEP)).collect())
+    }
+
+    /// The models on both sides of the difference, per parameter of an effect.
+    ///
+    /// # Errors
+    /// A property that is not allowed.
+    pub fn difference_variants(
+        &self,
+        effects: &[Setting],
+        which: usize,
+    ) -> Result<Vec<[Cow<'_, MusculoskeletalModel>; 2]>, SimulationError> {
+        (0..effects[which].values.len())
+            .map(|parameter| {
+                let up = self.variant(&moved(effects, which, parameter, STEP))?;
+                let down = self.variant(&moved(effects, which, parameter, -STEP))?;
+                Ok([up, down])
+            })
+            .collect()
+    }
+}
+
+/// Step of differences, in units of a parameter's scale.
+const STEP: f64 = 0.1;
+
+fn moved(effects: &[Setting], which: usize, parameter: usize, step: f64) -> Vec<Setting> {
+    let mut effects = effects.to_vec();
+    effects[which].values[parameter] += step * effects[which].effect.description().parameters[parameter].scale;
+    effects
+}
+
+/// Whether a parameter can matter at these values: shapes do not while the effect is absent.
+pub fn matters(setting: &Setting, parameter: usize) -> bool {
+    setting.effect.description().parameters[parameter].role == Role::Amplitude || !setting.is_absent()
+}
+
+fn records(trials: &[Trial], muscles: usize) -> Vec<TrialRecord> {
+    let known_start = trials.iter().all(|t| t.info.start_time.is_some());
+    let start = |i: usize| if known_start { trials[i].info.start_time.unwrap_or(0.0) } else { i as f64 };
+    let (first, last) = (start(0), start(trials.len() - 1));
+    let span = if last > first { last - first } else { 1.0 };
+    let mut exposure = vec![0.0; muscles];
+    let mut out = Vec::with_capacity(trials.len());
+    for (i, trial) in trials.iter().enumerate() {
+        out.push(TrialRecord {
+            info: trial.info.clone(),
+            time: trial.time.clone(),
+            angle: trial.angle.clone(),
+            moment: trial.moment.clone(),
+            excitation: trial.excitation.clone(),
+            session: (start(i) - first) / span,
+            exposure: exposure.clone(),
+        });
+        for (muscle, e) in exposure.iter_mut().zip(&trial.excitation) {
+            *muscle += e.windows(2).zip(trial.time.windows(2)).map(|(e, t)| e[0] * (t[1] - t[0])).sum::<f64>();
+        }
+    }
+    out
+}
+
+fn directions(base: &[PreparedTrial], muscles: usize) -> Vec<f64> {
+    (0..muscles)
+        .map(|m| {
+            let arms = base.iter().flat_map(|t| &t.kinematics().muscles[m].moment_arm);
+            if arms.sum::<f64>() < 0.0 { -1.0 } else { 1.0 }
+        })
+        .collect()
+}

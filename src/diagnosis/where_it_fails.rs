@@ -1,0 +1,163 @@
+//! Where a model fails: the residual against angle, speed, time and the like.
+
+use serde::Serialize;
+
+use super::forward_model::ForwardModel;
+use super::score_test::Omnibus;
+
+/// The axes, by name.
+pub const AXES: [&str; 9] = [
+    "constant",
+    "angle",
+    "velocity",
+    "acceleration",
+    "time_in_trial",
+    "session",
+    "flexor_activation",
+    "extensor_activation",
+    "history",
+];
+/// Bins of a curve.
+const BINS: usize = 8;
+
+/// The residual along one axis.
+#[derive(Clone, Debug, Serialize)]
+pub struct AxisResult {
+    /// The axis.
+    pub axis: &'static str,
+    /// Unit of the axis.
+    pub unit: &'static str,
+    /// p-value of a straight line and a parabola along the axis, muscle parameters profiled out.
+    pub p_value: f64,
+    /// Share of the residual's mean square that the binned means explain.
+    pub share_of_error: f64,
+    /// Per bin: middle of the axis, mean residual, and its 95 % interval over trials [N·m].
+    pub curve: Vec<[f64; 4]>,
+}
+
+/// Values of an axis over a trial.
+fn series(forward: &ForwardModel, trial: usize, axis: usize) -> Vec<f64> {
+    let record = &forward.trials[trial];
+    let kinematics = forward.base(trial).kinematics();
+    let activation = |sign: f64| -> Vec<f64> {
+        let members: Vec<usize> = (0..forward.muscles.len()).filter(|m| forward.directions[*m] == sign).collect();
+        (0..record.time.len())
+            .map(|k| {
+                members.iter().map(|m| kinematics.muscles[*m].activation[k]).sum::<f64>() / members.len().max(1) as f64
+            })
+            .collect()
+    };
+    match AXES[axis] {
+        "angle" => kinematics.angle.clone(),
+        "velocity" => kinematics.speed.clone(),
+        "acceleration" => kinematics.acceleration.clone(),
+        "time_in_trial" => record.time.iter().map(|t| t - record.time[0]).collect(),
+        "session" => vec![record.session; record.time.len()],
+        "flexor_activation" => activation(1.0),
+        "extensor_activation" => activation(-1.0),
+        "history" => {
+            // How far the joint has travelled lately: a trace that fades in 1 s.
+            let mut moved = 0.0;
+            let mut out = vec![0.0];
+            for k in 1..record.time.len() {
+                let h = record.time[k] - record.time[k - 1];
+                moved = moved * (-h).exp() + kinematics.angle[k] - kinematics.angle[k - 1];
+                out.push(moved);
+            }
+            out
+        }
+        _ => vec![1.0; record.time.len()],
+    }
+}
+
+fn unit(axis: usize) -> &'static str {
+    match AXES[axis] {
+        "angle" | "history" => "rad",
+        "velocity" => "rad/s",
+        "acceleration" => "rad/s²",
+        "time_in_trial" => "s",
+        "session" => "share of the session",
+        _ => "1",
+    }
+}
+
+/// Directions along an axis: a line and a parabola, of about unit size.
+pub(crate) fn directions(forward: &ForwardModel, trial: usize, axis: usize) -> Vec<Vec<f64>> {
+    let values = series(forward, trial, axis);
+    let scale = match AXES[axis] {
+        "angle" | "history" => 0.5,
+        "velocity" => 1.0,
+        "acceleration" => 10.0,
+        "time_in_trial" => 3.0,
+        "flexor_activation" | "extensor_activation" => 0.3,
+        _ => 1.0,
+    };
+    let line: Vec<f64> = values.iter().map(|v| v / scale).collect();
+    if matches!(AXES[axis], "constant") {
+        return vec![line];
+    }
+    let parabola = match AXES[axis] {
+        // Drag is odd in velocity.
+        "velocity" => line.iter().map(|v| (v * 10.0).tanh()).collect(),
+        _ => line.iter().map(|v| v * v).collect(),
+    };
+    vec![line, parabola]
+}
+
+/// The residuals of trials along every axis.
+///
+/// - `residuals`: trial and residual [N·m]
+/// - `left`: what the score test found
+pub fn along_axes(forward: &ForwardModel, residuals: &[(usize, Vec<f64>)], left: &Omnibus) -> Vec<AxisResult> {
+    let mut out: Vec<AxisResult> = (1..AXES.len())
+        .map(|axis| {
+            let name = format!("axis:{}", AXES[axis]);
+            let p_value = left.blocks.iter().find(|b| b.name == name).map_or(1.0, |b| b.p_value);
+            let (share_of_error, curve) = binned(forward, residuals, axis);
+            AxisResult { axis: AXES[axis], unit: unit(axis), p_value, share_of_error, curve }
+        })
+        .collect();
+    out.sort_by(|a, b| a.p_value.total_cmp(&b.p_value).then(b.share_of_error.total_cmp(&a.share_of_error)));
+    out
+}
+
+fn binned(forward: &ForwardModel, residuals: &[(usize, Vec<f64>)], axis: usize) -> (f64, Vec<[f64; 4]>) {
+    let samples: Vec<(f64, f64, usize)> = residuals
+        .iter()
+        .flat_map(|(g, r)| series(forward, *g, axis).into_iter().zip(r).map(move |(x, r)| (x, *r, *g)))
+        .collect();
+    let mut sorted: Vec<f64> = samples.iter().map(|s| s.0).collect();
+    sorted.sort_by(f64::total_cmp);
+    let mut edges: Vec<f64> = (0..=BINS).map(|i| sorted[(i * (sorted.len() - 1)) / BINS]).collect();
+    edges.dedup();
+    if edges.len() < 2 {
+        return (0.0, Vec::new());
+    }
+    let total: f64 = samples.iter().map(|s| s.1 * s.1).sum();
+    let mut explained = 0.0;
+    let mut curve = Vec::new();
+    let last = edges.len() - 2;
+    for b in 0..=last {
+        let inside = |x: f64| x >= edges[b] && (x < edges[b + 1] || b == last);
+        let members: Vec<&(f64, f64, usize)> = samples.iter().filter(|s| inside(s.0)).collect();
+        if members.is_empty() {
+            continue;
+        }
+        let n = members.len() as f64;
+        let mean = members.iter().map(|s| s.1).sum::<f64>() / n;
+        let middle = members.iter().map(|s| s.0).sum::<f64>() / n;
+        explained += n * mean * mean;
+        // Trials are the unit: variance of the mean from the trials' sums.
+        let mut trials: Vec<usize> = members.iter().map(|s| s.2).collect();
+        trials.dedup();
+        let spread: f64 = trials
+            .iter()
+            .map(|g| members.iter().filter(|s| s.2 == *g).map(|s| s.1 - mean).sum::<f64>().powi(2))
+            .sum();
+        let count = trials.len() as f64;
+        let error = if count > 1.0 { (spread * count / (count - 1.0)).sqrt() / n } else { f64::INFINITY };
+        let half = if error.is_finite() { 1.96 * error } else { mean.abs() };
+        curve.push([middle, mean, mean - half, mean + half]);
+    }
+    (if total > 0.0 { explained / total } else { 0.0 }, curve)
+}
