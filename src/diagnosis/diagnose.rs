@@ -209,9 +209,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         .candidates
         .iter()
         .map(|e| e.description())
-        .filter(|d| {
-            d.unidentifiable.is_some() || block(&first, d.id).is_none_or(|b| b.kept < TESTABLE || b.rank == 0)
-        })
+        .filter(|d| d.unidentifiable.is_some() || block(&first, d.id).is_none_or(|b| b.kept < TESTABLE || b.rank == 0))
         .map(|d| d.id)
         .collect();
     let left = test(&analysis, &null, &not_testable)?;
@@ -243,8 +241,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     };
     let kept: Vec<&str> = explanations.iter().flat_map(|e| e.1.effects.clone()).collect();
     let ids = || analysis.candidates.iter().map(|e| e.description().id);
-    let ruled_out =
-        ids().filter(|id| rejected && !kept.contains(id) && !not_testable.contains(id)).collect();
+    let ruled_out = ids().filter(|id| rejected && !kept.contains(id) && !not_testable.contains(id)).collect();
     let residuals = judge.residuals(&null)?;
     let [white, slow, envelope, gain, floor] = analysis.levels.0.map(f64::sqrt);
     let diagnosis = Diagnosis {
@@ -474,7 +471,9 @@ impl Judge<'_> {
         let mut out = Vec::new();
         for truth in &leaders {
             for rival in leaders.iter().filter(|r| r.name != truth.name) {
-                let Some(z) = self.analysis.pairwise_z(null, &truth.name, &truth.one_step, &rival.name) else { continue };
+                let Some(z) = self.analysis.pairwise_z(null, &truth.name, &truth.one_step, &rival.name) else {
+                    continue;
+                };
                 let id = |name: &str| super::catalogue::effect(name).map(|e| e.description().id);
                 if let Some((truth, rival)) = id(&truth.name).zip(id(&rival.name)) {
                     out.push(Confusion { truth, rival, z });
@@ -511,7 +510,8 @@ pub fn simulate(
 
 /// Root mean square of measured minus simulated moment over trials [N·m].
 pub fn rmse(forward: &ForwardModel, simulated: &[(usize, Vec<f64>)]) -> Option<f64> {
-    let squares = simulated.iter().flat_map(|(g, s)| forward.trials[*g].moment.iter().zip(s).map(|(y, s)| (y - s).powi(2)));
+    let squares =
+        simulated.iter().flat_map(|(g, s)| forward.trials[*g].moment.iter().zip(s).map(|(y, s)| (y - s).powi(2)));
     let (sum, count) = squares.fold((0.0, 0usize), |(sum, n), s| (sum + s, n + 1));
     (count > 0).then(|| (sum / count as f64).sqrt())
 }

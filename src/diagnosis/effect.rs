@@ -99,8 +99,8 @@ pub struct TrialContext<'a> {
     pub exposure: &'a [f64],
     /// Recorded angle of the coordinate [rad].
     pub recorded_angle: &'a [f64],
-    /// Recorded moment [N·m].
-    pub recorded_moment: &'a [f64],
+    /// Simulated moment of the muscles [N·m] without the effects that ask for it ([`Effect::needs_moment`]); empty if none does.
+    pub muscle_moment: &'a [f64],
     /// Sign of each muscle's moment arm in the middle of the recorded angles.
     pub directions: &'a [f64],
 }
@@ -125,6 +125,13 @@ pub struct JointState<'a> {
 pub trait Effect: Sync {
     /// What people should know of it.
     fn description(&self) -> &'static Description;
+
+    /// Whether [`Effect::change_angle`] or [`Effect::add_moment`] read the muscles' moment.
+    ///
+    /// The recorded moment must not be used in its place: its noise would look like an effect.
+    fn needs_moment(&self) -> bool {
+        false
+    }
 
     /// Recorded EMG to excitation, per muscle and sample.
     fn excite(&self, values: &[f64], trial: &TrialContext, excitation: &mut [Vec<f64>]) {

@@ -164,8 +164,7 @@ impl<'a> Analysis<'a> {
         let directions = analysis.calc_directions(&linear, &point)?;
         analysis.estimate_noise(&linear, Some(&directions));
         analysis.factorize();
-        analysis.directions =
-            directions.iter().zip(&analysis.factors).map(|(d, factor)| whiten(factor, d)).collect();
+        analysis.directions = directions.iter().zip(&analysis.factors).map(|(d, factor)| whiten(factor, d)).collect();
         let fit = analysis.fit(point)?;
         Ok((analysis, fit))
     }
@@ -200,8 +199,7 @@ impl<'a> Analysis<'a> {
                 let record = &self.forward.trials[g];
                 let starts = block_starts(record.time.len());
                 let excitation = corrected(&record.time, &record.excitation, &point.correction[position]);
-                let core =
-                    self.forward.core(&variant, g, &excitation, &point.parameters, &point.effects, true)?;
+                let core = self.forward.core(&variant, g, &excitation, &point.parameters, &point.effects, true)?;
                 let simulated = self.forward.recorded_moment(g, &core, &point.effects);
                 let difference: Vec<f64> = record.moment.iter().zip(&simulated).map(|(y, s)| y - s).collect();
                 let mut residual = block_means(&difference, &starts);
@@ -224,7 +222,14 @@ impl<'a> Analysis<'a> {
                     for p in 0..setting.values.len() {
                         if matters(setting, p) {
                             let by = self.forward.effect_derivative(
-                                g, &core, &excitation, &point.parameters, &point.effects, i, &variants[i], p,
+                                g,
+                                &core,
+                                &excitation,
+                                &point.parameters,
+                                &point.effects,
+                                i,
+                                &variants[i],
+                                p,
                             )?;
                             effects.set_column(column, &block_means(&by, &starts));
                         }
@@ -254,8 +259,7 @@ impl<'a> Analysis<'a> {
                     counts.iter().enumerate().flat_map(|(b, c)| std::iter::repeat_n(b, *c)).collect();
                 for m in 0..self.n_muscles() {
                     let e = &linear[position].core.excitation[m];
-                    let response =
-                        linear[position].core.prepared.excitation_response(m, &point.parameters[m], e)?;
+                    let response = linear[position].core.prepared.excitation_response(m, &point.parameters[m], e)?;
                     let mut g = DMatrix::zeros(blocks, knots);
                     for j in 0..knots {
                         let (first, disturbance) = hat(&record.time, e, j);
@@ -428,11 +432,7 @@ impl<'a> Analysis<'a> {
     }
 
     /// Directions of all candidates' amplitudes and of lack of fit, in units of their scales.
-    fn calc_directions(
-        &mut self,
-        linear: &[Linear],
-        point: &Point,
-    ) -> Result<Vec<DMatrix<f64>>, SimulationError> {
+    fn calc_directions(&mut self, linear: &[Linear], point: &Point) -> Result<Vec<DMatrix<f64>>, SimulationError> {
         let mut per_trial: Vec<Vec<DVector<f64>>> = vec![Vec::new(); self.train.len()];
         let mut blocks = Vec::new();
         let mut next = 0;
@@ -450,7 +450,14 @@ impl<'a> Analysis<'a> {
                         .iter()
                         .map(|p| {
                             let by = self.forward.effect_derivative(
-                                *g, &l.core, &l.excitation, &point.parameters, &settings, 0, &variants, *p,
+                                *g,
+                                &l.core,
+                                &l.excitation,
+                                &point.parameters,
+                                &settings,
+                                0,
+                                &variants,
+                                *p,
                             )?;
                             Ok(block_means(&by, &starts))
                         })
@@ -469,7 +476,8 @@ impl<'a> Analysis<'a> {
             for (position, all) in per_trial.iter_mut().enumerate() {
                 let g = self.train[position];
                 let starts = block_starts(self.forward.trials[g].time.len());
-                let columns = super::where_it_fails::directions(self.forward, g, series);
+                let columns =
+                    super::where_it_fails::directions(self.forward, g, &linear[position].core.prepared, series);
                 count = columns.len();
                 all.extend(columns.iter().map(|c| block_means(c, &starts) * LACK_SCALE));
             }

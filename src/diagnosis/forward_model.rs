@@ -4,9 +4,7 @@ use std::borrow::Cow;
 
 use super::effect::{Effect, JointState, Role, Stage, TrialContext};
 use crate::osim::spec::{ModelSpec, MuscleSpec};
-use crate::simulation::{
-    MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, SimulationError,
-};
+use crate::simulation::{MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, SimulationError};
 use crate::study::{Trial, TrialInfo, TrialUse};
 
 /// An effect and the values of its parameters.
@@ -72,6 +70,8 @@ pub struct Core {
     pub moment: Vec<f64>,
     /// Derivatives of the moment by log F_max, log l_opt and log l_slack of every muscle, in this order; empty unless asked for.
     pub by_parameters: Vec<Vec<f64>>,
+    /// Moment without the effects that ask for it; empty if none does [N·m].
+    muscle_moment: Vec<f64>,
 }
 
 /// Muscle parameters whose logarithms are fitted, per muscle.
@@ -134,14 +134,14 @@ impl ForwardModel {
         Ok(if changed { Cow::Owned(self.model.with_muscles(&muscles)?) } else { Cow::Borrowed(&self.model) })
     }
 
-    fn context(&self, trial: usize) -> TrialContext<'_> {
+    fn context<'a>(&'a self, trial: usize, muscle_moment: &'a [f64]) -> TrialContext<'a> {
         let record = &self.trials[trial];
         TrialContext {
             time: &record.time,
             session: record.session,
             exposure: &record.exposure,
             recorded_angle: &record.angle,
-            recorded_moment: &record.moment,
+            muscle_moment,
             directions: &self.directions,
         }
     }
@@ -162,7 +162,14 @@ impl ForwardModel {
         effects: &[Setting],
         derivatives: bool,
     ) -> Result<Core, SimulationError> {
-        let context = self.context(trial);
+        let asks = |s: &Setting| s.effect.needs_moment();
+        let muscle_moment = if effects.iter().any(asks) {
+            let without: Vec<Setting> = effects.iter().filter(|s| !asks(s)).cloned().collect();
+            self.core(variant, trial, excitation, parameters, &without, false)?.moment
+        } else {
+            Vec::new()
+        };
+        let context = self.context(trial, &muscle_moment);
         let record = &self.trials[trial];
         let mut excitation = excitation.to_vec();
         let mut angle = record.angle.clone();
@@ -204,7 +211,7 @@ impl ForwardModel {
                 }
             }
         }
-        Ok(Core { prepared, excitation, moment, by_parameters })
+        Ok(Core { prepared, excitation, moment, by_parameters, muscle_moment })
     }
 
     /// The moment that the sensor records [N·m]: what effects on joint, inertia and sensor make of a trial's core.
@@ -213,7 +220,9 @@ impl ForwardModel {
     }
 
     fn sensed(&self, trial: usize, core: &Core, mut moment: Vec<f64>, effects: &[Setting]) -> Vec<f64> {
-        let context = self.context(trial);
+        // Differences of an effect that is off start from a core that was not asked for the moment.
+        let muscle_moment = if core.muscle_moment.is_empty() { &core.moment } else { &core.muscle_moment };
+        let context = self.context(trial, muscle_moment);
         let kinematics = core.prepared.kinematics();
         let joint = JointState {
             trial: &context,

@@ -2,11 +2,11 @@
 //! which of them a participant's trials call for.
 
 pub mod catalogue;
+pub mod diagnose;
 pub mod effect;
 pub mod effects;
-pub mod forward_model;
 pub mod fit;
+pub mod forward_model;
 pub mod noise;
 pub mod score_test;
-pub mod diagnose;
 pub mod where_it_fails;

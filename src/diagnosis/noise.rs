@@ -9,7 +9,8 @@
 //! one into noise that adds to the EMG.
 //!
 //! # References
-//! Zhou, Hu, Qiao & Zhou (2019), MM algorithms for variance components models, doi:10.1080/10618600.2018.1529601.
+//! Patterson & Thompson (1971), Recovery of inter-block information when block sizes are unequal,
+//! doi:10.1093/biomet/58.3.545.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
@@ -63,17 +64,11 @@ impl TrialNoise {
     /// - `times`: of the blocks [s]; `counts`: samples in each
     /// - `response`: per muscle, moment by log excitation, blocks × knots
     /// - `excitation`: per muscle, at the knots
-    pub fn new(
-        times: &[f64],
-        counts: &[usize],
-        response: Vec<DMatrix<f64>>,
-        excitation: &[Vec<f64>],
-    ) -> TrialNoise {
+    pub fn new(times: &[f64], counts: &[usize], response: Vec<DMatrix<f64>>, excitation: &[Vec<f64>]) -> TrialNoise {
         let n = times.len();
         let knots = excitation.first().map_or(0, Vec::len);
-        let kernel = DMatrix::from_fn(knots, knots, |i, j| {
-            matern(KNOT_SPACING * (i as f64 - j as f64), ENVELOPE_LENGTH)
-        });
+        let kernel =
+            DMatrix::from_fn(knots, knots, |i, j| matern(KNOT_SPACING * (i as f64 - j as f64), ENVELOPE_LENGTH));
         let slow = DMatrix::from_fn(n, n, |i, j| matern(times[i] - times[j], SLOW_LENGTH));
         let reciprocal: Vec<DVector<f64>> = excitation
             .iter()
@@ -168,8 +163,11 @@ pub fn factor(noise: &TrialNoise, levels: &NoiseLevels) -> Option<Cholesky<f64, 
     noise.covariance(levels).cholesky()
 }
 
-/// Restricted maximum likelihood of the variances, by the MM algorithm.
+/// Restricted maximum likelihood of the variances, by Fisher scoring with the exact gradient.
 ///
+/// ```text
+/// ∂ℓ/∂σᵢ² = ½ (rᵀ P Vᵢ P r − tr(P Vᵢ)),   Iᵢⱼ ≈ ½ tr(V⁻¹ Vᵢ V⁻¹ Vⱼ)
+/// ```
 /// - `trials`: noise structure, regressors X and residual of every trial
 /// - `precision`: prior precision of the regressors' coefficients (mean 0)
 pub fn estimate(
@@ -178,55 +176,76 @@ pub fn estimate(
     start: NoiseLevels,
 ) -> NoiseLevels {
     let mut levels = start;
-    let p = precision.len();
     for _ in 0..ITERATIONS {
-        let parts: Vec<_> = trials
-            .par_iter()
-            .filter_map(|(noise, x, r)| {
-                let inverse = factor(noise, &levels)?.inverse();
-                let ax = &inverse * *x;
-                let ar = &inverse * *r;
-                Some((x.tr_mul(&ax), ax.tr_mul(*r), inverse, ax, ar))
-            })
-            .collect();
-        if parts.len() < trials.len() {
-            return levels;
-        }
-        let mut information = DMatrix::from_diagonal(precision);
-        let mut right = DVector::zeros(p);
-        for part in &parts {
-            information += &part.0;
-            right += &part.1;
-        }
-        let Some(information) = information.cholesky() else { return levels };
-        let coefficients = information.solve(&right);
-        let covariance = information.inverse();
-        let sums: Vec<[[f64; 2]; COMPONENTS]> = parts
-            .par_iter()
-            .zip(trials)
-            .map(|((_, _, inverse, ax, ar), (noise, _, _))| {
-                let residual = ar - ax * &coefficients;
-                let spread = ax * &covariance;
-                let mut out = [[0.0; 2]; COMPONENTS];
-                for (i, out) in out.iter_mut().enumerate() {
-                    let column = DMatrix::from_column_slice(residual.len(), 1, residual.as_slice());
-                    out[0] = noise.times_component(i, &column).dot(&column);
-                    out[1] = noise.trace_with(i, inverse) - noise.times_component(i, ax).dot(&spread);
-                }
-                out
-            })
-            .collect();
+        let Some((gradient, information)) = gradient(trials, precision, &levels) else { return levels };
+        let mut largest = 0.0_f64;
+        let Some(solver) = information.cholesky() else { return levels };
+        let step = solver.solve(&gradient);
         for i in 0..COMPONENTS {
-            let [found, expected] =
-                sums.iter().fold([0.0, 0.0], |s, t| [s[0] + t[i][0], s[1] + t[i][1]]);
-            if expected > 0.0 {
-                // The MM step is the square root of the ratio; the ratio itself converges faster and is bounded here.
-                levels.0[i] *= (found / expected).clamp(0.2, 5.0);
-            }
-            levels.0[i] = levels.0[i].max(SMALLEST[i]);
+            let old = levels.0[i];
+            levels.0[i] = (old + step[i]).clamp(0.25 * old, 4.0 * old).max(SMALLEST[i]);
+            largest = largest.max((levels.0[i] / old).ln().abs());
+        }
+        if largest < 0.02 {
+            break;
         }
     }
     levels
+}
+
+/// Gradient of the restricted log likelihood by the variances, and its approximate information.
+fn gradient(
+    trials: &[(&TrialNoise, &DMatrix<f64>, &DVector<f64>)],
+    precision: &DVector<f64>,
+    levels: &NoiseLevels,
+) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    let parts: Vec<_> = trials
+        .par_iter()
+        .filter_map(|(noise, x, r)| {
+            let inverse = factor(noise, levels)?.inverse();
+            let ax = &inverse * *x;
+            let ar = &inverse * *r;
+            Some((x.tr_mul(&ax), ax.tr_mul(*r), inverse, ax, ar))
+        })
+        .collect();
+    if parts.len() < trials.len() {
+        return None;
+    }
+    let mut information = DMatrix::from_diagonal(precision);
+    let mut right = DVector::zeros(precision.len());
+    for part in &parts {
+        information += &part.0;
+        right += &part.1;
+    }
+    let information = information.cholesky()?;
+    let coefficients = information.solve(&right);
+    let covariance = information.inverse();
+    let sums: Vec<_> = parts
+        .par_iter()
+        .zip(trials)
+        .map(|((_, _, inverse, ax, ar), (noise, _, _))| {
+            let residual = ar - ax * &coefficients;
+            let spread = ax * &covariance;
+            let column = DMatrix::from_column_slice(residual.len(), 1, residual.as_slice());
+            let mut gradient = DVector::zeros(COMPONENTS);
+            for i in 0..COMPONENTS {
+                let found = noise.times_component(i, &column).dot(&column);
+                let expected = noise.trace_with(i, inverse) - noise.times_component(i, ax).dot(&spread);
+                gradient[i] = 0.5 * (found - expected);
+            }
+            let products: Vec<DMatrix<f64>> = (0..COMPONENTS).map(|i| noise.times_component(i, inverse)).collect();
+            let information =
+                DMatrix::from_fn(COMPONENTS, COMPONENTS, |i, j| 0.5 * products[i].dot(&products[j].transpose()));
+            (gradient, information)
+        })
+        .collect();
+    let mut gradient = DVector::zeros(COMPONENTS);
+    let mut information = DMatrix::zeros(COMPONENTS, COMPONENTS);
+    for (g, i) in &sums {
+        gradient += g;
+        information += i;
+    }
+    Some((gradient, information))
 }
 
 /// Least variances: what no laboratory goes below, so that a lucky fit does not make the rest look certain.

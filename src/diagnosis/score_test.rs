@@ -109,9 +109,7 @@ pub fn omnibus(
         let u = score.view((first, 0), (n, 1)).into_owned();
         let (inverse, rank) = pseudo_inverse(&own);
         let statistic = u.dot(&(&inverse * &u));
-        let kept = (0..n)
-            .map(|i| own[(i, i)].max(0.0) / raw[(first + i, first + i)].max(1e-300))
-            .fold(0.0, f64::max);
+        let kept = (0..n).map(|i| own[(i, i)].max(0.0) / raw[(first + i, first + i)].max(1e-300)).fold(0.0, f64::max);
         results.push(BlockScore {
             name: block.name.clone(),
             statistic,

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::forward_model::ForwardModel;
 use super::score_test::Omnibus;
+use crate::simulation::PreparedTrial;
 
 /// The axes, by name.
 pub const AXES: [&str; 9] = [
@@ -36,9 +37,11 @@ pub struct AxisResult {
 }
 
 /// Values of an axis over a trial.
-fn series(forward: &ForwardModel, trial: usize, axis: usize) -> Vec<f64> {
+///
+/// - `prepared`: the trial, its excitations freed of noise where the axis is used for a test
+fn series(forward: &ForwardModel, trial: usize, prepared: &PreparedTrial, axis: usize) -> Vec<f64> {
     let record = &forward.trials[trial];
-    let kinematics = forward.base(trial).kinematics();
+    let kinematics = prepared.kinematics();
     let activation = |sign: f64| -> Vec<f64> {
         let members: Vec<usize> = (0..forward.muscles.len()).filter(|m| forward.directions[*m] == sign).collect();
         (0..record.time.len())
@@ -82,8 +85,8 @@ fn unit(axis: usize) -> &'static str {
 }
 
 /// Directions along an axis: a line and a parabola, of about unit size.
-pub(crate) fn directions(forward: &ForwardModel, trial: usize, axis: usize) -> Vec<Vec<f64>> {
-    let values = series(forward, trial, axis);
+pub(crate) fn directions(forward: &ForwardModel, trial: usize, prepared: &PreparedTrial, axis: usize) -> Vec<Vec<f64>> {
+    let values = series(forward, trial, prepared, axis);
     let scale = match AXES[axis] {
         "angle" | "history" => 0.5,
         "velocity" => 1.0,
@@ -124,7 +127,9 @@ pub fn along_axes(forward: &ForwardModel, residuals: &[(usize, Vec<f64>)], left:
 fn binned(forward: &ForwardModel, residuals: &[(usize, Vec<f64>)], axis: usize) -> (f64, Vec<[f64; 4]>) {
     let samples: Vec<(f64, f64, usize)> = residuals
         .iter()
-        .flat_map(|(g, r)| series(forward, *g, axis).into_iter().zip(r).map(move |(x, r)| (x, *r, *g)))
+        .flat_map(|(g, r)| {
+            series(forward, *g, forward.base(*g), axis).into_iter().zip(r).map(move |(x, r)| (x, *r, *g))
+        })
         .collect();
     let mut sorted: Vec<f64> = samples.iter().map(|s| s.0).collect();
     sorted.sort_by(f64::total_cmp);
@@ -150,10 +155,8 @@ fn binned(forward: &ForwardModel, residuals: &[(usize, Vec<f64>)], axis: usize) 
         // Trials are the unit: variance of the mean from the trials' sums.
         let mut trials: Vec<usize> = members.iter().map(|s| s.2).collect();
         trials.dedup();
-        let spread: f64 = trials
-            .iter()
-            .map(|g| members.iter().filter(|s| s.2 == *g).map(|s| s.1 - mean).sum::<f64>().powi(2))
-            .sum();
+        let spread: f64 =
+            trials.iter().map(|g| members.iter().filter(|s| s.2 == *g).map(|s| s.1 - mean).sum::<f64>().powi(2)).sum();
         let count = trials.len() as f64;
         let error = if count > 1.0 { (spread * count / (count - 1.0)).sqrt() / n } else { f64::INFINITY };
         let half = if error.is_finite() { 1.96 * error } else { mean.abs() };

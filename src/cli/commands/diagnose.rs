@@ -131,7 +131,13 @@ fn readable(diagnosis: &Diagnosis) -> String {
     for (name, steps) in steps {
         let Some(s) = steps else { continue };
         let floor = percent(Some(diagnosis.error.noise_floor));
-        rows.push(vec![name.to_string(), percent(Some(s.base)), percent(Some(s.refit_only)), percent(s.with_effect), floor]);
+        rows.push(vec![
+            name.to_string(),
+            percent(Some(s.base)),
+            percent(Some(s.refit_only)),
+            percent(s.with_effect),
+            floor,
+        ]);
     }
     text.push_str("\nRMSE in % of the session's MVC moment\n");
     text.push_str(&table(&["trials", "as given", "muscles refitted", "with effect", "noise floor"], 1, rows));
@@ -151,7 +157,9 @@ fn readable(diagnosis: &Diagnosis) -> String {
     } else if diagnosis.verdict == Verdict::NothingDetectable {
         text.push_str(&format!("\n\np = {:.3}. Smallest sizes that would have been found:\n", diagnosis.null_p_value));
         let rows = diagnosis.candidates.iter().flat_map(|c| {
-            c.detectable_size.iter().map(|(name, size)| vec![c.effect.to_string(), (*name).to_string(), format!("{size:.4}")])
+            c.detectable_size
+                .iter()
+                .map(|(name, size)| vec![c.effect.to_string(), (*name).to_string(), format!("{size:.4}")])
         });
         text.push_str(&table(&["effect", "parameter", "size"], 2, rows));
     }

@@ -24,7 +24,10 @@ pub fn run(args: &EffectsArgs, global: &Global) -> Result<(), Failure> {
         (Some(_), [one]) => print_result(&details(one)),
         _ => {
             let rows = chosen.iter().map(|d| vec![d.id.to_string(), d.equation.to_string(), form(d).0.to_string()]);
-            print_result(&format!("{}\n\ncarpus effects ID tells more.", table(&["effect", "equation", "in a model"], 3, rows)))
+            print_result(&format!(
+                "{}\n\ncarpus effects ID tells more.",
+                table(&["effect", "equation", "in a model"], 3, rows)
+            ))
         }
     }
 }
@@ -42,9 +45,17 @@ fn details(d: &Description) -> String {
     let mut text = format!("{} ({})\n\n  {}\n\n", d.name, d.id, d.equation);
     for p in d.parameters {
         let role = if p.role == Role::Amplitude { "" } else { ", shape" };
-        text.push_str(&format!("  {} [{}]{role}: plausible {} to {}\n      {}\n", p.name, p.unit, p.plausible[0], p.plausible[1], p.source));
+        text.push_str(&format!(
+            "  {} [{}]{role}: plausible {} to {}\n      {}\n",
+            p.name, p.unit, p.plausible[0], p.plausible[1], p.source
+        ));
     }
-    text.push_str(&format!("\nShows as     {}\nExposed by   {}\nRivals       {}\n", d.signature, d.experiment, if d.rivals.is_empty() { "none".to_string() } else { d.rivals.join(", ") }));
+    text.push_str(&format!(
+        "\nShows as     {}\nExposed by   {}\nRivals       {}\n",
+        d.signature,
+        d.experiment,
+        if d.rivals.is_empty() { "none".to_string() } else { d.rivals.join(", ") }
+    ));
     text.push_str(&format!("In a model   {kind}: {what}"));
     if let Some(why) = d.unidentifiable {
         text.push_str(&format!("\nUnidentifiable: {why}"));

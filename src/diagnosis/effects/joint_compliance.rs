@@ -23,15 +23,15 @@ impl Effect for JointCompliance {
         &DESCRIPTION
     }
 
+    fn needs_moment(&self) -> bool {
+        true
+    }
+
     fn change_angle(&self, values: &[f64], trial: &TrialContext, angle: &mut [f64]) {
         let [compliance] = *values else { return };
         if compliance != 0.0 {
-            // The recorded moment, smoothed over 50 ms: its noise is no motion.
-            let mut smooth = trial.recorded_moment[0];
-            for k in 0..angle.len() {
-                let h = if k > 0 { trial.time[k] - trial.time[k - 1] } else { 0.0 };
-                smooth += (1.0 - (-h / 0.05).exp()) * (trial.recorded_moment[k] - smooth);
-                angle[k] += compliance * smooth;
+            for (q, moment) in angle.iter_mut().zip(trial.muscle_moment) {
+                *q += compliance * moment;
             }
         }
     }

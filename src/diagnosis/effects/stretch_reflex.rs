@@ -23,12 +23,16 @@ impl Effect for StretchReflex {
         &DESCRIPTION
     }
 
+    fn needs_moment(&self) -> bool {
+        true
+    }
+
     fn add_moment(&self, values: &[f64], joint: &JointState, moment: &mut [f64]) {
         let [gain] = *values else { return };
-        let peak = joint.trial.recorded_moment.iter().fold(0.0_f64, |m, v| m.max(v.abs())).max(1.0);
+        let peak = joint.trial.muscle_moment.iter().fold(0.0_f64, |m, v| m.max(v.abs())).max(1.0);
         for k in 0..moment.len() {
             let delayed = interpolate(joint.trial.time, joint.speed, joint.trial.time[k] - 0.04);
-            let active = (joint.trial.recorded_moment[k].abs() / peak).min(1.0);
+            let active = (joint.trial.muscle_moment[k].abs() / peak).min(1.0);
             moment[k] += -gain * delayed * active;
         }
     }
