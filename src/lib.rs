@@ -16,6 +16,8 @@ pub mod osim;
 pub mod paths;
 pub mod personalization;
 pub mod report;
+pub mod signals;
 pub mod simulation;
 pub mod spatial;
+pub mod statistics;
 pub mod study;

@@ -11,6 +11,8 @@ mod paths;
 mod personalization;
 mod reference;
 mod report;
+mod signals;
 mod simulation;
+mod statistics;
 mod study;
 mod user_path;
