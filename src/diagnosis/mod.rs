@@ -10,3 +10,4 @@ pub mod forward_model;
 pub mod noise;
 pub mod score_test;
 pub mod where_it_fails;
+pub mod export;

@@ -257,6 +257,21 @@ impl OsimFile {
         self.add_component(ComponentSet::Forces, fragment)
     }
 
+    /// Adds a force of a class whose properties are plain values, at the end of the force set.
+    ///
+    /// - `properties`: names and texts, in the order in which they are written
+    ///
+    /// # Errors
+    /// As [`OsimFile::add_component`].
+    pub fn add_force_of(&mut self, class: &str, name: &str, properties: &[(&str, String)]) -> Result<(), EditError> {
+        let mut fragment = format!("<{class} name=\"{}\">\n", escape(name));
+        for (property, text) in properties {
+            fragment.push_str(&format!("\t<{property}>{}</{property}>\n", escape(text)));
+        }
+        fragment.push_str(&format!("</{class}>"));
+        self.add_force(&fragment)
+    }
+
     /// Adds a component, given as one element, at the end of a set; the set is created if the model has none. The
     /// fragment's own indentation is replaced by that of the file.
     ///
