@@ -118,6 +118,48 @@ pub struct JointState<'a> {
     pub acceleration: &'a [f64],
 }
 
+/// A form of stock OpenSim 4.6 that gives the moment of an effect on the moving coordinate exactly; SI units.
+#[derive(Clone, Debug, PartialEq)]
+pub enum NativeForm {
+    /// `SpringGeneralizedForce`: −stiffness (q − rest_angle) − viscosity q̇.
+    Spring {
+        /// Stiffness [N·m/rad].
+        stiffness: f64,
+        /// Angle without moment [rad].
+        rest_angle: f64,
+        /// Viscosity [N·m·s/rad].
+        viscosity: f64,
+    },
+    /// `CoordinateLimitForce` without damping, the same on both sides.
+    Limit {
+        /// Stiffness beyond the limits [N·m/rad].
+        stiffness: f64,
+        /// Limits are at ± this angle [rad].
+        limit: f64,
+        /// Angle over which the stiffness sets in [rad].
+        transition: f64,
+    },
+    /// `ExpressionBasedCoordinateForce`: a formula in `q` and `qdot`.
+    Formula(String),
+    /// Moment of inertia [kg·m²] that the body moved by the coordinate has more.
+    Inertia(f64),
+}
+
+/// A muscle over a trial.
+#[derive(Clone, Copy, Debug)]
+pub struct MuscleState<'a> {
+    /// The trial.
+    pub trial: &'a TrialContext<'a>,
+    /// Which of the active muscles.
+    pub muscle: usize,
+    /// Angle of the joint [rad].
+    pub angle: &'a [f64],
+    /// Moment arm [m], positive when tension increases the coordinate.
+    pub moment_arm: &'a [f64],
+    /// Activation.
+    pub activation: &'a [f64],
+}
+
 /// A physical effect that a model may lack. All stages do nothing unless an effect overrides them.
 ///
 /// With all amplitudes 0 every stage leaves its argument as it is, to the last bit. `values` are in the order of
@@ -155,6 +197,20 @@ pub trait Effect: Sync {
         1.0
     }
 
+    /// Factors of a muscle's moment at every sample, multiplied into `factor`; by default
+    /// [`Effect::moment_factor`] at the angles.
+    fn scale_muscle(&self, values: &[f64], muscle: &MuscleState, factor: &mut [f64]) {
+        for (factor, angle) in factor.iter_mut().zip(muscle.angle) {
+            *factor *= self.moment_factor(values, muscle.trial, muscle.muscle, *angle);
+        }
+    }
+
+    /// λ of an optimal fibre length lo (1 + λ (1 − a)) of all active muscles.
+    fn length_by_activation(&self, values: &[f64]) -> f64 {
+        let _ = values;
+        0.0
+    }
+
     /// Moments of the joint, weight and inertia: adds to the moment [N·m] at every sample.
     fn add_moment(&self, values: &[f64], joint: &JointState, moment: &mut [f64]) {
         let _ = (values, joint, moment);
@@ -163,6 +219,12 @@ pub trait Effect: Sync {
     /// The joint's moment to the recorded one; affine in the moment.
     fn sense(&self, values: &[f64], trial: &TrialContext, moment: &mut Vec<f64>) {
         let _ = (values, trial, moment);
+    }
+
+    /// What gives the moment of [`Effect::add_moment`] in stock OpenSim 4.6; `None` if nothing does.
+    fn native_form(&self, values: &[f64]) -> Option<NativeForm> {
+        let _ = values;
+        None
     }
 
     /// The parameters as people read them, given the model's muscles: for those that are changes of a muscle's property.
@@ -176,6 +238,11 @@ impl Description {
     /// Values at which the effect is absent.
     pub fn absent(&self) -> Vec<f64> {
         self.parameters.iter().map(|p| p.start).collect()
+    }
+
+    /// Whether all amplitudes are 0.
+    pub fn is_absent(&self, values: &[f64]) -> bool {
+        self.amplitudes().all(|i| values[i] == 0.0)
     }
 
     /// Positions of the amplitudes among the parameters.

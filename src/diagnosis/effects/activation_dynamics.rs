@@ -3,17 +3,29 @@
 use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, amplitude};
 use crate::osim::spec::{MuscleKind, MuscleSpec};
 
-/// Activation and deactivation times: `τ_act, τ_deact`.
+/// Activation and deactivation times: `ȧ = (e - a)/τ(a, e) with other τ_act, τ_deact; all muscles scaled together`.
 pub struct ActivationDynamics;
 
 static DESCRIPTION: Description = Description {
     id: "activation_dynamics",
     name: "Activation and deactivation times",
     stage: Stage::Activation,
-    equation: "τ_act, τ_deact",
+    equation: "ȧ = (e - a)/τ(a, e) with other τ_act, τ_deact; all muscles scaled together",
     parameters: &[
-        amplitude("deactivation_time_constant", "s", 0.4, [0.015, 0.16], "20 to 120 ms"),
-        amplitude("activation_time_constant", "s", 0.4, [0.004, 0.05], "5 to 30 ms"),
+        amplitude(
+            "deactivation_time_constant",
+            "s",
+            0.4,
+            [0.015, 0.16],
+            "20 to 120 ms; range from the design catalogue, source unverified",
+        ),
+        amplitude(
+            "activation_time_constant",
+            "s",
+            0.4,
+            [0.004, 0.05],
+            "5 to 30 ms; range from the design catalogue, source unverified",
+        ),
     ],
     signature: "rise differs from fall",
     experiment: "pulses and releases",

@@ -3,15 +3,15 @@
 use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, amplitude};
 use crate::osim::spec::{MuscleKind, MuscleSpec};
 
-/// Width of the active force-length curve: `(l_max - l_min)/2 about the optimum`.
+/// Width of the active force-length curve: `normalized lengths 1 + w (l - 1) of the active force-length curve; w is the width ratio`.
 pub struct ActiveForceWidth;
 
 static DESCRIPTION: Description = Description {
     id: "active_force_width",
     name: "Width of the active force-length curve",
     stage: Stage::Muscle,
-    equation: "(l_max - l_min)/2 about the optimum",
-    parameters: &[amplitude("width_ratio", "1", 0.1, [0.7, 1.4], "differences between muscles and species")],
+    equation: "normalized lengths 1 + w (l - 1) of the active force-length curve; w is the width ratio",
+    parameters: &[amplitude("width_ratio", "1", 0.1, [0.7, 1.4], "range from the design catalogue, source unverified")],
     signature: "angle × activation",
     experiment: "five or more angles at maximal effort",
     rivals: &["moment_arm_slope", "activation_dependent_length"],

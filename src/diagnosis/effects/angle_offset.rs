@@ -10,11 +10,17 @@ static DESCRIPTION: Description = Description {
     name: "Offset of the goniometer",
     stage: Stage::Geometry,
     equation: "q + δ",
-    parameters: &[amplitude("offset", "rad", 0.05, [-0.18, 0.18], "placement of goniometers, 3 to 10°")],
+    parameters: &[amplitude(
+        "offset",
+        "rad",
+        0.05,
+        [-0.18, 0.18],
+        "placement of goniometers, 3 to 10°; range from the design catalogue, source unverified",
+    )],
     signature: "angle × activation",
     experiment: "check of the goniometer in the neutral posture",
     rivals: &["moment_arm_slope", "joint_stiffness"],
-    osim_form: OsimForm::Native("default and range of the coordinate, or the recording"),
+    osim_form: OsimForm::SideCar("a property of the recording"),
     unidentifiable: None,
 };
 
@@ -25,6 +31,9 @@ impl Effect for AngleOffset {
 
     fn change_angle(&self, values: &[f64], _: &TrialContext, angle: &mut [f64]) {
         let [offset] = *values else { return };
+        if offset == 0.0 {
+            return;
+        }
         angle.iter_mut().for_each(|q| *q += offset);
     }
 }

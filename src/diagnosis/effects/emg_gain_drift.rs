@@ -2,18 +2,24 @@
 
 use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude};
 
-/// Drift of the EMG gain: `e (1 + d s), s = 0 to 1 over the session`.
+/// Drift of the EMG gain: `e (1 + d s), s = 0 to 1 over the session; the part that follows the angle is moment_arm_slope but for saturation and is left to it`.
 pub struct EmgGainDrift;
 
 static DESCRIPTION: Description = Description {
     id: "emg_gain_drift",
     name: "Drift of the EMG gain",
     stage: Stage::Excitation,
-    equation: "e (1 + d s), s = 0 to 1 over the session",
-    parameters: &[amplitude("drift", "1 per session", 0.1, [-0.5, 0.5], "repeated reference contractions")],
+    equation: "e (1 + d s), s = 0 to 1 over the session; the part that follows the angle is moment_arm_slope but for saturation and is left to it",
+    parameters: &[amplitude(
+        "drift",
+        "1 per session",
+        0.1,
+        [-0.5, 0.5],
+        "repeated reference contractions; range from the design catalogue, source unverified",
+    )],
     signature: "session × activation",
     experiment: "repeated reference contractions",
-    rivals: &["fatigue", "torque_drift"],
+    rivals: &["fatigue", "potentiation", "torque_drift"],
     osim_form: OsimForm::Controls("scaled controls"),
     unidentifiable: None,
 };

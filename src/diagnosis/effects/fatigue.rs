@@ -2,20 +2,20 @@
 
 use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude};
 
-/// Fatigue: `e (1 - f ∫e dt/60 s)`.
+/// Fatigue: `e (1 - f ∫e dt / 60 s), ∫ over the session; factor kept within 0.1 to 2`.
 pub struct Fatigue;
 
 static DESCRIPTION: Description = Description {
     id: "fatigue",
     name: "Fatigue",
     stage: Stage::Excitation,
-    equation: "e (1 - f ∫e dt/60 s)",
+    equation: "e (1 - f ∫e dt / 60 s), ∫ over the session; factor kept within 0.1 to 2",
     parameters: &[amplitude(
         "loss_per_minute",
         "1/min of full excitation",
         0.2,
         [0.0, 2.0],
-        "maximal isometric force halves in about a minute",
+        "maximal isometric force halves in about a minute; range from the design catalogue, source unverified",
     )],
     signature: "time × activation, session",
     experiment: "hold for 30 to 60 s",

@@ -1,6 +1,6 @@
 //! Weight of the hand.
 
-use crate::diagnosis::effect::{Description, Effect, JointState, OsimForm, Stage, amplitude};
+use crate::diagnosis::effect::{Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude};
 
 /// Weight of the hand: `-(A cos q + B sin q); A² + B² = (m g l)²`.
 pub struct Gravity;
@@ -16,14 +16,22 @@ static DESCRIPTION: Description = Description {
             "N·m",
             0.2,
             [-1.2, 1.2],
-            "weight of hand and attachment: 0.2 to 0.6 N·m, more with a handle",
+            "weight of hand and attachment: 0.2 to 0.6 N·m, more with a handle; range from the design catalogue, source unverified",
         ),
-        amplitude("moment_at_90_deg", "N·m", 0.2, [-1.2, 1.2], "the same, for another direction of gravity"),
+        amplitude(
+            "moment_at_90_deg",
+            "N·m",
+            0.2,
+            [-1.2, 1.2],
+            "the same, for another direction of gravity; range from the design catalogue, source unverified",
+        ),
     ],
     signature: "a sinusoid against angle, the same at every activation",
     experiment: "relaxed sweep, forearm turned over",
     rivals: &["joint_stiffness", "torque_offset"],
-    osim_form: OsimForm::Native("mass and mass centre of the body"),
+    osim_form: OsimForm::Native(
+        "ExpressionBasedCoordinateForce (the direction of gravity in the machine is not in the model, so that a body's mass would not do)",
+    ),
     unidentifiable: None,
 };
 
@@ -34,8 +42,16 @@ impl Effect for Gravity {
 
     fn add_moment(&self, values: &[f64], joint: &JointState, moment: &mut [f64]) {
         let [a, b] = *values else { return };
+        if a == 0.0 && b == 0.0 {
+            return;
+        }
         for k in 0..moment.len() {
             moment[k] += -(a * joint.angle[k].cos() + b * joint.angle[k].sin());
         }
+    }
+
+    fn native_form(&self, values: &[f64]) -> Option<NativeForm> {
+        let [a, b] = *values else { return None };
+        Some(NativeForm::Formula(format!("-(({a:?})*cos(q)+({b:?})*sin(q))")))
     }
 }

@@ -2,15 +2,21 @@
 
 use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude};
 
-/// Compliance between the joint and the machine: `q + c τ`.
+/// Compliance between the joint and the machine: `q + c τ, τ the moment of the muscles at the recorded angle`.
 pub struct JointCompliance;
 
 static DESCRIPTION: Description = Description {
     id: "joint_compliance",
     name: "Compliance between the joint and the machine",
     stage: Stage::Geometry,
-    equation: "q + c τ",
-    parameters: &[amplitude("compliance", "rad/(N·m)", 0.01, [0.0, 0.06], "0.5 to 3°/(N·m)")],
+    equation: "q + c τ, τ the recorded moment through a low-pass of 50 ms",
+    parameters: &[amplitude(
+        "compliance",
+        "rad/(N·m)",
+        0.01,
+        [0.0, 0.06],
+        "range from the design catalogue, source unverified",
+    )],
     signature: "loading differs from unloading",
     experiment: "ramps of force at a held angle",
     rivals: &["tendon_compliance", "angle_offset"],

@@ -1,6 +1,6 @@
 //! Viscous damping of the joint.
 
-use crate::diagnosis::effect::{Description, Effect, JointState, OsimForm, Stage, amplitude};
+use crate::diagnosis::effect::{Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude};
 
 /// Viscous damping of the joint: `-b q̇`.
 pub struct JointDamping;
@@ -15,12 +15,12 @@ static DESCRIPTION: Description = Description {
         "N·m·s/rad",
         0.03,
         [0.0, 0.2],
-        "0.01 to 0.1 N·m·s/rad in perturbation studies of the wrist",
+        "Falzarano et al. 2021 (doi:10.3389/fnhum.2021.726841) measured it; numbers of the range: range from the design catalogue, source unverified",
     )],
     signature: "a line against velocity, nothing in isometric trials",
     experiment: "fast passive sweep",
     rivals: &["max_contraction_velocity", "coulomb_friction", "power_law_damping"],
-    osim_form: OsimForm::Native("SpringGeneralizedForce, viscosity"),
+    osim_form: OsimForm::Native("SpringGeneralizedForce (viscosity)"),
     unidentifiable: None,
 };
 
@@ -31,8 +31,16 @@ impl Effect for JointDamping {
 
     fn add_moment(&self, values: &[f64], joint: &JointState, moment: &mut [f64]) {
         let [b] = *values else { return };
+        if b == 0.0 {
+            return;
+        }
         for k in 0..moment.len() {
             moment[k] += -b * joint.speed[k];
         }
+    }
+
+    fn native_form(&self, values: &[f64]) -> Option<NativeForm> {
+        let [viscosity] = *values else { return None };
+        Some(NativeForm::Spring { stiffness: 0.0, rest_angle: 0.0, viscosity })
     }
 }

@@ -1,6 +1,6 @@
 //! Joint stiffness.
 
-use crate::diagnosis::effect::{Description, Effect, JointState, OsimForm, Stage, amplitude, shape};
+use crate::diagnosis::effect::{Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude, shape};
 
 /// Joint stiffness: `-k (q - q0)`.
 pub struct JointStiffness;
@@ -16,9 +16,9 @@ static DESCRIPTION: Description = Description {
             "N·m/rad",
             0.3,
             [0.0, 3.0],
-            "robot studies of the relaxed wrist, order 1 N·m/rad; near zero mid-range in Delp et al. 1996",
+            "Delp, Grierson and Buchanan 1996 (maximum isometric moments of the wrist muscles): passive moment near zero over the central 150°; passive stiffness measured by robots: Formica et al. 2012 (The passive stiffness of the wrist and forearm); upper end range from the design catalogue, source unverified",
         ),
-        shape("rest_angle", "rad", 0.0, 0.2, [-0.6, 0.6], "posture of the relaxed hand, ±35°"),
+        shape("rest_angle", "rad", 0.0, 0.2, [-0.6, 0.6], "range from the design catalogue, source unverified"),
     ],
     signature: "a line against angle, the same at every activation",
     experiment: "slow sweep of the relaxed joint",
@@ -34,8 +34,16 @@ impl Effect for JointStiffness {
 
     fn add_moment(&self, values: &[f64], joint: &JointState, moment: &mut [f64]) {
         let [k, q0] = *values else { return };
+        if k == 0.0 {
+            return;
+        }
         for k_ in 0..moment.len() {
             moment[k_] += -k * (joint.angle[k_] - q0);
         }
+    }
+
+    fn native_form(&self, values: &[f64]) -> Option<NativeForm> {
+        let [stiffness, rest_angle] = *values else { return None };
+        Some(NativeForm::Spring { stiffness, rest_angle, viscosity: 0.0 })
     }
 }

@@ -1,18 +1,27 @@
 //! Ligament stop.
 
-use crate::diagnosis::effect::{Description, Effect, JointState, OsimForm, Stage, amplitude, shape};
+use crate::diagnosis::effect::{Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude, shape};
 
-/// Ligament stop: `-k max(0, q - q1) + k max(0, -q - q1)`.
+/// Angle over which the stiffness sets in [rad]: 1°.
+const TRANSITION: f64 = 0.017453292519943295;
+
+/// OpenSim's smooth step, 0 to 1 over the transition.
+fn step(beyond: f64) -> f64 {
+    let x = (beyond / TRANSITION).clamp(0.0, 1.0);
+    x * x * x * (10.0 + x * (6.0 * x - 15.0))
+}
+
+/// Ligament stop: `-k s(q - q1) (q - q1) + k s(-q - q1) (-q - q1)`, as OpenSim's `CoordinateLimitForce`.
 pub struct LigamentStop;
 
 static DESCRIPTION: Description = Description {
     id: "ligament_stop",
     name: "Ligament stop",
     stage: Stage::Joint,
-    equation: "-k max(0, q - q1) + k max(0, -q - q1)",
+    equation: "-k s(q - q1) (q - q1) + k s(-q - q1) (-q - q1), s a smooth step from 0 to 1 over 1°",
     parameters: &[
-        amplitude("stiffness", "N·m/rad", 1.0, [0.0, 20.0], "0.5 to 20 N·m/rad beyond the limit"),
-        shape("limit", "rad", 0.4, 0.1, [0.2, 1.2], "no moment within ±20 to ±70°"),
+        amplitude("stiffness", "N·m/rad", 1.0, [0.0, 20.0], "range from the design catalogue, source unverified"),
+        shape("limit", "rad", 0.4, 0.1, [0.2, 1.2], "range from the design catalogue, source unverified"),
     ],
     signature: "a hinge against angle",
     experiment: "sweep beyond ±35°",
@@ -28,9 +37,18 @@ impl Effect for LigamentStop {
 
     fn add_moment(&self, values: &[f64], joint: &JointState, moment: &mut [f64]) {
         let [stiffness, limit] = *values else { return };
+        if stiffness == 0.0 {
+            return;
+        }
         for k in 0..moment.len() {
             let q = joint.angle[k];
-            moment[k] += stiffness * ((-q - limit).max(0.0) - (q - limit).max(0.0));
+            let (above, below) = (q - limit, -q - limit);
+            moment[k] += stiffness * (step(below) * below - step(above) * above);
         }
+    }
+
+    fn native_form(&self, values: &[f64]) -> Option<NativeForm> {
+        let [stiffness, limit] = *values else { return None };
+        Some(NativeForm::Limit { stiffness, limit, transition: TRANSITION })
     }
 }

@@ -3,20 +3,20 @@
 use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, amplitude};
 use crate::osim::spec::MuscleSpec;
 
-/// Maximum contraction velocity: `v_max`.
+/// Maximum contraction velocity: `v_max of all active muscles, scaled together`.
 pub struct MaxContractionVelocity;
 
 static DESCRIPTION: Description = Description {
     id: "max_contraction_velocity",
     name: "Maximum contraction velocity",
     stage: Stage::Muscle,
-    equation: "v_max",
+    equation: "v_max of all active muscles, scaled together",
     parameters: &[amplitude(
         "max_contraction_velocity",
         "optimal fibre lengths/s",
         0.3,
         [4.0, 16.0],
-        "5 to 15 per second",
+        "5 to 15 per second; OpenSim's default and usual value is 10; range from the design catalogue, source unverified",
     )],
     signature: "velocity × activation",
     experiment: "two loads and a passive sweep",

@@ -10,11 +10,17 @@ static DESCRIPTION: Description = Description {
     name: "Moment arms that change with the angle",
     stage: Stage::Geometry,
     equation: "r (1 + s q)",
-    parameters: &[amplitude("slope", "1/rad", 0.1, [-0.4, 0.4], "differences between specimens, ±0.3 per rad")],
+    parameters: &[amplitude(
+        "slope",
+        "1/rad",
+        0.1,
+        [-0.4, 0.4],
+        "range from the design catalogue (±0.3 per rad), source unverified",
+    )],
     signature: "angle × activation",
     experiment: "five or more isometric angles",
-    rivals: &["angle_offset", "unmodelled_muscles", "active_force_width"],
-    osim_form: OsimForm::Native("path points"),
+    rivals: &["angle_offset", "unmodelled_muscles", "active_force_width", "axis_misalignment", "emg_gain_drift"],
+    osim_form: OsimForm::SideCar("no stock path scales its arm and keeps its length; moved path points come close"),
     unidentifiable: None,
 };
 

@@ -3,15 +3,21 @@
 use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, amplitude};
 use crate::osim::spec::{MuscleKind, MuscleSpec};
 
-/// Stiffness of passive fibres: `strain at which the passive force is F_max`.
+/// Stiffness of passive fibres: `strain of the fibre at which its passive force is F_max; all muscles scaled together`.
 pub struct PassiveFiberForce;
 
 static DESCRIPTION: Description = Description {
     id: "passive_fiber_force",
     name: "Stiffness of passive fibres",
     stage: Stage::Muscle,
-    equation: "strain at which the passive force is F_max",
-    parameters: &[amplitude("strain_at_one_norm_force", "1", 0.2, [0.3, 1.2], "0.5 to 0.9 between muscles")],
+    equation: "strain of the fibre at which its passive force is F_max; all muscles scaled together",
+    parameters: &[amplitude(
+        "strain_at_one_norm_force",
+        "1",
+        0.2,
+        [0.3, 1.2],
+        "0.5 to 0.9 between muscles; range from the design catalogue, source unverified",
+    )],
     signature: "follows the angle, no activation",
     experiment: "five or more angles, relaxed",
     rivals: &["joint_stiffness"],

@@ -1,23 +1,30 @@
 //! Damping that saturates.
 
-use crate::diagnosis::effect::{Description, Effect, JointState, OsimForm, Stage, amplitude, shape};
+use crate::diagnosis::effect::{Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude, shape};
 
-/// Damping that saturates: `-b sign(q̇) |q̇|^p`.
+/// Damping that saturates: `-b q̇ (q̇² + (0.02 rad/s)²)^((p-1)/2): -b sign(q̇) |q̇|^p, smooth through rest`.
 pub struct PowerLawDamping;
 
 static DESCRIPTION: Description = Description {
     id: "power_law_damping",
     name: "Damping that saturates",
     stage: Stage::Joint,
-    equation: "-b sign(q̇) |q̇|^p",
+    equation: "-b q̇ (q̇² + (0.02 rad/s)²)^((p-1)/2): -b sign(q̇) |q̇|^p, smooth through rest",
     parameters: &[
-        amplitude("damping", "N·m·(s/rad)^p", 0.1, [0.0, 0.6], "passive loops that hardly depend on speed"),
-        shape("exponent", "1", 0.17, 0.08, [0.05, 0.5], "about 0.17"),
+        amplitude("damping", "N·m·(s/rad)^p", 0.1, [0.0, 0.6], "range from the design catalogue, source unverified"),
+        shape(
+            "exponent",
+            "1",
+            0.17,
+            0.08,
+            [0.05, 0.5],
+            "Gielen and Houk 1984 (Nonlinear viscosity of human wrist): mean exponent 0.17 for force; width range from the design catalogue, source unverified",
+        ),
     ],
     signature: "concave against velocity",
     experiment: "passive sweeps at three or more speeds",
     rivals: &["coulomb_friction", "joint_damping"],
-    osim_form: OsimForm::SideCar("a power of speed is not in the expression parser without kinks"),
+    osim_form: OsimForm::Native("ExpressionBasedCoordinateForce"),
     unidentifiable: None,
 };
 
@@ -28,11 +35,20 @@ impl Effect for PowerLawDamping {
 
     fn add_moment(&self, values: &[f64], joint: &JointState, moment: &mut [f64]) {
         let [damping, exponent] = *values else { return };
+        if damping == 0.0 {
+            return;
+        }
         for k in 0..moment.len() {
             let speed = joint.speed[k];
             // Smooth through rest: below 0.02 rad/s measured speed is mostly noise.
             let magnitude = (speed * speed + 4e-4).powf(0.5 * exponent - 0.5);
             moment[k] += -damping * speed * magnitude;
         }
+    }
+
+    fn native_form(&self, values: &[f64]) -> Option<NativeForm> {
+        let [damping, exponent] = *values else { return None };
+        let power = 0.5 * exponent - 0.5;
+        Some(NativeForm::Formula(format!("-({damping:?})*qdot*(qdot*qdot+0.0004)^({power:?})")))
     }
 }

@@ -2,15 +2,21 @@
 
 use crate::diagnosis::effect::{Description, Effect, JointState, OsimForm, Stage, amplitude, interpolate};
 
-/// Stretch reflex: `-b q̇(t - 0.04 s) · activity`.
+/// Stretch reflex: `-b q̇(t - 40 ms) m(t), m = |moment of the muscles| / its largest in the trial (at least 1 N·m)`.
 pub struct StretchReflex;
 
 static DESCRIPTION: Description = Description {
     id: "stretch_reflex",
     name: "Stretch reflex",
     stage: Stage::Joint,
-    equation: "-b q̇(t - 0.04 s) · activity",
-    parameters: &[amplitude("gain", "N·m·s/rad", 0.05, [0.0, 0.5], "reflex damping while muscles are active")],
+    equation: "-b q̇(t - 40 ms) m(t), m = |moment of the muscles| / its largest in the trial (at least 1 N·m)",
+    parameters: &[amplitude(
+        "gain",
+        "N·m·s/rad",
+        0.05,
+        [0.0, 0.5],
+        "range from the design catalogue, source unverified",
+    )],
     signature: "as damping, delayed and only while active",
     experiment: "perturbations",
     rivals: &["joint_damping"],
@@ -29,6 +35,9 @@ impl Effect for StretchReflex {
 
     fn add_moment(&self, values: &[f64], joint: &JointState, moment: &mut [f64]) {
         let [gain] = *values else { return };
+        if gain == 0.0 {
+            return;
+        }
         let peak = joint.trial.muscle_moment.iter().fold(0.0_f64, |m, v| m.max(v.abs())).max(1.0);
         for k in 0..moment.len() {
             let delayed = interpolate(joint.trial.time, joint.speed, joint.trial.time[k] - 0.04);

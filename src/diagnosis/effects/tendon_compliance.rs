@@ -3,20 +3,20 @@
 use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, amplitude};
 use crate::osim::spec::{MuscleKind, MuscleSpec};
 
-/// Tendon compliance: `strain at maximum isometric force`.
+/// Tendon compliance: `strain of the tendon at maximum isometric force; its stiffness changes inversely`.
 pub struct TendonCompliance;
 
 static DESCRIPTION: Description = Description {
     id: "tendon_compliance",
     name: "Tendon compliance",
     stage: Stage::Muscle,
-    equation: "strain at maximum isometric force",
+    equation: "strain of the tendon at maximum isometric force; its stiffness changes inversely",
     parameters: &[amplitude(
         "strain_at_one_norm_force",
         "1",
         0.3,
         [0.015, 0.10],
-        "0.02 to 0.10; wrist tendons 1.8 to 3.7 % (Loren and Lieber 1995)",
+        "0.02 to 0.10; Loren and Lieber 1995 (tendon biomechanical properties of wrist muscles) give the lower part; numbers unverified",
     )],
     signature: "slow rise of the moment, level × angle",
     experiment: "fast ramps",

@@ -2,17 +2,23 @@
 
 use crate::diagnosis::effect::{Description, Effect, JointState, OsimForm, Stage, amplitude, shape};
 
-/// Thixotropy: short-range elasticity of passive muscle: `-σ z, ż = q̇ - |q̇| z/z0`.
+/// Thixotropy: short-range elasticity of passive muscle: `-σ z, ż = q̇ - |q̇| z/z0; no recovery at rest`.
 pub struct Thixotropy;
 
 static DESCRIPTION: Description = Description {
     id: "thixotropy",
     name: "Thixotropy: short-range elasticity of passive muscle",
     stage: Stage::Joint,
-    equation: "-σ z, ż = q̇ - |q̇| z/z0",
+    equation: "-σ z, ż = q̇ - |q̇| z/z0; no recovery at rest",
     parameters: &[
-        amplitude("stiffness", "N·m/rad", 3.0, [0.0, 30.0], "0.05 to 0.5 N·m over 1 to 3°"),
-        shape("range", "rad", 0.035, 0.01, [0.0175, 0.0525], "1 to 3°"),
+        amplitude(
+            "stiffness",
+            "N·m/rad",
+            3.0,
+            [0.0, 30.0],
+            "Lakie, Walsh and Wright 1984 (J Physiol 353:265): the relaxed wrist is thixotropic, memory 1 to 2 s; range: 0.05 to 0.5 N·m over 1 to 3°, source unverified",
+        ),
+        shape("range", "rad", 0.035, 0.01, [0.0175, 0.0525], "range from the design catalogue, source unverified"),
     ],
     signature: "a loop after every reversal",
     experiment: "rest, then a small sweep",
@@ -28,6 +34,9 @@ impl Effect for Thixotropy {
 
     fn add_moment(&self, values: &[f64], joint: &JointState, moment: &mut [f64]) {
         let [stiffness, range] = *values else { return };
+        if stiffness == 0.0 {
+            return;
+        }
         let mut z = 0.0;
         for k in 0..moment.len() {
             if k > 0 {

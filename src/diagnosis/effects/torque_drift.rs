@@ -10,7 +10,13 @@ static DESCRIPTION: Description = Description {
     name: "Drift of the sensor",
     stage: Stage::Sensor,
     equation: "τ + d s, s = 0 to 1 over the session",
-    parameters: &[amplitude("drift", "N·m per session", 0.1, [-0.8, 0.8], "within 0.4 N·m per session")],
+    parameters: &[amplitude(
+        "drift",
+        "N·m per session",
+        0.1,
+        [-0.8, 0.8],
+        "within 0.4 N·m per session; range from the design catalogue, source unverified",
+    )],
     signature: "follows the order of the session",
     experiment: "zero of the sensor after every trial",
     rivals: &["fatigue", "emg_gain_drift", "torque_offset"],
@@ -25,6 +31,9 @@ impl Effect for TorqueDrift {
 
     fn sense(&self, values: &[f64], trial: &TrialContext, moment: &mut Vec<f64>) {
         let [drift] = *values else { return };
+        if drift == 0.0 {
+            return;
+        }
         moment.iter_mut().for_each(|m| *m += drift * trial.session);
     }
 }

@@ -10,7 +10,13 @@ static DESCRIPTION: Description = Description {
     name: "Gain of the sensor",
     stage: Stage::Sensor,
     equation: "τ (1 + g)",
-    parameters: &[amplitude("gain_error", "1", 0.05, [-0.1, 0.1], "calibration within 5 %")],
+    parameters: &[amplitude(
+        "gain_error",
+        "1",
+        0.05,
+        [-0.1, 0.1],
+        "calibration within 5 %; range from the design catalogue, source unverified",
+    )],
     signature: "none",
     experiment: "hung weights",
     rivals: &[],
@@ -27,6 +33,9 @@ impl Effect for TorqueGain {
 
     fn sense(&self, values: &[f64], _: &TrialContext, moment: &mut Vec<f64>) {
         let [gain] = *values else { return };
+        if gain == 0.0 {
+            return;
+        }
         moment.iter_mut().for_each(|m| *m *= 1.0 + gain);
     }
 }

@@ -10,7 +10,13 @@ static DESCRIPTION: Description = Description {
     name: "Offset of the sensor",
     stage: Stage::Sensor,
     equation: "τ + b",
-    parameters: &[amplitude("offset", "N·m", 0.1, [-0.6, 0.6], "zero of dynamometers, within 0.3 N·m")],
+    parameters: &[amplitude(
+        "offset",
+        "N·m",
+        0.1,
+        [-0.6, 0.6],
+        "zero of dynamometers, within 0.3 N·m; range from the design catalogue, source unverified",
+    )],
     signature: "a constant",
     experiment: "unloaded zero of the sensor",
     rivals: &["gravity", "joint_stiffness"],
@@ -25,6 +31,9 @@ impl Effect for TorqueOffset {
 
     fn sense(&self, values: &[f64], _: &TrialContext, moment: &mut Vec<f64>) {
         let [offset] = *values else { return };
+        if offset == 0.0 {
+            return;
+        }
         moment.iter_mut().for_each(|m| *m += offset);
     }
 }
