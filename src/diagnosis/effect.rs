@@ -1,5 +1,6 @@
 //! What a physical effect is: a description for people, and how it acts on a simulated trial.
 
+use super::silent_muscles::SilentMuscles;
 use crate::osim::spec::MuscleSpec;
 
 /// Where an effect acts; trials are simulated in this order, whatever the order effects are listed in.
@@ -103,6 +104,10 @@ pub struct TrialContext<'a> {
     pub muscle_moment: &'a [f64],
     /// Sign of each muscle's moment arm in the middle of the recorded angles.
     pub directions: &'a [f64],
+    /// Excitation of each active muscle: before effects while these act on it, after them for joint and sensor.
+    pub excitation: &'a [Vec<f64>],
+    /// What the model's muscles that the study does not activate could do.
+    pub silent_muscles: &'a SilentMuscles,
 }
 
 /// The joint over a trial.

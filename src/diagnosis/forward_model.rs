@@ -2,7 +2,8 @@
 
 use std::borrow::Cow;
 
-use super::effect::{Effect, JointState, Role, Stage, TrialContext};
+use super::effect::{Effect, JointState, MuscleState, Role, Stage, TrialContext};
+use super::silent_muscles::SilentMuscles;
 use crate::osim::spec::{ModelSpec, MuscleSpec};
 use crate::simulation::{MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, SimulationError};
 use crate::study::{Trial, TrialInfo, TrialUse};
@@ -55,6 +56,7 @@ pub struct ForwardModel {
     pub muscles: Vec<MuscleSpec>,
     /// Sign of each muscle's moment arm.
     pub directions: Vec<f64>,
+    silent_muscles: SilentMuscles,
     model: MusculoskeletalModel,
     base: Vec<PreparedTrial>,
     options: Options,
@@ -100,6 +102,7 @@ impl ForwardModel {
             trials: records(trials, muscles.len()),
             muscles,
             directions,
+            silent_muscles: SilentMuscles::of(spec, model, &base),
             model: model.clone(),
             base,
             options,
@@ -131,10 +134,12 @@ impl ForwardModel {
         for setting in effects {
             changed |= setting.effect.change_muscles(&setting.values, &mut muscles);
         }
-        Ok(if changed { Cow::Owned(self.model.with_muscles(&muscles)?) } else { Cow::Borrowed(&self.model) })
+        let model = if changed { Cow::Owned(self.model.with_muscles(&muscles)?) } else { Cow::Borrowed(&self.model) };
+        let lambda: f64 = effects.iter().map(|s| s.effect.length_by_activation(&s.values)).sum();
+        Ok(if lambda == 0.0 { model } else { Cow::Owned(model.with_length_by_activation(lambda)) })
     }
 
-    fn context<'a>(&'a self, trial: usize, muscle_moment: &'a [f64]) -> TrialContext<'a> {
+    fn context<'a>(&'a self, trial: usize, excitation: &'a [Vec<f64>], muscle_moment: &'a [f64]) -> TrialContext<'a> {
         let record = &self.trials[trial];
         TrialContext {
             time: &record.time,
@@ -143,6 +148,8 @@ impl ForwardModel {
             recorded_angle: &record.angle,
             muscle_moment,
             directions: &self.directions,
+            excitation,
+            silent_muscles: &self.silent_muscles,
         }
     }
 
@@ -169,7 +176,7 @@ impl ForwardModel {
         } else {
             Vec::new()
         };
-        let context = self.context(trial, &muscle_moment);
+        let context = self.context(trial, excitation, &muscle_moment);
         let record = &self.trials[trial];
         let mut excitation = excitation.to_vec();
         let mut angle = record.angle.clone();
@@ -187,16 +194,25 @@ impl ForwardModel {
         let mut moment = prepared.moment_without_muscles();
         let mut by_parameters = Vec::new();
         for (i, p) in parameters.iter().enumerate() {
-            let factor = |k: usize| {
-                effects.iter().fold(1.0, |f, s| f * s.effect.moment_factor(&s.values, &context, i, angle[k]))
+            let path = &prepared.kinematics().muscles[i];
+            let state = MuscleState {
+                trial: &context,
+                muscle: i,
+                angle: &angle,
+                moment_arm: &path.moment_arm,
+                activation: &path.activation,
             };
+            let mut factor = vec![1.0; angle.len()];
+            for setting in effects {
+                setting.effect.scale_muscle(&setting.values, &state, &mut factor);
+            }
             let force = p.max_isometric_force;
             if derivatives {
                 let unit = prepared.unit_moment_with_derivatives(i, p)?;
                 let n = moment.len();
                 let mut by = vec![vec![0.0; n]; FITTED_PER_MUSCLE];
                 for k in 0..n {
-                    let f = force * factor(k);
+                    let f = force * factor[k];
                     by[0][k] = f * unit.moment[k];
                     by[1][k] = f * unit.by_optimal_fiber_length[k] * p.optimal_fiber_length;
                     by[2][k] = f * unit.by_tendon_slack_length[k] * p.tendon_slack_length;
@@ -207,7 +223,7 @@ impl ForwardModel {
                 let mut unit = vec![0.0; moment.len()];
                 prepared.add_unit_moment(i, p, &mut unit)?;
                 for k in 0..moment.len() {
-                    moment[k] += force * factor(k) * unit[k];
+                    moment[k] += force * factor[k] * unit[k];
                 }
             }
         }
@@ -222,7 +238,7 @@ impl ForwardModel {
     fn sensed(&self, trial: usize, core: &Core, mut moment: Vec<f64>, effects: &[Setting]) -> Vec<f64> {
         // Differences of an effect that is off start from a core that was not asked for the moment.
         let muscle_moment = if core.muscle_moment.is_empty() { &core.moment } else { &core.muscle_moment };
-        let context = self.context(trial, muscle_moment);
+        let context = self.context(trial, &core.excitation, muscle_moment);
         let kinematics = core.prepared.kinematics();
         let joint = JointState {
             trial: &context,

@@ -10,4 +10,5 @@ pub mod fit;
 pub mod forward_model;
 pub mod noise;
 pub mod score_test;
+pub mod silent_muscles;
 pub mod where_it_fails;

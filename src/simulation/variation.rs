@@ -30,6 +30,24 @@ impl MusculoskeletalModel {
         Ok(model)
     }
 
+    /// The same model with an optimal fibre length of its active muscles' active force of lo (1 + λ (1 − a)): longer at
+    /// low activation. The force–velocity curve keeps lo.
+    ///
+    /// - `lambda`: λ; 0 is OpenSim's muscle
+    ///
+    /// # References
+    /// Lloyd DG, Besier TF (2003), An EMG-driven musculoskeletal model to estimate muscle forces and knee joint moments in
+    /// vivo, J Biomech 36.
+    pub fn with_length_by_activation(&self, lambda: f64) -> MusculoskeletalModel {
+        let mut model = self.clone();
+        for muscle in &mut model.muscles {
+            let mut curves = (*muscle.curves).clone();
+            curves.length_by_activation = lambda;
+            muscle.curves = Arc::new(curves);
+        }
+        model
+    }
+
     /// As [`MusculoskeletalModel::prepare_all`], with paths tabulated 12° beyond the recorded angles, so that
     /// [`MusculoskeletalModel::prepare_like`] may change the angle that far.
     ///

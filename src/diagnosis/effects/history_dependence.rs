@@ -1,15 +1,20 @@
 //! History dependence of muscle force.
 
-use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude};
+use crate::diagnosis::effect::{Description, Effect, MuscleState, OsimForm, Stage, amplitude};
 
-/// History dependence of muscle force: `τ (1 - h tanh(s sign(τ)/0.2 rad)), s the travel since the trial began, fading in 3 s; a muscle that has shortened is weaker, one that was stretched is stronger`.
+/// Active shortening at which the effect is three quarters complete [rad].
+const FULL_TRAVEL: f64 = 0.2;
+/// Time in which it fades [s].
+const MEMORY: f64 = 3.0;
+
+/// History dependence of muscle force: `F (1 - h tanh(s/0.2))`, s the active shortening.
 pub struct HistoryDependence;
 
 static DESCRIPTION: Description = Description {
     id: "history_dependence",
     name: "History dependence of muscle force",
-    stage: Stage::Sensor,
-    equation: "τ (1 - h tanh(s sign(τ)/0.2 rad)), s the travel since the trial began, fading in 3 s; a muscle that has shortened is weaker, one that was stretched is stronger",
+    stage: Stage::Muscle,
+    equation: "F (1 - h tanh(s/0.2 rad)), s the active shortening (angle travelled × activation), fading in 3 s; stretch counts negative: a muscle that has shortened is weaker, one that was stretched stronger",
     parameters: &[amplitude(
         "depression",
         "1",
@@ -29,20 +34,21 @@ impl Effect for HistoryDependence {
         &DESCRIPTION
     }
 
-    fn sense(&self, values: &[f64], trial: &TrialContext, moment: &mut Vec<f64>) {
+    fn scale_muscle(&self, values: &[f64], muscle: &MuscleState, factor: &mut [f64]) {
         let [depression] = *values else { return };
         if depression == 0.0 {
             return;
         }
-        let mut moved = 0.0;
-        for k in 0..moment.len() {
+        let time = muscle.trial.time;
+        let mut shortened = 0.0;
+        for k in 0..factor.len() {
             if k > 0 {
-                let h = trial.time[k] - trial.time[k - 1];
-                moved = moved * (-h / 3.0).exp() + trial.recorded_angle[k] - trial.recorded_angle[k - 1];
+                let kept = (-(time[k] - time[k - 1]) / MEMORY).exp();
+                // A muscle that pulls towards larger angles shortens when the angle grows.
+                let travel = (muscle.angle[k] - muscle.angle[k - 1]) * muscle.moment_arm[k].signum();
+                shortened = shortened * kept + muscle.activation[k] * travel;
             }
-            // A muscle that pulls towards larger angles shortens when the angle grows: less force then.
-            let along = moved * moment[k].signum();
-            moment[k] *= 1.0 - depression * (along / 0.2).tanh();
+            factor[k] *= 1.0 - depression * (shortened / FULL_TRAVEL).tanh();
         }
     }
 }

@@ -29,6 +29,21 @@ pub(crate) struct FiberCurves {
     pub(crate) min_active_length: f64,
     /// Sine of the maximum pennation angle.
     pub(crate) sine_max_pennation: f64,
+    /// λ: the active force–length curve is read at x/(1 + λ (1 − a)).
+    pub(crate) length_by_activation: f64,
+}
+
+impl FiberCurves {
+    /// Active force multiplier at a normalized fibre length and activation, and its slope by the length.
+    #[inline]
+    pub(crate) fn active_at(&self, x: f64, activation: f64) -> (f64, f64) {
+        if self.length_by_activation == 0.0 {
+            return self.active.value_and_slope(x);
+        }
+        let optimum = 1.0 + self.length_by_activation * (1.0 - activation);
+        let (value, slope) = self.active.value_and_slope(x / optimum);
+        (value, slope / optimum)
+    }
 }
 
 /// One muscle with one set of parameters.
@@ -124,7 +139,7 @@ impl Fiber {
         let clamped = x < self.shortest;
         let x = if clamped { self.shortest } else { x };
         let c = &*self.curves;
-        let (active, active_slope) = c.active.value_and_slope(x);
+        let (active, active_slope) = c.active_at(x, drive.activation);
         let (passive, passive_slope) = c.passive.value_and_slope(x);
         let y = self.along_tendon(x);
         let cosine = y / x;
@@ -172,7 +187,7 @@ impl Fiber {
         let cosine = y / x;
         let cosine_by_sine = -self.sine / (x * y);
         let tendon = self.tendon_force(x, drive.length);
-        let (active, _) = c.active.value_and_slope(x);
+        let (active, _) = c.active_at(x, drive.activation);
         let (passive, _) = c.passive.value_and_slope(x);
         let a = drive.activation;
         let mut by = match &c.velocity_of_force {
@@ -294,7 +309,7 @@ impl Fiber {
     /// Static force difference (both models: f_V = 1, no damping force) and its derivative by x.
     pub(crate) fn static_residual(&self, x: f64, drive: Drive) -> [f64; 2] {
         let c = &*self.curves;
-        let (active, active_slope) = c.active.value_and_slope(x);
+        let (active, active_slope) = c.active_at(x, drive.activation);
         let (passive, passive_slope) = c.passive.value_and_slope(x);
         let y = self.along_tendon(x);
         let fiber = drive.activation * active + passive;
@@ -308,7 +323,7 @@ impl Fiber {
     /// ∂(static residual)/∂p at fixed x.
     pub(crate) fn static_residual_by_parameters(&self, x: f64, drive: Drive) -> [f64; PARAMETERS] {
         let c = &*self.curves;
-        let fiber = drive.activation * c.active.value_and_slope(x).0 + c.passive.value_and_slope(x).0;
+        let fiber = drive.activation * c.active_at(x, drive.activation).0 + c.passive.value_and_slope(x).0;
         let mut by = self.tendon_force(x, drive.length).by_parameters.map(|d| -d);
         by[2] -= fiber * self.sine / (x * self.along_tendon(x));
         by

@@ -47,6 +47,7 @@ impl FiberCurves {
             max_velocity: muscle.parameters().max_contraction_velocity,
             min_active_length: curves.min_norm_active_fiber_length,
             sine_max_pennation: properties.maximum_pennation_angle.sin(),
+            length_by_activation: 0.0,
         })
     }
 }

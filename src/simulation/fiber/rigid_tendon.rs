@@ -38,7 +38,7 @@ impl Fiber {
         if x <= self.shortest && u <= 0.0 {
             return slack;
         }
-        let (active, active_slope) = c.active.value_and_slope(x);
+        let (active, active_slope) = c.active_at(x, activation);
         let (passive, passive_slope) = c.passive.value_and_slope(x);
         let (velocity, velocity_slope) = c.force_velocity.value_and_slope(u);
         let fiber = activation * active * velocity + passive + c.damping * u;
