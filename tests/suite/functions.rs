@@ -4,6 +4,8 @@ use carpus::functions::{Function, FunctionError};
 use carpus::osim::spec::FunctionSpec;
 use serde_json::Value;
 
+use crate::validation::{self, Differences, Judge};
+
 /// Rounding only: both programs evaluate the same polynomials. Relative to the largest magnitude of the function (or
 /// of its derivative) on the tested points, because OpenSim evaluates GCV splines by another, equivalent recursion.
 const RELATIVE_TOLERANCE: f64 = 1e-12;
@@ -63,22 +65,26 @@ fn reference() -> Vec<(String, Function, Value)> {
 
 #[test]
 fn val_opensim_values_and_derivatives() {
+    let mut differences = ["value", "first", "second"].map(|order| Differences::new(order, "largest magnitude, or 1"));
     for (name, function, row) in reference() {
         let x = numbers(&row["x"]);
-        let evaluations: [(&str, fn(&Function, f64) -> f64); 3] =
-            [("value", Function::value), ("first", Function::derivative), ("second", Function::second_derivative)];
-        for (key, evaluate) in evaluations {
-            let expected = numbers(&row[key]);
+        let evaluations: [fn(&Function, f64) -> f64; 3] =
+            [Function::value, Function::derivative, Function::second_derivative];
+        for (differences, evaluate) in differences.iter_mut().zip(evaluations) {
+            let expected = numbers(&row[differences.quantity.as_str()]);
             let scale = expected.iter().fold(1.0_f64, |scale, value| scale.max(value.abs()));
-            let worst = x
-                .iter()
-                .zip(&expected)
-                .map(|(&x, &expected)| ((evaluate(&function, x) - expected).abs() / scale, x))
-                .fold((0.0, 0.0), |worst, at| if at.0 > worst.0 || at.0.is_nan() { at } else { worst });
-            println!("{name:40} {key:6} {:.1e} (scale {scale:.1e})", worst.0);
-            assert!(worst.0 <= RELATIVE_TOLERANCE, "{name}: {key} differs by {:.2e} at x = {}", worst.0, worst.1);
+            for (&x, &expected) in x.iter().zip(&expected) {
+                differences.push((evaluate(&function, x) - expected) / scale, || format!("{name} at {x}"));
+            }
         }
     }
+    for (differences, name) in differences.iter_mut().zip(["value", "first derivative", "second derivative"]) {
+        differences.quantity = name.into();
+    }
+    let rows =
+        differences.map(|d| d.row("functions", "all classes (fixtures/functions)", RELATIVE_TOLERANCE, Judge::Max));
+    validation::write("functions", &rows);
+    validation::assert_passed(&rows);
 }
 
 #[test]

@@ -16,3 +16,4 @@ mod simulation;
 mod statistics;
 mod study;
 mod user_path;
+mod validation;

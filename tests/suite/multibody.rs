@@ -3,6 +3,7 @@
 mod compile;
 
 use super::reference;
+use super::validation::{self, Differences, Judge, Row};
 use carpus::multibody::Model;
 use carpus::osim::OsimFile;
 use carpus::osim::spec::{CoordinateIndex, ModelSpec};
@@ -53,24 +54,25 @@ fn case(name: &str, spec: ModelSpec, reference: Value) -> Case {
     Case { name: name.into(), spec, model, poses: reference["poses"].as_array().expect("poses").clone() }
 }
 
-/// All shared models, with reference numbers computed now by OpenSim; empty, after saying so, without them.
+/// All lab models, with reference numbers computed by OpenSim; empty, after saying so, without them.
 pub fn shared_cases(n_poses: usize) -> Vec<Case> {
-    let Some((python, dir)) = reference::opensim_python().zip(reference::shared("models")) else {
-        eprintln!("SKIPPED: needs shared models, and Python with OpenSim (CARPUS_PYTHON)");
-        return Vec::new();
-    };
-    let scratch = tempfile::tempdir().expect("temporary folder");
+    let models = reference::lab_models();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scripts/multibody.py");
     let mut cases = Vec::new();
-    for path in reference::osim_files(&dir) {
+    for path in models {
         let name = path.file_name().expect("file name").to_string_lossy().into_owned();
-        let out = scratch.path().join("reference.json");
-        let run = std::process::Command::new(&python)
-            .args([script.as_os_str(), path.as_os_str(), out.as_os_str()])
-            .args(["--poses", &n_poses.to_string()])
-            .output()
-            .expect("Python runs");
-        assert!(run.status.success(), "{name}: {}", String::from_utf8_lossy(&run.stderr));
+        let key = format!("{name}-{n_poses}-{}-{}.json", reference::digest(&path), reference::digest(&script));
+        let out = validation::reference_folder("multibody").join(key);
+        if !out.exists() {
+            let Some(python) = reference::opensim_python() else { return Vec::new() };
+            // Two tests may be here at once.
+            let scratch = tempfile::tempdir_in(out.parent().expect("folder")).expect("temporary folder");
+            let partial = scratch.path().join("reference.json");
+            let poses = n_poses.to_string();
+            let arguments = [path.as_os_str(), partial.as_os_str(), "--poses".as_ref(), poses.as_ref()];
+            reference::run_script(&python, "scripts/multibody.py", &arguments);
+            std::fs::rename(partial, &out).expect("a writable folder");
+        }
         let file = OsimFile::read(&path).unwrap_or_else(|error| panic!("{name}: {error}"));
         let text = std::fs::read_to_string(&out).expect("reference written");
         cases.push(case(&name, file.spec, serde_json::from_str(&text).expect("JSON")));
@@ -105,12 +107,17 @@ fn velocity_difference(velocity: &SpatialVelocity, expected: &[f64]) -> f64 {
     angular.chain(linear).fold(0.0, f64::max)
 }
 
-/// Largest differences from OpenSim over all poses: poses, velocities, unit motions, coupling.
-fn compare_kinematics(case: &Case) -> [f64; 4] {
+/// Differences from OpenSim over all poses: body poses, velocities, unit motions, coupling.
+fn compare_kinematics(case: &Case) -> [Differences; 4] {
     let model = &case.model;
     let mut cache = model.new_cache();
-    let mut worst = [0.0_f64; 4];
-    for pose in &case.poses {
+    let mut differences = [
+        Differences::new("rotation matrix or position of a body", "1 or m"),
+        Differences::new("velocity of a body", "rad/s or m/s"),
+        Differences::new("velocity of a body for unit speed of a coordinate", "1 or m"),
+        Differences::new("speed of a coordinate for unit speed of another", "1"),
+    ];
+    for (number, pose) in case.poses.iter().enumerate() {
         let q = case.by_coordinate(&pose["q"]);
         let mut satisfied = q.clone();
         model.satisfy_couplers(&mut satisfied);
@@ -122,47 +129,50 @@ fn compare_kinematics(case: &Case) -> [f64; 4] {
         for (name, expected) in pose["bodies"].as_object().expect("bodies") {
             let body = model.body(name).unwrap_or_else(|| panic!("{}: no body {name}", case.name));
             let expected = numbers(expected);
-            worst[0] = worst[0].max(pose_difference(cache.X_GB(body), &expected[..12]));
-            worst[1] = worst[1].max(velocity_difference(cache.V_GB(body), &expected[12..]));
+            let at = || format!("{name} at pose {number}");
+            differences[0].push(pose_difference(cache.X_GB(body), &expected[..12]), at);
+            differences[1].push(velocity_difference(cache.V_GB(body), &expected[12..]), at);
         }
         for (name, unit) in pose["unit"].as_object().expect("unit motions") {
             model.update_unit_motion(&q, case.coordinate(name), &mut cache);
             let expected = case.by_coordinate(&unit["coupling"]);
-            for (ours, theirs) in cache.coupling().iter().zip(&expected) {
-                worst[3] = worst[3].max((ours - theirs).abs());
+            for ((ours, theirs), other) in cache.coupling().iter().zip(&expected).zip(&model.coordinates) {
+                differences[3].push(ours - theirs, || format!("{} by {name} at pose {number}", other.name));
             }
             for (i, body) in model.bodies.iter().enumerate() {
                 let expected = &unit["bodies"][&body.name];
                 let expected = if expected.is_null() { vec![0.0; 6] } else { numbers(expected) };
                 let velocity = cache.partial_velocity(carpus::osim::spec::BodyIndex(i));
-                worst[2] = worst[2].max(velocity_difference(velocity, &expected));
+                let at = || format!("{} by {name} at pose {number}", body.name);
+                differences[2].push(velocity_difference(velocity, &expected), at);
             }
         }
     }
-    worst
+    differences
 }
 
-fn check_kinematics(case: &Case) {
-    let [pose, velocity, unit, coupling] = compare_kinematics(case);
-    println!(
-        "{:45} {:3} poses: pose {pose:.1e}, velocity {velocity:.1e}, unit motion {unit:.1e}, coupling {coupling:.1e}",
-        case.name,
-        case.poses.len()
-    );
-    assert!(pose < POSE_TOLERANCE, "{}: poses differ by {pose:e}", case.name);
-    assert!(velocity < VELOCITY_TOLERANCE, "{}: velocities differ by {velocity:e}", case.name);
-    assert!(unit < VELOCITY_TOLERANCE, "{}: unit motions differ by {unit:e}", case.name);
-    assert!(coupling < VELOCITY_TOLERANCE, "{}: coupling differs by {coupling:e}", case.name);
+fn kinematics_rows(case: &Case) -> Vec<Row> {
+    let tolerances = [POSE_TOLERANCE, VELOCITY_TOLERANCE, VELOCITY_TOLERANCE, VELOCITY_TOLERANCE];
+    let differences = compare_kinematics(case);
+    let compared = differences.iter().zip(tolerances).filter(|(differences, _)| differences.count() > 0);
+    let name = case.name.trim_end_matches(".osim");
+    compared.map(|(differences, tolerance)| differences.row("kinematics", name, tolerance, Judge::Max)).collect()
 }
 
 #[test]
 fn val_opensim_kinematics_of_every_joint() {
-    fixture_cases().iter().for_each(check_kinematics);
+    for case in fixture_cases() {
+        let rows = kinematics_rows(&case);
+        assert_eq!(rows.len(), 4);
+        validation::assert_passed(&rows);
+    }
 }
 
 #[test]
 fn val_opensim_kinematics_of_shared_models() {
-    shared_cases(20).iter().for_each(check_kinematics);
+    let rows: Vec<Row> = shared_cases(20).iter().flat_map(kinematics_rows).collect();
+    validation::write("kinematics", &rows);
+    validation::assert_passed(&rows);
 }
 
 #[test]

@@ -14,23 +14,66 @@ pub fn shared_dir() -> Option<PathBuf> {
         .find(|dir| dir.join("models").is_dir())
 }
 
-/// Path of a shared file, or `None` after printing that the test is skipped.
+/// Folders of models to compare on: those of `CARPUS_MODELS` (a list like `PATH`), else the shared models.
+pub fn model_folders() -> Vec<PathBuf> {
+    match std::env::var_os("CARPUS_MODELS") {
+        Some(folders) => std::env::split_paths(&folders).collect(),
+        None => shared_dir().map(|dir| dir.join("models")).into_iter().collect(),
+    }
+}
+
+/// All models to compare on; empty, after saying so, without any.
+pub fn lab_models() -> Vec<PathBuf> {
+    let models: Vec<PathBuf> = model_folders().iter().flat_map(|folder| osim_files(folder)).collect();
+    if models.is_empty() {
+        eprintln!("SKIPPED: no models here (CARPUS_MODELS, or the shared folder CARPUS_SHARED)");
+    }
+    models
+}
+
+/// Name of a model's file without ending.
+pub fn stem(model: &std::path::Path) -> String {
+    model.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// First digits of a file's SHA-256, to see whether what was made from it is still valid.
+pub fn digest(path: &std::path::Path) -> String {
+    use sha2::Digest;
+    let bytes = std::fs::read(path).expect("readable file");
+    sha2::Sha256::digest(bytes).iter().take(8).map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// Path of a shared file, or `None` after printing that the test is skipped. Models are looked for in `CARPUS_MODELS`.
 pub fn shared(relative: &str) -> Option<PathBuf> {
-    let found = shared_dir().map(|dir| dir.join(relative)).filter(|path| path.exists());
+    let found = match relative.strip_prefix("models/") {
+        Some(name) => model_folders().into_iter().map(|folder| folder.join(name)).find(|path| path.exists()),
+        None => shared_dir().map(|dir| dir.join(relative)).filter(|path| path.exists()),
+    };
     if found.is_none() {
         eprintln!("SKIPPED: shared file {relative} is not here");
     }
     found
 }
 
-/// A Python that can import OpenSim: `CARPUS_PYTHON`, else `python3`; `None` if neither can.
+/// A Python that can import OpenSim: `CARPUS_PYTHON`, else `python3`; `None`, after saying so, if neither can.
 pub fn opensim_python() -> Option<PathBuf> {
     let candidates = std::env::var_os("CARPUS_PYTHON").into_iter().chain([std::ffi::OsString::from("python3")]);
-    candidates.map(PathBuf::from).find(|python| {
+    let found = candidates.into_iter().map(PathBuf::from).find(|python| {
         let mut check = std::process::Command::new(python);
         check.args(["-c", "import opensim"]).stdout(std::process::Stdio::null()).stderr(std::process::Stdio::null());
         check.status().is_ok_and(|status| status.success())
-    })
+    });
+    if found.is_none() {
+        eprintln!("SKIPPED: no Python here can import opensim (CARPUS_PYTHON)");
+    }
+    found
+}
+
+/// Runs a script of `fixtures/` with the Python that has OpenSim.
+pub fn run_script(python: &std::path::Path, script: &str, arguments: &[&std::ffi::OsStr]) {
+    let script = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(script);
+    let output = std::process::Command::new(python).arg(&script).args(arguments).output().expect("Python starts");
+    assert!(output.status.success(), "{} failed: {}", script.display(), String::from_utf8_lossy(&output.stderr));
 }
 
 /// All `.osim` files in a folder, sorted by name.

@@ -2,7 +2,8 @@
 //! muscles.
 
 use super::tables::{Differences, fixtures, muscles, number, rows, specs};
-use crate::reference::shared;
+use crate::reference::{opensim_python, shared};
+use crate::validation::{self, Judge};
 use carpus::muscles::curves::MillardCurves;
 use carpus::muscles::{EQUILIBRIUM_TOLERANCE, EquilibriumStatus, Millard2012, MuscleDynamics};
 use carpus::osim::spec::{MuscleKind, MuscleSpec};
@@ -230,16 +231,6 @@ fn val_opensim_state_derivatives_and_outputs() {
     }
 }
 
-/// A Python that can import OpenSim: `CARPUS_OPENSIM_PYTHON`, else `python3`; `None` after saying so.
-fn opensim_python() -> Option<String> {
-    let python = std::env::var("CARPUS_OPENSIM_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let works = Command::new(&python).args(["-c", "import opensim, numpy"]).output().is_ok_and(|o| o.status.success());
-    if !works {
-        eprintln!("SKIPPED: {python} cannot import opensim (set CARPUS_OPENSIM_PYTHON)");
-    }
-    works.then_some(python)
-}
-
 #[test]
 fn val_opensim_muscles_of_lab_models() {
     let models = ["models/Hand_Wrist_Model_for_development.osim", "models/MOBL_ARMS_41.osim"].map(shared);
@@ -261,30 +252,31 @@ fn val_opensim_muscles_of_lab_models() {
     let curves = curve_differences(folder.path());
     let equilibria = compare_equilibria(folder.path());
     let (states, _) = compare_states(folder.path());
-    write_summary(&curves, &equilibria, &states);
-    for difference in &curves {
-        difference.assert_below(CURVE_TOLERANCE);
-    }
+    let rows = rows_of(&curves, &equilibria, &states);
+    validation::write("muscles", &rows);
+    validation::assert_passed(&rows);
     assert_equilibria(&equilibria);
     assert!(equilibria.length.count() >= 1000);
-    for difference in &states {
-        difference.assert_below(STATE_TOLERANCE);
-    }
 }
 
-/// `muscles.json` in the folder that `CARPUS_VALIDATION_DIR` names, for the README's table.
-fn write_summary(curves: &[Differences], equilibria: &EquilibriumComparison, states: &[Differences]) {
-    let Some(folder) = std::env::var_os("CARPUS_VALIDATION_DIR") else { return };
-    let EquilibriumComparison { length, force, our_residual, their_residual, .. } = equilibria;
-    let summary = serde_json::json!({
-        "subject": "muscles of the McFarland and MoBL models",
-        "opensim_failures": equilibria.opensim_failures,
-        "fiber_at_lower_bound": equilibria.at_lower_bound,
-        "weakly_determined": equilibria.weakly_determined,
-        "quantities": curves.iter().chain([length, force, our_residual, their_residual]).chain(states)
-            .map(Differences::summary).collect::<Vec<_>>(),
-    });
-    let text = serde_json::to_string_pretty(&summary).expect("JSON");
-    std::fs::create_dir_all(&folder).expect("validation folder");
-    std::fs::write(Path::new(&folder).join("muscles.json"), text + "\n").expect("summary written");
+/// The table's rows: curves, equilibrium, state derivatives and outputs.
+fn rows_of(
+    curves: &[Differences],
+    equilibria: &EquilibriumComparison,
+    states: &[Differences],
+) -> Vec<validation::Row> {
+    let row = |component: &str, differences: &Differences, tolerance: f64| {
+        differences.row(component, "muscles of the McFarland and MoBL models", tolerance, Judge::Max)
+    };
+    let mut rows: Vec<validation::Row> = curves.iter().map(|d| row("muscle curves", d, CURVE_TOLERANCE)).collect();
+    rows.push(row("muscle equilibrium", &equilibria.length, LENGTH_TOLERANCE));
+    rows.push(row("muscle equilibrium", &equilibria.force, FORCE_TOLERANCE));
+    for row in &mut rows[curves.len()..] {
+        row.remark = Some(format!(
+            "besides, OpenSim finds no equilibrium in {} states; the fibre is at its lower bound in {}, and hardly determined by any force in {}",
+            equilibria.opensim_failures, equilibria.at_lower_bound, equilibria.weakly_determined
+        ));
+    }
+    rows.extend(states.iter().map(|d| row("muscle dynamics", d, STATE_TOLERANCE)));
+    rows
 }

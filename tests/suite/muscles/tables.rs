@@ -1,5 +1,6 @@
 //! Reading the reference tables of `fixtures/muscles/opensim_muscles.py`, and judging differences.
 
+pub use crate::validation::Differences;
 use carpus::muscles::Millard2012;
 use carpus::osim::spec::{
     ActiveForceLengthSpec, FiberForceLengthSpec, ForceVelocitySpec, Location, Millard2012Spec, MuscleKind, MuscleSpec,
@@ -96,56 +97,5 @@ fn spec(json: &Value) -> MuscleSpec {
         min_control: f("min_control"),
         max_control: f("max_control"),
         kind: MuscleKind::Millard2012Equilibrium(Box::new(millard)),
-    }
-}
-
-/// Differences of one quantity.
-#[derive(Default)]
-pub struct Differences {
-    pub quantity: String,
-    pub unit: &'static str,
-    values: Vec<(f64, String)>,
-}
-
-impl Differences {
-    pub fn new(quantity: impl Into<String>, unit: &'static str) -> Differences {
-        Differences { quantity: quantity.into(), unit, values: Vec::new() }
-    }
-
-    /// `case` names the place, should it be the worst. NaN counts as infinitely wrong.
-    pub fn push(&mut self, difference: f64, case: impl FnOnce() -> String) {
-        let difference = if difference.is_nan() { f64::INFINITY } else { difference.abs() };
-        let worst_so_far = self.values.iter().map(|v| v.0).fold(-1.0, f64::max);
-        self.values.push((difference, if difference > worst_so_far { case() } else { String::new() }));
-    }
-
-    pub fn count(&self) -> usize {
-        self.values.len()
-    }
-
-    pub fn max(&self) -> f64 {
-        self.values.iter().map(|v| v.0).fold(0.0, f64::max)
-    }
-
-    /// Quantity, count, median, q99, max and the worst case.
-    pub fn summary(&self) -> Value {
-        let mut sorted: Vec<f64> = self.values.iter().map(|v| v.0).collect();
-        sorted.sort_by(f64::total_cmp);
-        let quantile = |p: f64| sorted[((sorted.len() - 1) as f64 * p).round() as usize];
-        let max = self.max();
-        let worst = self.values.iter().find(|v| v.0 == max).map_or("", |v| &v.1);
-        serde_json::json!({
-            "quantity": self.quantity, "unit": self.unit, "count": sorted.len(), "median": quantile(0.5),
-            "q99": quantile(0.99), "max": max, "worst": worst,
-        })
-    }
-
-    /// Prints the residuals and fails if the largest is above the tolerance, or if there are none.
-    #[track_caller]
-    pub fn assert_below(&self, tolerance: f64) {
-        assert!(self.count() > 0, "{}: nothing was compared", self.quantity);
-        let summary = self.summary();
-        println!("{summary}");
-        assert!(self.max() <= tolerance, "{}: {} > {tolerance}: {summary}", self.quantity, self.max());
     }
 }

@@ -2,31 +2,26 @@
 //!
 //! Runs where `opensim` can be imported by `CARPUS_PYTHON` (default `python3`); skips visibly elsewhere.
 
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::ffi::OsStr;
+use std::path::PathBuf;
 
 use carpus::osim::spec::*;
 use carpus::osim::{OsimFile, Severity};
 use serde_json::{Value, json};
 
-use super::{lab_models, models_in};
+use crate::reference::{lab_models, opensim_python, run_script, stem};
+use crate::validation;
 
 /// Numbers are compared exactly, but for the last bit that decimal conversions in OpenSim's own upgrade may lose.
 const RELATIVE_TOLERANCE: f64 = 4.0 * f64::EPSILON;
 
 /// What OpenSim makes of the files, or `None` (after saying so) without OpenSim.
 pub fn opensim_dump(models: &[PathBuf]) -> Option<Vec<Value>> {
-    let python = std::env::var("CARPUS_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let importable = Command::new(&python).args(["-c", "import opensim"]).output();
-    if !importable.is_ok_and(|output| output.status.success()) {
-        eprintln!("SKIPPED: {python} cannot import opensim (set CARPUS_PYTHON)");
-        return None;
-    }
+    let python = opensim_python()?;
     let folder = tempfile::tempdir().expect("temporary folder");
     let out = folder.path().join("models.json");
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scripts/dump_model.py");
-    let status = Command::new(&python).arg(script).arg(&out).args(models).output().expect("python runs");
-    assert!(status.status.success(), "dump_model.py failed: {}", String::from_utf8_lossy(&status.stderr));
+    let arguments: Vec<&OsStr> = std::iter::once(&out).chain(models).map(|path| path.as_os_str()).collect();
+    run_script(&python, "scripts/dump_model.py", &arguments);
     let text = std::fs::read_to_string(out).expect("output of dump_model.py");
     // Python writes NaN and Infinity, which JSON does not have.
     let text = text.replace("-Infinity", "\"-inf\"").replace("Infinity", "\"inf\"").replace("NaN", "\"nan\"");
@@ -34,6 +29,8 @@ pub fn opensim_dump(models: &[PathBuf]) -> Option<Vec<Value>> {
     Some(value["models"].as_array().expect("models").clone())
 }
 
+/// Every file that OpenSim loads is read, and every value that is read is OpenSim's. A file that OpenSim refuses may be
+/// read or refused.
 #[test]
 fn val_opensim_loads_the_same_model() {
     let models = lab_models();
@@ -41,53 +38,27 @@ fn val_opensim_loads_the_same_model() {
         return;
     }
     let Some(theirs) = opensim_dump(&models) else { return };
-    let mut differences = Vec::new();
-    let mut compared = 0;
+    let (mut rows, mut refused, mut loaded) = (Vec::new(), Vec::new(), 0);
     for (path, theirs) in models.iter().zip(&theirs) {
-        let file = OsimFile::read(path).unwrap_or_else(|error| panic!("{error}"));
-        let name = path.file_name().expect("name").to_string_lossy().into_owned();
-        let theirs = in_our_order(theirs.clone(), &file.spec);
-        compare(&summary(&file.spec), &theirs, &name, &mut differences, &mut compared);
-    }
-    eprintln!("{compared} values compared in {} models, {} differ", models.len(), differences.len());
-    for difference in differences.iter().take(60) {
-        eprintln!("{difference}");
-    }
-    assert!(compared > 70_000, "only {compared} values compared");
-    assert!(differences.is_empty(), "{} differences", differences.len());
-}
-
-/// Any folder of models, named by `CARPUS_MODELS`: files that both read agree; a file that only OpenSim reads is
-/// listed with our reason.
-#[test]
-fn val_opensim_agrees_on_a_folder_of_models() {
-    let Some(folder) = std::env::var_os("CARPUS_MODELS") else {
-        eprintln!("SKIPPED: CARPUS_MODELS names no folder");
-        return;
-    };
-    let models = models_in(Path::new(&folder));
-    let Some(theirs) = opensim_dump(&models) else { return };
-    let (mut differences, mut compared, mut only_theirs) = (Vec::new(), 0, 0);
-    for (path, theirs) in models.iter().zip(&theirs) {
-        let name = path.file_name().expect("name").to_string_lossy().into_owned();
-        match (OsimFile::read(path), theirs.get("error")) {
-            (Ok(file), None) => {
+        let name = stem(path);
+        if let Some(error) = theirs.get("error") {
+            eprintln!("OpenSim refuses {name}: {error}");
+            continue;
+        }
+        loaded += 1;
+        match OsimFile::read(path) {
+            Ok(file) => {
                 let theirs = in_our_order(theirs.clone(), &file.spec);
+                let (mut differences, mut compared) = (Vec::new(), 0);
                 compare(&summary(&file.spec), &theirs, &name, &mut differences, &mut compared);
+                rows.push(validation::counted("reading", &name, "values of the specification", compared, &differences));
             }
-            (Err(error), None) => {
-                only_theirs += 1;
-                eprintln!("only OpenSim reads {name}: {error}");
-            }
-            (Ok(_), Some(error)) => eprintln!("only we read {name}: {error}"),
-            (Err(_), Some(_)) => {}
+            Err(error) => refused.push(format!("{name}: {error}")),
         }
     }
-    eprintln!("{compared} values compared in {} models, {only_theirs} refused by us alone", models.len());
-    for difference in &differences {
-        eprintln!("{difference}");
-    }
-    assert!(differences.is_empty(), "{} differences", differences.len());
+    rows.push(validation::counted("reading", "all models", "files that OpenSim loads, refused", loaded, &refused));
+    validation::write("reading", &rows);
+    validation::assert_passed(&rows);
 }
 
 /// Sorts what OpenSim lists in the order of its tree, and writes quadrants in one way. Frames that OpenSim makes for
