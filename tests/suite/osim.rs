@@ -28,7 +28,8 @@ fn verif_lab_models_are_written_as_they_were_read() {
     if models.is_empty() {
         return;
     }
-    let row = validation::counted("reading", "all models", "files read and written: same bytes", models.len(), &changed);
+    let row =
+        validation::counted("reading", "all models", "files read and written: same bytes", models.len(), &changed);
     validation::write("round_trip", std::slice::from_ref(&row));
     validation::assert_passed(&[row]);
 }

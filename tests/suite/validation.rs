@@ -50,8 +50,10 @@ pub struct Row {
     pub median: Option<f64>,
     /// 99th percentile.
     pub q99: Option<f64>,
-    /// Largest difference; `None` where one of the two programs gives no number.
+    /// Largest difference among numbers.
     pub max: Option<f64>,
+    /// Comparisons where one of the two programs gives no number; beyond every tolerance.
+    pub n_not_a_number: usize,
     /// The largest accepted difference.
     pub tolerance: f64,
     /// What must be within the tolerance.
@@ -77,6 +79,7 @@ pub struct Differences {
     listed_above: Option<f64>,
     values: Vec<f64>,
     worst: Option<(f64, String)>,
+    n_not_a_number: usize,
     outliers: Vec<(f64, String, Option<String>)>,
     remark: Option<String>,
 }
@@ -100,7 +103,8 @@ impl Differences {
     pub fn push_explained(&mut self, difference: f64, case: impl FnOnce() -> String, explanation: Option<&str>) {
         let difference = if difference.is_nan() { f64::INFINITY } else { difference.abs() };
         self.values.push(difference);
-        let worst = self.worst.as_ref().is_none_or(|(worst, _)| difference > *worst);
+        self.n_not_a_number += usize::from(difference.is_infinite());
+        let worst = difference.is_finite() && self.worst.as_ref().is_none_or(|(worst, _)| difference > *worst);
         let outlier = self.listed_above.is_some_and(|tolerance| difference > tolerance);
         if worst || outlier {
             let case = case();
@@ -122,7 +126,11 @@ impl Differences {
         self.values.len()
     }
 
+    /// Infinite where one of the two is not a number.
     pub fn max(&self) -> f64 {
+        if self.n_not_a_number > 0 {
+            return f64::INFINITY;
+        }
         self.worst.as_ref().map_or(0.0, |(worst, _)| *worst)
     }
 
@@ -147,7 +155,8 @@ impl Differences {
             count: sorted.len(),
             median: quantile(0.5).and_then(finite),
             q99: q99.and_then(finite),
-            max: self.worst.as_ref().and_then(|(worst, _)| finite(*worst)),
+            max: self.worst.as_ref().map(|(worst, _)| *worst),
+            n_not_a_number: self.n_not_a_number,
             tolerance,
             judged_by,
             passed: !sorted.is_empty() && judged <= tolerance,
@@ -206,6 +215,7 @@ pub fn counted(component: &str, model: &str, quantity: &str, count: usize, wrong
         median: None,
         q99: None,
         max: Some(wrong.len() as f64),
+        n_not_a_number: 0,
         tolerance: 0.0,
         judged_by: Judge::Max,
         passed: count > 0 && wrong.is_empty(),
@@ -256,8 +266,9 @@ fn verif_rows_are_judged_by_what_they_say() {
     }
     let row = |judge| differences.row("paths", "model", 0.5, judge);
     assert!(row(Judge::Q99).passed && !row(Judge::Max).passed);
-    assert_eq!((row(Judge::Q99).max, row(Judge::Q99).n_outliers), (None, 1), "not a number is no small difference");
-    assert_eq!(row(Judge::Q99).worst_case, "pose 7");
+    assert_eq!((row(Judge::Q99).n_not_a_number, row(Judge::Q99).n_outliers), (1, 1), "not a number is an outlier");
+    assert_eq!(row(Judge::Q99).outliers[0].case, "pose 7");
+    assert_eq!((row(Judge::Q99).max, row(Judge::Q99).worst_case.as_str()), (Some(0.099), "pose 99"));
     assert_eq!(row(Judge::Q99).q99, Some(0.099));
     assert!(!Differences::new("nothing", "m").row("", "", 1.0, Judge::Max).passed, "nothing compared is no pass");
     assert!(!counted("reading", "model", "values", 0, &[]).passed);

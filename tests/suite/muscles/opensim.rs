@@ -260,11 +260,7 @@ fn val_opensim_muscles_of_lab_models() {
 }
 
 /// The table's rows: curves, equilibrium, state derivatives and outputs.
-fn rows_of(
-    curves: &[Differences],
-    equilibria: &EquilibriumComparison,
-    states: &[Differences],
-) -> Vec<validation::Row> {
+fn rows_of(curves: &[Differences], equilibria: &EquilibriumComparison, states: &[Differences]) -> Vec<validation::Row> {
     let row = |component: &str, differences: &Differences, tolerance: f64| {
         differences.row(component, "muscles of the McFarland and MoBL models", tolerance, Judge::Max)
     };

@@ -13,7 +13,8 @@ use serde_json::Value;
 use std::path::PathBuf;
 
 /// Pose sets: name, argument of the reference script.
-const POSE_SETS: [(&str, Option<&str>); 2] = [("random poses", None), ("poses at ends of ranges", Some("--range-ends"))];
+const POSE_SETS: [(&str, Option<&str>); 2] =
+    [("random poses", None), ("poses at ends of ranges", Some("--range-ends"))];
 /// Accepted difference of a length at the 99th percentile [m].
 const LENGTH_TOLERANCE: f64 = 1e-6;
 /// Accepted difference of a moment arm at the 99th percentile [m].
@@ -22,8 +23,9 @@ const MOMENT_ARM_TOLERANCE: f64 = 1e-5;
 /// No muscle of these models is as long [m].
 const ABSURD_LENGTH: f64 = 3.0;
 /// Why OpenSim may have no number.
-const NOT_A_NUMBER: &str =
-    "OpenSim's result is not a number: a ray that samples the curve over an ellipsoid misses the surface";
+const NOT_A_NUMBER: &str = "OpenSim's result is not a number: a ray that samples the curve over an ellipsoid misses the surface. Carpus lets it \
+    count where it passes nearest; the length jumps by centimetres between such poses and their neighbours, so that \
+    neither program's is usable";
 
 /// Adds one comparison; a missing number of OpenSim's counts as infinitely far.
 fn push(to: &mut Differences, ours: f64, opensim: Option<f64>, case: impl Fn() -> String) {

@@ -71,7 +71,8 @@ fn compare(python: &Path, model: &Path, n_postures: usize) -> [Differences; 3] {
                 let coordinate = about["coordinate"].as_str().expect("name");
                 let their_moment = theirs["moments"][coordinate].as_f64().unwrap_or(f64::NAN);
                 let ours = about["moment_n_m"].as_f64().unwrap_or(f64::NAN);
-                let case = || format!("{name} about {coordinate} at posture {number}: {ours} instead of {their_moment}");
+                let case =
+                    || format!("{name} about {coordinate} at posture {number}: {ours} instead of {their_moment}");
                 moment.push((ours - their_moment) / (scale * LONG_MOMENT_ARM), case);
             }
         }
