@@ -3,7 +3,8 @@
 use super::effect::Effect;
 use super::effects as all;
 
-/// All effects; this order is also the order in which effects of the same stage act.
+/// All effects. In this order they act within a stage: recorded EMG loses baseline and cross-talk before its gain is
+/// corrected, and the sensor delays and filters before it scales and shifts.
 pub static CATALOGUE: &[&dyn Effect] = &[
     &all::JointStiffness,
     &all::EndRangeSpring,
@@ -25,25 +26,31 @@ pub static CATALOGUE: &[&dyn Effect] = &[
     &all::ActiveForceWidth,
     &all::PassiveFiberForce,
     &all::ActivationDependentLength,
-    &all::Fatigue,
-    &all::Potentiation,
     &all::HistoryDependence,
     &all::UnmodelledMuscles,
-    &all::ElectromechanicalDelay,
     &all::ActivationDynamics,
-    &all::EmgNonlinearity,
-    &all::EmgCrosstalk,
-    &all::EmgGainDrift,
     &all::EmgFloor,
+    &all::EmgCrosstalk,
     &all::EmgGain,
-    &all::TorqueOffset,
-    &all::TorqueGain,
-    &all::TorqueDrift,
+    &all::EmgGainDrift,
+    &all::ElectromechanicalDelay,
+    &all::EmgNonlinearity,
+    &all::Potentiation,
+    &all::Fatigue,
     &all::TimeShift,
     &all::SensorBandwidth,
+    &all::TorqueGain,
+    &all::TorqueOffset,
+    &all::TorqueDrift,
 ];
 
 /// The effect of that identifier.
 pub fn effect(id: &str) -> Option<&'static dyn Effect> {
     CATALOGUE.iter().copied().find(|e| e.description().id == id)
+}
+
+/// Place of an effect in the catalogue.
+pub fn position(effect: &dyn Effect) -> usize {
+    let id = effect.description().id;
+    CATALOGUE.iter().position(|e| e.description().id == id).unwrap_or(CATALOGUE.len())
 }

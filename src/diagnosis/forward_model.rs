@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use super::catalogue::position;
 use super::effect::{Effect, JointState, MuscleState, Role, Stage, TrialContext};
 use super::silent_muscles::SilentMuscles;
 use crate::osim::spec::{ModelSpec, MuscleSpec};
@@ -15,6 +16,18 @@ pub struct Setting {
     pub effect: &'static dyn Effect,
     /// In the order of its parameters.
     pub values: Vec<f64>,
+}
+
+impl std::fmt::Debug for Setting {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple(self.effect.description().id).field(&self.values).finish()
+    }
+}
+
+impl PartialEq for Setting {
+    fn eq(&self, other: &Self) -> bool {
+        self.effect.description().id == other.effect.description().id && self.values == other.values
+    }
 }
 
 impl Setting {
@@ -131,7 +144,7 @@ impl ForwardModel {
     pub fn variant(&self, effects: &[Setting]) -> Result<Cow<'_, MusculoskeletalModel>, SimulationError> {
         let mut muscles = self.muscles.clone();
         let mut changed = false;
-        for setting in effects {
+        for setting in in_order(effects) {
             changed |= setting.effect.change_muscles(&setting.values, &mut muscles);
         }
         let model = if changed { Cow::Owned(self.model.with_muscles(&muscles)?) } else { Cow::Borrowed(&self.model) };
@@ -180,7 +193,8 @@ impl ForwardModel {
         let record = &self.trials[trial];
         let mut excitation = excitation.to_vec();
         let mut angle = record.angle.clone();
-        for setting in effects {
+        let effects = in_order(effects);
+        for setting in &effects {
             setting.effect.excite(&setting.values, &context, &mut excitation);
             setting.effect.change_angle(&setting.values, &context, &mut angle);
         }
@@ -203,7 +217,7 @@ impl ForwardModel {
                 activation: &path.activation,
             };
             let mut factor = vec![1.0; angle.len()];
-            for setting in effects {
+            for setting in &effects {
                 setting.effect.scale_muscle(&setting.values, &state, &mut factor);
             }
             let force = p.max_isometric_force;
@@ -246,10 +260,11 @@ impl ForwardModel {
             speed: &kinematics.speed,
             acceleration: &kinematics.acceleration,
         };
-        for setting in effects {
+        let effects = in_order(effects);
+        for setting in &effects {
             setting.effect.add_moment(&setting.values, &joint, &mut moment);
         }
-        for setting in effects {
+        for setting in &effects {
             setting.effect.sense(&setting.values, &context, &mut moment);
         }
         moment
@@ -331,6 +346,13 @@ impl ForwardModel {
 
 /// Step of differences, in units of a parameter's scale.
 const STEP: f64 = 0.1;
+
+/// Effects in the order of the catalogue, in which they act.
+fn in_order(effects: &[Setting]) -> Vec<&Setting> {
+    let mut ordered: Vec<&Setting> = effects.iter().collect();
+    ordered.sort_by_key(|s| position(s.effect));
+    ordered
+}
 
 fn moved(effects: &[Setting], which: usize, parameter: usize, step: f64) -> Vec<Setting> {
     let mut effects = effects.to_vec();

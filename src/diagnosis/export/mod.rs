@@ -6,19 +6,11 @@ mod side_car;
 
 use thiserror::Error;
 
-use super::effect::{Effect, OsimForm};
+use super::effect::OsimForm;
+use super::forward_model::Setting;
 use crate::osim::{EditError, OsimFile};
 use crate::simulation::Setup;
 pub use side_car::{SIDE_CAR_SCHEMA, SideCar, SideCarError};
-
-/// An effect and the values of its parameters, in the order of its description, in SI units.
-#[derive(Clone)]
-pub struct EffectValues {
-    /// The effect.
-    pub effect: &'static dyn Effect,
-    /// Values.
-    pub values: Vec<f64>,
-}
 
 /// What became of the effects.
 pub struct ExportReport {
@@ -76,7 +68,7 @@ pub enum ExportError {
 ///
 /// # Errors
 /// [`ExportError`]; the file is then as it was.
-pub fn write(file: &mut OsimFile, setup: &Setup, effects: &[EffectValues]) -> Result<ExportReport, ExportError> {
+pub fn write(file: &mut OsimFile, setup: &Setup, effects: &[Setting]) -> Result<ExportReport, ExportError> {
     let before = file.clone();
     let result = write_all(file, setup, effects);
     if result.is_err() {
@@ -85,7 +77,7 @@ pub fn write(file: &mut OsimFile, setup: &Setup, effects: &[EffectValues]) -> Re
     result
 }
 
-fn write_all(file: &mut OsimFile, setup: &Setup, effects: &[EffectValues]) -> Result<ExportReport, ExportError> {
+fn write_all(file: &mut OsimFile, setup: &Setup, effects: &[Setting]) -> Result<ExportReport, ExportError> {
     let coordinate = native::MovingCoordinate::find(&file.spec, setup)?;
     let side_car = SideCar { coordinate: setup.coordinate.clone(), effects: Vec::new() };
     let mut report = ExportReport { native: Vec::new(), side_car, reasons: Vec::new() };
@@ -116,17 +108,5 @@ fn form_text(form: &OsimForm) -> String {
     match form {
         OsimForm::Native(text) | OsimForm::SideCar(text) => (*text).to_owned(),
         OsimForm::Controls(text) => format!("no component of OpenSim does it; {text} would"),
-    }
-}
-
-impl std::fmt::Debug for EffectValues {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_tuple(self.effect.description().id).field(&self.values).finish()
-    }
-}
-
-impl PartialEq for EffectValues {
-    fn eq(&self, other: &Self) -> bool {
-        self.effect.description().id == other.effect.description().id && self.values == other.values
     }
 }

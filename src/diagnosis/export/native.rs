@@ -2,8 +2,9 @@
 
 use nalgebra::Matrix3;
 
-use super::{EffectValues, ExportError};
+use super::ExportError;
 use crate::diagnosis::effect::NativeForm;
+use crate::diagnosis::forward_model::Setting;
 use crate::multibody::Model;
 use crate::osim::edit::format_number;
 use crate::osim::spec::{BodyIndex, CoordinateIndex, ModelSpec, MotionType, MuscleKind, MuscleSpec};
@@ -64,7 +65,7 @@ pub(super) fn write(
     file: &mut OsimFile,
     setup: &Setup,
     coordinate: &MovingCoordinate,
-    item: &EffectValues,
+    item: &Setting,
 ) -> Result<Written, EditError> {
     let muscles = write_muscles(file, setup, item)?;
     if !muscles.is_empty() {
@@ -86,7 +87,7 @@ pub(super) fn write(
     }
 }
 
-fn write_muscles(file: &mut OsimFile, setup: &Setup, item: &EffectValues) -> Result<Vec<String>, EditError> {
+fn write_muscles(file: &mut OsimFile, setup: &Setup, item: &Setting) -> Result<Vec<String>, EditError> {
     let active = |m: &&MuscleSpec| setup.active_muscles.contains(&m.name);
     let before: Vec<MuscleSpec> = file.spec.muscles.iter().filter(active).cloned().collect();
     let mut after = before.clone();

@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use super::EffectValues;
 use crate::diagnosis::catalogue::{CATALOGUE, effect};
+use crate::diagnosis::forward_model::Setting;
 use crate::osim::error::nearest;
 
 /// Schema of the file.
@@ -26,7 +26,7 @@ pub struct SideCar {
     /// The coordinate that they are about.
     pub coordinate: String,
     /// The effects, in the order in which they were given.
-    pub effects: Vec<EffectValues>,
+    pub effects: Vec<Setting>,
 }
 
 /// What is wrong with a side-car.
@@ -174,7 +174,7 @@ impl Reader<'_> {
         Ok(SideCar { coordinate, effects })
     }
 
-    fn effect(&self, table: &toml::Table, at: &str) -> Result<EffectValues, SideCarError> {
+    fn effect(&self, table: &toml::Table, at: &str) -> Result<Setting, SideCarError> {
         let id = self.text(table, "id", &format!("{at}: "))?;
         let Some(effect) = effect(id) else {
             return Err(SideCarError::UnknownEffect {
@@ -206,6 +206,6 @@ impl Reader<'_> {
             };
             values.push(value);
         }
-        Ok(EffectValues { effect, values })
+        Ok(Setting { effect, values })
     }
 }
