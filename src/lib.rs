@@ -16,6 +16,7 @@ pub mod osim;
 pub mod paths;
 pub mod personalization;
 pub mod report;
+pub mod sensitivity;
 pub mod signals;
 pub mod simulation;
 pub mod spatial;

@@ -64,6 +64,10 @@ pub enum Command {
     Personalize(PersonalizeArgs),
     /// See where the model fails and which physical effects could be missing
     Diagnose(DiagnoseArgs),
+    /// Which muscle parameters the study's trials respond to: Morris screening, Sobol' indices
+    Sensitivity(SensitivityArgs),
+    /// Power of a paired t-test or a correlation, and the participants it needs
+    Power(PowerArgs),
     /// The catalogue of physical effects: equation, parameters, signature, rivals
     Effects(EffectsArgs),
 }
@@ -214,6 +218,65 @@ pub struct DiagnoseArgs {
     /// Only these effects (comma-separated; default: all)
     #[arg(long, value_name = "ID,…", value_delimiter = ',')]
     pub candidates: Vec<String>,
+}
+
+/// `carpus sensitivity`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus sensitivity study/study.toml --out sensitivity\n  carpus sensitivity study/study.toml --sobol 256 --out sensitivity\n\nWrites DIR/{sensitivity.json,morris.csv,convergence.csv}, with --sobol sobol.csv, and with two or more participants anova.csv. Trials held out (use = test) are not used."
+)]
+pub struct SensitivityArgs {
+    /// The study.
+    #[command(flatten)]
+    pub study: StudyArgs,
+    /// Starts r of the screening: r (m + 1) runs per condition for m parameters
+    #[arg(long, value_name = "R", default_value_t = 25, value_parser = clap::value_parser!(u32).range(2..=100_000))]
+    pub starts: u32,
+    /// Also Sobol' indices, from N (m + 2) runs per condition
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
+    pub sobol: Option<u32>,
+    /// Resamples of the bootstrap behind the intervals
+    #[arg(long, value_name = "N", default_value_t = 1000)]
+    pub resamples: usize,
+}
+
+/// `carpus power`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus power paired-t --effect 0.72 --n 10 --tails 2\n  carpus power correlation --effect 0.64 --n 5 --tails 1\n\nThe effect is Cohen's d (t-tests) or r (correlations); n is the number of participants, of two-sample-t per group."
+)]
+pub struct PowerArgs {
+    /// The test
+    #[arg(value_name = "TEST")]
+    pub test: PowerTest,
+    /// Size of the effect: Cohen's d, or r
+    #[arg(long, value_name = "SIZE", allow_hyphen_values = true)]
+    pub effect: f64,
+    /// Participants there are: the power they have
+    #[arg(long, value_name = "N")]
+    pub n: Option<usize>,
+    /// Power asked for: the participants it needs
+    #[arg(long, value_name = "P", default_value_t = 0.8)]
+    pub power: f64,
+    /// Significance level
+    #[arg(long, value_name = "P", default_value_t = 0.05)]
+    pub alpha: f64,
+    /// One- or two-sided test
+    #[arg(long, value_name = "1|2", default_value_t = 2, value_parser = clap::value_parser!(u8).range(1..=2))]
+    pub tails: u8,
+}
+
+/// Tests whose power can be asked for.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+pub enum PowerTest {
+    /// t-test of paired measurements (d_z)
+    PairedT,
+    /// t-test of two independent groups (d)
+    TwoSampleT,
+    /// Pearson's correlation, exact
+    Correlation,
+    /// Correlation with one variable fixed (G*Power's point biserial model)
+    PointBiserial,
 }
 
 /// `carpus effects`

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::error::SimulationError;
 use super::fiber::CurveCache;
-use super::fiber::equation::{Drive, Fiber};
+use super::fiber::equation::{Drive, Fiber, FiberCurves};
 use super::model::{MuscleParameters, MusculoskeletalModel, active_muscle_along};
 use super::tables::CoordinateTables;
 use super::trial::{Options, PreparedTrial, Recording};
@@ -84,6 +84,42 @@ impl MusculoskeletalModel {
     ) -> Result<PreparedTrial, SimulationError> {
         let motion = self.checked_motion(recording, options)?;
         self.prepare_with(recording, motion, Arc::clone(&like.tables), options)
+    }
+}
+
+impl PreparedTrial {
+    /// Fibre damping β of each active muscle.
+    pub fn fiber_damping(&self) -> Vec<f64> {
+        self.muscles.iter().map(|m| m.muscle.curves.damping).collect()
+    }
+
+    /// The same trial with other fibre damping.
+    ///
+    /// - `damping`: β of each active muscle, in order. The model without damping is another one (its fibre velocity comes
+    ///   from an inverted curve), so a damped muscle needs more than 0 and an undamped one keeps 0.
+    ///
+    /// # Errors
+    /// [`SimulationError::ParameterCount`]; [`SimulationError::InvalidParameter`] for a damping that is not allowed.
+    pub fn with_fiber_damping(&self, damping: &[f64]) -> Result<PreparedTrial, SimulationError> {
+        if damping.len() != self.muscles.len() {
+            let (found, expected) = (damping.len(), self.muscles.len());
+            return Err(SimulationError::ParameterCount { found, expected });
+        }
+        let mut trial = self.clone();
+        for (prepared, &value) in trial.muscles.iter_mut().zip(damping) {
+            let muscle = &mut prepared.muscle;
+            let (allowed, expected) = if muscle.curves.damping > 0.0 {
+                (value > 0.0 && value <= 1.0, "more than 0 and at most 1")
+            } else {
+                (value == 0.0, "0, as the muscle has no damping")
+            };
+            if !allowed {
+                let (muscle, property) = (muscle.name.clone(), "fiber_damping");
+                return Err(SimulationError::InvalidParameter { muscle, property, value, expected });
+            }
+            muscle.curves = Arc::new(FiberCurves { damping: value, ..(*muscle.curves).clone() });
+        }
+        Ok(trial)
     }
 }
 

@@ -2,7 +2,8 @@
 //!
 //! In: a folder as a lab keeps it. Out: a typed [`Study`] in SI units and radians, and one [`Trial`] at a time with
 //! its samples. Every key and column is either read or reported; all problems of a study are collected and returned
-//! together, each with file, line and, where there is one, a hint. Resampling and filtering are not here. What needs the
+//! together, each with file, line and, where there is one, a hint. Raw EMG becomes excitation here, by [`crate::signals`]
+//! and the participant's MVC trials; nothing else is filtered or resampled. What needs the
 //! model is checked by those who have it: [`Study::check_names`], [`Trial::check_against_range`].
 //!
 //! | file | what is in it | optional keys beyond the essential ones |
@@ -17,6 +18,7 @@ mod lines;
 mod participants;
 mod plausibility;
 mod problem;
+mod raw_emg;
 mod settings;
 mod table;
 mod toml_section;
@@ -24,6 +26,7 @@ mod trial;
 mod trial_list;
 mod ultrasound;
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -31,6 +34,7 @@ use rayon::prelude::*;
 pub use participants::{Participant, Sex, Side};
 pub(crate) use problem::nearest;
 pub use problem::{Fault, MAX_LISTED, Problem, Severity, StudyErrors};
+pub use raw_emg::EmgSignal;
 pub use settings::{
     AngleUnit, Columns, Dynamometer, MomentPart, ParameterBounds, PostureCoordinate, RelativeBounds, Settings,
 };
@@ -136,7 +140,31 @@ impl Study {
     /// # Errors
     /// Every problem of the file, together.
     pub fn trial(&self, info: &TrialInfo) -> Result<Trial, StudyErrors> {
-        let mut trial = Trial::read(info, &self.settings, &self.folder.join("trials.csv"))?;
+        self.trial_with(info, self.mvc_levels(&info.participant)?.as_deref())
+    }
+
+    /// Each channel's level at maximum voluntary contraction, in the channel's unit and the order of the active muscles:
+    /// the largest envelope over the participant's trials of contraction or use `mvc`. `None` if the study's EMG is
+    /// normalized already.
+    ///
+    /// # Errors
+    /// No such trial; the problems of their files; channels that are silent in all of them.
+    pub fn mvc_levels(&self, participant: &str) -> Result<Option<Vec<f64>>, StudyErrors> {
+        let EmgSignal::Raw(emg) = &self.settings.emg else { return Ok(None) };
+        let trials_file = self.folder.join("trials.csv");
+        let is_mvc = |t: &&TrialInfo| t.usage == TrialUse::Mvc || t.contraction == Contraction::Mvc;
+        let infos: Vec<&TrialInfo> = self.trials_of(participant).filter(is_mvc).collect();
+        let results = infos.into_par_iter().map(|info| Trial::read(info, &self.settings, &trials_file, None));
+        let trials = gather(results.collect())?;
+        let mut problems = Vec::new();
+        let columns = &self.settings.columns;
+        let levels = raw_emg::mvc_levels(&trials, emg, columns, participant, &trials_file, &mut problems);
+        StudyErrors::settle(problems)?;
+        Ok(Some(levels))
+    }
+
+    fn trial_with(&self, info: &TrialInfo, mvc_levels: Option<&[f64]>) -> Result<Trial, StudyErrors> {
+        let mut trial = Trial::read(info, &self.settings, &self.folder.join("trials.csv"), mvc_levels)?;
         let doubtful = plausibility::check(&trial, &self.settings, self.participant(&info.participant));
         trial.warnings.extend(doubtful);
         Ok(trial)
@@ -147,35 +175,40 @@ impl Study {
     /// # Errors
     /// The problems of all files, together.
     pub fn load_trials(&self, participant: &str) -> Result<Vec<Trial>, StudyErrors> {
+        let levels = self.mvc_levels(participant)?;
         let infos: Vec<&TrialInfo> = self.trials_of(participant).collect();
-        let results: Vec<_> = infos.into_par_iter().map(|info| self.trial(info)).collect();
-        let mut trials = Vec::with_capacity(results.len());
-        let mut failed = StudyErrors::default();
-        for result in results {
-            match result {
-                Ok(trial) => trials.push(trial),
-                Err(mut errors) => {
-                    failed.errors.append(&mut errors.errors);
-                    failed.warnings.append(&mut errors.warnings);
-                }
-            }
-        }
-        if failed.errors.is_empty() { Ok(trials) } else { Err(failed) }
+        gather(infos.into_par_iter().map(|info| self.trial_with(info, levels.as_deref())).collect())
     }
 
     /// Reads every trial that is not ignored and passes `wanted`, keeps nothing, and returns the findings in the
     /// order of the trials.
     pub fn check_trials(&self, wanted: impl Fn(&TrialInfo) -> bool + Sync) -> Vec<Problem> {
-        let findings: Vec<Vec<Problem>> = self
-            .trials
-            .par_iter()
-            .filter(|info| info.usage != TrialUse::Ignore && wanted(info))
-            .map(|info| match self.trial(info) {
-                Ok(trial) => trial.warnings,
-                Err(StudyErrors { errors, warnings }) => errors.into_iter().chain(warnings).collect(),
-            })
-            .collect();
-        findings.into_iter().flatten().collect()
+        let all = |e: StudyErrors| e.errors.into_iter().chain(e.warnings).collect::<Vec<Problem>>();
+        let infos: Vec<&TrialInfo> =
+            self.trials.iter().filter(|info| info.usage != TrialUse::Ignore && wanted(info)).collect();
+        let mut problems = Vec::new();
+        let mut levels: HashMap<&str, Option<Vec<f64>>> = HashMap::new();
+        for info in &infos {
+            // Levels that cannot be had are reported once; the participant's trials are then checked as far as they go.
+            levels.entry(&info.participant).or_insert_with(|| {
+                self.mvc_levels(&info.participant).unwrap_or_else(|errors| {
+                    problems.extend(all(errors));
+                    None
+                })
+            });
+        }
+        let check = |info: &&TrialInfo| {
+            let levels = levels.get(info.participant.as_str()).and_then(|levels| levels.as_deref());
+            self.trial_with(info, levels).map_or_else(all, |trial| trial.warnings)
+        };
+        let findings: Vec<Vec<Problem>> = infos.par_iter().map(check).collect();
+        for problem in findings.into_iter().flatten() {
+            // A bad MVC file was read twice.
+            if self.settings.emg == EmgSignal::Normalized || !problems.contains(&problem) {
+                problems.push(problem);
+            }
+        }
+        problems
     }
 
     /// Checks the names that the study takes from a model: coordinates, active muscles, imaged muscles.
@@ -251,6 +284,22 @@ impl Study {
             problems.push(Problem::warning(&trials_file, None, Fault::NothingToTrain));
         }
     }
+}
+
+/// All trials, or the problems of all that could not be read.
+fn gather(results: Vec<Result<Trial, StudyErrors>>) -> Result<Vec<Trial>, StudyErrors> {
+    let mut trials = Vec::with_capacity(results.len());
+    let mut failed = StudyErrors::default();
+    for result in results {
+        match result {
+            Ok(trial) => trials.push(trial),
+            Err(mut errors) => {
+                failed.errors.append(&mut errors.errors);
+                failed.warnings.append(&mut errors.warnings);
+            }
+        }
+    }
+    if failed.errors.is_empty() { Ok(trials) } else { Err(failed) }
 }
 
 fn read_settings(file: &Path, folder: &Path, problems: &mut Vec<Problem>) -> Option<(Settings, bool)> {

@@ -1,6 +1,7 @@
 //! Checks of one trial that cost no error, only a look: units, signs, sizes.
 
 use super::problem::{Fault, Problem};
+use super::raw_emg::EmgSignal;
 use super::settings::AngleUnit;
 use super::trial::{Trial, median};
 use super::trial_list::{Contraction, Direction, TrialUse};
@@ -25,7 +26,9 @@ pub(crate) fn check(trial: &Trial, settings: &Settings, participant: Option<&Par
     sampling(trial, &mut faults);
     angle(trial, settings, &mut faults);
     velocity(trial, settings, &mut faults);
-    constant_emg(trial, settings, &mut faults);
+    if settings.emg == EmgSignal::Normalized {
+        constant_emg(trial, settings, &mut faults); // of raw channels this is said before they are filtered
+    }
     moment(trial, settings, participant, &mut faults);
     faults.into_iter().map(|fault| Problem::warning(&trial.info.file, None, fault)).collect()
 }

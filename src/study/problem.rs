@@ -3,6 +3,8 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use crate::signals::{Finding, SignalError};
+
 /// How many problems [`StudyErrors`] prints before it only counts the rest.
 pub const MAX_LISTED: usize = 20;
 
@@ -220,9 +222,38 @@ pub enum Fault {
         /// Line of the first.
         first_line: usize,
     },
-    /// Raw EMG, which this version does not process.
-    #[error("raw EMG is not supported in this version: expected kind = \"normalized\", found \"raw\"")]
-    RawEmgUnsupported,
+    /// Raw EMG that cannot become an excitation.
+    #[error("column `{column}`, raw EMG: {error}")]
+    RawEmg {
+        /// The column.
+        column: String,
+        /// Why not.
+        error: SignalError,
+    },
+    /// Something doubtful about a raw EMG channel.
+    #[error("column `{column}`: {finding}")]
+    EmgChannel {
+        /// The column.
+        column: String,
+        /// What was found.
+        finding: Finding,
+    },
+    /// Raw EMG without a trial that says what a maximum is.
+    #[error("participant `{participant}` has no trial of contraction or use `mvc`, which raw EMG is normalized by")]
+    NoMvcTrial {
+        /// The participant.
+        participant: String,
+    },
+    /// A raw recording whose steps differ.
+    #[error("step of {step_s:.6} s before this row, {mean_step_s:.6} s on average: raw EMG needs equal steps{}", others(*more))]
+    UnequalSteps {
+        /// The step \[s\].
+        step_s: f64,
+        /// Mean step of the trial \[s\].
+        mean_step_s: f64,
+        /// How many further such steps there are.
+        more: usize,
+    },
     /// A required column is absent.
     #[error("no column `{column}` ({meaning}); columns present: {}", list_or_none(present))]
     MissingColumn {
@@ -502,9 +533,20 @@ impl Fault {
                 nearest.as_ref().map(|n| format!("did you mean `{n}`? Else: ")).unwrap_or_default()
             ),
             UnknownColumn { nearest: Some(n), .. } => format!("did you mean `{n}`?"),
-            RawEmgUnsupported => {
-                "band-pass, rectify, smooth and divide by the MVC envelope first, and store 0 to 1".to_owned()
+            RawEmg { error: SignalError::Cutoff { .. }, .. } => {
+                "set [emg] band_pass_hz to a band below half the sample rate; an envelope recorded at a low rate is not raw EMG"
+                    .to_owned()
             }
+            RawEmg { error: SignalError::NoMvc { .. }, .. } => {
+                "the channel is silent in every MVC trial: check electrode and column".to_owned()
+            }
+            EmgChannel { finding: Finding::AboveMvc { .. }, .. } => {
+                "excitation is held at 1 there; record MVC trials that reach the maximum of every muscle".to_owned()
+            }
+            EmgChannel { finding: Finding::MainsHum { .. }, .. } => {
+                "raise the lower edge of [emg] band_pass_hz above the mains frequency, or record again".to_owned()
+            }
+            UnequalSteps { .. } => "resample the recording at equal steps".to_owned(),
             NotText => "save the file as UTF-8".to_owned(),
             Separator { .. } => "export with commas between columns and points as decimal marks".to_owned(),
             BadNumber { found, .. } if found.contains(',') => "use a point as decimal mark".to_owned(),

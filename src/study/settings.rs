@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::problem::{Fault, Problem};
+use super::raw_emg::{self, EmgSignal};
 use super::toml_section::{Sections, TomlSection};
 
 /// Bounds of table 3.2 of the study this program began with: three standard deviations of Lieber et al. (1990)
@@ -30,6 +31,8 @@ pub struct Settings {
     pub active_muscles: Vec<String>,
     /// Line that lists the active muscles.
     pub active_line: usize,
+    /// What the EMG columns hold.
+    pub emg: EmgSignal,
     /// Names of the columns of trial files.
     pub columns: Columns,
     /// How far personalization may go.
@@ -182,7 +185,7 @@ impl Settings {
 
         let columns = columns(&sections, active.as_deref().unwrap_or_default(), problems);
         let columns_sound = problems.len() == before;
-        emg_kind(&sections, file, problems);
+        let emg = raw_emg::settings(&sections, problems);
         let bounds = bounds(&sections, problems);
 
         let mut checks = sections.section("checks");
@@ -198,6 +201,7 @@ impl Settings {
             posture,
             active_muscles: active?,
             active_line,
+            emg,
             columns,
             bounds,
             max_gap,
@@ -267,16 +271,6 @@ fn radian_evidence(value: f64) -> Option<String> {
     let round_in_degrees = (value * 4.0).fract() == 0.0;
     (value != 0.0 && !round_in_degrees && value.abs() < 3.2 && nearest != 0.0 && (in_degrees - nearest).abs() < 0.1)
         .then(|| format!("{value} rad are {nearest}°"))
-}
-
-fn emg_kind(sections: &Sections<'_>, file: &Path, problems: &mut Vec<Problem>) {
-    let mut section = sections.section("emg");
-    let kind = section.optional_word("kind", "EMG kind", &[("normalized", false), ("raw", true)]);
-    if kind == Some(true) {
-        problems.push(Problem::error(file, section.line_of("kind"), Fault::RawEmgUnsupported));
-        section.accept(&["band_pass_hz", "rms_window_s", "savitzky_golay"]);
-    }
-    section.finish(problems);
 }
 
 fn columns(sections: &Sections<'_>, active: &[String], problems: &mut Vec<Problem>) -> Columns {

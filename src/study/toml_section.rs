@@ -129,11 +129,6 @@ impl<'a> TomlSection<'a> {
         self.entries.iter().find(|e| e.key == key).map_or(self.line, |e| e.line)
     }
 
-    /// Declares keys that are known but not read.
-    pub fn accept(&mut self, keys: &[&str]) {
-        self.known.extend(keys.iter().map(|k| (*k).to_owned()));
-    }
-
     /// Reports a value.
     pub fn bad_value(&mut self, key: &str, expected: &str, found: &str) {
         self.bad_value_at(self.line_of(key), key, expected, found.to_owned());
@@ -293,6 +288,32 @@ impl<'a> TomlSection<'a> {
     /// Whether the key holds a table.
     pub fn is_table(&self, key: &str) -> bool {
         self.entries.iter().any(|e| e.key == key && e.value.is_table())
+    }
+
+    /// A table, if the key is there: `read` asks for its keys, others are reported.
+    pub fn optional_table<T>(
+        &mut self,
+        key: &'static str,
+        expected: &str,
+        read: impl FnOnce(&mut TomlSection<'a>) -> T,
+    ) -> Option<T> {
+        let value = self.value(key)?;
+        let DeValue::Table(table) = value else {
+            self.bad_value(key, expected, &describe(value));
+            return None;
+        };
+        let mut inner = TomlSection {
+            file: self.file,
+            text: self.text,
+            name: key,
+            line: self.line_of(key),
+            entries: entries(table, self.text),
+            known: BTreeSet::new(),
+            problems: Vec::new(),
+        };
+        let result = read(&mut inner);
+        inner.finish(&mut self.problems);
+        Some(result)
     }
 
     /// A table of strings whose keys must be exactly `keys`; strings in the order of `keys`.

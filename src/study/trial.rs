@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::problem::{Fault, Problem, StudyErrors, nearest};
+use super::raw_emg::{self, EmgSignal};
 use super::settings::{Columns, Settings};
 use super::table::{csv_problem, missing_column, open};
 use super::trial_list::TrialInfo;
@@ -101,11 +102,28 @@ impl Trial {
     }
 
     /// Reads and checks the file of a trial, except for what needs the rest of the study.
-    pub(crate) fn read(info: &TrialInfo, settings: &Settings, trials_file: &Path) -> Result<Trial, StudyErrors> {
+    ///
+    /// - `mvc_levels`: of raw EMG, each channel's level at maximum voluntary contraction; without them `excitation`
+    ///   keeps the raw samples
+    pub(crate) fn read(
+        info: &TrialInfo,
+        settings: &Settings,
+        trials_file: &Path,
+        mvc_levels: Option<&[f64]>,
+    ) -> Result<Trial, StudyErrors> {
         let mut problems = Vec::new();
         let trial = read_samples(info, settings, trials_file, &mut problems).map(|mut trial| {
+            let before = problems.len();
             check_time(&trial, settings.max_gap, &mut problems);
-            check_excitation(&mut trial, settings, &mut problems);
+            match &settings.emg {
+                EmgSignal::Normalized => check_excitation(&mut trial, settings, &mut problems),
+                EmgSignal::Raw(emg) => {
+                    let equal_steps = problems.len() == before && raw_emg::check_steps(&trial, &mut problems);
+                    if let Some(levels) = mvc_levels.filter(|_| equal_steps) {
+                        raw_emg::to_excitation(&mut trial, emg, levels, &settings.columns, &mut problems);
+                    }
+                }
+            }
             trial
         });
         let warnings = StudyErrors::settle(problems)?;
@@ -127,6 +145,7 @@ fn layout(
     header: &[String],
     columns: &Columns,
     muscles: &[String],
+    raw: bool,
     file: &Path,
     problems: &mut Vec<Problem>,
 ) -> Option<Layout> {
@@ -147,7 +166,7 @@ fn layout(
     for (i, (name, muscle)) in columns.emg.iter().zip(muscles).enumerate() {
         let said_before = columns.emg[..i].contains(name) && !header.contains(name);
         if !said_before {
-            emg.extend(column(name, &format!("EMG of {muscle}, 0 to 1")));
+            emg.extend(column(name, &format!("EMG of {muscle}{}", if raw { "" } else { ", 0 to 1" })));
         }
     }
     report_unknown_columns(header, columns, file, problems);
@@ -198,9 +217,10 @@ fn read_samples(
     problems: &mut Vec<Problem>,
 ) -> Option<Trial> {
     let file = &info.file;
+    let raw = settings.emg != EmgSignal::Normalized;
     let named_at = format!("{}:{}", trials_file.display(), info.line);
     let (mut reader, header) = open(file, "trial file", Some(&named_at), problems)?;
-    let layout = layout(&header, &settings.columns, &settings.active_muscles, file, problems)?;
+    let layout = layout(&header, &settings.columns, &settings.active_muscles, raw, file, problems)?;
 
     let unit = settings.columns.angle_unit;
     let muscles = settings.active_muscles.len();

@@ -11,6 +11,7 @@ mod paths;
 mod personalization;
 mod reference;
 mod report;
+mod sensitivity;
 mod signals;
 mod simulation;
 mod statistics;

@@ -6,4 +6,5 @@ mod bad_trials;
 mod folder;
 mod good;
 mod random_bytes;
+mod raw_emg;
 mod warnings;

@@ -8,4 +8,6 @@ pub mod equilibrium;
 pub mod info;
 pub mod paths;
 pub mod personalize;
+pub mod power;
+pub mod sensitivity;
 pub mod simulate;

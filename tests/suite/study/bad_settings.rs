@@ -70,12 +70,6 @@ fn verif_values_of_the_wrong_kind() {
 }
 
 #[test]
-fn verif_raw_emg_is_refused_by_name() {
-    let folder = Folder::spoilt("study.toml", "kind = \"normalized\"", "kind = \"raw\"\nband_pass_hz = [30, 250]");
-    says(&folder.only_error("study.toml", 18), "raw EMG is not supported in this version", "MVC envelope");
-}
-
-#[test]
 fn verif_bounds_must_be_ordered() {
     for bad in ["[110, 90]", "[0, 90]", "[90]", "[90, 100, 110]", "90", "[90, \"x\"]"] {
         let folder = Folder::good();
