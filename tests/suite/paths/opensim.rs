@@ -23,9 +23,8 @@ const MOMENT_ARM_TOLERANCE: f64 = 1e-5;
 /// No muscle of these models is as long [m].
 const ABSURD_LENGTH: f64 = 3.0;
 /// Why OpenSim may have no number.
-const NOT_A_NUMBER: &str = "OpenSim's result is not a number: a ray that samples the curve over an ellipsoid misses the surface. Carpus lets it \
-    count where it passes nearest; the length jumps by centimetres between such poses and their neighbours, so that \
-    neither program's is usable";
+const NOT_A_NUMBER: &str = "OpenSim's result is not a number: it measures the curve over an ellipsoid with rays from a \
+    point outside of it, which miss the far side; Carpus takes rays from the centre of the section there";
 
 /// Adds one comparison; a missing number of OpenSim's counts as infinitely far.
 fn push(to: &mut Differences, ours: f64, opensim: Option<f64>, case: impl Fn() -> String) {
