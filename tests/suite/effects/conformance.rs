@@ -1,0 +1,278 @@
+//! What every effect has to do.
+
+use carpus::diagnosis::effect::{OsimForm, Role, Stage};
+use carpus::diagnosis::forward_model::Setting;
+
+use super::*;
+
+/// Identifiers that the design fixes.
+const CONTRACT: [&str; 36] = [
+    "joint_stiffness",
+    "end_range_spring",
+    "ligament_stop",
+    "joint_damping",
+    "power_law_damping",
+    "coulomb_friction",
+    "thixotropy",
+    "stretch_reflex",
+    "gravity",
+    "inertia",
+    "moment_arm_shift",
+    "moment_arm_slope",
+    "angle_offset",
+    "joint_compliance",
+    "axis_misalignment",
+    "tendon_compliance",
+    "max_contraction_velocity",
+    "active_force_width",
+    "passive_fiber_force",
+    "activation_dependent_length",
+    "fatigue",
+    "potentiation",
+    "history_dependence",
+    "unmodelled_muscles",
+    "electromechanical_delay",
+    "activation_dynamics",
+    "emg_nonlinearity",
+    "emg_crosstalk",
+    "emg_gain_drift",
+    "emg_floor",
+    "emg_gain",
+    "torque_offset",
+    "torque_gain",
+    "torque_drift",
+    "time_shift",
+    "sensor_bandwidth",
+];
+
+/// Effects that the bundled model cannot show: it has no muscle that the study does not activate.
+const WITHOUT_INFLUENCE_HERE: [&str; 1] = ["unmodelled_muscles"];
+
+/// Values at the ends of what is plausible; three standard deviations where a value is a change of a muscle's property.
+fn extremes(effect: &'static dyn Effect) -> Vec<Setting> {
+    let parameters = effect.description().parameters;
+    let direct = effect.reported(&vec![0.25; parameters.len()], &forward().muscles) == vec![0.25; parameters.len()];
+    let mut all = Vec::new();
+    for end in 0..2 {
+        let mut setting = Setting::absent(effect);
+        for (value, p) in setting.values.iter_mut().zip(parameters) {
+            let spread = [-3.0, 3.0][end] * p.scale;
+            *value = if direct { p.plausible[end] } else { p.start + spread };
+        }
+        all.push(setting);
+    }
+    all
+}
+
+fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+#[test]
+fn verif_the_catalogue_is_that_of_the_design() {
+    let mut ours: Vec<&str> = descriptions().map(|d| d.id).collect();
+    let mut theirs = CONTRACT.to_vec();
+    ours.sort_unstable();
+    theirs.sort_unstable();
+    assert_eq!(ours, theirs);
+}
+
+#[test]
+fn verif_descriptions_are_complete_and_consistent() {
+    for d in descriptions() {
+        for (what, text) in [
+            ("name", d.name),
+            ("equation", d.equation),
+            ("signature", d.signature),
+            ("experiment", d.experiment),
+            (
+                "form",
+                match d.osim_form {
+                    OsimForm::Native(text) | OsimForm::Controls(text) | OsimForm::SideCar(text) => text,
+                },
+            ),
+        ] {
+            assert!(!text.trim().is_empty(), "{}: {what} is empty", d.id);
+        }
+        assert!(d.id.bytes().all(|b| b.is_ascii_lowercase() || b == b'_'), "{}", d.id);
+        assert!(d.amplitudes().next().is_some(), "{}: nothing turns it off", d.id);
+        for rival in d.rivals {
+            assert!(effect(rival).is_some(), "{}: rival {rival} is no effect", d.id);
+            assert_ne!(*rival, d.id);
+        }
+        for p in d.parameters {
+            let name = format!("{}.{}", d.id, p.name);
+            assert!(!p.unit.is_empty() && !p.source.is_empty(), "{name}: unit and source");
+            assert!(p.scale > 0.0 && p.scale.is_finite(), "{name}: scale {}", p.scale);
+            assert!(p.plausible[0] < p.plausible[1], "{name}: plausible {:?}", p.plausible);
+            match p.role {
+                Role::Amplitude => assert_eq!(p.start, 0.0, "{name}: absent at 0"),
+                Role::Shape => {
+                    assert!(p.plausible[0] <= p.start && p.start <= p.plausible[1], "{name}: start {}", p.start);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn verif_units_are_those_of_si() {
+    let known = [
+        "1",
+        "s",
+        "m",
+        "rad",
+        "1/rad",
+        "N·m",
+        "N·m/rad",
+        "N·m·s/rad",
+        "kg·m²",
+        "rad/(N·m)",
+        "N·m·(s/rad)^p",
+        "N·m at 90° extension",
+        "N·m at 90° flexion",
+        "N·m per session",
+        "1 per session",
+        "1/min of full excitation",
+        "optimal fibre lengths/s",
+    ];
+    for d in descriptions() {
+        for p in d.parameters {
+            assert!(known.contains(&p.unit), "{}.{}: unit \"{}\"", d.id, p.name, p.unit);
+        }
+    }
+}
+
+#[test]
+fn verif_an_absent_effect_changes_nothing_to_the_last_bit() {
+    let forward = forward();
+    for trial in 0..TRIALS.len() {
+        let base = moment(forward, trial, &[]);
+        for effect in CATALOGUE.iter().copied() {
+            let id = effect.description().id;
+            let absent = Setting::absent(effect);
+            assert!(absent.is_absent() && same_bits(&base, &moment(forward, trial, &[absent])), "{id} at 0");
+            for mut other in extremes(effect) {
+                let d = effect.description();
+                d.amplitudes().for_each(|i| other.values[i] = 0.0);
+                assert!(same_bits(&base, &moment(forward, trial, &[other])), "{id} at 0 with another shape");
+            }
+        }
+    }
+}
+
+#[test]
+fn verif_a_present_effect_changes_something() {
+    let forward = forward();
+    for effect in CATALOGUE.iter().copied() {
+        let id = effect.description().id;
+        let changed = (0..TRIALS.len())
+            .any(|trial| !same_bits(&moment(forward, trial, &[]), &moment(forward, trial, &[sized(effect, 1.0)])));
+        assert_eq!(changed, !WITHOUT_INFLUENCE_HERE.contains(&id), "{id}");
+    }
+}
+
+#[test]
+fn verif_effects_compose_in_one_order_however_they_are_listed() {
+    let forward = forward();
+    let all: Vec<Setting> = CATALOGUE.iter().map(|e| sized(*e, 0.3)).collect();
+    let mut reversed = all.clone();
+    reversed.reverse();
+    let mut rotated = all.clone();
+    rotated.rotate_left(all.len() / 3);
+    for trial in 0..TRIALS.len() {
+        let expected = moment(forward, trial, &all);
+        assert!(expected.iter().all(|m| m.is_finite()));
+        assert!(same_bits(&expected, &moment(forward, trial, &reversed)), "reversed, trial {trial}");
+        assert!(same_bits(&expected, &moment(forward, trial, &rotated)), "rotated, trial {trial}");
+    }
+}
+
+#[test]
+fn verif_derivatives_at_zero_are_finite_and_agree_from_both_sides() {
+    /// Relative to the largest derivative: what curvature over the difference's step may add.
+    const ONE_SIDED: f64 = 0.02;
+    /// Of the root mean square: the step of the forward model is a tenth of the scale, in which shapes curve and paths
+    /// reach or leave wrap surfaces.
+    const FORWARD_MODEL: f64 = 0.15;
+    /// Effects with a kink at 0, where both sides need only be finite: an excitation is cut off at 0, and a recording
+    /// that is linear between its samples, shifted, moves along the slope before or behind each sample.
+    const KINKS: [&str; 4] = ["emg_floor", "emg_crosstalk", "electromechanical_delay", "time_shift"];
+    let forward = forward();
+    let parameters = forward.nominal_parameters();
+    let mut worst = (0.0_f64, "", 0.0_f64, "");
+    for effect in CATALOGUE.iter().copied() {
+        let d = effect.description();
+        for i in d.amplitudes() {
+            let at = |trial: usize, step: f64| {
+                let mut setting = Setting::absent(effect);
+                setting.values[i] = step * d.parameters[i].scale;
+                moment(forward, trial, &[setting])
+            };
+            for trial in 0..TRIALS.len() {
+                let (base, h) = (at(trial, 0.0), 1e-3);
+                let slope =
+                    |step: f64| difference(&at(trial, step), &base).iter().map(|m| m / step).collect::<Vec<_>>();
+                let (up, down) = (slope(h), slope(-h));
+                let size = largest(up.iter().chain(&down).copied());
+                assert!(size.is_finite(), "{} {}", d.id, d.parameters[i].name);
+                let setting = [Setting::absent(effect)];
+                let variants = forward.difference_variants(&setting, 0).unwrap();
+                let excitation = forward.trials[trial].excitation.clone();
+                let variant = forward.variant(&setting).unwrap();
+                let core = forward.core(&variant, trial, &excitation, &parameters, &setting, false).unwrap();
+                let derivative = forward
+                    .effect_derivative(trial, &core, &excitation, &parameters, &setting, 0, &variants, i)
+                    .unwrap();
+                assert!(derivative.iter().all(|m| m.is_finite()), "{} {}", d.id, d.parameters[i].name);
+                if size < 1e-9 || KINKS.contains(&d.id) {
+                    continue;
+                }
+                let sides = largest(difference(&up, &down)) / size;
+                let middle: Vec<f64> = up.iter().zip(&down).map(|(a, b)| 0.5 * (a + b)).collect();
+                let model = rms(&difference(&derivative, &middle)) / rms(&middle).max(1e-3 * size);
+                worst = if sides > worst.0 { (sides, d.id, worst.2, worst.3) } else { worst };
+                worst = if model > worst.2 { (worst.0, worst.1, model, d.id) } else { worst };
+                assert!(sides < ONE_SIDED, "{} {}, trial {trial}: {sides:.2e}", d.id, d.parameters[i].name);
+                assert!(model < FORWARD_MODEL, "{} {}, trial {trial}: {model:.2e}", d.id, d.parameters[i].name);
+            }
+        }
+    }
+    println!(
+        "one-sided derivatives differ by {:.1e} ({}), the forward model's by {:.1e} ({})",
+        worst.0, worst.1, worst.2, worst.3
+    );
+}
+
+#[test]
+fn verif_extreme_plausible_values_give_numbers() {
+    let forward = forward();
+    for effect in CATALOGUE.iter().copied() {
+        for setting in extremes(effect) {
+            for trial in 0..TRIALS.len() {
+                let moment = moment(forward, trial, std::slice::from_ref(&setting));
+                assert!(moment.iter().all(|m| m.is_finite()), "{setting:?}, trial {trial}");
+                assert!(largest(moment) < 500.0, "{setting:?}, trial {trial}");
+            }
+        }
+    }
+}
+
+#[test]
+fn verif_moments_of_the_joint_are_linear_in_their_amplitudes() {
+    /// Rounding, relative to the moment [N·m].
+    const TOLERANCE: f64 = 1e-12;
+    let forward = forward();
+    for effect in CATALOGUE.iter().copied().filter(|e| {
+        let d = e.description();
+        matches!(d.stage, Stage::Joint | Stage::Inertia)
+    }) {
+        for trial in 0..TRIALS.len() {
+            let base = moment(forward, trial, &[]);
+            let one = difference(&moment(forward, trial, &[sized(effect, 0.5)]), &base);
+            let three = difference(&moment(forward, trial, &[sized(effect, 1.5)]), &base);
+            let left = largest(one.iter().zip(&three).map(|(one, three)| 3.0 * one - three));
+            assert!(left < TOLERANCE * 100.0, "{}: {left:.1e}", effect.description().id);
+        }
+    }
+}
