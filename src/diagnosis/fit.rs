@@ -428,7 +428,7 @@ impl<'a> Analysis<'a> {
             }
             self.advance(&mut point, &linear, &step);
         }
-        best.ok_or_else(|| SimulationError::ParameterCount { found: 0, expected: 1 })
+        best.ok_or(SimulationError::ParameterCount { found: 0, expected: 1 })
     }
 
     /// Directions of all candidates' amplitudes and of lack of fit, in units of their scales.

@@ -113,7 +113,7 @@ fn natural_quintic(times: &[f64], angles: &[f64]) -> Vec<[f64; 3]> {
     let mut upper = vec![Matrix2::zeros(); n];
     let mut solution = vec![Vector2::zeros(); n];
     for i in 0..n {
-        let (mut lower, mut diagonal, mut right) = (Matrix2::zeros(), Matrix2::zeros(), Vector2::zeros());
+        let (mut diagonal, mut right) = (Matrix2::zeros(), Vector2::zeros());
         if i + 1 < n {
             // Third and fourth derivative at the start of the interval after the sample.
             let h = times[i + 1] - times[i];
@@ -129,7 +129,7 @@ fn natural_quintic(times: &[f64], angles: &[f64]) -> Vec<[f64; 3]> {
             let slope = (angles[i] - angles[i - 1]) / h;
             let (h1, h2, h3) = (1.0 / h, 1.0 / (h * h), 1.0 / (h * h * h));
             diagonal -= Matrix2::new(-36.0 * h2, 9.0 * h1, -192.0 * h3, 36.0 * h2);
-            lower = -Matrix2::new(-24.0 * h2, -3.0 * h1, -168.0 * h3, -24.0 * h2);
+            let lower = -Matrix2::new(-24.0 * h2, -3.0 * h1, -168.0 * h3, -24.0 * h2);
             right += Vector2::new(60.0 * slope * h2, 360.0 * slope * h3);
             diagonal -= lower * upper[i - 1];
             right -= lower * solution[i - 1];

@@ -40,10 +40,10 @@ impl Effect for PassiveFiberForce {
                 let curve = &mut p.fiber_force_length;
                 let range = curve.strain_at_one_norm_force - curve.strain_at_zero_force;
                 curve.strain_at_one_norm_force = curve.strain_at_zero_force + range * ratio.exp();
-                for stiffness in [&mut curve.stiffness_at_low_force, &mut curve.stiffness_at_one_norm_force] {
-                    if let Some(stiffness) = stiffness {
-                        *stiffness *= (-ratio).exp();
-                    }
+                for stiffness in
+                    [&mut curve.stiffness_at_low_force, &mut curve.stiffness_at_one_norm_force].into_iter().flatten()
+                {
+                    *stiffness *= (-ratio).exp();
                 }
             }
         }
