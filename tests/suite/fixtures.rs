@@ -37,6 +37,9 @@ fn check_outputs(relative: &str) -> usize {
 #[test]
 fn regress_reference_outputs_match_their_manifests() {
     assert_eq!(check_outputs("fixtures/prescribed_motion/wrist.manifest.json"), 1);
+    for subject in ["signals", "statistics", "sensitivity"] {
+        assert_eq!(check_outputs(&format!("fixtures/{subject}/manifest.json")), 1);
+    }
     assert_eq!(check_outputs("fixtures/demo_study/manifest.json"), 28 + 4);
 }
 

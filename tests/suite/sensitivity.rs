@@ -281,3 +281,143 @@ fn verif_same_seed_same_numbers_at_any_thread_count() {
     let other = MorrisSample::radial(3, 25, 5).expect("starts");
     assert_ne!(other.points(), MorrisSample::radial(3, 25, 4).expect("starts").points());
 }
+
+mod of_muscles {
+    //! Muscle parameters on the bundled study, through the library and through the binary.
+
+    use std::path::PathBuf;
+
+    use assert_cmd::Command;
+    use carpus::evaluation::error_measures;
+    use carpus::osim::OsimFile;
+    use carpus::osim::spec::{ModelSpec, MuscleKind};
+    use carpus::sensitivity::{MuscleScreening, ScreenedProperty};
+    use carpus::simulation::{FiberAccuracy, MusculoskeletalModel, Options, Recording, Setup, SimulationError};
+    use carpus::study::{Study, Trial};
+    use predicates::str::contains;
+
+    fn study() -> PathBuf {
+        PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("fixtures/demo_study/study.toml")
+    }
+
+    fn isotonic() -> (Study, ModelSpec, Trial) {
+        let study = Study::read_tables(study()).expect("the bundled study");
+        let file = OsimFile::read(&study.settings.model).expect("the bundled model");
+        let info = study.trials.iter().find(|t| t.name() == "isotonic_25_flexion_1").expect("a trial");
+        let trial = study.trial(info).expect("readable");
+        (study, file.spec, trial)
+    }
+
+    fn compile(study: &Study, spec: &ModelSpec) -> MusculoskeletalModel {
+        MusculoskeletalModel::compile(spec, &Setup::from_settings(&study.settings)).expect("compiles")
+    }
+
+    #[test]
+    fn verif_other_damping_is_that_of_a_model_with_it() {
+        let (study, spec, trial) = isotonic();
+        let recording = Recording::from(&trial);
+        let model = compile(&study, &spec);
+        let prepared = model.prepare(&recording, &Options::default()).expect("prepared");
+        let nominal = prepared.fiber_damping();
+        assert_eq!(prepared.with_fiber_damping(&nominal).expect("allowed").fiber_damping(), nominal);
+
+        let mut edited = spec.clone();
+        for muscle in &mut edited.muscles {
+            if let MuscleKind::Millard2012Equilibrium(properties) = &mut muscle.kind {
+                properties.fiber_damping = 0.03;
+            }
+        }
+        let edited = compile(&study, &edited);
+        let parameters = model.nominal_parameters();
+        let largest = |a: &[f64], b: &[f64]| a.iter().zip(b).fold(0.0f64, |m, (x, y)| m.max((x - y).abs()));
+        // Steps are planned with the model's own damping, so the two differ by the error of the integration, which has
+        // to fall when it is made more accurate.
+        let difference = |options: &Options| {
+            let own = model.prepare(&recording, options).expect("prepared");
+            let changed = own.with_fiber_damping(&[0.03; 5]).expect("allowed").simulate(&parameters);
+            let other = edited.prepare(&recording, options).expect("prepared").simulate(&parameters);
+            largest(&changed.expect("simulates").moment, &other.expect("simulates").moment)
+        };
+        let fine = Options { fiber: FiberAccuracy { tolerance: 1e-9, max_step: 0.02 }, ..Options::default() };
+        let (usual, fine) = (difference(&Options::default()), difference(&fine));
+        let changed = prepared.with_fiber_damping(&[0.03; 5]).expect("allowed").simulate(&parameters);
+        let before = prepared.simulate(&parameters).expect("simulates").moment;
+        let effect = largest(&changed.expect("simulates").moment, &before);
+        println!("same damping {usual:.1e}, finer steps {fine:.1e}; effect of damping {effect:.1e} N·m");
+        // The integration's documented accuracy, 1e-5 of each muscle's maximum isometric force, as a moment.
+        let arm = |i: usize| prepared.kinematics().muscles[i].moment_arm.iter().fold(0.0f64, |m, r| m.max(r.abs()));
+        let accuracy: f64 = (0..5).map(|i| 1e-5 * parameters[i].max_isometric_force * arm(i)).sum();
+        assert!(usual < accuracy, "{usual:e} {accuracy:e}");
+        assert!(fine < 0.1 * usual, "{fine:e} {usual:e}");
+        assert!(effect > 100.0 * usual);
+
+        for (damping, count) in [(vec![0.0; 5], false), (vec![1.5; 5], false), (vec![0.1; 4], true)] {
+            match prepared.with_fiber_damping(&damping) {
+                Err(SimulationError::ParameterCount { found: 4, expected: 5 }) => assert!(count),
+                Err(SimulationError::InvalidParameter { property: "fiber_damping", .. }) => assert!(!count),
+                other => panic!("{:?}", other.map(|_| ())),
+            }
+        }
+    }
+
+    #[test]
+    fn verif_response_of_the_model_itself_is_its_error() {
+        let (study, spec, trial) = isotonic();
+        let model = compile(&study, &spec);
+        let prepared = model.prepare(&Recording::from(&trial), &Options::default()).expect("prepared");
+        let nominal = model.nominal_parameters();
+        let screening = MuscleScreening::new(vec![(&prepared, &trial.moment)], &nominal).expect("a trial");
+        let simulated = prepared.simulate(&nominal).expect("simulates");
+        let error = error_measures(&trial.moment, &simulated.moment).expect("comparable").objective.value();
+        let parameters = MuscleScreening::parameters(&model.muscle_names().collect::<Vec<_>>()).expect("bounds");
+        assert_eq!(parameters.len(), 25);
+        assert!(parameters.iter().all(|p| (p.lower..=p.upper).contains(&1.0)));
+        assert_eq!(screening.response(&[1.0; 25]).ok(), error);
+
+        // Twice the force of every muscle: the response of the same model with these parameters.
+        let mut fractions = [1.0; 25];
+        let mut stronger = nominal.clone();
+        for (i, muscle) in stronger.iter_mut().enumerate() {
+            fractions[5 * i + 2] = 2.0;
+            muscle.max_isometric_force *= 2.0;
+        }
+        let simulated = prepared.simulate(&stronger).expect("simulates");
+        let error = error_measures(&trial.moment, &simulated.moment).expect("comparable").objective.value();
+        assert_eq!(screening.response(&fractions).ok(), error);
+        assert_eq!(ScreenedProperty::ALL[2].name(), "max_isometric_force");
+    }
+
+    fn carpus(arguments: &[&str]) -> Command {
+        let mut command = Command::cargo_bin("carpus").expect("built");
+        command.timeout(std::time::Duration::from_secs(300)).args(arguments);
+        command
+    }
+
+    #[test]
+    fn verif_command_writes_its_tables_the_same_at_any_thread_count() {
+        let run = |threads: &str| {
+            let out = tempfile::tempdir().expect("a folder");
+            let (path, study) = (out.path().to_str().expect("UTF-8").to_owned(), study());
+            let study = study.to_str().expect("UTF-8");
+            let arguments =
+                ["sensitivity", study, "--out", &path, "--starts", "3", "--sobol", "4", "--resamples", "20"];
+            carpus(&arguments).args(["--threads", threads]).assert().success().stdout(contains("isotonic 50 %"));
+            ["morris.csv", "sobol.csv", "convergence.csv"]
+                .map(|name| std::fs::read_to_string(out.path().join(name)).expect("written"))
+        };
+        let one = run("1");
+        assert_eq!(one, run("3"));
+        // Four conditions of 25 parameters, and a header.
+        assert_eq!(one[0].lines().count(), 101);
+        assert_eq!(one[1].lines().count(), 101);
+        assert!(one[0].contains("P01,isometric,25,ECRL,tendon_slack_length,"));
+    }
+
+    #[test]
+    fn verif_power_command_gives_the_dissertation_numbers() {
+        let arguments = ["power", "point-biserial", "--effect", "0.64", "--n", "5", "--tails", "1"];
+        carpus(&arguments).assert().success().stdout(contains("power with 5 participants: 0.42"));
+        carpus(&arguments).assert().success().stdout(contains("for a power of 0.8: 11"));
+        carpus(&["power", "correlation", "--effect", "1"]).assert().code(1).stderr(contains("correlation: expected"));
+    }
+}
