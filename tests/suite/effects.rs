@@ -1,5 +1,6 @@
 //! Tests of the catalogue of effects: one conformance suite for all of them, their signatures, and their forms in files.
 
+mod command;
 mod conformance;
 mod export;
 mod opensim;

@@ -1,12 +1,26 @@
 //! `carpus effects`: the catalogue.
 
+use serde::Serialize;
+
 use super::diagnose::known;
 use crate::cli::args::{EffectsArgs, Global};
 use crate::cli::failure::Failure;
 use crate::cli::print_result;
 use crate::cli::table::table;
 use crate::diagnosis::catalogue::CATALOGUE;
-use crate::diagnosis::effect::{Description, OsimForm, Role};
+use crate::diagnosis::effect::{Description, OsimForm, Parameter, Role, Stage};
+
+/// Lines of the description of one effect are broken before this column.
+const WIDTH: usize = 100;
+/// Width of the labels before them.
+const LABEL: usize = 14;
+
+/// What `--json` prints.
+#[derive(Debug, Serialize)]
+struct Catalogue<'a> {
+    schema: &'static str,
+    effects: &'a [&'static Description],
+}
 
 /// Runs the command.
 ///
@@ -18,17 +32,37 @@ pub fn run(args: &EffectsArgs, global: &Global) -> Result<(), Failure> {
         None => CATALOGUE.iter().map(|e| e.description()).collect(),
     };
     if global.json {
-        return print_result(&serde_json::to_string(&chosen).map_err(|e| Failure::Internal(e.to_string()))?);
+        let catalogue = Catalogue { schema: "carpus.catalogue/1", effects: &chosen };
+        return print_result(&serde_json::to_string(&catalogue).map_err(|e| Failure::Internal(e.to_string()))?);
     }
     match (&args.id, chosen.as_slice()) {
         (Some(_), [one]) => print_result(&details(one)),
-        _ => {
-            let rows = chosen.iter().map(|d| vec![d.id.to_string(), d.equation.to_string(), form(d).0.to_string()]);
-            print_result(&format!(
-                "{}\n\ncarpus effects ID tells more.",
-                table(&["effect", "equation", "in a model"], 3, rows)
-            ))
-        }
+        _ => print_result(&overview(&chosen)),
+    }
+}
+
+fn overview(effects: &[&'static Description]) -> String {
+    let rows = effects.iter().map(|d| {
+        let note = if d.unidentifiable.is_some() { "no" } else { "" };
+        vec![d.id.to_string(), d.name.to_string(), stage(d.stage).to_string(), form(d).0.to_string(), note.to_string()]
+    });
+    format!(
+        "{}\n\n{} effects. native: a component or property of stock OpenSim 4.6 gives its moment; controls: it changes the \
+         excitations;\nside-car: it is kept beside the model in effects.toml. carpus effects ID tells all about one.",
+        table(&["effect", "what it is", "acts on", "in a model", "identifiable"], 5, rows),
+        effects.len()
+    )
+}
+
+fn stage(stage: Stage) -> &'static str {
+    match stage {
+        Stage::Excitation => "excitation",
+        Stage::Activation => "activation",
+        Stage::Muscle => "muscle",
+        Stage::Geometry => "geometry",
+        Stage::Joint => "joint",
+        Stage::Inertia => "segment",
+        Stage::Sensor => "sensor",
     }
 }
 
@@ -41,24 +75,69 @@ fn form(d: &Description) -> (&'static str, &'static str) {
 }
 
 fn details(d: &Description) -> String {
+    let mut text = format!("{} ({})\n\n", d.name, d.id);
+    let mut line = |label: &str, content: &str| text.push_str(&labelled(label, content));
+    line("Equation", d.equation);
+    line("Acts on", stage(d.stage));
+    d.parameters.iter().for_each(|p| line("Parameter", &parameter(p)));
+    line("Shows as", d.signature);
+    line("Exposed by", d.experiment);
+    line("Rivals", &if d.rivals.is_empty() { "none".to_string() } else { d.rivals.join(", ") });
     let (kind, what) = form(d);
-    let mut text = format!("{} ({})\n\n  {}\n\n", d.name, d.id, d.equation);
-    for p in d.parameters {
-        let role = if p.role == Role::Amplitude { "" } else { ", shape" };
-        text.push_str(&format!(
-            "  {} [{}]{role}: plausible {} to {}\n      {}\n",
-            p.name, p.unit, p.plausible[0], p.plausible[1], p.source
-        ));
+    line("In a model", &format!("{kind}: {what}"));
+    let identifiable = match d.unidentifiable {
+        Some(why) => format!("no: {why}"),
+        None => "where the trials allow it; carpus diagnose says so".to_string(),
+    };
+    line("Identifiable", &identifiable);
+    text.trim_end().to_string()
+}
+
+fn parameter(p: &Parameter) -> String {
+    let role = match p.role {
+        Role::Amplitude => "the effect is absent at 0".to_string(),
+        Role::Shape => format!("shape, usually {}", p.start),
+    };
+    format!("{} [{}]: plausible {} to {}; {role}. Range: {}", p.name, p.unit, p.plausible[0], p.plausible[1], p.source)
+}
+
+/// A labelled paragraph, its lines indented behind the label.
+fn labelled(label: &str, content: &str) -> String {
+    let mut text = format!("{label:LABEL$}");
+    let mut column = LABEL;
+    for (i, word) in content.split_whitespace().enumerate() {
+        let width = word.chars().count();
+        if i > 0 && column + 1 + width > WIDTH {
+            text.push_str(&format!("\n{:LABEL$}", ""));
+            column = LABEL;
+        } else if i > 0 {
+            text.push(' ');
+            column += 1;
+        }
+        text.push_str(word);
+        column += width;
     }
-    text.push_str(&format!(
-        "\nShows as     {}\nExposed by   {}\nRivals       {}\n",
-        d.signature,
-        d.experiment,
-        if d.rivals.is_empty() { "none".to_string() } else { d.rivals.join(", ") }
-    ));
-    text.push_str(&format!("In a model   {kind}: {what}"));
-    if let Some(why) = d.unidentifiable {
-        text.push_str(&format!("\nUnidentifiable: {why}"));
-    }
+    text.push('\n');
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn verif_every_effect_is_told_in_full_and_in_lines_that_fit() {
+        for d in CATALOGUE.iter().map(|e| e.description()) {
+            let text = details(d);
+            let flat = text.split_whitespace().collect::<Vec<_>>().join(" ");
+            for part in [d.id, d.equation, d.signature, d.experiment, form(d).1] {
+                let part = part.split_whitespace().collect::<Vec<_>>().join(" ");
+                assert!(flat.contains(&part), "{}: {part}", d.id);
+            }
+            for p in d.parameters {
+                assert!(flat.contains(p.name) && flat.contains(p.unit), "{}.{}", d.id, p.name);
+            }
+            assert!(text.lines().all(|l| l.chars().count() <= WIDTH), "{text}");
+        }
+    }
 }

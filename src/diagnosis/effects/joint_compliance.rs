@@ -9,7 +9,7 @@ static DESCRIPTION: Description = Description {
     id: "joint_compliance",
     name: "Compliance between the joint and the machine",
     stage: Stage::Geometry,
-    equation: "q + c τ, τ the recorded moment through a low-pass of 50 ms",
+    equation: "q + c τ, τ the moment of the muscles at the recorded angle",
     parameters: &[amplitude(
         "compliance",
         "rad/(N·m)",

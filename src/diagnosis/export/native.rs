@@ -197,3 +197,24 @@ fn write_inertia(file: &mut OsimFile, coordinate: &MovingCoordinate, inertia: f6
     file.set_property(&path, "inertia", &text)?;
     Ok(Ok(vec![format!("{path}: inertia")]))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn verif_limits_are_in_degrees_for_rotational_coordinates_only() {
+        let coordinate = |motion_type| MovingCoordinate { name: "q".to_owned(), motion_type, body: None };
+        let form = NativeForm::Limit { stiffness: 2.0, limit: 0.5, transition: 0.02 };
+        let value = |motion_type, property: &str| {
+            let (_, values) = force_properties(&coordinate(motion_type), &form);
+            let text = values.into_iter().find(|(name, _)| *name == property).map(|(_, text)| text).unwrap();
+            text.parse::<f64>().unwrap()
+        };
+        assert!((value(MotionType::Rotational, "upper_limit") - 0.5_f64.to_degrees()).abs() < 1e-12);
+        assert!((value(MotionType::Rotational, "lower_stiffness") - 2.0_f64.to_radians()).abs() < 1e-12);
+        assert_eq!(value(MotionType::Coupled, "lower_limit"), -0.5);
+        assert_eq!(value(MotionType::Coupled, "upper_stiffness"), 2.0);
+        assert_eq!(value(MotionType::Coupled, "transition"), 0.02);
+    }
+}

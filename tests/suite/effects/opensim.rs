@@ -16,7 +16,7 @@ use carpus::study::MomentPart;
 use serde_json::{Value, json};
 
 use super::*;
-use crate::reference::opensim_python;
+use crate::reference::{opensim_python, shared};
 
 const STATES: usize = 50;
 const MUSCLES: [&str; 5] = ["ECRL", "ECRB", "ECU", "FCR", "FCU"];
@@ -186,10 +186,14 @@ fn opensim(cases: &[Case], states: &[State], folder: &Path, python: &Path) -> Va
         .collect();
     let models: Vec<&PathBuf> = cases.iter().map(|case| &case.path).collect();
     let request = json!({ "models": models, "coordinate": "flexion", "muscles": MUSCLES, "states": listed });
+    run_script(&[], &request, folder, python)
+}
+
+fn run_script(options: &[&str], request: &Value, folder: &Path, python: &Path) -> Value {
     let file = folder.join("states.json");
     std::fs::write(&file, request.to_string()).unwrap();
     let script = in_repository("fixtures/effects/opensim_states.py");
-    let output = Command::new(python).arg(script).arg(&file).output().unwrap();
+    let output = Command::new(python).arg(script).args(options).arg(&file).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let text = String::from_utf8_lossy(&output.stdout);
     let json = text.lines().last().unwrap_or_default();
@@ -247,4 +251,51 @@ fn val_opensim_exported_effects_give_the_moment_that_carpus_reports() {
     }
     assert!(failed.is_empty(), "{}", failed.join("\n"));
     assert!(cases.len() >= 20);
+}
+
+#[test]
+fn val_opensim_a_coordinate_that_others_follow_takes_the_forces() {
+    // In MoBL-ARMS the carpal rows follow flexion: OpenSim reads its limits in radians.
+    let (Some(python), Some(path)) = (opensim_python(), shared("models/MOBL_ARMS_fixed_41.osim")) else {
+        eprintln!("SKIPPED: no Python with OpenSim, or no lab models");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let mut file = OsimFile::read(&path).unwrap();
+    let setup = Setup {
+        coordinate: "flexion".to_owned(),
+        posture: Vec::new(),
+        active_muscles: Vec::new(),
+        parts: vec![MomentPart::Muscles, MomentPart::Passive],
+        dynamometer_damping: 0.0,
+        allow_unsupported: true,
+    };
+    let ids = [
+        "joint_stiffness",
+        "ligament_stop",
+        "end_range_spring",
+        "joint_damping",
+        "power_law_damping",
+        "coulomb_friction",
+        "gravity",
+    ];
+    let effects: Vec<Setting> = ids.iter().map(|id| sized(named(id), 1.5)).collect();
+    let report = export::write(&mut file, &setup, &effects).unwrap();
+    assert_eq!(report.native.len(), ids.len());
+    let exported = folder.path().join("exported.osim");
+    file.write(&exported).unwrap();
+    let states = states();
+    let listed: Vec<[f64; 2]> = states.iter().map(|s| [s.angle, s.speed]).collect();
+    let names: Vec<String> = ids.iter().map(|id| format!("carpus_{id}")).collect();
+    let request = json!({ "model": exported, "coordinate": "flexion", "forces": names, "states": listed });
+    let theirs = run_script(&["--forces"], &request, folder.path(), &python);
+    let mut worst = 0.0_f64;
+    for (state, theirs) in states.iter().zip(theirs.as_array().unwrap()) {
+        for (effect, theirs) in effects.iter().zip(numbers(theirs)) {
+            let off = relative(added(effect, state), theirs);
+            assert!(off < TOLERANCE, "{effect:?} at {} rad: {off:.1e}", state.angle);
+            worst = worst.max(off);
+        }
+    }
+    println!("forces on a coordinate that others follow: {worst:.1e}");
 }
