@@ -9,6 +9,7 @@ use super::args::{Global, StudyArgs};
 use super::failure::{Failure, Message};
 use super::model::{self, LoadedModel, Needs};
 use super::output::OutputFolder;
+use super::print_result;
 use super::provenance;
 use crate::osim::spec::ModelSpec;
 use crate::report::results::InputFile;
@@ -50,7 +51,45 @@ pub struct ParticipantRun {
     pub warnings: Vec<Message>,
 }
 
+/// What came of a run over all participants.
+pub struct Outcomes<T> {
+    /// Of the participants that could be done, in the study's order.
+    pub done: Vec<T>,
+    /// Why the others could not.
+    failed: Vec<Message>,
+}
+
+impl<T> Outcomes<T> {
+    /// Prints the result of those that could be done, then fails with the reasons of those that could not.
+    ///
+    /// # Errors
+    /// Writing to stdout; any participant that could not be done.
+    pub fn print(self, text: &str) -> Result<(), Failure> {
+        print_result(text)?;
+        if self.failed.is_empty() { Ok(()) } else { Err(Failure::Input(self.failed)) }
+    }
+}
+
 impl StudyRun {
+    /// Does the work for every participant; one that cannot be done does not keep the others from being done.
+    ///
+    /// # Errors
+    /// A fault of this program; no participant that could be done.
+    pub fn each<T>(&self, mut work: impl FnMut(&Participant) -> Result<T, Failure>) -> Result<Outcomes<T>, Failure> {
+        let mut outcomes = Outcomes { done: Vec::new(), failed: Vec::new() };
+        for participant in &self.participants {
+            match work(participant) {
+                Ok(done) => outcomes.done.push(done),
+                Err(Failure::Input(messages)) => outcomes.failed.extend(messages),
+                Err(other) => return Err(other),
+            }
+        }
+        if outcomes.done.is_empty() && !outcomes.failed.is_empty() {
+            return Err(Failure::Input(outcomes.failed));
+        }
+        Ok(outcomes)
+    }
+
     /// Reads the study's tables and makes the output folder.
     ///
     /// # Errors

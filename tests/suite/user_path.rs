@@ -424,6 +424,24 @@ fn verif_angle_outside_the_range() {
 }
 
 #[test]
+fn verif_one_participant_that_cannot_be_done_does_not_keep_the_others_from_it() {
+    let study = StudyCopy::new();
+    study.edit("participants.csv", |text| format!("{}\nP02,60,1.65,female,right,7,5\n", text.trim_end()));
+    study.edit("trials.csv", |text| {
+        let others = text.lines().skip(1).map(|line| line.replace("P01", "P02") + "\n").collect::<String>();
+        format!("{}\n{others}", text.trim_end())
+    });
+    std::fs::create_dir_all(study.path("data/P02")).unwrap();
+    for name in [TRAIN, TEST] {
+        std::fs::copy(study.path(name), study.path(&name.replace("P01", "P02"))).unwrap();
+    }
+    let spoilt = TRAIN.replace("P01", "P02");
+    study.edit(&spoilt, |text| text.replacen(",-3", ",-95", 1));
+    study.run("compare").code(1).stdout(contains("P01")).stderr(contains("error: ").and(contains(spoilt.as_str())));
+    assert!(study.path("out/P01/results.json").is_file());
+}
+
+#[test]
 fn verif_radians_given_as_degrees_are_warned_of() {
     let study = StudyCopy::new();
     study.edit(TRAIN, |t| {

@@ -6,7 +6,6 @@ use super::simulate::{account, summary, write_results, write_series};
 use crate::cli::account::{errors_per_condition_csv, errors_per_trial_csv};
 use crate::cli::args::{CompareArgs, Global};
 use crate::cli::failure::{self, Failure};
-use crate::cli::print_result;
 use crate::cli::study_run::{StudyRun, progress};
 use crate::cli::table::{fixed, table};
 use crate::report::results::{Errors, Kind, Results, Use};
@@ -18,8 +17,7 @@ use crate::report::results::{Errors, Kind, Results, Use};
 pub fn run(args: &CompareArgs, global: &Global) -> Result<(), Failure> {
     let study = StudyRun::prepare(&args.study)?;
     let bar = progress(global, study.participants.len() as u64, "comparing");
-    let mut outcomes = Vec::new();
-    for participant in &study.participants {
+    let outcomes = study.each(|participant| {
         let run = study.participant(participant)?;
         failure::print(&run.warnings);
         let simulations = run.simulate(&run.model.nominal_parameters())?;
@@ -29,23 +27,26 @@ pub fn run(args: &CompareArgs, global: &Global) -> Result<(), Failure> {
         write_series(&study, &folder, &run, &simulations)?;
         write_errors(&study, &folder, &[&results])?;
         write_results(&study, &folder, &results)?;
-        outcomes.push(results);
         bar.inc(1);
-    }
+        Ok(results)
+    });
     bar.finish_and_clear();
-    if outcomes.len() > 1 {
-        write_errors(&study, Path::new(""), &outcomes.iter().collect::<Vec<_>>())?;
+    let outcomes = outcomes?;
+    let done = &outcomes.done;
+    if done.len() > 1 {
+        write_errors(&study, Path::new(""), &done.iter().collect::<Vec<_>>())?;
     }
     if global.json {
-        return print_result(&serde_json::Value::Array(outcomes.iter().map(summary).collect()).to_string());
+        let text = serde_json::Value::Array(done.iter().map(summary).collect()).to_string();
+        return outcomes.print(&text);
     }
-    let mut text = error_table(&outcomes);
+    let mut text = error_table(done);
     text.push_str("\n\n");
-    for results in &outcomes {
+    for results in done {
         let report = study.out.path().join(&results.participant.id).join("report.html");
         text.push_str(&format!("{}\n", report.display()));
     }
-    print_result(&text)
+    outcomes.print(&text)
 }
 
 /// Writes both error tables.

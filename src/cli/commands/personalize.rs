@@ -6,7 +6,6 @@ use super::compare::{error_table, write_errors};
 use super::simulate::{account, summary, write_results, write_series};
 use crate::cli::args::{Global, PersonalizeArgs};
 use crate::cli::failure::{self, Failure, Message};
-use crate::cli::print_result;
 use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
 use crate::personalization::{
     FitOptions, FitProblem, FittedParameter, Personalization, Progress, Property, Stage, TrainingTrial, WriteBackError,
@@ -22,24 +21,23 @@ use crate::study::{Participant, TrialUse};
 /// The study, its models and trials, or the output folder.
 pub fn run(args: &PersonalizeArgs, global: &Global) -> Result<(), Failure> {
     let study = StudyRun::prepare(&args.study)?;
-    let mut outcomes = Vec::new();
-    for participant in &study.participants {
-        let folder = PathBuf::from(&participant.name);
-        outcomes.push(personalize(&study, participant, &folder, global)?);
-    }
-    if outcomes.len() > 1 {
-        write_errors(&study, Path::new(""), &outcomes.iter().collect::<Vec<_>>())?;
+    let outcomes =
+        study.each(|participant| personalize(&study, participant, &PathBuf::from(&participant.name), global))?;
+    let done = &outcomes.done;
+    if done.len() > 1 {
+        write_errors(&study, Path::new(""), &done.iter().collect::<Vec<_>>())?;
     }
     if global.json {
-        return print_result(&json(&outcomes));
+        let text = json(done);
+        return outcomes.print(&text);
     }
-    let mut text = readable(&outcomes);
+    let mut text = readable(done);
     text.push_str("\n\n");
-    for results in &outcomes {
+    for results in done {
         let folder = study.out.path().join(&results.participant.id);
         text.push_str(&format!("{}\n{}\n", folder.join("model.osim").display(), folder.join("report.html").display()));
     }
-    print_result(&text)
+    outcomes.print(&text)
 }
 
 /// Fits a participant's parameters and writes the model, the results and the report into `folder` of the output.

@@ -7,7 +7,6 @@ use rayon::prelude::*;
 use crate::cli::account::{self, ModelRun, Setting};
 use crate::cli::args::{Global, SimulateArgs};
 use crate::cli::failure::{self, Failure};
-use crate::cli::print_result;
 use crate::cli::provenance::provenance;
 use crate::cli::series;
 use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
@@ -22,8 +21,7 @@ use crate::simulation::TrialSimulation;
 pub fn run(args: &SimulateArgs, global: &Global) -> Result<(), Failure> {
     let study = StudyRun::prepare(&args.study)?;
     let bar = progress(global, study.participants.len() as u64, "simulating");
-    let mut outcomes = Vec::new();
-    for participant in &study.participants {
+    let outcomes = study.each(|participant| {
         let run = study.participant(participant)?;
         failure::print(&run.warnings);
         let simulations = run.simulate(&run.model.nominal_parameters())?;
@@ -32,18 +30,21 @@ pub fn run(args: &SimulateArgs, global: &Global) -> Result<(), Failure> {
         let folder = PathBuf::from(&participant.name);
         write_series(&study, &folder, &run, &simulations)?;
         write_results(&study, &folder, &results)?;
-        outcomes.push(results);
         bar.inc(1);
-    }
+        Ok(results)
+    });
     bar.finish_and_clear();
+    let outcomes = outcomes?;
     if global.json {
-        return print_result(&serde_json::Value::Array(outcomes.iter().map(summary).collect()).to_string());
+        let text = serde_json::Value::Array(outcomes.done.iter().map(summary).collect()).to_string();
+        return outcomes.print(&text);
     }
-    let lines = outcomes.iter().map(|r| {
+    let lines = outcomes.done.iter().map(|r| {
         let report = study.out.path().join(&r.participant.id).join("report.html");
         format!("{}: {} trials simulated, {}\n", r.participant.id, r.trials.len(), report.display())
     });
-    print_result(&lines.collect::<String>())
+    let text = lines.collect::<String>();
+    outcomes.print(&text)
 }
 
 /// The results of a participant.
