@@ -26,11 +26,15 @@ const DETECTABLE_Z: f64 = 4.2;
 /// A detected effect that lowers the training error by less than this share is negligible.
 const NEGLIGIBLE: f64 = 0.02;
 /// Candidates whose one-step fit leaves this much more deviance than the best are not fitted.
-const HOPELESS: f64 = 0.5;
+const HOPELESS: f64 = 0.4;
+/// A candidate whose deviance is this much above another's is not fitted to the end.
+const FAR_WORSE: f64 = 80.0;
 /// Candidates for pairs.
 const PAIRED: usize = 6;
 /// Pairs that are fitted.
-const FITTED_PAIRS: usize = 8;
+const FITTED_PAIRS: usize = 4;
+/// Single effects that are fitted, those of the highest scores.
+const FITTED_SINGLES: usize = 8;
 
 /// What the data say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -215,12 +219,11 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let left = test(&analysis, &null, &not_testable)?;
     let judge = Judge { request, analysis: &analysis, not_testable: &not_testable };
     let rejected = left.p_value < REJECT_NULL;
-    let singles = if rejected { judge.singles(&null, &left)? } else { Vec::new() };
+    let singles = if rejected { judge.singles(&left)? } else { Vec::new() };
     let mut explanations: Vec<(Fit, Explanation)> =
         singles.iter().filter(|s| s.1.p_value > REJECT_EXPLANATION).cloned().collect();
     if rejected && explanations.is_empty() {
-        explanations =
-            judge.pairs(&null, &left, &singles)?.into_iter().filter(|s| s.1.p_value > REJECT_EXPLANATION).collect();
+        explanations = judge.pairs(&left, &singles)?.into_iter().filter(|s| s.1.p_value > REJECT_EXPLANATION).collect();
     }
     let implausible = !explanations.is_empty() && explanations.iter().all(|e| !e.1.plausible);
     if !implausible {
@@ -243,7 +246,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let ids = || analysis.candidates.iter().map(|e| e.description().id);
     let ruled_out = ids().filter(|id| rejected && !kept.contains(id) && !not_testable.contains(id)).collect();
     let residuals = judge.residuals(&null)?;
-    let [white, slow, envelope, gain, floor] = analysis.levels.0.map(f64::sqrt);
+    let [white, slow, envelope, gain, floor] = best.as_ref().unwrap_or(&null).levels.0.map(f64::sqrt);
     let diagnosis = Diagnosis {
         schema: "carpus.diagnosis/1",
         participant: request.participant.clone(),
@@ -288,17 +291,22 @@ impl Judge<'_> {
     }
 
     /// Every single effect that has a chance, fitted.
-    fn singles(&self, null: &Fit, left: &Omnibus) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
+    fn singles(&self, left: &Omnibus) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
         let score = |e: &&'static dyn Effect| block(left, e.description().id).map_or(0.0, |b| b.statistic);
         let best = self.testable().map(|e| score(&e)).fold(0.0, f64::max);
-        let hopeful: Vec<_> = self.testable().filter(|e| score(e) >= HOPELESS * best - 30.0).collect();
-        hopeful.into_iter().map(|effect| self.explain(null, left, &[effect])).collect()
+        let mut hopeful: Vec<_> = self.testable().filter(|e| score(e) >= HOPELESS * best - 30.0).collect();
+        hopeful.sort_by(|a, b| score(b).total_cmp(&score(a)));
+        hopeful.truncate(FITTED_SINGLES);
+        let mut found: Vec<(Fit, Explanation)> = Vec::new();
+        for effect in hopeful {
+            found.extend(self.explain(left, &[effect], &found)?);
+        }
+        Ok(found)
     }
 
     /// Pairs of the leading candidates: the best by the score of the second after the first was fitted.
     fn pairs(
         &self,
-        null: &Fit,
         left: &Omnibus,
         singles: &[(Fit, Explanation)],
     ) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
@@ -324,36 +332,42 @@ impl Judge<'_> {
         }
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
         pairs.truncate(FITTED_PAIRS);
-        pairs.into_iter().map(|(_, _, pair)| self.explain(null, left, &pair)).collect()
+        let mut found: Vec<(Fit, Explanation)> = Vec::new();
+        for (_, _, pair) in pairs {
+            found.extend(self.explain(left, &pair, &found)?);
+        }
+        Ok(found)
     }
 
-    /// Fits effects jointly with the muscles and asks what is left.
+    /// Fits effects jointly with the muscles and asks what is left; `None` if they cannot be fitted.
     fn explain(
         &self,
-        null: &Fit,
         left: &Omnibus,
         effects: &[&'static dyn Effect],
-    ) -> Result<(Fit, Explanation), SimulationError> {
-        let mut start = null.point.clone();
+        rivals: &[(Fit, Explanation)],
+    ) -> Result<Option<(Fit, Explanation)>, SimulationError> {
+        // The refit without effects may have bent the muscles to make up for what is missing: start from the model.
+        let mut start = self.analysis.nominal_point();
         for effect in effects {
             let mut setting = Setting::absent(*effect);
             let description = effect.description();
             if let Some(score) = block(left, description.id) {
                 for (i, p) in description.amplitudes().enumerate() {
-                    // The one-step estimate of a nonlinear effect may be far off: not beyond five times its usual size.
                     let parameter = &description.parameters[p];
                     setting.values[p] = score.one_step[i].clamp(-5.0, 5.0) * parameter.scale;
                 }
             }
             start.effects.push(setting);
         }
-        let fit = self.analysis.fit(start)?;
+        let hopeless = rivals.iter().map(|r| r.0.deviance + FAR_WORSE).fold(f64::INFINITY, f64::min);
+        // Sizes at which a muscle cannot be simulated explain nothing.
+        let Ok(fit) = self.analysis.fit_below(start, hopeless) else { return Ok(None) };
         let p_value = test(self.analysis, &fit, self.not_testable)?.p_value;
         let parameters = self.estimates(&fit);
         let plausible = parameters.values().all(|p| p.ci95[1] >= p.plausible[0] && p.ci95[0] <= p.plausible[1]);
         let held_out_error = self.error_of(&fit, TrialUse::Test)?;
         let effects = effects.iter().map(|e| e.description().id).collect();
-        Ok((fit, Explanation { effects, p_value, held_out_error, plausible, parameters }))
+        Ok(Some((fit, Explanation { effects, p_value, held_out_error, plausible, parameters })))
     }
 
     fn estimates(&self, fit: &Fit) -> BTreeMap<String, ParameterEstimate> {
@@ -421,7 +435,7 @@ impl Judge<'_> {
         Ok(Errors {
             train: steps(TrialUse::Train)?.unwrap_or(nothing),
             held_out: steps(TrialUse::Test)?,
-            noise_floor: self.analysis.noise_floor() / self.request.mvc,
+            noise_floor: self.analysis.noise_floor(best.unwrap_or(null)) / self.request.mvc,
             measure: "RMSE / session MVC moment",
         })
     }

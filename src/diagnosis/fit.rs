@@ -15,7 +15,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
-use super::effect::{Effect, Role};
+use super::effect::{Effect, Role, Stage};
 use super::forward_model::{Core, FITTED_PER_MUSCLE, ForwardModel, Setting, matters};
 use super::noise::{self, KNOT_SPACING, NoiseLevels, TrialNoise};
 use super::score_test::{self, Block, Omnibus};
@@ -36,6 +36,8 @@ pub struct Point {
     pub parameters: Vec<MuscleParameters>,
     /// Effects that are on.
     pub effects: Vec<Setting>,
+    /// Baseline of every EMG channel, in units of its expected size.
+    pub baseline: Vec<f64>,
     /// Per training trial and muscle: log of true over recorded excitation on knots.
     pub correction: Vec<Vec<DVector<f64>>>,
 }
@@ -49,6 +51,10 @@ pub struct Fit {
     pub deviance: f64,
     /// Covariance of the effects' parameters, in units of their scales, in the order of effects and parameters.
     pub covariance: DMatrix<f64>,
+    /// Variances of the noise.
+    pub levels: NoiseLevels,
+    noise: Vec<TrialNoise>,
+    factors: Vec<Cholesky<f64, Dyn>>,
     /// Per training trial: whitened columns [nuisance | effects' parameters | residual].
     whitened: Vec<DMatrix<f64>>,
     /// Distance of nuisance and effects from the prior's mean, and prior precision.
@@ -64,17 +70,39 @@ pub struct Analysis<'a> {
     pub train: Vec<usize>,
     /// Effects under test.
     pub candidates: Vec<&'static dyn Effect>,
-    /// Variances of the noise.
-    pub levels: NoiseLevels,
-    noise: Vec<TrialNoise>,
-    factors: Vec<Cholesky<f64, Dyn>>,
     /// Prior standard deviation of log F_max, log l_opt, log l_slack.
     prior_sd: [f64; FITTED_PER_MUSCLE],
     /// Blocks of directions and their columns among `directions`.
     pub blocks: Vec<Block>,
-    /// Per training trial: whitened directions.
+    /// Per training trial: directions, averaged over blocks.
     directions: Vec<DMatrix<f64>>,
     seed: u64,
+}
+
+/// The noise of all training trials.
+struct Noise {
+    structure: Vec<TrialNoise>,
+    levels: NoiseLevels,
+    factors: Vec<Cholesky<f64, Dyn>>,
+}
+
+impl Noise {
+    fn log_determinant(&self) -> f64 {
+        self.factors.iter().map(|f| f.l_dirty().diagonal().map(|d| 2.0 * d.ln()).sum()).sum()
+    }
+}
+
+/// A point's objective and its derivatives.
+struct Account {
+    whitened: Vec<DMatrix<f64>>,
+    information: DMatrix<f64>,
+    gradient: DVector<f64>,
+    /// −2 log posterior without the determinant.
+    objective: f64,
+    /// Decrease of the objective that a full step promises.
+    gain: f64,
+    precision: Vec<f64>,
+    offset: Vec<f64>,
 }
 
 /// One trial at a point, averaged over blocks of samples.
@@ -140,32 +168,16 @@ impl<'a> Analysis<'a> {
             forward,
             train,
             candidates,
-            levels: NoiseLevels::default(),
-            noise: Vec::new(),
-            factors: Vec::new(),
             prior_sd: prior_sd(bounds),
             blocks: Vec::new(),
             directions: Vec::new(),
             seed,
         };
-        let mut point = analysis.nominal_point();
-        for round in 0..5 {
-            let linear = analysis.linearize(&point)?;
-            analysis.noise = analysis.noise_structure(&linear, &point)?;
-            if round >= 2 {
-                analysis.estimate_noise(&linear, None);
-            }
-            analysis.factorize();
-            let (step, _) = analysis.step(&linear, &point);
-            analysis.advance(&mut point, &linear, &step);
-        }
-        // With all directions among the regressors, what an effect does is not taken for noise.
-        let linear = analysis.linearize(&point)?;
-        let directions = analysis.calc_directions(&linear, &point)?;
-        analysis.estimate_noise(&linear, Some(&directions));
-        analysis.factorize();
-        analysis.directions = directions.iter().zip(&analysis.factors).map(|(d, factor)| whiten(factor, d)).collect();
-        let fit = analysis.fit(point)?;
+        let rough = analysis.fit(analysis.nominal_point())?;
+        let linear = analysis.linearize(&rough.point, &rough.noise)?;
+        analysis.directions = analysis.calc_directions(&linear, &rough.point)?;
+        // With all directions among the regressors, what an effect does is no longer taken for noise.
+        let fit = analysis.fit(rough.point)?;
         Ok((analysis, fit))
     }
 
@@ -178,16 +190,22 @@ impl<'a> Analysis<'a> {
         self.n_muscles() * (FITTED_PER_MUSCLE + 1)
     }
 
-    fn nominal_point(&self) -> Point {
+    /// The model as given, without effects and with the EMG as recorded.
+    pub fn nominal_point(&self) -> Point {
         let correction = self
             .train
             .iter()
             .map(|g| vec![DVector::zeros(knot_count(&self.forward.trials[*g].time)); self.n_muscles()])
             .collect();
-        Point { parameters: self.forward.nominal_parameters(), effects: Vec::new(), correction }
+        Point {
+            parameters: self.forward.nominal_parameters(),
+            effects: Vec::new(),
+            baseline: vec![0.0; self.n_muscles()],
+            correction,
+        }
     }
 
-    fn linearize(&self, point: &Point) -> Result<Vec<Linear>, SimulationError> {
+    fn linearize(&self, point: &Point, noise: &[TrialNoise]) -> Result<Vec<Linear>, SimulationError> {
         let variant = self.forward.variant(&point.effects)?;
         let variants = (0..point.effects.len())
             .map(|i| self.forward.difference_variants(&point.effects, i))
@@ -208,11 +226,13 @@ impl<'a> Analysis<'a> {
                 for (j, by) in self.forward.sensed_derivatives(g, &core, &point.effects).iter().enumerate() {
                     nuisance.set_column(j, &block_means(by, &starts));
                 }
-                if let Some(noise) = self.noise.get(position) {
+                if let Some(noise) = noise.get(position) {
                     residual += noise.respond(&point.correction[position]);
                     for m in 0..self.n_muscles() {
                         let column = noise.respond_to_baseline(m);
-                        nuisance.set_column(self.n_muscles() * FITTED_PER_MUSCLE + m, &(column * BASELINE_SD));
+                        let column = column * BASELINE_SD;
+                        residual -= &column * point.baseline[m];
+                        nuisance.set_column(self.n_muscles() * FITTED_PER_MUSCLE + m, &column);
                     }
                 }
                 let count: usize = point.effects.iter().map(|s| s.values.len()).sum();
@@ -283,31 +303,34 @@ impl<'a> Analysis<'a> {
             .collect()
     }
 
-    fn estimate_noise(&mut self, linear: &[Linear], directions: Option<&Vec<DMatrix<f64>>>) {
-        let extra = directions.map_or(0, |d| d.first().map_or(0, DMatrix::ncols));
+    /// Variances of the noise, all directions being among the regressors.
+    fn estimate_noise(
+        &self,
+        linear: &[Linear],
+        noise: &[TrialNoise],
+        point: &Point,
+        start: NoiseLevels,
+    ) -> NoiseLevels {
+        let extra = self.directions.first().map_or(0, DMatrix::ncols);
         let columns: Vec<DMatrix<f64>> = linear
             .iter()
             .enumerate()
             .map(|(i, l)| {
-                let mut x = l.nuisance.clone().resize_horizontally(l.nuisance.ncols() + extra, 0.0);
-                if let Some(d) = directions {
-                    x.columns_mut(l.nuisance.ncols(), extra).copy_from(&d[i]);
+                let (n, e) = (l.nuisance.ncols(), l.effects.ncols());
+                let mut x = DMatrix::zeros(l.residual.len(), n + e + extra);
+                x.columns_mut(0, n).copy_from(&l.nuisance);
+                x.columns_mut(n, e).copy_from(&l.effects);
+                if let Some(d) = self.directions.get(i) {
+                    x.columns_mut(n + e, extra).copy_from(d);
                 }
                 x
             })
             .collect();
-        let mut precision = self.nuisance_precision();
+        let (mut precision, _) = self.prior(point);
         // Directions are in units of their scale; ten times that is wide.
         precision.extend(std::iter::repeat_n(0.01, extra));
-        let trials: Vec<_> =
-            self.noise.iter().zip(&columns).zip(linear).map(|((n, x), l)| (n, x, &l.residual)).collect();
-        self.levels = noise::estimate(&trials, &DVector::from_vec(precision), self.levels);
-    }
-
-    fn factorize(&mut self) {
-        let factors: Vec<_> = self.noise.par_iter().map(|n| noise::factor(n, &self.levels)).collect();
-        // V is a sum of a positive diagonal and positive semidefinite matrices.
-        self.factors = factors.into_iter().flatten().collect();
+        let trials: Vec<_> = noise.iter().zip(&columns).zip(linear).map(|((n, x), l)| (n, x, &l.residual)).collect();
+        noise::estimate(&trials, &DVector::from_vec(precision), start)
     }
 
     fn nuisance_precision(&self) -> Vec<f64> {
@@ -329,7 +352,7 @@ impl<'a> Analysis<'a> {
             offset.push((p.optimal_fiber_length / nominal.optimal_fiber_length).ln());
             offset.push((p.tendon_slack_length / nominal.tendon_slack_length).ln());
         }
-        offset.extend(std::iter::repeat_n(0.0, self.n_muscles()));
+        offset.extend(&point.baseline);
         for setting in &point.effects {
             for (p, value) in setting.effect.description().parameters.iter().zip(&setting.values) {
                 precision.push(if p.role == Role::Shape { 1.0 } else { AMPLITUDE_PRECISION });
@@ -339,96 +362,184 @@ impl<'a> Analysis<'a> {
         (precision, offset)
     }
 
-    /// The Gauss–Newton step for nuisance and effects, and the whitened columns.
-    fn step(&self, linear: &[Linear], point: &Point) -> (DVector<f64>, Vec<DMatrix<f64>>) {
-        let (precision, offset) = self.prior(point);
-        let p = precision.len();
-        let whitened: Vec<DMatrix<f64>> = linear
+    /// Whitened columns [nuisance | effects | residual] of every trial.
+    fn whitened(&self, linear: &[Linear], factors: &[Cholesky<f64, Dyn>]) -> Vec<DMatrix<f64>> {
+        linear
             .par_iter()
-            .zip(&self.factors)
+            .zip(factors)
             .map(|(l, factor)| {
-                let n = l.nuisance.ncols();
-                let mut all = DMatrix::zeros(l.residual.len(), p + 1);
+                let (n, e) = (l.nuisance.ncols(), l.effects.ncols());
+                let mut all = DMatrix::zeros(l.residual.len(), n + e + 1);
                 all.columns_mut(0, n).copy_from(&l.nuisance);
-                all.columns_mut(n, p - n).copy_from(&l.effects);
-                all.set_column(p, &l.residual);
+                all.columns_mut(n, e).copy_from(&l.effects);
+                all.set_column(n + e, &l.residual);
                 whiten(factor, &all)
             })
-            .collect();
-        let mut information = DMatrix::from_diagonal(&DVector::from_vec(precision.clone()));
-        let mut right = DVector::from_iterator(p, precision.iter().zip(&offset).map(|(a, b)| -a * b));
-        for w in &whitened {
-            let x = w.columns(0, p);
-            information += x.tr_mul(&x);
-            right += x.tr_mul(&w.column(p));
-        }
-        let step = information.cholesky().map_or_else(|| DVector::zeros(p), |c| c.solve(&right));
-        (step, whitened)
+            .collect()
     }
 
-    /// Moves a point by a step, within bounds, and updates the expected EMG noise.
-    fn advance(&self, point: &mut Point, linear: &[Linear], step: &DVector<f64>) {
-        for position in 0..self.train.len() {
-            let l = &linear[position];
-            let n = l.nuisance.ncols();
-            let left = &l.residual - &l.nuisance * step.rows(0, n) - &l.effects * step.rows(n, step.len() - n);
-            let weighted = self.factors[position].solve(&left);
-            point.correction[position] = self.noise[position].expected_noise(&self.levels, &weighted);
+    /// Expected EMG noise given what a point leaves.
+    fn correct(&self, point: &mut Point, linear: &[Linear], noise: &Noise) {
+        for (position, l) in linear.iter().enumerate() {
+            let weighted = noise.factors[position].solve(&l.residual);
+            point.correction[position] = noise.structure[position].expected_noise(&noise.levels, &weighted);
             for w in &mut point.correction[position] {
                 w.iter_mut().for_each(|v| *v = v.clamp(-0.7, 0.7));
             }
         }
+    }
+
+    /// A point moved by a step, as a whole shortened to what the linearization may be trusted for.
+    fn moved(&self, point: &Point, step: &DVector<f64>) -> Point {
+        let mut point = point.clone();
+        let muscles = self.n_muscles() * FITTED_PER_MUSCLE;
+        let most = |i: usize| if i < muscles { [0.7, 0.1, 0.03][i % FITTED_PER_MUSCLE] } else { 6.0 };
+        let excess = step.iter().enumerate().map(|(i, s)| s.abs() / most(i)).fold(1.0, f64::max);
+        let step = step / excess;
         for (m, p) in point.parameters.iter_mut().enumerate() {
-            let s = |i: usize, most: f64| step[m * FITTED_PER_MUSCLE + i].clamp(-most, most).exp();
-            p.max_isometric_force *= s(0, 0.7);
-            p.optimal_fiber_length *= s(1, 0.08);
-            p.tendon_slack_length *= s(2, 0.03);
+            let factor = |i: usize| step[m * FITTED_PER_MUSCLE + i].exp();
+            p.max_isometric_force *= factor(0);
+            p.optimal_fiber_length *= factor(1);
+            p.tendon_slack_length *= factor(2);
+        }
+        for (m, baseline) in point.baseline.iter_mut().enumerate() {
+            *baseline += step[muscles + m];
         }
         let mut column = self.n_nuisance();
         for setting in &mut point.effects {
+            let stage = setting.effect.description().stage;
             for (p, value) in setting.effect.description().parameters.iter().zip(&mut setting.values) {
-                let most = if p.role == Role::Shape { 1.0 } else { 4.0 };
-                let limit = if p.role == Role::Shape { 3.0 } else { 30.0 } * p.scale;
-                *value = (*value + step[column].clamp(-most, most) * p.scale).clamp(p.start - limit, p.start + limit);
+                let limit = p.scale
+                    * match (p.role, stage) {
+                        (Role::Shape, _) => 3.0,
+                        // Logarithms of ratios of a muscle's property.
+                        (_, Stage::Muscle | Stage::Activation) => 5.0,
+                        _ => 30.0,
+                    };
+                *value = (*value + step[column] * p.scale).clamp(p.start - limit, p.start + limit);
                 column += 1;
             }
         }
+        point
     }
 
-    /// Fits jointly from a point.
+    /// Levenberg–Marquardt with the noise held.
+    fn descend(
+        &self,
+        point: Point,
+        linear: Vec<Linear>,
+        noise: &Noise,
+        evaluations: usize,
+    ) -> Result<(Point, Vec<Linear>, Account), SimulationError> {
+        let (mut point, mut linear) = (point, linear);
+        let mut at = self.account(&linear, &point, noise);
+        let mut damping = 1e-3;
+        for _ in 0..evaluations {
+            if at.gain < CONVERGED {
+                break;
+            }
+            let mut damped = at.information.clone();
+            for i in 0..damped.nrows() {
+                damped[(i, i)] *= 1.0 + damping;
+            }
+            let Some(solver) = damped.cholesky() else { break };
+            let next = self.moved(&point, &solver.solve(&at.gradient));
+            // Where a muscle cannot be simulated the step was too long.
+            let moved = self.linearize(&next, &noise.structure).ok().map(|l| (self.account(&l, &next, noise), l));
+            match moved {
+                Some((account, l)) if account.objective < at.objective => {
+                    (point, linear, at) = (next, l, account);
+                    damping = (damping / 8.0).max(1e-9);
+                }
+                _ => damping = (damping * 10.0).max(1e-3),
+            }
+        }
+        Ok((point, linear, at))
+    }
+
+    /// Objective, gradient and information at a point.
+    fn account(&self, linear: &[Linear], point: &Point, noise: &Noise) -> Account {
+        let whitened = self.whitened(linear, &noise.factors);
+        let (precision, offset) = self.prior(point);
+        let p = precision.len();
+        let mut information = DMatrix::from_diagonal(&DVector::from_vec(precision.clone()));
+        let mut gradient = DVector::from_iterator(p, precision.iter().zip(&offset).map(|(a, b)| -a * b));
+        let mut objective = precision.iter().zip(&offset).map(|(a, b)| a * b * b).sum::<f64>();
+        for w in &whitened {
+            let x = w.columns(0, p);
+            information += x.tr_mul(&x);
+            gradient += x.tr_mul(&w.column(p));
+            objective += w.column(p).norm_squared();
+        }
+        let gain = information.clone().cholesky().map_or(0.0, |c| gradient.dot(&c.solve(&gradient)));
+        Account { whitened, information, gradient, objective, gain, precision, offset }
+    }
+
+    /// Fits jointly from a point; the noise is estimated along the way, then held.
     ///
     /// # Errors
     /// A trial that cannot be simulated.
-    pub fn fit(&self, mut point: Point) -> Result<Fit, SimulationError> {
-        let mut best: Option<Fit> = None;
-        for round in 0..MOST_ROUNDS {
-            let linear = self.linearize(&point)?;
-            let (step, whitened) = self.step(&linear, &point);
-            let (precision, offset) = self.prior(&point);
-            let p = precision.len();
-            let deviance = whitened.iter().map(|w| w.column(p).norm_squared()).sum::<f64>()
-                + precision.iter().zip(&offset).map(|(a, b)| a * b * b).sum::<f64>();
-            let n = self.n_nuisance();
-            let mut information = DMatrix::from_diagonal(&DVector::from_vec(precision.clone()));
-            for w in &whitened {
-                let x = w.columns(0, p);
-                information += x.tr_mul(&x);
+    pub fn fit(&self, point: Point) -> Result<Fit, SimulationError> {
+        self.fit_below(point, f64::INFINITY)
+    }
+
+    /// As [`Analysis::fit`]; gives up early where the deviance is far above `hopeless`.
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub fn fit_below(&self, point: Point, hopeless: f64) -> Result<Fit, SimulationError> {
+        let linear = self.linearize(&point, &[])?;
+        let mut noise = self.noise(&linear, &point, NoiseLevels::default(), false)?;
+        // While the model is far off, its errors would be taken for noise: usual noise, and the EMG as recorded.
+        let linear = self.linearize(&point, &noise.structure)?;
+        let (mut point, mut linear, mut at) = self.descend(point, linear, &noise, ROUGH_EVALUATIONS)?;
+        for (pass, evaluations) in FINE_EVALUATIONS.into_iter().enumerate() {
+            // Before the EMG's noise is allowed for, what it does would be taken for more of it.
+            let before = noise.levels;
+            noise = self.noise(&linear, &point, before, pass > 0)?;
+            if pass > 1 {
+                // Estimates alternate about their common value: take the middle.
+                noise.levels = before.between(&noise.levels);
+                noise.factors = noise.structure.par_iter().filter_map(|n| noise::factor(n, &noise.levels)).collect();
             }
-            let gain = step.dot(&(&information * &step));
-            let covariance = information
-                .try_inverse()
-                .map_or_else(|| DMatrix::zeros(p - n, p - n), |c| c.view((n, n), (p - n, p - n)).into_owned());
-            let fit = Fit { point: point.clone(), deviance: deviance - gain, covariance, whitened, offset, precision };
-            let better = best.as_ref().is_none_or(|b| fit.deviance <= b.deviance + 1e-9);
-            if better {
-                best = Some(fit);
-            }
-            if gain < CONVERGED && round > 0 {
+            self.correct(&mut point, &linear, &noise);
+            linear = self.linearize(&point, &noise.structure)?;
+            (point, linear, at) = self.descend(point, linear, &noise, evaluations)?;
+            if pass >= 1 && noise.log_determinant() + at.objective > hopeless {
                 break;
             }
-            self.advance(&mut point, &linear, &step);
         }
-        best.ok_or(SimulationError::ParameterCount { found: 0, expected: 1 })
+        let (p, n) = (at.precision.len(), self.n_nuisance());
+        let covariance = at
+            .information
+            .try_inverse()
+            .map_or_else(|| DMatrix::zeros(p - n, p - n), |c| c.view((n, n), (p - n, p - n)).into_owned());
+        Ok(Fit {
+            point,
+            deviance: noise.log_determinant() + at.objective,
+            covariance,
+            levels: noise.levels,
+            noise: noise.structure,
+            factors: noise.factors,
+            whitened: at.whitened,
+            offset: at.offset,
+            precision: at.precision,
+        })
+    }
+
+    /// Structure of the noise at a point, its variances estimated or as given.
+    fn noise(
+        &self,
+        linear: &[Linear],
+        point: &Point,
+        start: NoiseLevels,
+        estimate: bool,
+    ) -> Result<Noise, SimulationError> {
+        let structure = self.noise_structure(linear, point)?;
+        let levels = if estimate { self.estimate_noise(linear, &structure, point, start) } else { start };
+        // V is a sum of a positive diagonal and positive semidefinite matrices: factors exist.
+        let factors = structure.par_iter().filter_map(|n| noise::factor(n, &levels)).collect();
+        Ok(Noise { structure, levels, factors })
     }
 
     /// Directions of all candidates' amplitudes and of lack of fit, in units of their scales.
@@ -498,9 +609,10 @@ impl<'a> Analysis<'a> {
             .whitened
             .par_iter()
             .zip(&self.directions)
-            .map(|(w, d)| {
+            .zip(&fit.factors)
+            .map(|((w, d), factor)| {
                 let mut all = w.clone().resize_horizontally(p + 1 + columns, 0.0);
-                all.columns_mut(p + 1, columns).copy_from(d);
+                all.columns_mut(p + 1, columns).copy_from(&whiten(factor, d));
                 all.tr_mul(&all)
             })
             .collect();
@@ -528,7 +640,8 @@ impl<'a> Analysis<'a> {
             null.precision.iter().copied().chain(std::iter::repeat_n(AMPLITUDE_PRECISION, others.len())),
         ));
         let (mut cross, mut length) = (DVector::zeros(count), 0.0);
-        for (w, d) in null.whitened.iter().zip(&self.directions) {
+        for ((w, d), factor) in null.whitened.iter().zip(&self.directions).zip(&null.factors) {
+            let d = whiten(factor, d);
             let mut x = DMatrix::zeros(w.nrows(), count);
             x.columns_mut(0, p).copy_from(&w.columns(0, p));
             let mut signature = DVector::zeros(w.nrows());
@@ -543,8 +656,8 @@ impl<'a> Analysis<'a> {
     }
 
     /// Standard deviation of the noise of a sample of the training trials [N·m].
-    pub fn noise_floor(&self) -> f64 {
-        let total: f64 = self.noise.iter().map(|n| n.variance_of_samples(&self.levels)).sum();
+    pub fn noise_floor(&self, fit: &Fit) -> f64 {
+        let total: f64 = fit.noise.iter().map(|n| n.variance_of_samples(&fit.levels)).sum();
         let count: usize = self.train.iter().map(|g| block_starts(self.forward.trials[*g].time.len()).len() - 1).sum();
         (total / count.max(1) as f64).sqrt()
     }
@@ -552,8 +665,10 @@ impl<'a> Analysis<'a> {
 
 /// Prior precision of amplitudes in units of their scale: 20 scales are one standard deviation.
 const AMPLITUDE_PRECISION: f64 = 1.0 / 400.0;
-/// Gauss–Newton rounds at most.
-const MOST_ROUNDS: usize = 7;
+/// Evaluations of the rough descent.
+const ROUGH_EVALUATIONS: usize = 9;
+/// Evaluations of the descents after each estimate of the noise.
+const FINE_EVALUATIONS: [usize; 4] = [4, 3, 3, 4];
 /// A fit has converged when a step promises less than this decrease of the deviance.
 const CONVERGED: f64 = 0.02;
 

@@ -24,7 +24,7 @@ const SLOW_LENGTH: f64 = 0.36;
 /// EMG below this counts as this when additive noise is expressed relative to it.
 const SMALLEST_EXCITATION: f64 = 0.005;
 /// Iterations of the variance estimate.
-const ITERATIONS: usize = 12;
+const ITERATIONS: usize = 6;
 
 /// Number of variance components.
 pub const COMPONENTS: usize = 5;
@@ -37,6 +37,15 @@ impl Default for NoiseLevels {
     /// Usual laboratory noise: 0.05 N·m white, 0.07 N·m slow, EMG 10 % envelope, 5 % gain, 0.002 additive.
     fn default() -> Self {
         NoiseLevels([0.05, 0.07, 0.10, 0.05, 0.002].map(|sd: f64| sd * sd))
+    }
+}
+
+impl NoiseLevels {
+    /// Geometric means of both.
+    pub fn between(&self, other: &NoiseLevels) -> NoiseLevels {
+        let mut out = *self;
+        out.0.iter_mut().zip(&other.0).for_each(|(a, b)| *a = (*a * b).sqrt());
+        out
     }
 }
 

@@ -17,7 +17,7 @@ use rand_chacha::ChaCha8Rng;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Draws of the null distribution of the smallest p-value.
-const DRAWS: usize = 4000;
+const DRAWS: usize = 2000;
 /// Eigenvalues of a block's information below this share of its largest one count as zero.
 const RANK_TOLERANCE: f64 = 1e-6;
 

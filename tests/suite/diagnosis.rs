@@ -1,0 +1,191 @@
+//! Tests of `diagnosis`: one conformance suite for all effects, and diagnoses of the bundled study.
+
+use std::path::PathBuf;
+
+use carpus::diagnosis::catalogue::CATALOGUE;
+use carpus::diagnosis::diagnose::{Request, Verdict, diagnose};
+use carpus::diagnosis::effect::{OsimForm, Role};
+use carpus::diagnosis::forward_model::{ForwardModel, Setting};
+use carpus::osim::OsimFile;
+use carpus::simulation::{MusculoskeletalModel, Setup};
+use carpus::study::{Study, Trial};
+
+fn demo() -> (Study, Vec<Trial>, OsimFile) {
+    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
+    let study = Study::read_tables(root.join("fixtures/demo_study")).unwrap();
+    let trials = study.load_trials("P01").unwrap();
+    let file = OsimFile::read(root.join("models/wrist.osim")).unwrap();
+    (study, trials, file)
+}
+
+fn forward(study: &Study, trials: &[Trial], file: &OsimFile) -> ForwardModel {
+    let model = MusculoskeletalModel::compile(&file.spec, &Setup::from_settings(&study.settings)).unwrap();
+    ForwardModel::new(&file.spec, &model, trials).unwrap()
+}
+
+/// Trials that excite everything: an isometric one, a movement, a passive sweep.
+fn few(trials: Vec<Trial>) -> Vec<Trial> {
+    let names = ["isometric_25_flexion_+30deg_1", "isotonic_25_extension_1", "passive_1"];
+    trials.into_iter().filter(|t| names.contains(&t.info.name().as_str())).collect()
+}
+
+fn moments(forward: &ForwardModel, effects: &[Setting]) -> Vec<Vec<f64>> {
+    let variant = forward.variant(effects).unwrap();
+    let parameters = forward.nominal_parameters();
+    (0..forward.trials.len())
+        .map(|g| {
+            let excitation = &forward.trials[g].excitation;
+            let core = forward.core(&variant, g, excitation, &parameters, effects, false).unwrap();
+            forward.recorded_moment(g, &core, effects)
+        })
+        .collect()
+}
+
+#[test]
+fn verif_absent_effects_change_nothing_to_the_last_bit() {
+    let (study, trials, file) = demo();
+    let forward = forward(&study, &few(trials), &file);
+    let without = moments(&forward, &[]);
+    for effect in CATALOGUE {
+        let id = effect.description().id;
+        assert_eq!(moments(&forward, &[Setting::absent(*effect)]), without, "{id}");
+    }
+    let all: Vec<Setting> = CATALOGUE.iter().map(|e| Setting::absent(*e)).collect();
+    assert_eq!(moments(&forward, &all), without, "all at once");
+}
+
+#[test]
+fn verif_every_effect_changes_some_trial_and_its_derivative_matches_differences() {
+    let (study, trials, file) = demo();
+    let forward = forward(&study, &few(trials), &file);
+    let parameters = forward.nominal_parameters();
+    let without = moments(&forward, &[]);
+    for effect in CATALOGUE {
+        let description = effect.description();
+        let settings = [Setting::absent(*effect)];
+        let variants = forward.difference_variants(&settings, 0).unwrap();
+        for p in description.amplitudes() {
+            let mut small = settings.to_vec();
+            // Half the derivative's own step: curvature and kinks show as a difference.
+            small[0].values[p] = 0.05 * description.parameters[p].scale;
+            let with = moments(&forward, &small);
+            let (mut error, mut size) = (0.0_f64, 0.0_f64);
+            for g in 0..forward.trials.len() {
+                let excitation = &forward.trials[g].excitation;
+                let variant = forward.variant(&settings).unwrap();
+                let core = forward.core(&variant, g, excitation, &parameters, &settings, false).unwrap();
+                let by =
+                    forward.effect_derivative(g, &core, excitation, &parameters, &settings, 0, &variants, p).unwrap();
+                for k in 0..by.len() {
+                    let difference = (with[g][k] - without[g][k]) / 0.05;
+                    error += (difference - by[k]).powi(2);
+                    size += by[k].powi(2);
+                }
+            }
+            let relative = (error / size).sqrt();
+            println!("{}.{}: {relative:.1e}", description.id, description.parameters[p].name);
+            assert!(size > 0.0, "{} does nothing", description.id);
+            assert!(relative < 0.15, "{}.{}: {relative}", description.id, description.parameters[p].name);
+        }
+    }
+}
+
+#[test]
+fn verif_effects_are_described_in_full() {
+    let mut seen = Vec::new();
+    for effect in CATALOGUE {
+        let d = effect.description();
+        assert!(!seen.contains(&d.id), "{} twice", d.id);
+        seen.push(d.id);
+        assert!(d.parameters.iter().any(|p| p.role == Role::Amplitude), "{}", d.id);
+        for p in d.parameters {
+            assert!(p.scale > 0.0 && p.plausible[0] < p.plausible[1] && !p.source.is_empty(), "{}.{}", d.id, p.name);
+            assert!(p.role == Role::Shape || p.start == 0.0, "{}.{}", d.id, p.name);
+        }
+        let (OsimForm::Native(form) | OsimForm::Controls(form) | OsimForm::SideCar(form)) = d.osim_form;
+        assert!(![d.equation, d.signature, d.experiment, form].contains(&""), "{}", d.id);
+    }
+}
+
+#[test]
+fn verif_sensitivity_to_muscle_parameters_matches_differences_with_effects_on() {
+    let (study, trials, file) = demo();
+    let forward = forward(&study, &few(trials), &file);
+    let ids = ["joint_stiffness", "emg_crosstalk", "moment_arm_slope", "sensor_bandwidth"];
+    let effects: Vec<Setting> = CATALOGUE
+        .iter()
+        .filter(|e| ids.contains(&e.description().id))
+        .map(|e| {
+            let mut setting = Setting::absent(*e);
+            setting.values[0] = e.description().parameters[0].scale;
+            setting
+        })
+        .collect();
+    let variant = forward.variant(&effects).unwrap();
+    let parameters = forward.nominal_parameters();
+    let excitation = forward.trials[1].excitation.clone();
+    let core = forward.core(&variant, 1, &excitation, &parameters, &effects, true).unwrap();
+    let by = forward.sensed_derivatives(1, &core, &effects);
+    for (column, by) in by.iter().enumerate() {
+        let step = 1e-4;
+        let side = |sign: f64| {
+            let mut moved = parameters.clone();
+            let p = &mut moved[column / 3];
+            let factor = (sign * step).exp();
+            match column % 3 {
+                0 => p.max_isometric_force *= factor,
+                1 => p.optimal_fiber_length *= factor,
+                _ => p.tendon_slack_length *= factor,
+            }
+            let core = forward.core(&variant, 1, &excitation, &moved, &effects, false).unwrap();
+            forward.recorded_moment(1, &core, &effects)
+        };
+        let (up, down) = (side(1.0), side(-1.0));
+        let scale = by.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let worst = (0..by.len()).map(|k| ((up[k] - down[k]) / (2.0 * step) - by[k]).abs()).fold(0.0, f64::max);
+        assert!(worst < 2e-3 * scale.max(0.1), "column {column}: {worst:e} of {scale:e}");
+    }
+}
+
+fn request<'a>(study: &Study, forward: &'a ForwardModel, ids: &[&str]) -> Request<'a> {
+    Request {
+        participant: "P01".to_string(),
+        forward,
+        bounds: study.settings.bounds,
+        candidates: CATALOGUE.iter().copied().filter(|e| ids.contains(&e.description().id)).collect(),
+        mvc: 10.9,
+        seed: 1,
+    }
+}
+
+const FEW: [&str; 4] = ["joint_damping", "torque_drift", "time_shift", "emg_nonlinearity"];
+
+#[test]
+fn val_opensim_clean_data_raise_nothing() {
+    let (study, trials, file) = demo();
+    let forward = forward(&study, &trials, &file);
+    let found = diagnose(&request(&study, &forward, &FEW)).unwrap().diagnosis;
+    println!("p = {}", found.null_p_value);
+    assert_eq!(found.verdict, Verdict::NothingDetectable);
+}
+
+#[test]
+fn val_opensim_hidden_damping_is_found_and_its_rivals_are_not_blamed() {
+    let (study, mut trials, file) = demo();
+    let damping = 0.15;
+    for trial in &mut trials {
+        for k in 0..trial.len() {
+            let (a, b) = (k.saturating_sub(1), (k + 1).min(trial.len() - 1));
+            let speed = (trial.angle[b] - trial.angle[a]) / (trial.time[b] - trial.time[a]);
+            trial.moment[k] -= damping * speed;
+        }
+    }
+    let forward = forward(&study, &trials, &file);
+    let found = diagnose(&request(&study, &forward, &FEW)).unwrap().diagnosis;
+    assert_eq!(found.verdict, Verdict::Identified, "{:?}", found.explanations);
+    assert_eq!(found.explanations[0].effects, ["joint_damping"]);
+    let estimate = &found.explanations[0].parameters["joint_damping.damping"];
+    assert!(estimate.ci95[0] < damping && damping < estimate.ci95[1], "{estimate:?}");
+    let held_out = found.error.held_out.unwrap();
+    assert!(held_out.with_effect.unwrap() < held_out.refit_only);
+}
