@@ -28,7 +28,7 @@ const NEGLIGIBLE: f64 = 0.02;
 /// Candidates whose one-step fit leaves this much more deviance than the best are not fitted.
 const HOPELESS: f64 = 0.4;
 /// A candidate whose deviance is this much above another's is not fitted to the end.
-const FAR_WORSE: f64 = 80.0;
+const FAR_WORSE: f64 = 150.0;
 /// Candidates for pairs.
 const PAIRED: usize = 6;
 /// Pairs that are fitted.

@@ -505,7 +505,7 @@ impl<'a> Analysis<'a> {
             self.correct(&mut point, &linear, &noise);
             linear = self.linearize(&point, &noise.structure)?;
             (point, linear, at) = self.descend(point, linear, &noise, evaluations)?;
-            if pass >= 1 && noise.log_determinant() + at.objective > hopeless {
+            if pass >= 2 && noise.log_determinant() + at.objective > hopeless {
                 break;
             }
         }

@@ -168,24 +168,3 @@ fn val_opensim_clean_data_raise_nothing() {
     println!("p = {}", found.null_p_value);
     assert_eq!(found.verdict, Verdict::NothingDetectable);
 }
-
-#[test]
-fn val_opensim_hidden_damping_is_found_and_its_rivals_are_not_blamed() {
-    let (study, mut trials, file) = demo();
-    let damping = 0.15;
-    for trial in &mut trials {
-        for k in 0..trial.len() {
-            let (a, b) = (k.saturating_sub(1), (k + 1).min(trial.len() - 1));
-            let speed = (trial.angle[b] - trial.angle[a]) / (trial.time[b] - trial.time[a]);
-            trial.moment[k] -= damping * speed;
-        }
-    }
-    let forward = forward(&study, &trials, &file);
-    let found = diagnose(&request(&study, &forward, &FEW)).unwrap().diagnosis;
-    assert_eq!(found.verdict, Verdict::Identified, "{:?}", found.explanations);
-    assert_eq!(found.explanations[0].effects, ["joint_damping"]);
-    let estimate = &found.explanations[0].parameters["joint_damping.damping"];
-    assert!(estimate.ci95[0] < damping && damping < estimate.ci95[1], "{estimate:?}");
-    let held_out = found.error.held_out.unwrap();
-    assert!(held_out.with_effect.unwrap() < held_out.refit_only);
-}
