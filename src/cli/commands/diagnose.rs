@@ -11,12 +11,17 @@ use crate::diagnosis::effect::Effect;
 use crate::diagnosis::forward_model::ForwardModel;
 use crate::study::TrialUse;
 
+/// Said before every diagnosis, until its false alarms and its power are measured.
+const UNFINISHED: &str =
+    "diagnosis is unfinished: its verdicts are not calibrated, and wrong ones were seen on studies of known cause";
+
 /// Runs the command.
 ///
 /// # Errors
 /// The study, its models and trials, the candidates, or the output folder.
 pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
     let candidates = candidates(&args.candidates)?;
+    failure::print(&[Message::warning(UNFINISHED)]);
     let study = StudyRun::prepare(&args.study)?;
     let bar = progress(global, study.participants.len() as u64, "diagnosing");
     let mut diagnoses = Vec::new();
