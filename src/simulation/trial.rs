@@ -90,9 +90,11 @@ pub struct TrialKinematics {
     pub muscles: Vec<MuscleKinematics>,
     /// Moment of passive forces [N·m], zero unless included.
     pub passive_moment: Vec<f64>,
-    /// Moment of gravity [N·m], zero unless included.
+    /// Moment of gravity [N·m], zero unless included: positive where the weight of what moves pulls the coordinate in its
+    /// positive sense. Opposite to what OpenSim's `InverseDynamicsSolver` finds at rest, which is what balances it.
     pub gravity_moment: Vec<f64>,
-    /// Moment of inertia forces [N·m], zero unless included.
+    /// Moment of inertia forces (d'Alembert) [N·m], zero unless included: −(M q̈ + C q̇²) along the coordinate, negative
+    /// while the coordinate accelerates in its positive sense. Opposite to the solver's inertial part.
     pub inertia_moment: Vec<f64>,
     /// Drag of the dynamometer [N·m].
     pub damping_moment: Vec<f64>,

@@ -23,6 +23,10 @@ fn manifest(relative: &str) -> (PathBuf, Value) {
     (path, value)
 }
 
+/// Stems of the manifests in fixtures/prescribed_motion.
+const PRESCRIBED_MOTIONS: [&str; 5] =
+    ["wrist", "wrist_undamped", "wrist_rigid_tendon", "wrist_no_activation_dynamics", "wrist_weight_and_inertia"];
+
 /// Every file under "outputs" has the digest the manifest gives; returns how many there are.
 fn check_outputs(relative: &str) -> usize {
     let (path, manifest) = manifest(relative);
@@ -36,7 +40,9 @@ fn check_outputs(relative: &str) -> usize {
 
 #[test]
 fn regress_reference_outputs_match_their_manifests() {
-    assert_eq!(check_outputs("fixtures/prescribed_motion/wrist.manifest.json"), 1);
+    for case in PRESCRIBED_MOTIONS {
+        assert_eq!(check_outputs(&format!("fixtures/prescribed_motion/{case}.manifest.json")), 1);
+    }
     for subject in ["signals", "statistics", "sensitivity"] {
         assert_eq!(check_outputs(&format!("fixtures/{subject}/manifest.json")), 1);
     }
@@ -46,12 +52,14 @@ fn regress_reference_outputs_match_their_manifests() {
 #[test]
 fn regress_references_belong_to_the_shipped_model() {
     let model = sha256(&root().join("models/wrist.osim"));
-    let (_, motion) = manifest("fixtures/prescribed_motion/wrist.manifest.json");
-    assert_eq!(
-        motion["model"]["sha256"].as_str(),
-        Some(model.as_str()),
-        "run fixtures/scripts/prescribed_motion.py again"
-    );
+    for case in PRESCRIBED_MOTIONS {
+        let (_, motion) = manifest(&format!("fixtures/prescribed_motion/{case}.manifest.json"));
+        assert_eq!(
+            motion["model"]["sha256"].as_str(),
+            Some(model.as_str()),
+            "run the script that {case}.manifest.json names again"
+        );
+    }
     let (_, study) = manifest("fixtures/demo_study/manifest.json");
     assert_eq!(
         study["inputs"]["wrist.osim"].as_str(),
