@@ -243,7 +243,7 @@ fn participant_result(participant: &Participant) -> ParticipantResult {
     }
 }
 
-fn warning_result(message: &Message) -> WarningResult {
+pub(crate) fn warning_result(message: &Message) -> WarningResult {
     debug_assert_eq!(message.gravity, Gravity::Warning);
     WarningResult { at: message.place(), message: message.text.clone(), hint: message.hint.clone() }
 }

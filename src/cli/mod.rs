@@ -9,6 +9,7 @@ mod commands;
 mod failure;
 mod model;
 mod output;
+mod path_check;
 mod provenance;
 mod quantity;
 mod series;

@@ -113,7 +113,7 @@ pub fn osim_failure(path: &Path, error: &OsimError) -> Failure {
 
 impl LoadedModel {
     /// Name of the file, for messages.
-    fn message(&self, text: String) -> Message {
+    pub fn message(&self, text: String) -> Message {
         Message::error(text).in_file(&self.path)
     }
 

@@ -9,8 +9,7 @@ use super::args::{Global, StudyArgs};
 use super::failure::{Failure, Message};
 use super::model::{self, LoadedModel, Needs};
 use super::output::OutputFolder;
-use super::print_result;
-use super::provenance;
+use super::{path_check, print_result, provenance};
 use crate::osim::spec::ModelSpec;
 use crate::report::results::InputFile;
 use crate::simulation::{
@@ -134,6 +133,7 @@ impl StudyRun {
         self.check_trials(participant, &trials, &model)?;
         let recordings: Vec<Recording> = trials.iter().map(Recording::from).collect();
         let prepared = model.prepare_all(&recordings, &Options::default()).map_err(at_study)?;
+        warnings.extend(path_warnings(&loaded, &model, &trials)?);
         let inputs = self.inputs(participant, &loaded.path, &trials)?;
         Ok(ParticipantRun { participant: participant.clone(), loaded, trials, model, prepared, inputs, warnings })
     }
@@ -224,6 +224,18 @@ impl ParticipantRun {
             moments: simulations.iter().map(|s| s.moment.clone()).collect(),
         }
     }
+}
+
+/// Warnings about the active muscles' paths over all angles that were recorded.
+fn path_warnings(
+    loaded: &LoadedModel,
+    model: &MusculoskeletalModel,
+    trials: &[Trial],
+) -> Result<Vec<Message>, Failure> {
+    let angles = trials.iter().flat_map(|t| &t.angle);
+    let range = angles.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], a| [low.min(*a), high.max(*a)]);
+    let names: Vec<String> = model.muscle_names().map(String::from).collect();
+    path_check::over_range(loaded, &loaded.muscles(&names)?, model.coordinate(), &model.posture, range)
 }
 
 /// The participants of these names, or all.

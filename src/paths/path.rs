@@ -4,7 +4,7 @@ use super::error::PathError;
 use super::geometry::PathGeometry;
 use super::wrapping::{ConstrainedHalf, Surface};
 use crate::functions::Function;
-use crate::multibody::{BaseIndex, Model};
+use crate::multibody::{BaseIndex, Cache, Model};
 use crate::osim::spec::{
     BodyIndex, CoordinateIndex, Location, ModelSpec, PathPointKind, PathPointSpec, PathSpec, PathWrapSpec,
     WrapObjectIndex, WrapObjectSpec, WrapShape,
@@ -89,6 +89,25 @@ impl Path {
     /// A buffer for [`Path::update`].
     pub fn new_geometry(&self) -> PathGeometry {
         PathGeometry::new(self)
+    }
+
+    /// Length of the straight lines through the points that are active [m]: what the path would be without wrapping.
+    ///
+    /// - `q`: all coordinates
+    /// - `cache`: positions of the bodies at `q`
+    #[allow(non_snake_case)]
+    pub fn polyline_length(&self, q: &[f64], cache: &Cache) -> f64 {
+        let active = self.points.iter().filter(|point| point.is_active(q));
+        let mut previous: Option<Vector3<f64>> = None;
+        let mut length = 0.0;
+        for point in active {
+            let p_GS = cache.X_GB(point.base) * point.location(q);
+            if let Some(before) = previous {
+                length += (p_GS - before).norm();
+            }
+            previous = Some(p_GS);
+        }
+        length
     }
 
     /// Bodies whose poses the path depends on, each once, ascending; ground is left out.

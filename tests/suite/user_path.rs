@@ -575,3 +575,82 @@ fn verif_personalize_is_the_same_at_any_number_of_threads() {
     };
     assert!(result("1") == result("3"));
 }
+
+/// A copy of the bundled model in which ECRL's path does what OpenSim's wrapping does to some models.
+fn with_odd_path(folder: &Path, change: impl Fn(&str) -> String) -> PathBuf {
+    let text = std::fs::read_to_string(model()).unwrap();
+    let changed = change(&text);
+    assert_ne!(text, changed, "the edit does something");
+    let file = folder.join("wrist.osim");
+    std::fs::write(&file, changed).unwrap();
+    file
+}
+
+/// A point 20 cm away joins the path where flexion exceeds 20°.
+fn jumping(text: &str) -> String {
+    let far = r#"<ConditionalPathPoint name="far"><socket_parent_frame>/bodyset/radius</socket_parent_frame>
+        <location>-0.2 -0.24 0</location><socket_coordinate>/jointset/wrist/flexion</socket_coordinate>
+        <range>0.3490658503988659 3</range></ConditionalPathPoint><PathPoint name="ECRL_insertion">"#;
+    text.replacen("<PathPoint name=\"ECRL_insertion\">", far, 1)
+}
+
+/// The cylinder under ECRL lies on the wrong side of it: the tendon has to go all the way round.
+fn wound(text: &str) -> String {
+    let start = text.find("<WrapCylinder name=\"carpus_ECRL\">").unwrap();
+    let (before, after) = text.split_at(start);
+    let after = after.replacen("<translation>0.002 ", "<translation>-0.125 ", 1);
+    format!("{before}{}", after.replacen("<radius>0.0045<", "<radius>0.1<", 1))
+}
+
+fn json_of(assert: &assert_cmd::assert::Assert) -> serde_json::Value {
+    serde_json::from_slice(&assert.get_output().stdout).unwrap()
+}
+
+#[test]
+fn verif_a_path_that_jumps_is_told_by_paths_and_by_studies() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = with_odd_path(folder.path(), jumping);
+    let sweep = |file: &Path| {
+        let mut command = carpus();
+        command.arg("paths").arg(file).args(["--sweep", "flexion=-60:60:5deg", "--json"]);
+        command.assert().success()
+    };
+    let told =
+        sweep(&file).stderr(contains("the path of ECRL jumps by").and(contains("between flexion = 15.00° and 20.00°")));
+    let warnings = json_of(&told)["warnings"].clone();
+    assert_eq!(warnings.as_array().map(Vec::len), Some(1), "only ECRL: {warnings}");
+    assert!(warnings[0]["message"].as_str().unwrap().contains("ECRL jumps by"), "{warnings}");
+    // The bundled model itself is clean, at any step.
+    assert_eq!(json_of(&sweep(&model()).stderr(""))["warnings"], serde_json::json!([]));
+
+    let study = StudyCopy::new();
+    study.edit("wrist.osim", jumping);
+    study.run("compare").success().stderr(contains("the path of ECRL jumps by"));
+    let results = std::fs::read_to_string(study.path("out/P01/results.json")).unwrap();
+    let results: serde_json::Value = serde_json::from_str(&results).unwrap();
+    let warnings = results["warnings"].as_array().unwrap();
+    let told = |w: &serde_json::Value| w["message"].as_str().unwrap().contains("the path of ECRL jumps by");
+    assert_eq!(warnings.iter().filter(|w| told(w)).count(), 1, "{warnings:?}");
+}
+
+#[test]
+fn verif_a_path_wound_the_long_way_is_told_with_its_pose() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = with_odd_path(folder.path(), wound);
+    let at_rest = |file: &Path| {
+        let mut command = carpus();
+        command.arg("equilibrium").arg(file).args(["--set", "flexion=10deg", "--activation", "0.1", "--json"]);
+        command.assert().success()
+    };
+    let told = at_rest(&file).stderr(contains("the path of ECRL is").and(contains("m long at flexion = 10 deg")));
+    let result = json_of(&told);
+    assert_eq!(result["warnings"].as_array().map(Vec::len), Some(1), "{}", result["warnings"]);
+    // OpenSim 4.6 winds the edited model's path just so: Muscle::getLength().
+    let length = result["muscles"][0]["path_length_m"].as_f64().unwrap();
+    assert!((length - 1.1772081282615336).abs() < 1e-9, "{length}");
+    assert_eq!(json_of(&at_rest(&model()).stderr(""))["warnings"], serde_json::json!([]));
+
+    let mut command = carpus();
+    let sweep = command.arg("paths").arg(&file).args(["--sweep", "flexion=-20:20:5deg", "--muscles", "ECRL"]);
+    sweep.assert().success().stderr(contains("the path of ECRL is").and(contains("of 9 values")));
+}

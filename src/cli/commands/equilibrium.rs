@@ -2,12 +2,13 @@
 
 use serde::Serialize;
 
+use crate::cli::account::warning_result;
 use crate::cli::args::{EquilibriumArgs, Global};
 use crate::cli::failure::{self, Failure, Message};
 use crate::cli::model::{self, LoadedModel, Needs};
 use crate::cli::output::OutputFolder;
-use crate::cli::print_result;
 use crate::cli::table::{fixed, table};
+use crate::cli::{path_check, print_result};
 use crate::muscles::{EquilibriumStatus, Millard2012};
 use crate::osim::spec::{CoordinateIndex, MuscleIndex, MuscleKind};
 
@@ -35,6 +36,13 @@ struct Moment {
     moment_n_m: f64,
 }
 
+/// A path that wrapping makes absurdly long.
+struct Wound {
+    muscle: MuscleIndex,
+    length: f64,
+    polyline: f64,
+}
+
 /// Runs the command.
 ///
 /// # Errors
@@ -47,16 +55,21 @@ pub fn run(args: &EquilibriumArgs, global: &Global) -> Result<(), Failure> {
     let muscles = computed_muscles(&loaded, args, &mut messages)?;
     let posture = loaded.posture(&args.set, &mut messages)?;
     let about = coordinates(&loaded, args)?;
-    let rows = rows(&loaded, &muscles, &posture, &about, args.activation)?;
+    let mut wound = Vec::new();
+    let rows = rows(&loaded, &muscles, &posture, &about, args.activation, &mut wound)?;
+    let set: Vec<String> = args.set.iter().map(ToString::to_string).collect();
+    let pose = if set.is_empty() { "the default posture".to_string() } else { set.join(", ") };
+    messages
+        .extend(wound.iter().map(|w| path_check::wound_message(&loaded, w.muscle, w.length, w.polyline, &pose, None)));
     failure::print(&messages);
     if let Some((folder, name)) = &csv_file {
         folder.write(name, csv(&rows)?.as_bytes())?;
     }
     if global.json {
-        let set: Vec<_> = args.set.iter().map(ToString::to_string).collect();
+        let warnings: Vec<_> = messages.iter().map(warning_result).collect();
         let result = serde_json::json!({
             "schema": "carpus.equilibrium/1", "model": loaded.model.name, "activation": args.activation,
-            "posture": set, "muscles": rows,
+            "posture": set, "muscles": rows, "warnings": warnings,
         });
         return print_result(&result.to_string());
     }
@@ -113,6 +126,7 @@ fn rows(
     posture: &[f64],
     about: &[CoordinateIndex],
     activation: f64,
+    wound: &mut Vec<Wound>,
 ) -> Result<Vec<Row>, Failure> {
     let model = &loaded.model;
     let mut cache = model.new_cache();
@@ -121,7 +135,11 @@ fn rows(
     let mut rows = Vec::with_capacity(muscles.len());
     for (index, (path, geometry)) in muscles.iter().zip(&mut paths) {
         path.update(posture, &cache, geometry);
-        rows.push(at_rest(loaded, *index, geometry.length(), activation)?);
+        let (length, polyline) = (geometry.length(), path.polyline_length(posture, &cache));
+        if path_check::wound_too_far(length, polyline) {
+            wound.push(Wound { muscle: *index, length, polyline });
+        }
+        rows.push(at_rest(loaded, *index, length, activation)?);
     }
     for coordinate in about {
         model.update_unit_motion(posture, *coordinate, &mut cache);

@@ -1,11 +1,12 @@
 //! `carpus paths`: muscle lengths and moment arms over a coordinate.
 
+use crate::cli::account::warning_result;
 use crate::cli::args::{Global, PathsArgs};
-use crate::cli::failure::{self, Failure};
-use crate::cli::model::{self, LoadedModel, Needs};
+use crate::cli::failure::{self, Failure, Message};
+use crate::cli::model::{self, Needs};
 use crate::cli::output::OutputFolder;
-use crate::cli::{print_result, provenance};
-use crate::osim::spec::{CoordinateIndex, MotionType, MuscleIndex};
+use crate::cli::{path_check, print_result, provenance};
+use crate::osim::spec::MotionType;
 use crate::report::sweep::{SweepFigure, SweepMuscle};
 
 /// Runs the command.
@@ -28,13 +29,20 @@ pub fn run(args: &PathsArgs, global: &Global) -> Result<(), Failure> {
     }
     let si: Vec<f64> = values.iter().map(|v| args.sweep.si(*v)).collect();
     let translation = loaded.model.coordinates[moved.0].motion_type == MotionType::Translational;
+    let samples = path_check::samples(&loaded, &muscles, moved, &posture, &si)?;
+    messages.extend(muscles.iter().zip(&samples).flat_map(|(m, s)| path_check::swept(&loaded, *m, moved, s)));
+    let swept = muscles.iter().zip(&samples).map(|(m, samples)| SweepMuscle {
+        name: loaded.file.spec.muscles[m.0].name.clone(),
+        length_m: samples.iter().map(|s| s.length).collect(),
+        moment_arm_m: samples.iter().map(|s| s.moment_arm).collect(),
+    });
     let figure = SweepFigure {
         model: loaded.model.name.clone(),
         coordinate: args.sweep.coordinate.clone(),
         unit: if translation { "m" } else { "deg" },
         values: if translation { si.clone() } else { si.iter().map(|v| v.to_degrees()).collect() },
         held: args.set.iter().map(ToString::to_string).collect(),
-        muscles: sweep(&loaded, &muscles, moved, &posture, &si)?,
+        muscles: swept.collect(),
         provenance: provenance::provenance(
             global,
             vec![provenance::input_file(path, &path.display().to_string(), "model")?],
@@ -50,41 +58,7 @@ pub fn run(args: &PathsArgs, global: &Global) -> Result<(), Failure> {
             return print_result(&format!("{}\n{}\n", table.display(), page.display()));
         }
     }
-    print_result(&if global.json { json(&figure) } else { csv(&figure)? })
-}
-
-/// Lengths and moment arms at each value [rad or m] of the coordinate.
-fn sweep(
-    loaded: &LoadedModel,
-    muscles: &[MuscleIndex],
-    moved: CoordinateIndex,
-    posture: &[f64],
-    values: &[f64],
-) -> Result<Vec<SweepMuscle>, Failure> {
-    let model = &loaded.model;
-    let mut paths = loaded.muscle_paths(muscles)?;
-    let mut swept: Vec<_> = muscles
-        .iter()
-        .map(|m| SweepMuscle {
-            name: loaded.file.spec.muscles[m.0].name.clone(),
-            length_m: Vec::with_capacity(values.len()),
-            moment_arm_m: Vec::with_capacity(values.len()),
-        })
-        .collect();
-    let mut cache = model.new_cache();
-    let mut q = posture.to_vec();
-    for value in values {
-        q[moved.0] = *value;
-        model.satisfy_couplers(&mut q);
-        model.update_positions(&q, &mut cache);
-        model.update_unit_motion(&q, moved, &mut cache);
-        for ((path, geometry), muscle) in paths.iter_mut().zip(&mut swept) {
-            path.update(&q, &cache, geometry);
-            muscle.length_m.push(geometry.length());
-            muscle.moment_arm_m.push(path.moment_arm(&q, &cache, geometry));
-        }
-    }
-    Ok(swept)
+    print_result(&if global.json { json(&figure, &messages) } else { csv(&figure)? })
 }
 
 /// One row per value: the coordinate, all lengths, all moment arms.
@@ -110,7 +84,8 @@ fn csv(figure: &SweepFigure) -> Result<String, Failure> {
     String::from_utf8(bytes).map_err(|e| Failure::Internal(e.to_string()))
 }
 
-fn json(figure: &SweepFigure) -> String {
+fn json(figure: &SweepFigure, warnings: &[Message]) -> String {
+    let warnings: Vec<_> = warnings.iter().map(warning_result).collect();
     let muscles: Vec<_> = figure
         .muscles
         .iter()
@@ -124,6 +99,7 @@ fn json(figure: &SweepFigure) -> String {
         key: figure.values,
         "held": figure.held,
         "muscles": muscles,
+        "warnings": warnings,
         "provenance": figure.provenance,
     })
     .to_string()
