@@ -14,8 +14,8 @@
 //! Like there, the excitation itself is not limited: while e < a_min the state a drifts below a_min, while muscles see â.
 
 /// Local error of one step, absolute. Activation errors decay with the time constants, so that the global error stays
-/// near it.
-const STEP_TOLERANCE: f64 = 1e-9;
+/// near it: far below what moves a force by 1e-6 of its maximum.
+const STEP_TOLERANCE: f64 = 2e-8;
 
 /// Parameters of first-order activation dynamics.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -54,6 +54,8 @@ pub(crate) struct Fiber {
     pub(crate) optimal: f64,
     /// Tendon slack length [m].
     pub(crate) slack: f64,
+    /// Its reciprocal [1/m].
+    inverse_slack: f64,
     /// Sine s of the pennation angle at optimal fibre length.
     pub(crate) sine: f64,
     /// Shortest normalized fibre length x_min.
@@ -109,7 +111,7 @@ impl Fiber {
         };
         let active = curves.min_active_length.max(significant / optimal);
         let (shortest, shortest_by_sine) = if pennate > active { (pennate, pennate_by_sine) } else { (active, 0.0) };
-        Fiber { curves, optimal, slack, sine, shortest, shortest_by_sine }
+        Fiber { curves, optimal, slack, inverse_slack: 1.0 / slack, sine, shortest, shortest_by_sine }
     }
 
     /// dx_min/dp.
@@ -142,12 +144,12 @@ impl Fiber {
         let (active, active_slope) = c.active_at(x, drive.activation);
         let (passive, passive_slope) = c.passive.value_and_slope(x);
         let y = self.along_tendon(x);
-        let cosine = y / x;
-        let y_by_x = 1.0 / cosine;
-        let inverse_slack = 1.0 / self.slack;
+        let (inverse_x, inverse_y) = (1.0 / x, 1.0 / y);
+        let (cosine, y_by_x) = (y * inverse_x, x * inverse_y);
+        let inverse_slack = self.inverse_slack;
         let (tendon, tendon_slope) = c.tendon.value_and_slope((drive.length - self.optimal * y) * inverse_slack);
         let tendon_by_x = -tendon_slope * self.optimal * inverse_slack * y_by_x;
-        let cosine_by_x = self.sine * self.sine / (x * x * y);
+        let cosine_by_x = self.sine * self.sine * inverse_x * inverse_x * inverse_y;
         let a = drive.activation;
         let mut residual = match &c.velocity_of_force {
             None => {
@@ -219,7 +221,7 @@ impl Fiber {
     pub(crate) fn tendon_force(&self, x: f64, length: f64) -> TendonForce {
         let x = x.max(self.shortest);
         let y = self.along_tendon(x);
-        let inverse_slack = 1.0 / self.slack;
+        let inverse_slack = self.inverse_slack;
         let stretch = (length - self.optimal * y) * inverse_slack;
         let (value, slope) = self.curves.tendon.value_and_slope(stretch);
         let scale = slope * inverse_slack;
