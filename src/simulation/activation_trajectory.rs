@@ -65,8 +65,8 @@ impl ActivationDynamics {
         }
     }
 
-    /// ä for an excitation that changes at `slope`.
-    fn acceleration(&self, a: f64, e: f64, slope: f64, branch: Branch) -> f64 {
+    /// ä for an excitation that changes at `slope`, where ȧ is `rate`.
+    fn acceleration(&self, a: f64, e: f64, slope: f64, rate: f64, branch: Branch) -> f64 {
         let clamped = self.clamp(a);
         let (by_e, by_a) = match branch {
             Branch::Activating => {
@@ -79,13 +79,13 @@ impl ActivationDynamics {
             }
         };
         let by_a = if a < self.minimum_activation || a > 1.0 { 0.0 } else { by_a };
-        by_e * slope + by_a * self.rate(a, e, branch)
+        by_e * slope + by_a * rate
     }
 
-    /// A Dormand–Prince step of order 5 within one branch; returns the new activation and the error estimate.
-    fn step(&self, a: f64, e: f64, slope: f64, h: f64, branch: Branch) -> (f64, f64) {
+    /// A Dormand–Prince step of order 5 within one branch, where ȧ is `k1`; returns the new activation, the error
+    /// estimate and ȧ at the end.
+    fn step(&self, a: f64, e: f64, slope: f64, h: f64, k1: f64, branch: Branch) -> (f64, f64, f64) {
         let f = |da: f64, c: f64| self.rate(a + h * da, e + slope * c * h, branch);
-        let k1 = f(0.0, 0.0);
         let k2 = f(k1 / 5.0, 0.2);
         let k3 = f(3.0 / 40.0 * k1 + 9.0 / 40.0 * k2, 0.3);
         let k4 = f(44.0 / 45.0 * k1 - 56.0 / 15.0 * k2 + 32.0 / 9.0 * k3, 0.8);
@@ -102,7 +102,7 @@ impl ActivationDynamics {
         let error = 71.0 / 57600.0 * k1 - 71.0 / 16695.0 * k3 + 71.0 / 1920.0 * k4 - 17253.0 / 339200.0 * k5
             + 22.0 / 525.0 * k6
             - k7 / 40.0;
-        (a + h * increment, (h * error).abs())
+        (a + h * increment, (h * error).abs(), k7)
     }
 }
 
@@ -148,13 +148,14 @@ impl ActivationTrajectory {
         } else {
             Branch::Deactivating
         };
+        let mut rate = dynamics.rate(a, segment.excitation, branch);
         while duration - elapsed > resolution {
             let e = segment.excitation + segment.slope * elapsed;
             let mut h = trial_step.min(duration - elapsed);
             if duration - elapsed - h < resolution {
                 h = duration - elapsed;
             }
-            let (mut next, error) = dynamics.step(a, e, segment.slope, h, branch);
+            let (mut next, error, mut end_rate) = dynamics.step(a, e, segment.slope, h, rate, branch);
             let growth = (0.9 * (STEP_TOLERANCE / error.max(1e-30)).powf(0.2)).clamp(0.2, 4.0);
             if error > STEP_TOLERANCE && h > resolution {
                 *trial_step = h * growth;
@@ -165,7 +166,7 @@ impl ActivationTrajectory {
             let end_gap = gap(elapsed + h, next);
             if (branch == Branch::Activating) != (end_gap > 0.0) && end_gap != 0.0 {
                 // The excitation meets the activation inside the step: end the step there.
-                let piece = hermite(dynamics, a, next, e, segment.slope, h, branch);
+                let piece = hermite(dynamics, [a, next], [rate, end_rate], e, segment.slope, h, branch);
                 let (mut low, mut high) = (0.0, h);
                 for _ in 0..50 {
                     let middle = 0.5 * (low + high);
@@ -173,14 +174,15 @@ impl ActivationTrajectory {
                     if on_branch == (branch == Branch::Activating) { low = middle } else { high = middle }
                 }
                 h = high;
-                next = dynamics.step(a, e, segment.slope, h, branch).0;
+                (next, _, end_rate) = dynamics.step(a, e, segment.slope, h, rate, branch);
                 crossed = true;
             }
             if h > 0.0 {
                 let start = segment.start + elapsed;
                 let end = if duration - elapsed - h <= resolution { segment.end } else { start + h };
-                self.push(start, end, hermite(dynamics, a, next, e, segment.slope, h, branch));
-                a = next;
+                let coefficients = hermite(dynamics, [a, next], [rate, end_rate], e, segment.slope, h, branch);
+                self.push(start, end, coefficients);
+                (a, rate) = (next, end_rate);
                 elapsed += h;
             }
             if crossed {
@@ -188,6 +190,7 @@ impl ActivationTrajectory {
                     Branch::Activating => Branch::Deactivating,
                     Branch::Deactivating => Branch::Activating,
                 };
+                rate = dynamics.rate(a, segment.excitation + segment.slope * elapsed, branch);
             }
         }
         a
@@ -227,10 +230,19 @@ fn polynomial(c: &[f64; 6], t: f64) -> f64 {
 }
 
 /// Quintic through both ends of a step with their first and second derivatives.
-fn hermite(d: &ActivationDynamics, a0: f64, a1: f64, e0: f64, slope: f64, h: f64, branch: Branch) -> [f64; 6] {
+fn hermite(
+    d: &ActivationDynamics,
+    [a0, a1]: [f64; 2],
+    rates: [f64; 2],
+    e0: f64,
+    slope: f64,
+    h: f64,
+    branch: Branch,
+) -> [f64; 6] {
     let e1 = e0 + slope * h;
-    let (v0, v1) = (h * d.rate(a0, e0, branch), h * d.rate(a1, e1, branch));
-    let (w0, w1) = (h * h * d.acceleration(a0, e0, slope, branch), h * h * d.acceleration(a1, e1, slope, branch));
+    let [v0, v1] = rates.map(|rate| h * rate);
+    let w0 = h * h * d.acceleration(a0, e0, slope, rates[0], branch);
+    let w1 = h * h * d.acceleration(a1, e1, slope, rates[1], branch);
     let rise = a1 - a0;
     [
         a0,

@@ -35,7 +35,7 @@ pub(crate) struct FiberCurves {
 
 impl FiberCurves {
     /// Active force multiplier at a normalized fibre length and activation, and its slope by the length.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn active_at(&self, x: f64, activation: f64) -> (f64, f64) {
         if self.length_by_activation == 0.0 {
             return self.active.value_and_slope(x);
