@@ -82,6 +82,11 @@ fn verif_every_effect_changes_some_trial_and_its_derivative_matches_differences(
                     size += by[k].powi(2);
                 }
             }
+            if description.id == "unmodelled_muscles" {
+                // It acts through the model's silent muscles, and the bundled wrist has none: exactly nothing may change.
+                assert!(size == 0.0 && with == without, "{} acts without a silent muscle", description.id);
+                continue;
+            }
             let relative = (error / size).sqrt();
             println!("{}.{}: {relative:.1e}", description.id, description.parameters[p].name);
             assert!(size > 0.0, "{} does nothing", description.id);
