@@ -513,8 +513,7 @@ pub fn simulate(
         .trials_for(usage)
         .into_par_iter()
         .map(|g| {
-            let excitation = &forward.trials[g].excitation;
-            let core = forward.core(&variant, g, excitation, parameters, effects, false)?;
+            let core = forward.core(&variant, g, &forward.recorded_input(g), parameters, effects, false)?;
             Ok((g, forward.recorded_moment(g, &core, effects)))
         })
         .collect::<Vec<_>>()

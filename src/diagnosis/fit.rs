@@ -14,10 +14,11 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 use super::effect::{Effect, Role, Stage};
-use super::forward_model::{Core, FITTED_PER_MUSCLE, ForwardModel, Setting, matters};
-use super::noise::{self, KNOT_SPACING, NoiseLevels, TrialNoise};
+use super::forward_model::{Core, FITTED_PER_MUSCLE, ForwardModel, Setting, TrialInput, matters};
+use super::noise::{self, KNOT_SPACING, NoiseLevels, Response, TrialNoise, TrialTimes};
 use super::score_test::{self, Block, Omnibus};
 use crate::simulation::{MuscleParameters, SimulationError};
 use crate::study::ParameterBounds;
@@ -40,6 +41,8 @@ pub struct Point {
     pub baseline: Vec<f64>,
     /// Per training trial and muscle: log of true over recorded excitation on knots.
     pub correction: Vec<Vec<DVector<f64>>>,
+    /// Per training trial: the excitation so corrected.
+    pub inputs: Vec<Arc<TrialInput>>,
 }
 
 /// A finished fit.
@@ -76,6 +79,8 @@ pub struct Analysis<'a> {
     pub blocks: Vec<Block>,
     /// Per training trial: directions, averaged over blocks.
     directions: Vec<DMatrix<f64>>,
+    /// Per training trial.
+    times: Vec<Arc<TrialTimes>>,
     seed: u64,
 }
 
@@ -112,7 +117,6 @@ struct Linear {
     residual: DVector<f64>,
     /// The trial's core, for directions.
     core: Core,
-    excitation: Vec<Vec<f64>>,
 }
 
 /// Start of every block of samples, and the end.
@@ -164,6 +168,13 @@ impl<'a> Analysis<'a> {
         bounds: &ParameterBounds,
         seed: u64,
     ) -> Result<(Analysis<'a>, Fit), SimulationError> {
+        let times = train.iter().map(|g| {
+            let time = &forward.trials[*g].time;
+            let starts = block_starts(time.len());
+            let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
+            Arc::new(TrialTimes::new(block_means(time, &starts).as_slice(), &counts))
+        });
+        let times = times.collect();
         let mut analysis = Analysis {
             forward,
             train,
@@ -171,6 +182,7 @@ impl<'a> Analysis<'a> {
             prior_sd: prior_sd(bounds),
             blocks: Vec::new(),
             directions: Vec::new(),
+            times,
             seed,
         };
         let rough = analysis.fit(analysis.nominal_point())?;
@@ -202,6 +214,7 @@ impl<'a> Analysis<'a> {
             effects: Vec::new(),
             baseline: vec![0.0; self.n_muscles()],
             correction,
+            inputs: self.train.iter().map(|g| Arc::new(self.forward.recorded_input(*g))).collect(),
         }
     }
 
@@ -216,8 +229,8 @@ impl<'a> Analysis<'a> {
                 let g = self.train[position];
                 let record = &self.forward.trials[g];
                 let starts = block_starts(record.time.len());
-                let excitation = corrected(&record.time, &record.excitation, &point.correction[position]);
-                let core = self.forward.core(&variant, g, &excitation, &point.parameters, &point.effects, true)?;
+                let input = &*point.inputs[position];
+                let core = self.forward.core(&variant, g, input, &point.parameters, &point.effects, true)?;
                 let simulated = self.forward.recorded_moment(g, &core, &point.effects);
                 let difference: Vec<f64> = record.moment.iter().zip(&simulated).map(|(y, s)| y - s).collect();
                 let mut residual = block_means(&difference, &starts);
@@ -244,7 +257,7 @@ impl<'a> Analysis<'a> {
                             let by = self.forward.effect_derivative(
                                 g,
                                 &core,
-                                &excitation,
+                                input,
                                 &point.parameters,
                                 &point.effects,
                                 i,
@@ -256,7 +269,7 @@ impl<'a> Analysis<'a> {
                         column += 1;
                     }
                 }
-                Ok(Linear { nuisance, effects, residual, core, excitation })
+                Ok(Linear { nuisance, effects, residual, core })
             })
             .collect::<Vec<_>>()
             .into_iter()
@@ -271,7 +284,6 @@ impl<'a> Analysis<'a> {
                 let starts = block_starts(record.time.len());
                 let blocks = starts.len() - 1;
                 let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
-                let times = block_means(&record.time, &starts);
                 let knots = knot_count(&record.time);
                 let mut responses = Vec::new();
                 let mut at_knots = Vec::new();
@@ -280,11 +292,11 @@ impl<'a> Analysis<'a> {
                 for m in 0..self.n_muscles() {
                     let e = &linear[position].core.excitation[m];
                     let response = linear[position].core.prepared.excitation_response(m, &point.parameters[m], e)?;
-                    let mut g = DMatrix::zeros(blocks, knots);
+                    let mut g = Response::new(blocks, knots);
                     for j in 0..knots {
                         let (first, disturbance) = hat(&record.time, e, j);
                         response.respond(first, &disturbance, |k, moment| {
-                            g[(block_of[k], j)] += moment / counts[block_of[k]] as f64;
+                            g.add(block_of[k], j, moment / counts[block_of[k]] as f64);
                         });
                     }
                     responses.push(g);
@@ -296,7 +308,7 @@ impl<'a> Analysis<'a> {
                             .collect(),
                     );
                 }
-                Ok(TrialNoise::new(times.as_slice(), &counts, responses, &at_knots))
+                Ok(TrialNoise::new(&self.times[position], responses, &at_knots))
             })
             .collect::<Vec<_>>()
             .into_iter()
@@ -379,14 +391,28 @@ impl<'a> Analysis<'a> {
     }
 
     /// Expected EMG noise given what a point leaves.
-    fn correct(&self, point: &mut Point, linear: &[Linear], noise: &Noise) {
-        for (position, l) in linear.iter().enumerate() {
-            let weighted = noise.factors[position].solve(&l.residual);
-            point.correction[position] = noise.structure[position].expected_noise(&noise.levels, &weighted);
-            for w in &mut point.correction[position] {
-                w.iter_mut().for_each(|v| *v = v.clamp(-0.7, 0.7));
-            }
+    ///
+    /// # Errors
+    /// An excitation that cannot be simulated.
+    fn correct(&self, point: &mut Point, linear: &[Linear], noise: &Noise) -> Result<(), SimulationError> {
+        let corrections: Vec<Result<_, SimulationError>> = (0..linear.len())
+            .into_par_iter()
+            .map(|position| {
+                let weighted = noise.factors[position].solve(&linear[position].residual);
+                let mut correction = noise.structure[position].expected_noise(&noise.levels, &weighted);
+                for w in &mut correction {
+                    w.iter_mut().for_each(|v| *v = v.clamp(-0.7, 0.7));
+                }
+                let g = self.train[position];
+                let record = &self.forward.trials[g];
+                let excitation = corrected(&record.time, &record.excitation, &correction);
+                Ok((correction, Arc::new(self.forward.input(g, excitation)?)))
+            })
+            .collect();
+        for (position, corrected) in corrections.into_iter().enumerate() {
+            (point.correction[position], point.inputs[position]) = corrected?;
         }
+        Ok(())
     }
 
     /// A point moved by a step, as a whole shortened to what the linearization may be trusted for.
@@ -502,7 +528,7 @@ impl<'a> Analysis<'a> {
                 noise.levels = before.between(&noise.levels);
                 noise.factors = noise.structure.par_iter().filter_map(|n| noise::factor(n, &noise.levels)).collect();
             }
-            self.correct(&mut point, &linear, &noise);
+            self.correct(&mut point, &linear, &noise)?;
             linear = self.linearize(&point, &noise.structure)?;
             (point, linear, at) = self.descend(point, linear, &noise, evaluations)?;
             if pass >= 2 && noise.log_determinant() + at.objective > hopeless {
@@ -555,7 +581,8 @@ impl<'a> Analysis<'a> {
                 .train
                 .par_iter()
                 .zip(linear)
-                .map(|(g, l)| {
+                .zip(&point.inputs)
+                .map(|((g, l), input)| {
                     let starts = block_starts(self.forward.trials[*g].time.len());
                     amplitudes
                         .iter()
@@ -563,7 +590,7 @@ impl<'a> Analysis<'a> {
                             let by = self.forward.effect_derivative(
                                 *g,
                                 &l.core,
-                                &l.excitation,
+                                input,
                                 &point.parameters,
                                 &settings,
                                 0,

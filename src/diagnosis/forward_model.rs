@@ -75,6 +75,14 @@ pub struct ForwardModel {
     options: Options,
 }
 
+/// Excitations of one trial, and the trial prepared with them.
+#[derive(Clone)]
+pub struct TrialInput {
+    /// Excitation of each muscle before effects: as recorded, or without its noise.
+    pub excitation: Vec<Vec<f64>>,
+    prepared: PreparedTrial,
+}
+
 /// What comes out of the muscles in one trial: everything before joint and sensor.
 pub struct Core {
     /// The trial with its excitations, angle and muscles.
@@ -166,10 +174,36 @@ impl ForwardModel {
         }
     }
 
+    fn recording<'a>(&'a self, trial: usize, angle: &'a [f64], excitation: &'a [Vec<f64>]) -> Recording<'a> {
+        let record = &self.trials[trial];
+        Recording {
+            name: record.info.file_as_written.clone(),
+            time: &record.time,
+            angle,
+            excitation: excitation.iter().map(Vec::as_slice).collect(),
+        }
+    }
+
+    /// A trial with the excitation as recorded.
+    pub fn recorded_input(&self, trial: usize) -> TrialInput {
+        TrialInput { excitation: self.trials[trial].excitation.clone(), prepared: self.base[trial].clone() }
+    }
+
+    /// A trial with another excitation.
+    ///
+    /// - `excitation`: of each muscle, before effects
+    ///
+    /// # Errors
+    /// An excitation that is not a number.
+    pub fn input(&self, trial: usize, excitation: Vec<Vec<f64>>) -> Result<TrialInput, SimulationError> {
+        let recording = self.recording(trial, &self.trials[trial].angle, &excitation);
+        let prepared = self.model.prepare_like(&recording, &self.base[trial], &self.options)?;
+        Ok(TrialInput { excitation, prepared })
+    }
+
     /// Simulates a trial up to the joint.
     ///
     /// - `variant`: from [`ForwardModel::variant`] of the same effects
-    /// - `excitation`: of each muscle before effects: as recorded, or without its noise
     ///
     /// # Errors
     /// A muscle whose forces cannot be balanced.
@@ -177,7 +211,7 @@ impl ForwardModel {
         &self,
         variant: &MusculoskeletalModel,
         trial: usize,
-        excitation: &[Vec<f64>],
+        input: &TrialInput,
         parameters: &[MuscleParameters],
         effects: &[Setting],
         derivatives: bool,
@@ -185,26 +219,20 @@ impl ForwardModel {
         let asks = |s: &Setting| s.effect.needs_moment();
         let muscle_moment = if effects.iter().any(asks) {
             let without: Vec<Setting> = effects.iter().filter(|s| !asks(s)).cloned().collect();
-            self.core(variant, trial, excitation, parameters, &without, false)?.moment
+            self.core(variant, trial, input, parameters, &without, false)?.moment
         } else {
             Vec::new()
         };
-        let context = self.context(trial, excitation, &muscle_moment);
-        let record = &self.trials[trial];
-        let mut excitation = excitation.to_vec();
-        let mut angle = record.angle.clone();
+        let context = self.context(trial, &input.excitation, &muscle_moment);
+        let mut excitation = input.excitation.clone();
+        let mut angle = self.trials[trial].angle.clone();
         let effects = in_order(effects);
         for setting in &effects {
             setting.effect.excite(&setting.values, &context, &mut excitation);
             setting.effect.change_angle(&setting.values, &context, &mut angle);
         }
-        let recording = Recording {
-            name: record.info.file_as_written.clone(),
-            time: &record.time,
-            angle: &angle,
-            excitation: excitation.iter().map(Vec::as_slice).collect(),
-        };
-        let prepared = variant.prepare_like(&recording, &self.base[trial], &self.options)?;
+        let recording = self.recording(trial, &angle, &excitation);
+        let prepared = variant.prepare_like(&recording, &input.prepared, &self.options)?;
         let mut moment = prepared.moment_without_muscles();
         let mut by_parameters = Vec::new();
         for (i, p) in parameters.iter().enumerate() {
@@ -293,7 +321,7 @@ impl ForwardModel {
     /// differences of a tenth of the scale.
     ///
     /// - `effects`: the effects that are on, the one in question at position `which`
-    /// - `core`: of the same trial, excitation, parameters and effects
+    /// - `core`: of the same trial, input, parameters and effects
     ///
     /// # Errors
     /// A muscle whose forces cannot be balanced.
@@ -301,7 +329,7 @@ impl ForwardModel {
         &self,
         trial: usize,
         core: &Core,
-        excitation: &[Vec<f64>],
+        input: &TrialInput,
         parameters: &[MuscleParameters],
         effects: &[Setting],
         which: usize,
@@ -316,7 +344,7 @@ impl ForwardModel {
             [0, 1].map(|side| {
                 let effects = &moved[side];
                 let variant = &variants[parameter][side];
-                let core = self.core(variant, trial, excitation, parameters, effects, false)?;
+                let core = self.core(variant, trial, input, parameters, effects, false)?;
                 Ok(self.recorded_moment(trial, &core, effects))
             })
         };

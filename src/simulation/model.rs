@@ -82,7 +82,7 @@ pub struct MuscleParameters {
 #[derive(Clone, Debug)]
 pub(crate) struct ActiveMuscle {
     pub(crate) name: String,
-    pub(crate) path: Path,
+    pub(crate) path: Arc<Path>,
     pub(crate) curves: Arc<FiberCurves>,
     pub(crate) nominal: MuscleParameters,
     pub(crate) activation: ActivationDynamics,
@@ -295,13 +295,13 @@ fn active_muscle(
         name: name.to_owned(),
         available: spec.muscles.iter().map(|m| m.name.clone()).collect(),
     })?;
-    active_muscle_along(muscle, compile_path(&muscle.path, spec, skeleton, name)?, cache)
+    active_muscle_along(muscle, Arc::new(compile_path(&muscle.path, spec, skeleton, name)?), cache)
 }
 
 /// The muscle of that specification on a path that is compiled already.
 pub(crate) fn active_muscle_along(
     muscle: &MuscleSpec,
-    path: Path,
+    path: Arc<Path>,
     cache: &mut CurveCache,
 ) -> Result<ActiveMuscle, SimulationError> {
     let millard = Millard2012::from_spec(muscle)?;

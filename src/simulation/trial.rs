@@ -58,21 +58,25 @@ pub struct Options {
 #[derive(Clone, Debug)]
 pub struct PreparedTrial {
     name: String,
-    pub(crate) time: Vec<f64>,
-    pub(crate) motion: Motion,
+    pub(crate) time: Arc<[f64]>,
+    pub(crate) motion: Arc<Motion>,
     pub(crate) tables: Arc<CoordinateTables>,
-    pub(crate) muscles: Vec<PreparedMuscle>,
-    pub(crate) kinematics: TrialKinematics,
-    accuracy: FiberAccuracy,
+    pub(crate) muscles: Vec<Arc<PreparedMuscle>>,
+    pub(crate) kinematics: Arc<TrialKinematics>,
+    pub(crate) accuracy: FiberAccuracy,
+    /// The angle as recorded.
+    pub(crate) angle: Arc<[f64]>,
 }
 
 /// A muscle in a prepared trial.
 #[derive(Clone, Debug)]
 pub(crate) struct PreparedMuscle {
     pub(crate) muscle: ActiveMuscle,
-    pub(crate) activation: ActivationTrajectory,
+    /// As recorded.
+    pub(crate) excitation: Arc<[f64]>,
+    pub(crate) activation: Arc<ActivationTrajectory>,
     /// `None` for a rigid tendon.
-    plan: Option<StepPlan>,
+    pub(crate) plan: Option<Arc<StepPlan>>,
 }
 
 /// What a trial's motion gives, at every sample, whatever the muscles' parameters are.
@@ -157,10 +161,10 @@ pub struct UnitMoment {
 }
 
 /// What drives a muscle: activation and path length as functions of time.
-struct Source<'a> {
-    activation: &'a ActivationTrajectory,
-    motion: &'a Motion,
-    path: &'a PathTable<3>,
+pub(crate) struct Source<'a> {
+    pub(crate) activation: &'a ActivationTrajectory,
+    pub(crate) motion: &'a Motion,
+    pub(crate) path: &'a PathTable<3>,
 }
 
 impl DriveSource for Source<'_> {
@@ -235,7 +239,7 @@ impl MusculoskeletalModel {
             .map_err(|source| SimulationError::Motion { recording: recording.name.clone(), source })
     }
 
-    fn check_samples(&self, recording: &Recording) -> Result<(), SimulationError> {
+    pub(crate) fn check_samples(&self, recording: &Recording) -> Result<(), SimulationError> {
         let name = || recording.name.clone();
         let count = recording.time.len();
         if count < MIN_RECORDING_SAMPLES {
@@ -287,28 +291,34 @@ impl MusculoskeletalModel {
                     let (recording, muscle) = (recording.name.clone(), muscle.name.clone());
                     SimulationError::NoBalance { recording, muscle, time: stuck.time }
                 })?;
-                Some(plan)
+                Some(Arc::new(plan))
             };
-            muscles.push(PreparedMuscle { muscle: muscle.clone(), activation, plan });
+            muscles.push(Arc::new(PreparedMuscle {
+                muscle: muscle.clone(),
+                excitation: recording.excitation[i].into(),
+                activation: Arc::new(activation),
+                plan,
+            }));
         }
-        let kinematics = self.kinematics(recording.time, &motion, &tables, &muscles);
+        let kinematics = Arc::new(self.kinematics(recording.time, &motion, &tables, &muscles));
         Ok(PreparedTrial {
             name: recording.name.clone(),
-            time: recording.time.to_vec(),
-            motion,
+            time: recording.time.into(),
+            motion: Arc::new(motion),
             tables,
             muscles,
             kinematics,
             accuracy: options.fiber,
+            angle: recording.angle.into(),
         })
     }
 
-    fn kinematics(
+    pub(crate) fn kinematics(
         &self,
         time: &[f64],
         motion: &Motion,
         tables: &CoordinateTables,
-        muscles: &[PreparedMuscle],
+        muscles: &[Arc<PreparedMuscle>],
     ) -> TrialKinematics {
         let n = time.len();
         let mut out = TrialKinematics { time: time.to_vec(), ..TrialKinematics::default() };
@@ -411,7 +421,7 @@ impl PreparedTrial {
 
     /// Steps that are planned for each muscle (0 for a rigid tendon).
     pub fn planned_steps(&self) -> Vec<usize> {
-        self.muscles.iter().map(|m| m.plan.as_ref().map_or(0, StepPlan::len)).collect()
+        self.muscles.iter().map(|m| m.plan.as_ref().map_or(0, |p| p.len())).collect()
     }
 
     /// Evaluations of paths and passive forces that the tables took, shared by all trials prepared together.
@@ -434,7 +444,7 @@ impl PreparedTrial {
     pub fn simulate(&self, parameters: &[MuscleParameters]) -> Result<TrialSimulation, SimulationError> {
         self.check(parameters)?;
         let mut out = TrialSimulation {
-            time: self.time.clone(),
+            time: self.time.to_vec(),
             moment: self.moment_without_muscles(),
             ..TrialSimulation::default()
         };

@@ -6,9 +6,10 @@ use std::sync::Arc;
 use super::error::SimulationError;
 use super::fiber::CurveCache;
 use super::fiber::equation::{Drive, Fiber, FiberCurves};
-use super::model::{MuscleParameters, MusculoskeletalModel, active_muscle_along};
+use super::activation_trajectory::ActivationTrajectory;
+use super::model::{ActiveMuscle, MuscleParameters, MusculoskeletalModel, active_muscle_along};
 use super::tables::CoordinateTables;
-use super::trial::{Options, PreparedTrial, Recording};
+use super::trial::{Options, PreparedMuscle, PreparedTrial, Recording, Source};
 use crate::osim::spec::MuscleSpec;
 
 /// How far beyond the recorded angles paths are tabulated for variations [rad]: 12°.
@@ -25,7 +26,7 @@ impl MusculoskeletalModel {
         let mut model = self.clone();
         let mut cache = CurveCache::default();
         for (muscle, spec) in model.muscles.iter_mut().zip(muscles) {
-            *muscle = active_muscle_along(spec, muscle.path.clone(), &mut cache)?;
+            *muscle = active_muscle_along(spec, Arc::clone(&muscle.path), &mut cache)?;
         }
         Ok(model)
     }
@@ -72,7 +73,9 @@ impl MusculoskeletalModel {
             .collect()
     }
 
-    /// Prepares a variation of a trial on the paths tabulated for `like`, which must come from this skeleton.
+    /// Prepares a variation of a trial on the paths and steps of `like`, which must come from this skeleton and have the
+    /// same times: only what depends on something that differs is computed. A step that misses the tolerance for the
+    /// variation is divided while it is simulated.
     ///
     /// # Errors
     /// As [`MusculoskeletalModel::prepare`].
@@ -82,8 +85,59 @@ impl MusculoskeletalModel {
         like: &PreparedTrial,
         options: &Options,
     ) -> Result<PreparedTrial, SimulationError> {
-        let motion = self.checked_motion(recording, options)?;
-        self.prepare_with(recording, motion, Arc::clone(&like.tables), options)
+        let known = like.muscles.iter().map(|m| m.muscle.rigid_tendon);
+        let same_tendons = self.muscles.iter().map(|m| m.rigid_tendon).eq(known);
+        if recording.time != &*like.time || !same_tendons {
+            let motion = self.checked_motion(recording, options)?;
+            return self.prepare_with(recording, motion, Arc::clone(&like.tables), options);
+        }
+        let mut out = like.clone();
+        let moves_otherwise = recording.angle != &*like.angle;
+        if moves_otherwise {
+            out.motion = Arc::new(self.checked_motion(recording, options)?);
+            out.angle = recording.angle.into();
+        } else {
+            self.check_samples(recording)?;
+        }
+        let mut driven_otherwise = false;
+        for (i, muscle) in self.muscles.iter().enumerate() {
+            let known = &like.muscles[i];
+            let excitation = recording.excitation[i];
+            let same_activation = muscle.activation == known.muscle.activation && excitation == &*known.excitation;
+            let same_muscle = Arc::ptr_eq(&muscle.curves, &known.muscle.curves)
+                && muscle.nominal == known.muscle.nominal;
+            if same_activation && same_muscle && !moves_otherwise {
+                continue;
+            }
+            muscle.check(&muscle.nominal)?;
+            let activation = if same_activation {
+                Arc::clone(&known.activation)
+            } else {
+                Arc::new(ActivationTrajectory::integrate(&muscle.activation, recording.time, excitation))
+            };
+            let source = Source { activation: &activation, motion: &out.motion, path: &out.tables.muscles[i] };
+            let plan = match &known.plan {
+                Some(plan) if same_activation && !moves_otherwise => Some(Arc::clone(plan)),
+                Some(plan) => Some(Arc::new(plan.driven_by(&source))),
+                None => None,
+            };
+            let muscle = ActiveMuscle { path: Arc::clone(&known.muscle.path), ..muscle.clone() };
+            let excitation = if same_activation { Arc::clone(&known.excitation) } else { excitation.into() };
+            out.muscles[i] = Arc::new(PreparedMuscle { muscle, excitation, activation, plan });
+            driven_otherwise |= !same_activation;
+        }
+        if moves_otherwise {
+            out.kinematics = Arc::new(self.kinematics(recording.time, &out.motion, &out.tables, &out.muscles));
+        } else if driven_otherwise {
+            let kinematics = Arc::make_mut(&mut out.kinematics);
+            for (series, prepared) in kinematics.muscles.iter_mut().zip(&out.muscles) {
+                let mut cursor = 0;
+                for (a, t) in series.activation.iter_mut().zip(&*out.time) {
+                    *a = prepared.activation.value(*t, &mut cursor);
+                }
+            }
+        }
+        Ok(out)
     }
 }
 
@@ -107,7 +161,7 @@ impl PreparedTrial {
         }
         let mut trial = self.clone();
         for (prepared, &value) in trial.muscles.iter_mut().zip(damping) {
-            let muscle = &mut prepared.muscle;
+            let muscle = &mut Arc::make_mut(prepared).muscle;
             let (allowed, expected) = if muscle.curves.damping > 0.0 {
                 (value > 0.0 && value <= 1.0, "more than 0 and at most 1")
             } else {

@@ -34,8 +34,8 @@ fn moments(forward: &ForwardModel, effects: &[Setting]) -> Vec<Vec<f64>> {
     let parameters = forward.nominal_parameters();
     (0..forward.trials.len())
         .map(|g| {
-            let excitation = &forward.trials[g].excitation;
-            let core = forward.core(&variant, g, excitation, &parameters, effects, false).unwrap();
+            let input = &forward.recorded_input(g);
+            let core = forward.core(&variant, g, input, &parameters, effects, false).unwrap();
             forward.recorded_moment(g, &core, effects)
         })
         .collect()
@@ -71,11 +71,11 @@ fn verif_every_effect_changes_some_trial_and_its_derivative_matches_differences(
             let with = moments(&forward, &small);
             let (mut error, mut size) = (0.0_f64, 0.0_f64);
             for g in 0..forward.trials.len() {
-                let excitation = &forward.trials[g].excitation;
+                let input = &forward.recorded_input(g);
                 let variant = forward.variant(&settings).unwrap();
-                let core = forward.core(&variant, g, excitation, &parameters, &settings, false).unwrap();
+                let core = forward.core(&variant, g, input, &parameters, &settings, false).unwrap();
                 let by =
-                    forward.effect_derivative(g, &core, excitation, &parameters, &settings, 0, &variants, p).unwrap();
+                    forward.effect_derivative(g, &core, input, &parameters, &settings, 0, &variants, p).unwrap();
                 for k in 0..by.len() {
                     let difference = (with[g][k] - without[g][k]) / 0.05;
                     error += (difference - by[k]).powi(2);
@@ -128,8 +128,8 @@ fn verif_sensitivity_to_muscle_parameters_matches_differences_with_effects_on() 
         .collect();
     let variant = forward.variant(&effects).unwrap();
     let parameters = forward.nominal_parameters();
-    let excitation = forward.trials[1].excitation.clone();
-    let core = forward.core(&variant, 1, &excitation, &parameters, &effects, true).unwrap();
+    let input = forward.recorded_input(1);
+    let core = forward.core(&variant, 1, &input, &parameters, &effects, true).unwrap();
     let by = forward.sensed_derivatives(1, &core, &effects);
     for (column, by) in by.iter().enumerate() {
         let step = 1e-4;
@@ -142,7 +142,7 @@ fn verif_sensitivity_to_muscle_parameters_matches_differences_with_effects_on() 
                 1 => p.optimal_fiber_length *= factor,
                 _ => p.tendon_slack_length *= factor,
             }
-            let core = forward.core(&variant, 1, &excitation, &moved, &effects, false).unwrap();
+            let core = forward.core(&variant, 1, &input, &moved, &effects, false).unwrap();
             forward.recorded_moment(1, &core, &effects)
         };
         let (up, down) = (side(1.0), side(-1.0));

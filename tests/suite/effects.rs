@@ -57,9 +57,9 @@ fn forward() -> &'static ForwardModel {
 /// The recorded moment of a trial with effects.
 fn moment(forward: &ForwardModel, trial: usize, effects: &[Setting]) -> Vec<f64> {
     let variant = forward.variant(effects).unwrap();
-    let excitation = forward.trials[trial].excitation.clone();
+    let input = forward.recorded_input(trial);
     let parameters = forward.nominal_parameters();
-    let core = forward.core(&variant, trial, &excitation, &parameters, effects, false).unwrap();
+    let core = forward.core(&variant, trial, &input, &parameters, effects, false).unwrap();
     forward.recorded_moment(trial, &core, effects)
 }
 

@@ -379,6 +379,20 @@ impl StepPlan {
         Ok(plan)
     }
 
+    /// The same steps, driven otherwise.
+    pub(crate) fn driven_by(&self, source: &impl DriveSource) -> StepPlan {
+        let mut cursor = Cursor::default();
+        let initial = source.drive(self.times[0], &mut cursor);
+        let steps = self.steps.iter().map(|step| PlannedStep {
+            input: StepInput {
+                drive: step_input(source, step.start, step.start + step.input.h, &mut cursor).drive,
+                ..step.input
+            },
+            ..step.clone()
+        });
+        StepPlan { initial, steps: steps.collect(), weights: self.weights.clone(), times: self.times.clone() }
+    }
+
     /// Number of planned steps.
     pub(crate) fn len(&self) -> usize {
         self.steps.len()

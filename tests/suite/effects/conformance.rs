@@ -218,11 +218,11 @@ fn verif_derivatives_at_zero_are_finite_and_agree_from_both_sides() {
                 assert!(size.is_finite(), "{} {}", d.id, d.parameters[i].name);
                 let setting = [Setting::absent(effect)];
                 let variants = forward.difference_variants(&setting, 0).unwrap();
-                let excitation = forward.trials[trial].excitation.clone();
+                let input = forward.recorded_input(trial);
                 let variant = forward.variant(&setting).unwrap();
-                let core = forward.core(&variant, trial, &excitation, &parameters, &setting, false).unwrap();
+                let core = forward.core(&variant, trial, &input, &parameters, &setting, false).unwrap();
                 let derivative = forward
-                    .effect_derivative(trial, &core, &excitation, &parameters, &setting, 0, &variants, i)
+                    .effect_derivative(trial, &core, &input, &parameters, &setting, 0, &variants, i)
                     .unwrap();
                 assert!(derivative.iter().all(|m| m.is_finite()), "{} {}", d.id, d.parameters[i].name);
                 if size < 1e-9 || KINKS.contains(&d.id) {
