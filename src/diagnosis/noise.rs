@@ -76,7 +76,7 @@ impl Response {
     pub fn add(&mut self, block: usize, knot: usize, moment: f64) {
         self.by_knots[(block, knot)] += moment;
         let rows = &mut self.rows[knot];
-        *rows = if rows.is_empty() { block..block + 1 } else { rows.start.min(block)..rows.end.max(block + 1) };
+        *rows = if rows.start == rows.end { block..block + 1 } else { rows.start.min(block)..rows.end.max(block + 1) };
     }
 
     /// Adds G K Gᵀ to the lower triangle of `covariance`; with `factors` on the knots G D K D Gᵀ.
