@@ -3,10 +3,10 @@
 
 use std::sync::Arc;
 
+use super::activation_trajectory::ActivationTrajectory;
 use super::error::SimulationError;
 use super::fiber::CurveCache;
 use super::fiber::equation::{Drive, Fiber, FiberCurves};
-use super::activation_trajectory::ActivationTrajectory;
 use super::model::{ActiveMuscle, MuscleParameters, MusculoskeletalModel, active_muscle_along};
 use super::tables::CoordinateTables;
 use super::trial::{Options, PreparedMuscle, PreparedTrial, Recording, Source};
@@ -104,8 +104,8 @@ impl MusculoskeletalModel {
             let known = &like.muscles[i];
             let excitation = recording.excitation[i];
             let same_activation = muscle.activation == known.muscle.activation && excitation == &*known.excitation;
-            let same_muscle = Arc::ptr_eq(&muscle.curves, &known.muscle.curves)
-                && muscle.nominal == known.muscle.nominal;
+            let same_muscle =
+                Arc::ptr_eq(&muscle.curves, &known.muscle.curves) && muscle.nominal == known.muscle.nominal;
             if same_activation && same_muscle && !moves_otherwise {
                 continue;
             }

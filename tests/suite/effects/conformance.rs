@@ -221,9 +221,8 @@ fn verif_derivatives_at_zero_are_finite_and_agree_from_both_sides() {
                 let input = forward.recorded_input(trial);
                 let variant = forward.variant(&setting).unwrap();
                 let core = forward.core(&variant, trial, &input, &parameters, &setting, false).unwrap();
-                let derivative = forward
-                    .effect_derivative(trial, &core, &input, &parameters, &setting, 0, &variants, i)
-                    .unwrap();
+                let derivative =
+                    forward.effect_derivative(trial, &core, &input, &parameters, &setting, 0, &variants, i).unwrap();
                 assert!(derivative.iter().all(|m| m.is_finite()), "{} {}", d.id, d.parameters[i].name);
                 if size < 1e-9 || KINKS.contains(&d.id) {
                     continue;
