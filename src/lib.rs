@@ -6,6 +6,7 @@
 
 pub mod cli;
 pub mod diagnosis;
+pub mod dynamics;
 pub mod evaluation;
 pub mod forces;
 pub mod functions;

@@ -17,6 +17,8 @@ pub struct Cache {
     pub(super) coupling: Vec<f64>,
     /// Coordinate that `partial_velocity` and `coupling` belong to.
     pub(super) unit_coordinate: Option<CoordinateIndex>,
+    /// Velocity of the outboard body for unit speed of each coordinate, bodies inboard of its joint at rest.
+    pub(super) joint_axes: Vec<SpatialVelocity>,
 }
 
 /// Intermediate results of one joint.
@@ -52,6 +54,7 @@ impl Cache {
             nodes: vec![node; model.nodes.len()],
             coupling: vec![0.0; model.n_coordinates()],
             unit_coordinate: None,
+            joint_axes: vec![SpatialVelocity::zero(); model.n_coordinates()],
         }
     }
 

@@ -93,10 +93,8 @@ fn unsupported_constraints(spec: &ModelSpec) -> Vec<(String, String)> {
     spec.constraints
         .iter()
         .filter(|c| c.is_enforced)
-        .filter_map(|c| match &c.kind {
-            ConstraintKind::CoordinateCoupler { .. } => None,
-            ConstraintKind::Unsupported { class } => Some((c.name.clone(), class.clone())),
-        })
+        .filter(|c| !matches!(c.kind, ConstraintKind::CoordinateCoupler { .. }))
+        .map(|c| (c.name.clone(), c.kind.class().to_owned()))
         .collect()
 }
 
@@ -172,6 +170,10 @@ fn compile_tree(spec: &ModelSpec, frames: &[Frame]) -> Result<(Vec<Node>, Vec<Bo
                     let (inboard, outboard) = if reversed { (child, parent) } else { (parent, child) };
                     attached[outboard.base.0] = true;
                     progress = true;
+                    let mobilizer = compile_mobilizer(spec, joint)?;
+                    let mut coordinates: Vec<usize> = mobilizer.coordinates().map(|c| c.0).collect();
+                    coordinates.sort_unstable();
+                    coordinates.dedup();
                     nodes.push(Node {
                         joint: JointIndex(joint_number),
                         inboard: inboard.base,
@@ -179,7 +181,8 @@ fn compile_tree(spec: &ModelSpec, frames: &[Frame]) -> Result<(Vec<Node>, Vec<Bo
                         reversed,
                         X_PF: inboard.X_BF,
                         X_MB: outboard.X_BF.inverse(),
-                        mobilizer: compile_mobilizer(spec, joint)?,
+                        mobilizer,
+                        coordinates,
                     });
                 }
             }

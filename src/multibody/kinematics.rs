@@ -93,6 +93,53 @@ impl Model {
         }
     }
 
+    /// Computes the velocities of all bodies from generalized speeds as OpenSim defines them (see
+    /// [`Model::update_unit_motion`]).
+    ///
+    /// - `u`: speeds of all coordinates, dependent ones included
+    pub fn update_velocities_of_speeds(&self, q: &[f64], u: &[f64], cache: &mut Cache) {
+        for (i, node) in self.nodes.iter().enumerate() {
+            let work = &cache.nodes[i];
+            let (w, v) = node.mobilizer.velocity_of_speeds(q, u, &work.axes_F);
+            cache.V_GB[node.outboard.0] = outboard_velocity(node, work, &cache.V_GB[node.inboard.0], &w, &v);
+        }
+    }
+
+    /// Computes the accelerations of all bodies in ground (gravity is not included) from generalized speeds and their
+    /// rates.
+    ///
+    /// - `q`, `u`: as last given to [`Model::update_positions`] and [`Model::update_velocities_of_speeds`]
+    /// - `udot`: rates of the speeds of all coordinates, dependent ones included
+    pub fn update_accelerations_of_speeds(&self, q: &[f64], u: &[f64], udot: &[f64], cache: &mut Cache) {
+        for i in 0..self.nodes.len() {
+            let mobilizer = &self.nodes[i].mobilizer;
+            let axes = &cache.nodes[i].axes_F;
+            let velocity = mobilizer.velocity_of_speeds(q, u, axes);
+            let acceleration = mobilizer.acceleration_of_speeds(q, u, udot, axes);
+            self.set_node_acceleration(i, velocity, acceleration, cache);
+        }
+    }
+
+    /// Computes, for every coordinate, the velocity of its joint's outboard body for unit speed, inboard bodies at
+    /// rest and no coupler followed.
+    ///
+    /// - `q`: coordinates, as last given to [`Model::update_positions`]
+    pub fn update_joint_axes(&self, q: &[f64], cache: &mut Cache) {
+        let mut unit = std::mem::take(&mut cache.coupling);
+        unit.fill(0.0);
+        cache.unit_coordinate = None;
+        for (i, node) in self.nodes.iter().enumerate() {
+            let work = &cache.nodes[i];
+            for &c in &node.coordinates {
+                unit[c] = 1.0;
+                let (w, v) = node.mobilizer.velocity_of_speeds(q, &unit, &work.axes_F);
+                unit[c] = 0.0;
+                cache.joint_axes[c] = outboard_velocity(node, work, &SpatialVelocity::zero(), &w, &v);
+            }
+        }
+        cache.coupling = unit;
+    }
+
     fn update_cached_coupling(&self, q: &[f64], c: CoordinateIndex, cache: &mut Cache) {
         let mut coupling = std::mem::take(&mut cache.coupling);
         self.update_coupling(q, c, &mut coupling);
@@ -135,12 +182,25 @@ impl Model {
             outboard_velocity(node, work, &cache.partial_velocity[node.inboard.0], &w, &v);
     }
 
-    #[allow(non_snake_case)]
     fn update_node_acceleration(&self, i: usize, q: &[f64], qdot: &[f64], qddot: &[f64], cache: &mut Cache) {
+        let mobilizer = &self.nodes[i].mobilizer;
+        let axes = &cache.nodes[i].axes_F;
+        let velocity = mobilizer.velocity(q, qdot, axes);
+        let acceleration = mobilizer.acceleration(q, qdot, qddot, axes);
+        self.set_node_acceleration(i, velocity, acceleration, cache);
+    }
+
+    /// Acceleration of the outboard body from the velocity and acceleration of M in F, expressed in F.
+    #[allow(non_snake_case)]
+    fn set_node_acceleration(
+        &self,
+        i: usize,
+        (w_F, v_F): (Vector3<f64>, Vector3<f64>),
+        (alpha_F, a_F): (Vector3<f64>, Vector3<f64>),
+        cache: &mut Cache,
+    ) {
         let node = &self.nodes[i];
         let work = &cache.nodes[i];
-        let (w_F, v_F) = node.mobilizer.velocity(q, qdot, &work.axes_F);
-        let (alpha_F, a_F) = node.mobilizer.acceleration(q, qdot, qddot, &work.axes_F);
         let (w_FM, v_FM) = (work.R_GF * w_F, work.R_GF * v_F);
         let (alpha_FM, a_FM) = (work.R_GF * alpha_F, work.R_GF * a_F);
         let (V_inboard, A_inboard) = (&cache.V_GB[node.inboard.0], &cache.A_GB[node.inboard.0]);

@@ -185,6 +185,23 @@ impl Mobilizer {
         (alpha, a)
     }
 
+    /// Acceleration of M in F, expressed in F, for given rates of OpenSim's generalized speeds.
+    #[allow(non_snake_case)]
+    pub fn acceleration_of_speeds(
+        &self,
+        q: &[f64],
+        speeds: &[f64],
+        rates: &[f64],
+        axes_F: &[Vector3<f64>; 3],
+    ) -> (Vector3<f64>, Vector3<f64>) {
+        if self.speeds == Speeds::CoordinateRates {
+            return self.acceleration(q, speeds, rates, axes_F);
+        }
+        // Speeds are components in F itself, so that their rates are too.
+        let along = |axes: &[Axis]| axes.iter().map(|axis| axis.direction * axis.motion.rate(q, rates)).sum();
+        (along(&self.rotations), along(&self.translations))
+    }
+
     /// The coordinates that move M.
     pub fn coordinates(&self) -> impl Iterator<Item = CoordinateIndex> + '_ {
         self.rotations.iter().chain(&self.translations).filter_map(|axis| axis.motion.coordinate())
@@ -205,4 +222,6 @@ pub(super) struct Node {
     /// The outboard body in the joint frame on it (M, or F if reversed).
     pub X_MB: Transform,
     pub mobilizer: Mobilizer,
+    /// The joint's coordinates that move it, each once.
+    pub coordinates: Vec<usize>,
 }

@@ -11,15 +11,18 @@ mod cache;
 mod compile;
 mod coordinate;
 mod coupler;
+mod dynamics;
 mod error;
 mod kinematics;
 mod mobilizer;
 mod model;
+mod speeds;
 mod subset;
 
 pub use cache::Cache;
 pub use coordinate::Coordinate;
 pub use coupler::Coupler;
+pub use dynamics::DynamicsBuffers;
 pub use error::{CompileError, CouplerProblem};
 pub use model::{BaseIndex, Body, Frame, Model, WrapPlacement};
 pub use subset::BodySubset;

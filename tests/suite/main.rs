@@ -1,6 +1,7 @@
 //! All integration tests, one module per subject (one binary, so that linking happens once).
 
 mod diagnosis;
+mod dynamics;
 mod effects;
 mod evaluation;
 mod fixtures;

@@ -1,4 +1,4 @@
-//! Forces other than muscles, constraints and markers.
+//! Forces other than muscles, and markers.
 
 use nalgebra::Vector3;
 
@@ -11,8 +11,7 @@ use crate::osim::diagnostics::Severity;
 use crate::osim::document::ElementId;
 use crate::osim::error::ProblemKind;
 use crate::osim::spec::{
-    ConstraintKind, ConstraintSpec, CoordinateIndex, ForceKind, ForceSpec, FrameIndex, FrameKind, FunctionSpec,
-    Location, MarkerSpec,
+    CoordinateIndex, ForceKind, ForceSpec, FrameIndex, FrameKind, FunctionSpec, Location, MarkerSpec,
 };
 
 /// Abscissae and ordinates of the curve that `Ligament`'s constructor makes.
@@ -158,8 +157,8 @@ impl Reader<'_> {
         }
     }
 
-    /// The two frames of a bushing, with the offset frames that it owns (`TwoFrameLinker`).
-    fn linked_frames(&mut self, object: &Object) -> Option<(FrameIndex, FrameIndex)> {
+    /// The two frames of a bushing or weld, with the offset frames that it owns (`TwoFrameLinker`).
+    pub(super) fn linked_frames(&mut self, object: &Object) -> Option<(FrameIndex, FrameIndex)> {
         for list in ["components", "frames"] {
             if let Some(list) = self.own_property(object, &[list]) {
                 let children = self.document.children(list).to_vec();
@@ -233,76 +232,6 @@ impl Reader<'_> {
             resting_length: value("resting_length", Bound::NotNegative("a length of 0 m or more")),
             stiffness: value("stiffness", Bound::NotNegative("a stiffness of 0 N/m or more")),
             dissipation: value("dissipation", Bound::NotNegative("a dissipation of 0 s/m or more")),
-        })
-    }
-
-    pub(super) fn read_constraints(&mut self, model: &Object, components: &[ElementId]) {
-        let is_constraint = |tag: &str| tag.ends_with("Constraint");
-        let elements = self.set_and_components(model, &["ConstraintSet"], "/constraintset", components, is_constraint);
-        let mut names = Names::default();
-        for (element, owner) in elements {
-            let name = self.component_name(element, &mut names, owner);
-            let object = self.object(element, owner, &name);
-            let class = self.document.tag(element).to_owned();
-            let is_enforced = self.enabled(&object, "isEnforced");
-            let kind = match class.as_str() {
-                "CoordinateCouplerConstraint" => match self.coupler(&object) {
-                    Some(kind) => kind,
-                    None => ConstraintKind::Unsupported { class },
-                },
-                _ => {
-                    let severity = if is_enforced { Severity::Unsupported } else { Severity::Ignored };
-                    let message = format!("{class} is not enforced");
-                    self.diagnose(severity, element, &object.path, message, None);
-                    ConstraintKind::Unsupported { class }
-                }
-            };
-            let at = self.location(&object);
-            self.spec.constraints.push(ConstraintSpec { name, at, is_enforced, kind });
-        }
-    }
-
-    /// `None` if something is missing or not supported (reported).
-    fn coupler(&mut self, object: &Object) -> Option<ConstraintKind> {
-        self.diagnostics.understood("CoordinateCouplerConstraint");
-        let independent = self.words(object, &["independent_coordinate_names"]);
-        let Some((dependent_element, dependent)) = self.string(object, &["dependent_coordinate_name"]) else {
-            let property = "dependent_coordinate_name".to_owned();
-            let kind = ProblemKind::Missing { property, expected: "a coordinate's name" };
-            self.problem(object.line, &object.path, kind);
-            return None;
-        };
-        let element = self.property(object, &["independent_coordinate_names"]);
-        let property = "independent_coordinate_names";
-        if independent.is_empty() {
-            let kind = ProblemKind::Missing { property: property.to_owned(), expected: "a coordinate's name" };
-            self.problem(object.line, &object.path, kind);
-        }
-        let independent_coordinates: Option<Vec<CoordinateIndex>> =
-            independent.iter().map(|name| self.coordinate_named(object, element, property, name)).collect();
-        let dependent_coordinate =
-            self.coordinate_named(object, Some(dependent_element), "dependent_coordinate_name", &dependent)?;
-        let scale_factor = self.number(object, &["scale_factor"], 1.0, Bound::Finite);
-        let holder = self.property(object, &["coupled_coordinates_function"]);
-        let function = holder.and_then(|holder| {
-            let children = self.document.children(holder);
-            children.iter().copied().find(|&child| is_function(self.document.tag(child)))
-        });
-        let Some(element) = function else {
-            let property = "coupled_coordinates_function".to_owned();
-            self.problem(object.line, &object.path, ProblemKind::Missing { property, expected: "a function" });
-            return None;
-        };
-        let Some(function) = self.function(element, object) else {
-            let message = format!("coupler not enforced: function {} is not supported", self.document.tag(element));
-            self.diagnose(Severity::Unsupported, element, &object.path, message, None);
-            return None;
-        };
-        Some(ConstraintKind::CoordinateCoupler {
-            independent_coordinates: independent_coordinates?,
-            dependent_coordinate,
-            function,
-            scale_factor,
         })
     }
 

@@ -166,7 +166,7 @@ impl Reader<'_> {
 
     /// Muscles, forces and constraints that are not computed: one entry for each, none for their properties.
     fn is_reported_as_a_whole(&self, class: &str) -> bool {
-        const COMPUTED: [&str; 7] = [
+        const COMPUTED: [&str; 11] = [
             "Millard2012EquilibriumMuscle",
             "CoordinateLimitForce",
             "SpringGeneralizedForce",
@@ -174,6 +174,10 @@ impl Reader<'_> {
             "Ligament",
             "PathSpring",
             "CoordinateCouplerConstraint",
+            "WeldConstraint",
+            "PointConstraint",
+            "ConstantDistanceConstraint",
+            "PointOnLineConstraint",
         ];
         let acts = super::muscles::is_muscle(class)
             || ["Force", "Actuator", "Constraint", "Spring", "Ligament"].iter().any(|end| class.ends_with(end));

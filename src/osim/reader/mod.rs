@@ -4,6 +4,7 @@
 //! dropped silently.
 
 mod bodies;
+mod constraints;
 mod forces;
 mod functions;
 mod joints;

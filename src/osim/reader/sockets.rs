@@ -222,6 +222,12 @@ fn socket_tags(socket: &'static str) -> [&'static str; 3] {
         }
         "frame1" => ["socket_frame1", "socket_frame1_connectee_name", "connector_frame1_connectee_name"],
         "frame2" => ["socket_frame2", "socket_frame2_connectee_name", "connector_frame2_connectee_name"],
+        "body_1" => ["socket_body_1", "socket_body_1_connectee_name", "connector_body_1_connectee_name"],
+        "body_2" => ["socket_body_2", "socket_body_2_connectee_name", "connector_body_2_connectee_name"],
+        "line_body" => ["socket_line_body", "socket_line_body_connectee_name", "connector_line_body_connectee_name"],
+        "follower_body" => {
+            ["socket_follower_body", "socket_follower_body_connectee_name", "connector_follower_body_connectee_name"]
+        }
         "x_coordinate" => {
             ["socket_x_coordinate", "socket_x_coordinate_connectee_name", "connector_x_coordinate_connectee_name"]
         }

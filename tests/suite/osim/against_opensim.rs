@@ -167,7 +167,7 @@ fn summary(spec: &ModelSpec) -> Value {
             "independent": independent_coordinates.iter().map(|&c| coordinate_name(c)).collect::<Vec<_>>(),
             "scale_factor": scale_factor, "is_enforced": constraint.is_enforced, "function": function(coupling),
         })),
-        ConstraintKind::Unsupported { .. } => None,
+        _ => None,
     });
     let wraps = spec.wrap_objects.iter().map(|wrap| wrap_summary(wrap, frame(wrap.frame)));
     let markers = spec.markers.iter().map(

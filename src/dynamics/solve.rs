@@ -1,0 +1,256 @@
+//! Accelerations from forces, forces from accelerations, and states that satisfy the constraints.
+
+use super::applied::AppliedForces;
+use super::constraints::{Constraints, Rows};
+use crate::multibody::{Cache, DynamicsBuffers, Model};
+use nalgebra::{DMatrix, DVector};
+
+/// Singular values of the constraints' Jacobian below this share of the largest count as zero: redundant constraints.
+const RANK_TOLERANCE: f64 = 1e-10;
+/// Largest violation of constraints that assembly leaves [rad or m].
+const ASSEMBLED: f64 = 1e-12;
+/// Iterations of assembly.
+const ASSEMBLY_ITERATIONS: usize = 100;
+
+/// Why the equations have no solution.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum DynamicsError {
+    /// Something without mass can move: coordinates on which it depends are named.
+    #[error("nothing with mass moves with {}: its acceleration is not determined", .coordinates.join(", "))]
+    Massless {
+        /// Coordinates with the largest part in the massless motion.
+        coordinates: Vec<String>,
+    },
+    /// Constraints cannot be satisfied together.
+    #[error("constraints cannot be satisfied: a violation of {violation:.2e} rad or m is left")]
+    NotAssembled {
+        /// Largest violation.
+        violation: f64,
+    },
+    /// Forces or positions are not finite.
+    #[error("the state or the forces on it are not finite")]
+    NotFinite,
+}
+
+/// Accelerations and the forces of constraints.
+#[derive(Clone, Debug)]
+pub struct Accelerations {
+    /// Rates of the speeds [rad/s² or m/s²].
+    pub udot: DVector<f64>,
+    /// Generalized forces of the constraints `−Gᵀ λ` along every speed [N·m or N].
+    pub constraint_forces: DVector<f64>,
+}
+
+/// Solves the equations of motion of one model; holds the buffers that this needs.
+pub struct Dynamics<'a> {
+    /// The model.
+    pub model: &'a Model,
+    /// Its constraints.
+    pub constraints: &'a Constraints,
+    cache: Cache,
+    buffers: DynamicsBuffers,
+    mass_matrix: DMatrix<f64>,
+    qdot: Vec<f64>,
+    bias: Vec<f64>,
+}
+
+impl<'a> Dynamics<'a> {
+    /// For a model and its constraints.
+    pub fn new(model: &'a Model, constraints: &'a Constraints) -> Dynamics<'a> {
+        let n = model.n_coordinates();
+        Dynamics {
+            model,
+            constraints,
+            cache: model.new_cache(),
+            buffers: model.new_dynamics_buffers(),
+            mass_matrix: DMatrix::zeros(n, n),
+            qdot: vec![0.0; n],
+            bias: vec![0.0; n],
+        }
+    }
+
+    /// Positions, velocities and joint axes at a state, for computing forces.
+    ///
+    /// - `q`: coordinates; `u`: speeds, both of all coordinates
+    pub fn update(&mut self, q: &[f64], u: &[f64]) -> &Cache {
+        self.model.update_positions(q, &mut self.cache);
+        self.model.update_joint_axes(q, &mut self.cache);
+        self.model.update_velocities_of_speeds(q, u, &mut self.cache);
+        self.model.rates_of_speeds(&self.cache, u, &mut self.qdot);
+        &self.cache
+    }
+
+    /// Kinematics of the state last given to [`Dynamics::update`].
+    pub fn cache(&self) -> &Cache {
+        &self.cache
+    }
+
+    /// Rates of the coordinates at the state last given to [`Dynamics::update`].
+    pub fn qdot(&self) -> &[f64] {
+        &self.qdot
+    }
+
+    /// Mass matrix at the state last given to [`Dynamics::update`].
+    pub fn mass_matrix(&mut self) -> &DMatrix<f64> {
+        self.model.update_mass_matrix(&self.cache, &mut self.buffers, &mut self.mass_matrix);
+        &self.mass_matrix
+    }
+
+    /// Accelerations under applied forces and gravity, constraints satisfied at the level of accelerations.
+    ///
+    /// Call [`Dynamics::update`] with the same state first.
+    ///
+    /// # Errors
+    /// Massless parts that can move; numbers that are not finite.
+    pub fn accelerations(
+        &mut self,
+        time: f64,
+        q: &[f64],
+        u: &[f64],
+        applied: &AppliedForces,
+    ) -> Result<Accelerations, DynamicsError> {
+        let n = self.model.n_coordinates();
+        let force = self.free_force(q, u, applied);
+        self.mass_matrix();
+        let rows = self.constraints.rows(self.model, time, q, &self.qdot, &self.cache);
+        if !force.iter().chain(rows.b.iter()).chain(self.mass_matrix.iter()).all(|x| x.is_finite()) {
+            return Err(DynamicsError::NotFinite);
+        }
+        let space = Space::of(&rows.G, n);
+        let particular = space.particular(&rows.b);
+        let reduced_mass = space.free.tr_mul(&(&self.mass_matrix * &space.free));
+        let right = space.free.tr_mul(&(&force - &self.mass_matrix * &particular));
+        let udot = match solve_scaled(reduced_mass, &right) {
+            Some(y) => particular + &space.free * y,
+            None => return Err(self.massless(&space)),
+        };
+        let constraint_forces = &self.mass_matrix * &udot - force;
+        Ok(Accelerations { udot, constraint_forces })
+    }
+
+    /// Generalized forces that accelerations need beyond gravity and applied forces: `M u̇ + c − f`.
+    ///
+    /// Call [`Dynamics::update`] with the same state first.
+    pub fn inverse_dynamics(&mut self, q: &[f64], u: &[f64], udot: &[f64], applied: &AppliedForces) -> DVector<f64> {
+        self.model.update_accelerations_of_speeds(q, u, udot, &mut self.cache);
+        self.model.inverse_dynamics(&self.cache, &applied.bodies, &mut self.buffers, &mut self.bias);
+        DVector::from_iterator(self.bias.len(), self.bias.iter().zip(&applied.mobility).map(|(b, f)| b - f))
+    }
+
+    /// Force that is left for acceleration: applied and gravity forces less the bias.
+    fn free_force(&mut self, q: &[f64], u: &[f64], applied: &AppliedForces) -> DVector<f64> {
+        let zero = vec![0.0; self.model.n_coordinates()];
+        -self.inverse_dynamics(q, u, &zero, applied)
+    }
+
+    fn massless(&self, space: &Space) -> DynamicsError {
+        let reduced = space.free.tr_mul(&(&self.mass_matrix * &space.free));
+        let eigen = reduced.symmetric_eigen();
+        let motion = &space.free * eigen.eigenvectors.column(eigen.eigenvalues.imin());
+        let largest = motion.amax();
+        let names = self.model.coordinates.iter().zip(motion.iter());
+        let coordinates = names.filter(|(_, m)| m.abs() > 0.1 * largest).map(|(c, _)| c.name.clone()).collect();
+        DynamicsError::Massless { coordinates }
+    }
+
+    /// Constraint violations and Jacobian for speeds u, at [`Dynamics::update`]'s state.
+    fn rows_at(&mut self, time: f64, q: &[f64], u: &[f64]) -> Rows {
+        self.update(q, u);
+        let zero = vec![0.0; self.model.n_coordinates()];
+        self.model.update_accelerations_of_speeds(q, u, &zero, &mut self.cache);
+        self.constraints.rows(self.model, time, q, &self.qdot, &self.cache)
+    }
+
+    /// Moves coordinates as little as possible so that they satisfy the constraints.
+    ///
+    /// # Errors
+    /// Constraints that cannot be satisfied together.
+    pub fn assemble(&mut self, time: f64, q: &mut [f64]) -> Result<(), DynamicsError> {
+        let zero = vec![0.0; q.len()];
+        let mut step = vec![0.0; q.len()];
+        let mut violation = 0.0;
+        for _ in 0..ASSEMBLY_ITERATIONS {
+            let rows = self.rows_at(time, q, &zero);
+            violation = rows.error.amax();
+            if !(violation > ASSEMBLED) {
+                break;
+            }
+            let by_speeds = Space::of(&rows.G, q.len()).particular(&-rows.error);
+            self.model.rates_of_speeds(&self.cache, by_speeds.as_slice(), &mut step);
+            // No step turns a joint by more than half a radian.
+            let shorten = 1.0 / (by_speeds.amax() / 0.5).max(1.0);
+            q.iter_mut().zip(&step).for_each(|(q, step)| *q += shorten * step);
+        }
+        if violation.is_nan() {
+            return Err(DynamicsError::NotFinite);
+        }
+        if violation > 1e3 * ASSEMBLED { Err(DynamicsError::NotAssembled { violation }) } else { Ok(()) }
+    }
+
+    /// Changes speeds as little as possible so that they satisfy the constraints at `q`.
+    pub fn project_speeds(&mut self, time: f64, q: &[f64], u: &mut [f64]) {
+        let rows = self.rows_at(time, q, u);
+        let violation = &rows.v - &rows.G * DVector::from_column_slice(u);
+        let change = Space::of(&rows.G, u.len()).particular(&violation);
+        u.iter_mut().zip(change.iter()).for_each(|(u, change)| *u += change);
+    }
+}
+
+/// Speeds that constraints leave free, and the smallest speeds that satisfy them.
+struct Space {
+    /// Orthonormal columns that span the null space of G.
+    free: DMatrix<f64>,
+    /// Pseudo-inverse of G.
+    inverse: DMatrix<f64>,
+}
+
+impl Space {
+    /// - `jacobian`: G, with n columns
+    fn of(jacobian: &DMatrix<f64>, n: usize) -> Space {
+        let rows = jacobian.nrows();
+        if rows == 0 {
+            return Space { free: DMatrix::identity(n, n), inverse: DMatrix::zeros(n, 0) };
+        }
+        // Padded to a square so that the decomposition gives all n right singular vectors.
+        let size = rows.max(n);
+        let mut padded = DMatrix::zeros(size, n);
+        padded.rows_mut(0, rows).copy_from(jacobian);
+        let svd = padded.svd(true, true);
+        let (Some(left), Some(right)) = (svd.u, svd.v_t) else {
+            return Space { free: DMatrix::zeros(n, 0), inverse: DMatrix::zeros(n, rows) };
+        };
+        let largest = svd.singular_values.max();
+        let is_active = |i: &usize| svd.singular_values[*i] > RANK_TOLERANCE * largest;
+        let free: Vec<usize> = (0..n).filter(|i| !is_active(i)).collect();
+        let free = DMatrix::from_fn(n, free.len(), |i, j| right[(free[j], i)]);
+        let mut inverse = DMatrix::zeros(n, rows);
+        for k in (0..n).filter(is_active) {
+            let column = right.row(k).transpose() / svd.singular_values[k];
+            inverse += column * left.view((0, k), (rows, 1)).transpose();
+        }
+        Space { free, inverse }
+    }
+
+    fn particular(&self, right: &DVector<f64>) -> DVector<f64> {
+        &self.inverse * right
+    }
+}
+
+/// Solves a symmetric positive definite system whose rows may differ in size by many orders of magnitude.
+fn solve_scaled(matrix: DMatrix<f64>, right: &DVector<f64>) -> Option<DVector<f64>> {
+    let n = matrix.nrows();
+    if n == 0 {
+        return Some(DVector::zeros(0));
+    }
+    let scale = DVector::from_fn(n, |i, _| matrix[(i, i)].max(0.0).sqrt().recip());
+    if !scale.iter().all(|s| s.is_finite()) {
+        return None;
+    }
+    let scaled = DMatrix::from_fn(n, n, |i, j| scale[i] * matrix[(i, j)] * scale[j]);
+    let solver = scaled.cholesky()?;
+    // A pivot at the level of rounding is not a mass.
+    if solver.l_dirty().diagonal().iter().any(|pivot| pivot * pivot < 1e-14) {
+        return None;
+    }
+    Some(solver.solve(&right.component_mul(&scale)).component_mul(&scale))
+}
