@@ -239,10 +239,8 @@ impl Kind {
                         (0..3).for_each(|k| rows.G[(at + k, c)] += sign * velocity.w[k]);
                     });
                 }
-                let (one, two) = (
-                    Station { base: first.0, p_BS: first.1.p },
-                    Station { base: second.0, p_BS: second.1.p },
-                );
+                let (one, two) =
+                    (Station { base: first.0, p_BS: first.1.p }, Station { base: second.0, p_BS: second.1.p });
                 fill_point(model, cache, &one, &two, at + 3, rows);
             }
             Kind::Point { first, second } => fill_point(model, cache, first, second, at, rows),

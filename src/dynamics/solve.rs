@@ -141,14 +141,7 @@ impl<'a> Dynamics<'a> {
     /// [N·m or N], and the violation of the constraints [rad/s² or m/s²]; the largest of each.
     ///
     /// Call [`Dynamics::update`] with the same state first.
-    pub fn imbalance(
-        &mut self,
-        time: f64,
-        q: &[f64],
-        u: &[f64],
-        udot: &[f64],
-        applied: &AppliedForces,
-    ) -> (f64, f64) {
+    pub fn imbalance(&mut self, time: f64, q: &[f64], u: &[f64], udot: &[f64], applied: &AppliedForces) -> (f64, f64) {
         let zero = vec![0.0; self.model.n_coordinates()];
         self.model.update_accelerations_of_speeds(q, u, &zero, &mut self.cache);
         let rows = self.constraints.rows(self.model, time, q, &self.qdot, &self.cache);

@@ -36,11 +36,7 @@ fn fixture_cases() -> Vec<Case> {
             include_str!("../../fixtures/dynamics/constraints.osim"),
             include_str!("../../fixtures/dynamics/constraints.json"),
         ),
-        (
-            "weld",
-            include_str!("../../fixtures/dynamics/weld.osim"),
-            include_str!("../../fixtures/dynamics/weld.json"),
-        ),
+        ("weld", include_str!("../../fixtures/dynamics/weld.osim"), include_str!("../../fixtures/dynamics/weld.json")),
     ];
     let parse = |(name, osim, json): (&str, &str, &str)| {
         let file = OsimFile::parse(osim.as_bytes(), name).unwrap_or_else(|error| panic!("{name}: {error}"));
@@ -100,9 +96,8 @@ fn largest(values: &[f64]) -> f64 {
 /// derivative of its axes, so that terms of velocity differ. Ours are held against finite differences elsewhere.
 fn has_shared_axes(spec: &ModelSpec) -> bool {
     spec.joints.iter().any(|joint| match &joint.kind {
-        JointKind::Custom(axes) => (0..3).any(|i| {
-            (0..i).any(|k| !axes[i].coordinates.is_empty() && axes[i].coordinates == axes[k].coordinates)
-        }),
+        JointKind::Custom(axes) => (0..3)
+            .any(|i| (0..i).any(|k| !axes[i].coordinates.is_empty() && axes[i].coordinates == axes[k].coordinates)),
         _ => false,
     })
 }
