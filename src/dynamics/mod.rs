@@ -6,10 +6,16 @@
 //! In: a compiled [`Model`](crate::multibody::Model), its [`Constraints`], coordinates q, OpenSim's generalized speeds u,
 //! and applied forces. Out: accelerations, multipliers, consistent coordinates and speeds. No file is read here.
 
-mod applied;
 mod constraints;
+mod error;
+mod plant;
+mod reduction;
+mod simulate;
 mod solve;
 
-pub use applied::AppliedForces;
 pub use constraints::{ConstraintError, Constraints};
+pub use error::PlantError;
+pub use plant::{DrivenPlant, Plant, PlantMuscle, PlantState, Work};
+pub use reduction::{Reduction, Relation};
+pub use simulate::{ForwardOptions, Trajectory, simulate_forward};
 pub use solve::{Accelerations, Dynamics, DynamicsError};

@@ -1,7 +1,7 @@
 //! Accelerations from forces, forces from accelerations, and states that satisfy the constraints.
 
-use super::applied::AppliedForces;
 use super::constraints::{Constraints, Rows};
+use crate::forces::AppliedForces;
 use crate::multibody::{Cache, DynamicsBuffers, Model};
 use nalgebra::{DMatrix, DVector};
 

@@ -7,6 +7,7 @@
 //! Forces along paths ([`Ligament`], [`PathSpring`]) are given the path's length and lengthening speed, so that this
 //! module needs no path geometry; their generalized force is tension × moment arm.
 
+mod applied;
 mod body_forces;
 mod bushing;
 mod coordinate_limit;
@@ -14,6 +15,7 @@ mod expression;
 mod path_forces;
 mod spring;
 
+pub use applied::AppliedForces;
 pub use body_forces::{gravity_force, inertia_force};
 pub use bushing::FunctionBasedBushingForce;
 pub use coordinate_limit::CoordinateLimitForce;
@@ -171,6 +173,13 @@ impl Forces {
         self.forces.iter().map(|force| force.generalized_force(model, q, qdot, cache)).sum()
     }
 
+    /// Adds what [`Forces::forces`] do to bodies and coordinates.
+    ///
+    /// - `q`, `qdot`: coordinates and their rates, for which `cache` holds positions and velocities
+    pub fn apply(&self, model: &Model, q: &[f64], qdot: &[f64], cache: &Cache, applied: &mut AppliedForces) {
+        self.forces.iter().for_each(|force| force.apply(model, q, qdot, cache, applied));
+    }
+
     /// Those of [`Forces::forces`] that are affine in speed: all but formulas.
     pub fn affine_in_speed(&self) -> impl Iterator<Item = &Force> {
         self.forces.iter().filter(|force| !matches!(force.law, ForceLaw::ExpressionBasedCoordinate(_)))
@@ -197,6 +206,35 @@ impl Force {
             ForceLaw::ExpressionBasedCoordinate(force) => force.generalized_force(q, qdot, cache),
             ForceLaw::FunctionBasedBushing(force) => force.generalized_force(model, cache),
         }
+    }
+}
+
+impl Force {
+    /// Adds what the force does to bodies and coordinates; arguments as [`Forces::apply`].
+    pub fn apply(&self, model: &Model, q: &[f64], qdot: &[f64], cache: &Cache, applied: &mut AppliedForces) {
+        let (coordinate, force) = match &self.law {
+            ForceLaw::CoordinateLimit(force) => {
+                let c = force.coordinate;
+                (c, force.limit_force(q[c.0], qdot[c.0]))
+            }
+            ForceLaw::SpringGeneralized(force) => {
+                let c = force.coordinate;
+                (c, force.force(q[c.0], qdot[c.0]))
+            }
+            ForceLaw::ExpressionBasedCoordinate(force) => {
+                let c = force.coordinate;
+                (c, force.force(q[c.0], qdot[c.0]))
+            }
+            ForceLaw::FunctionBasedBushing(bushing) => {
+                let frames = [bushing.frame1, bushing.frame2];
+                for (frame, force) in frames.into_iter().zip(bushing.forces_on_frames(model, cache)) {
+                    let at = cache.X_GF(model, frame).p;
+                    applied.add_spatial(cache, model.frame(frame).base, &at, &force);
+                }
+                return;
+            }
+        };
+        applied.add_to_coordinate(coordinate, force);
     }
 }
 

@@ -1,11 +1,13 @@
 //! Numerical building blocks: the scalar trait (f64 and dual numbers), piecewise quintic Bézier curves, bracketed
-//! root finding.
+//! root finding, integration of stiff differential equations.
 
+mod bdf;
 mod dual;
 mod root;
 mod scalar;
 mod smooth_segmented;
 
+pub use bdf::{Bdf, Cost, StepError, StiffSystem};
 pub use dual::Dual;
 pub use root::{BracketedRoot, RootError, newton_bisection};
 pub use scalar::Scalar;

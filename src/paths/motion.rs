@@ -3,7 +3,8 @@
 
 use super::geometry::{CurrentPoint, PathGeometry, PointOrigin};
 use super::path::{Path, PointKind};
-use crate::multibody::Cache;
+use crate::multibody::{BaseIndex, Cache};
+use crate::osim::spec::CoordinateIndex;
 use crate::spatial::SpatialVelocity;
 use nalgebra::Vector3;
 
@@ -62,6 +63,41 @@ impl Path {
             speed += if distance < f64::EPSILON { relative.norm() } else { along.dot(&relative) / distance };
         }
         speed
+    }
+
+    /// Forces by which a tension of 1 N in the path acts on bodies, and along coordinates that move its points
+    /// (OpenSim's `GeometryPath::produceForces`); moment arms follow from the same.
+    ///
+    /// - `q`, `cache`, `geometry`: as for [`Path::lengthening_speed`]
+    /// - `on_body`: receives base, point of attack in ground [m] and force in ground [N]
+    /// - `on_coordinate`: receives coordinate and generalized force
+    pub fn unit_tension(
+        &self,
+        q: &[f64],
+        cache: &Cache,
+        geometry: &PathGeometry,
+        mut on_body: impl FnMut(BaseIndex, &Vector3<f64>, &Vector3<f64>),
+        mut on_coordinate: impl FnMut(CoordinateIndex, f64),
+    ) {
+        for pair in geometry.points.windows(2) {
+            let (from, to) = (&pair[0], &pair[1]);
+            if from.base == to.base {
+                continue;
+            }
+            let along = to.measured_p_GS - from.measured_p_GS;
+            let distance = along.norm();
+            if distance < COINCIDENT {
+                continue;
+            }
+            let pull = along / distance;
+            for (point, force) in [(from, pull), (to, -pull)] {
+                on_body(point.base, &point.p_GS, &force);
+                let PointOrigin::Point(i) = point.origin else { continue };
+                if let PointKind::Moving(moving) = &self.points[i].kind {
+                    moving.for_each_slope(&cache.X_GB(point.base).R, q, |c, slope| on_coordinate(c, slope.dot(&force)));
+                }
+            }
+        }
     }
 
     /// Velocity of a current point in ground [m/s] when its base moves with `base_velocity` and coordinates with `rates`.

@@ -233,6 +233,23 @@ impl MovingPoint {
     }
 }
 
+impl MovingPoint {
+    /// Derivative of the point's location by every coordinate that moves it in its base, expressed in ground.
+    #[allow(non_snake_case)]
+    pub(super) fn for_each_slope(
+        &self,
+        R_GB: &Matrix3<f64>,
+        q: &[f64],
+        mut visit: impl FnMut(CoordinateIndex, Vector3<f64>),
+    ) {
+        for (i, MovingComponent { function, argument }) in self.components.iter().enumerate() {
+            if let Some((c, _)) = argument {
+                visit(*c, R_GB * (self.X_BF.R.column(i) * function.derivative(q[c.0])));
+            }
+        }
+    }
+}
+
 impl PathWrap {
     fn compile(
         spec: &PathWrapSpec,

@@ -2,7 +2,8 @@
 
 use super::reference;
 use super::validation::{self, Differences, Judge, Row};
-use carpus::dynamics::{AppliedForces, Constraints, Dynamics};
+use carpus::dynamics::{Constraints, Dynamics, Plant, PlantError, PlantState};
+use carpus::forces::AppliedForces;
 use carpus::multibody::{BaseIndex, Model};
 use carpus::osim::OsimFile;
 use carpus::osim::spec::{BodyIndex, JointKind, ModelSpec};
@@ -46,12 +47,14 @@ fn fixture_cases() -> Vec<Case> {
 }
 
 /// All lab models, with reference numbers computed by OpenSim; empty, after saying so, without them.
-fn lab_cases(n_states: usize) -> Vec<Case> {
+///
+/// - `extra`: further arguments of the script
+fn lab_cases(n_states: usize, extra: &[&str]) -> Vec<Case> {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scripts/dynamics.py");
     let mut cases = Vec::new();
     for path in reference::lab_models() {
         let name = reference::stem(&path);
-        let key = format!("{name}-{n_states}-{}-{}.json", reference::digest(&path), reference::digest(&script));
+        let key = format!("{name}-{n_states}{}-{}-{}.json", extra.concat(), reference::digest(&path), reference::digest(&script));
         let out = validation::reference_folder("dynamics").join(key);
         if !out.exists() {
             let Some(python) = reference::opensim_python() else { return Vec::new() };
@@ -59,7 +62,8 @@ fn lab_cases(n_states: usize) -> Vec<Case> {
             let scratch = tempfile::tempdir_in(out.parent().expect("folder")).expect("temporary folder");
             let partial = scratch.path().join("reference.json");
             let states = n_states.to_string();
-            let arguments = [path.as_os_str(), partial.as_os_str(), "--states".as_ref(), states.as_ref()];
+            let mut arguments = vec![path.as_os_str(), partial.as_os_str(), "--states".as_ref(), states.as_ref()];
+            arguments.extend(extra.iter().map(AsRef::as_ref));
             reference::run_script(&python, "scripts/dynamics.py", &arguments);
             std::fs::rename(partial, &out).expect("a writable folder");
         }
@@ -218,13 +222,102 @@ fn val_opensim_dynamics_of_mechanisms_with_constraints() {
 #[test]
 fn val_opensim_dynamics_of_lab_models() {
     let n_states = if validation::folder().is_some() { 100 } else { 4 };
-    let cases = lab_cases(n_states);
+    let cases = lab_cases(n_states, &[]);
     let rows: Vec<Row> = cases
         .iter()
         .flat_map(|case| compare(case).into_iter().map(|d| d.row("dynamics", &case.name, TOLERANCE, Judge::Q99)))
         .collect();
     validation::write("dynamics", &rows);
     validation::assert_passed(&rows);
+}
+
+/// Accelerations, tendon forces and fibre velocities of whole models: muscles, springs, bushings and limits at once.
+///
+/// Models with muscles or forces that are not computed are left out; so are states with near-massless bodies at which
+/// OpenSim's accelerations do not solve its own equations.
+#[test]
+fn val_opensim_accelerations_under_all_forces() {
+    let n_states = if validation::folder().is_some() { 20 } else { 2 };
+    let mut rows = Vec::new();
+    for mut case in lab_cases(n_states, &["--forces"]) {
+        for coordinate in &mut case.spec.coordinates {
+            (coordinate.locked, coordinate.prescribed) = (false, false);
+        }
+        case.model = Model::compile(&case.spec).expect("model");
+        let plant = match Plant::compile(&case.spec, &case.model, false) {
+            Ok(plant) => plant,
+            Err(PlantError::UnsupportedForces { .. } | PlantError::NotExplicit { .. }) => continue,
+            Err(error) => panic!("{}: {error}", case.name),
+        };
+        if plant.muscles.is_empty() || case.states.is_empty() {
+            continue;
+        }
+        rows.extend(compare_under_all_forces(&case, &plant));
+    }
+    validation::write("dynamics_under_all_forces", &rows);
+    validation::assert_passed(&rows);
+}
+
+fn compare_under_all_forces(case: &Case, plant: &Plant) -> Vec<Row> {
+    let mut forces = Differences::new("tendon force at random states", "Fmax");
+    let mut velocities = Differences::new("fibre velocity at random states", "maximum velocity, or itself if larger");
+    let mut accelerations = Differences::new("acceleration under all forces of the model", "largest one");
+    let skips_speeds = has_shared_axes(&case.spec);
+    let constraints = Constraints::compile(&case.spec, &case.model, false, false).expect("constraints");
+    let mut dynamics = Dynamics::new(&case.model, &constraints);
+    let mut work = plant.new_work();
+    let mut rates = vec![0.0; plant.n_states()];
+    let n = plant.reduction.n_free();
+    let mut worst_imbalance: f64 = 0.0;
+    for (number, state) in case.states.iter().enumerate() {
+        let (q, u) = (case.by_coordinate(&state["q"]), case.by_coordinate(&state["u"]));
+        let of_muscles = |values: &Value| -> Vec<f64> {
+            plant.muscles.iter().map(|m| values[m.muscle.name()].as_f64().expect("a number")).collect()
+        };
+        let activation = of_muscles(&state["activation"]);
+        let fiber_length = of_muscles(&state["fiber_length"]);
+        let x = plant.pack(&PlantState { q: q.clone(), u: u.clone(), activation: activation.clone(), fiber_length });
+        plant.rates(0.0, &x, &activation, &mut work, &mut rates).unwrap_or_else(|e| panic!("{}: {e}", case.name));
+        let (tension, speed) = (of_muscles(&state["tendon_force"]), of_muscles(&state["fiber_velocity"]));
+        for (k, m) in plant.muscles.iter().enumerate() {
+            let p = m.muscle.parameters();
+            let at = || format!("{} at state {number}", m.muscle.name());
+            forces.push((work.tendon_force[k] - tension[k]) / p.max_isometric_force, at);
+            if let Some(i) = m.fiber_length {
+                let scale = speed[k].abs().max(p.max_contraction_velocity * p.optimal_fiber_length);
+                velocities.push((rates[i] - speed[k]) / scale, at);
+            }
+        }
+        if skips_speeds {
+            continue;
+        }
+        let expected = case.by_coordinate(&state["udot"]);
+        dynamics.update(&q, &u);
+        let applied = plant.applied_forces(&x, &activation, &mut work);
+        let imbalance = |dynamics: &mut Dynamics, udot: &[f64]| {
+            let (force, violation) = dynamics.imbalance(0.0, &q, &u, udot, &applied);
+            force / largest(&applied.mobility) + violation / largest(udot)
+        };
+        let theirs = imbalance(&mut dynamics, &expected);
+        if theirs > TOLERANCE {
+            worst_imbalance = worst_imbalance.max(theirs);
+            continue;
+        }
+        let scale = largest(&expected);
+        for (k, &c) in plant.reduction.free.iter().enumerate() {
+            let name = &case.model.coordinates[c].name;
+            let (a, b) = (rates[n + k], expected[c]);
+            accelerations.push((a - b) / scale, || format!("{name} at state {number}: {a} instead of {b}"));
+        }
+    }
+    if worst_imbalance > 0.0 {
+        accelerations.remark(format!(
+            "states left out where OpenSim's accelerations leave forces unbalanced, by up to {worst_imbalance:.0e} of the largest"
+        ));
+    }
+    let all = [(forces, 1e-5), (velocities, 1e-5), (accelerations, 1e-6)];
+    let kept = all.into_iter().filter(|(d, _)| d.count() > 0);
+    kept.map(|(d, tolerance)| d.row("dynamics", &case.name, tolerance, Judge::Q99)).collect()
 }
 
 /// Energy is conserved, and accelerations and forces are inverse to one another, on a chain without constraints.

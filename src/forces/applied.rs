@@ -1,4 +1,4 @@
-//! Forces on bodies and along coordinates, collected before they are turned into generalized forces.
+//! Forces on bodies and along coordinates, collected before they are turned into generalized forces of all speeds.
 
 use crate::multibody::{BaseIndex, Cache, Model};
 use crate::osim::spec::CoordinateIndex;

@@ -1,0 +1,54 @@
+//! Why a model cannot be simulated forward.
+
+use super::constraints::ConstraintError;
+use super::solve::DynamicsError;
+use crate::forces::ForceError;
+use crate::muscles::{EquilibriumError, MuscleError};
+use crate::paths::PathError;
+
+/// Why a model cannot be simulated forward.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PlantError {
+    /// A force cannot be built.
+    #[error(transparent)]
+    Force(#[from] ForceError),
+    /// A path cannot be built.
+    #[error(transparent)]
+    Path(#[from] PathError),
+    /// A muscle cannot be built.
+    #[error(transparent)]
+    Muscle(#[from] MuscleError),
+    /// A muscle cannot be balanced at the start.
+    #[error(transparent)]
+    Equilibrium(#[from] EquilibriumError),
+    /// A constraint cannot be built.
+    #[error(transparent)]
+    Constraint(#[from] ConstraintError),
+    /// The equations of motion have no solution.
+    #[error(transparent)]
+    Dynamics(#[from] DynamicsError),
+    /// Forces that this program does not compute.
+    #[error("forces that are not computed: {}", list(.forces))]
+    UnsupportedForces {
+        /// Names and classes.
+        forces: Vec<(String, String)>,
+    },
+    /// A constraint by which no coordinate follows from others.
+    #[error("{constraint}: coordinates do not follow from one another by it; motion with it is not integrated yet")]
+    NotExplicit {
+        /// Name of constraint or coordinate.
+        constraint: String,
+    },
+    /// The integration ended early.
+    #[error("integration ended at t = {time} s: {reason}")]
+    Stopped {
+        /// Time [s].
+        time: f64,
+        /// Why.
+        reason: String,
+    },
+}
+
+fn list(forces: &[(String, String)]) -> String {
+    forces.iter().map(|(name, class)| format!("{name} ({class})")).collect::<Vec<_>>().join(", ")
+}

@@ -1,0 +1,452 @@
+//! The whole model as a system of differential equations: skeleton, muscles, passive forces.
+//!
+//! State: free coordinates, their speeds, and of every muscle the activation (unless it ignores activation dynamics) and
+//! the fibre length (unless its tendon is rigid).
+
+use super::error::PlantError;
+use super::reduction::{Reduction, Relation};
+use super::solve::DynamicsError;
+use crate::forces::{AppliedForces, Forces, PathForce};
+use crate::multibody::{Cache, DynamicsBuffers, Model};
+use crate::muscles::Millard2012;
+use crate::numerics::StiffSystem;
+use crate::osim::spec::{CoordinateIndex, ModelSpec};
+use crate::paths::{Path, PathGeometry};
+use crate::spatial::SpatialForce;
+use nalgebra::{DMatrix, DVector};
+
+/// Classes of forces that do nothing without a control.
+const WITHOUT_CONTROL: [&str; 4] = ["CoordinateActuator", "TorqueActuator", "PointActuator", "PointToPointActuator"];
+/// Step of differences of coordinates [rad or m] and speeds.
+const STEP: f64 = 1e-7;
+
+/// A muscle of the plant.
+#[derive(Clone, Debug)]
+pub struct PlantMuscle {
+    /// Forces.
+    pub muscle: Millard2012,
+    /// Path.
+    pub path: Path,
+    /// Position of its activation in the state.
+    pub activation: Option<usize>,
+    /// Position of its fibre length in the state.
+    pub fiber_length: Option<usize>,
+}
+
+/// A model ready to be simulated forward. Immutable.
+#[derive(Clone, Debug)]
+pub struct Plant {
+    /// The skeleton.
+    pub model: Model,
+    /// Free and dependent coordinates.
+    pub reduction: Reduction,
+    /// Muscles that apply force, in the order of the file.
+    pub muscles: Vec<PlantMuscle>,
+    forces: Forces,
+    path_forces: Vec<(Path, PathForce)>,
+    n_states: usize,
+}
+
+/// A state of the plant, named.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlantState {
+    /// All coordinates [rad or m].
+    pub q: Vec<f64>,
+    /// All speeds [rad/s or m/s].
+    pub u: Vec<f64>,
+    /// Activation of every muscle.
+    pub activation: Vec<f64>,
+    /// Fibre length of every muscle [m].
+    pub fiber_length: Vec<f64>,
+}
+
+/// Buffers for evaluations of a [`Plant`].
+pub struct Work {
+    cache: Cache,
+    buffers: DynamicsBuffers,
+    relation: Relation,
+    applied: AppliedForces,
+    paths: Vec<PathGeometry>,
+    path_forces: Vec<PathGeometry>,
+    /// Moment arms of every muscle for all speeds, not reduced.
+    unit_forces: Vec<Vec<f64>>,
+    unit_path_forces: Vec<Vec<f64>>,
+    body_forces: Vec<SpatialForce>,
+    q: Vec<f64>,
+    u: Vec<f64>,
+    qdot: Vec<f64>,
+    generalized: Vec<f64>,
+    mass: DMatrix<f64>,
+    reduced_mass: DMatrix<f64>,
+    right: DVector<f64>,
+    /// Tendon forces [N].
+    pub tendon_force: Vec<f64>,
+}
+
+impl Plant {
+    /// Compiles a model with all that moves it.
+    ///
+    /// - `allow_unsupported`: leave out forces that are not computed, instead of refusing them
+    ///
+    /// # Errors
+    /// Any component that cannot be built, or is not computed.
+    pub fn compile(spec: &ModelSpec, model: &Model, allow_unsupported: bool) -> Result<Plant, PlantError> {
+        let reduction = Reduction::new(spec, model, true)?;
+        let forces = Forces::compile(spec, model)?;
+        let acts = |class: &str| !WITHOUT_CONTROL.contains(&class);
+        let mut unsupported: Vec<_> = forces.unsupported.iter().filter(|(_, class)| acts(class)).cloned().collect();
+        let mut muscles = Vec::new();
+        let mut n_states = 2 * reduction.n_free();
+        for muscle in spec.muscles.iter().filter(|m| m.applies_force) {
+            let path = Path::compile(&muscle.path, spec, model)?;
+            let muscle = match Millard2012::from_spec(muscle) {
+                Ok(muscle) => muscle,
+                Err(crate::muscles::MuscleError::NotMillard2012 { muscle, class }) => {
+                    unsupported.push((muscle, class));
+                    continue;
+                }
+                Err(error) => return Err(error.into()),
+            };
+            let mut next = |exists: bool| {
+                exists.then(|| {
+                    n_states += 1;
+                    n_states - 1
+                })
+            };
+            let activation = next(!muscle.ignore_activation_dynamics());
+            let fiber_length = next(!muscle.ignore_tendon_compliance());
+            muscles.push(PlantMuscle { muscle, path, activation, fiber_length });
+        }
+        if !unsupported.is_empty() && !allow_unsupported {
+            return Err(PlantError::UnsupportedForces { forces: unsupported });
+        }
+        let path_forces = forces
+            .along_paths
+            .iter()
+            .map(|force| Ok((Path::compile(&force.path, spec, model)?, force.law.clone())))
+            .collect::<Result<_, PlantError>>()?;
+        Ok(Plant { model: model.clone(), reduction, muscles, forces, path_forces, n_states })
+    }
+
+    /// Number of states.
+    pub fn n_states(&self) -> usize {
+        self.n_states
+    }
+
+    /// Buffers.
+    pub fn new_work(&self) -> Work {
+        let (n, free) = (self.model.n_coordinates(), self.reduction.n_free());
+        Work {
+            cache: self.model.new_cache(),
+            buffers: self.model.new_dynamics_buffers(),
+            relation: self.reduction.new_relation(&self.model),
+            applied: AppliedForces::new(&self.model),
+            paths: self.muscles.iter().map(|m| m.path.new_geometry()).collect(),
+            path_forces: self.path_forces.iter().map(|(path, _)| path.new_geometry()).collect(),
+            unit_forces: vec![vec![0.0; n]; self.muscles.len()],
+            unit_path_forces: vec![vec![0.0; n]; self.path_forces.len()],
+            body_forces: vec![SpatialForce::default(); self.model.n_bases()],
+            q: self.model.default_coordinates(),
+            u: vec![0.0; n],
+            qdot: vec![0.0; n],
+            generalized: vec![0.0; n],
+            mass: DMatrix::zeros(n, n),
+            reduced_mass: DMatrix::zeros(free, free),
+            right: DVector::zeros(free),
+            tendon_force: vec![0.0; self.muscles.len()],
+        }
+    }
+
+    /// The state vector of a named state; dependent coordinates are not looked at.
+    pub fn pack(&self, state: &PlantState) -> Vec<f64> {
+        let free = &self.reduction.free;
+        let mut x: Vec<f64> = free.iter().map(|i| state.q[*i]).chain(free.iter().map(|i| state.u[*i])).collect();
+        x.resize(self.n_states, 0.0);
+        for (k, muscle) in self.muscles.iter().enumerate() {
+            if let Some(i) = muscle.activation {
+                x[i] = state.activation[k];
+            }
+            if let Some(i) = muscle.fiber_length {
+                x[i] = state.fiber_length[k];
+            }
+        }
+        x
+    }
+
+    /// The named state of a state vector; activations that are no states are the excitations, fibre lengths of rigid
+    /// tendons NaN.
+    pub fn unpack(&self, time: f64, x: &[f64], excitation: &[f64], work: &mut Work) -> PlantState {
+        let free = self.reduction.n_free();
+        let (mut q, mut u) = (work.q.clone(), work.u.clone());
+        self.reduction.expand(time, (&x[..free], &x[free..2 * free]), (&mut q, &mut u), &mut work.relation);
+        let activation = |(k, m): (usize, &PlantMuscle)| m.activation.map_or(excitation[k], |i| x[i]);
+        PlantState {
+            q,
+            u,
+            activation: self.muscles.iter().enumerate().map(activation).collect(),
+            fiber_length: self.muscles.iter().map(|m| m.fiber_length.map_or(f64::NAN, |i| x[i])).collect(),
+        }
+    }
+
+    /// A state at rest muscles: given coordinates and speeds, activations, and the fibre lengths at which fibre and
+    /// tendon balance.
+    ///
+    /// # Errors
+    /// A muscle that cannot be balanced.
+    pub fn equilibrium_state(
+        &self,
+        time: f64,
+        q: &[f64],
+        u: &[f64],
+        activation: &[f64],
+        work: &mut Work,
+    ) -> Result<PlantState, PlantError> {
+        let fiber_length = vec![f64::NAN; self.muscles.len()];
+        let mut state = PlantState { q: q.to_vec(), u: u.to_vec(), activation: activation.to_vec(), fiber_length };
+        let x = self.pack(&state);
+        let free = self.reduction.n_free();
+        let (mut q, mut u) = (q.to_vec(), u.to_vec());
+        self.reduction.expand(time, (&x[..free], &x[free..2 * free]), (&mut q, &mut u), &mut work.relation);
+        self.model.update_positions(&q, &mut work.cache);
+        for (k, muscle) in self.muscles.iter().enumerate() {
+            muscle.path.update(&q, &work.cache, &mut work.paths[k]);
+            let length = work.paths[k].length();
+            state.fiber_length[k] = muscle.muscle.equilibrium(length, activation[k])?.fiber_length;
+        }
+        (state.q, state.u) = (q, u);
+        Ok(state)
+    }
+
+    /// Positions and velocities of everything at a state.
+    fn update_skeleton(&self, time: f64, x: &[f64], work: &mut Work) {
+        let free = self.reduction.n_free();
+        let Work { relation, q, u, qdot, cache, .. } = work;
+        self.reduction.expand(time, (&x[..free], &x[free..2 * free]), (q, u), relation);
+        self.model.update_positions(q, cache);
+        self.model.update_joint_axes(q, cache);
+        self.model.update_velocities_of_speeds(q, u, cache);
+        self.model.rates_of_speeds(cache, u, qdot);
+    }
+
+    /// Lengths of all paths and what unit tension does.
+    fn update_paths(&self, work: &mut Work) {
+        let Work { q, cache, paths, path_forces, unit_forces, unit_path_forces, body_forces, .. } = work;
+        let muscles = self.muscles.iter().map(|m| &m.path).zip(paths.iter_mut()).zip(unit_forces.iter_mut());
+        let others = self.path_forces.iter().map(|p| &p.0).zip(path_forces.iter_mut()).zip(unit_path_forces.iter_mut());
+        for ((path, geometry), unit) in muscles.chain(others) {
+            path.update(q, cache, geometry);
+            body_forces.fill(SpatialForce::default());
+            unit.fill(0.0);
+            path.unit_tension(
+                q,
+                cache,
+                geometry,
+                |base, point, force| {
+                    let offset = point - cache.X_GB(base).p;
+                    body_forces[base.0] += SpatialForce::from_force_at(&offset, force);
+                },
+                |c: CoordinateIndex, force| unit[c.0] += force,
+            );
+            self.model.gather(cache, body_forces, unit);
+        }
+    }
+
+    /// Rates of muscle states, and tendon forces into `work`.
+    fn muscle_rates(&self, x: &[f64], excitation: &[f64], work: &mut Work, rates: &mut [f64]) {
+        for (k, m) in self.muscles.iter().enumerate() {
+            let length = work.paths[k].length();
+            let speed = m.path.lengthening_speed(&work.q, &work.qdot, &work.cache, &work.paths[k]);
+            let activation = m.activation.map_or(excitation[k], |i| x[i]);
+            let fiber = m.fiber_length.map_or(f64::NAN, |i| x[i]);
+            let found = m.muscle.fiber_velocity(fiber, activation, length, speed);
+            work.tendon_force[k] = found.norm_tendon_force * m.muscle.parameters().max_isometric_force;
+            if let Some(i) = m.activation {
+                rates[i] = m.muscle.activation_dynamics().derivative(activation, excitation[k]);
+            }
+            if let Some(i) = m.fiber_length {
+                rates[i] = found.fiber_velocity;
+            }
+        }
+    }
+
+    /// Forces of springs, bushings, limits and everything along paths.
+    fn collect_forces(&self, work: &mut Work) {
+        let Work { q, qdot, cache, applied, .. } = work;
+        applied.clear();
+        self.forces.apply(&self.model, q, qdot, cache, applied);
+        let muscles = work.unit_forces.iter().zip(work.tendon_force.iter().copied());
+        for (unit, tension) in muscles {
+            applied.mobility.iter_mut().zip(unit).for_each(|(f, r)| *f += r * tension);
+        }
+        for ((path, law), (geometry, unit)) in
+            self.path_forces.iter().zip(work.path_forces.iter().zip(&work.unit_path_forces))
+        {
+            let tension = law.tension(geometry.length(), path.lengthening_speed(q, qdot, cache, geometry));
+            applied.mobility.iter_mut().zip(unit).for_each(|(f, r)| *f += r * tension);
+        }
+    }
+
+    /// Accelerations of the free coordinates from the forces in `work`.
+    fn accelerate(&self, work: &mut Work, rates: &mut [f64]) -> Result<(), DynamicsError> {
+        self.collect_forces(work);
+        let Work { relation, q, u, qdot, cache, buffers, applied, generalized, mass, reduced_mass, right, .. } = work;
+        self.model.update_accelerations_of_speeds(q, u, relation.bias(), cache);
+        self.model.inverse_dynamics(cache, &applied.bodies, buffers, generalized);
+        generalized.iter_mut().zip(&applied.mobility).for_each(|(g, f)| *g = f - *g);
+        relation.reduce(generalized, right);
+        self.model.update_mass_matrix(cache, buffers, mass);
+        relation.reduce_matrix(mass, reduced_mass);
+        let free = right.len();
+        if !right.iter().all(|x| x.is_finite()) {
+            return Err(DynamicsError::NotFinite);
+        }
+        let Some(solver) = reduced_mass.clone().cholesky() else {
+            let names = self.reduction.free.iter().map(|i| self.model.coordinates[*i].name.clone());
+            return Err(DynamicsError::Massless { coordinates: names.collect() });
+        };
+        solver.solve_mut(right);
+        rates[free..2 * free].copy_from_slice(right.as_slice());
+        for (k, i) in self.reduction.free.iter().enumerate() {
+            rates[k] = qdot[*i];
+        }
+        Ok(())
+    }
+
+    /// Rates of all states.
+    ///
+    /// - `excitation`: of every muscle
+    ///
+    /// # Errors
+    /// Massless parts that can move; states that are not finite.
+    pub fn rates(
+        &self,
+        time: f64,
+        x: &[f64],
+        excitation: &[f64],
+        work: &mut Work,
+        rates: &mut [f64],
+    ) -> Result<(), DynamicsError> {
+        if !x.iter().all(|x| x.is_finite()) {
+            return Err(DynamicsError::NotFinite);
+        }
+        self.update_skeleton(time, x, work);
+        self.update_paths(work);
+        self.muscle_rates(x, excitation, work, rates);
+        self.accelerate(work, rates)
+    }
+
+    /// All forces of the model at a state, muscles among those along speeds; gravity is not among them.
+    ///
+    /// - `x`, `excitation`, `work`: as last given to [`Plant::rates`]
+    pub fn applied_forces(&self, x: &[f64], excitation: &[f64], work: &mut Work) -> AppliedForces {
+        let mut rates = vec![0.0; self.n_states];
+        self.muscle_rates(x, excitation, work, &mut rates);
+        self.collect_forces(work);
+        work.applied.clone()
+    }
+
+    /// Derivatives of the rates by the states: muscles exactly, coordinates and speeds by differences.
+    ///
+    /// # Errors
+    /// As [`Plant::rates`].
+    pub fn jacobian(
+        &self,
+        time: f64,
+        x: &[f64],
+        excitation: &[f64],
+        work: &mut Work,
+        jacobian: &mut DMatrix<f64>,
+    ) -> Result<(), DynamicsError> {
+        let free = self.reduction.n_free();
+        jacobian.fill(0.0);
+        let (mut base, mut moved) = (vec![0.0; self.n_states], vec![0.0; self.n_states]);
+        let mut at = x.to_vec();
+        for j in 0..free {
+            at[j] = x[j] + STEP;
+            self.rates(time, &at, excitation, work, &mut moved)?;
+            at[j] = x[j] - STEP;
+            self.rates(time, &at, excitation, work, &mut base)?;
+            at[j] = x[j];
+            for i in 0..self.n_states {
+                jacobian[(i, j)] = (moved[i] - base[i]) / (2.0 * STEP);
+            }
+        }
+        self.rates(time, x, excitation, work, &mut base)?;
+        let solver = work.reduced_mass.clone().cholesky().ok_or(DynamicsError::NotFinite)?;
+        let mut column = DVector::zeros(free);
+        for (k, m) in self.muscles.iter().enumerate() {
+            let length = work.paths[k].length();
+            let speed = m.path.lengthening_speed(&work.q, &work.qdot, &work.cache, &work.paths[k]);
+            let activation = m.activation.map_or(excitation[k], |i| x[i]);
+            let fiber = m.fiber_length.map_or(f64::NAN, |i| x[i]);
+            let by = m.muscle.linearize(fiber, activation, length, speed);
+            // Acceleration by tension.
+            work.relation.reduce(&work.unit_forces[k], &mut column);
+            solver.solve_mut(&mut column);
+            let (velocity, force) = (by.fiber_velocity_by, by.tendon_force_by);
+            for (state, velocity, force) in [
+                (m.activation, velocity.activation, force.activation),
+                (m.fiber_length, velocity.fiber_length, force.fiber_length),
+            ] {
+                let Some(j) = state else { continue };
+                (0..free).for_each(|i| jacobian[(free + i, j)] = column[i] * force);
+                if let Some(i) = m.fiber_length {
+                    jacobian[(i, j)] = velocity;
+                }
+            }
+            if let Some(i) = m.activation {
+                jacobian[(i, i)] = m.muscle.activation_dynamics().derivative_slope(activation, excitation[k]);
+            }
+        }
+        // Speeds leave the paths as they are.
+        for j in free..2 * free {
+            at[j] = x[j] + STEP;
+            self.update_skeleton(time, &at, work);
+            self.muscle_rates(&at, excitation, work, &mut moved);
+            self.accelerate(work, &mut moved)?;
+            at[j] = x[j];
+            for i in 0..self.n_states {
+                jacobian[(i, j)] = (moved[i] - base[i]) / STEP;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A plant driven by excitations that are functions of time.
+pub struct DrivenPlant<'a, E: FnMut(f64, &mut [f64])> {
+    /// The plant.
+    pub plant: &'a Plant,
+    /// Buffers.
+    pub work: Work,
+    /// Excitation of every muscle at a time.
+    pub excite: E,
+    excitation: Vec<f64>,
+}
+
+impl<'a, E: FnMut(f64, &mut [f64])> DrivenPlant<'a, E> {
+    /// A plant and its excitations.
+    pub fn new(plant: &'a Plant, excite: E) -> Self {
+        DrivenPlant { plant, work: plant.new_work(), excite, excitation: vec![0.0; plant.muscles.len()] }
+    }
+
+    /// Excitations at a time.
+    pub fn excitation(&mut self, time: f64) -> &[f64] {
+        (self.excite)(time, &mut self.excitation);
+        &self.excitation
+    }
+}
+
+impl<E: FnMut(f64, &mut [f64])> StiffSystem for DrivenPlant<'_, E> {
+    type Error = DynamicsError;
+
+    fn derivative(&mut self, time: f64, x: &[f64], derivative: &mut [f64]) -> Result<(), DynamicsError> {
+        (self.excite)(time, &mut self.excitation);
+        self.plant.rates(time, x, &self.excitation, &mut self.work, derivative)
+    }
+
+    fn jacobian(&mut self, time: f64, x: &[f64], jacobian: &mut DMatrix<f64>) -> Result<(), DynamicsError> {
+        (self.excite)(time, &mut self.excitation);
+        self.plant.jacobian(time, x, &self.excitation, &mut self.work, jacobian)
+    }
+}

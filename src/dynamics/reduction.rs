@@ -1,0 +1,139 @@
+//! Free coordinates, and all others as functions of them: couplers, locked and prescribed coordinates.
+
+use super::error::PlantError;
+use crate::functions::Function;
+use crate::multibody::{Coupler, Model};
+use crate::osim::spec::{ConstraintKind, ModelSpec};
+use nalgebra::{DMatrix, DVector};
+
+#[derive(Clone, Debug)]
+enum Held {
+    At(f64),
+    Along(Box<Function>),
+}
+
+/// How coordinates follow from the free ones: `u = T u_free + …`, every row of T with one element at most.
+#[derive(Clone, Debug)]
+pub struct Reduction {
+    /// The free coordinates.
+    pub free: Vec<usize>,
+    held: Vec<(usize, Held)>,
+    couplers: Vec<Coupler>,
+}
+
+/// The relation at one state.
+#[derive(Clone, Debug)]
+pub struct Relation {
+    /// Position among the free coordinates of what each coordinate follows.
+    root: Vec<Option<usize>>,
+    /// Speed for unit speed of that one.
+    slope: Vec<f64>,
+    /// Rate of the speed where those of the free ones are 0.
+    bias: Vec<f64>,
+}
+
+impl Reduction {
+    /// Sorts the coordinates of a model.
+    ///
+    /// # Errors
+    /// A constraint between bodies, or a coordinate that is held twice.
+    pub fn new(spec: &ModelSpec, model: &Model, keep_locked: bool) -> Result<Reduction, PlantError> {
+        let between = |kind: &ConstraintKind| !matches!(kind, ConstraintKind::CoordinateCoupler { .. });
+        if let Some(constraint) = spec.constraints.iter().find(|c| c.is_enforced && between(&c.kind)) {
+            return Err(PlantError::NotExplicit { constraint: constraint.name.clone() });
+        }
+        let mut held = Vec::new();
+        for (i, coordinate) in model.coordinates.iter().enumerate() {
+            let dependent = model.couplers.iter().any(|c| c.dependent.0 == i);
+            let hold = match &coordinate.prescribed {
+                Some(function) => Held::Along(Box::new(function.clone())),
+                None if coordinate.locked && keep_locked => Held::At(coordinate.default_value),
+                None => continue,
+            };
+            if dependent {
+                return Err(PlantError::NotExplicit { constraint: coordinate.name.clone() });
+            }
+            held.push((i, hold));
+        }
+        let couplers = model.couplers.clone();
+        let is_held = |i: &usize| held.iter().any(|(h, _)| h == i) || couplers.iter().any(|c| c.dependent.0 == *i);
+        let free = (0..model.n_coordinates()).filter(|i| !is_held(i)).collect();
+        Ok(Reduction { free, held, couplers })
+    }
+
+    /// Number of free coordinates.
+    pub fn n_free(&self) -> usize {
+        self.free.len()
+    }
+
+    /// Buffers.
+    pub fn new_relation(&self, model: &Model) -> Relation {
+        let n = model.n_coordinates();
+        Relation { root: vec![None; n], slope: vec![0.0; n], bias: vec![0.0; n] }
+    }
+
+    /// All coordinates and speeds from the free ones.
+    pub fn expand(
+        &self,
+        time: f64,
+        (q_free, u_free): (&[f64], &[f64]),
+        (q, u): (&mut [f64], &mut [f64]),
+        relation: &mut Relation,
+    ) {
+        for (k, &i) in self.free.iter().enumerate() {
+            (q[i], u[i]) = (q_free[k], u_free[k]);
+            (relation.root[i], relation.slope[i], relation.bias[i]) = (Some(k), 1.0, 0.0);
+        }
+        for (i, held) in &self.held {
+            (q[*i], u[*i], relation.bias[*i]) = match held {
+                Held::At(value) => (*value, 0.0, 0.0),
+                Held::Along(f) => (f.value(time), f.derivative(time), f.second_derivative(time)),
+            };
+            (relation.root[*i], relation.slope[*i]) = (None, 0.0);
+        }
+        for coupler in &self.couplers {
+            let (i, d) = (coupler.independent.0, coupler.dependent.0);
+            let slope = coupler.derivative(q[i]);
+            q[d] = coupler.value(q[i]);
+            relation.bias[d] = slope * relation.bias[i] + coupler.second_derivative(q[i]) * u[i] * u[i];
+            u[d] = slope * u[i];
+            (relation.root[d], relation.slope[d]) = (relation.root[i], slope * relation.slope[i]);
+        }
+    }
+}
+
+impl Relation {
+    /// Rates of all speeds where those of the free ones are 0.
+    pub fn bias(&self) -> &[f64] {
+        &self.bias
+    }
+
+    /// Tᵀ M T.
+    pub fn reduce_matrix(&self, full: &DMatrix<f64>, reduced: &mut DMatrix<f64>) {
+        reduced.fill(0.0);
+        for (j, root_j) in self.root.iter().enumerate() {
+            let Some(root_j) = root_j else { continue };
+            for (i, root_i) in self.root.iter().enumerate() {
+                let Some(root_i) = root_i else { continue };
+                reduced[(*root_i, *root_j)] += self.slope[i] * full[(i, j)] * self.slope[j];
+            }
+        }
+    }
+
+    /// Tᵀ f.
+    pub fn reduce(&self, full: &[f64], reduced: &mut DVector<f64>) {
+        reduced.fill(0.0);
+        for (i, root) in self.root.iter().enumerate() {
+            if let Some(root) = root {
+                reduced[*root] += self.slope[i] * full[i];
+            }
+        }
+    }
+
+    /// T u̇_free + bias.
+    pub fn expand_rates(&self, free: &[f64], full: &mut [f64]) {
+        for (i, root) in self.root.iter().enumerate() {
+            full[i] = self.bias[i] + root.map_or(0.0, |root| self.slope[i] * free[root]);
+        }
+    }
+}
