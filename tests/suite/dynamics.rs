@@ -63,7 +63,7 @@ fn lab_cases(n_states: usize, extra: &[&str]) -> Vec<Case> {
             let partial = scratch.path().join("reference.json");
             let states = n_states.to_string();
             let mut arguments = vec![path.as_os_str(), partial.as_os_str(), "--states".as_ref(), states.as_ref()];
-            arguments.extend(extra.iter().map(AsRef::as_ref));
+            arguments.extend(extra.iter().map(std::ffi::OsStr::new));
             reference::run_script(&python, "scripts/dynamics.py", &arguments);
             std::fs::rename(partial, &out).expect("a writable folder");
         }
