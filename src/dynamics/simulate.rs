@@ -51,7 +51,11 @@ pub fn simulate_forward(
     loop {
         while next < options.times.len() && options.times[next] <= bdf.time {
             let at = options.times[next];
-            if at == bdf.time { x.copy_from_slice(bdf.state()) } else { bdf.interpolate(at, &mut x) }
+            if at == bdf.time {
+                x.copy_from_slice(bdf.state())
+            } else {
+                bdf.interpolate(at, &mut x)
+            }
             let excitation = system.excitation(at).to_vec();
             states.push(plant.unpack(at, &x, &excitation, &mut system.work));
             next += 1;

@@ -255,11 +255,8 @@ impl Bdf {
 
     fn choose_order(&mut self, error: f64, safety: f64, size: &DVector<f64>) {
         let order = self.order;
-        let lower = if order > 1 {
-            error_constant(order - 1) * norm(&self.differences[order], size)
-        } else {
-            f64::INFINITY
-        };
+        let lower =
+            if order > 1 { error_constant(order - 1) * norm(&self.differences[order], size) } else { f64::INFINITY };
         let higher = if order < MAX_ORDER {
             error_constant(order + 1) * norm(&self.differences[order + 2], size)
         } else {
@@ -377,8 +374,7 @@ mod tests {
     /// Reference at t = 40 of Hairer & Wanner, Solving ordinary differential equations II, section IV.1.
     #[test]
     fn verif_robertson_problem() {
-        let mut bdf =
-            Bdf::new(&mut Robertson, 0.0, &[1.0, 0.0, 0.0], &[1e-9, 1e-13, 1e-9], 1e-8, 1.0).expect("start");
+        let mut bdf = Bdf::new(&mut Robertson, 0.0, &[1.0, 0.0, 0.0], &[1e-9, 1e-13, 1e-9], 1e-8, 1.0).expect("start");
         while bdf.time < 40.0 {
             bdf.step(&mut Robertson, 40.0).expect("step");
         }

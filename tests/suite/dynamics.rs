@@ -54,7 +54,12 @@ fn lab_cases(n_states: usize, extra: &[&str]) -> Vec<Case> {
     let mut cases = Vec::new();
     for path in reference::lab_models() {
         let name = reference::stem(&path);
-        let key = format!("{name}-{n_states}{}-{}-{}.json", extra.concat(), reference::digest(&path), reference::digest(&script));
+        let key = format!(
+            "{name}-{n_states}{}-{}-{}.json",
+            extra.concat(),
+            reference::digest(&path),
+            reference::digest(&script)
+        );
         let out = validation::reference_folder("dynamics").join(key);
         if !out.exists() {
             let Some(python) = reference::opensim_python() else { return Vec::new() };
