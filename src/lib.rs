@@ -17,6 +17,7 @@ pub mod osim;
 pub mod paths;
 pub mod personalization;
 pub mod report;
+pub mod scaling;
 pub mod sensitivity;
 pub mod signals;
 pub mod simulation;

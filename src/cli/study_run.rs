@@ -118,10 +118,8 @@ impl StudyRun {
     pub fn participant(&self, participant: &Participant) -> Result<ParticipantRun, Failure> {
         let settings = &self.study.settings;
         let mut warnings: Vec<Message> = self.study.warnings.iter().map(Message::from).collect();
-        let path = self.other_model.as_ref().unwrap_or(&participant.model);
         let needs = if settings.dynamometer.includes(MomentPart::Passive) { Needs::Forces } else { Needs::Motion };
-        let loaded = model::load(path, needs, self.allow_unsupported, &mut warnings)?;
-        self.check_names(&loaded)?;
+        let loaded = self.load_model(participant, needs, &mut warnings)?;
         let at_study = |e: SimulationError| Failure::from(simulation_message(&e, &loaded.path));
         let model = MusculoskeletalModel::compile(&loaded.file.spec, &self.setup()).map_err(at_study)?;
         let left_out = model.left_out().iter().map(|(name, class)| format!("{name} ({class})")).collect::<Vec<_>>();
@@ -136,6 +134,22 @@ impl StudyRun {
         warnings.extend(path_warnings(&loaded, &model, &trials)?);
         let inputs = self.inputs(participant, &loaded.path, &trials)?;
         Ok(ParticipantRun { participant: participant.clone(), loaded, trials, model, prepared, inputs, warnings })
+    }
+
+    /// Reads a participant's model and checks the names that the study uses.
+    ///
+    /// # Errors
+    /// The model, or names that it does not have.
+    pub fn load_model(
+        &self,
+        participant: &Participant,
+        needs: Needs,
+        warnings: &mut Vec<Message>,
+    ) -> Result<LoadedModel, Failure> {
+        let path = self.other_model.as_ref().unwrap_or(&participant.model);
+        let loaded = model::load(path, needs, self.allow_unsupported, warnings)?;
+        self.check_names(&loaded)?;
+        Ok(loaded)
     }
 
     /// What of a model the study simulates.
@@ -184,7 +198,10 @@ impl StudyRun {
     }
 
     /// The files that the results of a participant depend on, with their hashes.
-    fn inputs(&self, participant: &Participant, model: &Path, trials: &[Trial]) -> Result<Vec<InputFile>, Failure> {
+    ///
+    /// # Errors
+    /// A file that cannot be read.
+    pub fn inputs(&self, participant: &Participant, model: &Path, trials: &[Trial]) -> Result<Vec<InputFile>, Failure> {
         let tables = [("participants.csv", "participants"), ("trials.csv", "trials"), ("ultrasound.csv", "ultrasound")];
         let shown = |path: &Path| path.strip_prefix(&self.study.folder).unwrap_or(path).display().to_string();
         let mut inputs = vec![

@@ -24,7 +24,7 @@ mod variation;
 pub use error::SimulationError;
 pub use fiber::integrate::FiberAccuracy;
 pub use fiber::radau::Work;
-pub use model::{HeldCoordinate, MuscleParameters, MusculoskeletalModel, Setup};
+pub use model::{HeldCoordinate, MuscleParameters, MusculoskeletalModel, Setup, posture};
 pub use motion::MotionInterpolation;
 pub use trial::{
     MIN_RECORDING_SAMPLES, MuscleKinematics, MuscleSimulation, Options, PreparedTrial, Recording, TrialKinematics,

@@ -121,7 +121,7 @@ impl MusculoskeletalModel {
     pub fn compile(spec: &ModelSpec, setup: &Setup) -> Result<MusculoskeletalModel, SimulationError> {
         let skeleton = Model::compile(spec)?;
         let coordinate = independent_coordinate(&skeleton, &setup.coordinate)?;
-        let posture = posture(&skeleton, setup)?;
+        let posture = posture(&skeleton, &setup.posture)?;
         let mut cache = CurveCache::default();
         let muscles = setup
             .active_muscles
@@ -279,9 +279,13 @@ pub(crate) fn set_posture(skeleton: &Model, q: &mut [f64], held: &[HeldCoordinat
     Ok(())
 }
 
-fn posture(skeleton: &Model, setup: &Setup) -> Result<Vec<f64>, SimulationError> {
+/// The default pose with some coordinates held and couplers followed [rad or m].
+///
+/// # Errors
+/// A coordinate that is not there, follows another, or is outside its range.
+pub fn posture(skeleton: &Model, held: &[HeldCoordinate]) -> Result<Vec<f64>, SimulationError> {
     let mut q = skeleton.default_coordinates();
-    set_posture(skeleton, &mut q, &setup.posture)?;
+    set_posture(skeleton, &mut q, held)?;
     Ok(q)
 }
 

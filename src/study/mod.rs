@@ -8,7 +8,7 @@
 //!
 //! | file | what is in it | optional keys beyond the essential ones |
 //! |---|---|---|
-//! | `study.toml` | `[study]`, `[dynamometer]`, `[posture_deg]`, `[muscles]`, `[emg]`, `[columns]`, `[personalization]` | `[columns] ignore = [..]`: columns that are there and not used; `[columns] angle_unit = "rad"`; `[checks] max_gap_s` |
+//! | `study.toml` | `[study]`, `[dynamometer]`, `[posture_deg]`, `[muscles]`, `[emg]`, `[columns]`, `[personalization]` | `[columns] ignore = [..]`: columns that are there and not used; `[columns] angle_unit = "rad"`; `[checks] max_gap_s`; `[scaling]` and `[strength_scaling]` |
 //! | `participants.csv` | [`Participant`] | any `<segment>_length_m` |
 //! | `trials.csv` | [`TrialInfo`] | `start_time_s` |
 //! | `ultrasound.csv` | [`UltrasoundMeasurement`] | the file itself |
@@ -19,6 +19,7 @@ mod participants;
 mod plausibility;
 mod problem;
 mod raw_emg;
+mod scaling;
 mod settings;
 mod table;
 mod toml_section;
@@ -35,6 +36,7 @@ pub use participants::{Participant, Sex, Side};
 pub(crate) use problem::nearest;
 pub use problem::{Fault, MAX_LISTED, Problem, Severity, StudyErrors};
 pub use raw_emg::EmgSignal;
+pub use scaling::{FinalMass, ModelLength, ScalingSettings, SegmentScaling, StrengthSettings};
 pub use settings::{
     AngleUnit, Columns, Dynamometer, MomentPart, ParameterBounds, PostureCoordinate, RelativeBounds, Settings,
 };

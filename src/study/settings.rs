@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::problem::{Fault, Problem};
 use super::raw_emg::{self, EmgSignal};
+use super::scaling::{self, ScalingSettings, StrengthSettings};
 use super::toml_section::{Sections, TomlSection};
 
 /// Bounds of table 3.2 of the study this program began with: three standard deviations of Lieber et al. (1990)
@@ -37,6 +38,10 @@ pub struct Settings {
     pub columns: Columns,
     /// How far personalization may go.
     pub bounds: ParameterBounds,
+    /// How the study's model becomes a participant's; `None` if the study does not say.
+    pub scaling: Option<ScalingSettings>,
+    /// How forces are scaled to maximum voluntary moments.
+    pub strength: StrengthSettings,
     /// Largest time step allowed in a trial \[s\]; `None`: five median steps.
     pub max_gap: Option<f64>,
 }
@@ -187,6 +192,8 @@ impl Settings {
         let columns_sound = problems.len() == before;
         let emg = raw_emg::settings(&sections, problems);
         let bounds = bounds(&sections, problems);
+        let scaling = scaling::linear(&sections, file, problems);
+        let strength = scaling::strength(&sections, active.as_deref().unwrap_or_default(), problems);
 
         let mut checks = sections.section("checks");
         let max_gap = checks.optional_number("max_gap_s", "a positive number of seconds", |v| v > 0.0);
@@ -204,6 +211,8 @@ impl Settings {
             emg,
             columns,
             bounds,
+            scaling,
+            strength,
             max_gap,
         };
         Some((settings, columns_sound))

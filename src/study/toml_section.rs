@@ -255,6 +255,21 @@ impl<'a> TomlSection<'a> {
         number
     }
 
+    /// `true` or `false`, if the key is there.
+    pub fn optional_bool(&mut self, key: &str) -> Option<bool> {
+        let value = self.value(key)?;
+        let DeValue::Boolean(flag) = value else {
+            self.bad_value(key, "true or false", &describe(value));
+            return None;
+        };
+        Some(*flag)
+    }
+
+    /// Whether the table is absent or has no keys.
+    pub fn is_empty(&self) -> bool {
+        self.entries.is_empty()
+    }
+
     /// Two numbers that pass `valid`, if the key is there.
     pub fn optional_pair(&mut self, key: &str, expected: &str, valid: impl Fn([f64; 2]) -> bool) -> Option<[f64; 2]> {
         let value = self.value(key)?;
@@ -314,6 +329,35 @@ impl<'a> TomlSection<'a> {
         let result = read(&mut inner);
         inner.finish(&mut self.problems);
         Some(result)
+    }
+
+    /// Every key of the table, each a table that `read` asks for its keys: keys are free.
+    pub fn all_tables<T>(
+        &mut self,
+        expected: &str,
+        mut read: impl FnMut(&str, usize, &mut TomlSection<'a>) -> T,
+    ) -> Vec<T> {
+        let mut found = Vec::new();
+        let all: Vec<_> = self.entries.iter().map(|e| (e.key, e.line, e.value)).collect();
+        for (key, line, value) in all {
+            self.known.insert(key.to_owned());
+            let DeValue::Table(table) = value else {
+                self.bad_value_at(line, key, expected, describe(value));
+                continue;
+            };
+            let mut inner = TomlSection {
+                file: self.file,
+                text: self.text,
+                name: self.name,
+                line,
+                entries: entries(table, self.text),
+                known: BTreeSet::new(),
+                problems: Vec::new(),
+            };
+            found.push(read(key, line, &mut inner));
+            inner.finish(&mut self.problems);
+        }
+        found
     }
 
     /// A table of strings whose keys must be exactly `keys`; strings in the order of `keys`.

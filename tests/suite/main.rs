@@ -14,6 +14,7 @@ mod paths;
 mod personalization;
 mod reference;
 mod report;
+mod scaling;
 mod sensitivity;
 mod signals;
 mod simulation;

@@ -11,3 +11,4 @@ pub mod personalize;
 pub mod power;
 pub mod sensitivity;
 pub mod simulate;
+pub mod strength_scale;

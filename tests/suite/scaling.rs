@@ -1,0 +1,3 @@
+//! A participant's model from the study's without fitting.
+
+mod strength;
