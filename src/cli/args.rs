@@ -68,6 +68,10 @@ pub enum Command {
     Diagnose(DiagnoseArgs),
     /// Which muscle parameters the study's trials respond to: Morris screening, Sobol' indices
     Sensitivity(SensitivityArgs),
+    /// Raw EMG to normalized EMG: band-pass, envelope, smoothing, MVC; checks of every channel, report
+    Emg(EmgArgs),
+    /// Scale a model linearly, as OpenSim's Scale Tool does: by factors, or to the participants of a study
+    Scale(ScaleArgs),
     /// Scale muscle forces so that flexors and extensors reach the maximum voluntary moments
     StrengthScale(StrengthScaleArgs),
     /// Power of a paired t-test or a correlation, and the participants it needs
@@ -244,6 +248,74 @@ pub struct SensitivityArgs {
     pub resamples: usize,
 }
 
+/// `carpus emg`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus emg study/study.toml --out emg\n\nWrites DIR/P01/{report.html,emg/TRIAL.csv} (time_s, emg_MUSCLE: 1 = maximum voluntary contraction) and DIR/emg.json. Channels are checked for samples that are missing, flat or clipped, mains hum, and values above MVC. The MVC level is found over the trials with contraction or use mvc. Constants, all optional, with their defaults:\n  [emg]\n  kind = \"raw\"\n  band_pass_hz = [30, 250]\n  filter_order = 4                 # of the Butterworth prototype; run forward and backward: no delay, gain 1/2 at the edges\n  envelope = \"moving_rms\"          # or \"moving_mean_of_rectified\"\n  rms_window_s = 0.1\n  savitzky_golay = { order = 3, window_s = 0.1 }\n  mvc_window_s = 0.5               # largest mean over this; default: the largest sample\n  resample_hz = 100                # default: as recorded"
+)]
+pub struct EmgArgs {
+    /// The study.
+    #[command(flatten)]
+    pub study: StudyArgs,
+}
+
+/// `carpus scale`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus scale study/study.toml --out scaled\n  carpus scale wrist.osim --factor hand=1.05 --factor radius=1,1.08,1 --mass 3.9 --out scaled\n\nWrites DIR/P01/model.osim (DIR/model.osim for a model): the lab's file with the scaled values alone changed, and DIR/{scale.json,path_lengths.csv}. Scaled as OpenSim 4.6 does it: joint frames, mass centres, masses, inertias, path points, wrap objects, markers, translations of custom joints, and optimal fibre, tendon slack and resting lengths by the ratio of path lengths in the default pose. Maximum isometric forces stay: see carpus strength-scale.\n\nIn study.toml, a table per column <segment>_length_m of participants.csv:\n  [scaling]\n  preserve_mass_distribution = false\n  reference_mass_kg = 75.3      # the model is part of a body of this mass; or whole_body = true; or neither\n  [scaling.segments.forearm]    # column forearm_length_m\n  bodies = [\"ulna\", \"radius\"]\n  joints = [\"elbow\", \"wrist\"]  # the same length in the model; or markers = [..]; or model_length_m = 0.25\n  axes = [\"y\"]                 # default: all three"
+)]
+pub struct ScaleArgs {
+    /// A model, or a study: its study.toml or the folder it is in
+    #[arg(value_name = "MODEL.osim|STUDY/study.toml")]
+    pub input: PathBuf,
+    /// Model: scale a body along x, y, z (one number: all alike); may be given several times
+    #[arg(long, value_name = "BODY=X[,Y,Z]")]
+    pub factor: Vec<BodyFactor>,
+    /// Model: mass of the scaled model [kg]
+    #[arg(long, value_name = "KG", value_parser = positive)]
+    pub mass: Option<f64>,
+    /// Model: bodies keep their share of the mass instead of growing with their volume
+    #[arg(long)]
+    pub preserve_mass_distribution: bool,
+    /// Study: only this participant; may be given several times (default: all)
+    #[arg(long, value_name = "NAME")]
+    pub participant: Vec<String>,
+    /// Study: use this model instead of the one the study names
+    #[arg(long, value_name = "OTHER.osim")]
+    pub model: Option<PathBuf>,
+    /// Folder for the results
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Go on although the model has components that would change the result and are not supported
+    #[arg(long)]
+    pub allow_unsupported: bool,
+}
+
+/// A body and its scale factors.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodyFactor {
+    /// The body.
+    pub body: String,
+    /// Factors along x, y, z.
+    pub factors: [f64; 3],
+}
+
+impl std::str::FromStr for BodyFactor {
+    type Err = String;
+    fn from_str(text: &str) -> Result<Self, String> {
+        let expected = || "expected BODY=FACTOR or BODY=X,Y,Z with positive numbers, e.g. hand=1.05".to_string();
+        let (body, numbers) = text.rsplit_once('=').ok_or_else(expected)?;
+        let numbers: Vec<f64> =
+            numbers.split(',').map(|word| positive(word.trim())).collect::<Result<_, _>>().map_err(|_| expected())?;
+        let factors = match numbers[..] {
+            [all] => [all; 3],
+            [x, y, z] => [x, y, z],
+            _ => return Err(expected()),
+        };
+        if body.is_empty() { Err(expected()) } else { Ok(BodyFactor { body: body.to_string(), factors }) }
+    }
+}
+
 /// `carpus strength-scale`
 #[derive(Debug, Args)]
 #[command(
@@ -301,6 +373,13 @@ pub struct EffectsArgs {
     /// Only this effect, in full
     #[arg(value_name = "ID")]
     pub id: Option<String>,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
+        _ => Err("expected a positive number".to_string()),
+    }
 }
 
 fn activation(text: &str) -> Result<f64, String> {

@@ -74,6 +74,8 @@ fn execute(cli: &Cli) -> Result<(), Failure> {
         Command::Compare(args) => commands::compare::run(args, global),
         Command::Diagnose(args) => commands::diagnose::run(args, global),
         Command::Sensitivity(args) => commands::sensitivity::run(args, global),
+        Command::Emg(args) => commands::emg::run(args, global),
+        Command::Scale(args) => commands::scale::run(args, global),
         Command::StrengthScale(args) => commands::strength_scale::run(args, global),
         Command::Power(args) => commands::power::run(args, global),
         Command::Effects(args) => commands::effects::run(args, global),

@@ -218,7 +218,7 @@ impl OsimFile {
             let muscle = self.muscle_element(name, property)?;
             match self.existing(muscle, property) {
                 Some(element) => {
-                    let edit = self.value_edit(element, property, &format_number(value))?;
+                    let edit = value_edit(&self.document, element, property, &format_number(value))?;
                     edits.retain(|(range, _)| *range != edit.0);
                     edits.push(edit);
                 }
@@ -354,7 +354,7 @@ impl OsimFile {
 
     fn set_in(&mut self, owner: ElementId, property: &str, text: &str) -> Result<(), EditError> {
         if let Some(element) = self.existing(owner, property) {
-            let edit = self.value_edit(element, property, text)?;
+            let edit = value_edit(&self.document, element, property, text)?;
             return self.apply(vec![edit]);
         }
         let value = escape(text);
@@ -383,24 +383,6 @@ impl OsimFile {
         }
     }
 
-    fn value_edit(&self, element: ElementId, property: &str, text: &str) -> Result<Splice, EditError> {
-        if !self.document.children(element).is_empty() {
-            let owner = self.document.parent(element);
-            return Err(EditError::NotAValue {
-                file: self.document.file().to_owned(),
-                line: self.document.line(element),
-                path: owner.and_then(|owner| self.document.attribute(owner, "name")).unwrap_or_default(),
-                property: property.to_owned(),
-            });
-        }
-        let text = escape(text);
-        if !self.document.is_self_closing(element) {
-            return Ok((self.document.value_range(element), text));
-        }
-        let range = self.document.start_tag(element);
-        Ok((range.clone(), format!("{}{text}</{}>", opened(&self.document, range), self.document.tag(element))))
-    }
-
     /// Element of the component at a path.
     fn component(&self, path: &str) -> Result<ElementId, EditError> {
         let locations = locations(self);
@@ -413,7 +395,7 @@ impl OsimFile {
     }
 
     /// Splices, then reads the new text.
-    fn apply(&mut self, edits: Vec<Splice>) -> Result<(), EditError> {
+    pub(super) fn apply(&mut self, edits: Vec<Splice>) -> Result<(), EditError> {
         if edits.is_empty() {
             return Ok(());
         }
@@ -424,7 +406,31 @@ impl OsimFile {
     }
 }
 
-type Splice = (Range<usize>, String);
+pub(super) type Splice = (Range<usize>, String);
+
+/// The splice that gives a property another value.
+pub(super) fn value_edit(
+    document: &Document,
+    element: ElementId,
+    property: &str,
+    text: &str,
+) -> Result<Splice, EditError> {
+    if !document.children(element).is_empty() {
+        let owner = document.parent(element);
+        return Err(EditError::NotAValue {
+            file: document.file().to_owned(),
+            line: document.line(element),
+            path: owner.and_then(|owner| document.attribute(owner, "name")).unwrap_or_default(),
+            property: property.to_owned(),
+        });
+    }
+    let text = escape(text);
+    if !document.is_self_closing(element) {
+        return Ok((document.value_range(element), text));
+    }
+    let range = document.start_tag(element);
+    Ok((range.clone(), format!("{}{text}</{}>", opened(document, range), document.tag(element))))
+}
 
 /// A number in its shortest form that reads back the same; infinities as OpenSim writes them.
 pub fn format_number(value: f64) -> String {
@@ -484,7 +490,7 @@ fn lines(parts: &[&str]) -> String {
 }
 
 /// Splices that make `fragment` the last child of `parent`.
-fn insertion(document: &Document, parent: ElementId, fragment: &str) -> Vec<Splice> {
+pub(super) fn insertion(document: &Document, parent: ElementId, fragment: &str) -> Vec<Splice> {
     let newline = document.newline();
     let unit = indentation_unit(document);
     if let Some(&last) = document.children(parent).last() {
@@ -511,7 +517,7 @@ fn insertion(document: &Document, parent: ElementId, fragment: &str) -> Vec<Spli
 }
 
 /// One level of indentation: that of the model below the root.
-fn indentation_unit(document: &Document) -> String {
+pub(super) fn indentation_unit(document: &Document) -> String {
     let model = document.children(document.root()).first();
     let of_model = model.and_then(|&model| document.indentation(model)).filter(|text| !text.is_empty());
     of_model.unwrap_or("\t").to_owned()

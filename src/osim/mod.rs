@@ -10,6 +10,7 @@ pub mod document;
 pub mod edit;
 pub mod error;
 mod reader;
+pub mod scale;
 pub mod spec;
 
 use std::path::Path;
@@ -18,6 +19,7 @@ pub use diagnostics::{Diagnostic, Diagnostics, Severity};
 pub use document::{Document, ElementId};
 pub use edit::{ComponentSet, EditError};
 pub use error::{DocumentError, DocumentErrorKind, OsimError, Problem, ProblemKind, WriteError};
+pub use scale::{BodyFactors, ScaleError, ScaledBodies};
 use spec::{Location, ModelSpec};
 
 /// An `.osim` file: its text, what it says, and what of it was not understood.

@@ -8,9 +8,11 @@ mod number;
 mod page;
 mod plot;
 pub mod results;
+pub mod signals;
 pub mod sweep;
 mod view;
 
 pub use number::{percent, plain, quantity, significant};
 pub use page::render_report;
+pub use signals::render_signals;
 pub use sweep::render_sweep;

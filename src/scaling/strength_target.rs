@@ -1,7 +1,7 @@
 //! Maximum voluntary moments of a participant and the postures in which they were exerted.
 
 use super::StrengthError;
-use crate::study::{Contraction, Direction, Participant, Study, Trial, TrialInfo, TrialUse};
+use crate::study::{Direction, Participant, Study, Trial, TrialInfo};
 
 /// A moment that a group of muscles has to reach.
 #[derive(Clone, Debug, PartialEq)]
@@ -77,8 +77,7 @@ fn largest(study: &Study, participant: &Participant, direction: Direction) -> Re
     let settings = &study.settings.strength;
     let positive = settings.flexion_is_positive == (direction == Direction::Flexion);
     let sign = if positive { 1.0 } else { -1.0 };
-    let is_mvc =
-        |t: &&TrialInfo| (t.usage == TrialUse::Mvc || t.contraction == Contraction::Mvc) && t.direction == direction;
+    let is_mvc = |t: &&TrialInfo| t.is_mvc() && t.direction == direction;
     let mut best: Option<Largest> = None;
     for info in study.trials_of(&participant.name).filter(is_mvc) {
         let trial = study.trial(info)?;
@@ -128,6 +127,7 @@ fn peak(trial: &Trial, sign: f64, window: f64) -> (f64, usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::study::{Contraction, TrialUse};
 
     fn trial(moment: &[f64]) -> Trial {
         let info = TrialInfo {

@@ -45,6 +45,8 @@ pub struct EmgProcessing {
     pub savitzky_golay: Option<SavitzkyGolay>,
     /// What of the MVC trials counts as the maximum.
     pub mvc_level: MvcLevel,
+    /// Rate at which normalized EMG is written \[Hz\]; `None`: as recorded. [`Self::envelope`] does not resample.
+    pub resample_hz: Option<f64>,
 }
 
 impl Default for EmgProcessing {
@@ -56,6 +58,7 @@ impl Default for EmgProcessing {
             rms_window_s: 0.1,
             savitzky_golay: Some(SavitzkyGolay { order: 3, window_s: 0.1 }),
             mvc_level: MvcLevel::Peak,
+            resample_hz: None,
         }
     }
 }

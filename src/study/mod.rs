@@ -18,6 +18,7 @@ mod lines;
 mod participants;
 mod plausibility;
 mod problem;
+mod processed_emg;
 mod raw_emg;
 mod scaling;
 mod settings;
@@ -35,6 +36,7 @@ use rayon::prelude::*;
 pub use participants::{Participant, Sex, Side};
 pub(crate) use problem::nearest;
 pub use problem::{Fault, MAX_LISTED, Problem, Severity, StudyErrors};
+pub use processed_emg::{ParticipantEmg, ProcessedEmg};
 pub use raw_emg::EmgSignal;
 pub use scaling::{FinalMass, ModelLength, ScalingSettings, SegmentScaling, StrengthSettings};
 pub use settings::{
@@ -154,8 +156,7 @@ impl Study {
     pub fn mvc_levels(&self, participant: &str) -> Result<Option<Vec<f64>>, StudyErrors> {
         let EmgSignal::Raw(emg) = &self.settings.emg else { return Ok(None) };
         let trials_file = self.folder.join("trials.csv");
-        let is_mvc = |t: &&TrialInfo| t.usage == TrialUse::Mvc || t.contraction == Contraction::Mvc;
-        let infos: Vec<&TrialInfo> = self.trials_of(participant).filter(is_mvc).collect();
+        let infos: Vec<&TrialInfo> = self.trials_of(participant).filter(|t| t.is_mvc()).collect();
         let results = infos.into_par_iter().map(|info| Trial::read(info, &self.settings, &trials_file, None));
         let trials = gather(results.collect())?;
         let mut problems = Vec::new();

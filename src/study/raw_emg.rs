@@ -54,6 +54,7 @@ fn processing(section: &mut TomlSection<'_>) -> EmgProcessing {
     if let Some(window_s) = section.optional_number("rms_window_s", seconds, |v| v > 0.0) {
         emg.rms_window_s = window_s;
     }
+    emg.resample_hz = section.optional_number("resample_hz", "a positive rate in Hz", |v| v > 0.0);
     if let Some(window_s) = section.optional_number("mvc_window_s", seconds, |v| v > 0.0) {
         emg.mvc_level = MvcLevel::LargestMean { window_s };
     }
@@ -168,6 +169,6 @@ pub(crate) fn to_excitation(
 }
 
 /// Samples per second over the whole trial \[Hz\]: single steps carry the rounding of written times.
-fn mean_rate_hz(trial: &Trial) -> f64 {
+pub(crate) fn mean_rate_hz(trial: &Trial) -> f64 {
     (trial.len() - 1) as f64 / trial.duration()
 }

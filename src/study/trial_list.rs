@@ -56,6 +56,11 @@ pub struct TrialInfo {
 }
 
 impl TrialInfo {
+    /// Whether it is a maximum voluntary contraction that scales EMG or strength.
+    pub fn is_mvc(&self) -> bool {
+        self.usage == TrialUse::Mvc || self.contraction == Contraction::Mvc
+    }
+
     /// A short name: the file's name without extension.
     pub fn name(&self) -> String {
         self.file.file_stem().map_or_else(|| format!("trial_{}", self.index + 1), |s| s.to_string_lossy().into_owned())

@@ -1,3 +1,4 @@
 //! A participant's model from the study's without fitting.
 
+mod linear;
 mod strength;

@@ -71,7 +71,7 @@ fn verif_excitation_is_the_envelope_over_the_largest_of_the_mvc_trials() {
 
 #[test]
 fn verif_every_constant_can_be_set() {
-    let settings = "band_pass_hz = [20, 400]\nfilter_order = 2\nrms_window_s = 0.05\nmvc_window_s = 0.2\n\
+    let settings = "band_pass_hz = [20, 400]\nfilter_order = 2\nrms_window_s = 0.05\nmvc_window_s = 0.2\nresample_hz = 100\n\
                     envelope = \"moving_mean_of_rectified\"\nsavitzky_golay = { order = 2, window_s = 0.03 }";
     let folder = raw_study(settings);
     let study = folder.read().unwrap_or_else(|e| panic!("{e}"));
@@ -82,6 +82,7 @@ fn verif_every_constant_can_be_set() {
         rms_window_s: 0.05,
         savitzky_golay: Some(SavitzkyGolay { order: 2, window_s: 0.03 }),
         mvc_level: MvcLevel::LargestMean { window_s: 0.2 },
+        resample_hz: Some(100.0),
     };
     assert_eq!(study.settings.emg, EmgSignal::Raw(expected.clone()));
     let levels = study.mvc_levels("P01").expect("MVC trials").expect("raw");
