@@ -7,6 +7,7 @@
 pub mod cli;
 pub mod diagnosis;
 pub mod dynamics;
+pub mod dynamometer;
 pub mod evaluation;
 pub mod forces;
 pub mod functions;

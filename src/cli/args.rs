@@ -70,6 +70,10 @@ pub enum Command {
     Sensitivity(SensitivityArgs),
     /// Raw EMG to normalized EMG: band-pass, envelope, smoothing, MVC; checks of every channel, report
     Emg(EmgArgs),
+    /// Dynamometer recordings to trials: filter, drag, relaxed limb, repetitions, second recorder; a new study
+    Dynamometer(DynamometerArgs),
+    /// The machine's own viscous drag, from runs at constant velocity without a participant
+    DynamometerDrag(DynamometerDragArgs),
     /// Scale a model linearly, as OpenSim's Scale Tool does: by factors, or to the participants of a study
     Scale(ScaleArgs),
     /// Scale muscle forces so that flexors and extensors reach the maximum voluntary moments
@@ -257,6 +261,28 @@ pub struct EmgArgs {
     /// The study.
     #[command(flatten)]
     pub study: StudyArgs,
+}
+
+/// `carpus dynamometer`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus dynamometer recorded/study.toml --out study\n\nWrites a study into DIR (study.toml, tables, models, data/), DIR/reports/P01.html and DIR/dynamometer.json. What is done stands in study.toml; all keys are optional, and without a key nothing of it is done:\n  [processing]\n  filter_hz = 6                # zero-phase Butterworth low-pass of angle, velocity and moment\n  filter_order = 4\n  remove_drag = true           # adds damping_n_m_s_per_deg x velocity; the new study has damping 0\n  subtract_passive = true      # the relaxed limb's moment (gravity and tissue) from the passive trials; the new study no longer includes passive and gravity\n  passive_order = 5            # polynomial in the angle, and viscous damping\n  [processing.repetitions]     # cuts trials that have no repetition number\n  by = \"moment\"                # or \"movement\"\n  threshold = 0.2              # of the largest\n  min_duration_s = 0.5\n  max_pause_s = 0.3\n  margin_s = 0.25\n  contractions = [\"isometric\", \"isotonic\", \"passive\"]\n  [processing.second_recorder] # EMG recorded apart, aligned by cross-correlation to a fraction of a sample\n  file = \"{trial}_emg.csv\"     # beside the trial's file\n  time = \"time_s\"\n  shared = \"torque_v\"          # its column of what both recorded\n  shared_with = \"moment_n_m\"   # the trial's column of it\n  max_delay_s = 2"
+)]
+pub struct DynamometerArgs {
+    /// The study.
+    #[command(flatten)]
+    pub study: StudyArgs,
+}
+
+/// `carpus dynamometer-drag`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus dynamometer-drag machine_30.csv machine_60.csv machine_120.csv\n  carpus dynamometer-drag study/study.toml\n\nFiles have columns time_s, angle_deg, moment_n_m and perhaps velocity_deg_per_s; a study names them by [processing] drag_runs and [columns]. The moment of an empty machine at constant velocity is -drag x velocity - friction x sign(velocity) + offset + weight of the attachment; all are estimated together, and the interval holds although neighbouring samples err alike."
+)]
+pub struct DynamometerDragArgs {
+    /// Recordings of the machine alone, or a study
+    #[arg(value_name = "FILE.csv…|STUDY/study.toml", required = true)]
+    pub input: Vec<PathBuf>,
 }
 
 /// `carpus scale`

@@ -10,6 +10,7 @@ mod failure;
 mod model;
 mod output;
 mod path_check;
+mod processed_study;
 mod provenance;
 mod quantity;
 mod series;
@@ -75,6 +76,8 @@ fn execute(cli: &Cli) -> Result<(), Failure> {
         Command::Diagnose(args) => commands::diagnose::run(args, global),
         Command::Sensitivity(args) => commands::sensitivity::run(args, global),
         Command::Emg(args) => commands::emg::run(args, global),
+        Command::Dynamometer(args) => commands::dynamometer::run(args, global),
+        Command::DynamometerDrag(args) => commands::dynamometer_drag::run(args, global),
         Command::Scale(args) => commands::scale::run(args, global),
         Command::StrengthScale(args) => commands::strength_scale::run(args, global),
         Command::Power(args) => commands::power::run(args, global),

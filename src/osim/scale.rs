@@ -222,6 +222,12 @@ fn masses(
     }
     for (body, (mass, inertia)) in spec.bodies.iter().zip(bodies) {
         edits.set_numbers(&body.at, &["mass"], &[body.mass], &[mass]);
+        if mass <= f64::EPSILON && factors.contains(&body.name) {
+            // OpenSim takes the inertia of a body without mass as zero, and writes it so once it has scaled it.
+            edits.set_zero(&body.at, "inertia");
+            INERTIA_COMPONENTS.iter().for_each(|name| edits.set_zero(&body.at, name));
+            continue;
+        }
         let components =
             |m: &nalgebra::Matrix3<f64>| [m[(0, 0)], m[(1, 1)], m[(2, 2)], m[(0, 1)], m[(0, 2)], m[(1, 2)]];
         let (before, after) = (components(&body.inertia), components(&inertia));

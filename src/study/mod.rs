@@ -19,6 +19,7 @@ mod participants;
 mod plausibility;
 mod problem;
 mod processed_emg;
+mod processing;
 mod raw_emg;
 mod scaling;
 mod settings;
@@ -37,6 +38,9 @@ pub use participants::{Participant, Sex, Side};
 pub(crate) use problem::nearest;
 pub use problem::{Fault, MAX_LISTED, Problem, Severity, StudyErrors};
 pub use processed_emg::{ParticipantEmg, ProcessedEmg};
+pub use processing::{
+    DelayFound, ProcessedTrial, ProcessingError, ProcessingResult, ProcessingSettings, Recorded, SecondRecorder,
+};
 pub use raw_emg::EmgSignal;
 pub use scaling::{FinalMass, ModelLength, ScalingSettings, SegmentScaling, StrengthSettings};
 pub use settings::{

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::problem::{Fault, Problem};
+use super::processing::{self, ProcessingSettings};
 use super::raw_emg::{self, EmgSignal};
 use super::scaling::{self, ScalingSettings, StrengthSettings};
 use super::toml_section::{Sections, TomlSection};
@@ -38,6 +39,8 @@ pub struct Settings {
     pub columns: Columns,
     /// How far personalization may go.
     pub bounds: ParameterBounds,
+    /// What happens to recordings before they are trials; only `carpus dynamometer` does it.
+    pub processing: ProcessingSettings,
     /// How the study's model becomes a participant's; `None` if the study does not say.
     pub scaling: Option<ScalingSettings>,
     /// How forces are scaled to maximum voluntary moments.
@@ -192,6 +195,7 @@ impl Settings {
         let columns_sound = problems.len() == before;
         let emg = raw_emg::settings(&sections, problems);
         let bounds = bounds(&sections, problems);
+        let processing = processing::settings(&sections, problems);
         let scaling = scaling::linear(&sections, file, problems);
         let strength = scaling::strength(&sections, active.as_deref().unwrap_or_default(), problems);
 
@@ -211,6 +215,7 @@ impl Settings {
             emg,
             columns,
             bounds,
+            processing,
             scaling,
             strength,
             max_gap,

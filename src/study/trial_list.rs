@@ -84,7 +84,7 @@ pub enum Contraction {
 }
 
 impl Contraction {
-    const WORDS: [(&str, Contraction); 5] = [
+    pub(crate) const WORDS: [(&'static str, Contraction); 5] = [
         ("isometric", Contraction::Isometric),
         ("isotonic", Contraction::Isotonic),
         ("passive", Contraction::Passive),

@@ -2,7 +2,9 @@
 
 mod diagnosis;
 mod dynamics;
+mod dynamometer;
 mod effects;
+mod emg;
 mod evaluation;
 mod fixtures;
 mod forces;

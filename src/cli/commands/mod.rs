@@ -3,6 +3,8 @@
 pub mod compare;
 pub mod demo;
 pub mod diagnose;
+pub mod dynamometer;
+pub mod dynamometer_drag;
 pub mod effects;
 pub mod emg;
 pub mod equilibrium;

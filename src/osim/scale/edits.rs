@@ -45,6 +45,18 @@ impl Edits {
         }
     }
 
+    /// Sets the numbers of a property to zero where the file has others, whatever the specification makes of them.
+    pub fn set_zero(&mut self, at: &Location, name: &str) {
+        let Some(property) = at.element.and_then(|element| self.document.child(ElementId(element), name)) else {
+            return;
+        };
+        let text = self.document.text(property);
+        let numbers: Vec<f64> = text.split_ascii_whitespace().filter_map(|word| word.parse().ok()).collect();
+        if numbers.iter().any(|v| *v != 0.0) {
+            self.set_text(property, name, &vec!["0"; numbers.len()].join(" "));
+        }
+    }
+
     /// Multiplies the scale factors of the geometry attached to a frame.
     pub fn scale_geometry(&mut self, at: &Location, factors: Vector3<f64>) {
         let Some(frame) = at.element.map(ElementId).filter(|_| factors != Vector3::repeat(1.0)) else { return };

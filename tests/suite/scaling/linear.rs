@@ -133,7 +133,11 @@ fn study(folder: &Path, scaling: &str, participants: &str) -> PathBuf {
     let toml = source.replace("../../models/wrist.osim", "wrist.osim");
     std::fs::write(folder.join("study.toml"), format!("{toml}\n{scaling}")).unwrap();
     std::fs::write(folder.join("participants.csv"), participants).unwrap();
-    std::fs::write(folder.join("trials.csv"), "participant,file,contraction,effort_percent,direction\n").unwrap();
+    std::fs::write(
+        folder.join("trials.csv"),
+        "participant,file,contraction,effort_percent,direction\nP01,none.csv,mvc,100,flexion\n",
+    )
+    .unwrap();
     folder.join("study.toml")
 }
 
