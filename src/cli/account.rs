@@ -314,6 +314,11 @@ fn use_word(trial_use: Use) -> &'static str {
     }
 }
 
+/// A number for a table: nine significant digits.
+pub fn digits(value: f64) -> String {
+    rounded(value, 9).to_string()
+}
+
 /// A CSV table.
 ///
 /// # Errors

@@ -60,6 +60,10 @@ pub enum Command {
     Simulate(SimulateArgs),
     /// Compare simulated with measured moments: errors per trial and per condition, report
     Compare(CompareArgs),
+    /// Everything of a study, resumable: sensitivity, training cases, evaluation, power; one report
+    Study(WholeStudyArgs),
+    /// Every model on every held-out condition: errors over participants, analyses of variance, figures
+    Evaluate(EvaluateArgs),
     /// Fit muscle parameters to a study: a personalized .osim, errors before and after, report
     Personalize(PersonalizeArgs),
     /// See where the model fails and which physical effects could be missing (unfinished: verdicts are not calibrated)
@@ -218,6 +222,46 @@ pub struct PersonalizeArgs {
     pub study: StudyArgs,
 }
 
+/// `carpus evaluate`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus evaluate study/study.toml --models done/models --out evaluated\n  carpus evaluate study/study.toml --models personalized --models other_fit --out evaluated\n\nReads DIR/P01/NAME.osim for every participant and evaluates every NAME, and the study's own model as `linear`, on the trials with use = test. Writes DIR/{report.html,evaluation_errors.csv,evaluation_means.csv,evaluation_anova.csv,evaluation_pairwise.csv}."
+)]
+pub struct EvaluateArgs {
+    /// The study.
+    #[command(flatten)]
+    pub study: StudyArgs,
+    /// Folder with one folder of models a participant; may be given several times
+    #[arg(long, value_name = "DIR", required = true)]
+    pub models: Vec<PathBuf>,
+}
+
+/// `carpus study`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus study study/study.toml --out done\n\nStopped at any time, even by force, and started again with the same words, it goes on where it was: what is finished lies in DIR/units under a key made of everything that it depends on. Writes DIR/report.html, the tables as CSV, and DIR/models/P01/CASE.osim. Only DIR/timings and DIR/timings.csv depend on the machine."
+)]
+pub struct WholeStudyArgs {
+    /// The study.
+    #[command(flatten)]
+    pub study: StudyArgs,
+    /// Only these steps (comma-separated; default: all)
+    #[arg(long, value_name = "STEP,…", value_delimiter = ',')]
+    pub steps: Vec<String>,
+    /// Starts r of the Morris screening
+    #[arg(long, value_name = "R", default_value_t = 25, value_parser = clap::value_parser!(u32).range(2..=100_000))]
+    pub starts: u32,
+    /// Rows N of the Sobol' analysis: N (m + 2) runs per condition; 0 for none
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
+    pub sobol: u32,
+    /// Evaluations of each Bayesian optimization
+    #[arg(long, value_name = "N", default_value_t = 150, value_parser = clap::value_parser!(u32).range(11..=100_000))]
+    pub bayesian_evaluations: u32,
+    /// Iterations of each sequential quadratic programming
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub sqp_iterations: u32,
+}
+
 /// `carpus diagnose`
 #[derive(Debug, Args)]
 #[command(
@@ -235,7 +279,7 @@ pub struct DiagnoseArgs {
 /// `carpus sensitivity`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus sensitivity study/study.toml --out sensitivity\n  carpus sensitivity study/study.toml --sobol 256 --out sensitivity\n\nWrites DIR/{sensitivity.json,morris.csv,convergence.csv}, with --sobol sobol.csv, and with two or more participants anova.csv. Trials held out (use = test) are not used."
+    after_help = "Example:\n  carpus sensitivity study/study.toml --out sensitivity\n  carpus sensitivity study/study.toml --sobol 256 --out sensitivity\n\nWrites DIR/{report.html,sensitivity.json,morris.csv,convergence.csv,sensitivity_means.csv}, with --sobol sobol.csv, and with two or more participants the tests of tables 2.3 to 2.5 and 2.3b: anova.csv, anova_muscles.csv, pairwise.csv, pairwise_muscles.csv. Trials held out (use = test) are not used."
 )]
 pub struct SensitivityArgs {
     /// The study.
@@ -244,7 +288,7 @@ pub struct SensitivityArgs {
     /// Starts r of the screening: r (m + 1) runs per condition for m parameters
     #[arg(long, value_name = "R", default_value_t = 25, value_parser = clap::value_parser!(u32).range(2..=100_000))]
     pub starts: u32,
-    /// Also Sobol' indices, from N (m + 2) runs per condition
+    /// Also Sobol' indices, from a Sobol' sequence and N (m + 2) runs per condition; best a power of two
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
     pub sobol: Option<u32>,
     /// Resamples of the bootstrap behind the intervals

@@ -5,6 +5,7 @@
 
 mod account;
 mod args;
+mod cohort_report;
 mod commands;
 mod failure;
 mod model;
@@ -13,9 +14,12 @@ mod path_check;
 mod processed_study;
 mod provenance;
 mod quantity;
+mod screening;
+mod sensitivity_report;
 mod series;
 mod study_run;
 mod table;
+mod units;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
@@ -82,6 +86,8 @@ fn execute(cli: &Cli) -> Result<(), Failure> {
         Command::StrengthScale(args) => commands::strength_scale::run(args, global),
         Command::Power(args) => commands::power::run(args, global),
         Command::Effects(args) => commands::effects::run(args, global),
+        Command::Evaluate(args) => commands::evaluate::run(args, global),
+        Command::Study(args) => commands::study::run(args, global),
         Command::Personalize(args) => commands::personalize::run(args, global),
     }
 }

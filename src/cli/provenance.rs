@@ -49,6 +49,16 @@ pub fn input_file(path: &Path, shown: &str, role: &str) -> Result<InputFile, Fai
     Ok(InputFile { path: shown.to_string(), role: role.to_string(), sha256: hexadecimal(&hasher.finalize()) })
 }
 
+/// SHA-256 of texts, hexadecimal; where one text ends and the next begins counts.
+pub fn hash(texts: &[&str]) -> String {
+    let mut hasher = Sha256::new();
+    for text in texts {
+        hasher.update((text.len() as u64).to_le_bytes());
+        hasher.update(text.as_bytes());
+    }
+    hexadecimal(&hasher.finalize())
+}
+
 fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().fold(String::new(), |mut text, byte| {
         let _ = write!(text, "{byte:02x}");

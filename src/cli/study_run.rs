@@ -162,7 +162,22 @@ impl StudyRun {
     /// # Errors
     /// The edited model cannot be simulated.
     pub fn simulate_edited(&self, run: &ParticipantRun, spec: &ModelSpec) -> Result<Vec<TrialSimulation>, Failure> {
-        let recordings: Vec<Recording> = run.trials.iter().map(Recording::from).collect();
+        self.simulate_some(run, spec, &(0..run.trials.len()).collect::<Vec<_>>())
+    }
+
+    /// Simulates some of a participant's trials with another model.
+    ///
+    /// - `chosen`: positions among the participant's trials
+    ///
+    /// # Errors
+    /// The model cannot be simulated.
+    pub fn simulate_some(
+        &self,
+        run: &ParticipantRun,
+        spec: &ModelSpec,
+        chosen: &[usize],
+    ) -> Result<Vec<TrialSimulation>, Failure> {
+        let recordings: Vec<Recording> = chosen.iter().map(|&i| Recording::from(&run.trials[i])).collect();
         let simulate = || {
             let model = MusculoskeletalModel::compile(spec, &self.setup())?;
             let prepared = model.prepare_all(&recordings, &Options::default())?;

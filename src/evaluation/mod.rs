@@ -4,8 +4,10 @@
 //! over trials ([`ErrorTable`]), serializable, with units in the names. Bringing both moments onto the same samples is
 //! not here; see [`crate::simulation`].
 
+mod cohort;
 mod measures;
 mod table;
 
+pub use cohort::{Cohort, CohortMeasure, ConditionError, OverParticipants, condition_errors};
 pub use measures::{ErrorMeasures, EvaluationError, Measure, Undefined, error_measures};
 pub use table::{Condition, ConditionErrors, ErrorSummary, ErrorTable, SetErrors, Spread, TrialErrors};

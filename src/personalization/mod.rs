@@ -13,14 +13,20 @@
 //! let fit = personalize(&problem, &FitOptions::default(), &|_| ())?;
 //! write_parameters(&mut file, &fit.fitted)?;        // only the fitted values' lines change
 //! ```
+//! [`fit_case`] fits the training cases of the dissertation's table 3.1 by its own optimizer and by exact gradients of J.
+//!
 //! The result depends on the seed, never on the number of threads.
 
+mod bayesian;
+mod cases;
 mod error;
+mod exact;
 mod joint;
 mod moments;
 mod objective;
 mod parameters;
 mod search;
+mod sqp;
 mod two_stage;
 mod write;
 
@@ -28,6 +34,7 @@ use crate::simulation::{MuscleParameters, PreparedTrial};
 use crate::study::ParameterBounds;
 use moments::TrainingSet;
 
+pub use cases::{CaseFit, CaseKind, CaseOptions, CaseProblem, Optimizer, TrainingCase, fit_case};
 pub use error::PersonalizationError;
 pub use objective::mean_objective;
 pub use parameters::{BoundHit, Determination, FittedParameter, Property};

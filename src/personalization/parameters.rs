@@ -177,6 +177,37 @@ impl ParameterSpace {
         (first..first + n).map(position).collect()
     }
 
+    /// Whether factors of this property are searched on a logarithmic scale: forces span more than a factor of five.
+    fn logarithmic(&self, index: usize) -> bool {
+        index >= 2 * self.n_muscles()
+    }
+
+    /// All factors as a point of the unit box, forces logarithmically.
+    pub(super) fn to_unit(&self, factors: &[f64]) -> Vec<f64> {
+        let position = |(i, factor): (usize, &f64)| {
+            let RelativeBounds { lower, upper } = self.bounds(i);
+            if self.logarithmic(i) {
+                (factor / lower).ln() / (upper / lower).ln()
+            } else {
+                (factor - lower) / (upper - lower)
+            }
+        };
+        factors.iter().enumerate().map(position).collect()
+    }
+
+    /// The factor at a coordinate of the unit box of [`ParameterSpace::to_unit`], and its derivative by the coordinate.
+    pub(super) fn from_unit(&self, index: usize, x: f64) -> (f64, f64) {
+        let RelativeBounds { lower, upper } = self.bounds(index);
+        let x = x.clamp(0.0, 1.0);
+        if self.logarithmic(index) {
+            let rate = (upper / lower).ln();
+            let factor = lower * (rate * x).exp();
+            (factor.clamp(lower, upper), rate * factor)
+        } else {
+            (lower + x * (upper - lower), upper - lower)
+        }
+    }
+
     pub(super) fn fitted(&self, factors: &[f64], known: Option<&[Determination]>) -> Vec<FittedParameter> {
         let n = self.n_muscles();
         let mut out = Vec::with_capacity(self.len());

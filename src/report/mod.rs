@@ -4,6 +4,10 @@
 //! text of one HTML page that needs no network: styles and script are inline and named by hash in a strict content
 //! security policy, figures are SVG drawn here. Nothing in this module reads files, the clock or the environment.
 
+pub mod article;
+pub mod bars;
+pub mod convergence;
+pub mod moments;
 mod number;
 mod page;
 mod plot;
@@ -12,6 +16,7 @@ pub mod signals;
 pub mod sweep;
 mod view;
 
+pub use article::render_article;
 pub use number::{percent, plain, quantity, significant};
 pub use page::render_report;
 pub use signals::render_signals;

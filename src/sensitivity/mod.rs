@@ -9,21 +9,26 @@
 //! | what share of the variance is theirs, alone and with others? | [`SobolSample`]: first and total order | n (m + 2) |
 //!
 //! Both come in two steps, so that runs can be made elsewhere and resumed: a sample gives the points, the values at
-//! the points give the indices. [`MuscleScreening`] makes a study's trials such a response.
+//! the points give the indices. [`MuscleScreening`] makes a study's trials such a response;
+//! [`SensitivityCohort`] tests indices over participants.
 
 mod bootstrap;
+mod cohort;
 mod error;
 mod hypercube;
 mod morris;
 mod morris_sample;
 mod muscle_screening;
 mod parameter;
+mod sequence;
 mod sobol;
 
+pub use cohort::{Cell, CellComparison, CohortIndex, MeanIndex, SensitivityCohort};
 pub use error::SensitivityError;
 pub use hypercube::{latin_hypercube, maximin_latin_hypercube};
 pub use morris::{MorrisConvergence, MorrisIndices, MorrisResult};
 pub use morris_sample::{MorrisSample, Move, Start};
 pub use muscle_screening::{MuscleScreening, ScreenedProperty, ScreeningError};
 pub use parameter::{Parameter, RunFailure, run_all};
+pub use sequence::{MOST_DIMENSIONS, sobol_sequence};
 pub use sobol::{FirstOrderEstimator, SobolIndices, SobolResult, SobolSample};

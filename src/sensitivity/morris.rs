@@ -11,7 +11,7 @@ use super::parameter::{Parameter, RunFailure, run_all};
 const HALVINGS: i32 = 3;
 
 /// Sensitivity of the response to one parameter.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct MorrisIndices {
     /// The parameter.
     pub name: String,
@@ -30,7 +30,7 @@ pub struct MorrisIndices {
 }
 
 /// The result of a screening.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct MorrisResult {
     /// Indices of each parameter.
     pub indices: Vec<MorrisIndices>,
@@ -51,7 +51,7 @@ pub struct MorrisResult {
 }
 
 /// μ* of all parameters from the first starts only.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct MorrisConvergence {
     /// Starts used.
     pub r: usize,

@@ -1,6 +1,8 @@
 //! Muscle parameters as the parameters of a sensitivity analysis, and the model's error as its response.
 
+use std::collections::HashMap;
 use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::error::SensitivityError;
 use super::parameter::Parameter;
@@ -80,12 +82,23 @@ impl fmt::Display for ScreeningError {
 
 impl std::error::Error for ScreeningError {}
 
+/// Moments of one muscle per unit of maximum isometric force [m], trial by trial.
+type UnitMoments = Vec<Vec<f64>>;
+
+/// What a muscle's unit moments depend on: the muscle, and the bits of its fractions but for the force.
+type MomentKey = (usize, [u64; 4]);
+
+/// Unit moments that are remembered: in a design that changes one parameter at a time most muscles stay as they were.
+const REMEMBERED: usize = 512;
+
 /// Trials of one condition whose error is the response to muscle parameters.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct MuscleScreening<'a> {
     trials: Vec<(&'a PreparedTrial, &'a [f64])>,
+    without_muscles: Vec<Vec<f64>>,
     nominal: &'a [MuscleParameters],
     damping: Vec<f64>,
+    remembered: Mutex<HashMap<MomentKey, Arc<UnitMoments>>>,
 }
 
 impl<'a> MuscleScreening<'a> {
@@ -102,7 +115,8 @@ impl<'a> MuscleScreening<'a> {
             return Err(SensitivityError::TooFew { what: "trials of the condition", expected: 1, found: 0 });
         };
         let damping = first.fiber_damping();
-        Ok(Self { trials, nominal, damping })
+        let without_muscles = trials.iter().map(|(trial, _)| trial.moment_without_muscles()).collect();
+        Ok(Self { trials, without_muscles, nominal, damping, remembered: Mutex::new(HashMap::new()) })
     }
 
     /// The parameters, as fractions of the model's values, within table 2.1: `MUSCLE.property`, muscle by muscle.
@@ -127,23 +141,50 @@ impl<'a> MuscleScreening<'a> {
     /// # Errors
     /// A trial that cannot be simulated or compared.
     pub fn response(&self, fractions: &[f64]) -> Result<f64, ScreeningError> {
-        let mut damping = self.damping.clone();
-        let mut parameters = self.nominal.to_vec();
-        for (i, of_muscle) in fractions.chunks_exact(ScreenedProperty::ALL.len()).enumerate() {
-            let (Some(p), Some(beta)) = (parameters.get_mut(i), damping.get_mut(i)) else { continue };
-            p.optimal_fiber_length *= of_muscle[0];
-            p.tendon_slack_length *= of_muscle[1];
-            p.max_isometric_force *= of_muscle[2];
-            p.pennation_angle_at_optimal *= of_muscle[3];
-            *beta *= of_muscle[4];
-        }
+        let n = ScreenedProperty::ALL.len();
+        let units: Vec<Arc<UnitMoments>> = (0..self.nominal.len())
+            .map(|i| self.unit_moments(i, fractions.get(i * n..(i + 1) * n).unwrap_or(&[1.0; 5])))
+            .collect::<Result<_, _>>()?;
         let mut total = 0.0;
-        for (trial, measured) in &self.trials {
-            let damped = trial.with_fiber_damping(&damping).map_err(ScreeningError::Simulation)?;
-            let simulated = damped.simulate(&parameters).map_err(ScreeningError::Simulation)?;
-            let errors = error_measures(measured, &simulated.moment).map_err(ScreeningError::Evaluation)?;
+        for (t, (_, measured)) in self.trials.iter().enumerate() {
+            let mut moment = self.without_muscles[t].clone();
+            for (i, unit) in units.iter().enumerate() {
+                let force = self.nominal[i].max_isometric_force * fractions.get(i * n + 2).unwrap_or(&1.0);
+                moment.iter_mut().zip(&unit[t]).for_each(|(sum, u)| *sum += force * u);
+            }
+            let errors = error_measures(measured, &moment).map_err(ScreeningError::Evaluation)?;
             total += errors.objective.value().ok_or(ScreeningError::NoError)?;
         }
         Ok(total / self.trials.len() as f64)
+    }
+
+    /// A muscle's moments per unit of maximum isometric force in all trials.
+    ///
+    /// - `fractions`: of the muscle's properties, in the order of [`ScreenedProperty::ALL`]
+    fn unit_moments(&self, muscle: usize, fractions: &[f64]) -> Result<Arc<UnitMoments>, ScreeningError> {
+        let key = (muscle, [0, 1, 3, 4].map(|k: usize| fractions[k].to_bits()));
+        let remembered = || self.remembered.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = remembered().get(&key) {
+            return Ok(Arc::clone(known));
+        }
+        let mut parameters = self.nominal[muscle];
+        parameters.optimal_fiber_length *= fractions[0];
+        parameters.tendon_slack_length *= fractions[1];
+        parameters.pennation_angle_at_optimal *= fractions[3];
+        let mut damping = self.damping.clone();
+        damping[muscle] *= fractions[4];
+        let of_trial = |(trial, _): &(&PreparedTrial, &[f64])| {
+            let damped = trial.with_fiber_damping(&damping).map_err(ScreeningError::Simulation)?;
+            let mut moment = vec![0.0; trial.len()];
+            damped.add_unit_moment(muscle, &parameters, &mut moment).map_err(ScreeningError::Simulation)?;
+            Ok(moment)
+        };
+        let moments = Arc::new(self.trials.iter().map(of_trial).collect::<Result<UnitMoments, _>>()?);
+        let mut all = remembered();
+        if all.len() >= REMEMBERED {
+            all.clear();
+        }
+        all.insert(key, Arc::clone(&moments));
+        Ok(moments)
     }
 }

@@ -36,7 +36,7 @@ impl Parameter {
 }
 
 /// A run that gave no response.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct RunFailure {
     /// Parameter values of the run, in the parameters' units.
     pub values: Vec<f64>,

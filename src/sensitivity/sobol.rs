@@ -6,6 +6,7 @@ use super::bootstrap::interval_95;
 use super::error::SensitivityError;
 use super::hypercube::latin_hypercube;
 use super::parameter::{Parameter, RunFailure, run_all};
+use super::sequence::sobol_sequence;
 
 /// Estimator of first-order indices. A and B are the responses at two independent samples, AB_i those at A with
 /// parameter i taken from B.
@@ -20,7 +21,7 @@ pub enum FirstOrderEstimator {
 }
 
 /// Sobol' indices of one parameter.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct SobolIndices {
     /// The parameter.
     pub name: String,
@@ -37,7 +38,7 @@ pub struct SobolIndices {
 }
 
 /// The result of a variance-based analysis.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct SobolResult {
     /// Indices of each parameter.
     pub indices: Vec<SobolIndices>,
@@ -65,6 +66,18 @@ impl SobolSample {
     /// [`SensitivityError::TooFew`]: no parameter, or fewer than two rows.
     pub fn latin_hypercube(n_parameters: usize, n: usize, seed: u64) -> Result<Self, SensitivityError> {
         Self::from_rows(&latin_hypercube(n, 2 * n_parameters, seed), n_parameters)
+    }
+
+    /// A and B as the two halves of the columns of a Sobol' sequence of 2 m dimensions ([`sobol_sequence`]), beyond 500
+    /// parameters of a Latin hypercube. Best with n a power of two.
+    ///
+    /// # Errors
+    /// As [`Self::latin_hypercube`].
+    pub fn sobol_sequence(n_parameters: usize, n: usize, seed: u64) -> Result<Self, SensitivityError> {
+        match sobol_sequence(n, 2 * n_parameters, seed) {
+            Some(rows) => Self::from_rows(&rows, n_parameters),
+            None => Self::latin_hypercube(n_parameters, n, seed),
+        }
     }
 
     /// From any sample of the unit cube of 2 m dimensions; the first m columns are A, the others B.

@@ -22,5 +22,6 @@ mod signals;
 mod simulation;
 mod statistics;
 mod study;
+mod study_command;
 mod user_path;
 mod validation;

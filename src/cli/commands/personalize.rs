@@ -56,13 +56,7 @@ pub fn personalize(
     let before = run.simulate(&nominal)?;
     let fit = fit(study, &run, &nominal, global)?;
     let mut file = run.loaded.file.clone();
-    write_parameters(&mut file, &fit.fitted).map_err(|e| {
-        let message = Message::error(e.to_string()).in_file(&run.loaded.path);
-        match &e {
-            WriteBackError::Edit(edit) => Failure::from(edit.hint().into_iter().fold(message, Message::hint)),
-            WriteBackError::ReadBack { .. } => Failure::Internal(e.to_string()),
-        }
-    })?;
+    write_parameters(&mut file, &fit.fitted).map_err(|e| writing_failure(&e, &run.loaded.path))?;
     // What is reported is what the written file gives.
     let after = study.simulate_edited(&run, &file.spec)?;
 
@@ -79,6 +73,17 @@ pub fn personalize(
     write_errors(study, folder, &[&results])?;
     write_results(study, folder, &results)?;
     Ok(results)
+}
+
+/// Why fitted parameters cannot be written into a model.
+pub fn writing_failure(error: &WriteBackError, model: &Path) -> Failure {
+    match error {
+        WriteBackError::Edit(edit) => {
+            let message = Message::error(error.to_string()).in_file(model);
+            Failure::from(edit.hint().into_iter().fold(message, Message::hint))
+        }
+        WriteBackError::ReadBack { .. } => Failure::Internal(error.to_string()),
+    }
 }
 
 /// Fits the active muscles' parameters to the training trials; held-out trials are not handed over.

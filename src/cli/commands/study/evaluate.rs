@@ -1,0 +1,97 @@
+//! Every model on every held-out condition.
+
+use serde::{Deserialize, Serialize};
+
+use super::personalize::files;
+use super::{Context, Step};
+use crate::cli::cohort_report::{self, ModelName, Representative};
+use crate::cli::commands::evaluate::{LINEAR, ReportParts, evaluate};
+use crate::cli::failure::Failure;
+use crate::cli::provenance::hash;
+use crate::cli::study_run::ParticipantRun;
+use crate::cli::units::{Unit, value};
+use crate::evaluation::{Cohort, ConditionError};
+use crate::personalization::{Optimizer, TrainingCase};
+
+/// The step.
+pub struct Evaluate;
+
+/// A participant's evaluation, as it is stored.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Evaluated {
+    participant: String,
+    models: Vec<ModelName>,
+    errors: Vec<ConditionError>,
+    curves: Vec<Representative>,
+}
+
+impl Step for Evaluate {
+    fn id(&self) -> &'static str {
+        "evaluate"
+    }
+
+    fn title(&self) -> &'static str {
+        "Evaluation on held-out trials"
+    }
+
+    fn units<'a>(&self, context: &'a Context, run: &'a ParticipantRun) -> Result<Vec<Unit<'a>>, Failure> {
+        let cases = files(context, run, Optimizer::ExactGradients)?;
+        let mut names: Vec<ModelName> = cases.iter().map(|(case, _)| name_of(case)).collect();
+        let mut models: Vec<_> = cases.iter().map(|(case, file)| (case.id(), file.spec.clone())).collect();
+        let texts: Vec<String> =
+            cases.iter().map(|(_, file)| String::from_utf8_lossy(file.document.bytes()).into_owned()).collect();
+        let depends_on = hash(&texts.iter().map(String::as_str).collect::<Vec<_>>());
+        models.push((LINEAR.to_string(), run.loaded.file.spec.clone()));
+        names.push(ModelName { id: LINEAR.to_string(), label: "linear".to_string() });
+        let work = move || {
+            let shown = shown(&models);
+            let shown: Vec<&str> = shown.iter().map(String::as_str).collect();
+            let (errors, curves) = evaluate(context.study, run, &models, &shown)?;
+            value(&Evaluated { participant: run.participant.name.clone(), models: names.clone(), errors, curves })
+        };
+        let place = format!("{}/{}", self.id(), run.participant.name);
+        Ok(vec![Unit { place, depends_on, work: Box::new(work) }])
+    }
+
+    fn section(&self, context: &Context) -> Result<Option<ReportParts>, Failure> {
+        let mut units: Vec<Evaluated> = context.store.finished(self.id())?;
+        units.sort_by_key(|u| context.study.participants.iter().position(|p| p.name == u.participant));
+        let mut names: Vec<ModelName> = Vec::new();
+        for name in units.iter().flat_map(|u| &u.models) {
+            if !names.contains(name) {
+                names.push(name.clone());
+            }
+        }
+        if names.is_empty() {
+            return Ok(None);
+        }
+        // Participants may have different cases: controls stay last.
+        names.sort_by_key(|n| n.id == LINEAR);
+        let errors = units.iter().flat_map(|u| u.errors.clone()).collect();
+        let curves: Vec<Representative> = units.iter().flat_map(|u| u.curves.clone()).collect();
+        let cohort = Cohort::new(errors, names.iter().map(|n| n.id.clone()).collect());
+        cohort_report::evaluation(&cohort, &names, &curves).map(Some)
+    }
+}
+
+fn name_of(case: &TrainingCase) -> ModelName {
+    ModelName { id: case.id(), label: case.label() }
+}
+
+/// The combined case of the least effort, and the controls: figure 3.5.
+fn shown(models: &[(String, crate::osim::spec::ModelSpec)]) -> Vec<String> {
+    let combined = models.iter().find(|(id, _)| id.starts_with("combined")).or(models.first());
+    let mut shown: Vec<String> = combined.iter().map(|(id, _)| id.clone()).collect();
+    shown.extend(models.iter().map(|(id, _)| id).filter(|id| *id == LINEAR).cloned());
+    shown.dedup();
+    shown
+}
+
+/// All errors of the participants that were evaluated.
+///
+/// # Errors
+/// A fault of this program.
+pub fn cohort(context: &Context) -> Result<Vec<ConditionError>, Failure> {
+    let units: Vec<Evaluated> = context.store.finished("evaluate")?;
+    Ok(units.into_iter().flat_map(|u| u.errors).collect())
+}

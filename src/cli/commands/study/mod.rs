@@ -1,0 +1,229 @@
+//! `carpus study`: chapters 2 to 4 of the dissertation from one study folder, resumable.
+//!
+//! A study is a list of [`STEPS`]. A step divides a participant's work into [units](crate::cli::units) and, when all
+//! participants are done, makes a section of the report from the units' results. A step is one file and one line of the
+//! list.
+
+mod evaluate;
+mod personalize;
+mod power;
+mod sensitivity;
+
+use crate::cli::args::{Global, WholeStudyArgs};
+use crate::cli::commands::evaluate::ReportParts;
+use crate::cli::failure::{self, Failure, Message};
+use crate::cli::output::OutputFolder;
+use crate::cli::print_result;
+use crate::cli::provenance::provenance;
+use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
+use crate::cli::units::{Unit, UnitStore};
+use crate::report::article::{Article, Block, Section};
+use crate::report::render_article;
+use crate::report::results::InputFile;
+
+/// The steps, in the order in which they are done.
+const STEPS: [&dyn Step; 4] =
+    [&sensitivity::Sensitivity, &personalize::Personalize, &evaluate::Evaluate, &power::Power];
+
+/// What all steps work with.
+pub struct Context<'a> {
+    /// The study and the output folder.
+    pub study: &'a StudyRun,
+    /// How hard to work.
+    pub args: &'a WholeStudyArgs,
+    /// Seed.
+    pub global: &'a Global,
+    /// Finished units.
+    pub store: &'a UnitStore<'a>,
+}
+
+/// A step of a study.
+pub trait Step: Sync {
+    /// Key: the first part of its units' places, its section's anchor, and its name on the command line.
+    fn id(&self) -> &'static str;
+
+    /// Heading of its section.
+    fn title(&self) -> &'static str;
+
+    /// A participant's units; none where the study has nothing for this step.
+    ///
+    /// # Errors
+    /// Why the participant's part cannot be done.
+    fn units<'a>(&self, context: &'a Context, run: &'a ParticipantRun) -> Result<Vec<Unit<'a>>, Failure>;
+
+    /// Writes what is not part of the report, such as models.
+    ///
+    /// # Errors
+    /// The disk.
+    fn write(&self, _context: &Context, _run: &ParticipantRun) -> Result<(), Failure> {
+        Ok(())
+    }
+
+    /// The section, from the units of all participants; `None` if there is nothing to tell.
+    ///
+    /// # Errors
+    /// A fault of this program.
+    fn section(&self, context: &Context) -> Result<Option<ReportParts>, Failure>;
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// The study, an unknown step, the output folder; after everything else is done, whatever could not be done.
+pub fn run(args: &WholeStudyArgs, global: &Global) -> Result<(), Failure> {
+    let steps = chosen(&args.steps)?;
+    let study = StudyRun::prepare(&args.study)?;
+    let store = UnitStore::new(&study.out)?;
+    let context = Context { study: &study, args, global, store: &store };
+    let bar = progress(global, (study.participants.len() * steps.len()) as u64, "reading");
+    let (mut inputs, mut warnings, mut failures): (Vec<InputFile>, Vec<Message>, Vec<Message>) = Default::default();
+    for participant in &study.participants {
+        bar.set_message(format!("{}: reading", participant.name));
+        let run = match study.participant(participant) {
+            Ok(run) => run,
+            Err(Failure::Input(messages)) => {
+                failures.extend(messages);
+                bar.inc(steps.len() as u64);
+                continue;
+            }
+            Err(other) => return Err(other),
+        };
+        add_new(&mut warnings, &run.warnings);
+        add_new(&mut inputs, &run.inputs);
+        let hashes: Vec<&str> = run.inputs.iter().map(|i| i.sha256.as_str()).collect();
+        for step in &steps {
+            let units = match step.units(&context, &run) {
+                Ok(units) => units,
+                Err(Failure::Input(messages)) => {
+                    failures.extend(messages);
+                    bar.inc(1);
+                    continue;
+                }
+                Err(other) => return Err(other),
+            };
+            let done = |place: &str| bar.set_message(place.to_string());
+            failures.extend(store.run(&units, &hashes.join(" "), &done)?);
+            step.write(&context, &run)?;
+            bar.inc(1);
+        }
+    }
+    bar.finish_and_clear();
+    failure::print(&warnings);
+    let mut parts = Vec::new();
+    for step in &steps {
+        if let Some(part) = step.section(&context)? {
+            parts.push((*step, part));
+        }
+    }
+    let article = article(&context, &parts, &warnings, &failures, inputs);
+    write(&study.out, &article, &parts)?;
+    write_timings(&store, &study.out)?;
+    let report = study.out.path().join("report.html");
+    let [found, computed] = store.counts();
+    if global.json {
+        let result = serde_json::json!({
+            "schema": "carpus.study/1",
+            "report": report,
+            "steps": parts.iter().map(|(step, part)| serde_json::json!({
+                "step": step.id(),
+                "summary": part.lead,
+                "tables": part.tables.iter().map(|(name, _)| name).collect::<Vec<_>>(),
+            })).collect::<Vec<_>>(),
+            "units_found_finished": found,
+            "units_computed": computed,
+        });
+        print_result(&result.to_string())?;
+    } else {
+        let mut text = String::new();
+        for (step, part) in &parts {
+            text.push_str(&format!("{}\n{}\n\n", step.title(), part.readable));
+        }
+        text.push_str(&format!("{found} units were finished before, {computed} were computed\n{}\n", report.display()));
+        print_result(&text)?;
+    }
+    if failures.is_empty() { Ok(()) } else { Err(Failure::Input(failures)) }
+}
+
+/// The steps of these names, or all.
+fn chosen(names: &[String]) -> Result<Vec<&'static dyn Step>, Failure> {
+    if names.is_empty() {
+        return Ok(STEPS.to_vec());
+    }
+    for name in names {
+        if !STEPS.iter().any(|s| s.id() == name) {
+            let known: Vec<&str> = STEPS.iter().map(|s| s.id()).collect();
+            let hint = match crate::study::nearest(name, known.iter().copied()) {
+                Some(nearest) => format!("did you mean `{nearest}`?"),
+                None => format!("there are: {}", known.join(", ")),
+            };
+            return Err(Message::error(format!("there is no step `{name}`")).hint(hint).into());
+        }
+    }
+    Ok(STEPS.iter().copied().filter(|s| names.iter().any(|n| n == s.id())).collect())
+}
+
+fn add_new<T: Clone + PartialEq>(all: &mut Vec<T>, more: &[T]) {
+    for item in more {
+        if !all.contains(item) {
+            all.push(item.clone());
+        }
+    }
+}
+
+fn article(
+    context: &Context,
+    parts: &[(&dyn Step, ReportParts)],
+    warnings: &[Message],
+    failures: &[Message],
+    inputs: Vec<InputFile>,
+) -> Article {
+    let text = |m: &Message| match m.place() {
+        Some(place) => format!("{place}: {}", m.text),
+        None => m.text.clone(),
+    };
+    let mut read_first: Vec<String> = failures.iter().map(|m| format!("Not done: {}", text(m))).collect();
+    read_first.extend(parts.iter().flat_map(|(_, part)| part.warnings.iter().cloned()));
+    read_first.extend(warnings.iter().map(text));
+    let settings = &context.study.study.settings;
+    Article {
+        title: settings.name.clone(),
+        kicker: "Study".to_string(),
+        lead: parts.iter().map(|(_, p)| p.lead.as_str()).filter(|l| !l.is_empty()).collect::<Vec<_>>().join(" "),
+        facts: vec![
+            ("participants".to_string(), context.study.participants.len().to_string()),
+            ("muscles".to_string(), settings.active_muscles.join(", ")),
+            ("coordinate".to_string(), settings.dynamometer.coordinate.clone()),
+        ],
+        warnings: read_first,
+        sections: parts
+            .iter()
+            .map(|(step, part)| Section {
+                id: step.id().to_string(),
+                title: step.title().to_string(),
+                blocks: [part.blocks.clone(), files(part)].concat(),
+            })
+            .collect(),
+        provenance: provenance(context.global, inputs),
+    }
+}
+
+fn files(part: &ReportParts) -> Vec<Block> {
+    let names: Vec<&str> = part.tables.iter().map(|(name, _)| name.as_str()).collect();
+    if names.is_empty() { Vec::new() } else { vec![Block::Text(format!("As tables: {}.", names.join(", ")))] }
+}
+
+fn write(out: &OutputFolder, article: &Article, parts: &[(&dyn Step, ReportParts)]) -> Result<(), Failure> {
+    for (name, text) in parts.iter().flat_map(|(_, part)| &part.tables) {
+        out.write(name, text.as_bytes())?;
+    }
+    out.write("report.html", render_article(article).as_bytes())?;
+    Ok(())
+}
+
+/// Processor seconds of every unit: the one table that depends on the machine.
+fn write_timings(store: &UnitStore, out: &OutputFolder) -> Result<(), Failure> {
+    let rows = store.seconds().into_iter().map(|(place, seconds)| vec![place, format!("{seconds:.3}")]);
+    let text = crate::cli::account::csv_text(["unit", "processor_seconds"].iter(), rows)?;
+    out.write("timings.csv", text.as_bytes())?;
+    Ok(())
+}

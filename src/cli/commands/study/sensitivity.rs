@@ -1,0 +1,49 @@
+//! Morris screening and Sobol' indices of every condition.
+
+use super::{Context, Step};
+use crate::cli::commands::evaluate::ReportParts;
+use crate::cli::failure::Failure;
+use crate::cli::screening::{ConditionSensitivity, ScreeningOptions, condition_name, conditions, screened};
+use crate::cli::sensitivity_report;
+use crate::cli::study_run::ParticipantRun;
+use crate::cli::units::{Unit, value};
+
+/// The step.
+pub struct Sensitivity;
+
+/// Resamples of the bootstrap.
+const RESAMPLES: usize = 1000;
+
+impl Step for Sensitivity {
+    fn id(&self) -> &'static str {
+        "sensitivity"
+    }
+
+    fn title(&self) -> &'static str {
+        "Sensitivity"
+    }
+
+    fn units<'a>(&self, context: &'a Context, run: &'a ParticipantRun) -> Result<Vec<Unit<'a>>, Failure> {
+        let options = ScreeningOptions {
+            starts: context.args.starts as usize,
+            sobol: Some(context.args.sobol as usize).filter(|n| *n > 1),
+            resamples: RESAMPLES,
+            seed: context.global.seed,
+        };
+        let unit = |condition| {
+            let name = condition_name(condition).replace(" %", "").replace(' ', "_");
+            Unit {
+                place: format!("{}/{}/{name}", self.id(), run.participant.name),
+                depends_on: format!("{options:?}"),
+                work: Box::new(move || value(&screened(run, condition, &options)?)),
+            }
+        };
+        Ok(conditions(run)?.into_iter().map(unit).collect())
+    }
+
+    fn section(&self, context: &Context) -> Result<Option<ReportParts>, Failure> {
+        let mut found: Vec<ConditionSensitivity> = context.store.finished(self.id())?;
+        found.sort_by_key(|f| context.study.participants.iter().position(|p| p.name == f.participant));
+        if found.is_empty() { Ok(None) } else { sensitivity_report::report(&found).map(Some) }
+    }
+}

@@ -1,0 +1,161 @@
+//! `carpus study`, `evaluate` and `sensitivity` as a user types them: resumable, the same bytes, bad input.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use assert_cmd::Command;
+use predicates::prelude::*;
+use predicates::str::contains;
+
+/// Two participants with four training and four held-out trials each, made of the bundled study.
+fn small_study() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/demo_study");
+    std::fs::create_dir(folder.path().join("data")).unwrap();
+    let text = std::fs::read_to_string(source.join("study.toml")).unwrap();
+    std::fs::write(folder.path().join("study.toml"), text.replace("../../models/wrist.osim", "wrist.osim")).unwrap();
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/wrist.osim");
+    std::fs::copy(model, folder.path().join("wrist.osim")).unwrap();
+    let mut rows = String::from("participant,file,contraction,effort_percent,direction,posture_deg,repetition,use\n");
+    for (participant, effort) in [("P01", 25), ("P02", 50)] {
+        for direction in ["flexion", "extension"] {
+            for (contraction, at) in [("isometric", "_+0deg"), ("isotonic", "")] {
+                for (repetition, usage) in [(1, "train"), (2, "test")] {
+                    let wanted = format!("data/P01/{contraction}_{effort}_{direction}{at}_{repetition}.csv");
+                    // Not every posture was repeated: the first repetition serves then.
+                    let found = if source.join(&wanted).exists() { wanted } else { wanted.replace("_2.csv", "_1.csv") };
+                    let name = format!("data/{participant}_{contraction}_{direction}_{repetition}.csv");
+                    let text = std::fs::read_to_string(source.join(found)).unwrap();
+                    let thinned = text.lines().enumerate().filter(|(i, _)| *i == 0 || i % 4 == 1);
+                    let text: String = thinned.map(|(_, line)| format!("{line}\n")).collect();
+                    std::fs::write(folder.path().join(&name), text).unwrap();
+                    // Both participants have the same conditions, as a study has.
+                    rows += &format!("{participant},{name},{contraction},25,{direction},,{repetition},{usage}\n");
+                }
+            }
+        }
+    }
+    std::fs::write(folder.path().join("trials.csv"), rows).unwrap();
+    std::fs::write(folder.path().join("participants.csv"), "participant\nP01\nP02\n").unwrap();
+    folder
+}
+
+const EFFORT: [&str; 8] = ["--starts", "2", "--bayesian-evaluations", "11", "--sqp-iterations", "1", "--threads", "2"];
+
+fn arguments(study: &Path) -> Vec<String> {
+    let mut words = vec!["study".to_string(), study.join("study.toml").display().to_string()];
+    words.extend(["--out", "done"].map(String::from));
+    words.extend(EFFORT.map(String::from));
+    words
+}
+
+/// Every file below a folder but the timings.
+fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut open = vec![folder.to_path_buf()];
+    while let Some(here) = open.pop() {
+        for entry in std::fs::read_dir(&here).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.strip_prefix(folder).unwrap().to_path_buf();
+            if name.starts_with("timings") || name == Path::new("timings.csv") {
+                continue;
+            }
+            if path.is_dir() {
+                open.push(path);
+            } else {
+                found.insert(name, std::fs::read(&path).unwrap());
+            }
+        }
+    }
+    found
+}
+
+fn units(folder: &Path) -> usize {
+    if !folder.join("done/units").exists() {
+        return 0;
+    }
+    contents(&folder.join("done/units")).keys().filter(|name| name.extension().is_some_and(|e| e == "json")).count()
+}
+
+#[test]
+fn verif_a_killed_study_goes_on_and_gives_the_same_bytes() {
+    let study = small_study();
+    let [whole, killed] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    let mut command = Command::cargo_bin("carpus").unwrap();
+    let done = command.current_dir(whole.path()).args(arguments(study.path())).assert().success();
+    let printed = String::from_utf8(done.get_output().stdout.clone()).unwrap();
+    assert!(printed.contains("0 units were finished before"), "{printed}");
+    let all = units(whole.path());
+    assert_eq!(all, 2 * (2 + 8 + 1), "two screenings, eight fits and an evaluation a participant");
+
+    let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("carpus"))
+        .current_dir(killed.path())
+        .args(arguments(study.path()))
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    let started = Instant::now();
+    while units(killed.path()) < 4 && child.try_wait().unwrap().is_none() {
+        assert!(started.elapsed() < Duration::from_secs(300), "the study gets nowhere");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let finished = units(killed.path());
+    assert!(finished >= 4, "{finished} units were finished when it was killed");
+    assert!(!killed.path().join("done/report.html").exists() || finished == all);
+
+    let mut command = Command::cargo_bin("carpus").unwrap();
+    let resumed = command.current_dir(killed.path()).args(arguments(study.path())).assert().success();
+    let printed = String::from_utf8(resumed.get_output().stdout.clone()).unwrap();
+    assert!(
+        printed.contains(&format!("{finished} units were finished before, {} were computed", all - finished)),
+        "{printed}"
+    );
+    // Files that the killed process was about to write are hidden and are not results.
+    let visible = |folder: &Path| {
+        let mut found = contents(&folder.join("done"));
+        found.retain(|name, _| !name.file_name().is_some_and(|n| n.to_string_lossy().starts_with(".carpus-")));
+        found
+    };
+    let (first, second) = (visible(whole.path()), visible(killed.path()));
+    assert_eq!(first.keys().collect::<Vec<_>>(), second.keys().collect::<Vec<_>>());
+    for (name, bytes) in &first {
+        assert!(second[name] == *bytes, "{} differs", name.display());
+    }
+    let page = String::from_utf8(first[Path::new("report.html")].clone()).unwrap();
+    for words in ["Table 2.2", "Figure 2.3", "Table 3.3", "Table 3.4", "Figure 3.3", "Figure 3.4b", "Figure 3.5"] {
+        assert!(page.contains(words), "{words}");
+    }
+    evaluate_reads_the_models(study.path(), whole.path());
+}
+
+/// `evaluate` on the models that the study wrote gives the study's own errors.
+fn evaluate_reads_the_models(study: &Path, done: &Path) {
+    let mut command = Command::cargo_bin("carpus").unwrap();
+    command.current_dir(done).args(["evaluate", &study.join("study.toml").display().to_string()]);
+    command.args(["--models", "done/models", "--out", "evaluated"]).assert().success();
+    let read = |file: &str| {
+        let text = std::fs::read_to_string(done.join(file)).unwrap();
+        let mut lines: Vec<String> = text.lines().map(String::from).collect();
+        lines.sort();
+        lines
+    };
+    assert_eq!(read("done/evaluation_errors.csv"), read("evaluated/evaluation_errors.csv"));
+    let mut command = Command::cargo_bin("carpus").unwrap();
+    command.current_dir(done).args(["evaluate", &study.join("study.toml").display().to_string()]);
+    let missing = command.args(["--models", "nowhere", "--out", "evaluated"]).assert().code(1);
+    missing.stderr(contains("nowhere").and(contains("P01")).and(contains("hint")));
+}
+
+#[test]
+fn verif_unknown_steps_and_missing_arguments_are_refused() {
+    let study = small_study();
+    let mut command = Command::cargo_bin("carpus").unwrap();
+    command.args(arguments(study.path())).current_dir(study.path()).args(["--steps", "sensitivty"]);
+    command.assert().code(1).stderr(contains("no step `sensitivty`").and(contains("did you mean `sensitivity`?")));
+    let mut command = Command::cargo_bin("carpus").unwrap();
+    command.args(["evaluate", "study.toml", "--out", "x"]).assert().code(1).stderr(contains("--models"));
+}
