@@ -43,7 +43,7 @@ fn regress_reference_outputs_match_their_manifests() {
     for case in PRESCRIBED_MOTIONS {
         assert_eq!(check_outputs(&format!("fixtures/prescribed_motion/{case}.manifest.json")), 1);
     }
-    for subject in ["signals", "emg", "dynamometer", "statistics", "sensitivity"] {
+    for subject in ["signals", "emg", "dynamometer", "statistics", "sensitivity", "cohort"] {
         assert_eq!(check_outputs(&format!("fixtures/{subject}/manifest.json")), 1);
     }
     assert_eq!(check_outputs("fixtures/demo_study/manifest.json"), 28 + 4);

@@ -132,6 +132,27 @@ fn verif_sobol_of_ishigami() {
 }
 
 #[test]
+fn verif_sobol_sequence_is_nearer_to_ishigami_than_a_hypercube() {
+    let (first, total) = ishigami_indices();
+    let mean_square = |sample: &dyn Fn(u64) -> SobolSample| {
+        let mut sum = 0.0;
+        for seed in 0..20 {
+            let result = sample(seed)
+                .run(&ishigami_inputs(), ishigami, FirstOrderEstimator::Saltelli, 0, seed)
+                .expect("no failures");
+            for (i, ours) in result.indices.iter().enumerate() {
+                sum += (ours.first_order - first[i]).powi(2) + (ours.total_order - total[i]).powi(2);
+            }
+        }
+        (sum / 120.0).sqrt()
+    };
+    let hypercube = mean_square(&|seed| SobolSample::latin_hypercube(3, 1024, seed).expect("rows"));
+    let sequence = mean_square(&|seed| SobolSample::sobol_sequence(3, 1024, seed).expect("rows"));
+    println!("root mean square error of indices from 1024 rows: {hypercube:.4} hypercube, {sequence:.4} sequence");
+    assert!(sequence < 0.5 * hypercube && sequence < 0.01, "{sequence} {hypercube}");
+}
+
+#[test]
 fn verif_sobol_intervals_contain_the_truth_as_often_as_they_say() {
     let (first, total) = ishigami_indices();
     let (mut inside, mut all) = (0, 0);
