@@ -151,7 +151,8 @@ impl<'a> SmoothObjective<'a> {
 
     /// Minimizes J from `base` alone, which is near the minimum.
     pub(super) fn minimize_nearby(&self) -> Found {
-        self.value_and_gradient(&self.best.borrow().0.clone(), PASSES[1].0);
+        let start = self.best.borrow().0.clone();
+        self.value_and_gradient(&start, PASSES[1].0);
         self.refine();
         self.found(0)
     }
