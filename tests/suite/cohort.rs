@@ -29,7 +29,8 @@ fn same(what: &str, found: f64, expected: &Value) {
 
 /// - `names`: our names of the reference's factors
 fn same_effect(effects: &[Effect], expected: &Value, names: &dyn Fn(&str) -> &'static str) {
-    let factors: Vec<&str> = expected["factors"].as_array().unwrap().iter().map(|f| names(f.as_str().unwrap())).collect();
+    let factors: Vec<&str> =
+        expected["factors"].as_array().unwrap().iter().map(|f| names(f.as_str().unwrap())).collect();
     let found = effects.iter().find(|e| e.factors == factors).unwrap_or_else(|| panic!("no effect of {factors:?}"));
     same("F", found.f, &expected["f"]);
     same("p", found.p_value, &expected["p"]);
@@ -76,7 +77,10 @@ fn val_statsmodels_models_over_participants() {
     }
     let pairs = cohort.pairwise(CohortMeasure::Nrmse, Contraction::Isotonic, 50.0).unwrap();
     for (found, expected) in pairs.iter().zip(expected["pairwise_isotonic_50"].as_array().unwrap()) {
-        assert_eq!([&found.first, &found.second].map(String::as_str).map(Some), [0, 1].map(|i| expected["pair"][i].as_str()));
+        assert_eq!(
+            [&found.first, &found.second].map(String::as_str).map(Some),
+            [0, 1].map(|i| expected["pair"][i].as_str())
+        );
         same_test(&found.test, found.p_bonferroni, expected);
     }
     for model in &models {
