@@ -1,7 +1,7 @@
 //! What a physical effect is: a description for people, and how it acts on a simulated trial.
 
 use super::silent_muscles::SilentMuscles;
-use crate::osim::spec::MuscleSpec;
+use crate::osim::spec::{Millard2012Spec, MuscleKind, MuscleSpec};
 
 /// Where an effect acts; trials are simulated in this order, whatever the order effects are listed in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
@@ -277,6 +277,28 @@ pub(crate) const fn shape(
     source: &'static str,
 ) -> Parameter {
     Parameter { name, unit, role: Role::Shape, start, scale, plausible, source }
+}
+
+/// Multiplies a property of all muscles by eʳ, as `change` does it with the factor. Returns whether r is not 0.
+pub(crate) fn scale_property(muscles: &mut [MuscleSpec], r: f64, change: impl Fn(&mut Millard2012Spec, f64)) -> bool {
+    for muscle in muscles.iter_mut().filter(|_| r != 0.0) {
+        if let MuscleKind::Millard2012Equilibrium(properties) = &mut muscle.kind {
+            change(properties, r.exp());
+        }
+    }
+    r != 0.0
+}
+
+/// Mean of a property over the muscles, multiplied by eʳ.
+pub(crate) fn scaled_mean(muscles: &[MuscleSpec], r: f64, property: impl Fn(&Millard2012Spec) -> f64) -> f64 {
+    let known: Vec<f64> = muscles
+        .iter()
+        .filter_map(|m| match &m.kind {
+            MuscleKind::Millard2012Equilibrium(properties) => Some(property(properties)),
+            MuscleKind::PathOnly { .. } => None,
+        })
+        .collect();
+    known.iter().sum::<f64>() / known.len().max(1) as f64 * r.exp()
 }
 
 /// Value of a series at a time, linear between samples and constant outside.

@@ -276,7 +276,7 @@ impl<'a> Analysis<'a> {
             .collect()
     }
 
-    fn noise_structure(&self, linear: &[Linear], point: &Point) -> Result<Vec<TrialNoise>, SimulationError> {
+    fn noise_structure(&self, linear: &[Linear]) -> Vec<TrialNoise> {
         (0..self.train.len())
             .into_par_iter()
             .map(|position| {
@@ -290,8 +290,9 @@ impl<'a> Analysis<'a> {
                 let block_of: Vec<usize> =
                     counts.iter().enumerate().flat_map(|(b, c)| std::iter::repeat_n(b, *c)).collect();
                 for m in 0..self.n_muscles() {
-                    let e = &linear[position].core.excitation[m];
-                    let response = linear[position].core.prepared.excitation_response(m, &point.parameters[m], e)?;
+                    let core = &linear[position].core;
+                    let e = &core.excitation[m];
+                    let response = core.prepared.excitation_response(m, &core.solutions[m], e);
                     let mut g = Response::new(blocks, knots);
                     for j in 0..knots {
                         let (first, disturbance) = hat(&record.time, e, j);
@@ -308,10 +309,8 @@ impl<'a> Analysis<'a> {
                             .collect(),
                     );
                 }
-                Ok(TrialNoise::new(&self.times[position], responses, &at_knots))
+                TrialNoise::new(&self.times[position], responses, &at_knots)
             })
-            .collect::<Vec<_>>()
-            .into_iter()
             .collect()
     }
 
@@ -515,14 +514,14 @@ impl<'a> Analysis<'a> {
     /// A trial that cannot be simulated.
     pub fn fit_below(&self, point: Point, hopeless: f64) -> Result<Fit, SimulationError> {
         let linear = self.linearize(&point, &[])?;
-        let mut noise = self.noise(&linear, &point, NoiseLevels::default(), false)?;
+        let mut noise = self.noise(&linear, &point, NoiseLevels::default(), false);
         // While the model is far off, its errors would be taken for noise: usual noise, and the EMG as recorded.
         let linear = self.linearize(&point, &noise.structure)?;
         let (mut point, mut linear, mut at) = self.descend(point, linear, &noise, ROUGH_EVALUATIONS)?;
         for (pass, evaluations) in FINE_EVALUATIONS.into_iter().enumerate() {
             // Before the EMG's noise is allowed for, what it does would be taken for more of it.
             let before = noise.levels;
-            noise = self.noise(&linear, &point, before, pass > 0)?;
+            noise = self.noise(&linear, &point, before, pass > 0);
             if pass > 1 {
                 // Estimates alternate about their common value: take the middle.
                 noise.levels = before.between(&noise.levels);
@@ -554,18 +553,12 @@ impl<'a> Analysis<'a> {
     }
 
     /// Structure of the noise at a point, its variances estimated or as given.
-    fn noise(
-        &self,
-        linear: &[Linear],
-        point: &Point,
-        start: NoiseLevels,
-        estimate: bool,
-    ) -> Result<Noise, SimulationError> {
-        let structure = self.noise_structure(linear, point)?;
+    fn noise(&self, linear: &[Linear], point: &Point, start: NoiseLevels, estimate: bool) -> Noise {
+        let structure = self.noise_structure(linear);
         let levels = if estimate { self.estimate_noise(linear, &structure, point, start) } else { start };
         // V is a sum of a positive diagonal and positive semidefinite matrices: factors exist.
         let factors = structure.par_iter().filter_map(|n| noise::factor(n, &levels)).collect();
-        Ok(Noise { structure, levels, factors })
+        Noise { structure, levels, factors }
     }
 
     /// Directions of all candidates' amplitudes and of lack of fit, in units of their scales.

@@ -6,7 +6,10 @@ use super::catalogue::position;
 use super::effect::{Effect, JointState, MuscleState, Role, Stage, TrialContext};
 use super::silent_muscles::SilentMuscles;
 use crate::osim::spec::{ModelSpec, MuscleSpec};
-use crate::simulation::{MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, SimulationError};
+use crate::simulation::{
+    FiberAccuracy, MuscleParameters, MuscleSolution, MusculoskeletalModel, Options, PreparedTrial, Recording,
+    SimulationError,
+};
 use crate::study::{Trial, TrialInfo, TrialUse};
 
 /// An effect and the values of its parameters.
@@ -93,9 +96,14 @@ pub struct Core {
     pub moment: Vec<f64>,
     /// Derivatives of the moment by log F_max, log l_opt and log l_slack of every muscle, in this order; empty unless asked for.
     pub by_parameters: Vec<Vec<f64>>,
-    /// Moment without the effects that ask for it; empty if none does [N·m].
-    muscle_moment: Vec<f64>,
+    /// Of every muscle; empty unless derivatives were asked for.
+    pub solutions: Vec<MuscleSolution>,
+    /// The trial without the effects that ask for the moment; `None` if none does.
+    without: Option<Box<Core>>,
 }
+
+/// Accuracy of simulations: moments within about 10⁻³ N·m, far below any sensor's noise.
+const ACCURACY: FiberAccuracy = FiberAccuracy { tolerance: 5e-5, max_step: 0.04 };
 
 /// Muscle parameters whose logarithms are fitted, per muscle.
 pub const FITTED_PER_MUSCLE: usize = 3;
@@ -116,7 +124,7 @@ impl ForwardModel {
         let muscles: Vec<MuscleSpec> =
             model.muscle_names().filter_map(|name| spec.muscles.iter().find(|m| m.name == name)).cloned().collect();
         let recordings: Vec<Recording> = trials.iter().map(Recording::from).collect();
-        let options = Options { allow_angle_outside_range: true, ..Options::default() };
+        let options = Options { allow_angle_outside_range: true, fiber: ACCURACY, ..Options::default() };
         let base = model.prepare_all_with_margin(&recordings, &options)?;
         let directions = directions(&base, muscles.len());
         Ok(ForwardModel {
@@ -174,6 +182,17 @@ impl ForwardModel {
         }
     }
 
+    /// Angle and excitations after the effects on them.
+    fn driven(&self, trial: usize, ordered: &[&Setting], context: &TrialContext) -> (Vec<f64>, Vec<Vec<f64>>) {
+        let mut excitation = context.excitation.to_vec();
+        let mut angle = self.trials[trial].angle.clone();
+        for setting in ordered {
+            setting.effect.excite(&setting.values, context, &mut excitation);
+            setting.effect.change_angle(&setting.values, context, &mut angle);
+        }
+        (angle, excitation)
+    }
+
     fn recording<'a>(&'a self, trial: usize, angle: &'a [f64], excitation: &'a [Vec<f64>]) -> Recording<'a> {
         let record = &self.trials[trial];
         Recording {
@@ -217,50 +236,37 @@ impl ForwardModel {
         derivatives: bool,
     ) -> Result<Core, SimulationError> {
         let asks = |s: &Setting| s.effect.needs_moment();
-        let muscle_moment = if effects.iter().any(asks) {
+        let without = if effects.iter().any(asks) {
             let without: Vec<Setting> = effects.iter().filter(|s| !asks(s)).cloned().collect();
-            self.core(variant, trial, input, parameters, &without, false)?.moment
+            Some(Box::new(self.core(variant, trial, input, parameters, &without, derivatives)?))
         } else {
-            Vec::new()
+            None
         };
-        let context = self.context(trial, &input.excitation, &muscle_moment);
-        let mut excitation = input.excitation.clone();
-        let mut angle = self.trials[trial].angle.clone();
+        let muscle_moment = without.as_ref().map_or(&[][..], |core| &core.moment);
+        let context = self.context(trial, &input.excitation, muscle_moment);
         let effects = in_order(effects);
-        for setting in &effects {
-            setting.effect.excite(&setting.values, &context, &mut excitation);
-            setting.effect.change_angle(&setting.values, &context, &mut angle);
-        }
+        let (angle, excitation) = self.driven(trial, &effects, &context);
         let recording = self.recording(trial, &angle, &excitation);
         let prepared = variant.prepare_like(&recording, &input.prepared, &self.options)?;
         let mut moment = prepared.moment_without_muscles();
-        let mut by_parameters = Vec::new();
+        let (mut by_parameters, mut solutions) = (Vec::new(), Vec::new());
         for (i, p) in parameters.iter().enumerate() {
-            let path = &prepared.kinematics().muscles[i];
-            let state = MuscleState {
-                trial: &context,
-                muscle: i,
-                angle: &angle,
-                moment_arm: &path.moment_arm,
-                activation: &path.activation,
-            };
-            let mut factor = vec![1.0; angle.len()];
-            for setting in &effects {
-                setting.effect.scale_muscle(&setting.values, &state, &mut factor);
-            }
+            let factor = muscle_factor(&effects, &context, &prepared, i, &angle);
             let force = p.max_isometric_force;
             if derivatives {
-                let unit = prepared.unit_moment_with_derivatives(i, p)?;
+                let solution = prepared.solve(i, p)?;
+                let arm = &prepared.kinematics().muscles[i].moment_arm;
                 let n = moment.len();
                 let mut by = vec![vec![0.0; n]; FITTED_PER_MUSCLE];
                 for k in 0..n {
                     let f = force * factor[k];
-                    by[0][k] = f * unit.moment[k];
-                    by[1][k] = f * unit.by_optimal_fiber_length[k] * p.optimal_fiber_length;
-                    by[2][k] = f * unit.by_tendon_slack_length[k] * p.tendon_slack_length;
+                    by[0][k] = f * (arm[k] * solution.force[k]);
+                    by[1][k] = f * (arm[k] * solution.by_optimal_fiber_length[k]) * p.optimal_fiber_length;
+                    by[2][k] = f * (arm[k] * solution.by_tendon_slack_length[k]) * p.tendon_slack_length;
                     moment[k] += by[0][k];
                 }
                 by_parameters.extend(by);
+                solutions.push(solution);
             } else {
                 let mut unit = vec![0.0; moment.len()];
                 prepared.add_unit_moment(i, p, &mut unit)?;
@@ -269,7 +275,7 @@ impl ForwardModel {
                 }
             }
         }
-        Ok(Core { prepared, excitation, moment, by_parameters, muscle_moment })
+        Ok(Core { prepared, excitation, moment, by_parameters, solutions, without })
     }
 
     /// The moment that the sensor records [N·m]: what effects on joint, inertia and sensor make of a trial's core.
@@ -279,7 +285,7 @@ impl ForwardModel {
 
     fn sensed(&self, trial: usize, core: &Core, mut moment: Vec<f64>, effects: &[Setting]) -> Vec<f64> {
         // Differences of an effect that is off start from a core that was not asked for the moment.
-        let muscle_moment = if core.muscle_moment.is_empty() { &core.moment } else { &core.muscle_moment };
+        let muscle_moment = core.without.as_ref().map_or(&core.moment, |without| &without.moment);
         let context = self.context(trial, &core.excitation, muscle_moment);
         let kinematics = core.prepared.kinematics();
         let joint = JointState {
@@ -317,14 +323,18 @@ impl ForwardModel {
             .collect()
     }
 
-    /// Derivative of the recorded moment by a parameter of an effect [N·m per unit of the parameter's scale], by central
-    /// differences of a tenth of the scale.
+    /// Derivative of the recorded moment by a parameter of an effect [N·m per unit of the parameter's scale].
+    ///
+    /// What the muscles' dynamics make of the effect is the exact derivative of the simulation
+    /// ([`PreparedTrial::force_derivative`]); closed formulas before and after them are differentiated by central
+    /// differences of a ten-thousandth of the scale, which at a kink give the mean of both sides.
     ///
     /// - `effects`: the effects that are on, the one in question at position `which`
-    /// - `core`: of the same trial, input, parameters and effects
+    /// - `core`: of the same trial, input, parameters and effects, with derivatives
+    /// - `variants`: from [`ForwardModel::difference_variants`]
     ///
     /// # Errors
-    /// A muscle whose forces cannot be balanced.
+    /// A property that is not allowed.
     pub fn effect_derivative(
         &self,
         trial: usize,
@@ -336,21 +346,76 @@ impl ForwardModel {
         variants: &[[Cow<'_, MusculoskeletalModel>; 2]],
         parameter: usize,
     ) -> Result<Vec<f64>, SimulationError> {
-        let description = effects[which].effect.description();
-        let moved = [1.0, -1.0].map(|sign| moved(effects, which, parameter, sign * STEP));
-        let sides: [Result<Vec<f64>, SimulationError>; 2] = if description.stage >= Stage::Joint {
-            moved.map(|effects| Ok(self.recorded_moment(trial, core, &effects)))
+        let step = step(effects[which].effect);
+        let sides = [1.0, -1.0].map(|sign| moved(effects, which, parameter, sign * step));
+        let [up, down] = if effects[which].effect.description().stage >= Stage::Joint {
+            sides.map(|effects| self.recorded_moment(trial, core, &effects))
         } else {
-            [0, 1].map(|side| {
-                let effects = &moved[side];
-                let variant = &variants[parameter][side];
-                let core = self.core(variant, trial, input, parameters, effects, false)?;
-                Ok(self.recorded_moment(trial, &core, effects))
-            })
+            let variants = variants[parameter].each_ref().map(|v| &**v);
+            let [up, down] = self.beside(trial, core, input, parameters, &sides, variants, 2.0 * step)?;
+            [self.recorded_moment(trial, &up, &sides[0]), self.recorded_moment(trial, &down, &sides[1])]
         };
-        let [up, down] = sides;
-        let (up, down) = (up?, down?);
-        Ok(up.iter().zip(&down).map(|(a, b)| (a - b) / (2.0 * STEP)).collect())
+        Ok(up.iter().zip(&down).map(|(a, b)| (a - b) / (2.0 * step)).collect())
+    }
+
+    /// A trial's core a little way in a direction and against it.
+    ///
+    /// - `sides`: the effects there; `distance`: between them
+    fn beside(
+        &self,
+        trial: usize,
+        core: &Core,
+        input: &TrialInput,
+        parameters: &[MuscleParameters],
+        sides: &[Vec<Setting>; 2],
+        variants: [&MusculoskeletalModel; 2],
+        distance: f64,
+    ) -> Result<[Core; 2], SimulationError> {
+        let without = match &core.without {
+            Some(without) => {
+                let sides = sides.each_ref().map(|s| s.iter().filter(|s| !s.effect.needs_moment()).cloned().collect());
+                let [up, down] = self.beside(trial, without, input, parameters, &sides, variants, distance)?;
+                [Some(Box::new(up)), Some(Box::new(down))]
+            }
+            None => [None, None],
+        };
+        let moments = without.each_ref().map(|w| w.as_ref().map_or(&core.moment, |w| &w.moment));
+        let contexts = moments.map(|moment| self.context(trial, &input.excitation, moment));
+        let ordered = sides.each_ref().map(|s| in_order(s));
+        let driven = [0, 1].map(|i| self.driven(trial, &ordered[i], &contexts[i]));
+        let prepared = [0, 1].map(|i| {
+            let recording = self.recording(trial, &driven[i].0, &driven[i].1);
+            variants[i].prepare_beside(&recording, &core.prepared, &self.options)
+        });
+        let [up, down] = prepared;
+        let prepared = [up?, down?];
+        let mut moments = prepared.each_ref().map(PreparedTrial::moment_without_muscles);
+        for (i, p) in parameters.iter().enumerate() {
+            let solution = match core.solutions.get(i) {
+                Some(known) => Cow::Borrowed(known),
+                None => Cow::Owned(core.prepared.solve(i, p)?),
+            };
+            let by = core.prepared.force_derivative(i, &solution, prepared.each_ref(), distance);
+            for (side, sign) in [(0, 0.5), (1, -0.5)] {
+                let factor = muscle_factor(&ordered[side], &contexts[side], &prepared[side], i, &driven[side].0);
+                let arm = &prepared[side].kinematics().muscles[i].moment_arm;
+                for (k, moment) in moments[side].iter_mut().enumerate() {
+                    let force = solution.force[k] + by.as_ref().map_or(0.0, |by| sign * distance * by[k]);
+                    *moment += p.max_isometric_force * factor[k] * (arm[k] * force);
+                }
+            }
+        }
+        let core = |prepared, excitation, moment, without| Core {
+            prepared,
+            excitation,
+            moment,
+            by_parameters: Vec::new(),
+            solutions: Vec::new(),
+            without,
+        };
+        let ([(_, above), (_, below)], [m_up, m_down], [w_up, w_down]) = (driven, moments, without);
+        let [up, down] = prepared;
+        Ok([core(up, above, m_up, w_up), core(down, below, m_down, w_down)])
     }
 
     /// The models on both sides of the difference, per parameter of an effect.
@@ -364,16 +429,40 @@ impl ForwardModel {
     ) -> Result<Vec<[Cow<'_, MusculoskeletalModel>; 2]>, SimulationError> {
         (0..effects[which].values.len())
             .map(|parameter| {
-                let up = self.variant(&moved(effects, which, parameter, STEP))?;
-                let down = self.variant(&moved(effects, which, parameter, -STEP))?;
+                let step = step(effects[which].effect);
+                let up = self.variant(&moved(effects, which, parameter, step))?;
+                let down = self.variant(&moved(effects, which, parameter, -step))?;
                 Ok([up, down])
             })
             .collect()
     }
 }
 
-/// Step of differences, in units of a parameter's scale.
-const STEP: f64 = 0.1;
+/// Step of differences of closed formulas, in units of a parameter's scale: errors of rounding and of the step squared are
+/// both near 10⁻⁸. Curves of muscles are tables with an error of 10⁻⁸, and take a wider one.
+fn step(effect: &dyn Effect) -> f64 {
+    match effect.description().stage {
+        Stage::Muscle | Stage::Activation => 1e-2,
+        _ => 1e-4,
+    }
+}
+
+/// What effects multiply a muscle's moment by, per sample.
+fn muscle_factor(
+    ordered: &[&Setting],
+    trial: &TrialContext,
+    prepared: &PreparedTrial,
+    muscle: usize,
+    angle: &[f64],
+) -> Vec<f64> {
+    let path = &prepared.kinematics().muscles[muscle];
+    let state = MuscleState { trial, muscle, angle, moment_arm: &path.moment_arm, activation: &path.activation };
+    let mut factor = vec![1.0; angle.len()];
+    for setting in ordered {
+        setting.effect.scale_muscle(&setting.values, &state, &mut factor);
+    }
+    factor
+}
 
 /// Effects in the order of the catalogue, in which they act.
 fn in_order(effects: &[Setting]) -> Vec<&Setting> {

@@ -36,6 +36,7 @@ struct Piece {
     start: f64,
     per_second: f64,
     coefficients: [f64; 6],
+    branch: Branch,
 }
 
 /// Activation as a function of time.
@@ -46,7 +47,7 @@ pub(crate) struct ActivationTrajectory {
 }
 
 /// The side of the kink at e = â that a step is on.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum Branch {
     Activating,
     Deactivating,
@@ -123,7 +124,7 @@ impl ActivationTrajectory {
             let segment = Segment { start: time[k], end: time[k + 1], excitation: excitation[k], slope };
             if dynamics.ignored {
                 let coefficients = [excitation[k], excitation[k + 1] - excitation[k], 0.0, 0.0, 0.0, 0.0];
-                trajectory.push(segment.start, segment.end, coefficients);
+                trajectory.push(segment.start, segment.end, coefficients, Branch::Activating);
             } else {
                 a = trajectory.integrate_segment(dynamics, segment, a, &mut trial_step);
             }
@@ -181,7 +182,7 @@ impl ActivationTrajectory {
                 let start = segment.start + elapsed;
                 let end = if duration - elapsed - h <= resolution { segment.end } else { start + h };
                 let coefficients = hermite(dynamics, [a, next], [rate, end_rate], e, segment.slope, h, branch);
-                self.push(start, end, coefficients);
+                self.push(start, end, coefficients, branch);
                 (a, rate) = (next, end_rate);
                 elapsed += h;
             }
@@ -196,8 +197,46 @@ impl ActivationTrajectory {
         a
     }
 
-    fn push(&mut self, start: f64, end: f64, coefficients: [f64; 6]) {
-        self.pieces.push(Piece { start, per_second: 1.0 / (end - start), coefficients });
+    fn push(&mut self, start: f64, end: f64, coefficients: [f64; 6], branch: Branch) {
+        self.pieces.push(Piece { start, per_second: 1.0 / (end - start), coefficients, branch });
+    }
+
+    /// Activation for nearly the same excitation or time constants, in exactly the same steps: differences of such
+    /// trajectories are differences of one smooth function. Where the excitation meets the activation, both sides' rates
+    /// are zero, so that the moment at which a step changes sides matters to second order only.
+    ///
+    /// - `time`: the samples of this trajectory
+    pub(crate) fn beside(&self, dynamics: &ActivationDynamics, time: &[f64], excitation: &[f64]) -> Self {
+        let mut beside = ActivationTrajectory {
+            pieces: Vec::with_capacity(self.pieces.len()),
+            bounds: [dynamics.minimum_activation, 1.0],
+        };
+        let mut a = dynamics.clamp(excitation[0]);
+        let (mut k, mut known) = (0, None);
+        for (i, piece) in self.pieces.iter().enumerate() {
+            let start = piece.start;
+            let end = self.pieces.get(i + 1).map_or(time[time.len() - 1], |next| next.start);
+            while k + 2 < time.len() && start >= time[k + 1] {
+                k += 1;
+            }
+            let slope = (excitation[k + 1] - excitation[k]) / (time[k + 1] - time[k]);
+            let e = excitation[k] + slope * (start - time[k]);
+            let h = end - start;
+            if dynamics.ignored {
+                beside.push(start, end, [e, slope * h, 0.0, 0.0, 0.0, 0.0], piece.branch);
+                continue;
+            }
+            // The rate at the end of a step is that at the start of the next on the same side.
+            let rate = match known {
+                Some((branch, rate)) if branch == piece.branch => rate,
+                _ => dynamics.rate(a, e, piece.branch),
+            };
+            let (next, _, end_rate) = dynamics.step(a, e, slope, h, rate, piece.branch);
+            let coefficients = hermite(dynamics, [a, next], [rate, end_rate], e, slope, h, piece.branch);
+            beside.push(start, end, coefficients, piece.branch);
+            (a, known) = (next, Some((piece.branch, end_rate)));
+        }
+        beside
     }
 
     /// Activation at `time`, within its bounds. `cursor` remembers the piece for the next call at a nearby time.

@@ -17,6 +17,7 @@ mod fiber;
 mod model;
 mod motion;
 mod path_table;
+mod sensitivity;
 mod tables;
 mod trial;
 mod variation;
@@ -26,6 +27,7 @@ pub use fiber::integrate::FiberAccuracy;
 pub use fiber::radau::Work;
 pub use model::{HeldCoordinate, MuscleParameters, MusculoskeletalModel, Setup, posture};
 pub use motion::MotionInterpolation;
+pub use sensitivity::MuscleSolution;
 pub use trial::{
     MIN_RECORDING_SAMPLES, MuscleKinematics, MuscleSimulation, Options, PreparedTrial, Recording, TrialKinematics,
     TrialSimulation, UnitMoment, simulate_all,

@@ -106,6 +106,8 @@ pub struct MusculoskeletalModel {
     /// All coordinates in the posture of the study, couplers satisfied [rad or m].
     pub(crate) posture: Vec<f64>,
     pub(crate) muscles: Vec<ActiveMuscle>,
+    /// Tabulated curves of the muscles.
+    pub(crate) curve_cache: CurveCache,
     pub(crate) forces: Forces,
     pub(crate) passive_paths: Vec<PassivePath>,
     pub(crate) setup: Setup,
@@ -159,6 +161,7 @@ impl MusculoskeletalModel {
             coordinate,
             posture,
             muscles,
+            curve_cache: cache,
             forces,
             passive_paths,
             setup: setup.clone(),

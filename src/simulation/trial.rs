@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::activation_trajectory::ActivationTrajectory;
 use super::error::SimulationError;
 use super::fiber::equation::{Drive, Fiber};
-use super::fiber::integrate::{Cursor, DriveSource, FiberAccuracy, StepPlan};
+use super::fiber::integrate::{Cursor, DriveSource, FiberAccuracy, StepPlan, StepTaken};
 use super::fiber::radau::Work;
 use super::model::{ActiveMuscle, MuscleParameters, MusculoskeletalModel};
 use super::motion::{Motion, MotionInterpolation};
@@ -515,16 +515,6 @@ impl PreparedTrial {
         Ok(out)
     }
 
-    /// Normalized fibre length and its rate [1/s] at every sample.
-    pub(crate) fn follow_fiber(
-        &self,
-        muscle: usize,
-        parameters: &MuscleParameters,
-        mut emit: impl FnMut(usize, f64, f64),
-    ) -> Result<Work, SimulationError> {
-        self.run::<false>(muscle, parameters, |k, at| emit(k, at.x, at.rate))
-    }
-
     fn check(&self, parameters: &[MuscleParameters]) -> Result<(), SimulationError> {
         if parameters.len() != self.muscles.len() {
             let (found, expected) = (parameters.len(), self.muscles.len());
@@ -538,7 +528,18 @@ impl PreparedTrial {
         &self,
         muscle: usize,
         parameters: &MuscleParameters,
+        emit: impl FnMut(usize, ForceSample),
+    ) -> Result<Work, SimulationError> {
+        self.run_observed::<DERIVATIVES>(muscle, parameters, emit, |_| ())
+    }
+
+    /// As [`PreparedTrial::run`]; `observe` receives every step taken.
+    pub(crate) fn run_observed<const DERIVATIVES: bool>(
+        &self,
+        muscle: usize,
+        parameters: &MuscleParameters,
         mut emit: impl FnMut(usize, ForceSample),
+        observe: impl FnMut(StepTaken),
     ) -> Result<Work, SimulationError> {
         let prepared = &self.muscles[muscle];
         let kinematics = &self.kinematics.muscles[muscle];
@@ -550,16 +551,22 @@ impl PreparedTrial {
         let source =
             Source { activation: &prepared.activation, motion: &self.motion, path: &self.tables.muscles[muscle] };
         fiber
-            .follow::<DERIVATIVES>(plan, &source, &self.accuracy, |k, at| {
-                let tendon = fiber.tendon_force(at.x, kinematics.length[k]);
-                let mut force_by = [0.0; 3];
-                if DERIVATIVES {
-                    for p in 0..3 {
-                        force_by[p] = tendon.by_x * at.by_parameters[p] + tendon.by_parameters[p];
+            .follow::<DERIVATIVES>(
+                plan,
+                &source,
+                &self.accuracy,
+                |k, at| {
+                    let tendon = fiber.tendon_force(at.x, kinematics.length[k]);
+                    let mut force_by = [0.0; 3];
+                    if DERIVATIVES {
+                        for p in 0..3 {
+                            force_by[p] = tendon.by_x * at.by_parameters[p] + tendon.by_parameters[p];
+                        }
                     }
-                }
-                emit(k, ForceSample { x: at.x, rate: at.rate, force: tendon.value, force_by });
-            })
+                    emit(k, ForceSample { x: at.x, rate: at.rate, force: tendon.value, force_by });
+                },
+                observe,
+            )
             .map_err(|stuck| SimulationError::NoBalance {
                 recording: self.name.clone(),
                 muscle: prepared.muscle.name.clone(),
@@ -580,15 +587,15 @@ impl PreparedTrial {
 
 /// A muscle at a sample, normalized.
 #[derive(Clone, Copy, Debug)]
-struct ForceSample {
+pub(crate) struct ForceSample {
     /// Normalized fibre length.
-    x: f64,
+    pub(crate) x: f64,
     /// Its rate [1/s].
-    rate: f64,
+    pub(crate) rate: f64,
     /// Tendon force over maximum isometric force.
-    force: f64,
+    pub(crate) force: f64,
     /// Its derivatives by optimal fibre length, tendon slack length and sine of pennation.
-    force_by: [f64; 3],
+    pub(crate) force_by: [f64; 3],
 }
 
 /// Simulates many trials, in parallel over trials; the result is the same at any number of threads.

@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use super::activation_trajectory::ActivationTrajectory;
 use super::error::SimulationError;
-use super::fiber::CurveCache;
 use super::fiber::equation::{Drive, Fiber, FiberCurves};
-use super::model::{ActiveMuscle, MuscleParameters, MusculoskeletalModel, active_muscle_along};
+use super::model::{ActiveMuscle, MusculoskeletalModel, active_muscle_along};
+use super::sensitivity::MuscleSolution;
 use super::tables::CoordinateTables;
 use super::trial::{Options, PreparedMuscle, PreparedTrial, Recording, Source};
 use crate::osim::spec::MuscleSpec;
@@ -24,7 +24,7 @@ impl MusculoskeletalModel {
     /// A property that is not allowed.
     pub fn with_muscles(&self, muscles: &[MuscleSpec]) -> Result<MusculoskeletalModel, SimulationError> {
         let mut model = self.clone();
-        let mut cache = CurveCache::default();
+        let mut cache = model.curve_cache.clone();
         for (muscle, spec) in model.muscles.iter_mut().zip(muscles) {
             *muscle = active_muscle_along(spec, Arc::clone(&muscle.path), &mut cache)?;
         }
@@ -85,6 +85,30 @@ impl MusculoskeletalModel {
         like: &PreparedTrial,
         options: &Options,
     ) -> Result<PreparedTrial, SimulationError> {
+        self.prepare_from(recording, like, options, false)
+    }
+
+    /// As [`MusculoskeletalModel::prepare_like`] for a variation so small that differences from others like it give
+    /// derivatives: activation is integrated in the steps of `like`. It is not to be simulated.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn prepare_beside(
+        &self,
+        recording: &Recording,
+        like: &PreparedTrial,
+        options: &Options,
+    ) -> Result<PreparedTrial, SimulationError> {
+        self.prepare_from(recording, like, options, true)
+    }
+
+    fn prepare_from(
+        &self,
+        recording: &Recording,
+        like: &PreparedTrial,
+        options: &Options,
+        beside: bool,
+    ) -> Result<PreparedTrial, SimulationError> {
         let known = like.muscles.iter().map(|m| m.muscle.rigid_tendon);
         let same_tendons = self.muscles.iter().map(|m| m.rigid_tendon).eq(known);
         if recording.time != &*like.time || !same_tendons {
@@ -112,12 +136,14 @@ impl MusculoskeletalModel {
             muscle.check(&muscle.nominal)?;
             let activation = if same_activation {
                 Arc::clone(&known.activation)
+            } else if beside {
+                Arc::new(known.activation.beside(&muscle.activation, recording.time, excitation))
             } else {
                 Arc::new(ActivationTrajectory::integrate(&muscle.activation, recording.time, excitation))
             };
             let source = Source { activation: &activation, motion: &out.motion, path: &out.tables.muscles[i] };
             let plan = match &known.plan {
-                Some(plan) if same_activation && !moves_otherwise => Some(Arc::clone(plan)),
+                Some(plan) if beside || same_activation && !moves_otherwise => Some(Arc::clone(plan)),
                 Some(plan) => Some(Arc::new(plan.driven_by(&source))),
                 None => None,
             };
@@ -200,20 +226,18 @@ impl PreparedTrial {
     /// ```
     /// with coefficients frozen between samples. Good to a few percent at 100 Hz: for covariances, not for fits.
     ///
+    /// - `solution`: of this trial and muscle
     /// - `excitation`: of this muscle, at the samples
-    ///
-    /// # Errors
-    /// A muscle whose forces cannot be balanced.
     pub fn excitation_response(
         &self,
         muscle: usize,
-        parameters: &MuscleParameters,
+        solution: &MuscleSolution,
         excitation: &[f64],
-    ) -> Result<ExcitationResponse, SimulationError> {
+    ) -> ExcitationResponse {
         let n = self.len();
         let prepared = &self.muscles[muscle];
         let kinematics = &self.kinematics.muscles[muscle];
-        let fiber: Fiber = prepared.muscle.fiber(parameters);
+        let fiber: Fiber = prepared.muscle.fiber(&solution.parameters);
         let dynamics = &prepared.muscle.activation;
         let mut response = ExcitationResponse {
             activation_decay: vec![0.0; n],
@@ -224,9 +248,7 @@ impl PreparedTrial {
             moment_by_activation: vec![0.0; n],
         };
         let max_velocity = fiber.curves.max_velocity;
-        let force = parameters.max_isometric_force;
-        let mut at = vec![(0.0, 0.0); n];
-        self.follow_fiber(muscle, parameters, |k, x, rate| at[k] = (x, rate))?;
+        let force = solution.parameters.max_isometric_force;
         for k in 0..n {
             let h = if k + 1 < n { self.time[k + 1] - self.time[k] } else { self.time[k] - self.time[k - 1] };
             let a = kinematics.activation[k];
@@ -243,7 +265,7 @@ impl PreparedTrial {
             if e <= dynamics.minimum_activation && a <= dynamics.minimum_activation {
                 response.activation_gain[k] = 0.0;
             }
-            let (x, rate) = at[k];
+            let (x, rate) = (solution.fiber_length[k], solution.fiber_rate[k]);
             let arm = kinematics.moment_arm[k];
             if prepared.muscle.rigid_tendon {
                 let near = |a: f64| fiber.rigid_tendon(a, kinematics.length[k], kinematics.lengthening_speed[k]).force;
@@ -261,7 +283,7 @@ impl PreparedTrial {
             response.fiber_gain[k] = (1.0 - response.fiber_decay[k]) * by_activation / stiffness;
             response.moment_by_fiber[k] = arm * force * fiber.tendon_force(x, kinematics.length[k]).by_x;
         }
-        Ok(response)
+        response
     }
 }
 

@@ -73,7 +73,7 @@ fn verif_every_effect_changes_some_trial_and_its_derivative_matches_differences(
             for g in 0..forward.trials.len() {
                 let input = &forward.recorded_input(g);
                 let variant = forward.variant(&settings).unwrap();
-                let core = forward.core(&variant, g, input, &parameters, &settings, false).unwrap();
+                let core = forward.core(&variant, g, input, &parameters, &settings, true).unwrap();
                 let by = forward.effect_derivative(g, &core, input, &parameters, &settings, 0, &variants, p).unwrap();
                 for k in 0..by.len() {
                     let difference = (with[g][k] - without[g][k]) / 0.05;

@@ -1,7 +1,7 @@
 //! Activation and deactivation times.
 
-use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, amplitude};
-use crate::osim::spec::{MuscleKind, MuscleSpec};
+use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, amplitude, scale_property, scaled_mean};
+use crate::osim::spec::MuscleSpec;
 
 /// Activation and deactivation times: `ȧ = (e - a)/τ(a, e) with other τ_act, τ_deact; all muscles scaled together`.
 pub struct ActivationDynamics;
@@ -40,25 +40,14 @@ impl Effect for ActivationDynamics {
     }
 
     fn change_muscles(&self, values: &[f64], muscles: &mut [MuscleSpec]) -> bool {
-        let [deactivation, activation] = *values else { return false };
-        if deactivation == 0.0 && activation == 0.0 {
-            return false;
-        }
-        for muscle in muscles {
-            if let MuscleKind::Millard2012Equilibrium(p) = &mut muscle.kind {
-                p.deactivation_time_constant *= deactivation.exp();
-                p.activation_time_constant *= activation.exp();
-            }
-        }
-        true
+        let slower = scale_property(muscles, values[0], |p, factor| p.deactivation_time_constant *= factor);
+        scale_property(muscles, values[1], |p, factor| p.activation_time_constant *= factor) || slower
     }
 
     fn reported(&self, values: &[f64], muscles: &[MuscleSpec]) -> Vec<f64> {
-        let usual = muscles.iter().find_map(|m| match &m.kind {
-            MuscleKind::Millard2012Equilibrium(p) => Some([p.deactivation_time_constant, p.activation_time_constant]),
-            MuscleKind::PathOnly { .. } => None,
-        });
-        let usual = usual.unwrap_or([0.04, 0.01]);
-        vec![usual[0] * values[0].exp(), usual[1] * values[1].exp()]
+        vec![
+            scaled_mean(muscles, values[0], |p| p.deactivation_time_constant),
+            scaled_mean(muscles, values[1], |p| p.activation_time_constant),
+        ]
     }
 }

@@ -1,7 +1,7 @@
 //! Width of the active force-length curve.
 
-use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, amplitude};
-use crate::osim::spec::{MuscleKind, MuscleSpec};
+use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, amplitude, scale_property};
+use crate::osim::spec::MuscleSpec;
 
 /// Width of the active force-length curve: `normalized lengths 1 + w (l - 1) of the active force-length curve; w is the width ratio`.
 pub struct ActiveForceWidth;
@@ -25,21 +25,14 @@ impl Effect for ActiveForceWidth {
     }
 
     fn change_muscles(&self, values: &[f64], muscles: &mut [MuscleSpec]) -> bool {
-        let [ratio] = *values else { return false };
-        if ratio == 0.0 {
-            return false;
-        }
-        for muscle in muscles {
-            if let MuscleKind::Millard2012Equilibrium(p) = &mut muscle.kind {
-                let curve = &mut p.active_force_length;
-                let stretch = |length: &mut f64| *length = 1.0 + (*length - 1.0) * ratio.exp();
-                stretch(&mut curve.min_norm_active_fiber_length);
-                stretch(&mut curve.transition_norm_fiber_length);
-                stretch(&mut curve.max_norm_active_fiber_length);
-                curve.shallow_ascending_slope *= (-ratio).exp();
-            }
-        }
-        true
+        scale_property(muscles, values[0], |p, factor| {
+            let curve = &mut p.active_force_length;
+            let stretch = |length: &mut f64| *length = 1.0 + (*length - 1.0) * factor;
+            stretch(&mut curve.min_norm_active_fiber_length);
+            stretch(&mut curve.transition_norm_fiber_length);
+            stretch(&mut curve.max_norm_active_fiber_length);
+            curve.shallow_ascending_slope /= factor;
+        })
     }
 
     fn reported(&self, values: &[f64], _: &[MuscleSpec]) -> Vec<f64> {

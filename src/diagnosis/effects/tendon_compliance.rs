@@ -1,7 +1,7 @@
 //! Tendon compliance.
 
-use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, amplitude};
-use crate::osim::spec::{MuscleKind, MuscleSpec};
+use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, amplitude, scale_property, scaled_mean};
+use crate::osim::spec::MuscleSpec;
 
 /// Tendon compliance: `strain of the tendon at maximum isometric force; its stiffness changes inversely`.
 pub struct TendonCompliance;
@@ -31,28 +31,14 @@ impl Effect for TendonCompliance {
     }
 
     fn change_muscles(&self, values: &[f64], muscles: &mut [MuscleSpec]) -> bool {
-        let [ratio] = *values else { return false };
-        if ratio == 0.0 {
-            return false;
-        }
-        for muscle in muscles {
-            if let MuscleKind::Millard2012Equilibrium(p) = &mut muscle.kind {
-                p.tendon_force_length.strain_at_one_norm_force *= ratio.exp();
-                if let Some(stiffness) = &mut p.tendon_force_length.stiffness_at_one_norm_force {
-                    *stiffness *= (-ratio).exp();
-                }
-            }
-        }
-        true
+        scale_property(muscles, values[0], |p, factor| {
+            let curve = &mut p.tendon_force_length;
+            curve.strain_at_one_norm_force *= factor;
+            curve.stiffness_at_one_norm_force.iter_mut().for_each(|stiffness| *stiffness /= factor);
+        })
     }
 
     fn reported(&self, values: &[f64], muscles: &[MuscleSpec]) -> Vec<f64> {
-        let usual = |m: &MuscleSpec| match &m.kind {
-            MuscleKind::Millard2012Equilibrium(p) => Some(p.tendon_force_length.strain_at_one_norm_force),
-            MuscleKind::PathOnly { .. } => None,
-        };
-        let known: Vec<f64> = muscles.iter().filter_map(usual).collect();
-        let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
-        vec![mean * values[0].exp()]
+        vec![scaled_mean(muscles, values[0], |p| p.tendon_force_length.strain_at_one_norm_force)]
     }
 }

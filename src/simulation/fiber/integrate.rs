@@ -82,6 +82,30 @@ pub(crate) struct FiberSample {
     pub(crate) by_parameters: [f64; PARAMETERS],
 }
 
+/// A step as it was taken.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StepTaken {
+    /// Time at its start [s].
+    pub(crate) start: f64,
+    /// Its size and what drives the fibre at the stages.
+    pub(crate) input: StepInput,
+    /// Normalized fibre length at its start, and stage increments; `None` for a fibre that rests at its shortest length.
+    pub(crate) path: Option<(f64, [f64; 3])>,
+    /// Whether the fibre is at its shortest length at the end.
+    pub(crate) ends_shortest: bool,
+}
+
+impl StepTaken {
+    fn resting(start: f64, input: &StepInput) -> StepTaken {
+        StepTaken { start, input: *input, path: None, ends_shortest: true }
+    }
+
+    fn moving(start: f64, input: &StepInput, from: &FiberState, solution: &StepSolution) -> StepTaken {
+        let ends_shortest = solution.end.x != from.x + solution.z[2];
+        StepTaken { start, input: *input, path: Some((from.x, solution.z)), ends_shortest }
+    }
+}
+
 /// What became of an attempt to take a step.
 enum Attempt {
     /// The fibre stays at its shortest length.
@@ -158,7 +182,8 @@ impl Fiber {
         Attempt::Moves(solution)
     }
 
-    /// Follows the plan; `emit` receives the fibre's state at every sample, in order.
+    /// Follows the plan; `emit` receives the fibre's state at every sample, in order, `observe` every step taken, before its
+    /// samples.
     ///
     /// # Errors
     /// [`Stuck`] where Newton's method fails in the smallest step.
@@ -168,6 +193,7 @@ impl Fiber {
         source: &impl DriveSource,
         accuracy: &FiberAccuracy,
         mut emit: impl FnMut(usize, FiberSample),
+        mut observe: impl FnMut(StepTaken),
     ) -> Result<Work, Stuck> {
         let mut work = Work::default();
         let mut state = self.initial_state(plan.initial, &mut work);
@@ -176,12 +202,14 @@ impl Fiber {
         for planned in &plan.steps {
             match self.attempt::<DERIVATIVES>(&mut state, &planned.input, accuracy.tolerance, false, &mut work) {
                 Attempt::Stays => {
+                    observe(StepTaken::resting(planned.start, &planned.input));
                     while sample < planned.samples_end {
                         emit(sample, self.resting());
                         sample += 1;
                     }
                 }
                 Attempt::Moves(solution) => {
+                    observe(StepTaken::moving(planned.start, &planned.input, &state, &solution));
                     while sample < planned.samples_end {
                         let weights = plan.weights[sample];
                         emit(sample, within::<DERIVATIVES>(&state, &solution, weights, planned.input.h));
@@ -204,8 +232,8 @@ impl Fiber {
                     let half = 0.5 * planned.input.h;
                     let middle = planned.start + half;
                     let end = planned.start + planned.input.h;
-                    division.run::<DERIVATIVES>(&mut state, planned.start, middle, 1, &mut emit)?;
-                    division.run::<DERIVATIVES>(&mut state, middle, end, 1, &mut emit)?;
+                    division.run::<DERIVATIVES>(&mut state, planned.start, middle, 1, &mut emit, &mut observe)?;
+                    division.run::<DERIVATIVES>(&mut state, middle, end, 1, &mut emit, &mut observe)?;
                     sample = division.sample;
                     // Rounding of the last division's end must not lose the sample at the end of the step.
                     while sample < planned.samples_end {
@@ -288,11 +316,13 @@ impl<S: DriveSource> Division<'_, S> {
         end: f64,
         depth: usize,
         emit: &mut impl FnMut(usize, FiberSample),
+        observe: &mut impl FnMut(StepTaken),
     ) -> Result<(), Stuck> {
         let input = step_input(self.source, start, end, &mut self.cursor);
         let last_resort = depth >= MOST_HALVINGS;
         match self.fiber.attempt::<DERIVATIVES>(state, &input, self.tolerance, last_resort, self.work) {
             Attempt::Stays => {
+                observe(StepTaken::resting(start, &input));
                 while self.sample < self.samples_end && self.times[self.sample] <= end {
                     emit(self.sample, self.fiber.resting());
                     self.sample += 1;
@@ -300,6 +330,7 @@ impl<S: DriveSource> Division<'_, S> {
                 Ok(())
             }
             Attempt::Moves(solution) => {
+                observe(StepTaken::moving(start, &input, state, &solution));
                 while self.sample < self.samples_end && self.times[self.sample] <= end {
                     let theta = (self.times[self.sample] - start) / input.h;
                     let weights = if theta >= 1.0 { [0.0, 0.0, 1.0] } else { stage_weights(theta) };
@@ -313,8 +344,8 @@ impl<S: DriveSource> Division<'_, S> {
             Attempt::Divide => {
                 self.work.divided_steps += 1;
                 let middle = 0.5 * (start + end);
-                self.run::<DERIVATIVES>(state, start, middle, depth + 1, emit)?;
-                self.run::<DERIVATIVES>(state, middle, end, depth + 1, emit)
+                self.run::<DERIVATIVES>(state, start, middle, depth + 1, emit, observe)?;
+                self.run::<DERIVATIVES>(state, middle, end, depth + 1, emit, observe)
             }
         }
     }

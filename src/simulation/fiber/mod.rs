@@ -53,7 +53,7 @@ impl FiberCurves {
 }
 
 /// Tables of the curves of a model's muscles, by the curves' properties: most muscles of a model have the same.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct CurveCache {
     tables: Vec<(String, Arc<CurveTable>)>,
 }

@@ -17,7 +17,7 @@ const ROOT_6: f64 = 2.449_489_742_783_178;
 /// Where in the step the stages are.
 pub(crate) const STAGES: [f64; 3] = [(4.0 - ROOT_6) / 10.0, (4.0 + ROOT_6) / 10.0, 1.0];
 /// Inverse of the Butcher matrix.
-const INVERSE_BUTCHER: [[f64; 3]; 3] = [
+pub(crate) const INVERSE_BUTCHER: [[f64; 3]; 3] = [
     [3.224_744_871_391_589, 1.167_840_084_690_405_6, -0.253_197_264_742_180_96],
     [-3.567_840_084_690_405_3, 0.775_255_128_608_411_1, 1.053_197_264_742_181],
     [5.531_972_647_421_811, -7.531_972_647_421_809, 5.0],
@@ -114,12 +114,12 @@ pub(crate) fn stage_weight_slopes(theta: f64) -> [f64; 3] {
     [slope(c[1], c[2], c[0]), slope(c[0], c[2], c[1]), slope(c[0], c[1], c[2])]
 }
 
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// Inverse of a 3×3 matrix; `None` if it is singular to rounding.
-fn inverse(m: &[[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
+pub(crate) fn inverse(m: &[[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
     let cofactor = |r: usize, c: usize| {
         let (r1, r2, c1, c2) = ((r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3);
         m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1]
@@ -290,7 +290,7 @@ impl Fiber {
     }
 }
 
-fn newton_matrix(by_x: [f64; 3], by_u: [f64; 3], per_velocity: f64) -> [[f64; 3]; 3] {
+pub(crate) fn newton_matrix(by_x: [f64; 3], by_u: [f64; 3], per_velocity: f64) -> [[f64; 3]; 3] {
     let mut matrix = [[0.0; 3]; 3];
     for i in 0..3 {
         let scale = by_u[i] * per_velocity;

@@ -142,11 +142,17 @@ fn follow<const D: bool>(
     let mut out = vec![FiberSample::default(); samples];
     let mut emitted = 0;
     fiber
-        .follow::<D>(plan, &motion, &accuracy, |k, sample| {
-            assert_eq!(k, emitted);
-            out[k] = sample;
-            emitted += 1;
-        })
+        .follow::<D>(
+            plan,
+            &motion,
+            &accuracy,
+            |k, sample| {
+                assert_eq!(k, emitted);
+                out[k] = sample;
+                emitted += 1;
+            },
+            |_| (),
+        )
         .unwrap();
     assert_eq!(emitted, samples);
     out
