@@ -83,7 +83,7 @@ fn evaluate(forward: &ForwardModel, trials: &[usize], effects: &[Setting]) -> Re
             for p in effects[which].effect.description().amplitudes() {
                 forward.effect_derivative(g, &core, &input, &parameters, effects, which, &variants, p)?;
             }
-            Ok(())
+            Ok::<(), SimulationError>(())
         })?;
     }
     if effects.is_empty() {
