@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use carpus::diagnosis::catalogue::CATALOGUE;
 use carpus::diagnosis::diagnose::{Request, diagnose};
-use carpus::diagnosis::forward_model::{ForwardModel, Setting};
+use carpus::diagnosis::forward_model::{DIAGNOSIS_ACCURACY, ForwardModel, Setting};
 use carpus::osim::OsimFile;
 use carpus::simulation::{MusculoskeletalModel, Setup, SimulationError};
 use carpus::study::{Study, TrialUse};
@@ -34,7 +34,7 @@ fn run(path: &Path) -> Result<(), Box<dyn std::error::Error>> {
     let participant = study.participants.first().ok_or("no participant")?.name.clone();
     let trials = study.load_trials(&participant).map_err(|e| e.to_string())?;
     let start = Instant::now();
-    let forward = ForwardModel::new(&file.spec, &model, &trials)?;
+    let forward = ForwardModel::with_accuracy(&file.spec, &model, &trials, DIAGNOSIS_ACCURACY)?;
     report("model and trials prepared", start.elapsed().as_secs_f64());
     let train = forward.trials_for(TrialUse::Train);
     println!("{} training trials, {} threads", train.len(), rayon::current_num_threads());

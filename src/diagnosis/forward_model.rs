@@ -102,8 +102,8 @@ pub struct Core {
     without: Option<Box<Core>>,
 }
 
-/// Accuracy of simulations: moments within about 10⁻³ N·m, far below any sensor's noise.
-const ACCURACY: FiberAccuracy = FiberAccuracy { tolerance: 5e-5, max_step: 0.04 };
+/// Accuracy that a diagnosis needs: moments within about 10⁻³ N·m, far below any sensor's noise, in half the time.
+pub const DIAGNOSIS_ACCURACY: FiberAccuracy = FiberAccuracy { tolerance: 5e-5, max_step: 0.04 };
 
 /// Muscle parameters whose logarithms are fitted, per muscle.
 pub const FITTED_PER_MUSCLE: usize = 3;
@@ -121,10 +121,23 @@ impl ForwardModel {
         model: &MusculoskeletalModel,
         trials: &[Trial],
     ) -> Result<ForwardModel, SimulationError> {
+        Self::with_accuracy(spec, model, trials, FiberAccuracy::default())
+    }
+
+    /// As [`ForwardModel::new`], with another accuracy of fibre lengths.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn with_accuracy(
+        spec: &ModelSpec,
+        model: &MusculoskeletalModel,
+        trials: &[Trial],
+        accuracy: FiberAccuracy,
+    ) -> Result<ForwardModel, SimulationError> {
         let muscles: Vec<MuscleSpec> =
             model.muscle_names().filter_map(|name| spec.muscles.iter().find(|m| m.name == name)).cloned().collect();
         let recordings: Vec<Recording> = trials.iter().map(Recording::from).collect();
-        let options = Options { allow_angle_outside_range: true, fiber: ACCURACY, ..Options::default() };
+        let options = Options { allow_angle_outside_range: true, fiber: accuracy, ..Options::default() };
         let base = model.prepare_all_with_margin(&recordings, &options)?;
         let directions = directions(&base, muscles.len());
         Ok(ForwardModel {

@@ -8,7 +8,7 @@ use crate::cli::table::{fixed, table};
 use crate::diagnosis::catalogue::{CATALOGUE, effect};
 use crate::diagnosis::diagnose::{Diagnosis, Outcome, Request, Verdict, diagnose};
 use crate::diagnosis::effect::Effect;
-use crate::diagnosis::forward_model::ForwardModel;
+use crate::diagnosis::forward_model::{DIAGNOSIS_ACCURACY, ForwardModel};
 use crate::study::TrialUse;
 
 /// Said before every diagnosis, until its false alarms and its power are measured.
@@ -47,7 +47,7 @@ pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
 /// # Errors
 /// A trial that cannot be simulated; nothing to train on.
 pub fn forward_model(run: &ParticipantRun) -> Result<ForwardModel, Failure> {
-    let forward = ForwardModel::new(&run.loaded.file.spec, &run.model, &run.trials)
+    let forward = ForwardModel::with_accuracy(&run.loaded.file.spec, &run.model, &run.trials, DIAGNOSIS_ACCURACY)
         .map_err(|e| Message::error(e.to_string()).in_file(&run.loaded.path))?;
     if forward.trials_for(TrialUse::Train).len() < 2 {
         let text = format!("participant {}: expected at least two trials with use = train", run.participant.name);

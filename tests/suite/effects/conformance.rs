@@ -1,7 +1,7 @@
 //! What every effect has to do.
 
 use carpus::diagnosis::effect::{OsimForm, Role, Stage};
-use carpus::diagnosis::forward_model::Setting;
+use carpus::diagnosis::forward_model::{DIAGNOSIS_ACCURACY, Setting};
 use carpus::simulation::{Options, Recording};
 
 use super::*;
@@ -166,12 +166,14 @@ fn verif_an_absent_effect_changes_nothing_to_the_last_bit() {
 fn verif_moments_are_as_accurate_as_a_diagnosis_needs() {
     /// A fifth of the least noise that a sensor is taken to have [N·m].
     const LIMIT: f64 = 1e-3;
-    let (_, _, model) = study();
+    let (_, file, model) = study();
+    let trials: Vec<Trial> = TRIALS.iter().map(|stem| trial(stem)).collect();
+    let forward = ForwardModel::with_accuracy(&file.spec, model, &trials, DIAGNOSIS_ACCURACY).unwrap();
     for (g, stem) in TRIALS.iter().enumerate() {
         let options = Options { allow_angle_outside_range: true, ..Options::default() };
         let prepared = model.prepare(&Recording::from(&trial(stem)), &options).unwrap();
         let accurate = prepared.simulate(&model.nominal_parameters()).unwrap().moment;
-        let error = largest(difference(&moment(forward(), g, &[]), &accurate));
+        let error = largest(difference(&moment(&forward, g, &[]), &accurate));
         println!("{stem}: {error:.1e} N·m of {:.1}", largest(accurate));
         assert!(error < LIMIT, "{stem}: {error:.1e} N·m");
     }
