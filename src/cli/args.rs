@@ -274,6 +274,9 @@ pub struct DiagnoseArgs {
     /// Only these effects (comma-separated; default: all)
     #[arg(long, value_name = "ID,…", value_delimiter = ',')]
     pub candidates: Vec<String>,
+    /// Also write what simpler methods need to compare themselves (key `baselines`, megabytes)
+    #[arg(long)]
+    pub baselines: bool,
 }
 
 /// `carpus sensitivity`

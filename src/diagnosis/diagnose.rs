@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::baselines::Ingredients;
 use super::catalogue::CATALOGUE;
 use super::effect::{Effect, Role};
 use super::fit::{Analysis, Fit};
@@ -196,6 +197,8 @@ pub struct Outcome {
     pub refit: Fit,
     /// Fit of the first explanation.
     pub best: Option<Fit>,
+    /// What baselines need.
+    pub ingredients: Ingredients,
 }
 
 /// Diagnoses one participant.
@@ -268,7 +271,8 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
             ("emg_baseline", floor),
         ]),
     };
-    Ok(Outcome { diagnosis, refit: null, best })
+    let ingredients = analysis.ingredients(&null);
+    Ok(Outcome { diagnosis, refit: null, best, ingredients })
 }
 
 fn test(analysis: &Analysis, fit: &Fit, skip: &[&str]) -> Result<Omnibus, SimulationError> {

@@ -16,6 +16,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 use std::sync::Arc;
 
+use super::baselines::{Group, Ingredients};
 use super::effect::{Effect, Role, Stage};
 use super::forward_model::{Core, FITTED_PER_MUSCLE, ForwardModel, Setting, TrialInput, matters};
 use super::noise::{self, KNOT_SPACING, NoiseLevels, Response, TrialNoise, TrialTimes};
@@ -645,6 +646,33 @@ impl<'a> Analysis<'a> {
             .collect();
         let nuisance: Vec<usize> = (0..p).collect();
         score_test::omnibus(&normal, &nuisance, &fit.precision, &fit.offset, &blocks, p, self.seed)
+    }
+
+    /// What baselines regress on, around a fit without effects.
+    pub fn ingredients(&self, null: &Fit) -> Ingredients {
+        let p = null.precision.len();
+        let width = self.directions.first().map_or(0, DMatrix::ncols);
+        let groups: Vec<Group> = self
+            .blocks
+            .iter()
+            .filter(|b| !b.name.starts_with("axis:"))
+            .map(|b| Group { name: b.name.clone(), columns: b.columns.iter().map(|c| c + p + 1).collect() })
+            .collect();
+        let used = groups.iter().flat_map(|g| &g.columns).max().map_or(p + 1, |last| last + 1);
+        let trials: Vec<[DMatrix<f64>; 2]> = null
+            .whitened
+            .iter()
+            .zip(&self.directions)
+            .zip(&null.factors)
+            .map(|((w, d), factor)| {
+                let mut whitened = w.clone().resize_horizontally(p + 1 + width, 0.0);
+                let mut plain = (factor.l() * w).resize_horizontally(p + 1 + width, 0.0);
+                whitened.columns_mut(p + 1, width).copy_from(&whiten(factor, d));
+                plain.columns_mut(p + 1, width).copy_from(d);
+                [whitened.columns(0, used).into_owned(), plain.columns(0, used).into_owned()]
+            })
+            .collect();
+        Ingredients::new(p, null.precision.clone(), groups, &trials)
     }
 
     /// z of an effect against a rival: length of its signature, muscles and rival profiled out, at a given size.

@@ -1,6 +1,7 @@
 //! Which physical effect a model lacks: catalogue of effects, simulation with any of them, and the statistics that say
 //! which of them a participant's trials call for.
 
+pub mod baselines;
 pub mod catalogue;
 pub mod diagnose;
 pub mod effect;

@@ -5,6 +5,7 @@ use crate::cli::failure::{self, Failure, Message};
 use crate::cli::print_result;
 use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
 use crate::cli::table::{fixed, table};
+use crate::diagnosis::baselines::Ingredients;
 use crate::diagnosis::catalogue::{CATALOGUE, effect};
 use crate::diagnosis::diagnose::{Diagnosis, Outcome, Request, Verdict, diagnose};
 use crate::diagnosis::effect::Effect;
@@ -29,8 +30,13 @@ pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
         let run = study.participant(participant)?;
         failure::print(&run.warnings);
         let forward = forward_model(&run)?;
-        let diagnosis = diagnosed(&study, &run, &forward, candidates.clone(), global)?.diagnosis;
-        let json = serde_json::to_string_pretty(&diagnosis).map_err(|e| Failure::Internal(e.to_string()))?;
+        let Outcome { diagnosis, ingredients, .. } = diagnosed(&study, &run, &forward, candidates.clone(), global)?;
+        let json = if args.baselines {
+            with_baselines(&diagnosis, &ingredients)
+        } else {
+            serde_json::to_string_pretty(&diagnosis)
+        };
+        let json = json.map_err(|e| Failure::Internal(e.to_string()))?;
         study.out.write(format!("{}/diagnosis.json", participant.name), json.as_bytes())?;
         diagnoses.push(diagnosis);
         bar.inc(1);
@@ -40,6 +46,12 @@ pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
         return print_result(&serde_json::to_string(&diagnoses).map_err(|e| Failure::Internal(e.to_string()))?);
     }
     print_result(&diagnoses.iter().map(readable).collect::<Vec<_>>().join("\n\n"))
+}
+
+fn with_baselines(diagnosis: &Diagnosis, ingredients: &Ingredients) -> serde_json::Result<String> {
+    let mut value = serde_json::to_value(diagnosis)?;
+    value["baselines"] = serde_json::to_value(ingredients)?;
+    serde_json::to_string(&value)
 }
 
 /// The trials of a participant, ready to be simulated with effects.
