@@ -2,6 +2,7 @@
 
 mod cohort;
 mod diagnosis;
+mod diagnosis_hidden;
 mod dynamics;
 mod dynamometer;
 mod effects;

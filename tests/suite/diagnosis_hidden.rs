@@ -1,0 +1,86 @@
+//! Diagnoses of bundled studies that OpenSim simulated and in which an effect is hidden (fixtures/hidden_effects): what is
+//! found must be what was hidden. The table over many more is made by fixtures/scripts/diagnosis_table.py.
+
+use std::path::PathBuf;
+
+use carpus::diagnosis::catalogue::CATALOGUE;
+use carpus::diagnosis::diagnose::{Diagnosis, Request, Verdict, diagnose};
+use carpus::diagnosis::forward_model::ForwardModel;
+use carpus::osim::OsimFile;
+use carpus::simulation::{MusculoskeletalModel, Setup};
+use carpus::study::Study;
+use serde_json::Value;
+
+/// Diagnoses a study among a few candidates; also what was hidden.
+fn diagnosed(name: &str, candidates: &[&str]) -> (Diagnosis, Value) {
+    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
+    let folder = root.join("fixtures/hidden_effects").join(name);
+    let study = Study::read_tables(&folder).unwrap();
+    let trials = study.load_trials("P01").unwrap();
+    let file = OsimFile::read(root.join("models/wrist.osim")).unwrap();
+    let model = MusculoskeletalModel::compile(&file.spec, &Setup::from_settings(&study.settings)).unwrap();
+    let forward = ForwardModel::new(&file.spec, &model, &trials).unwrap();
+    let known = |id: &&str| CATALOGUE.iter().copied().find(|e| e.description().id == *id).unwrap();
+    let request = Request {
+        participant: "P01".to_string(),
+        forward: &forward,
+        bounds: study.settings.bounds,
+        candidates: candidates.iter().map(known).collect(),
+        mvc: trials.iter().map(|t| t.max_abs_moment()).fold(0.0, f64::max),
+        seed: 1,
+    };
+    let found = diagnose(&request).unwrap().diagnosis;
+    let sets: Vec<_> = found.explanations.iter().map(|e| (&e.effects, e.p_value)).collect();
+    println!("{name}: {:?}, p of no effect {:.4}, {sets:?}", found.verdict, found.null_p_value);
+    let truth = std::fs::read_to_string(folder.join("truth.json")).unwrap();
+    (found, serde_json::from_str(&truth).unwrap())
+}
+
+/// The estimate of a hidden parameter covers what was hidden, and is right within a share.
+fn assert_found(found: &Diagnosis, truth: &Value, effect: &str, parameter: &str, share: f64) {
+    let name = format!("{effect}.{parameter}");
+    let hidden = truth["effect_parameters"][&name].as_f64().unwrap();
+    let explanation = found.explanations.iter().find(|e| e.effects == [effect]).unwrap();
+    let estimate = &explanation.parameters[&name];
+    println!("{name}: {:.4} {:?}, hidden {hidden}", estimate.value, estimate.ci95);
+    assert!((estimate.value - hidden).abs() < share * hidden.abs(), "{name}: {} instead of {hidden}", estimate.value);
+    assert!(estimate.ci95[0] < hidden && hidden < estimate.ci95[1], "{name}: {hidden} not in {:?}", estimate.ci95);
+}
+
+fn sets(found: &Diagnosis) -> Vec<&[&str]> {
+    found.explanations.iter().map(|e| e.effects.as_slice()).collect()
+}
+
+#[test]
+fn val_opensim_nothing_hidden_nothing_found() {
+    let (found, _) = diagnosed("nothing_hidden", &["joint_damping", "torque_drift", "time_shift", "emg_nonlinearity"]);
+    assert_eq!(found.verdict, Verdict::NothingDetectable);
+}
+
+#[test]
+fn val_opensim_a_hidden_delay_is_identified() {
+    let candidates = ["electromechanical_delay", "joint_damping", "torque_drift", "joint_stiffness"];
+    let (found, truth) = diagnosed("electromechanical_delay", &candidates);
+    assert_eq!((found.verdict, sets(&found)), (Verdict::Identified, vec![["electromechanical_delay"].as_slice()]));
+    assert_found(&found, &truth, "electromechanical_delay", "delay", 0.2);
+    let held_out = found.error.held_out.unwrap();
+    assert!(held_out.with_effect.unwrap() < held_out.refit_only);
+}
+
+#[test]
+fn val_opensim_hidden_stiffness_cannot_be_told_from_weight() {
+    let candidates = ["joint_stiffness", "gravity", "torque_drift", "electromechanical_delay"];
+    let (found, truth) = diagnosed("joint_stiffness", &candidates);
+    assert_eq!(found.verdict, Verdict::CannotTell);
+    let mut named = sets(&found).concat();
+    named.sort_unstable();
+    assert_eq!(named, ["gravity", "joint_stiffness"]);
+    assert_found(&found, &truth, "joint_stiffness", "stiffness", 0.5);
+}
+
+#[test]
+fn val_opensim_what_the_catalogue_lacks_is_called_unknown() {
+    let candidates = ["joint_stiffness", "end_range_spring", "joint_damping", "torque_drift"];
+    let (found, _) = diagnosed("snapping_tendon", &candidates);
+    assert_eq!(found.verdict, Verdict::Unknown);
+}
