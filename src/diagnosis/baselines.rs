@@ -5,6 +5,8 @@
 use nalgebra::DMatrix;
 use serde::Serialize;
 
+use super::fit::{Analysis, Fit, whiten};
+
 /// Directions that belong together.
 #[derive(Clone, Debug, Serialize)]
 pub struct Group {
@@ -41,25 +43,36 @@ pub struct Ingredients {
 }
 
 impl Ingredients {
-    /// - `nuisance`, `precision`: number of leading columns and their prior precision
-    /// - `groups`: columns of every effect
-    /// - `trials`: columns of every trial, whitened and as they are
-    pub fn new(
-        nuisance: usize,
-        precision: Vec<f64>,
-        groups: Vec<Group>,
-        trials: &[[DMatrix<f64>; 2]],
-    ) -> Ingredients {
-        let columns = trials.first().map_or(0, |t| t[0].ncols());
-        let trials = trials
+    /// Those of an analysis, around its fit without effects.
+    pub fn of(analysis: &Analysis, null: &Fit) -> Ingredients {
+        let p = null.precision.len();
+        let groups: Vec<Group> = analysis
+            .blocks
             .iter()
-            .map(|[whitened, plain]| TrialProducts {
-                samples: plain.nrows(),
-                whitened: upper_triangle(whitened),
-                plain: upper_triangle(plain),
+            .filter(|b| !b.name.starts_with("axis:"))
+            .map(|b| Group { name: b.name.clone(), columns: b.columns.iter().map(|c| c + p + 1).collect() })
+            .collect();
+        let columns = groups.iter().flat_map(|g| &g.columns).max().map_or(p + 1, |last| last + 1);
+        let trials = null
+            .whitened
+            .iter()
+            .zip(&analysis.directions)
+            .zip(&null.factors)
+            .map(|((fitted, directions), factor)| {
+                let joined = |fitted: DMatrix<f64>, directions: &DMatrix<f64>| {
+                    let mut all = fitted.resize_horizontally(columns, 0.0);
+                    let width = columns - p - 1;
+                    all.columns_mut(p + 1, width).copy_from(&directions.columns(0, width));
+                    all
+                };
+                TrialProducts {
+                    samples: fitted.nrows(),
+                    whitened: upper_triangle(&joined(fitted.clone(), &whiten(factor, directions))),
+                    plain: upper_triangle(&joined(factor.l() * fitted, directions)),
+                }
             })
             .collect();
-        Ingredients { columns, nuisance, precision, groups, trials }
+        Ingredients { columns, nuisance: p, precision: null.precision.clone(), groups, trials }
     }
 }
 

@@ -271,7 +271,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
             ("emg_baseline", floor),
         ]),
     };
-    let ingredients = analysis.ingredients(&null);
+    let ingredients = Ingredients::of(&analysis, &null);
     Ok(Outcome { diagnosis, refit: null, best, ingredients })
 }
 

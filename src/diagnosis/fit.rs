@@ -16,7 +16,6 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-use super::baselines::{Group, Ingredients};
 use super::effect::{Effect, Role, Stage};
 use super::forward_model::{Core, FITTED_PER_MUSCLE, ForwardModel, Setting, TrialInput, matters};
 use super::noise::{self, KNOT_SPACING, NoiseLevels, Response, TrialNoise, TrialTimes};
@@ -58,12 +57,12 @@ pub struct Fit {
     /// Variances of the noise.
     pub levels: NoiseLevels,
     noise: Vec<TrialNoise>,
-    factors: Vec<Cholesky<f64, Dyn>>,
+    pub(super) factors: Vec<Cholesky<f64, Dyn>>,
     /// Per training trial: whitened columns [nuisance | effects' parameters | residual].
-    whitened: Vec<DMatrix<f64>>,
+    pub(super) whitened: Vec<DMatrix<f64>>,
     /// Distance of nuisance and effects from the prior's mean, and prior precision.
     offset: Vec<f64>,
-    precision: Vec<f64>,
+    pub(super) precision: Vec<f64>,
 }
 
 /// A participant's training data, the noise in it, and the directions to test.
@@ -79,7 +78,7 @@ pub struct Analysis<'a> {
     /// Blocks of directions and their columns among `directions`.
     pub blocks: Vec<Block>,
     /// Per training trial: directions, averaged over blocks.
-    directions: Vec<DMatrix<f64>>,
+    pub(super) directions: Vec<DMatrix<f64>>,
     /// Per training trial.
     times: Vec<Arc<TrialTimes>>,
     seed: u64,
@@ -648,33 +647,6 @@ impl<'a> Analysis<'a> {
         score_test::omnibus(&normal, &nuisance, &fit.precision, &fit.offset, &blocks, p, self.seed)
     }
 
-    /// What baselines regress on, around a fit without effects.
-    pub fn ingredients(&self, null: &Fit) -> Ingredients {
-        let p = null.precision.len();
-        let width = self.directions.first().map_or(0, DMatrix::ncols);
-        let groups: Vec<Group> = self
-            .blocks
-            .iter()
-            .filter(|b| !b.name.starts_with("axis:"))
-            .map(|b| Group { name: b.name.clone(), columns: b.columns.iter().map(|c| c + p + 1).collect() })
-            .collect();
-        let used = groups.iter().flat_map(|g| &g.columns).max().map_or(p + 1, |last| last + 1);
-        let trials: Vec<[DMatrix<f64>; 2]> = null
-            .whitened
-            .iter()
-            .zip(&self.directions)
-            .zip(&null.factors)
-            .map(|((w, d), factor)| {
-                let mut whitened = w.clone().resize_horizontally(p + 1 + width, 0.0);
-                let mut plain = (factor.l() * w).resize_horizontally(p + 1 + width, 0.0);
-                whitened.columns_mut(p + 1, width).copy_from(&whiten(factor, d));
-                plain.columns_mut(p + 1, width).copy_from(d);
-                [whitened.columns(0, used).into_owned(), plain.columns(0, used).into_owned()]
-            })
-            .collect();
-        Ingredients::new(p, null.precision.clone(), groups, &trials)
-    }
-
     /// z of an effect against a rival: length of its signature, muscles and rival profiled out, at a given size.
     ///
     /// - `size`: of its amplitudes, in units of their scales
@@ -720,7 +692,7 @@ const FINE_EVALUATIONS: [usize; 4] = [4, 3, 3, 4];
 /// A fit has converged when a step promises less than this decrease of the deviance.
 const CONVERGED: f64 = 0.02;
 
-fn whiten(factor: &Cholesky<f64, Dyn>, columns: &DMatrix<f64>) -> DMatrix<f64> {
+pub(super) fn whiten(factor: &Cholesky<f64, Dyn>, columns: &DMatrix<f64>) -> DMatrix<f64> {
     let mut out = columns.clone();
     // The factor has a positive diagonal, so that this always succeeds.
     let solved = factor.l_dirty().solve_lower_triangular_mut(&mut out);
