@@ -392,12 +392,15 @@ impl std::str::FromStr for BodyFactor {
 /// `carpus strength-scale`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus strength-scale study/study.toml --out strong\n\nWrites DIR/P01/model.osim, the lab's file with max_isometric_force of the active muscles changed, and DIR/{strength.csv,strength.json}.\n\nOne factor per functional group: the group's moment, all its muscles fully active and at equilibrium in the posture of the maximum contraction, becomes the maximum voluntary moment: mvc_flexion_n_m and mvc_extension_n_m of participants.csv, else the largest moment of the trials with contraction mvc. Muscles belong to a group by the sign of their moment arm. In study.toml, all optional:\n  [strength_scaling]\n  posture_deg = 0            # angle of the maximum contractions; else that of the MVC trials\n  mvc_window_s = 0.1         # an MVC trial's moment is averaged over this\n  flexion = \"positive\"       # or \"negative\": sign of flexion in the coordinate\n  flexors = [\"FCR\", \"FCU\"]  # groups by name instead of by moment arm\n  extensors = [\"ECU\"]"
+    after_help = "Example:\n  carpus strength-scale study/study.toml --out strong\n  carpus strength-scale study/study.toml --linear --out strong\n\nWrites DIR/P01/model.osim, the lab's file with max_isometric_force of the active muscles changed, and DIR/{strength.csv,strength.json}.\n\nOne factor per functional group: the group's moment, all its muscles fully active and at equilibrium in the posture of the maximum contraction, becomes the maximum voluntary moment: mvc_flexion_n_m and mvc_extension_n_m of participants.csv, else the largest moment of the trials with contraction mvc. Muscles belong to a group by the sign of their moment arm. In study.toml, all optional:\n  [strength_scaling]\n  posture_deg = 0            # angle of the maximum contractions; else that of the MVC trials\n  mvc_window_s = 0.1         # an MVC trial's moment is averaged over this\n  flexion = \"positive\"       # or \"negative\": sign of flexion in the coordinate\n  flexors = [\"FCR\", \"FCU\"]  # groups by name instead of by moment arm\n  extensors = [\"ECU\"]"
 )]
 pub struct StrengthScaleArgs {
     /// The study.
     #[command(flatten)]
     pub study: StudyArgs,
+    /// First scale the model to the lengths of the participant's segments, as carpus scale does
+    #[arg(long)]
+    pub linear: bool,
 }
 
 /// `carpus power`

@@ -20,6 +20,8 @@ pub struct PassiveRun<'a> {
 /// ```text
 /// M(q, q̇) = Σ_k c_k x^k − d·q̇        x = (q − centre)/half width of the angles recorded
 /// ```
+/// Beyond the angles and speeds recorded the nearest value holds: what resists a slow rotation is mostly not viscous,
+/// and would be overrated at high speed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PassiveCurve {
     /// Range of the angles recorded \[rad\]; beyond it the nearest value holds.
@@ -28,6 +30,8 @@ pub struct PassiveCurve {
     pub coefficients: Vec<f64>,
     /// Viscous damping of the joint d [N·m·s/rad].
     pub damping: f64,
+    /// Speed up to which it was recorded [rad/s]: the 90th percentile of the fastest trial.
+    pub speed: f64,
     /// Root mean square of what is left [N·m].
     pub residual: f64,
     /// Share of the variance explained.
@@ -55,13 +59,27 @@ impl PassiveCurve {
     /// The moment [N·m].
     pub fn moment(&self, angle: f64, velocity: f64) -> f64 {
         let x = scaled(angle.clamp(self.range[0], self.range[1]), self.range);
-        self.coefficients.iter().rev().fold(0.0, |sum, c| sum * x + c) - self.damping * velocity
+        self.coefficients.iter().rev().fold(0.0, |sum, c| sum * x + c)
+            - self.damping * velocity.clamp(-self.speed, self.speed)
+    }
+
+    /// Whether the relaxed limb would drive the machine by more than the scatter: moment and angle then have opposite
+    /// positive directions.
+    pub fn drives_the_machine(&self) -> bool {
+        -self.damping * self.speed > self.residual
     }
 
     /// Whether the angle was recorded.
     pub fn covers(&self, angle: f64) -> bool {
         (self.range[0]..=self.range[1]).contains(&angle)
     }
+}
+
+/// 90th percentile of the speed.
+fn brisk(velocity: &[f64]) -> f64 {
+    let mut speeds: Vec<f64> = velocity.iter().map(|v| v.abs()).collect();
+    speeds.sort_by(f64::total_cmp);
+    speeds.get(speeds.len() * 9 / 10).copied().unwrap_or(0.0)
 }
 
 fn scaled(angle: f64, [low, high]: [f64; 2]) -> f64 {
@@ -99,6 +117,7 @@ pub fn fit_passive(runs: &[PassiveRun<'_>], order: usize) -> Result<PassiveCurve
     Ok(PassiveCurve {
         range,
         damping: fit.coefficients[0],
+        speed: runs.iter().map(|run| brisk(run.velocity)).fold(0.0, f64::max),
         coefficients: fit.coefficients[1..].to_vec(),
         residual: fit.residual,
         r_squared: fit.r_squared,

@@ -11,7 +11,7 @@ mod strength_error;
 mod strength_target;
 
 pub use linear::{LinearScaling, LinearScalingError, ScaleRequest, ScaledLength, scale};
-pub use segments::{ParticipantScaling, ParticipantScalingError, SegmentFactor, scale_participant};
+pub use segments::{ParticipantScaling, ParticipantScalingError, SegmentFactor, marker_distance, scale_participant};
 pub use strength::{GroupScaling, ScaledMuscle, StrengthScaling, strength_scale, strength_scaling};
 pub use strength_error::StrengthError;
 pub use strength_target::{StrengthTarget, TargetSource, strength_targets};

@@ -168,6 +168,20 @@ pub fn scale_participant(
     Ok(ParticipantScaling { segments, unmeasured, scaling })
 }
 
+/// Distance of two markers in the default pose \[m\]; the name that the model does not have otherwise.
+///
+/// # Errors
+/// The first of the names that is no marker's.
+pub fn marker_distance<'n>(spec: &ModelSpec, skeleton: &Model, names: [&'n str; 2]) -> Result<f64, &'n str> {
+    let mut cache = skeleton.new_cache();
+    skeleton.update_positions(&skeleton.default_coordinates(), &mut cache);
+    let place = |name: &'n str| {
+        let marker = spec.markers.iter().find(|marker| marker.name == name).ok_or(name)?;
+        Ok(&cache.X_GF(skeleton, marker.frame) * marker.location)
+    };
+    Ok((place(names[0])? - place(names[1])?).norm())
+}
+
 /// Names of a segment in the model.
 struct Lookup<'a> {
     spec: &'a ModelSpec,
@@ -206,12 +220,9 @@ impl Lookup<'_> {
         let length = match of {
             ModelLength::Stated(length) => *length,
             ModelLength::Markers(names) => {
-                let place = |name: &String| {
-                    let marker = self.spec.markers.iter().find(|marker| marker.name == *name);
-                    let names = self.spec.markers.iter().map(|marker| marker.name.as_str());
-                    marker.ok_or_else(|| self.missing("marker", name, names)).map(|m| origin(m.frame) * m.location)
-                };
-                (place(&names[0])? - place(&names[1])?).norm()
+                let known = self.spec.markers.iter().map(|marker| marker.name.as_str());
+                let [a, b] = [names[0].as_str(), names[1].as_str()];
+                marker_distance(self.spec, self.skeleton, [a, b]).map_err(|name| self.missing("marker", name, known))?
             }
             ModelLength::Joints(names) => {
                 let place = |name: &String| {

@@ -64,7 +64,12 @@ fn val_numpy_passive_curve_and_derivative() {
     close(&[curve.damping], &[passive["damping"].as_f64().unwrap()], "damping");
     let values: Vec<f64> = numbers(&passive["at"]).iter().map(|q| curve.moment(*q, 0.0)).collect();
     close(&values, &numbers(&passive["value"]), "curve");
-    assert!((curve.moment(0.0, 2.0) - curve.moment(0.0, 0.0) + 2.0 * curve.damping).abs() < 1e-12);
+    assert!((curve.moment(0.0, 0.7) - curve.moment(0.0, 0.0) + 0.7 * curve.damping).abs() < 1e-12);
+    assert!(curve.speed > 0.9 && curve.speed < 0.95 && !curve.drives_the_machine(), "{curve:?}");
+    assert_eq!(curve.moment(0.0, 9.0), curve.moment(0.0, curve.speed), "speeds that were not recorded");
+    let turned: Vec<f64> = moment.iter().map(|m| -m).collect();
+    let turned = fit_passive(&[PassiveRun { moment: &turned, ..run }], order).expect("moving");
+    assert!(turned.drives_the_machine(), "moment and angle disagree about what is positive");
     assert_eq!(curve.moment(9.0, 0.0), curve.moment(curve.range[1], 0.0), "the nearest value holds beyond");
     let d = &reference["derivative"];
     close(&derivative(&numbers(&d["time"]), &numbers(&d["x"])), &numbers(&d["y"]), "derivative");

@@ -41,6 +41,7 @@ struct Passive {
     range_deg: [f64; 2],
     coefficients_n_m: Vec<f64>,
     damping_n_m_s_per_deg: f64,
+    speed_deg_per_s: f64,
     residual_n_m: f64,
     r_squared: f64,
 }
@@ -154,6 +155,10 @@ fn processed(study: &StudyRun, participant: &Participant, global: &Global) -> Re
             findings.push((trial.info.file_as_written.clone(), text));
         }
     }
+    if result.passive.as_ref().is_some_and(|passive| passive.drives_the_machine()) {
+        let text = "the relaxed limb seems to drive the machine: the moment has to be positive in the direction in which the angle grows";
+        findings.push(("trials.csv".to_owned(), text.to_owned()));
+    }
     let warn = |(file, text): &(String, String)| Message::warning(text.clone()).in_file(&study.study.folder.join(file));
     failure::print(&findings.iter().map(warn).collect::<Vec<_>>());
     let outcome = Outcome {
@@ -162,6 +167,7 @@ fn processed(study: &StudyRun, participant: &Participant, global: &Global) -> Re
             range_deg: p.range.map(f64::to_degrees),
             coefficients_n_m: p.coefficients.clone(),
             damping_n_m_s_per_deg: p.damping * 1f64.to_radians(),
+            speed_deg_per_s: p.speed.to_degrees(),
             residual_n_m: p.residual,
             r_squared: p.r_squared,
         }),

@@ -1,6 +1,6 @@
 //! `carpus dynamometer-drag`: the machine's own damping from runs at constant velocity without a participant.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::cli::args::{DynamometerDragArgs, Global};
 use crate::cli::failure::{Failure, Message};
@@ -112,7 +112,7 @@ fn files(args: &DynamometerDragArgs) -> Result<(Vec<PathBuf>, Names), Failure> {
     Ok((args.input.clone(), names))
 }
 
-fn read(file: &PathBuf, names: &Names) -> Result<Run, Failure> {
+fn read(file: &Path, names: &Names) -> Result<Run, Failure> {
     let recorded = Recorded::read(file, None, &names.time, &[&names.angle, &names.moment], &[&names.velocity])?;
     let column = |name: &str| recorded.column(name).map(<[f64]>::to_vec);
     let radians = |x: Vec<f64>| x.into_iter().map(|v| names.unit.to_radians(v)).collect::<Vec<f64>>();

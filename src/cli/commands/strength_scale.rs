@@ -12,7 +12,7 @@ use crate::cli::provenance::provenance;
 use crate::cli::study_run::StudyRun;
 use crate::cli::table::{fixed, table};
 use crate::report::results::{InputFile, WarningResult};
-use crate::scaling::{GroupScaling, StrengthError, StrengthScaling, TargetSource, strength_scale};
+use crate::scaling::{GroupScaling, StrengthError, StrengthScaling, TargetSource, scale_participant, strength_scale};
 use crate::study::{Direction, Participant};
 
 /// A participant's scaling.
@@ -53,7 +53,7 @@ struct Muscle {
 /// The study, its models and MVC trials, or the output folder.
 pub fn run(args: &StrengthScaleArgs, global: &Global) -> Result<(), Failure> {
     let study = StudyRun::prepare(&args.study)?;
-    let outcomes = study.each(|participant| scaled(&study, participant))?;
+    let outcomes = study.each(|participant| scaled(&study, participant, args.linear))?;
     let done = &outcomes.done;
     let mut inputs: Vec<InputFile> = Vec::new();
     for file in done.iter().flat_map(|outcome| &outcome.inputs) {
@@ -73,10 +73,15 @@ pub fn run(args: &StrengthScaleArgs, global: &Global) -> Result<(), Failure> {
     outcomes.print(&text)
 }
 
-fn scaled(study: &StudyRun, participant: &Participant) -> Result<Outcome, Failure> {
+fn scaled(study: &StudyRun, participant: &Participant, linear: bool) -> Result<Outcome, Failure> {
     let mut warnings: Vec<Message> = study.study.warnings.iter().map(Message::from).collect();
     let loaded = study.load_model(participant, Needs::Motion, &mut warnings)?;
     let mut file = loaded.file.clone();
+    if linear {
+        let settings = study.study.settings.scaling.as_ref();
+        scale_participant(&mut file, settings, participant)
+            .map_err(|e| super::scale::refused(&e, &study.study.file, &loaded.path))?;
+    }
     let scaling = strength_scale(&mut file, &study.study, participant).map_err(|e| refused(e, &loaded.path))?;
     if !scaling.unscaled.is_empty() {
         let text = format!("{}: not scaled: {}", participant.name, scaling.unscaled.join(", "));

@@ -16,7 +16,7 @@ use crate::dynamometer::{RepetitionSettings, RepetitionSignal};
 use crate::signals::{Band, Butterworth};
 
 /// Everything `[processing]` says.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ProcessingSettings {
     /// Zero-phase low-pass of angle, velocity and moment; `None`: as recorded.
     pub filter: Option<Butterworth>,
@@ -30,19 +30,6 @@ pub struct ProcessingSettings {
     pub repetitions: Option<(RepetitionSettings, Vec<Contraction>)>,
     /// A second recorder that holds the EMG.
     pub second_recorder: Option<SecondRecorder>,
-}
-
-impl Default for ProcessingSettings {
-    fn default() -> Self {
-        Self {
-            filter: None,
-            remove_drag: false,
-            passive_order: None,
-            drag_runs: Vec::new(),
-            repetitions: None,
-            second_recorder: None,
-        }
-    }
 }
 
 /// A second recorder with EMG and one channel that both recorded.

@@ -159,6 +159,20 @@ fn verif_a_study_scales_by_lengths_of_segments() {
     }
     let ratio = first["mass_kg"].as_f64().unwrap() / first["mass_before_kg"].as_f64().unwrap();
     assert!((ratio - 84.0 / 70.0).abs() < 1e-12, "{first}");
+    // With strength scaling after it, nothing but the forces differs.
+    let strong = folder.path().join("strong");
+    let text = std::fs::read_to_string(folder.path().join("participants.csv")).unwrap();
+    let with_moments: Vec<String> =
+        text.lines().zip([",mvc_flexion_n_m", ",12", ",9"]).map(|(a, b)| format!("{a}{b}\n")).collect();
+    std::fs::write(folder.path().join("participants.csv"), with_moments.concat()).unwrap();
+    let toml = std::fs::read_to_string(&study).unwrap();
+    std::fs::write(&study, format!("{toml}[strength_scaling]\nposture_deg = 5\n")).unwrap();
+    let mut command = Command::cargo_bin("carpus").expect("the program");
+    command.arg("strength-scale").arg(&study).arg("--linear").arg("--out").arg(&strong).assert().success();
+    let [a, b] = [&out, &strong].map(|folder| std::fs::read_to_string(folder.join("P01/model.osim")).unwrap());
+    let changed: Vec<&str> = a.lines().zip(b.lines()).filter(|(a, b)| a != b).map(|(_, b)| b.trim()).collect();
+    assert_eq!(changed.len(), 2, "{changed:?}");
+    assert!(changed.iter().all(|line| line.starts_with("<max_isometric_force>")), "{changed:?}");
     // The second participant is the model.
     let same = OsimFile::read(out.join("P02/model.osim")).unwrap();
     let model = OsimFile::read(root("models/wrist.osim")).unwrap();
