@@ -177,7 +177,7 @@ pub fn marker_distance<'n>(spec: &ModelSpec, skeleton: &Model, names: [&'n str; 
     skeleton.update_positions(&skeleton.default_coordinates(), &mut cache);
     let place = |name: &'n str| {
         let marker = spec.markers.iter().find(|marker| marker.name == name).ok_or(name)?;
-        Ok(&cache.X_GF(skeleton, marker.frame) * marker.location)
+        Ok(cache.X_GF(skeleton, marker.frame) * marker.location)
     };
     Ok((place(names[0])? - place(names[1])?).norm())
 }

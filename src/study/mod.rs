@@ -8,7 +8,7 @@
 //!
 //! | file | what is in it | optional keys beyond the essential ones |
 //! |---|---|---|
-//! | `study.toml` | `[study]`, `[dynamometer]`, `[posture_deg]`, `[muscles]`, `[emg]`, `[columns]`, `[personalization]` | `[columns] ignore = [..]`: columns that are there and not used; `[columns] angle_unit = "rad"`; `[checks] max_gap_s`; `[scaling]` and `[strength_scaling]` |
+//! | `study.toml` | `[study]`, `[dynamometer]`, `[posture_deg]`, `[muscles]`, `[emg]`, `[columns]`, `[personalization]` | `[columns] ignore = [..]`: columns that are there and not used; `[columns] angle_unit = "rad"`; `[checks] max_gap_s`; `[processing]`, `[scaling]` and `[strength_scaling]` |
 //! | `participants.csv` | [`Participant`] | any `<segment>_length_m` |
 //! | `trials.csv` | [`TrialInfo`] | `start_time_s` |
 //! | `ultrasound.csv` | [`UltrasoundMeasurement`] | the file itself |

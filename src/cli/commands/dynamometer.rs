@@ -242,21 +242,27 @@ fn panel(trial: &ProcessedTrial) -> SignalPanel {
 }
 
 fn trials_table(outcome: &Outcome) -> SignalTable {
+    // Columns for what was not asked for would be empty.
+    let aligned = outcome.trials.iter().any(|t| t.second_recorder.is_some());
+    let columns = if aligned { 5 } else { 3 };
     let row = |t: &Trial| {
         let delay = t.second_recorder.as_ref();
-        vec![
+        let mut row = vec![
             t.recording.clone(),
             t.repetition.map(|r| r.to_string()).unwrap_or_default(),
             format!("{}–{} s", fixed(t.start_s, 2), fixed(t.end_s, 2)),
             delay.map(|d| format!("{:.5} s", d.shift_s)).unwrap_or_default(),
             delay.map(|d| format!("{:.4}", d.correlation)).unwrap_or_default(),
-        ]
+        ];
+        row.truncate(columns);
+        row
     };
     SignalTable {
         title: "Trials".to_owned(),
-        header: ["recording", "repetition", "from–to", "second recorder's clock +", "correlation"]
-            .map(str::to_owned)
-            .to_vec(),
+        header: ["recording", "repetition", "from–to", "second recorder's clock +", "correlation"][..columns]
+            .iter()
+            .map(|name| (*name).to_owned())
+            .collect(),
         rows: outcome.trials.iter().map(row).collect(),
     }
 }

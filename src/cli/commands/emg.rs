@@ -174,19 +174,23 @@ fn processed(
         kicker: format!("EMG · {}", settings.name),
         title: format!("Normalized EMG of {}", participant.name),
         lead: format!(
-            "{} channels in {} trials: from raw channels to excitations, 1 being the maximum voluntary contraction.",
-            outcome.channels.len(),
-            outcome.trials.len()
+            "{} in {}: from raw channels to excitations, 1 being the maximum voluntary contraction.",
+            counted(outcome.channels.len(), "channel"),
+            counted(outcome.trials.len(), "trial")
         ),
         facts: constants(processing),
         findings: findings.collect(),
         tables: vec![levels_table(&outcome)],
-        legend: vec![("before", "raw channel".to_owned()), ("after", "normalized envelope".to_owned())],
+        legend: vec![("raw", "raw channel".to_owned()), ("after", "normalized envelope".to_owned())],
         sections: emg.trials.iter().zip(&outcome.trials).map(section).collect(),
         provenance: provenance(global, inputs),
     };
     study.out.write(folder.join("report.html"), render_signals(&report).as_bytes())?;
     Ok(outcome)
+}
+
+fn counted(count: usize, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
 fn levels_table(outcome: &Outcome) -> SignalTable {
@@ -223,7 +227,7 @@ fn panel(trial: &ProcessedEmg, channel: usize, summary: &ChannelOfTrial) -> Sign
                 x_name: ("t", "s"),
                 x: raw_time,
                 unit: "",
-                curves: vec![("before", "raw".to_owned(), raw)],
+                curves: vec![("raw", "raw".to_owned(), raw)],
                 include: Vec::new(),
                 height: 100.0,
             },
