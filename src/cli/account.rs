@@ -71,6 +71,9 @@ pub fn results(setting: Setting, trials: &[Trial], runs: &[ModelRun]) -> Result<
         trials: (0..trials.len()).map(trial).collect(),
         parameters: Vec::new(),
         stages: Vec::new(),
+        residuals: Vec::new(),
+        diagnosis: None,
+        ledger: None,
         warnings: setting.warnings.iter().map(warning_result).collect(),
     })
 }

@@ -5,6 +5,9 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
+pub use super::args_diagnosis::{
+    DiagnoseArgs, EffectArgs, EffectCommand, EffectsArgs, EffectsFile, PlanArgs, SynthArgs,
+};
 use super::quantity::{Assignment, Sweep};
 
 /// Personalize OpenSim hand and wrist models from dynamometer and EMG recordings, and see where the model fails.
@@ -86,6 +89,12 @@ pub enum Command {
     Power(PowerArgs),
     /// The catalogue of physical effects: equation, parameters, signature, rivals
     Effects(EffectsArgs),
+    /// Add effects to a model: jointly refitted, written as .osim, error before and after; or take them away again
+    Effect(EffectArgs),
+    /// Which further trials would separate the explanations that survive, and by how much
+    Plan(PlanArgs),
+    /// A study with a hidden effect, simulated by Carpus itself: for teaching and for tests
+    Synth(SynthArgs),
 }
 
 /// `carpus demo`
@@ -198,6 +207,9 @@ pub struct SimulateArgs {
     /// The study.
     #[command(flatten)]
     pub study: StudyArgs,
+    /// Effects beside the model.
+    #[command(flatten)]
+    pub effects: EffectsFile,
 }
 
 /// `carpus compare`
@@ -209,6 +221,9 @@ pub struct CompareArgs {
     /// The study.
     #[command(flatten)]
     pub study: StudyArgs,
+    /// Effects beside the model.
+    #[command(flatten)]
+    pub effects: EffectsFile,
 }
 
 /// `carpus personalize`
@@ -260,23 +275,6 @@ pub struct WholeStudyArgs {
     /// Iterations of each sequential quadratic programming
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub sqp_iterations: u32,
-}
-
-/// `carpus diagnose`
-#[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus diagnose study/study.toml --out diagnosed\n  carpus diagnose study/study.toml --candidates joint_stiffness,gravity --out diagnosed\n\nWrites DIR/P01/diagnosis.json. Held-out trials (use = test) are never fitted."
-)]
-pub struct DiagnoseArgs {
-    /// The study.
-    #[command(flatten)]
-    pub study: StudyArgs,
-    /// Only these effects (comma-separated; default: all)
-    #[arg(long, value_name = "ID,…", value_delimiter = ',')]
-    pub candidates: Vec<String>,
-    /// Also write what simpler methods need to compare themselves (key `baselines`, megabytes)
-    #[arg(long)]
-    pub baselines: bool,
 }
 
 /// `carpus sensitivity`
@@ -440,15 +438,6 @@ pub enum PowerTest {
     Correlation,
     /// Correlation with one variable fixed (G*Power's point biserial model)
     PointBiserial,
-}
-
-/// `carpus effects`
-#[derive(Debug, Args)]
-#[command(after_help = "Example:\n  carpus effects\n  carpus effects joint_stiffness")]
-pub struct EffectsArgs {
-    /// Only this effect, in full
-    #[arg(value_name = "ID")]
-    pub id: Option<String>,
 }
 
 fn positive(text: &str) -> Result<f64, String> {

@@ -6,7 +6,9 @@
 mod account;
 mod args;
 mod cohort_report;
+mod args_diagnosis;
 mod commands;
+mod diagnosis_file;
 mod failure;
 mod model;
 mod output;
@@ -16,6 +18,7 @@ mod provenance;
 mod quantity;
 mod screening;
 mod sensitivity_report;
+mod residuals;
 mod series;
 mod study_run;
 mod table;
@@ -88,6 +91,9 @@ fn execute(cli: &Cli) -> Result<(), Failure> {
         Command::Effects(args) => commands::effects::run(args, global),
         Command::Evaluate(args) => commands::evaluate::run(args, global),
         Command::Study(args) => commands::study::run(args, global),
+        Command::Effect(args) => commands::effect::run(args, global),
+        Command::Plan(args) => commands::plan::run(args, global),
+        Command::Synth(args) => commands::synth::run(args, global),
         Command::Personalize(args) => commands::personalize::run(args, global),
     }
 }

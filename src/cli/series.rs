@@ -21,6 +21,7 @@ fn columns(
     trial: &Trial,
     prepared: &PreparedTrial,
     simulation: &TrialSimulation,
+    with_effects: bool,
 ) -> Vec<Column> {
     let column = |csv: String, sto: String, values: Vec<f64>| Column { csv, sto, values };
     let kinematics = prepared.kinematics();
@@ -38,6 +39,14 @@ fn columns(
             kinematics.damping_moment.clone(),
         ),
     ];
+    // What the parts do not sum to is what effects beside the model do to joint and sensor.
+    let parts = prepared.moment_without_muscles();
+    let effects: Vec<f64> = (0..parts.len())
+        .map(|k| simulation.moment[k] - parts[k] - simulation.muscles.iter().map(|m| m.moment[k]).sum::<f64>())
+        .collect();
+    if with_effects {
+        columns.push(column("effects_n_m".into(), "effects_moment".into(), effects));
+    }
     for ((name, path), result) in muscles.iter().zip(&kinematics.muscles).zip(&simulation.muscles) {
         let quantities = [
             ("moment_n_m", "moment", &result.moment),
@@ -57,6 +66,8 @@ fn columns(
 
 /// The CSV and `.sto` text of a trial.
 ///
+/// - `with_effects`: also what effects beside the model add
+///
 /// # Errors
 /// None that input can cause.
 pub fn texts(
@@ -65,8 +76,9 @@ pub fn texts(
     trial: &Trial,
     prepared: &PreparedTrial,
     simulation: &TrialSimulation,
+    with_effects: bool,
 ) -> Result<(String, String), Failure> {
-    let columns = columns(coordinate, muscles, trial, prepared, simulation);
+    let columns = columns(coordinate, muscles, trial, prepared, simulation, with_effects);
     let header: Vec<&str> = std::iter::once("time_s").chain(columns.iter().map(|c| c.csv.as_str())).collect();
     let cell = |v: f64| crate::report::results::rounded(v, 9).to_string();
     let rows =

@@ -10,6 +10,9 @@ use super::failure::{Failure, Message};
 use super::model::{self, LoadedModel, Needs};
 use super::output::OutputFolder;
 use super::{path_check, print_result, provenance};
+use crate::diagnosis::export::SideCar;
+use crate::diagnosis::forward_model::{ForwardModel, Setting};
+use crate::diagnosis::moments::simulate_all as simulate_effects;
 use crate::osim::spec::ModelSpec;
 use crate::report::results::InputFile;
 use crate::simulation::{
@@ -28,6 +31,8 @@ pub struct StudyRun {
     pub participants: Vec<Participant>,
     /// Model given on the command line, in place of those of the study.
     other_model: Option<PathBuf>,
+    /// Effects that the model has beside its file.
+    side_car: Option<(PathBuf, SideCar)>,
     allow_unsupported: bool,
 }
 
@@ -42,8 +47,12 @@ pub struct ParticipantRun {
     pub trials: Vec<Trial>,
     /// The model compiled for these trials.
     pub model: MusculoskeletalModel,
-    /// The trials prepared, in the same order.
+    /// The trials prepared, in the same order; with the effects beside the model, if there are any.
     pub prepared: Vec<PreparedTrial>,
+    /// Effects that the model has beside its file.
+    pub given: Vec<Setting>,
+    /// Moments of the model with them [N·m], if there are any.
+    recorded: Option<Vec<Vec<f64>>>,
     /// Every file that was read.
     pub inputs: Vec<InputFile>,
     /// Warnings about the study, the model and the trials.
@@ -94,10 +103,20 @@ impl StudyRun {
     /// # Errors
     /// The study; an unknown participant; the output folder.
     pub fn prepare(args: &StudyArgs) -> Result<StudyRun, Failure> {
+        StudyRun::prepare_with(args, None)
+    }
+
+    /// As [`StudyRun::prepare`]; the model has the effects of a side-car.
+    ///
+    /// # Errors
+    /// The study; the side-car; an unknown participant; the output folder.
+    pub fn prepare_with(args: &StudyArgs, effects: Option<&Path>) -> Result<StudyRun, Failure> {
         let study = Study::read_tables(&args.study)?;
+        let side_car = effects.map(|file| read_side_car(file, &study)).transpose()?;
         let participants = wanted(&study, &args.participant)?;
         let mut inputs = study.input_files();
         inputs.extend(args.model.clone());
+        inputs.extend(effects.map(Path::to_owned));
         let out = OutputFolder::create(&args.out, &inputs)?;
         for participant in &participants {
             out.refuse_input(&args.out.join(&participant.name).join("model.osim"))?;
@@ -107,6 +126,7 @@ impl StudyRun {
             out,
             participants,
             other_model: args.model.clone(),
+            side_car,
             allow_unsupported: args.allow_unsupported,
         })
     }
@@ -130,10 +150,35 @@ impl StudyRun {
         warnings.extend(trials.iter().flat_map(|t| t.warnings.iter().map(Message::from)));
         self.check_trials(participant, &trials, &model)?;
         let recordings: Vec<Recording> = trials.iter().map(Recording::from).collect();
-        let prepared = model.prepare_all(&recordings, &Options::default()).map_err(at_study)?;
+        let mut prepared = model.prepare_all(&recordings, &Options::default()).map_err(at_study)?;
+        let given = self.side_car.as_ref().map(|(_, s)| s.effects.clone()).unwrap_or_default();
+        let mut recorded = None;
+        if self.side_car.is_some() {
+            let forward = ForwardModel::new(&loaded.file.spec, &model, &trials).map_err(at_study)?;
+            let forward = forward.with_given(given.clone());
+            let simulated = simulate_effects(&forward, &model.nominal_parameters(), &[]).map_err(at_study)?;
+            (prepared, recorded) = {
+                let (prepared, moments) = simulated.into_iter().map(|t| (t.core.prepared, t.moment)).unzip();
+                (prepared, Some(moments))
+            };
+        } else if let Some(beside) = beside(&loaded.path) {
+            let text = format!("{} lies beside it and is not used", beside.display());
+            let hint = format!("--effects {} makes it part of the model", beside.display());
+            warnings.push(Message::warning(text).in_file(&loaded.path).hint(hint));
+        }
         warnings.extend(path_warnings(&loaded, &model, &trials)?);
         let inputs = self.inputs(participant, &loaded.path, &trials)?;
-        Ok(ParticipantRun { participant: participant.clone(), loaded, trials, model, prepared, inputs, warnings })
+        Ok(ParticipantRun {
+            participant: participant.clone(),
+            loaded,
+            trials,
+            model,
+            prepared,
+            given,
+            recorded,
+            inputs,
+            warnings,
+        })
     }
 
     /// Reads a participant's model and checks the names that the study uses.
@@ -223,6 +268,9 @@ impl StudyRun {
             provenance::input_file(model, &shown(model), "model")?,
             provenance::input_file(&self.study.file, &shown(&self.study.file), "study")?,
         ];
+        if let Some((file, _)) = &self.side_car {
+            inputs.push(provenance::input_file(file, &shown(file), "effects")?);
+        }
         for (name, role) in tables {
             let path = self.study.folder.join(name);
             if path.exists() {
@@ -246,6 +294,18 @@ impl ParticipantRun {
             .map_err(|e| simulation_message(&e, &self.loaded.path).into())
     }
 
+    /// Simulates all trials with the model as it is: its own parameters, and the effects beside it.
+    ///
+    /// # Errors
+    /// A muscle whose forces cannot be balanced.
+    pub fn simulate_model(&self) -> Result<Vec<TrialSimulation>, Failure> {
+        let mut simulations = self.simulate(&self.model.nominal_parameters())?;
+        for (simulation, moment) in simulations.iter_mut().zip(self.recorded.iter().flatten()) {
+            simulation.moment.clone_from(moment);
+        }
+        Ok(simulations)
+    }
+
     /// A model and its moments, for the account.
     pub fn model_run(&self, id: &str, label: &str, file: String, simulations: &[TrialSimulation]) -> ModelRun {
         ModelRun {
@@ -256,6 +316,27 @@ impl ParticipantRun {
             moments: simulations.iter().map(|s| s.moment.clone()).collect(),
         }
     }
+}
+
+/// Reads the effects beside a model.
+fn read_side_car(file: &Path, study: &Study) -> Result<(PathBuf, SideCar), Failure> {
+    let side_car = SideCar::read(file).map_err(|e| {
+        let message = Message::error(e.to_string());
+        Failure::from(e.hint().into_iter().fold(message, Message::hint))
+    })?;
+    let expected = &study.settings.dynamometer.coordinate;
+    if side_car.coordinate != *expected {
+        let text =
+            format!("the effects are about the coordinate `{}`, the study about `{expected}`", side_car.coordinate);
+        return Err(Message::error(text).in_file(file).into());
+    }
+    Ok((file.to_owned(), side_car))
+}
+
+/// Effects that lie beside a model.
+fn beside(model: &Path) -> Option<PathBuf> {
+    let file = model.parent()?.join("effects.toml");
+    file.is_file().then_some(file)
 }
 
 /// Warnings about the active muscles' paths over all angles that were recorded.

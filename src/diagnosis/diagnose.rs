@@ -12,6 +12,7 @@ use super::fit::{Analysis, Fit};
 use super::forward_model::{ForwardModel, Setting};
 use super::score_test::{BlockScore, Omnibus};
 use super::where_it_fails::{AxisResult, along_axes};
+use crate::osim::spec::MuscleSpec;
 use crate::simulation::SimulationError;
 use crate::study::{ParameterBounds, TrialUse};
 
@@ -367,41 +368,11 @@ impl Judge<'_> {
         // Sizes at which a muscle cannot be simulated explain nothing.
         let Ok(fit) = self.analysis.fit_below(start, hopeless) else { return Ok(None) };
         let p_value = test(self.analysis, &fit, self.not_testable)?.p_value;
-        let parameters = self.estimates(&fit);
+        let parameters = estimates(&fit, &self.request.forward.muscles);
         let plausible = parameters.values().all(|p| p.ci95[1] >= p.plausible[0] && p.ci95[0] <= p.plausible[1]);
         let held_out_error = self.error_of(&fit, TrialUse::Test)?;
         let effects = effects.iter().map(|e| e.description().id).collect();
         Ok(Some((fit, Explanation { effects, p_value, held_out_error, plausible, parameters })))
-    }
-
-    fn estimates(&self, fit: &Fit) -> BTreeMap<String, ParameterEstimate> {
-        let muscles = &self.request.forward.muscles;
-        let mut out = BTreeMap::new();
-        let mut column = 0;
-        for setting in &fit.point.effects {
-            let description = setting.effect.description();
-            let reported = setting.effect.reported(&setting.values, muscles);
-            for (i, p) in description.parameters.iter().enumerate() {
-                let half = 1.96 * fit.covariance[(column, column)].max(0.0).sqrt() * p.scale;
-                let side = |sign: f64| {
-                    let mut values = setting.values.clone();
-                    values[i] += sign * half;
-                    setting.effect.reported(&values, muscles)[i]
-                };
-                let (a, b) = (side(-1.0), side(1.0));
-                out.insert(
-                    format!("{}.{}", description.id, p.name),
-                    ParameterEstimate {
-                        value: reported[i],
-                        unit: p.unit,
-                        ci95: [a.min(b), a.max(b)],
-                        plausible: p.plausible,
-                    },
-                );
-                column += 1;
-            }
-        }
-        out
     }
 
     /// Simulated moments of the trials of a use, from the EMG as recorded.
@@ -500,6 +471,38 @@ impl Judge<'_> {
         }
         out
     }
+}
+
+/// The effects' parameters after a fit, by `effect.parameter`, with 95 % intervals.
+///
+/// - `muscles`: of the model, for parameters that are properties of muscles
+pub fn estimates(fit: &Fit, muscles: &[MuscleSpec]) -> BTreeMap<String, ParameterEstimate> {
+    let mut out = BTreeMap::new();
+    let mut column = 0;
+    for setting in &fit.point.effects {
+        let description = setting.effect.description();
+        let reported = setting.effect.reported(&setting.values, muscles);
+        for (i, p) in description.parameters.iter().enumerate() {
+            let half = 1.96 * fit.covariance[(column, column)].max(0.0).sqrt() * p.scale;
+            let side = |sign: f64| {
+                let mut values = setting.values.clone();
+                values[i] += sign * half;
+                setting.effect.reported(&values, muscles)[i]
+            };
+            let (a, b) = (side(-1.0), side(1.0));
+            out.insert(
+                format!("{}.{}", description.id, p.name),
+                ParameterEstimate {
+                    value: reported[i],
+                    unit: p.unit,
+                    ci95: [a.min(b), a.max(b)],
+                    plausible: p.plausible,
+                },
+            );
+            column += 1;
+        }
+    }
+    out
 }
 
 /// Simulated moments [N·m] of the trials of a use, from the EMG as recorded.

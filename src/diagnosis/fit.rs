@@ -12,6 +12,8 @@
 //! # References
 //! Lindstrom & Bates (1990), Nonlinear mixed effects models for repeated measures data, doi:10.2307/2532087.
 
+mod information;
+
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -168,23 +170,7 @@ impl<'a> Analysis<'a> {
         bounds: &ParameterBounds,
         seed: u64,
     ) -> Result<(Analysis<'a>, Fit), SimulationError> {
-        let times = train.iter().map(|g| {
-            let time = &forward.trials[*g].time;
-            let starts = block_starts(time.len());
-            let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
-            Arc::new(TrialTimes::new(block_means(time, &starts).as_slice(), &counts))
-        });
-        let times = times.collect();
-        let mut analysis = Analysis {
-            forward,
-            train,
-            candidates,
-            prior_sd: prior_sd(bounds),
-            blocks: Vec::new(),
-            directions: Vec::new(),
-            times,
-            seed,
-        };
+        let mut analysis = Analysis::without_data(forward, train, candidates, bounds, seed);
         let rough = analysis.fit(analysis.nominal_point())?;
         let linear = analysis.linearize(&rough.point, &rough.noise)?;
         analysis.directions = analysis.calc_directions(&linear, &rough.point)?;
@@ -684,7 +670,7 @@ impl<'a> Analysis<'a> {
 }
 
 /// Prior precision of amplitudes in units of their scale: 20 scales are one standard deviation.
-const AMPLITUDE_PRECISION: f64 = 1.0 / 400.0;
+pub(super) const AMPLITUDE_PRECISION: f64 = 1.0 / 400.0;
 /// Evaluations of the rough descent.
 const ROUGH_EVALUATIONS: usize = 9;
 /// Evaluations of the descents after each estimate of the noise.

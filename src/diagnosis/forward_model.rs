@@ -72,6 +72,8 @@ pub struct ForwardModel {
     pub muscles: Vec<MuscleSpec>,
     /// Sign of each muscle's moment arm.
     pub directions: Vec<f64>,
+    /// Effects that the model has beside its file; they act in every simulation.
+    given: Vec<Setting>,
     silent_muscles: SilentMuscles,
     model: MusculoskeletalModel,
     base: Vec<PreparedTrial>,
@@ -144,11 +146,30 @@ impl ForwardModel {
             trials: records(trials, muscles.len()),
             muscles,
             directions,
+            given: Vec::new(),
             silent_muscles: SilentMuscles::of(spec, model, &base),
             model: model.clone(),
             base,
             options,
         })
+    }
+
+    /// The model with effects that it has beside its file: they act in every simulation, before others of their kind.
+    pub fn with_given(self, given: Vec<Setting>) -> ForwardModel {
+        ForwardModel { given, ..self }
+    }
+
+    /// The effects that the model has beside its file.
+    pub fn given(&self) -> &[Setting] {
+        &self.given
+    }
+
+    /// Effects that act: those that the model has, then those asked for.
+    fn acting<'a>(&self, effects: &'a [Setting]) -> Cow<'a, [Setting]> {
+        match self.given.is_empty() {
+            true => Cow::Borrowed(effects),
+            false => Cow::Owned(self.given.iter().chain(effects).cloned().collect()),
+        }
     }
 
     /// Positions of the trials of a use.
@@ -171,6 +192,8 @@ impl ForwardModel {
     /// # Errors
     /// A property that is not allowed.
     pub fn variant(&self, effects: &[Setting]) -> Result<Cow<'_, MusculoskeletalModel>, SimulationError> {
+        let effects = self.acting(effects);
+        let effects = &effects[..];
         let mut muscles = self.muscles.clone();
         let mut changed = false;
         for setting in in_order(effects) {
@@ -248,10 +271,23 @@ impl ForwardModel {
         effects: &[Setting],
         derivatives: bool,
     ) -> Result<Core, SimulationError> {
+        self.core_with(variant, trial, input, parameters, &self.acting(effects), derivatives)
+    }
+
+    /// As [`ForwardModel::core`], with these effects and no others.
+    fn core_with(
+        &self,
+        variant: &MusculoskeletalModel,
+        trial: usize,
+        input: &TrialInput,
+        parameters: &[MuscleParameters],
+        effects: &[Setting],
+        derivatives: bool,
+    ) -> Result<Core, SimulationError> {
         let asks = |s: &Setting| s.effect.needs_moment();
         let without = if effects.iter().any(asks) {
             let without: Vec<Setting> = effects.iter().filter(|s| !asks(s)).cloned().collect();
-            Some(Box::new(self.core(variant, trial, input, parameters, &without, derivatives)?))
+            Some(Box::new(self.core_with(variant, trial, input, parameters, &without, derivatives)?))
         } else {
             None
         };
@@ -307,7 +343,8 @@ impl ForwardModel {
             speed: &kinematics.speed,
             acceleration: &kinematics.acceleration,
         };
-        let effects = in_order(effects);
+        let effects = self.acting(effects);
+        let effects = in_order(&effects);
         for setting in &effects {
             setting.effect.add_moment(&setting.values, &joint, &mut moment);
         }
@@ -319,7 +356,7 @@ impl ForwardModel {
 
     /// Derivatives of the recorded moment by the fitted muscle parameters: those of the core as the sensor shows them.
     pub fn sensed_derivatives(&self, trial: usize, core: &Core, effects: &[Setting]) -> Vec<Vec<f64>> {
-        if effects.iter().all(|s| s.effect.description().stage != Stage::Sensor) {
+        if self.acting(effects).iter().all(|s| s.effect.description().stage != Stage::Sensor) {
             return core.by_parameters.clone();
         }
         let base = self.recorded_moment(trial, core, effects);
@@ -365,7 +402,8 @@ impl ForwardModel {
             sides.map(|effects| self.recorded_moment(trial, core, &effects))
         } else {
             let variants = variants[parameter].each_ref().map(|v| &**v);
-            let [up, down] = self.beside(trial, core, input, parameters, &sides, variants, 2.0 * step)?;
+            let acting = sides.each_ref().map(|effects| self.acting(effects).into_owned());
+            let [up, down] = self.beside(trial, core, input, parameters, &acting, variants, 2.0 * step)?;
             [self.recorded_moment(trial, &up, &sides[0]), self.recorded_moment(trial, &down, &sides[1])]
         };
         Ok(up.iter().zip(&down).map(|(a, b)| (a - b) / (2.0 * step)).collect())

@@ -1,15 +1,20 @@
 //! Which physical effect a model lacks: catalogue of effects, simulation with any of them, and the statistics that say
 //! which of them a participant's trials call for.
 
+pub mod addition;
 pub mod baselines;
 pub mod catalogue;
 pub mod diagnose;
 pub mod effect;
 pub mod effects;
+pub mod experiments;
 pub mod export;
 pub mod fit;
 pub mod forward_model;
+pub mod moments;
 pub mod noise;
+pub mod plan;
 pub mod score_test;
 pub mod silent_muscles;
+pub mod synthesis;
 pub mod where_it_fails;

@@ -6,6 +6,7 @@
 
 mod cohort;
 mod measures;
+pub mod residuals;
 mod table;
 
 pub use cohort::{Cohort, CohortMeasure, ConditionError, OverParticipants, condition_errors};

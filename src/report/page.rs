@@ -4,6 +4,8 @@ use askama::Template;
 use sha2::{Digest, Sha256};
 
 use super::results::Results;
+use super::story::Story;
+use super::story_figures::standing_alone;
 use super::view::View;
 
 /// Styles of every page.
@@ -21,11 +23,30 @@ struct Page<'a> {
     results: &'a Results,
 }
 
+#[derive(Template)]
+#[template(path = "story.html")]
+struct StoryPage<'a> {
+    policy: String,
+    style: &'a str,
+    script: &'a str,
+    view: Story,
+    results: &'a Results,
+}
+
 /// The report of a results file: one self-contained HTML page.
 pub fn render_report(results: &Results) -> String {
+    if let Some(story) = Story::new(results) {
+        let page = StoryPage { policy: content_security_policy(), style: STYLE, script: SCRIPT, view: story, results };
+        return page.render().expect("the story template has no failing filter");
+    }
     let page =
         Page { policy: content_security_policy(), style: STYLE, script: SCRIPT, view: View::new(results), results };
     page.render().expect("the report template has no failing filter")
+}
+
+/// The fall of the error as a figure of its own (SVG); `None` for results that have no diagnosis.
+pub fn render_waterfall(results: &Results) -> Option<String> {
+    Story::new(results).map(|story| standing_alone(&story.waterfall))
 }
 
 /// Nothing may be loaded from anywhere; only the two inline blocks, named by their hash, are in force.

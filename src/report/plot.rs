@@ -81,6 +81,8 @@ pub struct CurveFigure<'a> {
     pub unit: &'static str,
     /// Curves, first drawn first.
     pub curves: Vec<Curve<'a>>,
+    /// Bands under the curves: class, and lower and upper edge at the abscissae.
+    pub bands: Vec<(&'static str, Vec<[f64; 2]>)>,
     /// Interval of the abscissa.
     pub x_range: [f64; 2],
     /// Interval of the ordinate.
@@ -126,6 +128,13 @@ impl CurveFigure<'_> {
         if let Some((values, range, name)) = self.strip {
             let [top, bottom] = [height - BOTTOM - STRIP + 10.0, height - BOTTOM - 2.0];
             self.draw_strip(w, x, values, Scale { data: range, drawn: [bottom, top] }, name);
+        }
+        for (class, edges) in &self.bands {
+            let lower = polyline(self.x, &edges.iter().map(|e| e[0]).collect::<Vec<_>>(), x, y);
+            let mut upper: Vec<[f64; 2]> = self.x.iter().zip(edges).map(|(x, e)| [*x, e[1]]).collect();
+            upper.reverse();
+            let (xs, ys): (Vec<f64>, Vec<f64>) = upper.into_iter().map(|[x, y]| (x, y)).unzip();
+            let _ = write!(w, r#"<polygon class="band {class}" points="{lower} {}"/>"#, polyline(&xs, &ys, x, y));
         }
         for curve in &self.curves {
             let points = polyline(self.x, curve.values, x, y);

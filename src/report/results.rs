@@ -9,6 +9,10 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::diagnosis::DiagnosisResult;
+use super::ledger::Ledger;
+use super::residuals::ResidualResult;
+
 /// Name and version of the schema; the number rises when a reader of the older one would misread the file.
 pub const SCHEMA: &str = "carpus.results/1";
 
@@ -36,6 +40,15 @@ pub struct Results {
     /// How the fit went, stage by stage; empty unless something was fitted.
     #[serde(default)]
     pub stages: Vec<StageResult>,
+    /// Residuals of models along axes; empty where nothing is compared.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub residuals: Vec<ResidualResult>,
+    /// Which effects could be missing, if that was asked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub diagnosis: Option<DiagnosisResult>,
+    /// Effects that were added, step by step.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ledger: Option<Ledger>,
     /// What the reader must know before trusting the numbers.
     #[serde(default)]
     pub warnings: Vec<WarningResult>,
@@ -51,6 +64,10 @@ pub enum Kind {
     Comparison,
     /// A fit, with the errors before and after.
     Personalization,
+    /// Which physical effect the model could lack.
+    Diagnosis,
+    /// The model with effects added.
+    Effects,
 }
 
 /// Program, command, seed and inputs: what is needed to run it again.

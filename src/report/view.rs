@@ -1,5 +1,6 @@
 //! What the report page shows, worked out from the results: sentences, rows and figures, all formatted.
 
+use super::axis_figures::{AxisPanel, axis_panels, repetition_words};
 use super::number::{percent, plain, quantity, significant};
 use super::plot::{self, Curve, CurveFigure};
 use super::results::{
@@ -133,6 +134,8 @@ pub struct View {
     pub bound_hits: usize,
     pub has_determination: bool,
     pub stages: Vec<StageRow>,
+    pub axes: Vec<AxisPanel>,
+    pub repetition_noise: String,
 }
 
 impl View {
@@ -147,6 +150,8 @@ impl View {
                 Kind::Simulation => "Simulation",
                 Kind::Comparison => "Comparison",
                 Kind::Personalization => "Personalization",
+                Kind::Diagnosis => "Diagnosis",
+                Kind::Effects => "Missing effects",
             }
             .to_string(),
             title: format!("{} · {}", results.study.name, results.participant.id),
@@ -168,14 +173,16 @@ impl View {
             bound_hits: results.parameters.iter().filter(|p| p.at_bound()).count(),
             has_determination: results.parameters.iter().any(|p| p.share_from_data.is_some()),
             stages: results.stages.iter().map(stage_row).collect(),
+            axes: axis_panels(None, results.residuals.last(), &[]),
+            repetition_noise: repetition_words(results.residuals.last()),
         }
     }
 }
 
 /// The model that the page is about and the one it is compared with.
-struct Pair<'a> {
-    before: Option<&'a ModelResult>,
-    after: Option<&'a ModelResult>,
+pub(super) struct Pair<'a> {
+    pub(super) before: Option<&'a ModelResult>,
+    pub(super) after: Option<&'a ModelResult>,
 }
 
 impl<'a> Pair<'a> {
@@ -212,7 +219,7 @@ fn use_words(trial_use: Use) -> &'static str {
     }
 }
 
-fn maybe(value: Option<f64>, show: impl Fn(f64) -> String) -> String {
+pub(super) fn maybe(value: Option<f64>, show: impl Fn(f64) -> String) -> String {
     value.map_or_else(|| "–".to_string(), show)
 }
 
@@ -277,7 +284,7 @@ fn worst_condition(pair: &Pair) -> Option<String> {
     Some(format!(" The error is largest for “{condition}”: {}.", percent(nrmse)))
 }
 
-fn facts(results: &Results) -> Vec<Fact> {
+pub(super) fn facts(results: &Results) -> Vec<Fact> {
     let mut facts = vec![Fact { name: "Participant", value: participant(results) }];
     if let Some(model) = results.first_model() {
         facts.push(Fact { name: "Model", value: format!("{} ({})", model.name, file_name(&model.file)) });
@@ -410,7 +417,7 @@ fn condition_sections(pair: &Pair, max: f64) -> Vec<Section<ConditionRow>> {
     uses().into_iter().filter_map(section).collect()
 }
 
-fn groups(results: &Results, pair: &Pair) -> Vec<Group> {
+pub(super) fn groups(results: &Results, pair: &Pair) -> Vec<Group> {
     let mut conditions: Vec<&Condition> = Vec::new();
     for trial in &results.trials {
         if !conditions.contains(&&trial.condition) {
@@ -482,6 +489,7 @@ fn panel(trial: &TrialResult, pair: &Pair, ranges: &PanelRanges) -> Panel {
         x_name: ("t", "s"),
         unit: "N·m",
         curves,
+        bands: Vec::new(),
         x_range: ranges.time,
         y_range: ranges.moment,
         strip: ranges.angle.map(|range| (trial.series.angle_deg.as_slice(), range, "angle")),
@@ -540,7 +548,7 @@ fn trial_sections(results: &Results) -> Vec<Section<TrialRow>> {
     uses().into_iter().filter_map(section).collect()
 }
 
-fn parameter_groups(parameters: &[ParameterResult]) -> Vec<ParameterGroup> {
+pub(super) fn parameter_groups(parameters: &[ParameterResult]) -> Vec<ParameterGroup> {
     let mut groups: Vec<ParameterGroup> = Vec::new();
     for p in parameters {
         let title = property_title(&p.property);

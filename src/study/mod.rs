@@ -28,6 +28,7 @@ mod toml_section;
 mod trial;
 mod trial_list;
 mod ultrasound;
+pub mod write;
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};

@@ -25,5 +25,6 @@ mod simulation;
 mod statistics;
 mod study;
 mod study_command;
+mod user_loop;
 mod user_path;
 mod validation;

@@ -185,6 +185,9 @@ fn example() -> Results {
             StageResult { name: "lengths".into(), evaluations: 12000, objective_before: 1.31, objective_after: 0.62 },
             StageResult { name: "forces".into(), evaluations: 8000, objective_before: 0.62, objective_after: 0.21 },
         ],
+        residuals: Vec::new(),
+        diagnosis: None,
+        ledger: None,
         warnings: vec![WarningResult {
             at: Some("data/P01/isotonic_25_flexion_1.csv:812".into()),
             message: "gap of 0.12 s between samples; the angle was interpolated".into(),

@@ -110,7 +110,9 @@ fn model_refused(change: impl Fn(&str) -> String, line_of: &str, says: &[&str]) 
 
 #[test]
 fn verif_help_of_every_command_has_an_example() {
-    for command in ["demo", "info", "paths", "equilibrium", "simulate", "compare", "personalize"] {
+    for command in
+        ["demo", "info", "paths", "equilibrium", "simulate", "compare", "personalize", "effect", "plan", "synth"]
+    {
         let example = format!("Example:\n  carpus {command}");
         carpus().args([command, "--help"]).assert().success().stdout(contains(example)).stderr("");
     }

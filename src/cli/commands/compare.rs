@@ -6,6 +6,7 @@ use super::simulate::{account, summary, write_results, write_series};
 use crate::cli::account::{errors_per_condition_csv, errors_per_trial_csv};
 use crate::cli::args::{CompareArgs, Global};
 use crate::cli::failure::{self, Failure};
+use crate::cli::residuals::{residual_result, where_it_fails};
 use crate::cli::study_run::{StudyRun, progress};
 use crate::cli::table::{fixed, table};
 use crate::report::results::{Errors, Kind, Results, Use};
@@ -15,14 +16,16 @@ use crate::report::results::{Errors, Kind, Results, Use};
 /// # Errors
 /// The study, its models and trials, or the output folder.
 pub fn run(args: &CompareArgs, global: &Global) -> Result<(), Failure> {
-    let study = StudyRun::prepare(&args.study)?;
+    let study = StudyRun::prepare_with(&args.study, args.effects.file())?;
     let bar = progress(global, study.participants.len() as u64, "comparing");
     let outcomes = study.each(|participant| {
         let run = study.participant(participant)?;
         failure::print(&run.warnings);
-        let simulations = run.simulate(&run.model.nominal_parameters())?;
+        let simulations = run.simulate_model()?;
         let model = run.model_run("model", "Simulated", run.loaded.path.display().to_string(), &simulations);
-        let results = account(Kind::Comparison, global, &study, &run, &[model])?;
+        let residuals = residual_result(&run, "model", &model.moments);
+        let mut results = account(Kind::Comparison, global, &study, &run, &[model])?;
+        results.residuals = vec![residuals];
         let folder = PathBuf::from(&participant.name);
         write_series(&study, &folder, &run, &simulations)?;
         write_errors(&study, &folder, &[&results])?;
@@ -41,6 +44,7 @@ pub fn run(args: &CompareArgs, global: &Global) -> Result<(), Failure> {
         return outcomes.print(&text);
     }
     let mut text = error_table(done);
+    done.iter().for_each(|results| text.push_str(&where_it_fails(results)));
     text.push_str("\n\n");
     for results in done {
         let report = study.out.path().join(&results.participant.id).join("report.html");

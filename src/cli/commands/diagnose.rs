@@ -1,19 +1,27 @@
 //! `carpus diagnose`: where the model fails, and which physical effect is missing.
 
+use std::path::Path;
+
+use super::simulate::{account, write_results};
+use crate::cli::account::ModelRun;
 use crate::cli::args::{DiagnoseArgs, Global};
+use crate::cli::diagnosis_file;
 use crate::cli::failure::{self, Failure, Message};
-use crate::cli::print_result;
+use crate::cli::residuals::residual_result;
 use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
 use crate::cli::table::{fixed, table};
 use crate::diagnosis::baselines::Ingredients;
 use crate::diagnosis::catalogue::{CATALOGUE, effect};
 use crate::diagnosis::diagnose::{Diagnosis, Outcome, Request, Verdict, diagnose};
 use crate::diagnosis::effect::Effect;
-use crate::diagnosis::forward_model::{DIAGNOSIS_ACCURACY, ForwardModel};
+use crate::diagnosis::forward_model::{DIAGNOSIS_ACCURACY, ForwardModel, Setting};
+use crate::diagnosis::moments::simulate_all;
+use crate::report::results::{Kind, Results};
+use crate::simulation::MuscleParameters;
 use crate::study::TrialUse;
 
 /// Said before every diagnosis, until its false alarms and its power are measured.
-const UNFINISHED: &str =
+pub const UNFINISHED: &str =
     "diagnosis is unfinished: its verdicts are not calibrated, and wrong ones were seen on studies of known cause";
 
 /// Runs the command.
@@ -23,35 +31,79 @@ const UNFINISHED: &str =
 pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
     let candidates = candidates(&args.candidates)?;
     failure::print(&[Message::warning(UNFINISHED)]);
-    let study = StudyRun::prepare(&args.study)?;
+    let study = StudyRun::prepare_with(&args.study, args.effects.file())?;
+    let restricted: &[String] = if args.candidates == ["all"] { &[] } else { &args.candidates };
     let bar = progress(global, study.participants.len() as u64, "diagnosing");
-    let mut diagnoses = Vec::new();
-    for participant in &study.participants {
+    let outcomes = study.each(|participant| {
         let run = study.participant(participant)?;
         failure::print(&run.warnings);
         let forward = forward_model(&run)?;
-        let Outcome { diagnosis, ingredients, .. } = diagnosed(&study, &run, &forward, candidates.clone(), global)?;
-        let json = if args.baselines {
-            with_baselines(&diagnosis, &ingredients)
+        let outcome = diagnosed(&study, &run, &forward, candidates.clone(), global)?;
+        let value = diagnosis_file::value(&outcome, &run, restricted, global)?;
+        if args.baselines {
+            diagnosis_file::write(&study, &participant.name, &with_baselines(&value, &outcome.ingredients)?)?;
         } else {
-            serde_json::to_string_pretty(&diagnosis)
-        };
-        let json = json.map_err(|e| Failure::Internal(e.to_string()))?;
-        study.out.write(format!("{}/diagnosis.json", participant.name), json.as_bytes())?;
-        diagnoses.push(diagnosis);
+            diagnosis_file::write(&study, &participant.name, &value)?;
+        }
+        let results = with_models(&study, &run, &forward, &outcome, &value, global)?;
+        write_results(&study, Path::new(&participant.name), &results)?;
         bar.inc(1);
-    }
+        Ok((outcome.diagnosis, value))
+    });
     bar.finish_and_clear();
+    let outcomes = outcomes?;
     if global.json {
-        return print_result(&serde_json::to_string(&diagnoses).map_err(|e| Failure::Internal(e.to_string()))?);
+        let text = serde_json::Value::Array(outcomes.done.iter().map(|(_, value)| value.clone()).collect()).to_string();
+        return outcomes.print(&text);
     }
-    print_result(&diagnoses.iter().map(readable).collect::<Vec<_>>().join("\n\n"))
+    let page = |d: &Diagnosis| study.out.path().join(&d.participant).join("report.html").display().to_string();
+    let shown = |(d, _): &(Diagnosis, serde_json::Value)| format!("{}\n\n{}", readable(d), page(d));
+    let text = outcomes.done.iter().map(shown).collect::<Vec<_>>().join("\n\n");
+    outcomes.print(&text)
 }
 
-fn with_baselines(diagnosis: &Diagnosis, ingredients: &Ingredients) -> serde_json::Result<String> {
-    let mut value = serde_json::to_value(diagnosis)?;
-    value["baselines"] = serde_json::to_value(ingredients)?;
-    serde_json::to_string(&value)
+/// The results of a diagnosis: the model as given, with its muscles refitted, and with the best explanation.
+///
+/// # Errors
+/// A trial that cannot be simulated.
+pub fn with_models(
+    study: &StudyRun,
+    run: &ParticipantRun,
+    forward: &ForwardModel,
+    outcome: &Outcome,
+    value: &serde_json::Value,
+    global: &Global,
+) -> Result<Results, Failure> {
+    let nominal = forward.nominal_parameters();
+    let mut fitted: Vec<(&str, String, &[MuscleParameters], &[Setting])> = vec![
+        ("base", "As given".to_owned(), &nominal, &[]),
+        ("refit", "Muscles refitted".to_owned(), &outcome.refit.point.parameters, &[]),
+    ];
+    if let Some(best) = &outcome.best {
+        let names = best.point.effects.iter().map(|s| s.effect.description().name).collect::<Vec<_>>().join(" + ");
+        fitted.push(("with_effect", format!("With {names}"), &best.point.parameters, &best.point.effects));
+    }
+    let mut models = Vec::new();
+    let mut residuals = Vec::new();
+    for (id, label, parameters, effects) in fitted {
+        let simulated = simulate_all(forward, parameters, effects)
+            .map_err(|e| Message::error(e.to_string()).in_file(&run.loaded.path))?;
+        let moments: Vec<Vec<f64>> = simulated.into_iter().map(|t| t.moment).collect();
+        residuals.push(residual_result(run, id, &moments));
+        let file = run.loaded.path.display().to_string();
+        let name = run.loaded.model.name.clone();
+        models.push(ModelRun { id: id.to_owned(), label, name, file, moments });
+    }
+    let mut results = account(Kind::Diagnosis, global, study, run, &models)?;
+    results.residuals = residuals;
+    results.diagnosis = Some(diagnosis_file::result(value)?);
+    Ok(results)
+}
+
+fn with_baselines(value: &serde_json::Value, ingredients: &Ingredients) -> Result<serde_json::Value, Failure> {
+    let mut value = value.clone();
+    value["baselines"] = serde_json::to_value(ingredients).map_err(|e| Failure::Internal(e.to_string()))?;
+    Ok(value)
 }
 
 /// The trials of a participant, ready to be simulated with effects.
@@ -60,7 +112,8 @@ fn with_baselines(diagnosis: &Diagnosis, ingredients: &Ingredients) -> serde_jso
 /// A trial that cannot be simulated; nothing to train on.
 pub fn forward_model(run: &ParticipantRun) -> Result<ForwardModel, Failure> {
     let forward = ForwardModel::with_accuracy(&run.loaded.file.spec, &run.model, &run.trials, DIAGNOSIS_ACCURACY)
-        .map_err(|e| Message::error(e.to_string()).in_file(&run.loaded.path))?;
+        .map_err(|e| Message::error(e.to_string()).in_file(&run.loaded.path))?
+        .with_given(run.given.clone());
     if forward.trials_for(TrialUse::Train).len() < 2 {
         let text = format!("participant {}: expected at least two trials with use = train", run.participant.name);
         return Err(Message::error(text).hint("a diagnosis compares trials with each other").into());
@@ -79,15 +132,26 @@ pub fn diagnosed(
     candidates: Vec<&'static dyn Effect>,
     global: &Global,
 ) -> Result<Outcome, Failure> {
-    let request = Request {
+    diagnose(&request(study, run, forward, candidates, global))
+        .map_err(|e| Message::error(e.to_string()).in_file(&run.loaded.path).into())
+}
+
+/// What is asked of a participant's data.
+pub fn request<'a>(
+    study: &StudyRun,
+    run: &ParticipantRun,
+    forward: &'a ForwardModel,
+    candidates: Vec<&'static dyn Effect>,
+    global: &Global,
+) -> Request<'a> {
+    Request {
         participant: run.participant.name.clone(),
         forward,
         bounds: study.study.settings.bounds,
         candidates,
         mvc: largest_moment(run),
         seed: global.seed,
-    };
-    diagnose(&request).map_err(|e| Message::error(e.to_string()).in_file(&run.loaded.path).into())
+    }
 }
 
 /// The session's MVC moment [N·m]: as the study states it, else the largest that was recorded.
@@ -123,12 +187,15 @@ pub fn known(id: &str) -> Result<&'static dyn Effect, Failure> {
     })
 }
 
+/// The names of effects, joined.
+pub fn names_of<S: AsRef<str>>(ids: &[S]) -> String {
+    let name = |id: &S| effect(id.as_ref()).map_or(id.as_ref().to_owned(), |e| e.description().name.to_owned());
+    ids.iter().map(name).collect::<Vec<_>>().join(" + ")
+}
+
 /// A verdict in words.
 pub fn in_words(diagnosis: &Diagnosis) -> String {
-    let names = |ids: &[&'static str]| {
-        ids.iter().map(|id| effect(id).map_or(*id, |e| e.description().name)).collect::<Vec<_>>().join(" + ")
-    };
-    let sets: Vec<String> = diagnosis.explanations.iter().map(|e| names(&e.effects)).collect();
+    let sets: Vec<String> = diagnosis.explanations.iter().map(|e| names_of(&e.effects)).collect();
     match diagnosis.verdict {
         Verdict::Identified => format!("consistent with one missing effect: {}", sets.join("")),
         Verdict::TwoEffects => format!("no single effect explains the data; consistent with {}", sets.join("")),

@@ -10,8 +10,8 @@ use crate::cli::failure::{self, Failure};
 use crate::cli::provenance::provenance;
 use crate::cli::series;
 use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
-use crate::report::render_report;
 use crate::report::results::{Kind, Results};
+use crate::report::{render_report, render_waterfall};
 use crate::simulation::TrialSimulation;
 
 /// Runs the command.
@@ -19,12 +19,12 @@ use crate::simulation::TrialSimulation;
 /// # Errors
 /// The study, its models and trials, or the output folder.
 pub fn run(args: &SimulateArgs, global: &Global) -> Result<(), Failure> {
-    let study = StudyRun::prepare(&args.study)?;
+    let study = StudyRun::prepare_with(&args.study, args.effects.file())?;
     let bar = progress(global, study.participants.len() as u64, "simulating");
     let outcomes = study.each(|participant| {
         let run = study.participant(participant)?;
         failure::print(&run.warnings);
-        let simulations = run.simulate(&run.model.nominal_parameters())?;
+        let simulations = run.simulate_model()?;
         let model = run.model_run("model", "Simulated", run.loaded.path.display().to_string(), &simulations);
         let results = account(Kind::Simulation, global, &study, &run, &[model])?;
         let folder = PathBuf::from(&participant.name);
@@ -83,7 +83,8 @@ pub fn write_series(
     let muscles: Vec<String> = run.model.muscle_names().map(String::from).collect();
     let write = |i: usize| {
         let trial = &run.trials[i];
-        let (csv, sto) = series::texts(coordinate, &muscles, trial, &run.prepared[i], &simulations[i])?;
+        let (csv, sto) =
+            series::texts(coordinate, &muscles, trial, &run.prepared[i], &simulations[i], !run.given.is_empty())?;
         let name = folder.join("series").join(trial.info.name());
         study.out.write(with_extension(&name, "csv"), csv.as_bytes())?;
         study.out.write(with_extension(&name, "sto"), sto.as_bytes())?;
@@ -107,6 +108,9 @@ fn with_extension(path: &std::path::Path, extension: &str) -> PathBuf {
 /// The disk.
 pub fn write_results(study: &StudyRun, folder: &std::path::Path, results: &Results) -> Result<(), Failure> {
     study.out.write(folder.join("report.html"), render_report(results).as_bytes())?;
+    if let Some(figure) = render_waterfall(results) {
+        study.out.write(folder.join("error.svg"), figure.as_bytes())?;
+    }
     study.out.write(folder.join("results.json"), results.to_json().as_bytes())?;
     Ok(())
 }

@@ -1,0 +1,193 @@
+//! Arguments of the commands about missing physical effects.
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use clap::{Args, Subcommand};
+
+use super::args::StudyArgs;
+
+/// `carpus diagnose`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus diagnose study/study.toml --out diagnosed\n  carpus diagnose study/study.toml --candidates joint_stiffness,gravity --out diagnosed\n\nWrites DIR/P01/{diagnosis.json,results.json,report.html,error.svg}. Held-out trials (use = test) are never fitted."
+)]
+pub struct DiagnoseArgs {
+    /// The study.
+    #[command(flatten)]
+    pub study: StudyArgs,
+    /// Only these effects (comma-separated; default: all)
+    #[arg(long, value_name = "ID,…", value_delimiter = ',')]
+    pub candidates: Vec<String>,
+    /// Also write what simpler methods need to compare themselves (key `baselines`, megabytes)
+    #[arg(long)]
+    pub baselines: bool,
+    /// Effects beside the model.
+    #[command(flatten)]
+    pub effects: EffectsFile,
+}
+
+/// `carpus effects`
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  carpus effects\n  carpus effects joint_stiffness")]
+pub struct EffectsArgs {
+    /// Only this effect, in full
+    #[arg(value_name = "ID")]
+    pub id: Option<String>,
+}
+
+/// `carpus synth`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus synth study/study.toml --effect joint_stiffness:stiffness=1.2 --out hidden\n  carpus synth study/study.toml --effect gravity --effect joint_damping --seed 7 --out hidden\n\nWrites DIR/{study.toml,participants.csv,trials.csv,data/}, the model beside them, truth.json (what is hidden) and manifest.json. Angles, excitations and protocol are those of the given study; muscle parameters are drawn from the seed. Without --effect nothing is hidden. Carpus itself is the simulator: such a study teaches and tests the tools, and says nothing about their agreement with OpenSim."
+)]
+pub struct SynthArgs {
+    /// The study.
+    #[command(flatten)]
+    pub study: StudyArgs,
+    /// Effect to hide, with its parameters in the units of `carpus effects ID`; may be given several times
+    #[arg(long = "effect", value_name = "ID[:NAME=VALUE,…]", allow_hyphen_values = true)]
+    pub effects: Vec<EffectSize>,
+    /// Noise of the recordings
+    #[arg(long, value_name = "LEVEL", value_enum, default_value_t = NoiseLevel::Realistic)]
+    pub noise: NoiseLevel,
+}
+
+/// How noisy recordings are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum NoiseLevel {
+    /// EMG 10 % envelope and 5 % gain per trial, angle 0.2°, moment 0.05 N·m and 1 % of the largest
+    Realistic,
+    /// A quarter of it
+    Small,
+    /// None
+    None,
+}
+
+/// An effect and the parameters named with it: `joint_stiffness:stiffness=1.2,rest_angle=0.1`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EffectSize {
+    /// Identifier of the effect.
+    pub id: String,
+    /// Names and values.
+    pub values: Vec<(String, f64)>,
+}
+
+impl FromStr for EffectSize {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<EffectSize, String> {
+        let (id, listed) = text.split_once(':').unwrap_or((text, ""));
+        let value = |item: &str| {
+            let (name, value) = item.split_once('=').ok_or_else(|| format!("expected NAME=VALUE, found `{item}`"))?;
+            match value.trim().parse::<f64>() {
+                Ok(number) if number.is_finite() => Ok((name.trim().to_owned(), number)),
+                _ => Err(format!("{}: expected a number, found `{value}`", name.trim())),
+            }
+        };
+        let values = listed.split(',').filter(|item| !item.trim().is_empty()).map(value).collect::<Result<_, _>>()?;
+        Ok(EffectSize { id: id.trim().to_owned(), values })
+    }
+}
+
+/// Effects that a model has beside its file.
+#[derive(Debug, Args)]
+pub struct EffectsFile {
+    /// Effects that the model has beside its file, as `carpus effect add` writes them
+    #[arg(long = "effects", value_name = "effects.toml", id = "effects_file")]
+    file: Option<PathBuf>,
+}
+
+impl EffectsFile {
+    /// The file.
+    pub fn file(&self) -> Option<&Path> {
+        self.file.as_deref()
+    }
+}
+
+/// `carpus effect`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus effect add study/study.toml joint_stiffness --out with\n  carpus effect auto study/study.toml --out with\n  carpus effect remove with/P01"
+)]
+pub struct EffectArgs {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: EffectCommand,
+}
+
+/// The commands of `carpus effect`.
+#[derive(Debug, Subcommand)]
+pub enum EffectCommand {
+    /// Add effects to the model, refitted jointly with its muscles
+    Add(EffectAddArgs),
+    /// Let the diagnosis choose: at most two effects, none where it cannot tell
+    Auto(EffectAutoArgs),
+    /// Go a step back in the ledger: the model without the effect that came last
+    Remove(EffectRemoveArgs),
+}
+
+/// `carpus effect add`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus effect add study/study.toml joint_stiffness --out with\n  carpus effect add study/study.toml gravity,joint_damping --out with --i-choose\n\nWrites DIR/P01/{model.osim,results.json,report.html,error.svg,ledger.json,diagnosis.json,steps/}, and effects.toml for what no component of OpenSim does. A DIR/P01/diagnosis.json of the same files is used; without one the data are diagnosed first. Where the diagnosis cannot tell or knows no explanation, nothing is added unless --i-choose says so."
+)]
+pub struct EffectAddArgs {
+    /// The study.
+    #[command(flatten)]
+    pub study: StudyArgs,
+    /// Effects to add, in this order (comma-separated; `carpus effects` lists them)
+    #[arg(value_name = "EFFECT,…", value_delimiter = ',', required = true)]
+    pub chosen: Vec<String>,
+    /// Add the effects although the diagnosis cannot tell, or does not support them; the choice is recorded
+    #[arg(long)]
+    pub i_choose: bool,
+    /// Effects beside the model.
+    #[command(flatten)]
+    pub effects: EffectsFile,
+}
+
+/// `carpus effect auto`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus effect auto study/study.toml --out with\n\nWrites what `carpus effect add` writes. Adds what the diagnosis identifies, at most two effects; where it cannot tell, finds nothing, or knows no explanation, the muscles are refitted and nothing is added."
+)]
+pub struct EffectAutoArgs {
+    /// The study.
+    #[command(flatten)]
+    pub study: StudyArgs,
+    /// Effects beside the model.
+    #[command(flatten)]
+    pub effects: EffectsFile,
+}
+
+/// `carpus effect remove`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus effect remove with/P01\n  carpus effect remove with/P01 --to 0      # the model as it was given\n\nPuts the model of the step before into model.osim (and effects.toml) and writes the report again. No step is lost: --to goes forward, too."
+)]
+pub struct EffectRemoveArgs {
+    /// A participant's folder of `carpus effect add`
+    #[arg(value_name = "DIR/P01")]
+    pub folder: PathBuf,
+    /// The step to go to, counted from 0, the model as given (default: one back)
+    #[arg(long, value_name = "STEP")]
+    pub to: Option<usize>,
+}
+
+/// `carpus plan`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus plan study/study.toml --out planned\n  carpus plan study/study.toml --candidates joint_stiffness,gravity --out planned\n\nWrites DIR/P01/plan.json, and the separating experiments into DIR/P01/diagnosis.json. A DIR/P01/diagnosis.json of the same files is used; without one the data are diagnosed first."
+)]
+pub struct PlanArgs {
+    /// The study.
+    #[command(flatten)]
+    pub study: StudyArgs,
+    /// Tell these effects apart (comma-separated; default: those that the diagnosis leaves)
+    #[arg(long, value_name = "ID,…", value_delimiter = ',')]
+    pub candidates: Vec<String>,
+    /// Effects beside the model.
+    #[command(flatten)]
+    pub effects: EffectsFile,
+}

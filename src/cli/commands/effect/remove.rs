@@ -1,0 +1,72 @@
+//! `carpus effect remove`: a step back in the ledger.
+
+use std::path::Path;
+
+use super::readable;
+use super::steps::remove_file;
+use crate::cli::args::Global;
+use crate::cli::args_diagnosis::EffectRemoveArgs;
+use crate::cli::failure::{Failure, Message};
+use crate::cli::output::OutputFolder;
+use crate::cli::print_result;
+use crate::report::ledger::Ledger;
+use crate::report::results::Results;
+use crate::report::{render_report, render_waterfall};
+
+/// Runs the command.
+///
+/// # Errors
+/// A folder without a ledger; a step that is not there; the disk.
+pub fn run(args: &EffectRemoveArgs, global: &Global) -> Result<(), Failure> {
+    let file = args.folder.join("results.json");
+    let text = std::fs::read_to_string(&file).map_err(|e| {
+        Message::error(format!("cannot be read: {e}"))
+            .in_file(&file)
+            .hint("give the folder of a participant that carpus effect add wrote")
+    })?;
+    let mut results = Results::parse(&text).map_err(|e| Message::error(e.to_string()).in_file(&file))?;
+    let Some(ledger) = &mut results.ledger else {
+        let message = Message::error("no effect was added here: there is no ledger").in_file(&file);
+        return Err(message.hint("give the folder of a participant that carpus effect add wrote").into());
+    };
+    let to = match (args.to, ledger.current) {
+        (Some(to), _) => to,
+        (None, 0) => {
+            return Err(Message::error("the model is as it was given: nothing to remove").in_file(&file).into());
+        }
+        (None, now) => now - 1,
+    };
+    if to >= ledger.steps.len() {
+        let text = format!("there is no step {to}: the last one is {}", ledger.steps.len() - 1);
+        return Err(Message::error(text).in_file(&file).into());
+    }
+    ledger.current = to;
+    restore(&args.folder, ledger)?;
+    let shown = readable(ledger);
+    let json = serde_json::to_string_pretty(&ledger).map_err(|e| Failure::Internal(e.to_string()))? + "\n";
+    let out = OutputFolder::create(&args.folder, &[])?;
+    out.write("ledger.json", json.as_bytes())?;
+    out.write("report.html", render_report(&results).as_bytes())?;
+    if let Some(figure) = render_waterfall(&results) {
+        out.write("error.svg", figure.as_bytes())?;
+    }
+    out.write("results.json", results.to_json().as_bytes())?;
+    print_result(if global.json { &json } else { &shown })
+}
+
+/// Puts the model of the step that is now current in place.
+fn restore(folder: &Path, ledger: &Ledger) -> Result<(), Failure> {
+    let Some(step) = ledger.now() else { return Ok(()) };
+    let out = OutputFolder::create(folder, &[])?;
+    let read = |name: &str| {
+        let file = folder.join(name);
+        std::fs::read(&file).map_err(|e| Failure::from(Message::error(format!("cannot be read: {e}")).in_file(&file)))
+    };
+    let model = read(&step.model)?;
+    let side_car = step.side_car.as_deref().map(read).transpose()?;
+    out.write("model.osim", &model)?;
+    match side_car {
+        Some(text) => out.write("effects.toml", &text).map(|_| ()),
+        None => remove_file(&folder.join("effects.toml")),
+    }
+}

@@ -1,0 +1,285 @@
+//! Fitting effects step by step, and writing every step's model, the ledger, results and report.
+
+use std::path::{Path, PathBuf};
+
+use crate::cli::account::ModelRun;
+use crate::cli::args::Global;
+use crate::cli::commands::diagnose::request;
+use crate::cli::commands::simulate::{account, write_results};
+use crate::cli::diagnosis_file::KnownDiagnosis;
+use crate::cli::failure::{Failure, Message};
+use crate::cli::residuals::residual_result;
+use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
+use crate::diagnosis::addition::{FittedStep, fit_steps};
+use crate::diagnosis::diagnose::rmse;
+use crate::diagnosis::effect::Effect;
+use crate::diagnosis::export::{self, SideCar};
+use crate::diagnosis::forward_model::{ForwardModel, Setting};
+use crate::diagnosis::moments::simulate_all;
+use crate::osim::OsimFile;
+use crate::report::ledger::{Choice, Estimate, LEDGER_SCHEMA, Ledger, Step};
+use crate::report::results::{Kind, ParameterResult, Results, rounded};
+use crate::simulation::{MuscleParameters, MusculoskeletalModel};
+use crate::study::TrialUse;
+
+/// Written models whose moments differ by more of the largest moment from what was fitted get a warning.
+const SAME: f64 = 1e-3;
+
+/// A step's model as it is written, and what it gives when it is read again.
+struct Written {
+    folder: String,
+    file: OsimFile,
+    side_car: SideCar,
+    parameters: Vec<MuscleParameters>,
+    moments: Vec<Vec<f64>>,
+    differs: f64,
+}
+
+/// Fits the muscles, then with one effect after the other, and writes everything.
+///
+/// # Errors
+/// A trial that cannot be simulated; an effect that cannot be written; the disk.
+pub fn add(
+    study: &StudyRun,
+    run: &ParticipantRun,
+    forward: &ForwardModel,
+    effects: &[&'static dyn Effect],
+    diagnosis: &KnownDiagnosis,
+    i_choose: bool,
+    global: &Global,
+) -> Result<Results, Failure> {
+    let at_model = |text: String| Message::error(text).in_file(&run.loaded.path);
+    let asked = request(study, run, forward, crate::cli::commands::diagnose::candidates(&[])?, global);
+    let bar = progress(global, 1 + effects.len() as u64, &format!("fitting {}", run.participant.name));
+    let fitted = fit_steps(&asked, effects, &|done| bar.set_position(done as u64));
+    bar.finish_and_clear();
+    let fitted = fitted.map_err(|e| at_model(e.to_string()))?;
+
+    // Fits are content with less; what is reported is simulated as accurately as everywhere else.
+    let forward = &ForwardModel::new(&run.loaded.file.spec, &run.model, &run.trials)
+        .map_err(|e| at_model(e.to_string()))?
+        .with_given(run.given.clone());
+    let mut steps = vec![written(study, run, forward, "0_base".to_owned(), None)?];
+    for (i, step) in fitted.iter().enumerate() {
+        let last = step.effects.last().map_or("refit", |s| s.effect.description().id);
+        steps.push(written(study, run, forward, format!("{}_{last}", i + 1), Some(step))?);
+    }
+    let mut warnings = run.warnings.clone();
+    for step in steps.iter().filter(|s| s.differs > SAME * asked.mvc) {
+        let text = format!("the written model differs by {:.2e} N·m from the one that was fitted", step.differs);
+        warnings.push(Message::warning(text).in_file(&study.out.path().join(&run.participant.name).join(&step.folder)));
+    }
+    let ledger = ledger(run, forward, asked.mvc, &fitted, &steps, choice(diagnosis, effects, i_choose));
+    let mut results = results(study, run, &ledger, &steps, global)?;
+    results.warnings = warnings.iter().map(crate::cli::account::warning_result).collect();
+    results.parameters = muscle_parameters(study, run, &steps);
+    results.diagnosis = Some(diagnosis.result.clone());
+    results.ledger = Some(ledger);
+    write(study, run, &steps, &results)?;
+    Ok(results)
+}
+
+/// Puts a step into a copy of the model file and simulates what stands there.
+fn written(
+    study: &StudyRun,
+    run: &ParticipantRun,
+    forward: &ForwardModel,
+    folder: String,
+    step: Option<&FittedStep>,
+) -> Result<Written, Failure> {
+    let at_model = |text: String| Failure::from(Message::error(text).in_file(&run.loaded.path));
+    let simulate = |forward: &ForwardModel, parameters: &[MuscleParameters], effects: &[Setting]| {
+        let simulated = simulate_all(forward, parameters, effects).map_err(|e| at_model(e.to_string()))?;
+        Ok::<_, Failure>(simulated.into_iter().map(|t| t.moment).collect::<Vec<_>>())
+    };
+    let mut file = run.loaded.file.clone();
+    let mut side_car =
+        SideCar { coordinate: study.study.settings.dynamometer.coordinate.clone(), effects: run.given.clone() };
+    let Some(step) = step else {
+        let parameters = forward.nominal_parameters();
+        let moments = simulate(forward, &parameters, &[])?;
+        return Ok(Written { folder, file, side_car, parameters, moments, differs: 0.0 });
+    };
+    let names: Vec<String> = run.model.muscle_names().map(String::from).collect();
+    let values = |p: &MuscleParameters| {
+        [
+            ("max_isometric_force", p.max_isometric_force),
+            ("optimal_fiber_length", p.optimal_fiber_length),
+            ("tendon_slack_length", p.tendon_slack_length),
+        ]
+    };
+    let changes: Vec<(&str, &str, f64)> = names
+        .iter()
+        .zip(&step.parameters)
+        .flat_map(|(name, p)| values(p).map(|(property, value)| (name.as_str(), property, value)))
+        .collect();
+    file.set_muscle_properties(&changes).map_err(|e| at_model(e.to_string()))?;
+    let exported = export::write(&mut file, run.model.setup(), &step.effects).map_err(|e| at_model(e.to_string()))?;
+    side_car.effects.extend(exported.side_car.effects);
+    // What is reported is what the written files give.
+    let compiled = MusculoskeletalModel::compile(&file.spec, run.model.setup()).map_err(|e| at_model(e.to_string()))?;
+    let again = ForwardModel::new(&file.spec, &compiled, &run.trials).map_err(|e| at_model(e.to_string()))?;
+    let again = again.with_given(side_car.effects.clone());
+    let moments = simulate(&again, &again.nominal_parameters(), &[])?;
+    let intended = simulate(forward, &step.parameters, &step.effects)?;
+    let pairs = moments.iter().flatten().zip(intended.iter().flatten());
+    let differs = pairs.fold(0.0, |most, (a, b)| f64::max(most, (a - b).abs()));
+    Ok(Written { folder, file, side_car, parameters: step.parameters.clone(), moments, differs })
+}
+
+fn choice(diagnosis: &KnownDiagnosis, effects: &[&'static dyn Effect], i_choose: bool) -> Choice {
+    let chosen: Vec<String> = effects.iter().map(|e| e.description().id.to_owned()).collect();
+    let explanations: Vec<Vec<String>> = diagnosis.result.explanations.iter().map(|e| e.effects.clone()).collect();
+    let supported = super::add::is_explanation(&explanations, &chosen);
+    Choice { verdict: diagnosis.result.verdict.clone(), explanations, chosen, supported, i_choose }
+}
+
+fn ledger(
+    run: &ParticipantRun,
+    forward: &ForwardModel,
+    mvc: f64,
+    fitted: &[FittedStep],
+    steps: &[Written],
+    choice: Choice,
+) -> Ledger {
+    let given: Vec<String> = run.given.iter().map(|s| s.effect.description().id.to_owned()).collect();
+    let error = |step: &Written, usage: TrialUse| {
+        let simulated: Vec<(usize, Vec<f64>)> =
+            forward.trials_for(usage).into_iter().map(|g| (g, step.moments[g].clone())).collect();
+        rmse(forward, &simulated).map(|e| rounded(e / mvc, 6))
+    };
+    let step = |i: usize| {
+        let (written, fit) = (&steps[i], i.checked_sub(1).map(|i| &fitted[i]));
+        let settings = fit.map(|f| f.effects.as_slice()).unwrap_or_default();
+        let label = match (i, settings.last()) {
+            (0, _) => "Model as given".to_owned(),
+            (_, None) => "Muscles refitted".to_owned(),
+            (_, Some(last)) => format!("+ {}", last.effect.description().name),
+        };
+        let added = settings.iter().map(|s| s.effect.description().id.to_owned());
+        Step {
+            id: written.folder.clone(),
+            label,
+            effects: given.iter().cloned().chain(added).collect(),
+            model: format!("steps/{}/model.osim", written.folder),
+            side_car: (!written.side_car.effects.is_empty()).then(|| format!("steps/{}/effects.toml", written.folder)),
+            train: error(written, TrialUse::Train).unwrap_or(0.0),
+            held_out: error(written, TrialUse::Test),
+            p_value: fit.and_then(|f| f.p_value),
+            written_differs_n_m: fit.map(|_| rounded(written.differs, 3)),
+            parameters: fit
+                .iter()
+                .flat_map(|f| &f.estimates)
+                .map(|(name, e)| {
+                    let unit = e.unit.to_owned();
+                    (name.clone(), Estimate { value: e.value, unit, ci95: e.ci95, plausible: e.plausible })
+                })
+                .collect(),
+        }
+    };
+    let floor = fitted.last().map_or(0.0, |f| f.noise_floor);
+    Ledger {
+        schema: LEDGER_SCHEMA.to_owned(),
+        participant: run.participant.name.clone(),
+        measure: "RMSE / session MVC moment".to_owned(),
+        noise_floor: rounded(floor / mvc, 6),
+        choice,
+        current: steps.len() - 1,
+        steps: (0..steps.len()).map(step).collect(),
+    }
+}
+
+fn results(
+    study: &StudyRun,
+    run: &ParticipantRun,
+    ledger: &Ledger,
+    steps: &[Written],
+    global: &Global,
+) -> Result<Results, Failure> {
+    let models: Vec<ModelRun> = steps
+        .iter()
+        .zip(&ledger.steps)
+        .map(|(written, step)| ModelRun {
+            id: step.id.clone(),
+            label: step.label.clone(),
+            name: run.loaded.model.name.clone(),
+            file: step.model.clone(),
+            moments: written.moments.clone(),
+        })
+        .collect();
+    let mut results = account(Kind::Effects, global, study, run, &models)?;
+    results.residuals = models.iter().map(|m| residual_result(run, &m.id, &m.moments)).collect();
+    Ok(results)
+}
+
+/// Muscle parameters before and after, with the bounds that are their prior.
+fn muscle_parameters(study: &StudyRun, run: &ParticipantRun, steps: &[Written]) -> Vec<ParameterResult> {
+    let (Some(first), Some(last)) = (steps.first(), steps.last()) else { return Vec::new() };
+    let bounds = &study.study.settings.bounds;
+    type Of = fn(&MuscleParameters) -> f64;
+    let properties: [(&str, &str, Of, _); 3] = [
+        ("optimal_fiber_length", "m", |p| p.optimal_fiber_length, bounds.optimal_fiber_length),
+        ("tendon_slack_length", "m", |p| p.tendon_slack_length, bounds.tendon_slack_length),
+        ("max_isometric_force", "N", |p| p.max_isometric_force, bounds.max_isometric_force),
+    ];
+    let mut out = Vec::new();
+    for (property, unit, of, bounds) in properties {
+        for (muscle, (before, after)) in run.model.muscle_names().zip(first.parameters.iter().zip(&last.parameters)) {
+            out.push(ParameterResult {
+                muscle: muscle.to_owned(),
+                property: property.to_owned(),
+                unit: unit.to_owned(),
+                before: of(before),
+                after: of(after),
+                lower: bounds.lower * of(before),
+                upper: bounds.upper * of(before),
+                standard_deviation: None,
+                share_from_data: None,
+            });
+        }
+    }
+    out
+}
+
+fn write(study: &StudyRun, run: &ParticipantRun, steps: &[Written], results: &Results) -> Result<(), Failure> {
+    let folder = PathBuf::from(&run.participant.name);
+    for step in steps {
+        let at = folder.join("steps").join(&step.folder);
+        study.out.write(at.join("model.osim"), step.file.document.bytes())?;
+        put_side_car(study, &at, &step.side_car)?;
+    }
+    if let Some(last) = steps.last() {
+        study.out.write(folder.join("model.osim"), last.file.document.bytes())?;
+        put_side_car(study, &folder, &last.side_car)?;
+    }
+    if let Some(ledger) = &results.ledger {
+        let text = serde_json::to_string_pretty(ledger).map_err(|e| Failure::Internal(e.to_string()))? + "\n";
+        study.out.write(folder.join("ledger.json"), text.as_bytes())?;
+    }
+    write_results(study, &folder, results)
+}
+
+/// Writes a side-car, or removes the one of an earlier run that would otherwise seem to belong to the model.
+fn put_side_car(study: &StudyRun, folder: &Path, side_car: &SideCar) -> Result<(), Failure> {
+    let name = folder.join("effects.toml");
+    if side_car.effects.is_empty() {
+        let file = study.out.path().join(&name);
+        study.out.refuse_input(&file)?;
+        return remove_file(&file);
+    }
+    study.out.write(name, side_car.to_toml().as_bytes())?;
+    Ok(())
+}
+
+/// Removes a file that may not be there.
+///
+/// # Errors
+/// The disk.
+pub fn remove_file(file: &Path) -> Result<(), Failure> {
+    match std::fs::remove_file(file) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+            Err(Message::error(format!("cannot be removed: {e}")).in_file(file).into())
+        }
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,113 @@
+//! Residuals of a model along axes: from a participant's run to results, and to a terminal.
+
+use super::study_run::ParticipantRun;
+use super::table::{fixed, table};
+use crate::evaluation::residuals::{MuscleName, ResidualTrial, SessionUnit, along_axes};
+use crate::report::residuals::{AxisCurve, FrequencyBand, ResidualResult};
+use crate::report::results::{Results, rounded};
+use crate::study::{Trial, TrialUse};
+
+/// Digits that results keep.
+const DIGITS: i32 = 6;
+/// Axes that a terminal shows.
+const SHOWN_AXES: usize = 6;
+
+/// The residual of a model over a participant's trials, maximal contractions left out.
+///
+/// - `moments`: simulated moments of all trials [N·m]
+pub fn residual_result(run: &ParticipantRun, model: &str, moments: &[Vec<f64>]) -> ResidualResult {
+    let timed = run.trials.iter().all(|t| t.info.start_time.is_some());
+    let trials: Vec<ResidualTrial> = (0..run.trials.len())
+        .filter(|i| run.trials[*i].info.usage != TrialUse::Mvc)
+        .map(|i| residual_trial(run, i, &moments[i], timed))
+        .collect();
+    let session = if timed { SessionUnit::Minutes } else { SessionUnit::Order };
+    let found = along_axes(&trials, &trials, &muscle_names(run), session);
+    let keep = |v: f64| rounded(v, DIGITS);
+    let axis = |a: crate::evaluation::residuals::AxisCurve| AxisCurve {
+        axis: a.axis,
+        unit: a.unit.to_owned(),
+        share_of_error: keep(a.share),
+        curve: a.bins.iter().map(|b| (keep(b.at), keep(b.mean), b.interval.map(|i| i.map(keep)))).collect(),
+    };
+    ResidualResult {
+        model: model.to_owned(),
+        rms_n_m: keep(found.rms),
+        repetition_noise_n_m: found.repetitions.map(|r| keep(r.noise)),
+        repetition_pairs: found.repetitions.map_or(0, |r| r.pairs),
+        axes: found.axes.into_iter().map(axis).collect(),
+        bands: found
+            .bands
+            .iter()
+            .map(|b| FrequencyBand { low_hz: b.low, high_hz: b.high, share_of_error: keep(b.share) })
+            .collect(),
+    }
+}
+
+fn residual_trial(run: &ParticipantRun, i: usize, moment: &[f64], timed: bool) -> ResidualTrial {
+    let trial = &run.trials[i];
+    let kinematics = run.prepared[i].kinematics();
+    let start = trial.info.start_time.filter(|_| timed).map(|s| s / 60.0);
+    ResidualTrial {
+        time: trial.time.clone(),
+        residual: trial.moment.iter().zip(moment).map(|(y, s)| y - s).collect(),
+        angle: kinematics.angle.clone(),
+        speed: kinematics.speed.clone(),
+        acceleration: kinematics.acceleration.clone(),
+        activation: kinematics.muscles.iter().map(|m| m.activation.clone()).collect(),
+        session: start.unwrap_or((i + 1) as f64),
+        effort: trial.info.effort_percent,
+        condition: condition(trial),
+    }
+}
+
+/// Trials of the same condition repeat each other.
+fn condition(trial: &Trial) -> String {
+    let info = &trial.info;
+    let bits = |v: Option<f64>| v.map(f64::to_bits);
+    let (effort, posture) = (bits(info.effort_percent), bits(info.posture));
+    format!("{:?} {:?} {effort:?} {posture:?}", info.contraction, info.direction)
+}
+
+fn muscle_names(run: &ParticipantRun) -> Vec<MuscleName> {
+    let direction = |m: usize| {
+        let arms = run.prepared.iter().flat_map(|t| &t.kinematics().muscles[m].moment_arm);
+        if arms.sum::<f64>() < 0.0 { -1.0 } else { 1.0 }
+    };
+    run.model
+        .muscle_names()
+        .enumerate()
+        .map(|(m, name)| MuscleName { name: name.to_owned(), direction: direction(m) })
+        .collect()
+}
+
+/// The axes along which the model fails most, and the noise that repetitions show, for a terminal.
+pub fn where_it_fails(results: &Results) -> String {
+    let Some(found) = results.residuals.last() else { return String::new() };
+    let mut axes: Vec<&AxisCurve> = found.axes.iter().collect();
+    axes.sort_by(|a, b| b.share_of_error.total_cmp(&a.share_of_error));
+    let rows = axes.iter().take(SHOWN_AXES).map(|a| {
+        let largest = a.curve.iter().max_by(|x, y| x.1.abs().total_cmp(&y.1.abs()));
+        let (at, mean, interval) = largest.copied().unwrap_or((0.0, 0.0, None));
+        let band = interval.map_or(String::new(), |[low, high]| format!(" [{}, {}]", fixed(low, 2), fixed(high, 2)));
+        vec![
+            crate::report::axis_name(&a.axis),
+            fixed(100.0 * a.share_of_error, 0),
+            format!("{}{band} at {} {}", fixed(mean, 2), crate::report::plain(at), a.unit),
+        ]
+    });
+    let noise = match found.repetition_noise_n_m {
+        Some(noise) => format!(
+            "Repetitions of a condition differ by {} N·m ({} pairs): no model that knows only the condition does better.",
+            fixed(noise, 3),
+            found.repetition_pairs
+        ),
+        None => "No condition was repeated: the noise is not known from repetitions.".to_owned(),
+    };
+    format!(
+        "\n\n{}: where the error of {} N·m is\n{}\n{noise}",
+        results.participant.id,
+        fixed(found.rms_n_m, 3),
+        table(&["along", "% of the error", "largest mean residual, N·m [95 %]"], 1, rows)
+    )
+}

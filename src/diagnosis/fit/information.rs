@@ -1,0 +1,77 @@
+//! What trials would tell of muscles and effects, without anything being fitted.
+
+use std::sync::Arc;
+
+use nalgebra::DMatrix;
+
+use super::super::effect::Effect;
+use super::super::forward_model::ForwardModel;
+use super::super::noise::{self, TrialTimes};
+use super::{Analysis, Fit, Point, block_means, block_starts, prior_sd, whiten};
+use crate::simulation::SimulationError;
+use crate::study::ParameterBounds;
+
+impl<'a> Analysis<'a> {
+    /// Trials that were not recorded: nothing is fitted.
+    pub(super) fn without_data(
+        forward: &'a ForwardModel,
+        train: Vec<usize>,
+        candidates: Vec<&'static dyn Effect>,
+        bounds: &ParameterBounds,
+        seed: u64,
+    ) -> Analysis<'a> {
+        let times = train.iter().map(|g| {
+            let time = &forward.trials[*g].time;
+            let starts = block_starts(time.len());
+            let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
+            Arc::new(TrialTimes::new(block_means(time, &starts).as_slice(), &counts))
+        });
+        let times = times.collect();
+        Analysis {
+            forward,
+            train,
+            candidates,
+            prior_sd: prior_sd(bounds),
+            blocks: Vec::new(),
+            directions: Vec::new(),
+            times,
+            seed,
+        }
+    }
+
+    /// Information [nuisance | directions] of trials that were not recorded, at another fit's parameters and noise.
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub(super) fn information(&mut self, at: &Fit) -> Result<DMatrix<f64>, SimulationError> {
+        let point = Point { parameters: at.point.parameters.clone(), ..self.nominal_point() };
+        let rough = self.linearize(&point, &[])?;
+        let noise = self.noise_structure(&rough, &point)?;
+        let linear = self.linearize(&point, &noise)?;
+        self.directions = self.calc_directions(&linear, &point)?;
+        let n = self.n_nuisance();
+        let columns = self.directions.first().map_or(0, DMatrix::ncols);
+        let mut normal = DMatrix::zeros(n + columns, n + columns);
+        for ((linear, directions), noise) in linear.iter().zip(&self.directions).zip(&noise) {
+            let Some(factor) = noise::factor(noise, &at.levels) else { continue };
+            let mut x = linear.nuisance.clone().resize_horizontally(n + columns, 0.0);
+            x.columns_mut(n, columns).copy_from(directions);
+            let x = whiten(&factor, &x);
+            normal += x.tr_mul(&x);
+        }
+        Ok(normal)
+    }
+
+    /// Information [nuisance | directions] of the training trials at a fit without effects.
+    pub(super) fn normal(&self, null: &Fit) -> DMatrix<f64> {
+        let p = null.precision.len();
+        let columns = self.directions.first().map_or(0, DMatrix::ncols);
+        let mut normal = DMatrix::zeros(p + columns, p + columns);
+        for ((w, d), factor) in null.whitened.iter().zip(&self.directions).zip(&null.factors) {
+            let mut x = w.columns(0, p).clone_owned().resize_horizontally(p + columns, 0.0);
+            x.columns_mut(p, columns).copy_from(&whiten(factor, d));
+            normal += x.tr_mul(&x);
+        }
+        normal
+    }
+}

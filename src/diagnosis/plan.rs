@@ -1,0 +1,164 @@
+//! Which further trials would tell explanations apart, and by how much.
+//!
+//! The trials at hand and the simulated ones of an experiment add up their information about muscle parameters and
+//! effects; z is the length of one effect's signature once muscles and the rival are fitted, at the size that the data
+//! suggest, in standard deviations of the noise that the data show.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::catalogue::effect;
+use super::diagnose::Request;
+use super::experiments::experiments;
+use super::fit::{AMPLITUDE_PRECISION, Analysis, Fit};
+use super::forward_model::ForwardModel;
+use crate::osim::spec::ModelSpec;
+use crate::simulation::{MusculoskeletalModel, SimulationError};
+use crate::study::TrialUse;
+
+/// z from which two explanations count as told apart.
+pub const SEPARABLE_Z: f64 = 4.5;
+
+/// What an experiment does for a pair of explanations.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Separation {
+    /// What to record.
+    pub trials: &'static str,
+    /// The explanations.
+    pub separates: [&'static str; 2],
+    /// z with the trials at hand.
+    pub z_now: f64,
+    /// z with the experiment as well.
+    pub z_then: f64,
+}
+
+/// Information of trials about nuisance and directions, and where the directions of each effect are.
+struct Information {
+    normal: DMatrix<f64>,
+    precision: Vec<f64>,
+    blocks: Vec<(String, Vec<usize>)>,
+}
+
+/// Everything that experiments do for every pair of these effects; the most useful first.
+///
+/// - `limits`: range of the coordinate [rad]
+///
+/// # Errors
+/// A trial that cannot be simulated.
+pub fn plan(
+    request: &Request,
+    spec: &ModelSpec,
+    model: &MusculoskeletalModel,
+    rivals: &[&'static str],
+    limits: [f64; 2],
+    progress: &dyn Fn(usize, usize),
+) -> Result<Vec<Separation>, SimulationError> {
+    let forward = request.forward;
+    let train = forward.trials_for(TrialUse::Train);
+    let (analysis, null) = Analysis::new(forward, train, request.candidates.clone(), &request.bounds, request.seed)?;
+    let now = at_hand(&analysis, &null, rivals);
+    let sizes = sizes(&analysis, &null, rivals);
+    let all = experiments(forward, limits);
+    let mut found = Vec::new();
+    progress(1, 1 + all.len());
+    for (done, experiment) in all.iter().enumerate() {
+        let mut then = ForwardModel::new(spec, model, &experiment.recordings)?.with_given(forward.given().to_vec());
+        then.trials.iter_mut().for_each(|t| t.session = 1.0);
+        let candidates = rivals.iter().filter_map(|id| effect(id)).collect();
+        let trials = (0..then.trials.len()).collect();
+        let mut more = Analysis::without_data(&then, trials, candidates, &request.bounds, request.seed);
+        let information = more.information(&null)?;
+        let mut added = with_directions(information, &more, &now);
+        // An arm that is turned over turns the sign of what gravity does.
+        if let Some((_, columns)) = now.blocks.iter().find(|(name, _)| name == "gravity") {
+            for column in columns {
+                added.row_mut(*column).scale_mut(experiment.gravity);
+                added.column_mut(*column).scale_mut(experiment.gravity);
+            }
+        }
+        let with =
+            Information { normal: &now.normal + added, precision: now.precision.clone(), blocks: now.blocks.clone() };
+        for (i, a) in rivals.iter().enumerate() {
+            for b in &rivals[i + 1..] {
+                let z = |information: &Information| separation(information, &sizes, a, b);
+                if let (Some(z_now), Some(z_then)) = (z(&now), z(&with)) {
+                    found.push(Separation { trials: experiment.trials, separates: [a, b], z_now, z_then });
+                }
+            }
+        }
+        progress(2 + done, 1 + all.len());
+    }
+    found.sort_by(|a, b| b.z_then.total_cmp(&a.z_then));
+    Ok(found)
+}
+
+/// What the trials at hand say.
+fn at_hand(analysis: &Analysis, null: &Fit, rivals: &[&'static str]) -> Information {
+    let nuisance = null.precision.len();
+    let chosen: Vec<(String, Vec<usize>)> = analysis
+        .blocks
+        .iter()
+        .filter(|b| rivals.contains(&b.name.as_str()))
+        .map(|b| (b.name.clone(), b.columns.clone()))
+        .collect();
+    let columns: Vec<usize> =
+        (0..nuisance).chain(chosen.iter().flat_map(|(_, c)| c.iter().map(|c| nuisance + c))).collect();
+    let whole = analysis.normal(null);
+    let normal = DMatrix::from_fn(columns.len(), columns.len(), |i, j| whole[(columns[i], columns[j])]);
+    let mut next = nuisance;
+    let blocks = chosen
+        .into_iter()
+        .map(|(name, c)| {
+            let range = (next..next + c.len()).collect();
+            next += c.len();
+            (name, range)
+        })
+        .collect();
+    Information { normal, precision: null.precision.clone(), blocks }
+}
+
+/// The information of an experiment, its columns in the order of the information at hand.
+fn with_directions(normal: DMatrix<f64>, of: &Analysis, now: &Information) -> DMatrix<f64> {
+    let nuisance = now.precision.len();
+    let mut from: Vec<usize> = (0..nuisance).collect();
+    for (name, columns) in &now.blocks {
+        match of.blocks.iter().find(|b| b.name == *name) {
+            Some(block) => from.extend(block.columns.iter().map(|c| nuisance + c)),
+            None => from.extend(columns.iter().map(|_| usize::MAX)),
+        }
+    }
+    let at = |i: usize, j: usize| if i == usize::MAX || j == usize::MAX { 0.0 } else { normal[(i, j)] };
+    DMatrix::from_fn(from.len(), from.len(), |i, j| at(from[i], from[j]))
+}
+
+/// Sizes of the effects that the data suggest, in scales of their amplitudes.
+fn sizes(analysis: &Analysis, null: &Fit, rivals: &[&'static str]) -> Vec<(&'static str, DVector<f64>)> {
+    let Some(left) = analysis.anything_left(null, &[]) else { return Vec::new() };
+    let size = |id: &&'static str| {
+        let block = left.blocks.iter().find(|b| b.name == *id)?;
+        Some((*id, block.one_step.clone()))
+    };
+    rivals.iter().filter_map(size).collect()
+}
+
+/// The smaller z of two explanations: each in turn taken to be true.
+fn separation(information: &Information, sizes: &[(&'static str, DVector<f64>)], a: &str, b: &str) -> Option<f64> {
+    Some(f64::min(one_way(information, sizes, a, b)?, one_way(information, sizes, b, a)?))
+}
+
+fn one_way(information: &Information, sizes: &[(&'static str, DVector<f64>)], truth: &str, rival: &str) -> Option<f64> {
+    let columns = |id: &str| information.blocks.iter().find(|(name, _)| name == id).map(|(_, c)| c.as_slice());
+    let size = &sizes.iter().find(|(id, _)| *id == truth)?.1;
+    let (own, others) = (columns(truth)?, columns(rival)?);
+    let nuisance = information.precision.len();
+    let fitted: Vec<usize> = (0..nuisance).chain(others.iter().copied()).collect();
+    let prior = |i: usize| information.precision.get(fitted[i]).copied().unwrap_or(AMPLITUDE_PRECISION);
+    let normal = &information.normal;
+    let inner = DMatrix::from_fn(fitted.len(), fitted.len(), |i, j| {
+        normal[(fitted[i], fitted[j])] + if i == j { prior(i) } else { 0.0 }
+    });
+    let weighted = |row: usize| own.iter().zip(size.iter()).map(|(c, s)| normal[(row, *c)] * s).sum::<f64>();
+    let cross = DVector::from_iterator(fitted.len(), fitted.iter().map(|row| weighted(*row)));
+    let length: f64 = own.iter().zip(size.iter()).map(|(row, s)| s * weighted(*row)).sum();
+    let explained = cross.dot(&inner.cholesky()?.solve(&cross));
+    Some((length - explained).max(0.0).sqrt())
+}

@@ -1,0 +1,558 @@
+//! The story of a missing effect on one page: what the data say, how the error fell, what else could be, what would tell.
+
+use std::collections::BTreeMap;
+
+use super::axis_figures::{AxisPanel, axis_panels, p_words, repetition_words};
+use super::diagnosis::{CandidateResult, DiagnosisResult, ExplanationResult};
+use super::ledger::Estimate;
+use super::number::{percent, plain, significant};
+use super::results::{Kind, Results, WarningResult};
+use super::story_figures::{WaterfallStep, interval, p_bar, separation, waterfall};
+use super::view::{Fact, Group, Pair, ParameterGroup, facts, groups, maybe, parameter_groups};
+use crate::diagnosis::catalogue::effect;
+
+/// z from which two explanations count as told apart.
+const ENOUGH_Z: f64 = 4.5;
+/// Candidates that the ranking shows in full.
+const SHOWN_CANDIDATES: usize = 14;
+/// Level drawn in the ranking.
+const LEVEL: f64 = 0.05;
+
+/// The page.
+pub struct Story {
+    pub kicker: String,
+    pub title: String,
+    pub headline: String,
+    pub lead: Vec<String>,
+    pub verdict: &'static str,
+    /// `good`, `bad` or empty.
+    pub tone: &'static str,
+    pub cards: Vec<StoryCard>,
+    pub facts: Vec<Fact>,
+    pub warnings: Vec<WarningResult>,
+    pub waterfall: String,
+    pub measure: String,
+    pub explanations: Vec<ExplanationView>,
+    pub candidates: Vec<CandidateRow>,
+    pub more_candidates: usize,
+    pub confusion: Vec<ConfusionRow>,
+    pub experiments: Vec<ExperimentRow>,
+    pub axes: Vec<AxisPanel>,
+    pub has_before: bool,
+    pub before_label: String,
+    pub after_label: String,
+    pub repetition_noise: String,
+    pub bands: Vec<BandRow>,
+    pub groups: Vec<Group>,
+    pub detectable: Vec<DetectableRow>,
+    pub ruled_out: String,
+    pub not_testable: String,
+    pub choice: String,
+    pub parameters: Vec<ParameterGroup>,
+}
+
+/// A number of the summary.
+pub struct StoryCard {
+    pub label: &'static str,
+    pub value: String,
+    pub note: String,
+    pub tone: &'static str,
+}
+
+/// One explanation.
+pub struct ExplanationView {
+    pub title: String,
+    pub equation: String,
+    pub p_value: String,
+    pub held_out: String,
+    pub parameters: Vec<EstimateRow>,
+}
+
+/// An estimated parameter.
+pub struct EstimateRow {
+    pub name: String,
+    pub estimate: String,
+    pub ci: String,
+    pub plausible: String,
+    pub svg: String,
+    pub implausible: bool,
+}
+
+/// A candidate in the ranking.
+pub struct CandidateRow {
+    pub name: String,
+    pub id: String,
+    pub status: &'static str,
+    pub survives: bool,
+    pub svg: String,
+    pub p_value: String,
+    pub score: String,
+    pub kept: String,
+    pub held_out: String,
+    pub estimate: String,
+}
+
+/// Two effects and how far they are apart.
+pub struct ConfusionRow {
+    pub pair: String,
+    pub z: String,
+    pub svg: String,
+    pub apart: bool,
+}
+
+/// An experiment that would help.
+pub struct ExperimentRow {
+    pub trials: String,
+    pub pair: String,
+    pub now: String,
+    pub then: String,
+    pub svg: String,
+    pub enough: bool,
+}
+
+/// Error by frequency.
+pub struct BandRow {
+    pub band: String,
+    pub before: String,
+    pub after: String,
+    pub width_before: String,
+    pub width_after: String,
+}
+
+/// Smallest size that would have been found.
+pub struct DetectableRow {
+    pub name: String,
+    pub sizes: String,
+    pub plausible: String,
+    pub kept: String,
+}
+
+/// The name of an effect.
+fn name(id: &str) -> String {
+    effect(id).map_or_else(|| id.replace('_', " "), |e| e.description().name.to_owned())
+}
+
+fn in_sentence(id: &str) -> String {
+    let name = name(id);
+    let mut letters = name.chars();
+    let first = letters.next();
+    // Abbreviations keep their capitals.
+    let abbreviation = letters.clone().next().is_some_and(char::is_uppercase);
+    match first {
+        Some(c) if !abbreviation => c.to_lowercase().collect::<String>() + letters.as_str(),
+        _ => name,
+    }
+}
+
+fn names(ids: &[String]) -> String {
+    ids.iter().map(|id| name(id)).collect::<Vec<_>>().join(" + ")
+}
+
+fn named_in_sentence(ids: &[String]) -> String {
+    ids.iter().map(|id| in_sentence(id)).collect::<Vec<_>>().join(" and ")
+}
+
+impl Story {
+    /// Works out the page; `None` for results that have no diagnosis.
+    pub fn new(results: &Results) -> Option<Story> {
+        let diagnosis = results.diagnosis.as_ref()?;
+        let steps = steps(results, diagnosis);
+        let floor = results.ledger.as_ref().map(|l| l.noise_floor).or(diagnosis.error.noise_floor);
+        let shown = steps.len().min(results.models.len());
+        let models = &results.models[..shown];
+        let after = models.last();
+        let before = if shown > 2 { models.get(1) } else { None };
+        let before = before.or(if shown == 2 { models.first() } else { None });
+        let residual = |id: Option<&str>| results.residuals.iter().find(|r| Some(r.model.as_str()) == id);
+        let (old, new) = (residual(before.map(|m| m.id.as_str())), residual(after.map(|m| m.id.as_str())));
+        let pair = Pair { before, after };
+        let (headline, lead) = told(results, diagnosis, &steps, floor);
+        let (verdict, tone) = verdict_words(&diagnosis.verdict);
+        let found_nothing = matches!(diagnosis.verdict.as_str(), "nothing_detectable" | "unknown" | "negligible");
+        Some(Story {
+            kicker: if results.kind == Kind::Effects { "Missing effects" } else { "Diagnosis" }.to_owned(),
+            title: format!("{} · {}", results.study.name, results.participant.id),
+            headline,
+            lead,
+            verdict,
+            tone,
+            cards: cards(diagnosis, &steps, floor),
+            facts: facts(results),
+            warnings: results.warnings.clone(),
+            waterfall: waterfall(&steps, floor),
+            measure: diagnosis.error.measure.clone(),
+            explanations: explanations(results, diagnosis),
+            candidates: candidates(diagnosis),
+            more_candidates: diagnosis.candidates.len().saturating_sub(SHOWN_CANDIDATES),
+            confusion: confusion(diagnosis),
+            experiments: experiments(diagnosis),
+            axes: axis_panels(old, new, &diagnosis.where_it_fails),
+            has_before: before.is_some(),
+            before_label: before.map(|m| m.label.to_lowercase()).unwrap_or_default(),
+            after_label: after.map(|m| m.label.trim_start_matches("+ ").to_lowercase()).unwrap_or_default(),
+            repetition_noise: repetition_words(new),
+            bands: bands(old, new),
+            groups: groups(results, &pair),
+            detectable: if found_nothing { detectable(diagnosis) } else { Vec::new() },
+            ruled_out: diagnosis.ruled_out.iter().map(|id| name(id)).collect::<Vec<_>>().join(", "),
+            not_testable: diagnosis.not_testable.iter().map(|id| name(id)).collect::<Vec<_>>().join(", "),
+            choice: choice_words(results),
+            parameters: parameter_groups(&results.parameters),
+        })
+    }
+}
+
+/// The steps of the error: those of the ledger up to the one that is current, else those of the diagnosis.
+fn steps(results: &Results, diagnosis: &DiagnosisResult) -> Vec<WaterfallStep> {
+    if let Some(ledger) = &results.ledger {
+        let upto = ledger.steps.iter().take(ledger.current + 1).enumerate();
+        return upto
+            .map(|(i, s)| WaterfallStep {
+                label: s.label.clone(),
+                train: s.train,
+                held_out: s.held_out,
+                current: i == ledger.current,
+            })
+            .collect();
+    }
+    let (train, held_out) = (&diagnosis.error.train, diagnosis.error.held_out.as_ref());
+    let with = diagnosis.explanations.first().map(|e| format!("+ {}", names(&e.effects)));
+    let step =
+        |label: String, train: f64, held_out: Option<f64>| WaterfallStep { label, train, held_out, current: false };
+    let mut steps = vec![
+        step("Model as given".to_owned(), train.base, held_out.map(|h| h.base)),
+        step("Muscles refitted".to_owned(), train.refit_only, held_out.map(|h| h.refit_only)),
+    ];
+    if let Some(error) = train.with_effect {
+        let label = with.unwrap_or_else(|| "With the best explanation".to_owned());
+        steps.push(step(label, error, held_out.and_then(|h| h.with_effect)));
+    }
+    if let Some(last) = steps.last_mut() {
+        last.current = true;
+    }
+    steps
+}
+
+fn verdict_words(verdict: &str) -> (&'static str, &'static str) {
+    match verdict {
+        "identified" => ("one explanation", "good"),
+        "two_effects" => ("two effects together", "good"),
+        "cannot_tell" => ("cannot tell", "warn"),
+        "nothing_detectable" => ("nothing detectable", "good"),
+        "negligible" => ("negligible", "good"),
+        "implausible" => ("implausible", "bad"),
+        _ => ("unknown cause", "bad"),
+    }
+}
+
+/// Headline and lead.
+fn told(
+    results: &Results,
+    diagnosis: &DiagnosisResult,
+    steps: &[WaterfallStep],
+    floor: Option<f64>,
+) -> (String, Vec<String>) {
+    let sets: Vec<String> = diagnosis.explanations.iter().map(|e| named_in_sentence(&e.effects)).collect();
+    let verdict = match diagnosis.verdict.as_str() {
+        "identified" => format!("The recordings are consistent with one missing effect: {}", sets.join("")),
+        "two_effects" => format!("The recordings are consistent with two missing effects together: {}", sets.join("")),
+        "cannot_tell" => format!("Something is missing; these trials cannot tell which of {} causes it is", sets.len()),
+        "nothing_detectable" => "Nothing is missing that these trials could show".to_owned(),
+        "negligible" => "Something is missing, but it hardly matters for the moment".to_owned(),
+        "implausible" => "Only effects of an implausible size would explain the recordings".to_owned(),
+        _ => "Something is missing that no effect of the catalogue explains".to_owned(),
+    };
+    let mut lead = vec![match diagnosis.verdict.as_str() {
+        "identified" => format!(
+            "With {} fitted together with the muscles, nothing systematic is left in the training trials. Of {} effects that were considered, it is the only one of which this holds. An effect outside the catalogue that acts alike cannot be told from it.",
+            sets.join(""),
+            diagnosis.candidates.len()
+        ),
+        "two_effects" => format!("No single effect leaves nothing systematic; {} do, fitted together with the muscles.", sets.join("")),
+        "cannot_tell" => format!("Each of these leaves nothing systematic when it is fitted together with the muscles: {}. The table of experiments says what would tell.", sets.join("; ")),
+        "nothing_detectable" => "With the muscles' strengths and lengths fitted, what is left looks like noise of EMG, angle and moment. An effect smaller than the sizes listed below would have gone unnoticed.".to_owned(),
+        "negligible" => format!("The trials are consistent with {}, but the error falls by very little.", sets.join("; or with ")),
+        "implausible" => format!("{} would leave nothing systematic, but at a size outside of what is plausible: a cause that is not in the catalogue, or a fault of the recordings, is more likely.", capital(&sets.join("; "))),
+        _ => "Whatever effect is fitted together with the muscles, something systematic is left. The figures below show what it depends on.".to_owned(),
+    }];
+    if let (Some(first), Some(last)) = (steps.first(), steps.last()) {
+        let (what, a, b) = match (first.held_out, last.held_out) {
+            (Some(a), Some(b)) => ("held-out trials, which no fit has seen,", a, b),
+            _ => ("training trials", first.train, last.train),
+        };
+        let floor = floor.map(|f| format!("; noise alone would leave about {}", percent(f))).unwrap_or_default();
+        lead.push(format!(
+            "The error on {what} went from {} to {} of the session's largest moment{floor}.",
+            percent(a),
+            percent(b)
+        ));
+    }
+    match results.ledger.as_ref().and_then(|l| Some((l, l.now()?))) {
+        Some((_, now)) if now.effects.is_empty() => {
+            lead.insert(0, format!("{verdict}."));
+            let what = if now.id.ends_with("base") {
+                "The model as it was given"
+            } else {
+                "The muscles refitted, no effect added"
+            };
+            (what.to_owned(), lead)
+        }
+        Some((ledger, now)) => {
+            let error = |s: &WaterfallStep| s.held_out.unwrap_or(s.train);
+            let fell = steps.first().zip(steps.last()).map(|(a, b)| (error(a), error(b)));
+            let which = if now.held_out.is_some() { "held-out error" } else { "training error" };
+            lead.insert(0, format!("{verdict}."));
+            let effects = named_in_sentence(&now.effects);
+            let verb = if ledger.choice.supported { "With" } else { "With (your choice)" };
+            let headline = fell.map_or(effects.clone(), |(a, b)| {
+                format!("{verb} {effects} the {which} goes from {} to {}", percent(a), percent(b))
+            });
+            (headline, lead)
+        }
+        None => (verdict, lead),
+    }
+}
+
+fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or(String::new(), |c| c.to_uppercase().collect::<String>() + letters.as_str())
+}
+
+fn cards(diagnosis: &DiagnosisResult, steps: &[WaterfallStep], floor: Option<f64>) -> Vec<StoryCard> {
+    let mut cards = Vec::new();
+    let chain = |of: &dyn Fn(&WaterfallStep) -> Option<f64>| {
+        let values: Vec<String> = steps.iter().filter_map(of).map(|v| format!("{:.1}", 100.0 * v)).collect();
+        (!values.is_empty()).then(|| format!("{}\u{202f}%", values.join(" → ")))
+    };
+    if let Some(value) = chain(&|s| s.held_out) {
+        cards.push(StoryCard { label: "Held-out error", value, note: "step by step".to_owned(), tone: "" });
+    }
+    if let Some(value) = chain(&|s| Some(s.train)) {
+        cards.push(StoryCard { label: "Training error", value, note: "step by step".to_owned(), tone: "" });
+    }
+    if let Some(floor) = floor {
+        let note = "what noise alone would leave".to_owned();
+        cards.push(StoryCard { label: "Noise floor", value: percent(floor), note, tone: "" });
+    }
+    if let Some(p) = diagnosis.null_p_value {
+        let (value, tone) = (p_words(p), if p < LEVEL { "bad" } else { "good" });
+        let note = if p < LEVEL { "something is left" } else { "nothing is left but noise" }.to_owned();
+        cards.push(StoryCard { label: "Muscles refitted, no effect", value, note, tone });
+    }
+    cards
+}
+
+fn estimates(parameters: &BTreeMap<String, Estimate>) -> Vec<EstimateRow> {
+    let row = |(name, e): (&String, &Estimate)| {
+        let unit = if e.unit == "1" { String::new() } else { format!("\u{202f}{}", e.unit) };
+        EstimateRow {
+            name: name.split_once('.').map_or(name.as_str(), |(_, p)| p).replace('_', " "),
+            estimate: format!("{}{unit}", significant(e.value, 3)),
+            ci: format!("{} to {}", significant(e.ci95[0], 3), significant(e.ci95[1], 3)),
+            plausible: format!("{} to {}{unit}", plain(e.plausible[0]), plain(e.plausible[1])),
+            svg: interval(e.value, e.ci95, e.plausible),
+            implausible: !e.is_plausible(),
+        }
+    };
+    parameters.iter().map(row).collect()
+}
+
+/// The explanations; after effects were added, first the one that is in the model.
+fn explanations(results: &Results, diagnosis: &DiagnosisResult) -> Vec<ExplanationView> {
+    let view = |e: &ExplanationResult, title: String| ExplanationView {
+        title,
+        equation: e
+            .effects
+            .iter()
+            .filter_map(|id| effect(id))
+            .map(|e| e.description().equation)
+            .collect::<Vec<_>>()
+            .join("; "),
+        p_value: maybe(e.p_value, p_words),
+        held_out: maybe(e.held_out_error, percent),
+        parameters: estimates(&e.parameters),
+    };
+    let now = results.ledger.as_ref().and_then(|l| l.now()).filter(|s| !s.parameters.is_empty());
+    let mut all = Vec::new();
+    if let Some(step) = now {
+        let inside = ExplanationResult {
+            effects: step.effects.clone(),
+            p_value: step.p_value,
+            held_out_error: step.held_out,
+            parameters: step.parameters.clone(),
+        };
+        all.push(view(&inside, format!("{} (in the model now)", names(&step.effects))));
+    }
+    let other = |e: &&ExplanationResult| now.is_none_or(|s| s.effects != e.effects);
+    all.extend(diagnosis.explanations.iter().filter(other).map(|e| view(e, names(&e.effects))));
+    all
+}
+
+/// Amplitudes before shapes, each in the catalogue's order.
+fn amplitude_first(id: &str, key: &str) -> usize {
+    let name = key.split_once('.').map_or(key, |(_, name)| name);
+    let description = effect(id).map(|e| e.description());
+    description.and_then(|d| d.parameters.iter().position(|p| p.name == name)).unwrap_or(usize::MAX)
+}
+
+fn candidates(diagnosis: &DiagnosisResult) -> Vec<CandidateRow> {
+    let survives = |id: &str| diagnosis.explanations.iter().any(|e| e.effects.len() == 1 && e.effects[0] == id);
+    let in_pair =
+        |id: &str| diagnosis.explanations.iter().any(|e| e.effects.len() > 1 && e.effects.iter().any(|x| x == id));
+    let rejected = !matches!(diagnosis.verdict.as_str(), "nothing_detectable");
+    let row = |c: &CandidateResult| {
+        let testable = !diagnosis.not_testable.contains(&c.effect);
+        let status = match () {
+            () if survives(&c.effect) => "explains the data",
+            () if in_pair(&c.effect) => "part of a pair",
+            () if !testable => "not testable",
+            () if !rejected => "not needed",
+            () if c.p_value.is_some() => "ruled out",
+            () => "ruled out early",
+        };
+        CandidateRow {
+            name: name(&c.effect),
+            id: c.effect.clone(),
+            status,
+            survives: survives(&c.effect) || in_pair(&c.effect),
+            svg: c.p_value.map(|p| p_bar(p, LEVEL)).unwrap_or_default(),
+            p_value: c.p_value.map(p_words).unwrap_or_default(),
+            score: c.score.map(|s| significant(s, 3)).unwrap_or_default(),
+            kept: c.kept.map(|k| format!("{:.0}\u{202f}%", 100.0 * k)).unwrap_or_default(),
+            held_out: c.held_out_error.map(percent).unwrap_or_default(),
+            estimate: c
+                .parameters
+                .iter()
+                .min_by_key(|(key, _)| amplitude_first(&c.effect, key))
+                .map(|(_, e)| {
+                    let [low, high] = e.ci95.map(|v| significant(v, 2));
+                    format!(
+                        "{} ({low} to {high}) {}",
+                        significant(e.value, 2),
+                        if e.unit == "1" { "" } else { &e.unit }
+                    )
+                })
+                .unwrap_or_default(),
+        }
+    };
+    diagnosis.candidates.iter().take(SHOWN_CANDIDATES).map(row).collect()
+}
+
+/// Pairs of effects, the least separable first; each pair once, at its smaller z.
+fn confusion(diagnosis: &DiagnosisResult) -> Vec<ConfusionRow> {
+    let mut pairs: BTreeMap<[String; 2], f64> = BTreeMap::new();
+    for c in &diagnosis.confusion {
+        let Some(z) = c.z else { continue };
+        let mut pair = [c.truth.clone(), c.rival.clone()];
+        pair.sort();
+        let least = pairs.entry(pair).or_insert(f64::INFINITY);
+        *least = least.min(z);
+    }
+    let most = pairs.values().copied().fold(10.0, f64::max);
+    let mut rows: Vec<([String; 2], f64)> = pairs.into_iter().collect();
+    rows.sort_by(|a, b| a.1.total_cmp(&b.1));
+    rows.truncate(10);
+    rows.into_iter()
+        .map(|([a, b], z)| ConfusionRow {
+            pair: format!("{} | {}", name(&a), name(&b)),
+            z: significant(z, 2),
+            svg: separation(z, None, ENOUGH_Z, most),
+            apart: z >= ENOUGH_Z,
+        })
+        .collect()
+}
+
+fn experiments(diagnosis: &DiagnosisResult) -> Vec<ExperimentRow> {
+    let most = diagnosis.separating_experiments.iter().map(|e| e.z_then).fold(10.0, f64::max);
+    diagnosis
+        .separating_experiments
+        .iter()
+        .map(|e| ExperimentRow {
+            trials: e.trials.clone(),
+            pair: e.separates.iter().map(|id| name(id)).collect::<Vec<_>>().join(" | "),
+            now: significant(e.z_now, 2),
+            then: significant(e.z_then, 2),
+            svg: separation(e.z_now, Some(e.z_then), ENOUGH_Z, most),
+            enough: e.z_then >= ENOUGH_Z,
+        })
+        .collect()
+}
+
+fn bands(
+    before: Option<&super::residuals::ResidualResult>,
+    after: Option<&super::residuals::ResidualResult>,
+) -> Vec<BandRow> {
+    let Some(after) = after else { return Vec::new() };
+    // Mean squares, so that a fall of the error shows, relative to the largest band.
+    let power =
+        |r: &super::residuals::ResidualResult, i: usize| r.bands.get(i).map(|b| b.share_of_error * r.rms_n_m.powi(2));
+    let all = (0..after.bands.len()).flat_map(|i| [power(after, i), before.and_then(|b| power(b, i))]).flatten();
+    let most = all.fold(1e-12, f64::max);
+    let width =
+        |p: Option<f64>| p.map(|p| format!("{:.1}", 200.0 * (p / most).sqrt())).unwrap_or_else(|| "0".to_owned());
+    let rms = |p: Option<f64>| p.map(|p| significant(p.sqrt(), 2)).unwrap_or_default();
+    let row = |i: usize| {
+        let b = &after.bands[i];
+        let (old, new) = (before.and_then(|r| power(r, i)), power(after, i));
+        BandRow {
+            band: match b.high_hz {
+                Some(high) => format!("{} to {} Hz", plain(b.low_hz), plain(high)),
+                None => format!("above {} Hz", plain(b.low_hz)),
+            },
+            before: rms(old),
+            after: rms(new),
+            width_before: width(old),
+            width_after: width(new),
+        }
+    };
+    (0..after.bands.len()).map(row).collect()
+}
+
+fn detectable(diagnosis: &DiagnosisResult) -> Vec<DetectableRow> {
+    let row = |c: &CandidateResult| {
+        let description = effect(&c.effect)?.description();
+        let of = |p: &str| description.parameters.iter().find(|x| x.name == p);
+        let sizes: Vec<String> = c
+            .detectable_size
+            .iter()
+            .filter_map(|(p, size)| {
+                let unit = of(p).map_or("", |x| x.unit);
+                Some(format!(
+                    "{} {} {}",
+                    p.replace('_', " "),
+                    significant((*size)?, 2),
+                    if unit == "1" { "" } else { unit }
+                ))
+            })
+            .collect();
+        let plausible = description
+            .amplitudes()
+            .map(|i| description.parameters[i].plausible)
+            .map(|[a, b]| format!("{} to {}", plain(a), plain(b)))
+            .collect::<Vec<_>>()
+            .join("; ");
+        let kept = c.kept.map(|k| format!("{:.0}\u{202f}%", 100.0 * k)).unwrap_or_default();
+        (!sizes.is_empty()).then(|| DetectableRow {
+            name: description.name.to_owned(),
+            sizes: sizes.join("; "),
+            plausible,
+            kept,
+        })
+    };
+    let testable = diagnosis.candidates.iter().filter(|c| !diagnosis.not_testable.contains(&c.effect));
+    testable.filter_map(row).collect()
+}
+
+/// Who chose the effects.
+fn choice_words(results: &Results) -> String {
+    let Some(choice) = results.ledger.as_ref().map(|l| &l.choice) else { return String::new() };
+    if choice.chosen.is_empty() || choice.supported && !choice.i_choose {
+        return String::new();
+    }
+    let chosen = named_in_sentence(&choice.chosen);
+    let (words, _) = verdict_words(&choice.verdict);
+    match choice.supported {
+        true => format!("The diagnosis said “{words}”; a person chose {chosen}, one of its explanations."),
+        false => format!("The diagnosis said “{words}” and does not support {chosen}: a person chose it."),
+    }
+}

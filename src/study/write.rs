@@ -1,0 +1,147 @@
+//! A study as files: the inverse of reading one. EMG is written as normalized excitation, columns under their usual names.
+
+use std::fmt::Write;
+
+use super::{MomentPart, Participant, RelativeBounds, Settings, Sex, Side, Trial};
+
+/// The text of `study.toml`.
+///
+/// - `comment`: first lines, without `#`
+/// - `model`: path of the model relative to the file
+pub fn settings_text(settings: &Settings, name: &str, model: &str, comment: &str) -> String {
+    let mut text = String::new();
+    let w = &mut text;
+    for line in comment.lines() {
+        let _ = writeln!(w, "# {line}");
+    }
+    let dynamometer = &settings.dynamometer;
+    let parts: Vec<&str> = dynamometer.include.iter().map(|p| part_word(*p)).collect();
+    let _ = writeln!(w, "[study]\nname = {}\nmodel = {}\n", quoted(name), quoted(model));
+    let _ = writeln!(w, "[dynamometer]\ncoordinate = {}", quoted(&dynamometer.coordinate));
+    let _ = writeln!(w, "damping_n_m_s_per_deg = {}", decimal(dynamometer.damping * 1f64.to_radians(), 9));
+    let _ = writeln!(w, "include = {}", quoted_list(&parts));
+    if !settings.posture.is_empty() {
+        let _ = writeln!(w, "\n[posture_deg]");
+        for held in &settings.posture {
+            let _ = writeln!(w, "{} = {}", key(&held.coordinate), held.value_deg_or_m);
+        }
+    }
+    let active: Vec<&str> = settings.active_muscles.iter().map(String::as_str).collect();
+    let _ = writeln!(w, "\n[muscles]\nactive = {}\n\n[emg]\nkind = \"normalized\"", quoted_list(&active));
+    let _ = writeln!(w, "\n[personalization]");
+    let bounds = &settings.bounds;
+    let mut bound = |name: &str, b: &RelativeBounds| {
+        let _ = writeln!(w, "{name} = [{}, {}]", decimal(100.0 * b.lower, 6), decimal(100.0 * b.upper, 6));
+    };
+    bound("optimal_fiber_length", &bounds.optimal_fiber_length);
+    bound("tendon_slack_length", &bounds.tendon_slack_length);
+    bound("max_isometric_force", &bounds.max_isometric_force);
+    if let Some(gap) = settings.max_gap {
+        let _ = writeln!(w, "\n[checks]\nmax_gap_s = {gap}");
+    }
+    text
+}
+
+/// Header and rows of `participants.csv`; models as given beside each participant.
+pub fn participant_rows(participants: &[(&Participant, Option<String>)]) -> Vec<Vec<String>> {
+    let mut segments: Vec<&str> = Vec::new();
+    for name in participants.iter().flat_map(|(p, _)| p.segment_lengths.iter().map(|(name, _)| name.as_str())) {
+        if !segments.contains(&name) {
+            segments.push(name);
+        }
+    }
+    let mut header: Vec<String> =
+        ["participant", "model", "mass_kg", "height_m", "sex", "side"].map(String::from).to_vec();
+    header.extend(segments.iter().map(|s| format!("{s}_length_m")));
+    header.extend(["mvc_flexion_n_m", "mvc_extension_n_m"].map(String::from));
+    let number = |v: Option<f64>, decimals| v.map(|v| decimal(v, decimals)).unwrap_or_default();
+    let row = |(p, model): &(&Participant, Option<String>)| {
+        let sex = p.sex.map_or("", |s| match s {
+            Sex::Female => "female",
+            Sex::Male => "male",
+            Sex::Other => "other",
+        });
+        let side = p.side.map_or("", |s| match s {
+            Side::Left => "left",
+            Side::Right => "right",
+        });
+        let mut row = vec![p.name.clone(), model.clone().unwrap_or_default(), number(p.mass, 6), number(p.height, 6)];
+        row.extend([sex.to_owned(), side.to_owned()]);
+        let length = |s: &&str| p.segment_lengths.iter().find(|(name, _)| name == s).map(|(_, v)| *v);
+        row.extend(segments.iter().map(|s| number(length(s), 6)));
+        row.extend([number(p.mvc_flexion, 3), number(p.mvc_extension, 3)]);
+        row
+    };
+    std::iter::once(header).chain(participants.iter().map(row)).collect()
+}
+
+/// Header and rows of `trials.csv`; every trial beside its file.
+pub fn trial_list_rows(trials: &[(&Trial, String)]) -> Vec<Vec<String>> {
+    let timed = trials.iter().any(|(t, _)| t.info.start_time.is_some());
+    let mut header: Vec<String> =
+        ["participant", "file", "contraction", "effort_percent", "direction", "posture_deg", "repetition", "use"]
+            .map(String::from)
+            .to_vec();
+    header.extend(timed.then(|| "start_time_s".to_owned()));
+    let row = |(trial, file): &(&Trial, String)| {
+        let info = &trial.info;
+        let number = |v: Option<f64>| v.map(|v| decimal(v, 6)).unwrap_or_default();
+        let mut row = vec![
+            info.participant.clone(),
+            file.clone(),
+            info.contraction.word().to_owned(),
+            number(info.effort_percent),
+            info.direction.word().to_owned(),
+            number(info.posture.map(f64::to_degrees)),
+            info.repetition.map(|r| r.to_string()).unwrap_or_default(),
+            info.usage.word().to_owned(),
+        ];
+        row.extend(timed.then(|| number(info.start_time)));
+        row
+    };
+    std::iter::once(header).chain(trials.iter().map(row)).collect()
+}
+
+/// Header and rows of a trial's file.
+pub fn trial_rows(trial: &Trial, muscles: &[String]) -> Vec<Vec<String>> {
+    let mut header: Vec<String> = ["time_s", "angle_deg", "moment_n_m"].map(String::from).to_vec();
+    header.extend(muscles.iter().map(|m| format!("emg_{m}")));
+    let row = |k: usize| {
+        let mut row =
+            vec![decimal(trial.time[k], 6), decimal(trial.angle[k].to_degrees(), 4), decimal(trial.moment[k], 5)];
+        row.extend(trial.excitation.iter().map(|e| decimal(e[k], 5)));
+        row
+    };
+    std::iter::once(header).chain((0..trial.len()).map(row)).collect()
+}
+
+fn part_word(part: MomentPart) -> &'static str {
+    match part {
+        MomentPart::Muscles => "muscles",
+        MomentPart::Passive => "passive",
+        MomentPart::Gravity => "gravity",
+        MomentPart::Inertia => "inertia",
+    }
+}
+
+/// At most so many decimals, without zeros at the end.
+fn decimal(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    if text == "-0" { "0".to_owned() } else { text.to_owned() }
+}
+
+/// A basic string of TOML: JSON's escapes are among TOML's.
+fn quoted(text: &str) -> String {
+    serde_json::Value::from(text).to_string()
+}
+
+fn quoted_list(items: &[&str]) -> String {
+    format!("[{}]", items.iter().map(|i| quoted(i)).collect::<Vec<_>>().join(", "))
+}
+
+/// A key, bare where TOML allows it.
+fn key(name: &str) -> String {
+    let bare = !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
+    if bare { name.to_owned() } else { quoted(name) }
+}
