@@ -633,34 +633,6 @@ impl<'a> Analysis<'a> {
         score_test::omnibus(&normal, &nuisance, &fit.precision, &fit.offset, &blocks, p, self.seed)
     }
 
-    /// z of an effect against a rival: length of its signature, muscles and rival profiled out, at a given size.
-    ///
-    /// - `size`: of its amplitudes, in units of their scales
-    pub fn pairwise_z(&self, null: &Fit, truth: &str, size: &DVector<f64>, rival: &str) -> Option<f64> {
-        let p = null.precision.len();
-        let columns = |name: &str| self.blocks.iter().find(|b| b.name == name).map(|b| b.columns.clone());
-        let (own, others) = (columns(truth)?, columns(rival)?);
-        let count = p + others.len();
-        let mut information = DMatrix::from_diagonal(&DVector::from_iterator(
-            count,
-            null.precision.iter().copied().chain(std::iter::repeat_n(AMPLITUDE_PRECISION, others.len())),
-        ));
-        let (mut cross, mut length) = (DVector::zeros(count), 0.0);
-        for ((w, d), factor) in null.whitened.iter().zip(&self.directions).zip(&null.factors) {
-            let d = whiten(factor, d);
-            let mut x = DMatrix::zeros(w.nrows(), count);
-            x.columns_mut(0, p).copy_from(&w.columns(0, p));
-            let mut signature = DVector::zeros(w.nrows());
-            others.iter().enumerate().for_each(|(i, c)| x.set_column(p + i, &d.column(*c)));
-            own.iter().zip(size.iter()).for_each(|(c, s)| signature += d.column(*c) * *s);
-            information += x.tr_mul(&x);
-            cross += x.tr_mul(&signature);
-            length += signature.norm_squared();
-        }
-        let explained = cross.dot(&information.cholesky()?.solve(&cross));
-        Some((length - explained).max(0.0).sqrt())
-    }
-
     /// Standard deviation of the noise of a sample of the training trials [N·m].
     pub fn noise_floor(&self, fit: &Fit) -> f64 {
         let total: f64 = fit.noise.iter().map(|n| n.variance_of_samples(&fit.levels)).sum();

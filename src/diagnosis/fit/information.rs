@@ -2,18 +2,18 @@
 
 use std::sync::Arc;
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::super::effect::Effect;
 use super::super::forward_model::ForwardModel;
 use super::super::noise::{self, TrialTimes};
-use super::{Analysis, Fit, Point, block_means, block_starts, prior_sd, whiten};
+use super::{AMPLITUDE_PRECISION, Analysis, Fit, Point, block_means, block_starts, prior_sd, whiten};
 use crate::simulation::SimulationError;
 use crate::study::ParameterBounds;
 
 impl<'a> Analysis<'a> {
     /// Trials that were not recorded: nothing is fitted.
-    pub(super) fn without_data(
+    pub(crate) fn without_data(
         forward: &'a ForwardModel,
         train: Vec<usize>,
         candidates: Vec<&'static dyn Effect>,
@@ -43,7 +43,7 @@ impl<'a> Analysis<'a> {
     ///
     /// # Errors
     /// A trial that cannot be simulated.
-    pub(super) fn information(&mut self, at: &Fit) -> Result<DMatrix<f64>, SimulationError> {
+    pub(crate) fn information(&mut self, at: &Fit) -> Result<DMatrix<f64>, SimulationError> {
         let point = Point { parameters: at.point.parameters.clone(), ..self.nominal_point() };
         let rough = self.linearize(&point, &[])?;
         let noise = self.noise_structure(&rough, &point)?;
@@ -63,7 +63,7 @@ impl<'a> Analysis<'a> {
     }
 
     /// Information [nuisance | directions] of the training trials at a fit without effects.
-    pub(super) fn normal(&self, null: &Fit) -> DMatrix<f64> {
+    pub(crate) fn normal(&self, null: &Fit) -> DMatrix<f64> {
         let p = null.precision.len();
         let columns = self.directions.first().map_or(0, DMatrix::ncols);
         let mut normal = DMatrix::zeros(p + columns, p + columns);
@@ -73,5 +73,33 @@ impl<'a> Analysis<'a> {
             normal += x.tr_mul(&x);
         }
         normal
+    }
+
+    /// z of an effect against a rival: length of its signature, muscles and rival profiled out, at a given size.
+    ///
+    /// - `size`: of its amplitudes, in units of their scales
+    pub fn pairwise_z(&self, null: &Fit, truth: &str, size: &DVector<f64>, rival: &str) -> Option<f64> {
+        let p = null.precision.len();
+        let columns = |name: &str| self.blocks.iter().find(|b| b.name == name).map(|b| b.columns.clone());
+        let (own, others) = (columns(truth)?, columns(rival)?);
+        let count = p + others.len();
+        let mut information = DMatrix::from_diagonal(&DVector::from_iterator(
+            count,
+            null.precision.iter().copied().chain(std::iter::repeat_n(AMPLITUDE_PRECISION, others.len())),
+        ));
+        let (mut cross, mut length) = (DVector::zeros(count), 0.0);
+        for ((w, d), factor) in null.whitened.iter().zip(&self.directions).zip(&null.factors) {
+            let d = whiten(factor, d);
+            let mut x = DMatrix::zeros(w.nrows(), count);
+            x.columns_mut(0, p).copy_from(&w.columns(0, p));
+            let mut signature = DVector::zeros(w.nrows());
+            others.iter().enumerate().for_each(|(i, c)| x.set_column(p + i, &d.column(*c)));
+            own.iter().zip(size.iter()).for_each(|(c, s)| signature += d.column(*c) * *s);
+            information += x.tr_mul(&x);
+            cross += x.tr_mul(&signature);
+            length += signature.norm_squared();
+        }
+        let explained = cross.dot(&information.cholesky()?.solve(&cross));
+        Some((length - explained).max(0.0).sqrt())
     }
 }
