@@ -5,8 +5,8 @@
 
 mod account;
 mod args;
-mod cohort_report;
 mod args_diagnosis;
+mod cohort_report;
 mod commands;
 mod diagnosis_file;
 mod failure;
@@ -16,9 +16,9 @@ mod path_check;
 mod processed_study;
 mod provenance;
 mod quantity;
+mod residuals;
 mod screening;
 mod sensitivity_report;
-mod residuals;
 mod series;
 mod study_run;
 mod table;

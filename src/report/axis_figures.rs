@@ -102,14 +102,13 @@ fn panel(before: Option<&AxisCurve>, after: &AxisCurve, y_range: [f64; 2], tests
         x_name: ("at", unit_sign(&after.unit)),
         unit: "N·m",
         curves,
-        bands,
         x_range,
         y_range,
         strip: None,
         size: [320.0, 160.0],
         ticks: [5, 4],
     }
-    .svg();
+    .svg_over(&bands);
     let test = tests.iter().find(|t| t.axis == after.axis).and_then(|t| t.p_value);
     AxisPanel {
         title: axis_name(&after.axis),

@@ -5,12 +5,12 @@
 //! security policy, figures are SVG drawn here. Nothing in this module reads files, the clock or the environment.
 
 pub mod article;
+mod axis_figures;
 pub mod bars;
 pub mod convergence;
-pub mod moments;
-mod axis_figures;
 pub mod diagnosis;
 pub mod ledger;
+pub mod moments;
 mod number;
 mod page;
 mod plot;

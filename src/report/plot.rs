@@ -81,8 +81,6 @@ pub struct CurveFigure<'a> {
     pub unit: &'static str,
     /// Curves, first drawn first.
     pub curves: Vec<Curve<'a>>,
-    /// Bands under the curves: class, and lower and upper edge at the abscissae.
-    pub bands: Vec<(&'static str, Vec<[f64; 2]>)>,
     /// Interval of the abscissa.
     pub x_range: [f64; 2],
     /// Interval of the ordinate.
@@ -104,6 +102,11 @@ const STRIP: f64 = 34.0;
 impl CurveFigure<'_> {
     /// The figure as SVG.
     pub fn svg(&self) -> String {
+        self.svg_over(&[])
+    }
+
+    /// The figure over bands: class, and lower and upper edge at the abscissae.
+    pub fn svg_over(&self, bands: &[(&'static str, Vec<[f64; 2]>)]) -> String {
         let [width, height] = self.size;
         let strip_height = if self.strip.is_some() { STRIP } else { 0.0 };
         let x = Scale { data: self.x_range, drawn: [LEFT, width - RIGHT] };
@@ -129,7 +132,7 @@ impl CurveFigure<'_> {
             let [top, bottom] = [height - BOTTOM - STRIP + 10.0, height - BOTTOM - 2.0];
             self.draw_strip(w, x, values, Scale { data: range, drawn: [bottom, top] }, name);
         }
-        for (class, edges) in &self.bands {
+        for (class, edges) in bands {
             let lower = polyline(self.x, &edges.iter().map(|e| e[0]).collect::<Vec<_>>(), x, y);
             let mut upper: Vec<[f64; 2]> = self.x.iter().zip(edges).map(|(x, e)| [*x, e[1]]).collect();
             upper.reverse();

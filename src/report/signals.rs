@@ -140,7 +140,6 @@ fn svg(figure: &SignalFigure) -> String {
             .iter()
             .map(|(class, name, values)| Curve { class: class.clone(), name: name.clone(), values })
             .collect(),
-        bands: Vec::new(),
         x_range: plot::extent(figure.x.iter().copied()).unwrap_or([0.0, 1.0]),
         y_range: plot::padded(range, 0.06),
         strip: None,

@@ -84,7 +84,6 @@ fn panel(figure: &SweepFigure, muscle: &SweepMuscle, arm_range: [f64; 2]) -> Mus
             x_name: ("at", if figure.unit == "deg" { "°" } else { "m" }),
             unit: "mm",
             curves: vec![Curve { class: class.to_string(), name: what.to_string(), values: values_mm }],
-            bands: Vec::new(),
             x_range,
             y_range,
             strip: None,

@@ -489,7 +489,6 @@ fn panel(trial: &TrialResult, pair: &Pair, ranges: &PanelRanges) -> Panel {
         x_name: ("t", "s"),
         unit: "N·m",
         curves,
-        bands: Vec::new(),
         x_range: ranges.time,
         y_range: ranges.moment,
         strip: ranges.angle.map(|range| (trial.series.angle_deg.as_slice(), range, "angle")),
