@@ -25,7 +25,7 @@ pub use spring::SpringGeneralizedForce;
 
 use crate::functions::{ExpressionError, FunctionError};
 use crate::multibody::{Cache, Model};
-use crate::osim::spec::{ForceKind, Location, ModelSpec, PathSpec};
+use crate::osim::spec::{BodyIndex, CoordinateIndex, ForceKind, Location, ModelSpec, PathSpec};
 
 /// Why a force cannot be built.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -235,6 +235,30 @@ impl Force {
             }
         };
         applied.add_to_coordinate(coordinate, force);
+    }
+
+    /// Whether the force can have a generalized force about coordinate `c`, couplers followed: whether what it acts
+    /// between moves with the coordinate.
+    pub fn can_act_about(&self, model: &Model, c: CoordinateIndex) -> bool {
+        let follows = |own: CoordinateIndex| own == c || model.root_of(own) == model.root_of(c);
+        match &self.law {
+            ForceLaw::CoordinateLimit(force) => follows(force.coordinate),
+            ForceLaw::SpringGeneralized(force) => follows(force.coordinate),
+            ForceLaw::ExpressionBasedCoordinate(force) => follows(force.coordinate),
+            ForceLaw::FunctionBasedBushing(force) => {
+                model.moves_between(model.frame(force.frame1).base, model.frame(force.frame2).base, c)
+            }
+        }
+    }
+
+    /// The bodies whose poses the force depends on.
+    pub fn bodies(&self, model: &Model) -> Vec<BodyIndex> {
+        match &self.law {
+            ForceLaw::FunctionBasedBushing(force) => {
+                [force.frame1, force.frame2].into_iter().filter_map(|frame| model.frame(frame).base.body()).collect()
+            }
+            _ => Vec::new(),
+        }
     }
 }
 

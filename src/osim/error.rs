@@ -225,6 +225,18 @@ pub enum ProblemKind {
         /// The most similar name in the model.
         nearest: Option<String>,
     },
+    /// A reference to a frame of a class that is not implemented.
+    #[error("{property}: \"{name}\" is a {class} (line {line}), a frame that is not supported")]
+    UnsupportedFrame {
+        /// Property or socket name.
+        property: String,
+        /// The name or path as the file gives it.
+        name: String,
+        /// OpenSim class name.
+        class: String,
+        /// Line of the frame.
+        line: usize,
+    },
     /// A path that cannot be one.
     #[error("path has {found} points: expected at least two")]
     TooFewPathPoints {
@@ -263,6 +275,11 @@ impl Problem {
             ProblemKind::UnknownReference { nearest: Some(nearest), .. } => {
                 Some(format!("did you mean \"{nearest}\"?"))
             }
+            ProblemKind::UnsupportedFrame { .. } => Some(
+                "put a PhysicalOffsetFrame on the same body in its place: OpenSim's findTransformInBaseFrame() gives its \
+                 translation and orientation"
+                    .to_owned(),
+            ),
             ProblemKind::TooFewPathPoints { .. } => {
                 Some("add the points in <GeometryPath><PathPointSet><objects>".to_owned())
             }

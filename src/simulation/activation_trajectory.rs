@@ -13,6 +13,8 @@
 //!
 //! Like there, the excitation itself is not limited: while e < a_min the state a drifts below a_min, while muscles see â.
 
+use super::piecewise::{locate, polynomial, quintic};
+
 /// Local error of one step, absolute. Activation errors decay with the time constants, so that the global error stays
 /// near it: far below what moves a force by 1e-6 of its maximum.
 const STEP_TOLERANCE: f64 = 2e-8;
@@ -240,15 +242,9 @@ impl ActivationTrajectory {
     }
 
     /// Activation at `time`, within its bounds. `cursor` remembers the piece for the next call at a nearby time.
+    #[inline]
     pub(crate) fn value(&self, time: f64, cursor: &mut usize) -> f64 {
-        let mut i = (*cursor).min(self.pieces.len() - 1);
-        while i > 0 && time < self.pieces[i].start {
-            i -= 1;
-        }
-        while i + 1 < self.pieces.len() && time >= self.pieces[i + 1].start {
-            i += 1;
-        }
-        *cursor = i;
+        let i = locate(self.pieces.len(), |i| self.pieces[i].start, time, cursor);
         let piece = &self.pieces[i];
         let t = (time - piece.start) * piece.per_second;
         polynomial(&piece.coefficients, t).max(self.bounds[0]).min(self.bounds[1])
@@ -264,10 +260,6 @@ struct Segment {
     slope: f64,
 }
 
-fn polynomial(c: &[f64; 6], t: f64) -> f64 {
-    c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5]))))
-}
-
 /// Quintic through both ends of a step with their first and second derivatives.
 fn hermite(
     d: &ActivationDynamics,
@@ -279,18 +271,9 @@ fn hermite(
     branch: Branch,
 ) -> [f64; 6] {
     let e1 = e0 + slope * h;
-    let [v0, v1] = rates.map(|rate| h * rate);
-    let w0 = h * h * d.acceleration(a0, e0, slope, rates[0], branch);
-    let w1 = h * h * d.acceleration(a1, e1, slope, rates[1], branch);
-    let rise = a1 - a0;
-    [
-        a0,
-        v0,
-        0.5 * w0,
-        10.0 * rise - 6.0 * v0 - 4.0 * v1 - 1.5 * w0 + 0.5 * w1,
-        -15.0 * rise + 8.0 * v0 + 7.0 * v1 + 1.5 * w0 - w1,
-        6.0 * rise - 3.0 * (v0 + v1) - 0.5 * (w0 - w1),
-    ]
+    let left = [a0, rates[0], d.acceleration(a0, e0, slope, rates[0], branch)];
+    let right = [a1, rates[1], d.acceleration(a1, e1, slope, rates[1], branch)];
+    quintic(left, right, h)
 }
 
 #[cfg(test)]

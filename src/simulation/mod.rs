@@ -17,6 +17,7 @@ mod fiber;
 mod model;
 mod motion;
 mod path_table;
+mod piecewise;
 mod sensitivity;
 mod tables;
 mod trial;

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix2, Vector2};
 
+use super::piecewise::{locate, polynomial, quintic};
 use crate::functions::{Function, FunctionError};
 use crate::osim::spec::FunctionSpec;
 
@@ -58,16 +59,9 @@ impl Motion {
         Ok(Motion { times: times.to_vec(), pieces })
     }
 
-    fn locate(&self, time: f64, cursor: &mut usize) -> (f64, f64, &[f64; 6]) {
-        let last = self.pieces.len() - 1;
-        let mut i = (*cursor).min(last);
-        if i < last && time >= self.times[i + 1] && time < self.times[i + 2] {
-            i += 1; // times are mostly asked for in order
-            *cursor = i;
-        } else if time < self.times[i] || time >= self.times[i + 1] {
-            i = self.times.partition_point(|&t| t <= time).saturating_sub(1).min(last);
-            *cursor = i;
-        }
+    #[inline]
+    fn piece(&self, time: f64, cursor: &mut usize) -> (f64, f64, &[f64; 6]) {
+        let i = locate(self.pieces.len(), |i| self.times[i], time, cursor);
         let (per_second, coefficients) = &self.pieces[i];
         ((time - self.times[i]) * per_second, *per_second, coefficients)
     }
@@ -75,15 +69,15 @@ impl Motion {
     /// Angle at `time` [rad or m].
     #[inline]
     pub(crate) fn angle(&self, time: f64, cursor: &mut usize) -> f64 {
-        let (t, _, c) = self.locate(time, cursor);
-        c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5]))))
+        let (t, _, c) = self.piece(time, cursor);
+        polynomial(c, t)
     }
 
     /// Angle, speed and acceleration at `time`.
     pub(crate) fn jet(&self, time: f64, cursor: &mut usize) -> [f64; 3] {
-        let (t, rate, c) = self.locate(time, cursor);
+        let (t, rate, c) = self.piece(time, cursor);
         [
-            c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5])))),
+            polynomial(c, t),
             rate * (c[1] + t * (2.0 * c[2] + t * (3.0 * c[3] + t * (4.0 * c[4] + t * 5.0 * c[5])))),
             rate * rate * (2.0 * c[2] + t * (6.0 * c[3] + t * (12.0 * c[4] + t * 20.0 * c[5]))),
         ]
@@ -95,7 +89,7 @@ impl Motion {
         for (_, c) in &self.pieces {
             for k in 0..=4 {
                 let t = 0.25 * k as f64;
-                let angle = c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5]))));
+                let angle = polynomial(c, t);
                 range = [range[0].min(angle), range[1].max(angle)];
             }
         }
@@ -156,21 +150,6 @@ fn smoothed(times: &[f64], angles: &[f64], noise: f64) -> Result<Vec<[f64; 3]>, 
         weights: Vec::new(),
     })?;
     Ok(times.iter().map(|&t| [spline.value(t), spline.derivative(t), spline.second_derivative(t)]).collect())
-}
-
-/// The quintic on 0…1 with given values, slopes and second derivatives (per second) at the ends of an interval.
-fn quintic(left: [f64; 3], right: [f64; 3], h: f64) -> [f64; 6] {
-    let [p0, v0, a0] = [left[0], left[1] * h, left[2] * h * h];
-    let [p1, v1, a1] = [right[0], right[1] * h, right[2] * h * h];
-    let rise = p1 - p0;
-    [
-        p0,
-        v0,
-        0.5 * a0,
-        10.0 * rise - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1,
-        -15.0 * rise + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1,
-        6.0 * rise - 3.0 * (v0 + v1) - 0.5 * (a0 - a1),
-    ]
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use std::sync::Arc;
 use super::error::SimulationError;
 use super::fiber::equation::{Drive, Fiber};
 use super::fiber::integrate::{Cursor, DriveSource, StepTaken};
-use super::fiber::radau::{INVERSE_BUTCHER, STAGES, dot, inverse, newton_matrix, stage_weights};
+use super::fiber::radau::{INVERSE_BUTCHER, STAGES, NewtonMatrix, dot, stage_weights};
 use super::model::MuscleParameters;
 use super::trial::{PreparedTrial, Source};
 
@@ -193,8 +193,8 @@ impl PreparedTrial {
                 direct[i] = per * (up - down);
             }
             let right = [0, 1, 2].map(|i| -(by_x[i] * s + direct[i]));
-            let rises = inverse(&newton_matrix(by_x, by_u, per_h / fiber.curves.max_velocity))
-                .map_or([0.0; 3], |inverse| inverse.map(|row| dot(row, right)));
+            let rises = NewtonMatrix::new(by_x, by_u, per_h / fiber.curves.max_velocity)
+                .map_or([0.0; 3], |matrix| matrix.solve(right));
             while sample < n && self.time[sample] < end {
                 out[sample] = s + dot(stage_weights((self.time[sample] - step.start) * per_h), rises);
                 sample += 1;

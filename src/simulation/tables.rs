@@ -3,7 +3,7 @@
 use super::error::SimulationError;
 use super::model::MusculoskeletalModel;
 use super::path_table::{PathTable, TableAccuracy};
-use crate::forces::{gravity_force, inertia_force};
+use crate::forces::{Force, gravity_force, inertia_force};
 use crate::multibody::{BodySubset, Cache};
 use crate::osim::spec::CoordinateIndex;
 use crate::paths::{Path, PathGeometry};
@@ -169,15 +169,23 @@ fn follower_table(
 
 fn force_table(model: &MusculoskeletalModel, range: [f64; 2]) -> Result<Option<PathTable<5>>, SimulationError> {
     let setup = &model.setup;
-    let passive = setup.includes(MomentPart::Passive) && model.forces.affine_in_speed().next().is_some();
+    let skeleton = &model.skeleton;
+    let mut acting: Vec<&Force> = Vec::new();
+    if setup.includes(MomentPart::Passive) {
+        acting.extend(model.forces.affine_in_speed().filter(|f| f.can_act_about(skeleton, model.coordinate)));
+    }
+    let passive = !acting.is_empty();
     let gravity = setup.includes(MomentPart::Gravity);
     let inertia = setup.includes(MomentPart::Inertia);
     if !(passive || gravity || inertia) {
         return Ok(None);
     }
-    let skeleton = &model.skeleton;
-    let all = skeleton.all_bodies();
-    let mut posed = Posed::new(model, all);
+    let bodies = if gravity || inertia {
+        skeleton.all_bodies()
+    } else {
+        skeleton.body_subset(&acting.iter().flat_map(|f| f.bodies(skeleton)).collect::<Vec<_>>())
+    };
+    let mut posed = Posed::new(model, bodies);
     let mut rates = vec![0.0; skeleton.n_coordinates()];
     let mut accelerations = vec![0.0; skeleton.n_coordinates()];
     let zero = vec![0.0; skeleton.n_coordinates()];
@@ -188,10 +196,9 @@ fn force_table(model: &MusculoskeletalModel, range: [f64; 2]) -> Result<Option<P
         rates.copy_from_slice(cache.coupling());
         if passive {
             skeleton.update_velocities_in(moving, q, &zero, cache);
-            at[0] = model.forces.affine_in_speed().map(|f| f.generalized_force(skeleton, q, &zero, cache)).sum();
+            at[0] = acting.iter().map(|f| f.generalized_force(skeleton, q, &zero, cache)).sum();
             skeleton.update_velocities_in(moving, q, &rates, cache);
-            let at_speed: f64 =
-                model.forces.affine_in_speed().map(|f| f.generalized_force(skeleton, q, &rates, cache)).sum();
+            let at_speed: f64 = acting.iter().map(|f| f.generalized_force(skeleton, q, &rates, cache)).sum();
             at[1] = at_speed - at[0];
         }
         if gravity {

@@ -449,7 +449,13 @@ impl PreparedTrial {
             ..TrialSimulation::default()
         };
         for (i, p) in parameters.iter().enumerate() {
-            let mut series = MuscleSimulation::default();
+            let series = || Vec::with_capacity(self.len());
+            let mut series = MuscleSimulation {
+                fiber_length: series(),
+                fiber_velocity: series(),
+                tendon_force: series(),
+                moment: series(),
+            };
             let kinematics = &self.kinematics.muscles[i];
             out.work += self.run::<false>(i, p, |k, at| {
                 let force = p.max_isometric_force * at.force;

@@ -101,6 +101,9 @@ fn compare_force(case: &Case, force: &Force, theirs: &Value, pose: &Value, worst
                     .sum();
                 let ours = force.generalized_force(&case.model, &q, &qdot, &cache);
                 note(&mut worst.bushing, ours, power, scale);
+                if !force.can_act_about(&case.model, case.coordinate(name)) {
+                    note(&mut worst.bushing, 0.0, power, scale);
+                }
             }
         }
     }
@@ -123,6 +126,7 @@ fn check_about_coordinate(
         if coupling.is_finite() {
             let ours = force.generalized_force(&case.model, q, qdot, &cache);
             assert!((ours - coupling * value).abs() <= 1e-9 * (1.0 + (coupling * value).abs()), "{}", force.name);
+            assert!(coupling == 0.0 || force.can_act_about(&case.model, c), "{}", force.name);
         }
     }
 }

@@ -75,7 +75,15 @@ impl Reader<'_> {
             } else {
                 self.spec.frames.iter().map(|frame| frame.name.as_str()).collect()
             };
-            let kind = self.unknown(property, "body or frame", text, &names);
+            let kind = match self.unsupported_frame(text) {
+                Some(frame) => ProblemKind::UnsupportedFrame {
+                    property: property.to_owned(),
+                    name: text.to_owned(),
+                    class: self.document.tag(frame).to_owned(),
+                    line: self.document.line(frame),
+                },
+                None => self.unknown(property, "body or frame", text, &names),
+            };
             let line = element.map_or(object.line, |element| self.document.line(element));
             self.problem(line, &object.path.clone(), kind);
         }
@@ -91,6 +99,18 @@ impl Reader<'_> {
         }
         let last = self.reference(text.rsplit('/').next().unwrap_or(text));
         ["/", "/bodyset/"].iter().find_map(|set| self.frames_by_path.get(&format!("{set}{last}")).copied())
+    }
+
+    /// The element of the frame that is meant by a path, if its class is not one that is read: the innermost on the path.
+    fn unsupported_frame(&self, text: &str) -> Option<ElementId> {
+        text.split('/').rev().filter(|part| !part.is_empty()).find_map(|part| {
+            self.document.elements().find(|&element| {
+                let tag = self.document.tag(element);
+                tag.ends_with("Frame")
+                    && tag != "PhysicalOffsetFrame"
+                    && self.document.attribute(element, "name").is_some_and(|name| self.reference(&name) == part)
+            })
+        })
     }
 
     /// A body named as in formats before 30505.

@@ -136,8 +136,13 @@ impl Fiber {
     ///
     /// # References
     /// Millard et al. (2013), equations 6 and 8, doi:10.1115/1.4023390.
-    #[inline]
     pub(crate) fn residual(&self, x: f64, u: f64, drive: Drive) -> Residual {
+        self.residual_inline(x, u, drive)
+    }
+
+    /// [`Fiber::residual`], for the innermost loop.
+    #[inline(always)]
+    pub(crate) fn residual_inline(&self, x: f64, u: f64, drive: Drive) -> Residual {
         let clamped = x < self.shortest;
         let x = if clamped { self.shortest } else { x };
         let c = &*self.curves;

@@ -1,11 +1,14 @@
 //! A fibre over a whole trial: a step plan made once per trial and muscle, then followed for every parameter set.
 //!
 //! The plan's steps are those that error control chose for the model's own parameters, and the plan holds activation
-//! and path length at every stage, so that a further parameter set looks nothing up. The error is estimated again in
+//! and path length at every stage, so that a further parameter set looks nothing up, and the solution for the model's own
+//! parameters, which the search for another one starts from. The error is estimated again in
 //! every run; a step that misses the tolerance is halved until it does not.
 
 use super::equation::{Drive, Fiber, PARAMETERS};
-use super::radau::{FiberState, STAGES, StepInput, StepSolution, Work, stage_weight_slopes, stage_weights};
+use super::radau::{
+    FiberState, Reference, STAGES, StepInput, StepSolution, Work, stage_weight_slopes, stage_weights,
+};
 
 /// Ticks per sample interval: steps start and end at multiples of 1/1024 of an interval.
 const TICK_BITS: u32 = 10;
@@ -224,7 +227,7 @@ impl Fiber {
                         source,
                         times: &plan.times,
                         tolerance: accuracy.tolerance,
-                        samples_end: planned.samples_end,
+                        planned,
                         sample,
                         cursor: Cursor::default(),
                         work: &mut work,
@@ -262,7 +265,7 @@ fn within<const DERIVATIVES: bool>(
     h: f64,
 ) -> FiberSample {
     let z = solution.z;
-    if weights == [0.0, 0.0, 1.0] {
+    if weights[2] == 1.0 && weights[0] == 0.0 && weights[1] == 0.0 {
         let end = &solution.end;
         return FiberSample { x: end.x, rate: end.rate, by_parameters: end.by_parameters };
     }
@@ -293,7 +296,7 @@ fn step_input(source: &impl DriveSource, start: f64, end: f64, cursor: &mut Curs
     let h = end - start;
     let at = |i: usize| if i == 2 { end } else { start + STAGES[i] * h };
     let drive = [0, 1, 2].map(|i| source.drive(at(i), cursor));
-    StepInput { h, drive }
+    StepInput { h, drive, reference: Reference::default() }
 }
 
 /// A planned step that is being halved.
@@ -302,7 +305,7 @@ struct Division<'a, S> {
     source: &'a S,
     times: &'a [f64],
     tolerance: f64,
-    samples_end: usize,
+    planned: &'a PlannedStep,
     sample: usize,
     cursor: Cursor,
     work: &'a mut Work,
@@ -318,12 +321,14 @@ impl<S: DriveSource> Division<'_, S> {
         emit: &mut impl FnMut(usize, FiberSample),
         observe: &mut impl FnMut(StepTaken),
     ) -> Result<(), Stuck> {
-        let input = step_input(self.source, start, end, &mut self.cursor);
+        let local = |time: f64| (time - self.planned.start) / self.planned.input.h;
+        let reference = self.planned.input.reference.part(self.planned.input.h, local(start), local(end));
+        let input = StepInput { reference, ..step_input(self.source, start, end, &mut self.cursor) };
         let last_resort = depth >= MOST_HALVINGS;
         match self.fiber.attempt::<DERIVATIVES>(state, &input, self.tolerance, last_resort, self.work) {
             Attempt::Stays => {
                 observe(StepTaken::resting(start, &input));
-                while self.sample < self.samples_end && self.times[self.sample] <= end {
+                while self.sample < self.planned.samples_end && self.times[self.sample] <= end {
                     emit(self.sample, self.fiber.resting());
                     self.sample += 1;
                 }
@@ -331,7 +336,7 @@ impl<S: DriveSource> Division<'_, S> {
             }
             Attempt::Moves(solution) => {
                 observe(StepTaken::moving(start, &input, state, &solution));
-                while self.sample < self.samples_end && self.times[self.sample] <= end {
+                while self.sample < self.planned.samples_end && self.times[self.sample] <= end {
                     let theta = (self.times[self.sample] - start) / input.h;
                     let weights = if theta >= 1.0 { [0.0, 0.0, 1.0] } else { stage_weights(theta) };
                     emit(self.sample, within::<DERIVATIVES>(state, &solution, weights, input.h));
@@ -383,7 +388,7 @@ impl StepPlan {
             exponent = fitting(tick, exponent, last, |t| time_of(t) - time_of(tick) <= accuracy.max_step);
             let (start, next) = (time_of(tick), tick + (1 << exponent));
             let end = time_of(next);
-            let input = step_input(source, start, end, &mut cursor);
+            let mut input = step_input(source, start, end, &mut cursor);
             let growth = match fiber.attempt::<false>(&mut state, &input, tolerance, exponent == 0, &mut work) {
                 Attempt::Divide if exponent == 0 => return Err(Stuck { time: start }),
                 Attempt::Divide => {
@@ -392,6 +397,7 @@ impl StepPlan {
                 }
                 Attempt::Stays => 1,
                 Attempt::Moves(solution) => {
+                    input.reference = Reference { z: solution.z, rate: state.rate };
                     state = solution.end;
                     // The error of a step of twice the size would be about 16 times as large.
                     u32::from(solution.error < tolerance / 32.0)

@@ -31,9 +31,8 @@ const ERROR_WEIGHTS: [f64; 3] = [-(13.0 + 7.0 * ROOT_6) / 3.0, (-13.0 + 7.0 * RO
 const NEWTON_TOLERANCE: f64 = 1e-7;
 const MOST_ITERATIONS: usize = 10;
 
-/// Weights of the previous step's increments at the stages of a step of the same size: [`stage_weights`] at 1 + cᵢ.
-const CONTINUED: [[f64; 3]; 3] =
-    [stage_weights(1.0 + STAGES[0]), stage_weights(1.0 + STAGES[1]), stage_weights(1.0 + STAGES[2])];
+/// Weights of the previous step's increments in those of a step of the same size that continues its polynomial.
+const CONTINUED: [[f64; 3]; 3] = [continued(STAGES[0]), continued(STAGES[1]), continued(STAGES[2])];
 
 /// State of a fibre between steps.
 #[derive(Clone, Copy, Debug)]
@@ -48,7 +47,8 @@ pub(crate) struct FiberState {
     pub(crate) by_parameters: [f64; PARAMETERS],
     /// Held at its shortest length.
     pub(crate) clamped: bool,
-    /// Stage increments and size of the step that led here, for extrapolation; size 0 if there is none.
+    /// Stage increments beyond the reference, and size of the step that led here, for extrapolation; size 0 if there is
+    /// none.
     pub(crate) previous: ([f64; 3], f64),
 }
 
@@ -59,6 +59,27 @@ pub(crate) struct StepInput {
     pub(crate) h: f64,
     /// Activation and path length at the stages.
     pub(crate) drive: [Drive; 3],
+    /// What the step was for other parameters; zero if nothing is known.
+    pub(crate) reference: Reference,
+}
+
+/// A solution for similar parameters: a step's solution differs from it by less, and more smoothly, than from zero, so
+/// that Newton's method starts closer.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Reference {
+    /// Stage increments.
+    pub(crate) z: [f64; 3],
+    /// Rate at the start of the step [1/s].
+    pub(crate) rate: f64,
+}
+
+impl Reference {
+    /// The part of it between the local times `from` and `to` of its step of size `h`.
+    pub(crate) fn part(&self, h: f64, from: f64, to: f64) -> Reference {
+        let start = dot(stage_weights(from), self.z);
+        let rate = if h > 0.0 { dot(stage_weight_slopes(from), self.z) / h } else { 0.0 };
+        Reference { z: STAGES.map(|c| dot(stage_weights(from + c * (to - from)), self.z) - start), rate }
+    }
 }
 
 /// A step's solution: the state as a cubic in the local time θ = 0…1.
@@ -104,6 +125,12 @@ pub(crate) const fn stage_weights(theta: f64) -> [f64; 3] {
     ]
 }
 
+/// [`stage_weights`] at `theta` beyond the end, less those of the end.
+const fn continued(theta: f64) -> [f64; 3] {
+    let [w0, w1, w2] = stage_weights(1.0 + theta);
+    [w0, w1, w2 - 1.0]
+}
+
 /// Derivatives of [`stage_weights`] by θ.
 pub(crate) fn stage_weight_slopes(theta: f64) -> [f64; 3] {
     let c = STAGES;
@@ -114,27 +141,49 @@ pub(crate) fn stage_weight_slopes(theta: f64) -> [f64; 3] {
     [slope(c[1], c[2], c[0]), slope(c[0], c[2], c[1]), slope(c[0], c[1], c[2])]
 }
 
+#[inline(always)]
 pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Inverse of a 3×3 matrix; `None` if it is singular to rounding.
-pub(crate) fn inverse(m: &[[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
-    let cofactor = |r: usize, c: usize| {
-        let (r1, r2, c1, c2) = ((r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3);
-        m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1]
-    };
-    let first = [cofactor(0, 0), cofactor(0, 1), cofactor(0, 2)];
-    let determinant = dot(m[0], first);
-    if !determinant.is_finite() || determinant == 0.0 {
-        return None;
+/// ∂Rᵢ/∂zⱼ, inverted: row i is sᵢ times that of B + diag(d), with sᵢ = ∂Rᵢ/∂u/(h v_max) and dᵢ = ∂Rᵢ/∂x / sᵢ.
+pub(crate) struct NewtonMatrix {
+    /// Adjugate of B + diag(d).
+    adjugate: [[f64; 3]; 3],
+    per_determinant: f64,
+    /// 1/sᵢ.
+    per_scale: [f64; 3],
+}
+
+impl NewtonMatrix {
+    /// `None` if the matrix is singular to rounding, or not finite.
+    #[inline(always)]
+    pub(crate) fn new(by_x: [f64; 3], by_u: [f64; 3], per_velocity: f64) -> Option<NewtonMatrix> {
+        let b = &INVERSE_BUTCHER;
+        let per_scale =
+            [1.0 / (by_u[0] * per_velocity), 1.0 / (by_u[1] * per_velocity), 1.0 / (by_u[2] * per_velocity)];
+        let d0 = b[0][0] + by_x[0] * per_scale[0];
+        let d1 = b[1][1] + by_x[1] * per_scale[1];
+        let d2 = b[2][2] + by_x[2] * per_scale[2];
+        let adjugate = [
+            [d1 * d2 - b[1][2] * b[2][1], b[0][2] * b[2][1] - b[0][1] * d2, b[0][1] * b[1][2] - b[0][2] * d1],
+            [b[1][2] * b[2][0] - b[1][0] * d2, d0 * d2 - b[0][2] * b[2][0], b[1][0] * b[0][2] - b[1][2] * d0],
+            [b[1][0] * b[2][1] - b[2][0] * d1, b[2][0] * b[0][1] - b[2][1] * d0, d0 * d1 - b[0][1] * b[1][0]],
+        ];
+        let determinant = d0 * adjugate[0][0] + b[0][1] * adjugate[1][0] + b[0][2] * adjugate[2][0];
+        if !determinant.is_finite() || determinant == 0.0 {
+            return None;
+        }
+        Some(NewtonMatrix { adjugate, per_determinant: 1.0 / determinant, per_scale })
     }
-    let d = 1.0 / determinant;
-    Some([
-        [first[0] * d, cofactor(1, 0) * d, cofactor(2, 0) * d],
-        [first[1] * d, cofactor(1, 1) * d, cofactor(2, 1) * d],
-        [first[2] * d, cofactor(1, 2) * d, cofactor(2, 2) * d],
-    ])
+
+    /// The z for which the matrix times z is `right`.
+    #[inline(always)]
+    pub(crate) fn solve(&self, right: [f64; 3]) -> [f64; 3] {
+        let (d, scale, a) = (self.per_determinant, &self.per_scale, &self.adjugate);
+        let scaled = [right[0] * scale[0] * d, right[1] * scale[1] * d, right[2] * scale[2] * d];
+        [dot(a[0], scaled), dot(a[1], scaled), dot(a[2], scaled)]
+    }
 }
 
 impl Fiber {
@@ -159,7 +208,7 @@ impl Fiber {
     ) -> Option<StepSolution> {
         let per_h = 1.0 / input.h;
         let per_velocity = per_h / self.curves.max_velocity;
-        let mut z = predict(state, input.h);
+        let mut z = predict(state, input);
         let mut by_x = [0.0; 3];
         let mut by_u = [0.0; 3];
         let mut converged = false;
@@ -168,16 +217,15 @@ impl Fiber {
             let mut r = [0.0; 3];
             for i in 0..3 {
                 let u = per_velocity * dot(INVERSE_BUTCHER[i], z);
-                let residual = self.residual(state.x + z[i], u, input.drive[i]);
+                let residual = self.residual_inline(state.x + z[i], u, input.drive[i]);
                 (r[i], by_x[i], by_u[i]) = (residual.r, residual.by_x, residual.by_u);
             }
             work.residual_evaluations += 3;
-            let inverse = inverse(&newton_matrix(by_x, by_u, per_velocity))?;
+            let dz = NewtonMatrix::new(by_x, by_u, per_velocity)?.solve(r);
             let mut correction = 0.0_f64;
             for i in 0..3 {
-                let dz = dot(inverse[i], r);
-                z[i] -= dz;
-                correction = correction.max(dz.abs());
+                z[i] -= dz[i];
+                correction = correction.max(dz[i].abs());
             }
             if correction < NEWTON_TOLERANCE {
                 converged = true;
@@ -204,17 +252,19 @@ impl Fiber {
                 by_p[i] = self.residual_by_parameters(x, u, input.drive[i]);
             }
             work.residual_evaluations += 3;
-            let inverse = inverse(&newton_matrix(by_x, by_u, per_velocity))?;
+            let matrix = NewtonMatrix::new(by_x, by_u, per_velocity)?;
             for p in 0..PARAMETERS {
-                let right = [0, 1, 2].map(|i| -(by_x[i] * state.by_parameters[p] + by_p[i][p]));
+                let by = matrix.solve([0, 1, 2].map(|i| -(by_x[i] * state.by_parameters[p] + by_p[i][p])));
                 for i in 0..3 {
-                    z_by_parameters[i][p] = dot(inverse[i], right);
+                    z_by_parameters[i][p] = by[i];
                 }
                 end_by_parameters[p] = state.by_parameters[p] + z_by_parameters[2][p];
             }
         }
         let weighted = state.rate + per_h * dot(ERROR_WEIGHTS, z);
         let error = (weighted / (GAMMA * per_h - state.stiffness.min(0.5 * GAMMA * per_h))).abs();
+        let reference = &input.reference.z;
+        let beyond = [z[0] - reference[0], z[1] - reference[1], z[2] - reference[2]];
         work.steps += 1;
         Some(StepSolution {
             end: FiberState {
@@ -223,7 +273,7 @@ impl Fiber {
                 stiffness: -self.curves.max_velocity * by_x[2] / by_u[2],
                 by_parameters: end_by_parameters,
                 clamped: false,
-                previous: (z, input.h),
+                previous: (beyond, input.h),
             },
             z,
             z_by_parameters,
@@ -290,31 +340,23 @@ impl Fiber {
     }
 }
 
-pub(crate) fn newton_matrix(by_x: [f64; 3], by_u: [f64; 3], per_velocity: f64) -> [[f64; 3]; 3] {
-    let mut matrix = [[0.0; 3]; 3];
-    for i in 0..3 {
-        let scale = by_u[i] * per_velocity;
-        for j in 0..3 {
-            matrix[i][j] = scale * INVERSE_BUTCHER[i][j];
-        }
-        matrix[i][i] += by_x[i];
-    }
-    matrix
-}
-
-/// First guess of the stage increments: the previous step's polynomial continued, or the present rate.
+/// First guess of the stage increments: the reference, and on top of it the polynomial of the previous step's difference
+/// from its reference continued, or the present difference of rates.
 #[inline]
-fn predict(state: &FiberState, h: f64) -> [f64; 3] {
+fn predict(state: &FiberState, input: &StepInput) -> [f64; 3] {
     let (z, previous_h) = state.previous;
-    if previous_h > 0.0 && h <= 2.01 * previous_h {
-        if h == previous_h {
-            return CONTINUED.map(|weights| dot(weights, z) - z[2]);
-        }
-        let ratio = h / previous_h;
-        STAGES.map(|c| dot(stage_weights(1.0 + c * ratio), z) - z[2])
-    } else {
-        STAGES.map(|c| c * h * state.rate)
+    let (h, reference) = (input.h, &input.reference);
+    let mut guess = reference.z;
+    for i in 0..3 {
+        guess[i] += if !(previous_h > 0.0 && h <= 2.01 * previous_h) {
+            STAGES[i] * h * (state.rate - reference.rate)
+        } else if h == previous_h {
+            dot(CONTINUED[i], z)
+        } else {
+            dot(continued(STAGES[i] * h / previous_h), z)
+        };
     }
+    guess
 }
 
 #[cfg(test)]
@@ -334,15 +376,26 @@ mod tests {
     }
 
     #[test]
-    fn verif_inverse_of_a_matrix() {
-        let m = [[2.0, 1.0, 0.5], [-1.0, 3.0, 0.25], [0.1, 0.2, 4.0]];
-        let i = inverse(&m).unwrap();
-        for r in 0..3 {
-            for c in 0..3 {
-                let product: f64 = (0..3).map(|k| m[r][k] * i[k][c]).sum();
-                assert!((product - f64::from(u8::from(r == c))).abs() < 1e-14);
-            }
+    fn verif_newton_matrix_is_inverted() {
+        let (by_x, by_u, per_velocity) = ([3.0, -0.4, 12.0], [0.5, 1.5, 0.2], 9.0);
+        let (z, matrix) = ([0.3, -0.2, 0.7], NewtonMatrix::new(by_x, by_u, per_velocity).unwrap());
+        let right = [0, 1, 2].map(|i| by_x[i] * z[i] + by_u[i] * per_velocity * dot(INVERSE_BUTCHER[i], z));
+        for (found, expected) in matrix.solve(right).into_iter().zip(z) {
+            assert!((found - expected).abs() < 1e-14, "{found} {expected}");
         }
-        assert!(inverse(&[[1.0, 2.0, 3.0], [2.0, 4.0, 6.0], [1.0, 1.0, 1.0]]).is_none());
+        assert!(NewtonMatrix::new(by_x, [0.0; 3], per_velocity).is_none());
+        assert!(NewtonMatrix::new([f64::NAN; 3], by_u, per_velocity).is_none());
+    }
+
+    #[test]
+    fn verif_part_of_a_reference_is_the_same_polynomial() {
+        // x(θ) = θ + 2θ² − θ³ in a step of 0.1 s.
+        let (x, slope) = (|t: f64| t + 2.0 * t * t - t * t * t, |t: f64| 1.0 + 4.0 * t - 3.0 * t * t);
+        let reference = Reference { z: STAGES.map(x), rate: slope(0.0) / 0.1 };
+        let part = reference.part(0.1, 0.25, 0.5);
+        for (found, c) in part.z.into_iter().zip(STAGES) {
+            assert!((found - (x(0.25 + 0.25 * c) - x(0.25))).abs() < 1e-14);
+        }
+        assert!((part.rate - slope(0.25) / 0.1).abs() < 1e-12);
     }
 }
