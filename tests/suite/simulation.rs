@@ -92,9 +92,10 @@ const MUSCLE_MOMENT_TOLERANCE: f64 = 1e-4;
 /// Force in the 80 ms after a path has jumped by decimetres (wrapping the long way round). After it has jumped back, the
 /// fibre shortens at its maximum velocity under a slack tendon for 50 ms; when the tendon tightens again depends on that
 /// whole transient. Those samples are counted and bounded less tightly.
-const TRANSIENT_TOLERANCE: f64 = 1e-3;
+const TRANSIENT_TOLERANCE: f64 = 3e-4;
 const AFTER_A_JUMP: &str = "Beyond 1e-4: the path has just jumped by decimetres (OpenSim's wrapping the long way round), and \
-    when the slack tendon tightens again depends on the whole transient; which program is nearer to the exact solution is not established";
+    when the slack tendon tightens again depends on the whole transient. There OpenSim at accuracy 1e-7 is 1.9e-4 from the same \
+    equation integrated by SciPy's Radau method between the jumps, Carpus 1e-6 (fixtures/scripts/after_a_jump.py)";
 const MOST_TRANSIENT_SAMPLES: usize = 5 * 36;
 
 fn push_all(to: &mut Differences, ours: &[f64], theirs: &[f64], scale: f64, name: &str, time: &[f64]) {
@@ -229,8 +230,8 @@ fn val_opensim_prescribed_motion_of_undamped_muscles() {
 
 #[test]
 fn val_opensim_prescribed_motion_of_rigid_tendons() {
-    // OpenSim follows the sine itself, we the spline through rows 20 ms apart. A rigid tendon passes the difference in speed
-    // at the ends on to the force (1e-4 of Fmax at 0 s, before damping or a tendon could even it out).
+    // Both programs follow the spline through the rows: a rigid tendon passes on to the force that the sine's speed at the
+    // ends differs from the natural spline's by 1.3e-3 rad/s (1e-4 of Fmax, before damping or a tendon could even it out).
     compare_wrist_with("ignore_tendon_compliance", "true", "wrist_rigid_tendon");
 }
 
