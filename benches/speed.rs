@@ -270,7 +270,12 @@ impl Timings {
         println!("compile                     {}", ms(self.compile));
         println!("of it, preparation           {}", ms(self.prepare));
         println!("first run, paths included   {}  ({} evaluations)", ms(self.first), self.evaluations);
-        println!("further parameter set       {}  ({} fibre steps, {:.0} force balances)", ms(self.further), self.steps, self.balances);
+        println!(
+            "further parameter set       {}  ({} fibre steps, {:.0} force balances)",
+            ms(self.further),
+            self.steps,
+            self.balances
+        );
         println!("a set up to 10 % away       {}", ms(self.distant));
         println!("with exact derivatives      {}", ms(self.with_derivatives));
         println!("largest force error         {:9.1e} of maximum isometric force (OpenSim at 1e-7)", self.force_error);

@@ -69,7 +69,8 @@ mod tests {
     #[test]
     fn verif_pieces_are_located_from_any_cursor() {
         let starts = [0.0, 1.0, 1.5, 4.0];
-        for (x, expected) in [(-1.0, 0), (0.0, 0), (0.9, 0), (1.0, 1), (1.4, 1), (1.5, 2), (3.9, 2), (4.0, 3), (9.0, 3)] {
+        for (x, expected) in [(-1.0, 0), (0.0, 0), (0.9, 0), (1.0, 1), (1.4, 1), (1.5, 2), (3.9, 2), (4.0, 3), (9.0, 3)]
+        {
             for from in 0..6 {
                 let mut cursor = from;
                 assert_eq!(locate(starts.len(), |i| starts[i], x, &mut cursor), expected, "{x} from {from}");

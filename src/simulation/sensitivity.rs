@@ -13,7 +13,7 @@ use std::sync::Arc;
 use super::error::SimulationError;
 use super::fiber::equation::{Drive, Fiber};
 use super::fiber::integrate::{Cursor, DriveSource, StepTaken};
-use super::fiber::radau::{INVERSE_BUTCHER, STAGES, NewtonMatrix, dot, stage_weights};
+use super::fiber::radau::{INVERSE_BUTCHER, NewtonMatrix, STAGES, dot, stage_weights};
 use super::model::MuscleParameters;
 use super::trial::{PreparedTrial, Source};
 

@@ -147,8 +147,9 @@ impl Reader<'_> {
             if only_reports(tag) {
                 self.diagnose(Severity::Ignored, element, &path, format!("{tag} only reports"), None);
             } else if !(self.is_empty(element) && tag.ends_with("Set")) {
-                let hint = (tag == "StationDefinedFrame")
-                    .then(|| "of no consequence unless something is attached to it: that is an error of its own".to_owned());
+                let hint = (tag == "StationDefinedFrame").then(|| {
+                    "of no consequence unless something is attached to it: that is an error of its own".to_owned()
+                });
                 self.diagnose(Severity::Unsupported, element, &path, format!("{tag} is not supported"), hint);
             }
             return;

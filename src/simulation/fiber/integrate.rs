@@ -6,9 +6,7 @@
 //! every run; a step that misses the tolerance is halved until it does not.
 
 use super::equation::{Drive, Fiber, PARAMETERS};
-use super::radau::{
-    FiberState, Reference, STAGES, StepInput, StepSolution, Work, stage_weight_slopes, stage_weights,
-};
+use super::radau::{FiberState, Reference, STAGES, StepInput, StepSolution, Work, stage_weight_slopes, stage_weights};
 
 /// Ticks per sample interval: steps start and end at multiples of 1/1024 of an interval.
 const TICK_BITS: u32 = 10;

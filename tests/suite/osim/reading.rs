@@ -135,7 +135,8 @@ fn verif_other_files_are_refused() {
 
 #[test]
 fn verif_frames_that_are_not_supported_are_called_so_where_they_are_used() {
-    const FRAME: &str = "<StationDefinedFrame name=\"tilted\"><socket_point_a>/a</socket_point_a></StationDefinedFrame>";
+    const FRAME: &str =
+        "<StationDefinedFrame name=\"tilted\"><socket_point_a>/a</socket_point_a></StationDefinedFrame>";
     let opening = "<BodySet name=\"bodyset\">";
     assert!(FORMAT_40000.contains(opening));
     let text = FORMAT_40000.replacen(opening, &format!("<components>{FRAME}</components>{opening}"), 1);
