@@ -240,7 +240,7 @@ pub struct PersonalizeArgs {
 /// `carpus evaluate`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus evaluate study/study.toml --models done/models --out evaluated\n  carpus evaluate study/study.toml --models personalized --models other_fit --out evaluated\n\nReads DIR/P01/NAME.osim for every participant and evaluates every NAME, and the study's own model as `linear`, on the trials with use = test. Writes DIR/{report.html,evaluation_errors.csv,evaluation_means.csv,evaluation_anova.csv,evaluation_pairwise.csv}."
+    after_help = "Example:\n  carpus evaluate study/study.toml --models done/models --out evaluated\n  carpus evaluate study/study.toml --models personalized --models other_fit --out evaluated\n\nReads DIR/P01/NAME.osim for every participant and evaluates every NAME on the trials with use = test; the control `linear` is NAME = linear or, without it, the study's own model. Writes DIR/{report.html,evaluation_errors.csv,evaluation_means.csv,evaluation_anova.csv,evaluation_pairwise.csv}."
 )]
 pub struct EvaluateArgs {
     /// The study.

@@ -13,8 +13,10 @@ use super::{path_check, print_result, provenance};
 use crate::diagnosis::export::SideCar;
 use crate::diagnosis::forward_model::{ForwardModel, Setting};
 use crate::diagnosis::moments::simulate_all as simulate_effects;
+use crate::multibody::Model;
 use crate::osim::spec::ModelSpec;
 use crate::report::results::InputFile;
+use crate::scaling::{ParticipantScaling, ParticipantScalingError, scale_participant};
 use crate::simulation::{
     MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, Setup, SimulationError, TrialSimulation,
 };
@@ -34,6 +36,8 @@ pub struct StudyRun {
     /// Effects that the model has beside its file.
     side_car: Option<(PathBuf, SideCar)>,
     allow_unsupported: bool,
+    /// Whether models are scaled to the participants as `[scaling]` says.
+    scales_models: bool,
 }
 
 /// All that is needed to simulate a participant's trials.
@@ -43,6 +47,8 @@ pub struct ParticipantRun {
     pub participant: Participant,
     /// The model.
     pub loaded: LoadedModel,
+    /// How the model was scaled to the participant, if it was.
+    pub scaling: Option<ParticipantScaling>,
     /// The trials, in the order of recording.
     pub trials: Vec<Trial>,
     /// The model compiled for these trials.
@@ -128,7 +134,39 @@ impl StudyRun {
             other_model: args.model.clone(),
             side_car,
             allow_unsupported: args.allow_unsupported,
+            scales_models: false,
         })
+    }
+
+    /// The same study, with models scaled to the participants where `[scaling]` says how: all but those that a participant
+    /// or the command line names.
+    pub fn scaling_models(self) -> StudyRun {
+        StudyRun { scales_models: true, ..self }
+    }
+
+    /// Scales a participant's model in memory, if that is to be done.
+    fn scaled_to(
+        &self,
+        participant: &Participant,
+        loaded: &mut LoadedModel,
+        warnings: &mut Vec<Message>,
+    ) -> Result<Option<ParticipantScaling>, Failure> {
+        let settings = self.study.settings.scaling.as_ref();
+        if !self.scales_models || settings.is_none() || participant.own_model || self.other_model.is_some() {
+            return Ok(None);
+        }
+        let refused = |e: &ParticipantScalingError| super::commands::scale::refused(e, &self.study.file, &loaded.path);
+        let mut file = loaded.file.clone();
+        let scaling = scale_participant(&mut file, settings, participant).map_err(|e| refused(&e))?;
+        if !scaling.unmeasured.is_empty() {
+            let text = format!("{}: no length of {}: left as it is", participant.name, scaling.unmeasured.join(", "));
+            let table = self.study.folder.join("participants.csv");
+            warnings.push(Message::warning(text).in_file(&table).at_line(participant.line));
+        }
+        loaded.model = Model::compile(&file.spec)
+            .map_err(|e| Failure::from(Message::error(e.to_string()).in_file(&loaded.path).at_line(e.at().line)))?;
+        loaded.file = file;
+        Ok(Some(scaling))
     }
 
     /// Reads a participant's model and trials and does all work that does not depend on muscle parameters.
@@ -139,7 +177,8 @@ impl StudyRun {
         let settings = &self.study.settings;
         let mut warnings: Vec<Message> = self.study.warnings.iter().map(Message::from).collect();
         let needs = if settings.dynamometer.includes(MomentPart::Passive) { Needs::Forces } else { Needs::Motion };
-        let loaded = self.load_model(participant, needs, &mut warnings)?;
+        let mut loaded = self.load_model(participant, needs, &mut warnings)?;
+        let scaling = self.scaled_to(participant, &mut loaded, &mut warnings)?;
         let at_study = |e: SimulationError| Failure::from(simulation_message(&e, &loaded.path));
         let model = MusculoskeletalModel::compile(&loaded.file.spec, &self.setup()).map_err(at_study)?;
         let left_out = model.left_out().iter().map(|(name, class)| format!("{name} ({class})")).collect::<Vec<_>>();
@@ -171,6 +210,7 @@ impl StudyRun {
         Ok(ParticipantRun {
             participant: participant.clone(),
             loaded,
+            scaling,
             trials,
             model,
             prepared,

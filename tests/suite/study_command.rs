@@ -87,7 +87,7 @@ fn verif_a_killed_study_goes_on_and_gives_the_same_bytes() {
     let printed = String::from_utf8(done.get_output().stdout.clone()).unwrap();
     assert!(printed.contains("0 units were finished before"), "{printed}");
     let all = units(whole.path());
-    assert_eq!(all, 2 * (2 + 8 + 1), "two screenings, eight fits and an evaluation a participant");
+    assert_eq!(all, 2 * (1 + 2 + 8 + 1), "scaling, two screenings, eight fits and an evaluation a participant");
 
     let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("carpus"))
         .current_dir(killed.path())

@@ -35,6 +35,11 @@ pub fn run(args: &EvaluateArgs, global: &Global) -> Result<(), Failure> {
         for (name, path) in model_files(&args.models, participant)? {
             let file = OsimFile::read(&path).map_err(|e| osim_failure(&path, &e))?;
             inputs.push(input_file(&path, &path.display().to_string(), "evaluated model")?);
+            // A linearly scaled model among them is the control.
+            if name == LINEAR {
+                models[0].1 = file.spec;
+                continue;
+            }
             if !names.iter().any(|known| known.id == name) {
                 names.push(ModelName { id: name.clone(), label: name.replace('_', " ") });
             }
@@ -115,7 +120,7 @@ fn model_files(folders: &[PathBuf], participant: &Participant) -> Result<Vec<(St
         }
         here.sort();
         for (name, path) in here {
-            if name == LINEAR || found.iter().any(|(known, _)| *known == name) {
+            if found.iter().any(|(known, _)| *known == name) {
                 let text = format!("two models are called `{name}`");
                 return Err(Message::error(text).in_file(&path).hint("rename the file").into());
             }

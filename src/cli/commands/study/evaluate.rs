@@ -3,23 +3,19 @@
 use serde::{Deserialize, Serialize};
 
 use super::personalize::files;
+use super::scale::{STRENGTH, strong};
 use super::{Context, Step};
 use crate::cli::cohort_report::{self, ModelName, Representative};
 use crate::cli::commands::evaluate::{LINEAR, ReportParts, evaluate};
-use crate::cli::commands::strength_scale::refused;
 use crate::cli::failure::Failure;
 use crate::cli::provenance::hash;
 use crate::cli::study_run::ParticipantRun;
 use crate::cli::units::{Unit, value};
 use crate::evaluation::{Cohort, ConditionError};
 use crate::personalization::{Optimizer, TrainingCase};
-use crate::scaling::strength_scale;
 
 /// The step.
 pub struct Evaluate;
-
-/// The participant's model with forces scaled to the maximum voluntary moments.
-const STRENGTH: &str = "strength";
 
 /// A participant's evaluation, as it is stored.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -28,8 +24,6 @@ struct Evaluated {
     models: Vec<ModelName>,
     errors: Vec<ConditionError>,
     curves: Vec<Representative>,
-    /// Why a control is missing.
-    notes: Vec<String>,
 }
 
 impl Step for Evaluate {
@@ -47,26 +41,10 @@ impl Step for Evaluate {
         let mut models: Vec<_> = cases.iter().map(|(case, file)| (case.id(), file.spec.clone())).collect();
         let mut texts: Vec<String> =
             cases.iter().map(|(_, file)| String::from_utf8_lossy(file.document.bytes()).into_owned()).collect();
-        let mut notes = Vec::new();
-        let mut strong = run.loaded.file.clone();
-        match strength_scale(&mut strong, &context.study.study, &run.participant) {
-            Ok(_) => {
-                texts.push(String::from_utf8_lossy(strong.document.bytes()).into_owned());
-                context
-                    .study
-                    .out
-                    .write(format!("models/{}/{STRENGTH}.osim", run.participant.name), strong.document.bytes())?;
-                models.push((STRENGTH.to_string(), strong.spec));
-                names.push(ModelName { id: STRENGTH.to_string(), label: "strength scaled".to_string() });
-            }
-            Err(error) => match refused(error, &run.loaded.path) {
-                Failure::Input(messages) => notes.extend(
-                    messages
-                        .into_iter()
-                        .map(|m| format!("{}: no strength-scaled control: {}", run.participant.name, m.text)),
-                ),
-                other => return Err(other),
-            },
+        if let Some(strong) = strong(context, run)? {
+            texts.push(String::from_utf8_lossy(strong.document.bytes()).into_owned());
+            models.push((STRENGTH.to_string(), strong.spec));
+            names.push(ModelName { id: STRENGTH.to_string(), label: "strength scaled".to_string() });
         }
         let depends_on = hash(&texts.iter().map(String::as_str).collect::<Vec<_>>());
         models.push((LINEAR.to_string(), run.loaded.file.spec.clone()));
@@ -75,8 +53,7 @@ impl Step for Evaluate {
             let shown = shown(&models);
             let shown: Vec<&str> = shown.iter().map(String::as_str).collect();
             let (errors, curves) = evaluate(context.study, run, &models, &shown)?;
-            let (participant, models, notes) = (run.participant.name.clone(), names.clone(), notes.clone());
-            value(&Evaluated { participant, models, errors, curves, notes })
+            value(&Evaluated { participant: run.participant.name.clone(), models: names.clone(), errors, curves })
         };
         let place = format!("{}/{}", self.id(), run.participant.name);
         Ok(vec![Unit { place, depends_on, work: Box::new(work) }])
@@ -99,9 +76,7 @@ impl Step for Evaluate {
         let errors = units.iter().flat_map(|u| u.errors.clone()).collect();
         let curves: Vec<Representative> = units.iter().flat_map(|u| u.curves.clone()).collect();
         let cohort = Cohort::new(errors, names.iter().map(|n| n.id.clone()).collect());
-        let mut report = cohort_report::evaluation(&cohort, &names, &curves)?;
-        report.warnings.extend(units.iter().flat_map(|u| u.notes.iter().cloned()));
-        Ok(Some(report))
+        cohort_report::evaluation(&cohort, &names, &curves).map(Some)
     }
 }
 

@@ -7,6 +7,7 @@
 mod evaluate;
 mod personalize;
 mod power;
+mod scale;
 mod sensitivity;
 
 use crate::cli::args::{Global, WholeStudyArgs};
@@ -22,8 +23,8 @@ use crate::report::render_article;
 use crate::report::results::InputFile;
 
 /// The steps, in the order in which they are done.
-const STEPS: [&dyn Step; 4] =
-    [&sensitivity::Sensitivity, &personalize::Personalize, &evaluate::Evaluate, &power::Power];
+const STEPS: [&dyn Step; 5] =
+    [&scale::Scale, &sensitivity::Sensitivity, &personalize::Personalize, &evaluate::Evaluate, &power::Power];
 
 /// What all steps work with.
 pub struct Context<'a> {
@@ -72,7 +73,7 @@ pub trait Step: Sync {
 /// The study, an unknown step, the output folder; after everything else is done, whatever could not be done.
 pub fn run(args: &WholeStudyArgs, global: &Global) -> Result<(), Failure> {
     let steps = chosen(&args.steps)?;
-    let study = StudyRun::prepare(&args.study)?;
+    let study = StudyRun::prepare(&args.study)?.scaling_models();
     let store = UnitStore::new(&study.out)?;
     let context = Context { study: &study, args, global, store: &store };
     let bar = progress(global, (study.participants.len() * steps.len()) as u64, "reading");
