@@ -138,10 +138,11 @@ fn lead(cohort: &Cohort, names: &[ModelName]) -> String {
         .min_by(|a, b| a.1.mean.total_cmp(&b.1.mean));
     match best {
         Some((name, found)) => format!(
-            "{} models on the held-out trials of {} participants. The least mean NRMSE over all of them, {:.1} % ± {:.1} %, \
+            "{} models on the held-out trials of {} participant{}. The least mean NRMSE over all of them, {:.1} % ± {:.1} %, \
              has the model {}.",
             names.len(),
             cohort.participants().len(),
+            if cohort.participants().len() == 1 { "" } else { "s" },
             100.0 * found.mean,
             100.0 * found.standard_deviation,
             name.label

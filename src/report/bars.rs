@@ -55,7 +55,7 @@ impl BarFigure {
                 let title = format!("{}, {name}: {mean:.3} ± {sd:.3}", self.series[s]);
                 let _ = write!(
                     w,
-                    r#"<rect class="bar c{}" x="{x:.1}" y="{:.1}" width="{:.1}" height="{:.1}"><title>{}</title></rect>"#,
+                    r#"<rect class="column c{}" x="{x:.1}" y="{:.1}" width="{:.1}" height="{:.1}"><title>{}</title></rect>"#,
                     s % COLOURS,
                     a.min(b),
                     bar * 0.9,
@@ -145,7 +145,7 @@ mod tests {
             size: [400.0, 200.0],
         };
         let svg = figure.svg();
-        assert_eq!(svg.matches("<rect class=\"bar").count(), 3);
+        assert_eq!(svg.matches("<rect class=\"column").count(), 3);
         assert_eq!(svg.matches("class=\"whisker\"").count(), 3);
         assert!(legend(&figure.series).contains("square c1"));
         let map = heat_map("d", &["a".into(), "b".into()], &[vec![None, Some(0.03)], vec![Some(0.001), None]]);
