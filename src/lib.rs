@@ -11,6 +11,8 @@ pub mod dynamometer;
 pub mod evaluation;
 pub mod forces;
 pub mod functions;
+pub mod identifiability;
+pub mod imaging;
 pub mod multibody;
 pub mod muscles;
 pub mod numerics;

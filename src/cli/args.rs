@@ -73,6 +73,10 @@ pub enum Command {
     // Hidden until its false alarms and its power are measured.
     #[command(hide = true)]
     Diagnose(DiagnoseArgs),
+    /// Intervals of muscle parameters, what the data leave open, and which trial would narrow it down
+    Identify(IdentifyArgs),
+    /// Resting muscles of models beside ultrasound images: correlations, limits of agreement
+    Ultrasound(UltrasoundArgs),
     /// Which muscle parameters the study's trials respond to: Morris screening, Sobol' indices
     Sensitivity(SensitivityArgs),
     /// Raw EMG to normalized EMG: band-pass, envelope, smoothing, MVC; checks of every channel, report
@@ -277,6 +281,71 @@ pub struct WholeStudyArgs {
     pub sqp_iterations: u32,
 }
 
+/// `carpus identify`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus identify study/study.toml --out identified\n  carpus identify study/study.toml --priors literature.csv --out identified\n\nWrites DIR/P01/{identifiability.json,intervals.csv,combinations.csv,correlations.csv,next_trials.csv,draws.csv,report.html}. Held-out trials (use = test) are not used."
+)]
+pub struct IdentifyArgs {
+    /// The study.
+    #[command(flatten)]
+    pub study: StudyArgs,
+    /// Properties in question, under OpenSim's names (comma-separated; default: optimal_fiber_length,
+    /// tendon_slack_length, max_isometric_force)
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    pub properties: Vec<String>,
+    /// One factor for several muscles, per property; may be given several times
+    #[arg(long, value_name = "GROUP=MUSCLE,…", value_parser = tied)]
+    pub tie: Vec<TiedMuscles>,
+    /// Prior knowledge: a CSV with muscle, property, mean, sd (in the file's unit) and perhaps source
+    #[arg(long, value_name = "FILE")]
+    pub priors: Option<PathBuf>,
+    /// Level of intervals
+    #[arg(long, value_name = "P", default_value_t = 0.9, value_parser = level)]
+    pub level: f64,
+    /// Draws from the posterior
+    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(40..=1_000_000))]
+    pub draws: u32,
+}
+
+/// `carpus ultrasound`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus ultrasound study/study.toml --out imaging\n  carpus ultrasound study/study.toml --case personalized=personalized/{participant}/model.osim --out imaging\n\nMeasurements are read from ultrasound.csv beside study.toml; ratios and tension from its [ultrasound] section. Writes DIR/{ultrasound.json,correlations.csv,agreement.csv,measurements.csv,report.html}."
+)]
+pub struct UltrasoundArgs {
+    /// The study: its study.toml or the folder it is in
+    #[arg(value_name = "STUDY/study.toml")]
+    pub study: PathBuf,
+    /// A further model case: a name, and the model of each participant; may be given several times
+    #[arg(long, value_name = "NAME=PATH/{participant}/model.osim", value_parser = model_case)]
+    pub case: Vec<ModelCase>,
+    /// Folder for the results
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Go on although a model has components that would change the result and are not supported
+    #[arg(long)]
+    pub allow_unsupported: bool,
+}
+
+/// Muscles whose parameters have one factor.
+#[derive(Clone, Debug)]
+pub struct TiedMuscles {
+    /// Name of the group.
+    pub name: String,
+    /// Its muscles.
+    pub muscles: Vec<String>,
+}
+
+/// A named set of models, one per participant.
+#[derive(Clone, Debug)]
+pub struct ModelCase {
+    /// Its name.
+    pub name: String,
+    /// Path in which `{participant}` stands for the participant's name.
+    pub path: String,
+}
+
 /// `carpus sensitivity`
 #[derive(Debug, Args)]
 #[command(
@@ -404,15 +473,18 @@ pub struct StrengthScaleArgs {
 /// `carpus power`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus power paired-t --effect 0.72 --n 10 --tails 2\n  carpus power correlation --effect 0.64 --n 5 --tails 1\n\nThe effect is Cohen's d (t-tests) or r (correlations); n is the number of participants, of two-sample-t per group."
+    after_help = "Example:\n  carpus power paired-t --effect 0.72 --n 10 --tails 2\n  carpus power correlation --effect 0.64 --n 5 --tails 1\n  carpus power --published\n\nThe effect is Cohen's d (t-tests) or r (correlations); n is the number of participants, of two-sample-t per group."
 )]
 pub struct PowerArgs {
     /// The test
-    #[arg(value_name = "TEST")]
-    pub test: PowerTest,
+    #[arg(value_name = "TEST", required_unless_present = "published")]
+    pub test: Option<PowerTest>,
     /// Size of the effect: Cohen's d, or r
-    #[arg(long, value_name = "SIZE", allow_hyphen_values = true)]
-    pub effect: f64,
+    #[arg(long, value_name = "SIZE", allow_hyphen_values = true, required_unless_present = "published")]
+    pub effect: Option<f64>,
+    /// The power analyses of Jadelis (2025): what was published, and the tests that give these numbers and other ones
+    #[arg(long, conflicts_with_all = ["test", "effect", "n"])]
+    pub published: bool,
     /// Participants there are: the power they have
     #[arg(long, value_name = "N")]
     pub n: Option<usize>,
@@ -451,6 +523,31 @@ fn activation(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (0.0..=1.0).contains(&value) => Ok(value),
         _ => Err("expected a number from 0 to 1".to_string()),
+    }
+}
+
+fn tied(text: &str) -> Result<TiedMuscles, String> {
+    let (name, muscles) = text.split_once('=').ok_or("expected GROUP=MUSCLE,MUSCLE, as in flexors=FCR,FCU")?;
+    let muscles: Vec<String> = muscles.split(',').map(|m| m.trim().to_string()).filter(|m| !m.is_empty()).collect();
+    if name.is_empty() || muscles.is_empty() {
+        return Err("expected GROUP=MUSCLE,MUSCLE, as in flexors=FCR,FCU".to_string());
+    }
+    Ok(TiedMuscles { name: name.to_string(), muscles })
+}
+
+fn model_case(text: &str) -> Result<ModelCase, String> {
+    match text.split_once('=') {
+        Some((name, path)) if !name.is_empty() && !path.is_empty() => {
+            Ok(ModelCase { name: name.to_string(), path: path.to_string() })
+        }
+        _ => Err("expected NAME=PATH, as in personalized=results/{participant}/model.osim".to_string()),
+    }
+}
+
+fn level(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.5..=0.999).contains(&value) => Ok(value),
+        _ => Err("expected a number from 0.5 to 0.999".to_string()),
     }
 }
 

@@ -9,6 +9,7 @@ mod axis_figures;
 pub mod bars;
 pub mod convergence;
 pub mod diagnosis;
+pub mod identifiability;
 pub mod ledger;
 pub mod moments;
 mod number;
@@ -20,6 +21,7 @@ pub mod signals;
 mod story;
 mod story_figures;
 pub mod sweep;
+pub mod ultrasound;
 mod view;
 
 pub use article::render_article;

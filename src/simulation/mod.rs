@@ -15,6 +15,7 @@ mod activation_trajectory;
 mod error;
 mod fiber;
 mod model;
+mod moment_arms;
 mod motion;
 mod path_table;
 mod piecewise;

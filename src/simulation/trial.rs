@@ -501,6 +501,40 @@ impl PreparedTrial {
         muscle: usize,
         parameters: &MuscleParameters,
     ) -> Result<UnitMoment, SimulationError> {
+        let arms = &self.kinematics.muscles[muscle].moment_arm;
+        self.unit_with_derivatives(muscle, parameters, |k| arms[k])
+    }
+
+    /// As [`PreparedTrial::unit_moment_with_derivatives`] with a moment arm of 1: tendon force over maximum isometric
+    /// force, for moments about any coordinate.
+    ///
+    /// # Errors
+    /// As [`PreparedTrial::simulate`].
+    pub fn unit_force_with_derivatives(
+        &self,
+        muscle: usize,
+        parameters: &MuscleParameters,
+    ) -> Result<UnitMoment, SimulationError> {
+        self.unit_with_derivatives(muscle, parameters, |_| 1.0)
+    }
+
+    /// Tendon force of one muscle over its maximum isometric force, at every sample.
+    ///
+    /// # Errors
+    /// As [`PreparedTrial::simulate`].
+    pub fn unit_force(&self, muscle: usize, parameters: &MuscleParameters) -> Result<Vec<f64>, SimulationError> {
+        self.muscles[muscle].muscle.check(parameters)?;
+        let mut force = vec![0.0; self.len()];
+        self.run::<false>(muscle, parameters, |k, at| force[k] = at.force)?;
+        Ok(force)
+    }
+
+    fn unit_with_derivatives(
+        &self,
+        muscle: usize,
+        parameters: &MuscleParameters,
+        arm: impl Fn(usize) -> f64,
+    ) -> Result<UnitMoment, SimulationError> {
         self.muscles[muscle].muscle.check(parameters)?;
         let n = self.len();
         let mut out = UnitMoment {
@@ -510,13 +544,12 @@ impl PreparedTrial {
             by_pennation_angle: vec![0.0; n],
             work: Work::default(),
         };
-        let arms = &self.kinematics.muscles[muscle].moment_arm;
         let cosine = parameters.pennation_angle_at_optimal.cos();
         out.work = self.run::<true>(muscle, parameters, |k, at| {
-            out.moment[k] = arms[k] * at.force;
-            out.by_optimal_fiber_length[k] = arms[k] * at.force_by[0];
-            out.by_tendon_slack_length[k] = arms[k] * at.force_by[1];
-            out.by_pennation_angle[k] = arms[k] * at.force_by[2] * cosine;
+            out.moment[k] = arm(k) * at.force;
+            out.by_optimal_fiber_length[k] = arm(k) * at.force_by[0];
+            out.by_tendon_slack_length[k] = arm(k) * at.force_by[1];
+            out.by_pennation_angle[k] = arm(k) * at.force_by[2] * cosine;
         })?;
         Ok(out)
     }

@@ -234,6 +234,22 @@ impl PreparedTrial {
         solution: &MuscleSolution,
         excitation: &[f64],
     ) -> ExcitationResponse {
+        let arms = &self.kinematics.muscles[muscle].moment_arm;
+        self.response(muscle, solution, excitation, |k| arms[k])
+    }
+
+    /// As [`PreparedTrial::excitation_response`] with a moment arm of 1: the response of the tendon force [N].
+    pub fn force_response(&self, muscle: usize, solution: &MuscleSolution, excitation: &[f64]) -> ExcitationResponse {
+        self.response(muscle, solution, excitation, |_| 1.0)
+    }
+
+    fn response(
+        &self,
+        muscle: usize,
+        solution: &MuscleSolution,
+        excitation: &[f64],
+        arm: impl Fn(usize) -> f64,
+    ) -> ExcitationResponse {
         let n = self.len();
         let prepared = &self.muscles[muscle];
         let kinematics = &self.kinematics.muscles[muscle];
@@ -266,7 +282,7 @@ impl PreparedTrial {
                 response.activation_gain[k] = 0.0;
             }
             let (x, rate) = (solution.fiber_length[k], solution.fiber_rate[k]);
-            let arm = kinematics.moment_arm[k];
+            let arm = arm(k);
             if prepared.muscle.rigid_tendon {
                 let near = |a: f64| fiber.rigid_tendon(a, kinematics.length[k], kinematics.lengthening_speed[k]).force;
                 response.moment_by_activation[k] = arm * force * (near(a + 1e-4) - near(a)) / 1e-4;

@@ -8,15 +8,19 @@
 //!
 //! | file | what is in it | optional keys beyond the essential ones |
 //! |---|---|---|
-//! | `study.toml` | `[study]`, `[dynamometer]`, `[posture_deg]`, `[muscles]`, `[emg]`, `[columns]`, `[personalization]` | `[columns] ignore = [..]`: columns that are there and not used; `[columns] angle_unit = "rad"`; `[checks] max_gap_s`; `[processing]`, `[scaling]` and `[strength_scaling]` |
+//! | `study.toml` | `[study]`, `[dynamometer]`, `[posture_deg]`, `[muscles]`, `[emg]`, `[columns]`, `[personalization]`, `[ultrasound]` | `[columns] ignore = [..]`: columns that are there and not used; `[columns] angle_unit = "rad"`; `[checks] max_gap_s`; `[processing]`, `[scaling]` and `[strength_scaling]` |
+//! | | | `[dynamometer] further_moments = { deviation = "column" }`: moments measured about coordinates that are held |
+//! | | | `[ultrasound]`: [`ImagingSettings`] |
 //! | `participants.csv` | [`Participant`] | any `<segment>_length_m` |
 //! | `trials.csv` | [`TrialInfo`] | `start_time_s` |
 //! | `ultrasound.csv` | [`UltrasoundMeasurement`] | the file itself |
 //! | trial files | time, angle, moment, EMG, perhaps velocity: [`Trial`] | |
 
+mod imaging_settings;
 mod lines;
 mod participants;
 mod plausibility;
+mod priors;
 mod problem;
 mod processed_emg;
 mod processing;
@@ -35,7 +39,9 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
+pub use imaging_settings::ImagingSettings;
 pub use participants::{Participant, Sex, Side};
+pub use priors::{PriorKnowledge, read_priors};
 pub(crate) use problem::nearest;
 pub use problem::{Fault, MAX_LISTED, Problem, Severity, StudyErrors};
 pub use processed_emg::{ParticipantEmg, ProcessedEmg};
@@ -45,7 +51,8 @@ pub use processing::{
 pub use raw_emg::EmgSignal;
 pub use scaling::{FinalMass, ModelLength, ScalingSettings, SegmentScaling, StrengthSettings};
 pub use settings::{
-    AngleUnit, Columns, Dynamometer, MomentPart, ParameterBounds, PostureCoordinate, RelativeBounds, Settings,
+    AngleUnit, Columns, Dynamometer, FurtherMoment, MomentPart, ParameterBounds, PostureCoordinate, RelativeBounds,
+    Settings,
 };
 pub use trial::{
     ANGLE_RANGE_TOLERANCE, EMG_NOISE_ABOVE, EMG_NOISE_BELOW, GAP_IN_MEDIAN_STEPS, MAX_SAMPLES, MIN_SAMPLES, Trial,
@@ -234,11 +241,21 @@ impl Study {
         };
         let dynamometer = &self.settings.dynamometer;
         check("coordinate", &dynamometer.coordinate, coordinates, &self.file, dynamometer.coordinate_line);
+        for further in &self.settings.columns.further_moments {
+            check("coordinate", &further.coordinate, coordinates, &self.file, further.line);
+        }
         for held in &self.settings.posture {
             check("coordinate", &held.coordinate, coordinates, &self.file, held.line);
         }
         for muscle in &self.settings.active_muscles {
             check("muscle", muscle, muscles, &self.file, self.settings.active_line);
+        }
+        let imaging = &self.settings.imaging;
+        for held in imaging.posture.iter().chain(imaging.muscle_posture.iter().flat_map(|(_, held)| held)) {
+            check("coordinate", &held.coordinate, coordinates, &self.file, held.line);
+        }
+        for muscle in imaging.muscles() {
+            check("muscle", muscle, muscles, &self.file, imaging.line);
         }
         let ultrasound = self.folder.join("ultrasound.csv");
         for imaged in &self.ultrasound {

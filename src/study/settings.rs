@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::imaging_settings::ImagingSettings;
 use super::problem::{Fault, Problem};
 use super::processing::{self, ProcessingSettings};
 use super::raw_emg::{self, EmgSignal};
@@ -45,6 +46,8 @@ pub struct Settings {
     pub scaling: Option<ScalingSettings>,
     /// How forces are scaled to maximum voluntary moments.
     pub strength: StrengthSettings,
+    /// How imaging is compared with a model.
+    pub imaging: ImagingSettings,
     /// Largest time step allowed in a trial \[s\]; `None`: five median steps.
     pub max_gap: Option<f64>,
 }
@@ -115,12 +118,25 @@ pub struct Columns {
     pub velocity_required: bool,
     /// Measured moment [N·m].
     pub moment: String,
+    /// Moments about further coordinates, if the machine measures them.
+    pub further_moments: Vec<FurtherMoment>,
     /// Column of the EMG of each active muscle (same order); one column may serve several muscles.
     pub emg: Vec<String>,
     /// Columns that are there and not used.
     pub ignore: Vec<String>,
     /// Unit of angle and velocity in the files.
     pub angle_unit: AngleUnit,
+}
+
+/// A moment that is measured about a coordinate beside the dynamometer's, which stays at its posture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FurtherMoment {
+    /// OpenSim coordinate; the moment is positive in its positive direction.
+    pub coordinate: String,
+    /// Column of trial files [N·m].
+    pub column: String,
+    /// Line of `study.toml`.
+    pub line: usize,
 }
 
 /// Unit of angles in trial files.
@@ -182,7 +198,7 @@ impl Settings {
         let model_line = study.line_of("model");
         study.finish(problems);
 
-        let dynamometer = dynamometer(&sections, problems);
+        let (dynamometer, further_moments) = dynamometer(&sections, file, problems);
         let posture = posture(&sections, dynamometer.as_ref().map(|d| d.coordinate.as_str()), file, problems);
 
         let before = problems.len();
@@ -191,13 +207,15 @@ impl Settings {
         let active_line = muscles.line_of("active");
         muscles.finish(problems);
 
-        let columns = columns(&sections, active.as_deref().unwrap_or_default(), problems);
+        let mut columns = columns(&sections, active.as_deref().unwrap_or_default(), problems);
+        columns.further_moments = further_moments;
         let columns_sound = problems.len() == before;
         let emg = raw_emg::settings(&sections, problems);
         let bounds = bounds(&sections, problems);
         let processing = processing::settings(&sections, problems);
         let scaling = scaling::linear(&sections, file, problems);
         let strength = scaling::strength(&sections, active.as_deref().unwrap_or_default(), problems);
+        let imaging = ImagingSettings::parse(&sections, problems);
 
         let mut checks = sections.section("checks");
         let max_gap = checks.optional_number("max_gap_s", "a positive number of seconds", |v| v > 0.0);
@@ -218,13 +236,18 @@ impl Settings {
             processing,
             scaling,
             strength,
+            imaging,
             max_gap,
         };
         Some((settings, columns_sound))
     }
 }
 
-fn dynamometer(sections: &Sections<'_>, problems: &mut Vec<Problem>) -> Option<Dynamometer> {
+fn dynamometer(
+    sections: &Sections<'_>,
+    file: &Path,
+    problems: &mut Vec<Problem>,
+) -> (Option<Dynamometer>, Vec<FurtherMoment>) {
     let mut section = sections.section("dynamometer");
     let coordinate =
         section.required_string("coordinate", "the OpenSim coordinate whose generalized force is measured");
@@ -239,10 +262,30 @@ fn dynamometer(sections: &Sections<'_>, problems: &mut Vec<Problem>) -> Option<D
     let include = section
         .optional_words("include", "part of the moment", &parts)
         .unwrap_or_else(|| vec![MomentPart::Muscles, MomentPart::Passive]);
+    let expected = "a table: coordinate = \"column of its moment\"";
+    let further = section
+        .optional_table("further_moments", expected, |inner| {
+            let keys = inner.keys();
+            let mut read = |coordinate: String| {
+                let (line, column) = (inner.line_of(&coordinate), inner.optional_string(&coordinate)?);
+                Some(FurtherMoment { coordinate, column, line })
+            };
+            keys.into_iter().filter_map(&mut read).collect::<Vec<_>>()
+        })
+        .unwrap_or_default();
     section.finish(problems);
+    for same in further.iter().filter(|f| Some(&f.coordinate) == coordinate.as_ref()) {
+        let fault = Fault::BadValue {
+            key: same.coordinate.clone(),
+            expected: "a coordinate other than the dynamometer's, whose moment has its own column".to_owned(),
+            found: format!("`{}`", same.coordinate),
+        };
+        problems.push(Problem::error(file, same.line, fault));
+    }
     // One degree is π/180 rad, so a drag per degree is the larger number per radian.
     let damping = damping.unwrap_or(0.0) / 1f64.to_radians();
-    Some(Dynamometer { coordinate: coordinate?, coordinate_line, damping, include })
+    let dynamometer = coordinate.map(|coordinate| Dynamometer { coordinate, coordinate_line, damping, include });
+    (dynamometer, further)
 }
 
 fn posture(
@@ -302,6 +345,7 @@ fn columns(sections: &Sections<'_>, active: &[String], problems: &mut Vec<Proble
         angle: section.optional_string("angle").unwrap_or_else(|| angle.to_owned()),
         velocity_required: named_velocity.is_some(),
         velocity: named_velocity.unwrap_or_else(|| velocity.to_owned()),
+        further_moments: Vec::new(),
         moment: section.optional_string("moment").unwrap_or_else(|| "moment_n_m".to_owned()),
         emg: emg_columns(&mut section, active),
         ignore: section.optional_strings("ignore", "list of column names").unwrap_or_default(),

@@ -312,6 +312,22 @@ impl<'a> TomlSection<'a> {
         expected: &str,
         read: impl FnOnce(&mut TomlSection<'a>) -> T,
     ) -> Option<T> {
+        self.inner_table(key, key, expected, read)
+    }
+
+    /// Keys in the order of the file.
+    pub fn keys(&self) -> Vec<String> {
+        self.entries.iter().map(|e| e.key.to_owned()).collect()
+    }
+
+    /// As [`TomlSection::optional_table`] where the key is not known beforehand; `name`: for messages.
+    pub fn inner_table<T>(
+        &mut self,
+        key: &str,
+        name: &'static str,
+        expected: &str,
+        read: impl FnOnce(&mut TomlSection<'a>) -> T,
+    ) -> Option<T> {
         let value = self.value(key)?;
         let DeValue::Table(table) = value else {
             self.bad_value(key, expected, &describe(value));
@@ -320,7 +336,7 @@ impl<'a> TomlSection<'a> {
         let mut inner = TomlSection {
             file: self.file,
             text: self.text,
-            name: key,
+            name,
             line: self.line_of(key),
             entries: entries(table, self.text),
             known: BTreeSet::new(),

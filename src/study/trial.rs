@@ -34,6 +34,8 @@ pub struct Trial {
     pub velocity: Option<Vec<f64>>,
     /// Moment the person exerts about the coordinate [N·m], positive in the coordinate's positive direction.
     pub moment: Vec<f64>,
+    /// Moments about the further coordinates of `[dynamometer] further_moments` [N·m], in their order.
+    pub further_moments: Vec<Vec<f64>>,
     /// Excitation of each active muscle, 0 to 1, in the order of the study's active muscles.
     pub excitation: Vec<Vec<f64>>,
     /// What a person should look at.
@@ -51,7 +53,8 @@ impl Trial {
         moment: Vec<f64>,
         excitation: Vec<Vec<f64>>,
     ) -> Self {
-        Self { info, time, angle, velocity: None, moment, excitation, warnings: Vec::new(), lines: Vec::new() }
+        let (velocity, further_moments, warnings, lines) = (None, Vec::new(), Vec::new(), Vec::new());
+        Self { info, time, angle, velocity, moment, further_moments, excitation, warnings, lines }
     }
 
     /// Number of samples.
@@ -138,6 +141,7 @@ struct Layout {
     angle: usize,
     velocity: Option<usize>,
     moment: usize,
+    further: Vec<usize>,
     emg: Vec<usize>,
 }
 
@@ -160,6 +164,11 @@ fn layout(
     let time = column(&columns.time, "time in seconds");
     let angle = column(&columns.angle, "angle of the dynamometer's coordinate");
     let moment = column(&columns.moment, "measured moment in N·m");
+    let further: Vec<usize> = columns
+        .further_moments
+        .iter()
+        .filter_map(|f| column(&f.column, &format!("measured moment about {} in N·m", f.coordinate)))
+        .collect();
     let has_velocity = columns.velocity_required || header.contains(&columns.velocity);
     let velocity = if has_velocity { column(&columns.velocity, "angular velocity") } else { None };
     let mut emg = Vec::with_capacity(muscles.len());
@@ -171,11 +180,12 @@ fn layout(
     }
     report_unknown_columns(header, columns, file, problems);
     (problems.len() == before).then_some(())?;
-    Some(Layout { time: time?, angle: angle?, velocity, moment: moment?, emg })
+    Some(Layout { time: time?, angle: angle?, velocity, moment: moment?, further, emg })
 }
 
 fn report_unknown_columns(header: &[String], columns: &Columns, file: &Path, problems: &mut Vec<Problem>) {
     let mut known: Vec<&str> = vec![&columns.time, &columns.angle, &columns.velocity, &columns.moment];
+    known.extend(columns.further_moments.iter().map(|f| f.column.as_str()));
     for name in &columns.emg {
         if !known.contains(&name.as_str()) {
             known.push(name); // one column may drive several muscles
@@ -225,6 +235,7 @@ fn read_samples(
     let unit = settings.columns.angle_unit;
     let muscles = settings.active_muscles.len();
     let mut trial = Trial::from_samples(info.clone(), Vec::new(), Vec::new(), Vec::new(), vec![Vec::new(); muscles]);
+    trial.further_moments = vec![Vec::new(); layout.further.len()];
     let mut velocity = layout.velocity.map(|_| Vec::new());
     let mut bad: Vec<BadCells> = header.iter().map(|_| BadCells::default()).collect();
     let mut ragged: Option<(usize, usize, usize)> = None;
@@ -262,6 +273,9 @@ fn read_samples(
         trial.time.push(number(layout.time));
         trial.angle.push(unit.to_radians(number(layout.angle)));
         trial.moment.push(number(layout.moment));
+        for (samples, column) in trial.further_moments.iter_mut().zip(&layout.further) {
+            samples.push(number(*column));
+        }
         if let (Some(column), Some(samples)) = (layout.velocity, velocity.as_mut()) {
             samples.push(unit.to_radians(number(column)));
         }

@@ -11,6 +11,8 @@ mod evaluation;
 mod fixtures;
 mod forces;
 mod functions;
+mod identifiability;
+mod imaging;
 mod multibody;
 mod muscles;
 mod osim;

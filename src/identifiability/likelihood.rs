@@ -1,0 +1,721 @@
+//! How probable recorded moments are, given muscle parameters: noise of the moment, and noise of the EMG as it passes
+//! through the muscles.
+//!
+//! ```text
+//! y − τ(θ, ê) + G ŵ − B b ~ N(0, V),   ê = e exp(ŵ),   b ~ N(0, I)
+//! ```
+//! ŵ: expected noise of log excitation given the fit; V: [`crate::diagnosis::noise`]; b: baseline of every EMG channel.
+//! ŵ, G, B and V are held at the fit ([`Held`]), so that what is left is a sum of squares in θ and b. What that leaves out, and
+//! noise of another kind, shows in how trials scatter about the fit ([`Fit::dispersion`]), by which intervals are widened.
+//!
+//! # References
+//! Lindstrom & Bates (1990), Nonlinear mixed effects models for repeated measures data, doi:10.2307/2532087.
+
+use std::sync::Arc;
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use rayon::prelude::*;
+
+use super::descent::{Limits, Quadratic, descend};
+use super::parameters::{Layout, MuscleProperty};
+use crate::diagnosis::fit::{block_means, block_starts};
+use crate::diagnosis::noise::{self, KNOT_SPACING, NoiseLevels, Response, TrialNoise, TrialTimes};
+use crate::osim::spec::MuscleSpec;
+use crate::simulation::{MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, SimulationError};
+
+/// Standard deviation expected of an EMG channel's baseline.
+const BASELINE_SD: f64 = 0.004;
+/// Evaluations of the first descent, with usual noise, and of those after each estimate of the noise.
+const EVALUATIONS: [usize; 6] = [12, 6, 5, 4, 4, 4];
+/// A descent ends when a step promises less than this decrease of −2 log probability.
+const CONVERGED: f64 = 0.005;
+/// A fit that leaves more than this is not one whose intervals another factor could mend.
+const MOST_DISPERSION: f64 = 25.0;
+/// Step of differences by logarithms of properties without exact derivatives.
+const DIFFERENCE: f64 = 0.02;
+/// Channels of a trial are put this far apart in time [s], so that slow disturbances of one are not those of another.
+const CHANNEL_OFFSET: f64 = 1e6;
+
+/// Generalized force about one coordinate over a trial.
+#[derive(Clone, Debug)]
+pub struct Channel {
+    /// The coordinate.
+    pub coordinate: String,
+    /// Measured [N·m].
+    pub measured: Vec<f64>,
+    /// The part that is not of muscles [N·m].
+    pub without_muscles: Vec<f64>,
+    /// Moment arm of every active muscle [m].
+    pub moment_arms: Vec<Vec<f64>>,
+}
+
+/// A recorded trial.
+#[derive(Clone, Debug)]
+pub struct RecordedTrial {
+    /// Name for messages.
+    pub name: String,
+    /// Time [s].
+    pub time: Vec<f64>,
+    /// Angle of the moving coordinate [rad].
+    pub angle: Vec<f64>,
+    /// Excitation of every active muscle, as recorded.
+    pub excitation: Vec<Vec<f64>>,
+    /// What was measured.
+    pub channels: Vec<Channel>,
+    /// Prepared with the excitation as recorded.
+    pub prepared: PreparedTrial,
+}
+
+impl RecordedTrial {
+    /// A trial with one measured moment, about the moving coordinate.
+    pub fn new(
+        name: &str,
+        coordinate: &str,
+        recording: &Recording,
+        measured: &[f64],
+        prepared: &PreparedTrial,
+    ) -> RecordedTrial {
+        let moment_arms = prepared.kinematics().muscles.iter().map(|m| m.moment_arm.clone()).collect();
+        RecordedTrial {
+            name: name.to_string(),
+            time: recording.time.to_vec(),
+            angle: recording.angle.to_vec(),
+            excitation: recording.excitation.iter().map(|e| e.to_vec()).collect(),
+            channels: vec![Channel {
+                coordinate: coordinate.to_string(),
+                measured: measured.to_vec(),
+                without_muscles: prepared.moment_without_muscles(),
+                moment_arms,
+            }],
+            prepared: prepared.clone(),
+        }
+    }
+
+    /// The same trial with the moment about a further coordinate, which muscles alone make.
+    ///
+    /// - `moment_arms`: of every active muscle about it
+    pub fn with_channel(mut self, coordinate: &str, measured: &[f64], moment_arms: Vec<Vec<f64>>) -> RecordedTrial {
+        let without_muscles = vec![0.0; measured.len()];
+        let (coordinate, measured) = (coordinate.to_string(), measured.to_vec());
+        self.channels.push(Channel { coordinate, measured, without_muscles, moment_arms });
+        self
+    }
+
+    /// Its time and angle with an excitation.
+    fn recording<'b>(&'b self, excitation: &'b [Vec<f64>]) -> Recording<'b> {
+        Recording {
+            name: self.name.clone(),
+            time: &self.time,
+            angle: &self.angle,
+            excitation: excitation.iter().map(Vec::as_slice).collect(),
+        }
+    }
+
+    /// Blocks of samples, the same for every channel.
+    fn starts(&self) -> Vec<usize> {
+        block_starts(self.time.len())
+    }
+
+    /// Block means of the moments, channel after channel, that a muscle's force makes.
+    pub(super) fn moments_of(&self, muscle: usize, force: &[f64], starts: &[usize]) -> DVector<f64> {
+        self.stacked(starts, |c| {
+            self.channels[c].moment_arms[muscle].iter().zip(force).map(|(arm, f)| arm * f).collect()
+        })
+    }
+
+    fn stacked(&self, starts: &[usize], series: impl Fn(usize) -> Vec<f64>) -> DVector<f64> {
+        let parts: Vec<DVector<f64>> = (0..self.channels.len()).map(|c| block_means(&series(c), starts)).collect();
+        DVector::from_iterator(parts.iter().map(DVector::len).sum(), parts.iter().flat_map(|p| p.iter().copied()))
+    }
+}
+
+/// A participant's model and training trials, and the parameters in question.
+#[derive(Clone, Debug)]
+pub(super) struct Problem {
+    pub(super) model: MusculoskeletalModel,
+    pub(super) specs: Vec<MuscleSpec>,
+    pub(super) nominal: Vec<MuscleParameters>,
+    pub(super) layout: Layout,
+    pub(super) trials: Vec<RecordedTrial>,
+    pub(super) options: Options,
+}
+
+/// A trial with one of the excitations that its expected moment is put together from.
+#[derive(Clone, Debug)]
+struct View {
+    weight: f64,
+    excitation: Vec<Vec<f64>>,
+    prepared: PreparedTrial,
+}
+
+/// A trial with its noise held.
+#[derive(Clone, Debug)]
+pub(super) struct HeldTrial {
+    /// With the excitation ê.
+    views: Vec<View>,
+    correction: Vec<DVector<f64>>,
+    pub(super) starts: Vec<usize>,
+    /// Block means of what was measured less what is not of muscles.
+    pub(super) target: DVector<f64>,
+    /// Columns of baselines.
+    pub(super) baselines: DMatrix<f64>,
+    noise: Option<TrialNoise>,
+    factor: Cholesky<f64, Dyn>,
+}
+
+/// The noise, held: all trials.
+#[derive(Clone, Debug)]
+pub(super) struct Held {
+    pub(super) trials: Vec<HeldTrial>,
+    pub(super) levels: NoiseLevels,
+}
+
+/// A most probable parameter set.
+#[derive(Clone, Debug)]
+pub(super) struct Fit {
+    /// Logarithms of factors, then baselines.
+    pub(super) at: DVector<f64>,
+    pub(super) held: Held,
+    /// Of data and baselines, without the parameters' prior; parameters first.
+    pub(super) information: DMatrix<f64>,
+    /// How much more the trials scatter about the fit than the noise says they should (variance ratio), at least 1.
+    pub(super) dispersion: f64,
+}
+
+/// A muscle's unit force with derivatives by the logarithms of its shape parameters.
+struct UnitForce {
+    force: Vec<f64>,
+    by: Vec<(usize, Vec<f64>)>,
+}
+
+impl Problem {
+    pub(super) fn n_muscles(&self) -> usize {
+        self.nominal.len()
+    }
+
+    /// Most probable parameters and their noise.
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub(super) fn fit(&self) -> Result<Fit, SimulationError> {
+        let n = self.layout.len() + self.n_muscles();
+        let mut at = DVector::zeros(n);
+        for (i, p) in self.layout.free.iter().enumerate() {
+            at[i] = p.prior.factor.ln();
+        }
+        let mut held = self.recorded(&at)?;
+        for (pass, evaluations) in EVALUATIONS.into_iter().enumerate() {
+            if pass > 0 {
+                held = self.noise(held, &at, pass)?;
+            }
+            let result = self.descend(&held, at, evaluations)?;
+            at = result.0;
+        }
+        let (total, data) = self.account(&held, &at, true)?;
+        let dispersion = self.dispersion(&held, &at, &total)?;
+        Ok(Fit { at, held, information: data.information, dispersion })
+    }
+
+    /// Variance of the trials' scores over what the noise predicts: trials are the unit that repeats, whatever happens
+    /// within them.
+    ///
+    /// ```text
+    /// c = tr(A⁻¹ Σ s_t s_tᵀ) / tr(A⁻¹ Σ (A_t − A_t A⁻¹ A_t)),   s_t = X_tᵀ V⁻¹ r_t,  A_t = X_tᵀ V⁻¹ X_t,  A = Σ A_t + prior
+    /// ```
+    /// A fit takes part of the scatter away, which the denominator accounts for.
+    ///
+    /// # References
+    /// McCullagh & Nelder (1989), Generalized linear models, section 9.2 (quasi-likelihood); Liang & Zeger (1986),
+    /// doi:10.1093/biomet/73.1.13 (clusters).
+    fn dispersion(&self, held: &Held, at: &DVector<f64>, total: &Quadratic) -> Result<f64, SimulationError> {
+        let n = at.len();
+        let Some(factor) = total.information.clone().cholesky() else { return Ok(1.0) };
+        let (mut found, mut expected) = (0.0, 0.0);
+        for w in self.whitened(held, at)? {
+            let x = w.columns(0, n);
+            let score = x.tr_mul(&w.column(n));
+            let own = x.tr_mul(&x);
+            let share = factor.solve(&own);
+            found += score.dot(&factor.solve(&score));
+            expected += share.trace() - (&share * &share).trace();
+        }
+        Ok(if expected > 0.0 { (found / expected).clamp(1.0, MOST_DISPERSION) } else { 1.0 })
+    }
+
+    fn descend(
+        &self,
+        held: &Held,
+        start: DVector<f64>,
+        evaluations: usize,
+    ) -> Result<(DVector<f64>, Quadratic), SimulationError> {
+        let n = start.len();
+        let p = self.layout.len();
+        let (mut lower, mut upper, mut step) = (vec![-8.0; n], vec![8.0; n], vec![4.0; n]);
+        for (i, parameter) in self.layout.free.iter().enumerate() {
+            [lower[i], upper[i]] = parameter.log_bounds();
+            step[i] = 0.2 * (upper[i] - lower[i]);
+        }
+        debug_assert!(p <= n);
+        let limits = Limits {
+            lower: &lower,
+            upper: &upper,
+            fixed: &vec![false; n],
+            step: &step,
+            evaluations,
+            tolerance: CONVERGED,
+        };
+        let mut failure = None;
+        let found = descend(
+            &mut |x| self.account(held, x, true).map(|(q, _)| q).map_err(|e| failure = Some(e)).ok(),
+            start,
+            &limits,
+        );
+        // The start itself must be computable; a later failure only shortened a step.
+        found.ok_or_else(|| failure.expect("a start that fails says why"))
+    }
+
+    /// The sum of squares at a point: with priors, and of data and baselines alone.
+    pub(super) fn account(
+        &self,
+        held: &Held,
+        at: &DVector<f64>,
+        prior: bool,
+    ) -> Result<(Quadratic, Quadratic), SimulationError> {
+        let whitened = self.whitened(held, at)?;
+        let n = at.len();
+        let mut data = Quadratic { value: 0.0, gradient: DVector::zeros(n), information: DMatrix::zeros(n, n) };
+        for w in &whitened {
+            let x = w.columns(0, n);
+            let r = w.column(n);
+            data.value += r.norm_squared();
+            data.gradient -= x.tr_mul(&r);
+            data.information += x.tr_mul(&x);
+        }
+        for i in self.layout.len()..n {
+            data.value += at[i] * at[i];
+            data.gradient[i] += at[i];
+            data.information[(i, i)] += 1.0;
+        }
+        let mut total = data.clone();
+        if prior {
+            for (i, p) in self.layout.free.iter().enumerate() {
+                let (off, precision) = (at[i] - p.prior.factor.ln(), p.prior.log_sd.powi(-2));
+                total.value += precision * off * off;
+                total.gradient[i] += precision * off;
+                total.information[(i, i)] += precision;
+            }
+        }
+        Ok((total, data))
+    }
+
+    /// Per trial: whitened columns [∂τ by parameters | by baselines | residual].
+    fn whitened(&self, held: &Held, at: &DVector<f64>) -> Result<Vec<DMatrix<f64>>, SimulationError> {
+        let columns = self.columns(held, at)?;
+        Ok(columns.iter().zip(&held.trials).map(|(c, t)| whiten(&t.factor, c)).collect())
+    }
+
+    /// Per trial: columns [∂τ by parameters | by baselines | residual].
+    fn columns(&self, held: &Held, at: &DVector<f64>) -> Result<Vec<DMatrix<f64>>, SimulationError> {
+        let (p, m) = (self.layout.len(), self.n_muscles());
+        let variants = self.variants(at)?;
+        let all: Vec<Result<DMatrix<f64>, SimulationError>> = held
+            .trials
+            .par_iter()
+            .zip(&self.trials)
+            .map(|(held, trial)| {
+                let variants = self.prepared_variants(held, trial, &variants)?;
+                let mut out = DMatrix::zeros(held.target.len(), p + m + 1);
+                let mut residual = held.target.clone();
+                for muscle in 0..m {
+                    let strength: f64 = self.layout.strengths[muscle].iter().map(|i| at[*i]).sum();
+                    let scale = self.nominal[muscle].max_isometric_force * strength.exp();
+                    let unit = self.unit_force(held, &variants, muscle, at)?;
+                    let moment = trial.moments_of(muscle, &unit.force, &held.starts) * scale;
+                    residual -= &moment;
+                    for i in &self.layout.strengths[muscle] {
+                        out.column_mut(*i).axpy(1.0, &moment, 1.0);
+                    }
+                    for (i, by) in &unit.by {
+                        let by = trial.moments_of(muscle, by, &held.starts);
+                        out.column_mut(*i).axpy(scale, &by, 1.0);
+                    }
+                    let baseline = held.baselines.column(muscle);
+                    residual.axpy(-at[p + muscle], &baseline, 1.0);
+                    out.set_column(p + muscle, &baseline);
+                }
+                out.set_column(p + m, &residual);
+                Ok(out)
+            })
+            .collect();
+        all.into_iter().collect()
+    }
+
+    /// Models with other curves: at the point, and on both sides by every parameter that needs differences.
+    fn variants(&self, at: &DVector<f64>) -> Result<Option<Variants>, SimulationError> {
+        if !self.layout.changes_model() {
+            return Ok(None);
+        }
+        let model_at = |at: &DVector<f64>| self.model_with(&|_, i| at[i]);
+        let sides = self
+            .layout
+            .free
+            .iter()
+            .enumerate()
+            .map(|(i, p)| {
+                if p.property.is_parameter() {
+                    return Ok(None);
+                }
+                let moved = |step: f64| {
+                    let mut at = at.clone();
+                    at[i] += step;
+                    model_at(&at)
+                };
+                Ok(Some([moved(DIFFERENCE)?, moved(-DIFFERENCE)?]))
+            })
+            .collect::<Result<_, SimulationError>>()?;
+        Ok(Some(Variants { here: model_at(at)?, sides }))
+    }
+
+    /// The model with curves, damping and activation of every muscle at logarithms of factors.
+    pub(super) fn model_with(
+        &self,
+        value: &dyn Fn(usize, usize) -> f64,
+    ) -> Result<MusculoskeletalModel, SimulationError> {
+        let mut specs = self.specs.clone();
+        for (m, spec) in specs.iter_mut().enumerate() {
+            self.layout.change(m, spec, &|i| value(m, i));
+        }
+        self.model.with_muscles(&specs)
+    }
+
+    /// A trial prepared for another model, with every excitation of its views.
+    pub(super) fn prepare(
+        &self,
+        model: &MusculoskeletalModel,
+        trial: &RecordedTrial,
+        held: &HeldTrial,
+    ) -> Result<Vec<PreparedTrial>, SimulationError> {
+        let one = |v: &View| model.prepare_like(&trial.recording(&v.excitation), &trial.prepared, &self.options);
+        held.views.iter().map(one).collect()
+    }
+
+    fn prepared_variants(
+        &self,
+        held: &HeldTrial,
+        trial: &RecordedTrial,
+        variants: &Option<Variants>,
+    ) -> Result<Option<PreparedVariants>, SimulationError> {
+        let Some(v) = variants else { return Ok(None) };
+        let here = self.prepare(&v.here, trial, held)?;
+        let sides = v
+            .sides
+            .iter()
+            .map(|sides| {
+                let Some([up, down]) = sides else { return Ok(None) };
+                Ok(Some([self.prepare(up, trial, held)?, self.prepare(down, trial, held)?]))
+            })
+            .collect::<Result<_, SimulationError>>()?;
+        Ok(Some(PreparedVariants { here, sides }))
+    }
+
+    fn unit_force(
+        &self,
+        held: &HeldTrial,
+        variants: &Option<PreparedVariants>,
+        muscle: usize,
+        at: &DVector<f64>,
+    ) -> Result<UnitForce, SimulationError> {
+        let parameters = self.layout.parameters(muscle, &self.nominal[muscle], &|i| at[i]);
+        let shapes = &self.layout.shapes[muscle];
+        let samples = held.views[0].prepared.len();
+        let mut force = vec![0.0; samples];
+        let mut by: Vec<(usize, Vec<f64>)> = shapes.iter().map(|i| (*i, vec![0.0; samples])).collect();
+        for (k, view) in held.views.iter().enumerate() {
+            let prepared = variants.as_ref().map_or(&view.prepared, |v| &v.here[k]);
+            let unit = prepared.unit_force_with_derivatives(muscle, &parameters)?;
+            add(&mut force, view.weight, &unit.moment);
+            for (i, by) in &mut by {
+                let (series, scale) = match self.layout.free[*i].property {
+                    MuscleProperty::OptimalFiberLength => {
+                        (&unit.by_optimal_fiber_length, parameters.optimal_fiber_length)
+                    }
+                    MuscleProperty::TendonSlackLength => (&unit.by_tendon_slack_length, parameters.tendon_slack_length),
+                    MuscleProperty::PennationAngle => (&unit.by_pennation_angle, parameters.pennation_angle_at_optimal),
+                    _ => {
+                        let Some([up, down]) = variants.as_ref().and_then(|v| v.sides[*i].as_ref()) else { continue };
+                        let weight = view.weight / (2.0 * DIFFERENCE);
+                        add(by, weight, &up[k].unit_force(muscle, &parameters)?);
+                        add(by, -weight, &down[k].unit_force(muscle, &parameters)?);
+                        continue;
+                    }
+                };
+                add(by, view.weight * scale, series);
+            }
+        }
+        Ok(UnitForce { force, by })
+    }
+
+    /// Everything as recorded, weighted with white noise alone: what the first descent sees.
+    fn recorded(&self, at: &DVector<f64>) -> Result<Held, SimulationError> {
+        let levels = NoiseLevels::default();
+        let mut trials = Vec::with_capacity(self.trials.len());
+        for trial in &self.trials {
+            let starts = trial.starts();
+            let target = self.target(trial, &starts);
+            let identity = DMatrix::identity(target.len(), target.len());
+            let (excitation, prepared) = (trial.excitation.clone(), trial.prepared.clone());
+            trials.push(HeldTrial {
+                views: vec![View { weight: 1.0, excitation, prepared }],
+                correction: vec![DVector::zeros(knot_count(&trial.time)); self.n_muscles()],
+                baselines: DMatrix::zeros(target.len(), self.n_muscles()),
+                target,
+                starts,
+                noise: None,
+                factor: positive(identity),
+            });
+        }
+        let mut held = Held { trials, levels };
+        self.restructure(&mut held, at)?;
+        Ok(held)
+    }
+
+    fn target(&self, trial: &RecordedTrial, starts: &[usize]) -> DVector<f64> {
+        trial.stacked(starts, |c| {
+            let channel = &trial.channels[c];
+            channel.measured.iter().zip(&channel.without_muscles).map(|(y, fixed)| y - fixed).collect()
+        })
+    }
+
+    /// How noise enters every trial at a point; targets, baselines and factors follow.
+    fn restructure(&self, held: &mut Held, at: &DVector<f64>) -> Result<(), SimulationError> {
+        let model = if self.layout.changes_model() { Some(self.model_with(&|_, i| at[i])?) } else { None };
+        let levels = held.levels;
+        held.trials
+            .par_iter_mut()
+            .zip(&self.trials)
+            .map(|(held, trial)| {
+                let own = model.as_ref().map(|m| self.prepare(m, trial, held)).transpose()?;
+                let first = own.as_ref().map_or(&held.views[0].prepared, |own| &own[0]);
+                let noise = self.structure(trial, held, first, at)?;
+                held.target = self.target(trial, &held.starts) + noise.respond(&held.correction);
+                for m in 0..self.n_muscles() {
+                    held.baselines.set_column(m, &(noise.respond_to_baseline(m) * BASELINE_SD));
+                }
+                held.factor = positive(noise.covariance(&levels));
+                held.noise = Some(noise);
+                Ok(())
+            })
+            .collect::<Vec<Result<(), SimulationError>>>()
+            .into_iter()
+            .collect()
+    }
+
+    fn structure(
+        &self,
+        trial: &RecordedTrial,
+        held: &HeldTrial,
+        prepared: &PreparedTrial,
+        at: &DVector<f64>,
+    ) -> Result<TrialNoise, SimulationError> {
+        let starts = &held.starts;
+        let (blocks, channels) = (starts.len() - 1, trial.channels.len());
+        let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
+        let knots = knot_count(&trial.time);
+        let block_of: Vec<usize> = counts.iter().enumerate().flat_map(|(b, c)| std::iter::repeat_n(b, *c)).collect();
+        let times = block_means(&trial.time, starts);
+        let all_times: Vec<f64> =
+            (0..channels).flat_map(|c| times.iter().map(move |t| t + CHANNEL_OFFSET * c as f64)).collect();
+        let all_counts: Vec<usize> = (0..channels).flat_map(|_| counts.iter().copied()).collect();
+        let (mut responses, mut at_knots) = (Vec::new(), Vec::new());
+        for m in 0..self.n_muscles() {
+            let e = &held.views[0].excitation[m];
+            let parameters = self.layout.parameters(m, &self.nominal[m], &|i| at[i]);
+            let response = prepared.force_response(m, &prepared.solve(m, &parameters)?, e);
+            let mut g = Response::new(blocks * channels, knots);
+            for j in 0..knots {
+                let (first, disturbance) = hat(&trial.time, e, j);
+                response.respond(first, &disturbance, |k, force| {
+                    let b = block_of[k];
+                    for (c, channel) in trial.channels.iter().enumerate() {
+                        g.add(c * blocks + b, j, channel.moment_arms[m][k] * force / counts[b] as f64);
+                    }
+                });
+            }
+            responses.push(g);
+            at_knots
+                .push((0..knots).map(|j| at_time(&trial.time, e, trial.time[0] + KNOT_SPACING * j as f64)).collect());
+        }
+        Ok(TrialNoise::new(&Arc::new(TrialTimes::new(&all_times, &all_counts)), responses, &at_knots))
+    }
+
+    /// Estimates the variances, corrects the excitations, and computes how noise enters anew.
+    fn noise(&self, mut held: Held, at: &DVector<f64>, pass: usize) -> Result<Held, SimulationError> {
+        self.restructure(&mut held, at)?;
+        let n = at.len();
+        let columns = self.columns(&held, at)?;
+        // In the first pass the EMG's noise is not allowed for yet: what it does would be taken for more of it.
+        if pass > 1 {
+            let regressors: Vec<DMatrix<f64>> = columns.iter().map(|c| c.columns(0, n).into_owned()).collect();
+            let residuals: Vec<DVector<f64>> = columns.iter().map(|c| c.column(n).into_owned()).collect();
+            let trials: Vec<_> = held
+                .trials
+                .iter()
+                .zip(&regressors)
+                .zip(&residuals)
+                .filter_map(|((t, x), r)| Some((t.noise.as_ref()?, x, r)))
+                .collect();
+            let mut precision: Vec<f64> = self.layout.free.iter().map(|p| p.prior.log_sd.powi(-2)).collect();
+            precision.resize(n, 1.0);
+            let before = held.levels;
+            let found = noise::estimate(&trials, &DVector::from_vec(precision), before);
+            // Estimates alternate about their common value: take the middle.
+            held.levels = if pass > 2 { before.between(&found) } else { found };
+        }
+        let levels = held.levels;
+        held.trials
+            .par_iter_mut()
+            .zip(&self.trials)
+            .zip(&columns)
+            .map(|((held, trial), columns)| {
+                let Some(noise) = &held.noise else { return Ok(()) };
+                let factor = positive(noise.covariance(&levels));
+                let weighted = factor.solve(&columns.column(n).into_owned());
+                let mut correction = noise.expected_noise(&levels, &weighted);
+                for w in correction.iter_mut().flat_map(|w| w.iter_mut()) {
+                    *w = w.clamp(-0.7, 0.7);
+                }
+                let excitation = corrected(&trial.time, &trial.excitation, &correction);
+                let recording = trial.recording(&excitation);
+                let prepared = self.model.prepare_like(&recording, &trial.prepared, &self.options)?;
+                held.views = vec![View { weight: 1.0, excitation, prepared }];
+                held.correction = correction;
+                Ok(())
+            })
+            .collect::<Vec<Result<(), SimulationError>>>()
+            .into_iter()
+            .collect::<Result<(), _>>()?;
+        self.restructure(&mut held, at)?;
+        Ok(held)
+    }
+
+    /// Expected information of further trials about parameters and baselines, with the noise of a fit: what
+    /// [`Fit::information`] gains by them.
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub(super) fn expected_information(
+        &self,
+        trials: Vec<RecordedTrial>,
+        fit: &Fit,
+    ) -> Result<Vec<DMatrix<f64>>, SimulationError> {
+        let other = Problem { trials, ..self.clone() };
+        let mut held = other.recorded(&fit.at)?;
+        held.levels = fit.held.levels;
+        other.restructure(&mut held, &fit.at)?;
+        let n = fit.at.len();
+        let whitened = other.whitened(&held, &fit.at)?;
+        Ok(whitened
+            .iter()
+            .map(|w| {
+                let x = w.columns(0, n);
+                x.tr_mul(&x)
+            })
+            .collect())
+    }
+}
+
+struct Variants {
+    here: MusculoskeletalModel,
+    sides: Vec<Option<[MusculoskeletalModel; 2]>>,
+}
+
+struct PreparedVariants {
+    here: Vec<PreparedTrial>,
+    sides: Vec<Option<[Vec<PreparedTrial>; 2]>>,
+}
+
+/// Adds a weighted series.
+fn add(total: &mut [f64], weight: f64, series: &[f64]) {
+    total.iter_mut().zip(series).for_each(|(t, s)| *t += weight * s);
+}
+
+impl HeldTrial {
+    /// A muscle's unit force, as it is expected without the noise of its EMG.
+    ///
+    /// - `variant`: the views prepared for another model
+    pub(super) fn expected_force(
+        &self,
+        variant: Option<&[PreparedTrial]>,
+        muscle: usize,
+        parameters: &MuscleParameters,
+    ) -> Result<Vec<f64>, SimulationError> {
+        let mut force = vec![0.0; self.views[0].prepared.len()];
+        for (k, view) in self.views.iter().enumerate() {
+            let prepared = variant.map_or(&view.prepared, |v| &v[k]);
+            add(&mut force, view.weight, &prepared.unit_force(muscle, parameters)?);
+        }
+        Ok(force)
+    }
+
+    pub(super) fn whiten(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
+        whiten(&self.factor, columns)
+    }
+}
+
+fn whiten(factor: &Cholesky<f64, Dyn>, columns: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut out = columns.clone();
+    // The factor has a positive diagonal, so that this always succeeds.
+    let solved = factor.l_dirty().solve_lower_triangular_mut(&mut out);
+    debug_assert!(solved);
+    out
+}
+
+/// Cholesky factor of a covariance: a positive diagonal plus positive semidefinite matrices, so that only rounding can
+/// make it fail, and a little more of the diagonal repairs that.
+fn positive(mut covariance: DMatrix<f64>) -> Cholesky<f64, Dyn> {
+    let mut ridge = 1e-12 * covariance.diagonal().max().max(1e-300);
+    loop {
+        if let Some(factor) = covariance.clone().cholesky() {
+            return factor;
+        }
+        for i in 0..covariance.nrows() {
+            covariance[(i, i)] += ridge;
+        }
+        ridge *= 100.0;
+    }
+}
+
+fn knot_count(time: &[f64]) -> usize {
+    ((time[time.len() - 1] - time[0]) / KNOT_SPACING).ceil() as usize + 1
+}
+
+/// Recorded excitation times exp(correction), linear between knots.
+fn corrected(time: &[f64], excitation: &[Vec<f64>], correction: &[DVector<f64>]) -> Vec<Vec<f64>> {
+    let one = |(e, w): (&Vec<f64>, &DVector<f64>)| {
+        e.iter()
+            .zip(time)
+            .map(|(e, t)| {
+                let x = (t - time[0]) / KNOT_SPACING;
+                let i = (x as usize).min(w.len() - 2);
+                let log = w[i] + (x - i as f64) * (w[i + 1] - w[i]);
+                (e * log.exp()).min(1.0)
+            })
+            .collect()
+    };
+    excitation.iter().zip(correction).map(one).collect()
+}
+
+/// Disturbance of an excitation by one unit of its logarithm on a knot: first sample and values.
+fn hat(time: &[f64], excitation: &[f64], knot: usize) -> (usize, Vec<f64>) {
+    let center = time[0] + KNOT_SPACING * knot as f64;
+    let first = time.partition_point(|t| *t <= center - KNOT_SPACING);
+    let end = time.partition_point(|t| *t < center + KNOT_SPACING);
+    let weight = |t: f64| (1.0 - (t - center).abs() / KNOT_SPACING).max(0.0);
+    (first.min(time.len()), (first..end).map(|k| excitation[k] * weight(time[k])).collect())
+}
+
+fn at_time(time: &[f64], values: &[f64], t: f64) -> f64 {
+    let i = time.partition_point(|x| *x <= t).clamp(1, time.len() - 1);
+    let part = ((t - time[i - 1]) / (time[i] - time[i - 1])).clamp(0.0, 1.0);
+    values[i - 1] + part * (values[i] - values[i - 1])
+}
