@@ -20,6 +20,10 @@ use crate::report::results::rounded;
 use crate::simulation::{Recording, SimulationError};
 use crate::study::{FurtherMoment, PriorKnowledge, TrialUse, read_priors};
 
+/// Said in every report until the coverage of intervals is what their level says.
+const UNFINISHED: &str = "intervals are not calibrated yet: in simulated studies of known truth, 90 % confidence intervals held \
+                          the truth in about 76 %, credible intervals in about 88 %";
+
 /// Significant digits of what is written.
 const DIGITS: i32 = 7;
 
@@ -36,6 +40,7 @@ pub fn run(args: &IdentifyArgs, global: &Global) -> Result<(), Failure> {
         let run = study.participant(participant)?;
         let mut warnings = run.warnings.clone();
         let free = parameters(&study, &run, &properties, &priors, args, &mut warnings)?;
+        warnings.push(Message::warning(UNFINISHED));
         failure::print(&warnings);
         let found = identified(&run, &study.study.settings.columns.further_moments, free, args, global)?;
         let mut result = result(&study, &run, &found, args, global);
