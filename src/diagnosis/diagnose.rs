@@ -29,8 +29,6 @@ const DETECTABLE_Z: f64 = 4.2;
 const NEGLIGIBLE: f64 = 0.02;
 /// Candidates whose one-step fit leaves this much more deviance than the best are not fitted.
 const HOPELESS: f64 = 0.4;
-/// A candidate whose deviance is this much above another's is not fitted to the end.
-const FAR_WORSE: f64 = 150.0;
 /// Candidates for pairs.
 const PAIRED: usize = 6;
 /// Pairs that are fitted.
@@ -158,8 +156,10 @@ pub struct Diagnosis {
     pub null_sign_flip_p_value: f64,
     /// The confidence set.
     pub explanations: Vec<Explanation>,
-    /// Effects that were rejected.
+    /// Effects that were fitted jointly with the muscles and rejected.
     pub ruled_out: Vec<&'static str>,
+    /// Effects that can be tested and were not fitted: nothing was rejected, or their scores leave them no chance.
+    pub not_fitted: Vec<&'static str>,
     /// Effects that these data cannot test.
     pub not_testable: Vec<&'static str>,
     /// Errors.
@@ -221,7 +221,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         .map(|d| d.id)
         .collect();
     let left = test(&analysis, &null, &not_testable)?;
-    let judge = Judge { request, analysis: &analysis, not_testable: &not_testable };
+    let judge = Judge { request, analysis: &analysis, null: &null, not_testable: &not_testable };
     let rejected = left.p_value < REJECT_NULL;
     let singles = if rejected { judge.singles(&left)? } else { Vec::new() };
     let mut explanations: Vec<(Fit, Explanation)> =
@@ -248,7 +248,9 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     };
     let kept: Vec<&str> = explanations.iter().flat_map(|e| e.1.effects.clone()).collect();
     let ids = || analysis.candidates.iter().map(|e| e.description().id);
-    let ruled_out = ids().filter(|id| rejected && !kept.contains(id) && !not_testable.contains(id)).collect();
+    let fitted: Vec<&str> = singles.iter().flat_map(|s| s.1.effects.clone()).collect();
+    let ruled_out = ids().filter(|id| fitted.contains(id) && !kept.contains(id)).collect();
+    let not_fitted = ids().filter(|id| !fitted.contains(id) && !kept.contains(id) && !not_testable.contains(id)).collect();
     let residuals = judge.residuals(&null)?;
     let [white, slow, envelope, gain, floor] = best.as_ref().unwrap_or(&null).levels.0.map(f64::sqrt);
     let diagnosis = Diagnosis {
@@ -261,6 +263,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         confusion: judge.confusion(&null, &left),
         explanations: explanations.into_iter().map(|e| e.1).collect(),
         ruled_out,
+        not_fitted,
         not_testable,
         error,
         where_it_fails: along_axes(forward, &residuals, &left),
@@ -287,6 +290,7 @@ fn block<'a>(omnibus: &'a Omnibus, name: &str) -> Option<&'a BlockScore> {
 struct Judge<'a> {
     request: &'a Request<'a>,
     analysis: &'a Analysis<'a>,
+    null: &'a Fit,
     not_testable: &'a [&'static str],
 }
 
@@ -304,7 +308,7 @@ impl Judge<'_> {
         hopeful.truncate(FITTED_SINGLES);
         let mut found: Vec<(Fit, Explanation)> = Vec::new();
         for effect in hopeful {
-            found.extend(self.explain(left, &[effect], &found)?);
+            found.extend(self.explain(left, &[effect])?);
         }
         Ok(found)
     }
@@ -339,7 +343,7 @@ impl Judge<'_> {
         pairs.truncate(FITTED_PAIRS);
         let mut found: Vec<(Fit, Explanation)> = Vec::new();
         for (_, _, pair) in pairs {
-            found.extend(self.explain(left, &pair, &found)?);
+            found.extend(self.explain(left, &pair)?);
         }
         Ok(found)
     }
@@ -349,10 +353,8 @@ impl Judge<'_> {
         &self,
         left: &Omnibus,
         effects: &[&'static dyn Effect],
-        rivals: &[(Fit, Explanation)],
     ) -> Result<Option<(Fit, Explanation)>, SimulationError> {
-        // The refit without effects may have bent the muscles to make up for what is missing: start from the model.
-        let mut start = self.analysis.nominal_point();
+        let mut start = self.null.point.clone();
         for effect in effects {
             let mut setting = Setting::absent(*effect);
             let description = effect.description();
@@ -364,9 +366,8 @@ impl Judge<'_> {
             }
             start.effects.push(setting);
         }
-        let hopeless = rivals.iter().map(|r| r.0.deviance + FAR_WORSE).fold(f64::INFINITY, f64::min);
         // Sizes at which a muscle cannot be simulated explain nothing.
-        let Ok(fit) = self.analysis.fit_below(start, hopeless) else { return Ok(None) };
+        let Ok(fit) = self.analysis.refit(start, self.null.levels) else { return Ok(None) };
         let p_value = test(self.analysis, &fit, self.not_testable)?.p_value;
         let parameters = estimates(&fit, &self.request.forward.muscles);
         let plausible = parameters.values().all(|p| p.ci95[1] >= p.plausible[0] && p.ci95[0] <= p.plausible[1]);

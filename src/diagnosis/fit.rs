@@ -4,10 +4,11 @@
 //! w, so that with G = ∂τ/∂w
 //!
 //! ```text
-//! y − τ(θ, φ, ŵ) + G ŵ ~ N(0, V),   ŵ ← E[w | data] = K Gᵀ V⁻¹ (y − τ + G ŵ)
+//! r = y − τ(θ, φ, ŵ) + G ŵ − m ~ N(0, V),   ŵ ← E[w | data] = K Gᵀ V⁻¹ r
 //! ```
-//! (first-order conditional linearization). Sensitivities taken at ŵ are, to first order, independent of the residual:
-//! EMG noise that is in both would otherwise make time constants, delays and nonlinearities look significant.
+//! (first-order conditional linearization; m: what the curvature leaves on average). Sensitivities taken at ŵ are, to first
+//! order, independent of the residual: EMG noise that is in both would otherwise make time constants, delays and
+//! nonlinearities look significant.
 //!
 //! # References
 //! Lindstrom & Bates (1990), Nonlinear mixed effects models for repeated measures data, doi:10.2307/2532087.
@@ -41,7 +42,7 @@ pub struct Point {
     pub effects: Vec<Setting>,
     /// Baseline of every EMG channel, in units of its expected size.
     pub baseline: Vec<f64>,
-    /// Per training trial and muscle: log of true over recorded excitation on knots.
+    /// Per training trial and muscle: log of true over recorded excitation, on knots.
     pub correction: Vec<Vec<DVector<f64>>>,
     /// Per training trial: the excitation so corrected.
     pub inputs: Vec<Arc<TrialInput>>,
@@ -58,12 +59,12 @@ pub struct Fit {
     pub covariance: DMatrix<f64>,
     /// Variances of the noise.
     pub levels: NoiseLevels,
-    noise: Vec<TrialNoise>,
+    pub(super) noise: Vec<TrialNoise>,
     pub(super) factors: Vec<Cholesky<f64, Dyn>>,
     /// Per training trial: whitened columns [nuisance | effects' parameters | residual].
     pub(super) whitened: Vec<DMatrix<f64>>,
     /// Distance of nuisance and effects from the prior's mean, and prior precision.
-    offset: Vec<f64>,
+    pub(super) offset: Vec<f64>,
     pub(super) precision: Vec<f64>,
 }
 
@@ -76,49 +77,54 @@ pub struct Analysis<'a> {
     /// Effects under test.
     pub candidates: Vec<&'static dyn Effect>,
     /// Prior standard deviation of log F_max, log l_opt, log l_slack.
-    prior_sd: [f64; FITTED_PER_MUSCLE],
+    pub(super) prior_sd: [f64; FITTED_PER_MUSCLE],
     /// Blocks of directions and their columns among `directions`.
     pub blocks: Vec<Block>,
     /// Per training trial: directions, averaged over blocks.
     pub(super) directions: Vec<DMatrix<f64>>,
     /// Per training trial.
-    times: Vec<Arc<TrialTimes>>,
-    seed: u64,
+    pub(super) times: Vec<Arc<TrialTimes>>,
+    /// Per training trial: mean of the residual that EMG noise causes to second order; empty until it is known.
+    pub(super) mean_noise: Vec<DVector<f64>>,
+    pub(super) seed: u64,
 }
 
 /// The noise of all training trials.
-struct Noise {
-    structure: Vec<TrialNoise>,
-    levels: NoiseLevels,
-    factors: Vec<Cholesky<f64, Dyn>>,
+pub(super) struct Noise {
+    pub(super) structure: Vec<TrialNoise>,
+    pub(super) levels: NoiseLevels,
+    pub(super) factors: Vec<Cholesky<f64, Dyn>>,
 }
 
 impl Noise {
-    fn log_determinant(&self) -> f64 {
+    pub(super) fn log_determinant(&self) -> f64 {
         self.factors.iter().map(|f| f.l_dirty().diagonal().map(|d| 2.0 * d.ln()).sum()).sum()
     }
 }
 
 /// A point's objective and its derivatives.
-struct Account {
-    whitened: Vec<DMatrix<f64>>,
-    information: DMatrix<f64>,
-    gradient: DVector<f64>,
+pub(super) struct Account {
+    pub(super) whitened: Vec<DMatrix<f64>>,
+    pub(super) information: DMatrix<f64>,
+    pub(super) gradient: DVector<f64>,
     /// −2 log posterior without the determinant.
-    objective: f64,
+    pub(super) objective: f64,
     /// Decrease of the objective that a full step promises.
-    gain: f64,
-    precision: Vec<f64>,
-    offset: Vec<f64>,
+    pub(super) gain: f64,
+    pub(super) precision: Vec<f64>,
+    pub(super) offset: Vec<f64>,
 }
 
 /// One trial at a point, averaged over blocks of samples.
-struct Linear {
-    nuisance: DMatrix<f64>,
-    effects: DMatrix<f64>,
-    residual: DVector<f64>,
+pub(super) struct Linear {
+    pub(super) nuisance: DMatrix<f64>,
+    pub(super) effects: DMatrix<f64>,
+    /// Measured minus simulated moment.
+    pub(super) bare: DVector<f64>,
+    /// The same, expected EMG noise, baselines and mean noise taken into account.
+    pub(super) residual: DVector<f64>,
     /// The trial's core, for directions.
-    core: Core,
+    pub(super) core: Core,
 }
 
 /// Start of every block of samples, and the end.
@@ -134,28 +140,20 @@ pub(crate) fn block_means(series: &[f64], starts: &[usize]) -> DVector<f64> {
     )
 }
 
-fn knot_count(time: &[f64]) -> usize {
+pub(super) fn knot_count(time: &[f64]) -> usize {
     ((time[time.len() - 1] - time[0]) / KNOT_SPACING).ceil() as usize + 1
 }
 
 /// Recorded excitation times exp(correction).
-fn corrected(time: &[f64], excitation: &[Vec<f64>], correction: &[DVector<f64>]) -> Vec<Vec<f64>> {
-    excitation
-        .iter()
-        .zip(correction)
-        .map(|(e, w)| {
-            e.iter()
-                .zip(time)
-                .map(|(e, t)| {
-                    let x = (t - time[0]) / KNOT_SPACING;
-                    let i = (x as usize).min(w.len() - 2);
-                    let part = x - i as f64;
-                    let log = w[i] + part * (w[i + 1] - w[i]);
-                    if log == 0.0 { *e } else { (e * log.exp()).min(1.0) }
-                })
-                .collect()
-        })
-        .collect()
+pub(super) fn corrected(time: &[f64], excitation: &[Vec<f64>], correction: &[DVector<f64>]) -> Vec<Vec<f64>> {
+    let at = |w: &DVector<f64>, t: f64| {
+        let x = (t - time[0]) / KNOT_SPACING;
+        let i = (x as usize).min(w.len() - 2);
+        w[i] + (x - i as f64) * (w[i + 1] - w[i])
+    };
+    let corrected =
+        |(e, w): (&Vec<f64>, &DVector<f64>)| e.iter().zip(time).map(|(e, t)| (e * at(w, *t).exp()).min(1.0)).collect();
+    excitation.iter().zip(correction).map(corrected).collect()
 }
 
 impl<'a> Analysis<'a> {
@@ -171,15 +169,22 @@ impl<'a> Analysis<'a> {
         seed: u64,
     ) -> Result<(Analysis<'a>, Fit), SimulationError> {
         let mut analysis = Analysis::without_data(forward, train, candidates, bounds, seed);
-        let rough = analysis.fit(analysis.nominal_point())?;
-        let linear = analysis.linearize(&rough.point, &rough.noise)?;
-        analysis.directions = analysis.calc_directions(&linear, &rough.point)?;
+        let rough = analysis.rough_fit(analysis.nominal_point())?;
+        // Before the EMG's noise is allowed for, what it does would be taken for more of it.
+        let mut descent = analysis.settle(rough, false)?;
+        descent = analysis.settle(descent, false)?;
+        analysis.directions = analysis.calc_directions(&descent.linear, &descent.point)?;
         // With all directions among the regressors, what an effect does is no longer taken for noise.
-        let fit = analysis.fit(rough.point)?;
+        for _ in 0..2 {
+            descent = analysis.settle(descent, true)?;
+        }
+        analysis.mean_noise = analysis.calc_mean_noise(&descent.point, &descent.noise)?;
+        descent = analysis.settle(descent, true)?;
+        let fit = analysis.finish(descent)?;
         Ok((analysis, fit))
     }
 
-    fn n_muscles(&self) -> usize {
+    pub(super) fn n_muscles(&self) -> usize {
         self.forward.muscles.len()
     }
 
@@ -204,7 +209,7 @@ impl<'a> Analysis<'a> {
         }
     }
 
-    fn linearize(&self, point: &Point, noise: &[TrialNoise]) -> Result<Vec<Linear>, SimulationError> {
+    pub(super) fn linearize(&self, point: &Point, noise: &[TrialNoise]) -> Result<Vec<Linear>, SimulationError> {
         let variant = self.forward.variant(&point.effects)?;
         let variants = (0..point.effects.len())
             .map(|i| self.forward.difference_variants(&point.effects, i))
@@ -219,20 +224,11 @@ impl<'a> Analysis<'a> {
                 let core = self.forward.core(&variant, g, input, &point.parameters, &point.effects, true)?;
                 let simulated = self.forward.recorded_moment(g, &core, &point.effects);
                 let difference: Vec<f64> = record.moment.iter().zip(&simulated).map(|(y, s)| y - s).collect();
-                let mut residual = block_means(&difference, &starts);
-                let blocks = residual.len();
+                let bare = block_means(&difference, &starts);
+                let blocks = bare.len();
                 let mut nuisance = DMatrix::zeros(blocks, self.n_nuisance());
                 for (j, by) in self.forward.sensed_derivatives(g, &core, &point.effects).iter().enumerate() {
                     nuisance.set_column(j, &block_means(by, &starts));
-                }
-                if let Some(noise) = noise.get(position) {
-                    residual += noise.respond(&point.correction[position]);
-                    for m in 0..self.n_muscles() {
-                        let column = noise.respond_to_baseline(m);
-                        let column = column * BASELINE_SD;
-                        residual -= &column * point.baseline[m];
-                        nuisance.set_column(self.n_muscles() * FITTED_PER_MUSCLE + m, &column);
-                    }
                 }
                 let count: usize = point.effects.iter().map(|s| s.values.len()).sum();
                 let mut effects = DMatrix::zeros(blocks, count);
@@ -255,53 +251,70 @@ impl<'a> Analysis<'a> {
                         column += 1;
                     }
                 }
-                Ok(Linear { nuisance, effects, residual, core })
+                let mut linear = Linear { nuisance, effects, residual: bare.clone(), bare, core };
+                if let Some(noise) = noise.get(position) {
+                    self.attach(&mut linear, position, point, noise);
+                }
+                Ok(linear)
             })
             .collect::<Vec<_>>()
             .into_iter()
             .collect()
     }
 
-    fn noise_structure(&self, linear: &[Linear]) -> Vec<TrialNoise> {
-        (0..self.train.len())
-            .into_par_iter()
-            .map(|position| {
-                let record = &self.forward.trials[self.train[position]];
-                let starts = block_starts(record.time.len());
-                let blocks = starts.len() - 1;
-                let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
-                let knots = knot_count(&record.time);
-                let mut responses = Vec::new();
-                let mut at_knots = Vec::new();
-                let block_of: Vec<usize> =
-                    counts.iter().enumerate().flat_map(|(b, c)| std::iter::repeat_n(b, *c)).collect();
-                for m in 0..self.n_muscles() {
-                    let core = &linear[position].core;
-                    let e = &core.excitation[m];
-                    let response = core.prepared.excitation_response(m, &core.solutions[m], e);
-                    let mut g = Response::new(blocks, knots);
-                    for j in 0..knots {
-                        let (first, disturbance) = hat(&record.time, e, j);
-                        response.respond(first, &disturbance, |k, moment| {
-                            g.add(block_of[k], j, moment / counts[block_of[k]] as f64);
-                        });
-                    }
-                    responses.push(g);
-                    at_knots.push(
-                        (0..knots)
-                            .map(|j| {
-                                super::effect::interpolate(&record.time, e, record.time[0] + KNOT_SPACING * j as f64)
-                            })
-                            .collect(),
-                    );
-                }
-                TrialNoise::new(&self.times[position], responses, &at_knots)
-            })
-            .collect()
+    /// Takes the noise of a trial into account in a linearization.
+    pub(super) fn attach(&self, linear: &mut Linear, position: usize, point: &Point, noise: &TrialNoise) {
+        linear.residual = &linear.bare + noise.respond(&point.correction[position]);
+        for m in 0..self.n_muscles() {
+            let column = noise.respond_to_baseline(m) * BASELINE_SD;
+            linear.residual -= &column * point.baseline[m];
+            linear.nuisance.set_column(self.n_muscles() * FITTED_PER_MUSCLE + m, &column);
+        }
+        if let Some(mean) = self.mean_noise.get(position) {
+            linear.residual -= mean;
+        }
+    }
+
+    pub(super) fn noise_structure(&self, linear: &[Linear], point: &Point) -> Vec<TrialNoise> {
+        let of_trial = |(position, l): (usize, &Linear)| self.trial_noise(position, &l.core, &point.parameters);
+        linear.par_iter().enumerate().map(of_trial).collect()
+    }
+
+    /// How noise enters a trial.
+    ///
+    /// - `core`: with derivatives; `parameters`: its own, or with other maximum forces
+    pub(super) fn trial_noise(&self, position: usize, core: &Core, parameters: &[MuscleParameters]) -> TrialNoise {
+        let record = &self.forward.trials[self.train[position]];
+        let starts = block_starts(record.time.len());
+        let blocks = starts.len() - 1;
+        let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
+        let knots = knot_count(&record.time);
+        let mut responses = Vec::new();
+        let mut at_knots = Vec::new();
+        let block_of: Vec<usize> = counts.iter().enumerate().flat_map(|(b, c)| std::iter::repeat_n(b, *c)).collect();
+        for m in 0..self.n_muscles() {
+            let (e, solution) = (&core.excitation[m], &core.solutions[m]);
+            let response = core.prepared.excitation_response(m, solution, e);
+            let scale = parameters[m].max_isometric_force / solution.parameters.max_isometric_force;
+            let mut g = Response::new(blocks, knots);
+            for j in 0..knots {
+                let (first, disturbance) = hat(&record.time, e, j);
+                response.respond(first, &disturbance, |k, moment| {
+                    g.add(block_of[k], j, scale * moment / counts[block_of[k]] as f64);
+                });
+            }
+            responses.push(g);
+            at_knots.push(
+                (0..knots)
+                    .map(|j| super::effect::interpolate(&record.time, e, record.time[0] + KNOT_SPACING * j as f64))
+                    .collect(),
+            );
+        }
+        TrialNoise::new(&self.times[position], responses, &at_knots)
     }
 
     /// Variances of the noise, all directions being among the regressors.
-    fn estimate_noise(
+    pub(super) fn estimate_noise(
         &self,
         linear: &[Linear],
         noise: &[TrialNoise],
@@ -375,33 +388,8 @@ impl<'a> Analysis<'a> {
             .collect()
     }
 
-    /// Expected EMG noise given what a point leaves.
-    ///
-    /// # Errors
-    /// An excitation that cannot be simulated.
-    fn correct(&self, point: &mut Point, linear: &[Linear], noise: &Noise) -> Result<(), SimulationError> {
-        let corrections: Vec<Result<_, SimulationError>> = (0..linear.len())
-            .into_par_iter()
-            .map(|position| {
-                let weighted = noise.factors[position].solve(&linear[position].residual);
-                let mut correction = noise.structure[position].expected_noise(&noise.levels, &weighted);
-                for w in &mut correction {
-                    w.iter_mut().for_each(|v| *v = v.clamp(-0.7, 0.7));
-                }
-                let g = self.train[position];
-                let record = &self.forward.trials[g];
-                let excitation = corrected(&record.time, &record.excitation, &correction);
-                Ok((correction, Arc::new(self.forward.input(g, excitation)?)))
-            })
-            .collect();
-        for (position, corrected) in corrections.into_iter().enumerate() {
-            (point.correction[position], point.inputs[position]) = corrected?;
-        }
-        Ok(())
-    }
-
     /// A point moved by a step, as a whole shortened to what the linearization may be trusted for.
-    fn moved(&self, point: &Point, step: &DVector<f64>) -> Point {
+    pub(super) fn moved(&self, point: &Point, step: &DVector<f64>) -> Point {
         let mut point = point.clone();
         let muscles = self.n_muscles() * FITTED_PER_MUSCLE;
         let most = |i: usize| if i < muscles { [0.7, 0.1, 0.03][i % FITTED_PER_MUSCLE] } else { 6.0 };
@@ -434,42 +422,8 @@ impl<'a> Analysis<'a> {
         point
     }
 
-    /// Levenberg–Marquardt with the noise held.
-    fn descend(
-        &self,
-        point: Point,
-        linear: Vec<Linear>,
-        noise: &Noise,
-        evaluations: usize,
-    ) -> Result<(Point, Vec<Linear>, Account), SimulationError> {
-        let (mut point, mut linear) = (point, linear);
-        let mut at = self.account(&linear, &point, noise);
-        let mut damping = 1e-3;
-        for _ in 0..evaluations {
-            if at.gain < CONVERGED {
-                break;
-            }
-            let mut damped = at.information.clone();
-            for i in 0..damped.nrows() {
-                damped[(i, i)] *= 1.0 + damping;
-            }
-            let Some(solver) = damped.cholesky() else { break };
-            let next = self.moved(&point, &solver.solve(&at.gradient));
-            // Where a muscle cannot be simulated the step was too long.
-            let moved = self.linearize(&next, &noise.structure).ok().map(|l| (self.account(&l, &next, noise), l));
-            match moved {
-                Some((account, l)) if account.objective < at.objective => {
-                    (point, linear, at) = (next, l, account);
-                    damping = (damping / 8.0).max(1e-9);
-                }
-                _ => damping = (damping * 10.0).max(1e-3),
-            }
-        }
-        Ok((point, linear, at))
-    }
-
     /// Objective, gradient and information at a point.
-    fn account(&self, linear: &[Linear], point: &Point, noise: &Noise) -> Account {
+    pub(super) fn account(&self, linear: &[Linear], point: &Point, noise: &Noise) -> Account {
         let whitened = self.whitened(linear, &noise.factors);
         let (precision, offset) = self.prior(point);
         let p = precision.len();
@@ -486,69 +440,12 @@ impl<'a> Analysis<'a> {
         Account { whitened, information, gradient, objective, gain, precision, offset }
     }
 
-    /// Fits jointly from a point; the noise is estimated along the way, then held.
-    ///
-    /// # Errors
-    /// A trial that cannot be simulated.
-    pub fn fit(&self, point: Point) -> Result<Fit, SimulationError> {
-        self.fit_below(point, f64::INFINITY)
-    }
-
-    /// As [`Analysis::fit`]; gives up early where the deviance is far above `hopeless`.
-    ///
-    /// # Errors
-    /// A trial that cannot be simulated.
-    pub fn fit_below(&self, point: Point, hopeless: f64) -> Result<Fit, SimulationError> {
-        let linear = self.linearize(&point, &[])?;
-        let mut noise = self.noise(&linear, &point, NoiseLevels::default(), false);
-        // While the model is far off, its errors would be taken for noise: usual noise, and the EMG as recorded.
-        let linear = self.linearize(&point, &noise.structure)?;
-        let (mut point, mut linear, mut at) = self.descend(point, linear, &noise, ROUGH_EVALUATIONS)?;
-        for (pass, evaluations) in FINE_EVALUATIONS.into_iter().enumerate() {
-            // Before the EMG's noise is allowed for, what it does would be taken for more of it.
-            let before = noise.levels;
-            noise = self.noise(&linear, &point, before, pass > 0);
-            if pass > 1 {
-                // Estimates alternate about their common value: take the middle.
-                noise.levels = before.between(&noise.levels);
-                noise.factors = noise.structure.par_iter().filter_map(|n| noise::factor(n, &noise.levels)).collect();
-            }
-            self.correct(&mut point, &linear, &noise)?;
-            linear = self.linearize(&point, &noise.structure)?;
-            (point, linear, at) = self.descend(point, linear, &noise, evaluations)?;
-            if pass >= 2 && noise.log_determinant() + at.objective > hopeless {
-                break;
-            }
-        }
-        let (p, n) = (at.precision.len(), self.n_nuisance());
-        let covariance = at
-            .information
-            .try_inverse()
-            .map_or_else(|| DMatrix::zeros(p - n, p - n), |c| c.view((n, n), (p - n, p - n)).into_owned());
-        Ok(Fit {
-            point,
-            deviance: noise.log_determinant() + at.objective,
-            covariance,
-            levels: noise.levels,
-            noise: noise.structure,
-            factors: noise.factors,
-            whitened: at.whitened,
-            offset: at.offset,
-            precision: at.precision,
-        })
-    }
-
-    /// Structure of the noise at a point, its variances estimated or as given.
-    fn noise(&self, linear: &[Linear], point: &Point, start: NoiseLevels, estimate: bool) -> Noise {
-        let structure = self.noise_structure(linear);
-        let levels = if estimate { self.estimate_noise(linear, &structure, point, start) } else { start };
-        // V is a sum of a positive diagonal and positive semidefinite matrices: factors exist.
-        let factors = structure.par_iter().filter_map(|n| noise::factor(n, &levels)).collect();
-        Noise { structure, levels, factors }
-    }
-
     /// Directions of all candidates' amplitudes and of lack of fit, in units of their scales.
-    fn calc_directions(&mut self, linear: &[Linear], point: &Point) -> Result<Vec<DMatrix<f64>>, SimulationError> {
+    pub(super) fn calc_directions(
+        &mut self,
+        linear: &[Linear],
+        point: &Point,
+    ) -> Result<Vec<DMatrix<f64>>, SimulationError> {
         let mut per_trial: Vec<Vec<DVector<f64>>> = vec![Vec::new(); self.train.len()];
         let mut blocks = Vec::new();
         let mut next = 0;
@@ -643,13 +540,6 @@ impl<'a> Analysis<'a> {
 
 /// Prior precision of amplitudes in units of their scale: 20 scales are one standard deviation.
 pub(super) const AMPLITUDE_PRECISION: f64 = 1.0 / 400.0;
-/// Evaluations of the rough descent.
-const ROUGH_EVALUATIONS: usize = 9;
-/// Evaluations of the descents after each estimate of the noise.
-const FINE_EVALUATIONS: [usize; 4] = [4, 3, 3, 4];
-/// A fit has converged when a step promises less than this decrease of the deviance.
-const CONVERGED: f64 = 0.02;
-
 pub(super) fn whiten(factor: &Cholesky<f64, Dyn>, columns: &DMatrix<f64>) -> DMatrix<f64> {
     let mut out = columns.clone();
     // The factor has a positive diagonal, so that this always succeeds.

@@ -4,6 +4,8 @@
 pub mod addition;
 pub mod baselines;
 pub mod catalogue;
+mod centring;
+mod descent;
 pub mod diagnose;
 pub mod effect;
 pub mod effects;

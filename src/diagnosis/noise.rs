@@ -4,7 +4,7 @@
 //! ```text
 //! V = σ_w² I + σ_s² C_s + σ_e² G K Gᵀ + σ_g² G 1 1ᵀ Gᵀ + σ_f² G D K D Gᵀ
 //! ```
-//! G: moment by the logarithm of excitation on knots; K, C_s: Matérn-3/2 correlation over knots and over samples (EMG
+//! G: moment by the log excitation on knots; K, C_s: Matérn-3/2 correlation over knots and over samples (EMG
 //! envelope and slow disturbances of the moment); the fourth term is a gain per trial and muscle; D = 1/e turns the last
 //! one into noise that adds to the EMG.
 //!
@@ -17,6 +17,8 @@ use std::sync::Arc;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
+
+use super::centring::root;
 
 /// Distance between knots of the EMG's noise [s].
 pub const KNOT_SPACING: f64 = 0.04;
@@ -226,6 +228,27 @@ impl TrialNoise {
                 let mut w = correlated(&back) * envelope;
                 w.add_scalar_mut(gain * back.sum());
                 w += correlated(&back.component_mul(d)).component_mul(d) * floor;
+                w
+            })
+            .collect()
+    }
+
+    /// A draw of the noise of the log EMG on knots, per muscle.
+    ///
+    /// - `normal`: standard normal numbers
+    pub fn draw(&self, levels: &NoiseLevels, mut normal: impl FnMut() -> f64) -> Vec<DVector<f64>> {
+        let [_, _, envelope, gain, floor] = levels.0.map(f64::sqrt);
+        let knots = self.reciprocal.first().map_or(0, |r| r.len());
+        let correlation =
+            DMatrix::from_fn(knots, knots, |i, j| matern(KNOT_SPACING * (i as f64 - j as f64), ENVELOPE_LENGTH));
+        let root = root(&correlation);
+        let mut draw = |n: usize| DVector::from_fn(n, |_, _| normal());
+        self.reciprocal
+            .iter()
+            .map(|d| {
+                let mut w = &root * draw(knots) * envelope;
+                w += (&root * draw(knots)).component_mul(d) * floor;
+                w.add_scalar_mut(gain * draw(1)[0]);
                 w
             })
             .collect()

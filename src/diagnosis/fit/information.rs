@@ -35,6 +35,7 @@ impl<'a> Analysis<'a> {
             blocks: Vec::new(),
             directions: Vec::new(),
             times,
+            mean_noise: Vec::new(),
             seed,
         }
     }

@@ -1,0 +1,229 @@
+//! The descent: Gauss–Newton steps of parameters, effects and the EMG's noise together, and the noise's variances between
+//! them.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+use super::effect::{Role, Stage};
+use super::fit::{Account, Analysis, Fit, Linear, Noise, Point, corrected};
+use super::forward_model::FITTED_PER_MUSCLE;
+use super::noise::{self, NoiseLevels};
+use crate::simulation::SimulationError;
+
+/// Steps while the noise is only guessed.
+const ROUGH_STEPS: usize = 7;
+/// Steps after each estimate of the noise.
+const FINE_STEPS: usize = 6;
+/// A rough fit has converged when a step promises less than this decrease of the deviance.
+const ROUGHLY: f64 = 1.0;
+/// The same of a fit.
+const CONVERGED: f64 = 0.1;
+/// Largest relative change of a force that is made without a simulation.
+const LARGEST_CHANGE: f64 = 0.5;
+/// Expected noise of the logarithm of the EMG stays below this.
+const LARGEST_NOISE: f64 = 0.7;
+
+/// A fit under way.
+pub(super) struct Descent {
+    pub(super) point: Point,
+    pub(super) linear: Vec<Linear>,
+    pub(super) noise: Noise,
+    at: Account,
+}
+
+impl Analysis<'_> {
+    /// Fits jointly from a point, the EMG as that point has it, with the variances of the noise near `levels`.
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub fn refit(&self, start: Point, levels: NoiseLevels) -> Result<Fit, SimulationError> {
+        let descent = self.begin(start, levels)?;
+        let mut descent = self.descend(descent, ROUGH_STEPS, ROUGHLY)?;
+        for estimate in [false, true, true] {
+            descent = self.settle(descent, estimate)?;
+        }
+        self.finish(descent)
+    }
+
+    /// A fit with usual noise: while the model is far off, its errors would be taken for noise.
+    pub(super) fn rough_fit(&self, start: Point) -> Result<Descent, SimulationError> {
+        let descent = self.begin(start, NoiseLevels::default())?;
+        self.descend(descent, ROUGH_STEPS, ROUGHLY)
+    }
+
+    fn begin(&self, point: Point, levels: NoiseLevels) -> Result<Descent, SimulationError> {
+        let mut linear = self.linearize(&point, &[])?;
+        let noise = self.noise(&mut linear, &point, levels);
+        let at = self.account(&linear, &point, &noise);
+        Ok(Descent { point, linear, noise, at })
+    }
+
+    /// Takes sensitivities where the EMG is expected without its noise, and goes on.
+    ///
+    /// - `estimate`: the variances of the noise before
+    pub(super) fn settle(&self, mut descent: Descent, estimate: bool) -> Result<Descent, SimulationError> {
+        // Forces have moved since the EMG's noise was last passed through the muscles.
+        descent.noise = self.noise(&mut descent.linear, &descent.point, descent.noise.levels);
+        descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
+        if estimate {
+            let Descent { point, linear, noise, .. } = &mut descent;
+            noise.levels = self.estimate_noise(linear, &noise.structure, point, noise.levels);
+            noise.factors = factors(noise);
+            descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
+        }
+        let step = descent.at.information.clone().cholesky().map(|c| c.solve(&descent.at.gradient));
+        let mut point = descent.point.clone();
+        self.correct(&mut point, &descent, &step.unwrap_or_else(|| descent.at.gradient.clone() * 0.0))?;
+        descent.point = point;
+        descent.linear = self.linearize(&descent.point, &[])?;
+        descent.noise = self.noise(&mut descent.linear, &descent.point, descent.noise.levels);
+        descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
+        self.descend(descent, FINE_STEPS, CONVERGED)
+    }
+
+    /// The fit that a descent has come to, its V brought up to date.
+    pub(super) fn finish(&self, mut descent: Descent) -> Result<Fit, SimulationError> {
+        descent.noise = self.noise(&mut descent.linear, &descent.point, descent.noise.levels);
+        descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
+        let Descent { point, linear: _, noise, at } = descent;
+        let (p, n) = (at.precision.len(), self.n_nuisance());
+        let covariance = at
+            .information
+            .try_inverse()
+            .map_or_else(|| DMatrix::zeros(p - n, p - n), |c| c.view((n, n), (p - n, p - n)).into_owned());
+        Ok(Fit {
+            point,
+            deviance: noise.log_determinant() + at.objective - at.gain,
+            covariance,
+            levels: noise.levels,
+            noise: noise.structure,
+            factors: noise.factors,
+            whitened: at.whitened,
+            offset: at.offset,
+            precision: at.precision,
+        })
+    }
+
+    /// Steps with the noise held.
+    ///
+    /// The lengths and forces of muscles form a curved valley, whose walls are steep: steps are shortened as a whole
+    /// while they promise what does not come.
+    fn descend(&self, mut now: Descent, steps: usize, enough: f64) -> Result<Descent, SimulationError> {
+        // Longest step, in standard deviations.
+        let mut radius = f64::INFINITY;
+        for _ in 0..steps {
+            if now.at.gain < enough {
+                break;
+            }
+            let Some(solver) = now.at.information.clone().cholesky() else { break };
+            let length = now.at.gain.max(0.0).sqrt();
+            let part = if length > radius { radius / length } else { 1.0 };
+            let by = solver.solve(&now.at.gradient) * part;
+            let point = self.moved(&now.point, &by);
+            let promised = now.at.gain * part * (2.0 - part);
+            // Where a muscle cannot be simulated the step was too long.
+            let next = self.evaluate(point, &now.noise).ok();
+            let fall = |at: &Account| now.at.objective - at.objective;
+            match next {
+                Some((point, linear, at)) if fall(&at) > -0.3 * promised - 0.05 => {
+                    radius = if fall(&at) < 0.3 * promised { 0.7 * part * length } else { 1.5 * radius };
+                    (now.point, now.linear, now.at) = (point, linear, at);
+                }
+                _ => radius = 0.4 * part * length,
+            }
+        }
+        Ok(now)
+    }
+
+    /// A point simulated, with the noise as it was.
+    fn evaluate(&self, mut point: Point, noise: &Noise) -> Result<(Point, Vec<Linear>, Account), SimulationError> {
+        let mut linear = self.linearize(&point, &noise.structure)?;
+        let mut at = self.account(&linear, &point, noise);
+        at = self.solve_linear(&mut point, &mut linear, noise, at);
+        Ok((point, linear, at))
+    }
+
+    /// Solves for what the moment is linear in — maximum forces, baselines, moments that effects add — at the present
+    /// lengths (variable projection): without a simulation, and the valley that these form with the lengths is followed.
+    fn solve_linear(&self, point: &mut Point, linear: &mut [Linear], noise: &Noise, at: Account) -> Account {
+        let n = self.n_nuisance();
+        let muscles = self.n_muscles();
+        let forces = (0..muscles).map(|m| m * FITTED_PER_MUSCLE);
+        let baselines = muscles * FITTED_PER_MUSCLE..n;
+        let parameters = point.effects.iter().flat_map(|s| {
+            let description = s.effect.description();
+            description.parameters.iter().map(|p| {
+                p.role == Role::Amplitude && description.stage >= Stage::Joint && description.stage < Stage::Sensor
+            })
+        });
+        let amplitudes = parameters.enumerate().filter(|(_, linear)| *linear).map(|(i, _)| n + i);
+        let columns: Vec<usize> = forces.chain(baselines).chain(amplitudes).collect();
+        let information = at.information.select_rows(&columns).select_columns(&columns);
+        let gradient = at.gradient.select_rows(&columns);
+        let Some(solver) = information.cholesky() else { return at };
+        let solution = solver.solve(&gradient);
+        if solution.iter().take(muscles).any(|s| s.abs() > LARGEST_CHANGE) {
+            return at;
+        }
+        let mut step = DVector::zeros(at.gradient.len());
+        columns.iter().zip(solution.iter()).for_each(|(c, s)| step[*c] = *s);
+        for l in linear.iter_mut() {
+            let change = &l.nuisance * step.rows(0, n) + &l.effects * step.rows(n, step.len() - n);
+            let of_baselines = l.nuisance.columns(muscles * FITTED_PER_MUSCLE, muscles)
+                * step.rows(muscles * FITTED_PER_MUSCLE, muscles);
+            l.residual -= &change;
+            l.bare -= change - of_baselines;
+            for m in 0..muscles {
+                let mut own = l.nuisance.columns_mut(m * FITTED_PER_MUSCLE, FITTED_PER_MUSCLE);
+                own *= 1.0 + step[m * FITTED_PER_MUSCLE];
+            }
+        }
+        // Steps are of logarithms.
+        (0..muscles).for_each(|m| step[m * FITTED_PER_MUSCLE] = (1.0 + step[m * FITTED_PER_MUSCLE]).ln());
+        *point = self.moved(point, &step);
+        self.account(linear, point, noise)
+    }
+
+    /// Expected noise of the EMG once the parameters have taken a step.
+    fn correct(&self, point: &mut Point, before: &Descent, step: &DVector<f64>) -> Result<(), SimulationError> {
+        let Descent { linear, noise, .. } = before;
+        let n = self.n_nuisance();
+        let found: Vec<Result<_, SimulationError>> = linear
+            .par_iter()
+            .enumerate()
+            .map(|(position, l)| {
+                let left = &l.residual - &l.nuisance * step.rows(0, n) - &l.effects * step.rows(n, step.len() - n);
+                let weighted = noise.factors[position].solve(&left);
+                let mut correction = noise.structure[position].expected_noise(&noise.levels, &weighted);
+                for w in &mut correction {
+                    w.iter_mut().for_each(|v| *v = v.clamp(-LARGEST_NOISE, LARGEST_NOISE));
+                }
+                let g = self.train[position];
+                let record = &self.forward.trials[g];
+                let excitation = corrected(&record.time, &record.excitation, &correction);
+                Ok((correction, Arc::new(self.forward.input(g, excitation)?)))
+            })
+            .collect();
+        for (position, found) in found.into_iter().enumerate() {
+            (point.correction[position], point.inputs[position]) = found?;
+        }
+        Ok(())
+    }
+
+    /// Structure of the noise at a point, with these variances; the linearization is made to match.
+    fn noise(&self, linear: &mut [Linear], point: &Point, levels: NoiseLevels) -> Noise {
+        let structure = self.noise_structure(linear, point);
+        for (position, (l, noise)) in linear.iter_mut().zip(&structure).enumerate() {
+            self.attach(l, position, point, noise);
+        }
+        let mut noise = Noise { structure, levels, factors: Vec::new() };
+        noise.factors = factors(&noise);
+        noise
+    }
+}
+
+/// V is a sum of a positive diagonal and positive semidefinite matrices: factors exist.
+fn factors(noise: &Noise) -> Vec<nalgebra::Cholesky<f64, nalgebra::Dyn>> {
+    noise.structure.par_iter().filter_map(|n| noise::factor(n, &noise.levels)).collect()
+}
