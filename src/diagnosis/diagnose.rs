@@ -21,6 +21,10 @@ const REJECT_NULL: f64 = 0.05;
 /// An explanation with a smaller p-value is rejected: slightly laxer than 0.05, so that the true one stays in at least
 /// 95 of 100 times.
 const REJECT_EXPLANATION: f64 = 0.03;
+/// An explanation with a smaller p-value is rejected although it cannot be told from one that is not.
+const REJECT_IN_ANY_CASE: f64 = 0.002;
+/// Below this pairwise z two effects cannot be told apart.
+const INSEPARABLE: f64 = 2.0;
 /// An effect whose signature keeps less than this share once muscle parameters are fitted cannot be tested.
 const TESTABLE: f64 = 0.01;
 /// z that an effect needs to be found with a probability of about 80 % among all others.
@@ -226,6 +230,8 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let singles = if rejected { judge.singles(&left)? } else { Vec::new() };
     let mut explanations: Vec<(Fit, Explanation)> =
         singles.iter().filter(|s| s.1.p_value > REJECT_EXPLANATION).cloned().collect();
+    let survivors: Vec<&'static str> = explanations.iter().map(|e| e.1.effects[0]).collect();
+    explanations.extend(singles.iter().filter(|s| judge.goes_with(&left, &survivors, &s.1)).cloned());
     if rejected && explanations.is_empty() {
         explanations = judge.pairs(&left, &singles)?.into_iter().filter(|s| s.1.p_value > REJECT_EXPLANATION).collect();
     }
@@ -250,7 +256,8 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let ids = || analysis.candidates.iter().map(|e| e.description().id);
     let fitted: Vec<&str> = singles.iter().flat_map(|s| s.1.effects.clone()).collect();
     let ruled_out = ids().filter(|id| fitted.contains(id) && !kept.contains(id)).collect();
-    let not_fitted = ids().filter(|id| !fitted.contains(id) && !kept.contains(id) && !not_testable.contains(id)).collect();
+    let not_fitted =
+        ids().filter(|id| !fitted.contains(id) && !kept.contains(id) && !not_testable.contains(id)).collect();
     let residuals = judge.residuals(&null)?;
     let [white, slow, envelope, gain, floor] = best.as_ref().unwrap_or(&null).levels.0.map(f64::sqrt);
     let diagnosis = Diagnosis {
@@ -297,6 +304,18 @@ struct Judge<'a> {
 impl Judge<'_> {
     fn testable(&self) -> impl Iterator<Item = &'static dyn Effect> + '_ {
         self.analysis.candidates.iter().copied().filter(|e| !self.not_testable.contains(&e.description().id))
+    }
+
+    /// Whether a rejected explanation cannot be told from one that survived: chance must not come between them.
+    fn goes_with(&self, left: &Omnibus, survivors: &[&'static str], rejected: &Explanation) -> bool {
+        let rival = rejected.effects[0];
+        rejected.p_value > REJECT_IN_ANY_CASE
+            && !survivors.contains(&rival)
+            && survivors.iter().any(|survivor| {
+                let size = block(left, survivor).map(|b| &b.one_step);
+                let z = size.and_then(|size| self.analysis.pairwise_z(self.null, survivor, size, rival));
+                z.is_some_and(|z| z < INSEPARABLE)
+            })
     }
 
     /// Every single effect that has a chance, fitted.

@@ -47,7 +47,7 @@ impl<'a> Analysis<'a> {
     pub(crate) fn information(&mut self, at: &Fit) -> Result<DMatrix<f64>, SimulationError> {
         let point = Point { parameters: at.point.parameters.clone(), ..self.nominal_point() };
         let rough = self.linearize(&point, &[])?;
-        let noise = self.noise_structure(&rough);
+        let noise = self.noise_structure(&rough, &point);
         let linear = self.linearize(&point, &noise)?;
         self.directions = self.calc_directions(&linear, &point)?;
         let n = self.n_nuisance();
