@@ -98,8 +98,7 @@ pub fn representatives(run: &ParticipantRun, held_out: &[usize]) -> Vec<Represen
 /// # Errors
 /// None that input can cause.
 pub fn evaluation(cohort: &Cohort, names: &[ModelName], curves: &[Representative]) -> Result<ReportParts, Failure> {
-    let mut parts = ReportParts::default();
-    parts.lead = lead(cohort, names);
+    let mut parts = ReportParts { lead: lead(cohort, names), ..ReportParts::default() };
     parts.tables.push(("evaluation_errors.csv".to_string(), errors_csv(cohort.errors())?));
     parts.tables.push(("evaluation_means.csv".to_string(), means_csv(cohort, names)?));
     parts.blocks.push(Block::Text(

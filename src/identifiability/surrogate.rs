@@ -299,6 +299,10 @@ fn smallest_box(
     reach: f64,
 ) -> (DVector<f64>, DMatrix<f64>) {
     let p = at.len();
+    if p == 0 {
+        // Only forces are asked for: nothing is nonlinear.
+        return (at.clone(), covariance);
+    }
     let ends: Vec<[f64; 2]> = (0..p)
         .map(|i| {
             let half = reach * covariance[(i, i)].max(1e-12).sqrt();

@@ -57,7 +57,7 @@ impl<'a> SmoothObjective<'a> {
         let mut factors = self.base.clone();
         let mut by_unit = Vec::with_capacity(point.len());
         for (i, x) in point.iter().enumerate() {
-            let (factor, derivative) = self.space.from_unit(self.free.start + i, *x);
+            let (factor, derivative) = self.space.at_unit(self.free.start + i, *x);
             factors[self.free.start + i] = factor;
             by_unit.push(derivative);
         }

@@ -196,7 +196,7 @@ impl ParameterSpace {
     }
 
     /// The factor at a coordinate of the unit box of [`ParameterSpace::to_unit`], and its derivative by the coordinate.
-    pub(super) fn from_unit(&self, index: usize, x: f64) -> (f64, f64) {
+    pub(super) fn at_unit(&self, index: usize, x: f64) -> (f64, f64) {
         let RelativeBounds { lower, upper } = self.bounds(index);
         let x = x.clamp(0.0, 1.0);
         if self.logarithmic(index) {

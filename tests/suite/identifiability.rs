@@ -131,7 +131,6 @@ fn show(found: &Identifiability) {
 }
 
 #[test]
-#[ignore = "its bars are not confirmed yet"]
 fn verif_noise_free_parameters_are_found_and_lie_in_their_intervals() {
     let known = known();
     let found = identify(&known.request(known.parameters(&MuscleProperty::USUAL))).unwrap();
@@ -170,7 +169,6 @@ fn verif_result_is_the_same_at_any_number_of_threads() {
 }
 
 #[test]
-#[ignore = "its bars are not confirmed yet"]
 fn verif_a_prior_helps_where_the_data_are_weak_and_hardly_where_they_are_strong() {
     let known = known();
     let mut request = known.request(known.parameters(&MuscleProperty::USUAL));
@@ -193,7 +191,6 @@ fn verif_a_prior_helps_where_the_data_are_weak_and_hardly_where_they_are_strong(
 }
 
 #[test]
-#[ignore = "its bars are not confirmed yet"]
 fn verif_expected_gain_of_a_trial_is_what_recording_it_brings() {
     let known = known();
     let mut request = known.request(known.parameters(&MuscleProperty::USUAL));
@@ -223,7 +220,6 @@ fn verif_expected_gain_of_a_trial_is_what_recording_it_brings() {
 }
 
 #[test]
-#[ignore = "its bars are not confirmed yet"]
 fn verif_tied_muscles_and_other_properties() {
     let known = known();
     let mut parameters = known.parameters(&[MuscleProperty::MaxIsometricForce, MuscleProperty::TendonStrain]);
@@ -263,7 +259,6 @@ fn verif_tied_muscles_and_other_properties() {
 }
 
 #[test]
-#[ignore = "its bars are not confirmed yet"]
 fn verif_a_moment_about_a_second_coordinate_tells_muscles_apart() {
     let known = known();
     let mut request = known.request(known.parameters(&MuscleProperty::USUAL));

@@ -72,7 +72,7 @@ fn properties(names: &[String]) -> Result<Vec<MuscleProperty>, Failure> {
             MuscleProperty::from_name(name).ok_or_else(|| {
                 let message = Message::error(format!("--properties: there is no property `{name}`"));
                 let known = MuscleProperty::ALL.map(MuscleProperty::name);
-                let hint = match crate::study::nearest(name, known.into_iter()) {
+                let hint = match crate::study::nearest(name, known) {
                     Some(nearest) => format!("did you mean `{nearest}`?"),
                     None => format!("there are: {}", known.join(", ")),
                 };
