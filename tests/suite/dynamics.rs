@@ -2,7 +2,9 @@
 
 use super::reference;
 use super::validation::{self, Differences, Judge, Row};
-use carpus::dynamics::{Constraints, Dynamics, Plant, PlantError, PlantState};
+use carpus::dynamics::{
+    Constraints, Dynamics, ForwardOptions, Plant, PlantError, PlantState, Trajectory, simulate_forward,
+};
 use carpus::forces::AppliedForces;
 use carpus::multibody::{BaseIndex, Model};
 use carpus::osim::OsimFile;
@@ -398,4 +400,42 @@ fn verif_assembled_states_satisfy_constraints_whose_forces_do_no_work() {
         let moved = later.iter().zip(&assembled).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(moved < 1e-5, "{}: assembly moved by {moved}", case.name);
     }
+}
+
+/// Differences of coordinates [rad or m] from a trajectory that OpenSim's `Manager` integrated.
+fn compare_trajectory(spec: &ModelSpec, reference: &Value, accuracy: f64) -> (Differences, Trajectory) {
+    let model = Model::compile(spec).expect("model");
+    let plant = Plant::compile(spec, &model, false).expect("plant");
+    let rest = reference["rest"].as_f64().expect("rest");
+    let excitation: Vec<f64> =
+        plant.muscles.iter().map(|m| reference["excitation"][m.muscle.name()].as_f64().unwrap_or(rest)).collect();
+    let rows = reference["rows"].as_array().expect("rows");
+    let of = |row: &Value, what: &str| -> Vec<f64> {
+        model.coordinates.iter().map(|c| row[what][&c.name].as_f64().expect("a number")).collect()
+    };
+    let mut work = plant.new_work();
+    let start = plant
+        .equilibrium_state(0.0, &of(&rows[0], "q"), &of(&rows[0], "u"), &excitation, &mut work)
+        .expect("equilibrium");
+    let times = rows.iter().map(|row| row["time"].as_f64().expect("time")).collect();
+    let options = ForwardOptions { times, accuracy, first_step: 1e-3 };
+    let excite = |_: f64, e: &mut [f64]| e.copy_from_slice(&excitation);
+    let trajectory = simulate_forward(&plant, &start, excite, &options).expect("trajectory");
+    let mut differences = Differences::new("coordinate along a forward simulation", "rad or m");
+    for (state, row) in trajectory.states.iter().zip(rows) {
+        for (c, (found, expected)) in state.q.iter().zip(of(row, "q")).enumerate() {
+            let name = &model.coordinates[c].name;
+            differences.push(found - expected, || format!("{name} at {} s", row["time"]));
+        }
+    }
+    (differences, trajectory)
+}
+
+#[test]
+fn val_opensim_forward_simulation_of_the_bundled_wrist() {
+    let file = OsimFile::parse(include_bytes!("../../models/wrist.osim"), "wrist.osim").expect("model");
+    let reference = serde_json::from_str(include_str!("../../fixtures/forward/wrist.json")).expect("JSON");
+    let (differences, trajectory) = compare_trajectory(&file.spec, &reference, 1e-8);
+    println!("{:?}, largest difference {:.1e}", trajectory.cost, differences.max());
+    differences.assert_below(1e-5);
 }
