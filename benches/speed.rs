@@ -20,7 +20,7 @@ use carpus::simulation::{
 use carpus::study::MomentPart;
 
 /// Parameter sets in one timing of further sets.
-const PARAMETER_SETS: i32 = 21;
+const PARAMETER_SETS: i32 = 20;
 
 struct Arguments {
     model: PathBuf,
@@ -181,13 +181,13 @@ fn measure(arguments: &Arguments, reference: &Reference) -> Timings {
     let mut mean_of_sets = |spacing: f64| {
         best(repeat, || {
             for set in 0..PARAMETER_SETS {
-                total_moment(&trial, &nominal, 1.0 + spacing * (f64::from(set) - 10.0), &mut moment);
+                total_moment(&trial, &nominal, 1.0 + spacing * (f64::from(set) - 9.5), &mut moment);
             }
         }) / f64::from(PARAMETER_SETS)
     };
     let (further, distant) = (mean_of_sets(1e-3), mean_of_sets(1e-2));
     let balances = (0..PARAMETER_SETS)
-        .map(|set| total_moment(&trial, &nominal, 1.0 + 1e-3 * (f64::from(set) - 10.0), &mut moment))
+        .map(|set| total_moment(&trial, &nominal, 1.0 + 1e-3 * (f64::from(set) - 9.5), &mut moment))
         .sum::<usize>() as f64
         / f64::from(PARAMETER_SETS);
     let with_derivatives = best(repeat, || {

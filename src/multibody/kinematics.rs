@@ -1,7 +1,7 @@
 //! Poses, velocities, partial velocities and accelerations of bodies.
 
 use super::cache::{Cache, NodeCache};
-use super::mobilizer::Node;
+use super::mobilizer::{Node, Speeds};
 use super::model::Model;
 use super::subset::BodySubset;
 use crate::osim::spec::CoordinateIndex;
@@ -67,6 +67,23 @@ impl Model {
         for &i in subset.nodes() {
             self.update_node_partial_velocity(i, q, cache);
         }
+    }
+
+    /// Computes the velocities of the bodies of `subset` for the rates of the coupling vector of the last
+    /// [`Model::update_unit_motion_in`] of the same bodies: their partial velocities, except where a speed is not a rate.
+    ///
+    /// - `q`: coordinates, as given there
+    pub fn update_velocities_of_unit_motion_in(&self, subset: &BodySubset, q: &[f64], cache: &mut Cache) {
+        let coupling = std::mem::take(&mut cache.coupling);
+        if subset.nodes().iter().all(|&i| self.nodes[i].mobilizer.speeds == Speeds::CoordinateRates) {
+            for &i in subset.nodes() {
+                let base = self.nodes[i].outboard.0;
+                cache.V_GB[base] = cache.partial_velocity[base];
+            }
+        } else {
+            self.update_velocities_in(subset, q, &coupling, cache);
+        }
+        cache.coupling = coupling;
     }
 
     /// Computes the accelerations of all bodies in ground (gravity is not included).

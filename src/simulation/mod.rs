@@ -20,6 +20,7 @@ mod motion;
 mod path_table;
 mod piecewise;
 mod sensitivity;
+mod single_jump;
 mod tables;
 mod trial;
 mod variation;

@@ -34,23 +34,29 @@ pub(crate) fn polynomial<const N: usize>(c: &[f64; N], t: f64) -> f64 {
 #[inline]
 pub(crate) fn locate(count: usize, start: impl Fn(usize) -> f64, x: f64, cursor: &mut usize) -> usize {
     let last = count - 1;
-    let within = |i: usize| (i == 0 || x >= start(i)) && (i == last || x < start(i + 1));
-    let i = (*cursor).min(last);
-    if within(i) {
-        return i;
-    }
-    *cursor = if i < last && within(i + 1) {
-        i + 1
-    } else {
-        let (mut low, mut high) = (0, count);
-        while low < high {
-            let middle = (low + high) / 2;
-            if start(middle) <= x { low = middle + 1 } else { high = middle }
+    let mut i = (*cursor).min(last);
+    if x >= start(i) {
+        // Mostly here or a few pieces on.
+        let near = (i + MOST_ON).min(last);
+        while i < near && x >= start(i + 1) {
+            i += 1;
         }
-        low.saturating_sub(1)
-    };
+        if i == last || x < start(i + 1) {
+            *cursor = i;
+            return i;
+        }
+    }
+    let (mut low, mut high) = (0, count);
+    while low < high {
+        let middle = (low + high) / 2;
+        if start(middle) <= x { low = middle + 1 } else { high = middle }
+    }
+    *cursor = low.saturating_sub(1);
     *cursor
 }
+
+/// Pieces looked at beyond the last one before all are searched.
+const MOST_ON: usize = 8;
 
 #[cfg(test)]
 mod tests {

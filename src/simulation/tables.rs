@@ -128,13 +128,11 @@ fn path_table(
     let skeleton = &model.skeleton;
     let mut posed = Posed::new(model, skeleton.body_subset(&path.bodies()));
     let mut geometry: PathGeometry = path.new_geometry();
-    let mut unit_rates = vec![0.0; skeleton.n_coordinates()];
     // The bodies that do not move keep velocity zero.
     let mut evaluate = |angle: f64| {
         posed.set(angle);
         path.update(&posed.q, &posed.cache, &mut geometry);
-        unit_rates.copy_from_slice(posed.cache.coupling());
-        skeleton.update_velocities_in(&posed.moving, &posed.q, &unit_rates, &mut posed.cache);
+        skeleton.update_velocities_of_unit_motion_in(&posed.moving, &posed.q, &mut posed.cache);
         let length = geometry.length();
         if !(length > 0.0 && length.is_finite()) {
             return Err(SimulationError::PathLength { muscle: owner.to_owned(), angle, length });
@@ -142,7 +140,7 @@ fn path_table(
         Ok([
             length,
             path.moment_arm(&posed.q, &posed.cache, &geometry),
-            path.lengthening_speed(&posed.q, &unit_rates, &posed.cache, &geometry),
+            path.lengthening_speed(&posed.q, posed.cache.coupling(), &posed.cache, &geometry),
         ])
     };
     PathTable::build(range, PATH_ACCURACY, &mut evaluate)

@@ -7,7 +7,8 @@ use rayon::prelude::*;
 use super::activation_trajectory::ActivationTrajectory;
 use super::error::SimulationError;
 use super::fiber::equation::{Drive, Fiber};
-use super::fiber::integrate::{Cursor, DriveSource, FiberAccuracy, StepPlan, StepTaken};
+use super::fiber::integrate::{Cursor, DriveSource, FiberAccuracy, StepTaken};
+use super::fiber::plan::StepPlan;
 use super::fiber::radau::Work;
 use super::model::{ActiveMuscle, MuscleParameters, MusculoskeletalModel};
 use super::motion::{Motion, MotionInterpolation};
@@ -321,7 +322,18 @@ impl MusculoskeletalModel {
         muscles: &[Arc<PreparedMuscle>],
     ) -> TrialKinematics {
         let n = time.len();
-        let mut out = TrialKinematics { time: time.to_vec(), ..TrialKinematics::default() };
+        let series = || Vec::with_capacity(n);
+        let mut out = TrialKinematics {
+            time: time.to_vec(),
+            angle: series(),
+            speed: series(),
+            acceleration: series(),
+            muscles: Vec::with_capacity(muscles.len()),
+            passive_moment: series(),
+            gravity_moment: series(),
+            inertia_moment: series(),
+            damping_moment: series(),
+        };
         let mut cursor = 0;
         for &t in time {
             let [angle, speed, acceleration] = motion.jet(t, &mut cursor);
@@ -330,7 +342,12 @@ impl MusculoskeletalModel {
             out.acceleration.push(acceleration);
         }
         for (table, prepared) in tables.muscles.iter().zip(muscles) {
-            let mut muscle = MuscleKinematics::default();
+            let mut muscle = MuscleKinematics {
+                length: series(),
+                lengthening_speed: series(),
+                moment_arm: series(),
+                activation: series(),
+            };
             let (mut at, mut activation) = (0, 0);
             for k in 0..n {
                 let values = table.values(out.angle[k], &mut at);

@@ -2,18 +2,15 @@
 //!
 //! The plan's steps are those that error control chose for the model's own parameters, and the plan holds activation
 //! and path length at every stage, so that a further parameter set looks nothing up, and the solution for the model's own
-//! parameters, which the search for another one starts from. The error is estimated again in
+//! parameters, which is the answer for these and where the search for another one starts from. The error is estimated again in
 //! every run; a step that misses the tolerance is halved until it does not.
 
 use super::equation::{Drive, Fiber, PARAMETERS};
-use super::radau::{FiberState, Reference, STAGES, StepInput, StepSolution, Work, stage_weight_slopes, stage_weights};
+use super::plan::{PlannedStep, StepPlan};
+use super::radau::{FiberState, Reference, STAGES, StepInput, StepSolution, Work, dot, stage_weight_slopes, stage_weights};
 
-/// Ticks per sample interval: steps start and end at multiples of 1/1024 of an interval.
-const TICK_BITS: u32 = 10;
 /// Halvings of a planned step before giving up.
 const MOST_HALVINGS: usize = 14;
-/// The plan is made for this part of the tolerance, so that most other parameter sets meet the tolerance without halving.
-const PLAN_TOLERANCE: f64 = 0.25;
 
 /// Accuracy of the integration.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,26 +49,6 @@ pub(crate) struct Cursor {
     pub(crate) path: usize,
 }
 
-/// One planned step.
-#[derive(Clone, Debug)]
-struct PlannedStep {
-    start: f64,
-    input: StepInput,
-    /// Samples in the half-open interval from after the start to the end: one past the last.
-    samples_end: usize,
-}
-
-/// Steps of one muscle over one trial.
-#[derive(Clone, Debug)]
-pub(crate) struct StepPlan {
-    /// What drives the fibre at the first sample.
-    pub(crate) initial: Drive,
-    steps: Vec<PlannedStep>,
-    /// Weights of the stage increments at each sample, within the step that the sample falls in.
-    weights: Vec<[f64; 3]>,
-    times: Vec<f64>,
-}
-
 /// A fibre's state at a sample.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct FiberSample {
@@ -97,18 +74,17 @@ pub(crate) struct StepTaken {
 }
 
 impl StepTaken {
-    fn resting(start: f64, input: &StepInput) -> StepTaken {
+    pub(super) fn resting(start: f64, input: &StepInput) -> StepTaken {
         StepTaken { start, input: *input, path: None, ends_shortest: true }
     }
 
-    fn moving(start: f64, input: &StepInput, from: &FiberState, solution: &StepSolution) -> StepTaken {
-        let ends_shortest = solution.end.x != from.x + solution.z[2];
-        StepTaken { start, input: *input, path: Some((from.x, solution.z)), ends_shortest }
+    pub(super) fn moving(start: f64, input: &StepInput, from: f64, z: [f64; 3], end: f64) -> StepTaken {
+        StepTaken { start, input: *input, path: Some((from, z)), ends_shortest: end != from + z[2] }
     }
 }
 
 /// What became of an attempt to take a step.
-enum Attempt {
+pub(super) enum Attempt {
     /// The fibre stays at its shortest length.
     Stays,
     /// The step is solved.
@@ -141,7 +117,7 @@ impl Fiber {
 
     /// One step with the rules of the shortest fibre length: a fibre at x_min whose velocity would be negative stays
     /// there until it is positive.
-    fn attempt<const DERIVATIVES: bool>(
+    pub(super) fn attempt<const DERIVATIVES: bool>(
         &self,
         state: &mut FiberState,
         input: &StepInput,
@@ -196,6 +172,9 @@ impl Fiber {
         mut emit: impl FnMut(usize, FiberSample),
         mut observe: impl FnMut(StepTaken),
     ) -> Result<Work, Stuck> {
+        if !DERIVATIVES && plan.is_solved_for(self) {
+            return Ok(plan.replay(emit, observe));
+        }
         let mut work = Work::default();
         let mut state = self.initial_state(plan.initial, &mut work);
         emit(0, FiberSample { x: state.x, rate: state.rate, by_parameters: state.by_parameters });
@@ -210,10 +189,10 @@ impl Fiber {
                     }
                 }
                 Attempt::Moves(solution) => {
-                    observe(StepTaken::moving(planned.start, &planned.input, &state, &solution));
+                    observe(StepTaken::moving(planned.start, &planned.input, state.x, solution.z, solution.end.x));
                     while sample < planned.samples_end {
                         let weights = plan.weights[sample];
-                        emit(sample, within::<DERIVATIVES>(&state, &solution, weights, planned.input.h));
+                        emit(sample, at_weights::<DERIVATIVES>(&state, &solution, weights, planned.input.h));
                         sample += 1;
                     }
                     state = solution.end;
@@ -256,25 +235,17 @@ impl Fiber {
 
 /// State within a step from the weights of the stage increments.
 #[inline]
-fn within<const DERIVATIVES: bool>(
+fn at_weights<const DERIVATIVES: bool>(
     start: &FiberState,
     solution: &StepSolution,
     weights: [f64; 3],
     h: f64,
 ) -> FiberSample {
-    let z = solution.z;
-    if weights[2] == 1.0 && weights[0] == 0.0 && weights[1] == 0.0 {
+    if weights == [0.0, 0.0, 1.0] {
         let end = &solution.end;
         return FiberSample { x: end.x, rate: end.rate, by_parameters: end.by_parameters };
     }
-    let mut sample = FiberSample {
-        x: start.x + weights[0] * z[0] + weights[1] * z[1] + weights[2] * z[2],
-        rate: 0.0,
-        by_parameters: [0.0; PARAMETERS],
-    };
-    let theta = local_time(weights);
-    let slopes = stage_weight_slopes(theta);
-    sample.rate = (slopes[0] * z[0] + slopes[1] * z[1] + slopes[2] * z[2]) / h;
+    let mut sample = within(start.x, solution.z, weights, h);
     if DERIVATIVES {
         for p in 0..PARAMETERS {
             sample.by_parameters[p] =
@@ -284,13 +255,20 @@ fn within<const DERIVATIVES: bool>(
     sample
 }
 
+/// Fibre length and rate within a step of size `h` from `start`, from its stage increments and their weights.
+#[inline]
+pub(super) fn within(start: f64, z: [f64; 3], weights: [f64; 3], h: f64) -> FiberSample {
+    let slopes = stage_weight_slopes(local_time(weights));
+    FiberSample { x: start + dot(weights, z), rate: dot(slopes, z) / h, by_parameters: [0.0; PARAMETERS] }
+}
+
 /// The local time θ that stage weights belong to: the polynomial that is θ itself has stage increments cᵢ.
 fn local_time(weights: [f64; 3]) -> f64 {
     weights[0] * STAGES[0] + weights[1] * STAGES[1] + weights[2] * STAGES[2]
 }
 
 /// Inputs of the step between two times.
-fn step_input(source: &impl DriveSource, start: f64, end: f64, cursor: &mut Cursor) -> StepInput {
+pub(super) fn step_input(source: &impl DriveSource, start: f64, end: f64, cursor: &mut Cursor) -> StepInput {
     let h = end - start;
     let at = |i: usize| if i == 2 { end } else { start + STAGES[i] * h };
     let drive = [0, 1, 2].map(|i| source.drive(at(i), cursor));
@@ -333,11 +311,11 @@ impl<S: DriveSource> Division<'_, S> {
                 Ok(())
             }
             Attempt::Moves(solution) => {
-                observe(StepTaken::moving(start, &input, state, &solution));
+                observe(StepTaken::moving(start, &input, state.x, solution.z, solution.end.x));
                 while self.sample < self.planned.samples_end && self.times[self.sample] <= end {
                     let theta = (self.times[self.sample] - start) / input.h;
                     let weights = if theta >= 1.0 { [0.0, 0.0, 1.0] } else { stage_weights(theta) };
-                    emit(self.sample, within::<DERIVATIVES>(state, &solution, weights, input.h));
+                    emit(self.sample, at_weights::<DERIVATIVES>(state, &solution, weights, input.h));
                     self.sample += 1;
                 }
                 *state = solution.end;
@@ -352,99 +330,4 @@ impl<S: DriveSource> Division<'_, S> {
             }
         }
     }
-}
-
-impl StepPlan {
-    /// Chooses steps for the samples `times` (strictly increasing, at least two) by error control.
-    ///
-    /// # Errors
-    /// [`Stuck`] where Newton's method fails in the smallest step.
-    pub(crate) fn build(
-        fiber: &Fiber,
-        source: &impl DriveSource,
-        times: &[f64],
-        accuracy: &FiberAccuracy,
-    ) -> Result<StepPlan, Stuck> {
-        let mut cursor = Cursor::default();
-        let initial = source.drive(times[0], &mut cursor);
-        let mut plan =
-            StepPlan { initial, steps: Vec::new(), weights: vec![[0.0, 0.0, 1.0]; times.len()], times: times.to_vec() };
-        let mut work = Work::default();
-        let mut state = fiber.initial_state(initial, &mut work);
-        let last = (times.len() - 1) << TICK_BITS;
-        let time_of = |tick: usize| {
-            let (k, part) = (tick >> TICK_BITS, tick & ((1 << TICK_BITS) - 1));
-            if part == 0 {
-                times[k]
-            } else {
-                times[k] + (times[k + 1] - times[k]) * part as f64 / f64::from(1 << TICK_BITS)
-            }
-        };
-        let tolerance = PLAN_TOLERANCE * accuracy.tolerance;
-        let (mut tick, mut exponent, mut sample) = (0_usize, TICK_BITS, 1_usize);
-        while tick < last {
-            exponent = fitting(tick, exponent, last, |t| time_of(t) - time_of(tick) <= accuracy.max_step);
-            let (start, next) = (time_of(tick), tick + (1 << exponent));
-            let end = time_of(next);
-            let mut input = step_input(source, start, end, &mut cursor);
-            let growth = match fiber.attempt::<false>(&mut state, &input, tolerance, exponent == 0, &mut work) {
-                Attempt::Divide if exponent == 0 => return Err(Stuck { time: start }),
-                Attempt::Divide => {
-                    exponent -= 1;
-                    continue;
-                }
-                Attempt::Stays => 1,
-                Attempt::Moves(solution) => {
-                    input.reference = Reference { z: solution.z, rate: state.rate };
-                    state = solution.end;
-                    // The error of a step of twice the size would be about 16 times as large.
-                    u32::from(solution.error < tolerance / 32.0)
-                }
-            };
-            while sample < times.len() && times[sample] <= end {
-                if times[sample] < end {
-                    plan.weights[sample] = stage_weights((times[sample] - start) / input.h);
-                }
-                sample += 1;
-            }
-            plan.steps.push(PlannedStep { start, input, samples_end: sample });
-            tick = next;
-            exponent += growth;
-        }
-        Ok(plan)
-    }
-
-    /// The same steps, driven otherwise.
-    pub(crate) fn driven_by(&self, source: &impl DriveSource) -> StepPlan {
-        let mut cursor = Cursor::default();
-        let initial = source.drive(self.times[0], &mut cursor);
-        let steps = self.steps.iter().map(|step| PlannedStep {
-            input: StepInput {
-                drive: step_input(source, step.start, step.start + step.input.h, &mut cursor).drive,
-                ..step.input
-            },
-            ..step.clone()
-        });
-        StepPlan { initial, steps: steps.collect(), weights: self.weights.clone(), times: self.times.clone() }
-    }
-
-    /// Number of planned steps.
-    pub(crate) fn len(&self) -> usize {
-        self.steps.len()
-    }
-}
-
-/// Largest exponent up to `wanted` for which a step of 2^exponent ticks starts at a multiple of itself (within a sample
-/// interval), ends within the trial, and is allowed.
-fn fitting(tick: usize, wanted: u32, last: usize, allowed: impl Fn(usize) -> bool) -> u32 {
-    let mut exponent = wanted.min(usize::BITS - 2);
-    while exponent > 0 {
-        let size = 1_usize << exponent;
-        let alignment = size.min(1 << TICK_BITS);
-        if tick.is_multiple_of(alignment) && tick + size <= last && (allowed(tick + size) || exponent <= 1) {
-            break;
-        }
-        exponent -= 1;
-    }
-    exponent
 }

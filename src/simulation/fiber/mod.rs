@@ -3,6 +3,7 @@
 pub(crate) mod curve_table;
 pub(crate) mod equation;
 pub(crate) mod integrate;
+pub(crate) mod plan;
 pub(crate) mod radau;
 pub(crate) mod rigid_tendon;
 
