@@ -183,11 +183,7 @@ impl<const N: usize, E> Builder<'_, N, E> {
             if to_below.min(to_above) > 0.25 * height {
                 return Ok(false);
             }
-            if to_below < to_above {
-                low = (x, middle)
-            } else {
-                high = (x, middle)
-            }
+            if to_below < to_above { low = (x, middle) } else { high = (x, middle) }
         }
         let height: [f64; N] = std::array::from_fn(|n| high.1[n] - low.1[n]);
         let smooth = lowered(&height);

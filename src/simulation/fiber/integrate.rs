@@ -7,7 +7,9 @@
 
 use super::equation::{Drive, Fiber, PARAMETERS};
 use super::plan::{PlannedStep, StepPlan};
-use super::radau::{FiberState, Reference, STAGES, StepInput, StepSolution, Work, dot, stage_weight_slopes, stage_weights};
+use super::radau::{
+    FiberState, Reference, STAGES, StepInput, StepSolution, Work, dot, stage_weight_slopes, stage_weights,
+};
 
 /// Halvings of a planned step before giving up.
 const MOST_HALVINGS: usize = 14;

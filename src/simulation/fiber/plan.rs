@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use super::equation::{Drive, Fiber, PARAMETERS};
-use super::integrate::{Attempt, Cursor, DriveSource, FiberAccuracy, FiberSample, StepTaken, Stuck, step_input, within};
+use super::integrate::{
+    Attempt, Cursor, DriveSource, FiberAccuracy, FiberSample, StepTaken, Stuck, step_input, within,
+};
 use super::radau::{FiberState, Reference, StepInput, Work, stage_weights};
 
 /// Ticks per sample interval: steps start and end at multiples of 1/1024 of an interval.
