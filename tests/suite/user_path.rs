@@ -344,6 +344,16 @@ fn verif_negative_fibre_length() {
 }
 
 #[test]
+fn verif_muscle_without_path() {
+    let edit = |t: &str| {
+        let start = t.find("<GeometryPath").expect("a path");
+        let end = start + t[start..].find("</GeometryPath>").expect("its end") + "</GeometryPath>".len();
+        format!("{}{}", &t[..start], &t[end..])
+    };
+    model_refused(edit, "<Millard2012EquilibriumMuscle name=", &["path has 0 points", "PathPointSet"]);
+}
+
+#[test]
 fn verif_unknown_body_in_a_socket() {
     let edit = |t: &str| t.replacen("<socket_parent_frame>/bodyset/hand</", "<socket_parent_frame>/bodyset/hnad</", 1);
     model_refused(edit, "/bodyset/hnad<", &["hnad", "did you mean"]);
