@@ -320,13 +320,11 @@ fn cards(results: &Results, pair: &Pair) -> Vec<Card> {
     let mut cards = Vec::new();
     if let Some((trial_use, before, after)) = pair.judged() {
         let words = use_words(trial_use);
-        let card = |label, a: Option<f64>, b: Option<f64>, unit, show: fn(f64) -> String, note: &str| Card {
-            label,
-            before: a.map(show).unwrap_or_default(),
-            value: maybe(b, show),
-            unit,
-            note: note.to_string(),
-            tone: tone(a, b),
+        let card = |label, a: Option<f64>, b: Option<f64>, unit, show: fn(f64) -> String, note: &str| {
+            let (before, value) = (a.map(show).unwrap_or_default(), maybe(b, show));
+            // What reads the same is neither better nor worse.
+            let tone = if before == value { "" } else { tone(a, b) };
+            Card { label, before, value, unit, note: note.to_string(), tone }
         };
         let hundredth: fn(f64) -> String = |v| format!("{:.1}", 100.0 * v).replace('-', "−");
         let pick = |of: fn(&Errors) -> Option<f64>| (before.and_then(of), of(after));
@@ -337,7 +335,7 @@ fn cards(results: &Results, pair: &Pair) -> Vec<Card> {
         cards.push(card("RMS error", a, b, "N·m", |v| significant(v, 3), words));
         let (a, b) = pick(|e| e.pearson_r);
         let mut correlation = card("Correlation r", a, b, "", |v| format!("{v:.3}").replace('-', "−"), words);
-        correlation.tone = tone(b, a);
+        correlation.tone = if correlation.before == correlation.value { "" } else { tone(b, a) };
         cards.push(correlation);
         if let (Use::HeldOut, (before, Some(train))) = (trial_use, pair.errors(Use::Train)) {
             let before = before.and_then(|e| e.nrmse);

@@ -272,6 +272,22 @@ fn verif_headline_tells_rise_as_rise() {
 }
 
 #[test]
+fn verif_numbers_that_read_the_same_are_neither_better_nor_worse() {
+    let correlation = |before: f64, after: f64| {
+        let mut results = example();
+        for (model, r) in results.models.iter_mut().zip([before, after]) {
+            model.errors.iter_mut().for_each(|e| e.errors.pearson_r = Some(r));
+        }
+        let page = render_report(&results);
+        let label = page.find("Correlation r").expect("the card");
+        let start = page[..label].rfind("<div class=\"card ").expect("its start");
+        page[start..label].to_string()
+    };
+    assert!(!correlation(0.98604, 0.98596).contains("bad"));
+    assert!(correlation(0.986, 0.985).contains("bad") && correlation(0.985, 0.986).contains("good"));
+}
+
+#[test]
 fn verif_page_without_held_out_trials_says_so() {
     let mut results = example();
     results.trials.retain(|t| t.trial_use == Use::Train);
