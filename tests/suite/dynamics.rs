@@ -117,9 +117,11 @@ fn has_shared_axes(spec: &ModelSpec) -> bool {
 fn compare(case: &Case) -> Vec<Differences> {
     let mut mass = Differences::new("mass matrix", "its diagonal");
     let mut inverse = Differences::new("inverse-dynamics force", "largest one");
-    let mut forward = Differences::new("acceleration of a coordinate, constraints enforced", "largest one");
+    let mut forward =
+        Differences::listing_above("acceleration of a coordinate, constraints enforced", "largest one", TOLERANCE);
     let mut bodies = Differences::new("acceleration of a body", "largest one");
-    let mut balance = Differences::new("force that Carpus's accelerations leave unbalanced", "largest force");
+    let mut balance =
+        Differences::listing_above("force that Carpus's accelerations leave unbalanced", "largest force", TOLERANCE);
     let constraints = Constraints::compile(&case.spec, &case.model, case.locked, case.locked)
         .unwrap_or_else(|error| panic!("{}: {error}", case.name));
     let skips_speeds = has_shared_axes(&case.spec);
@@ -157,21 +159,30 @@ fn compare(case: &Case) -> Vec<Differences> {
             let (force, violation) = dynamics.imbalance(0.0, &q, &u, udot, &applied);
             force.max(violation * 1e-3) / scale
         };
-        balance.push(imbalance(solution.udot.as_slice()), || format!("state {number}"));
+        let ours = imbalance(solution.udot.as_slice());
         if state["udot"].is_null() {
+            balance.push(ours, || format!("state {number}"));
             unsolved += 1;
             continue;
         }
         let expected = case.by_coordinate(&state["udot"]);
         let theirs = imbalance(&expected);
+        let why =
+            format!("Nearly massless bodies: OpenSim's own accelerations leave {theirs:.0e} unbalanced in this state");
+        balance.push_explained(ours, || format!("state {number}"), (theirs > ours).then_some(why.as_str()));
         if theirs > TOLERANCE {
             worst_imbalance = worst_imbalance.max(theirs);
             continue;
         }
+        let why = format!(
+            "Both balance the equations of motion, to {ours:.0e} and {theirs:.0e} (OpenSim) of the largest force: the mass \
+            matrix is nearly singular in this direction"
+        );
         let scale = largest(&expected);
         for (c, (a, b)) in solution.udot.iter().zip(&expected).enumerate() {
             let name = &case.model.coordinates[c].name;
-            forward.push((a - b) / scale, || format!("{name} at state {number}: {a} instead of {b}"));
+            let at = || format!("{name} at state {number}: {a} instead of {b}");
+            forward.push_explained((a - b) / scale, at, (ours <= TOLERANCE).then_some(why.as_str()));
         }
         compare_bodies(case, number, state, (&q, &u, &expected), &mut bodies);
     }
