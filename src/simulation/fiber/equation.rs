@@ -34,6 +34,16 @@ pub(crate) struct FiberCurves {
 }
 
 impl FiberCurves {
+    /// Whether the two give the same numbers, because they share their tables.
+    pub(crate) fn are_same(&self, other: &FiberCurves) -> bool {
+        let tables = |c: &FiberCurves| [&c.active, &c.passive, &c.force_velocity, &c.tendon].map(Arc::as_ptr);
+        let inverse = |c: &FiberCurves| c.velocity_of_force.as_ref().map(Arc::as_ptr);
+        let numbers = |c: &FiberCurves| {
+            [c.damping, c.max_velocity, c.min_active_length, c.sine_max_pennation, c.length_by_activation]
+        };
+        tables(self) == tables(other) && inverse(self) == inverse(other) && numbers(self) == numbers(other)
+    }
+
     /// Active force multiplier at a normalized fibre length and activation, and its slope by the length.
     #[inline(always)]
     pub(crate) fn active_at(&self, x: f64, activation: f64) -> (f64, f64) {

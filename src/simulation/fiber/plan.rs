@@ -1,7 +1,5 @@
 //! The steps of one muscle over one trial, chosen once by error control, and the solution that choosing them gave.
 
-use std::sync::Arc;
-
 use super::equation::{Drive, Fiber, PARAMETERS};
 use super::integrate::{
     Attempt, Cursor, DriveSource, FiberAccuracy, FiberSample, StepTaken, Stuck, step_input, within,
@@ -155,7 +153,7 @@ impl StepPlan {
     pub(super) fn is_solved_for(&self, fiber: &Fiber) -> bool {
         self.solution.as_ref().is_some_and(|solution| {
             let known = &solution.fiber;
-            Arc::ptr_eq(&known.curves, &fiber.curves)
+            known.curves.are_same(&fiber.curves)
                 && [known.optimal, known.slack, known.sine] == [fiber.optimal, fiber.slack, fiber.sine]
         })
     }
