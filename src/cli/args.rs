@@ -63,7 +63,7 @@ pub enum Command {
     Simulate(SimulateArgs),
     /// Compare simulated with measured moments: errors per trial and per condition, report
     Compare(CompareArgs),
-    /// Everything of a study, resumable: sensitivity, training cases, evaluation, power; one report
+    /// Everything of a study, resumable: recordings, scaling, sensitivity, training cases, evaluation, intervals, imaging, power; one report
     Study(WholeStudyArgs),
     /// Every model on every held-out condition: errors over participants, analyses of variance, figures
     Evaluate(EvaluateArgs),
@@ -183,7 +183,7 @@ pub struct EquilibriumArgs {
 }
 
 /// A study and what of it is used.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct StudyArgs {
     /// The study: its study.toml or the folder it is in
     #[arg(value_name = "STUDY/study.toml")]
@@ -258,7 +258,7 @@ pub struct EvaluateArgs {
 /// `carpus study`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus study study/study.toml --out done\n\nStopped at any time, even by force, and started again with the same words, it goes on where it was: what is finished lies in DIR/units under a key made of everything that it depends on. Writes DIR/report.html, the tables as CSV, and DIR/models/P01/CASE.osim. Only DIR/timings and DIR/timings.csv depend on the machine."
+    after_help = "Example:\n  carpus study study/study.toml --out done\n  carpus study study/study.toml --steps personalize,evaluate --out done\n\nSteps, in their order: dynamometer (with [processing]: the processed study goes to DIR/processed and all other steps work on it), emg (with [emg] kind = \"raw\"), scale, sensitivity, personalize, evaluate, identify, ultrasound (with ultrasound.csv), power. What a study has no data for is named in the report with the reason.\n\nStopped at any time, even by force, and started again with the same words, it goes on where it was: what is finished lies in DIR/units under a key made of everything that it depends on. Writes DIR/report.html, the tables as CSV, DIR/models/P01/CASE.osim, DIR/identify/P01 and DIR/emg/P01. Only DIR/timings and DIR/timings.csv depend on the machine.\n\nOptional in a study, beyond the essential keys:\n  study.toml        [processing], [emg], [scaling], [strength_scaling]: see dynamometer, emg, scale, strength-scale --help\n                    [ultrasound] activation, specific_tension_n_per_cm2, posture_deg, muscle_posture_deg, fiber_to_belly_length,\n                    external_to_total_tendon_length, source;\n                    fascicles = \"fit\" with fascicle_error_percent: personalize fits fascicle_length_m, too (default: a check)\n                    [dynamometer] further_moments = { COORDINATE = \"column\" }: moments about coordinates that are held\n                    [columns] ignore = [\"column\", …], angle_unit = \"rad\"; [checks] max_gap_s\n  trials.csv        start_time_s\n  ultrasound.csv    fascicle_length_m, pennation_angle_deg"
 )]
 pub struct WholeStudyArgs {
     /// The study.
@@ -279,6 +279,9 @@ pub struct WholeStudyArgs {
     /// Iterations of each sequential quadratic programming
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub sqp_iterations: u32,
+    /// What is asked about the parameters' intervals.
+    #[command(flatten)]
+    pub identify: IdentifyOptions,
 }
 
 /// `carpus identify`
@@ -290,6 +293,14 @@ pub struct IdentifyArgs {
     /// The study.
     #[command(flatten)]
     pub study: StudyArgs,
+    /// What is asked.
+    #[command(flatten)]
+    pub options: IdentifyOptions,
+}
+
+/// What is asked about a study's parameters.
+#[derive(Clone, Debug, Args)]
+pub struct IdentifyOptions {
     /// Properties in question, under OpenSim's names (comma-separated; default: optimal_fiber_length,
     /// tendon_slack_length, max_isometric_force)
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]

@@ -10,6 +10,7 @@ mod cohort_report;
 mod commands;
 mod diagnosis_file;
 mod failure;
+mod identify_report;
 mod model;
 mod output;
 mod path_check;

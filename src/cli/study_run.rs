@@ -74,6 +74,11 @@ pub struct Outcomes<T> {
 }
 
 impl<T> Outcomes<T> {
+    /// What was done, and why the rest could not be.
+    pub fn into_parts(self) -> (Vec<T>, Vec<Message>) {
+        (self.done, self.failed)
+    }
+
     /// Prints the result of those that could be done, then fails with the reasons of those that could not.
     ///
     /// # Errors

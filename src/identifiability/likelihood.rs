@@ -13,15 +13,17 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::descent::{Limits, Quadratic, descend};
+use super::held::{Held, HeldTrial, View, add, at_time, corrected, hat, knot_count, positive, whiten};
 use super::parameters::{Layout, MuscleProperty};
-use crate::diagnosis::fit::{block_means, block_starts};
+use super::recorded::RecordedTrial;
+use crate::diagnosis::fit::block_means;
 use crate::diagnosis::noise::{self, KNOT_SPACING, NoiseLevels, Response, TrialNoise, TrialTimes};
 use crate::osim::spec::MuscleSpec;
-use crate::simulation::{MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, SimulationError};
+use crate::simulation::{MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, SimulationError};
 
 /// Standard deviation expected of an EMG channel's baseline.
 const BASELINE_SD: f64 = 0.004;
@@ -36,99 +38,6 @@ const DIFFERENCE: f64 = 0.02;
 /// Channels of a trial are put this far apart in time [s], so that slow disturbances of one are not those of another.
 const CHANNEL_OFFSET: f64 = 1e6;
 
-/// Generalized force about one coordinate over a trial.
-#[derive(Clone, Debug)]
-pub struct Channel {
-    /// The coordinate.
-    pub coordinate: String,
-    /// Measured [N·m].
-    pub measured: Vec<f64>,
-    /// The part that is not of muscles [N·m].
-    pub without_muscles: Vec<f64>,
-    /// Moment arm of every active muscle [m].
-    pub moment_arms: Vec<Vec<f64>>,
-}
-
-/// A recorded trial.
-#[derive(Clone, Debug)]
-pub struct RecordedTrial {
-    /// Name for messages.
-    pub name: String,
-    /// Time [s].
-    pub time: Vec<f64>,
-    /// Angle of the moving coordinate [rad].
-    pub angle: Vec<f64>,
-    /// Excitation of every active muscle, as recorded.
-    pub excitation: Vec<Vec<f64>>,
-    /// What was measured.
-    pub channels: Vec<Channel>,
-    /// Prepared with the excitation as recorded.
-    pub prepared: PreparedTrial,
-}
-
-impl RecordedTrial {
-    /// A trial with one measured moment, about the moving coordinate.
-    pub fn new(
-        name: &str,
-        coordinate: &str,
-        recording: &Recording,
-        measured: &[f64],
-        prepared: &PreparedTrial,
-    ) -> RecordedTrial {
-        let moment_arms = prepared.kinematics().muscles.iter().map(|m| m.moment_arm.clone()).collect();
-        RecordedTrial {
-            name: name.to_string(),
-            time: recording.time.to_vec(),
-            angle: recording.angle.to_vec(),
-            excitation: recording.excitation.iter().map(|e| e.to_vec()).collect(),
-            channels: vec![Channel {
-                coordinate: coordinate.to_string(),
-                measured: measured.to_vec(),
-                without_muscles: prepared.moment_without_muscles(),
-                moment_arms,
-            }],
-            prepared: prepared.clone(),
-        }
-    }
-
-    /// The same trial with the moment about a further coordinate, which muscles alone make.
-    ///
-    /// - `moment_arms`: of every active muscle about it
-    pub fn with_channel(mut self, coordinate: &str, measured: &[f64], moment_arms: Vec<Vec<f64>>) -> RecordedTrial {
-        let without_muscles = vec![0.0; measured.len()];
-        let (coordinate, measured) = (coordinate.to_string(), measured.to_vec());
-        self.channels.push(Channel { coordinate, measured, without_muscles, moment_arms });
-        self
-    }
-
-    /// Its time and angle with an excitation.
-    fn recording<'b>(&'b self, excitation: &'b [Vec<f64>]) -> Recording<'b> {
-        Recording {
-            name: self.name.clone(),
-            time: &self.time,
-            angle: &self.angle,
-            excitation: excitation.iter().map(Vec::as_slice).collect(),
-        }
-    }
-
-    /// Blocks of samples, the same for every channel.
-    fn starts(&self) -> Vec<usize> {
-        block_starts(self.time.len())
-    }
-
-    /// Block means of the moments, channel after channel, that a muscle's force makes.
-    pub(super) fn moments_of(&self, muscle: usize, force: &[f64], starts: &[usize]) -> DVector<f64> {
-        self.stacked(starts, |c| {
-            self.channels[c].moment_arms[muscle].iter().zip(force).map(|(arm, f)| arm * f).collect()
-        })
-    }
-
-    fn stacked(&self, starts: &[usize], series: impl Fn(usize) -> Vec<f64>) -> DVector<f64> {
-        let parts: Vec<DVector<f64>> = (0..self.channels.len()).map(|c| block_means(&series(c), starts)).collect();
-        DVector::from_iterator(parts.iter().map(DVector::len).sum(), parts.iter().flat_map(|p| p.iter().copied()))
-    }
-}
-
 /// A participant's model and training trials, and the parameters in question.
 #[derive(Clone, Debug)]
 pub(super) struct Problem {
@@ -138,36 +47,6 @@ pub(super) struct Problem {
     pub(super) layout: Layout,
     pub(super) trials: Vec<RecordedTrial>,
     pub(super) options: Options,
-}
-
-/// A trial with one of the excitations that its expected moment is put together from.
-#[derive(Clone, Debug)]
-struct View {
-    weight: f64,
-    excitation: Vec<Vec<f64>>,
-    prepared: PreparedTrial,
-}
-
-/// A trial with its noise held.
-#[derive(Clone, Debug)]
-pub(super) struct HeldTrial {
-    /// With the excitation ê.
-    views: Vec<View>,
-    correction: Vec<DVector<f64>>,
-    pub(super) starts: Vec<usize>,
-    /// Block means of what was measured less what is not of muscles.
-    pub(super) target: DVector<f64>,
-    /// Columns of baselines.
-    pub(super) baselines: DMatrix<f64>,
-    noise: Option<TrialNoise>,
-    factor: Cholesky<f64, Dyn>,
-}
-
-/// The noise, held: all trials.
-#[derive(Clone, Debug)]
-pub(super) struct Held {
-    pub(super) trials: Vec<HeldTrial>,
-    pub(super) levels: NoiseLevels,
 }
 
 /// A most probable parameter set.
@@ -315,7 +194,7 @@ impl Problem {
     }
 
     /// Per trial: columns [∂τ by parameters | by baselines | residual].
-    fn columns(&self, held: &Held, at: &DVector<f64>) -> Result<Vec<DMatrix<f64>>, SimulationError> {
+    pub(super) fn columns(&self, held: &Held, at: &DVector<f64>) -> Result<Vec<DMatrix<f64>>, SimulationError> {
         let (p, m) = (self.layout.len(), self.n_muscles());
         let variants = self.variants(at)?;
         let all: Vec<Result<DMatrix<f64>, SimulationError>> = held
@@ -632,90 +511,4 @@ struct Variants {
 struct PreparedVariants {
     here: Vec<PreparedTrial>,
     sides: Vec<Option<[Vec<PreparedTrial>; 2]>>,
-}
-
-/// Adds a weighted series.
-fn add(total: &mut [f64], weight: f64, series: &[f64]) {
-    total.iter_mut().zip(series).for_each(|(t, s)| *t += weight * s);
-}
-
-impl HeldTrial {
-    /// A muscle's unit force, as it is expected without the noise of its EMG.
-    ///
-    /// - `variant`: the views prepared for another model
-    pub(super) fn expected_force(
-        &self,
-        variant: Option<&[PreparedTrial]>,
-        muscle: usize,
-        parameters: &MuscleParameters,
-    ) -> Result<Vec<f64>, SimulationError> {
-        let mut force = vec![0.0; self.views[0].prepared.len()];
-        for (k, view) in self.views.iter().enumerate() {
-            let prepared = variant.map_or(&view.prepared, |v| &v[k]);
-            add(&mut force, view.weight, &prepared.unit_force(muscle, parameters)?);
-        }
-        Ok(force)
-    }
-
-    pub(super) fn whiten(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
-        whiten(&self.factor, columns)
-    }
-}
-
-fn whiten(factor: &Cholesky<f64, Dyn>, columns: &DMatrix<f64>) -> DMatrix<f64> {
-    let mut out = columns.clone();
-    // The factor has a positive diagonal, so that this always succeeds.
-    let solved = factor.l_dirty().solve_lower_triangular_mut(&mut out);
-    debug_assert!(solved);
-    out
-}
-
-/// Cholesky factor of a covariance: a positive diagonal plus positive semidefinite matrices, so that only rounding can
-/// make it fail, and a little more of the diagonal repairs that.
-fn positive(mut covariance: DMatrix<f64>) -> Cholesky<f64, Dyn> {
-    let mut ridge = 1e-12 * covariance.diagonal().max().max(1e-300);
-    loop {
-        if let Some(factor) = covariance.clone().cholesky() {
-            return factor;
-        }
-        for i in 0..covariance.nrows() {
-            covariance[(i, i)] += ridge;
-        }
-        ridge *= 100.0;
-    }
-}
-
-fn knot_count(time: &[f64]) -> usize {
-    ((time[time.len() - 1] - time[0]) / KNOT_SPACING).ceil() as usize + 1
-}
-
-/// Recorded excitation times exp(correction), linear between knots.
-fn corrected(time: &[f64], excitation: &[Vec<f64>], correction: &[DVector<f64>]) -> Vec<Vec<f64>> {
-    let one = |(e, w): (&Vec<f64>, &DVector<f64>)| {
-        e.iter()
-            .zip(time)
-            .map(|(e, t)| {
-                let x = (t - time[0]) / KNOT_SPACING;
-                let i = (x as usize).min(w.len() - 2);
-                let log = w[i] + (x - i as f64) * (w[i + 1] - w[i]);
-                (e * log.exp()).min(1.0)
-            })
-            .collect()
-    };
-    excitation.iter().zip(correction).map(one).collect()
-}
-
-/// Disturbance of an excitation by one unit of its logarithm on a knot: first sample and values.
-fn hat(time: &[f64], excitation: &[f64], knot: usize) -> (usize, Vec<f64>) {
-    let center = time[0] + KNOT_SPACING * knot as f64;
-    let first = time.partition_point(|t| *t <= center - KNOT_SPACING);
-    let end = time.partition_point(|t| *t < center + KNOT_SPACING);
-    let weight = |t: f64| (1.0 - (t - center).abs() / KNOT_SPACING).max(0.0);
-    (first.min(time.len()), (first..end).map(|k| excitation[k] * weight(time[k])).collect())
-}
-
-fn at_time(time: &[f64], values: &[f64], t: f64) -> f64 {
-    let i = time.partition_point(|x| *x <= t).clamp(1, time.len() - 1);
-    let part = ((t - time[i - 1]) / (time[i] - time[i - 1])).clamp(0.0, 1.0);
-    values[i - 1] + part * (values[i] - values[i - 1])
 }

@@ -18,13 +18,17 @@
 //! of the noise this module shares). Intervals hold if the model's structure is right; a missing effect makes them wrong.
 
 mod candidates;
+mod certainty;
 mod descent;
 mod directions;
+mod ends;
+mod held;
 mod likelihood;
 mod next_trial;
 mod parameters;
 mod posterior;
 mod profile;
+mod recorded;
 mod surrogate;
 
 use nalgebra::{DMatrix, DVector};
@@ -36,9 +40,9 @@ use crate::statistics::normal_quantile;
 
 pub use candidates::usual_candidates;
 pub use directions::{Combination, Component};
-pub use likelihood::{Channel, RecordedTrial};
 pub use next_trial::{Candidate, RankedTrial};
 pub use parameters::{FreeParameter, MuscleProperty, Prior};
+pub use recorded::{Channel, RecordedTrial};
 
 use likelihood::{Fit, Problem};
 use parameters::Layout;
@@ -108,6 +112,8 @@ pub struct Knowledge {
     pub end_from_data: [bool; 2],
     /// Whether the interval rests on another parameter's bound, too.
     pub leans_on_bounds: bool,
+    /// Of the noise, as far as this parameter's interval rests on it: few where few trials tell of it.
+    pub degrees_of_freedom: f64,
     /// Median of the posterior.
     pub posterior_median: f64,
     /// Credible interval of the same level: data, bounds and prior knowledge.
@@ -133,8 +139,8 @@ impl Knowledge {
 /// How far the numbers can be trusted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Soundness {
-    /// Largest difference of −2 log likelihood between polynomials and simulation, at the ends of the intervals that the
-    /// data set; 2.7 is what a 90 % interval is made of.
+    /// Largest difference of −2 log likelihood from what the level asks for, by simulation at the ends of the intervals that
+    /// the data set; 2.7 and more is what a 90 % interval is made of.
     pub largest_deviance_error: f64,
     /// How much more trials scatter about the fit than the noise explains (variance ratio, at least 1); intervals are
     /// widened by its root. Far above 1, something is missing in the model.
@@ -177,12 +183,19 @@ pub fn identify(request: &Request) -> Result<Identifiability, IdentifiabilityErr
     let fit = problem.fit()?;
     let surrogate = Surrogate::new(&problem, &fit)?;
     let free = &problem.layout.free;
-    let drop = normal_quantile(0.5 + 0.5 * request.level).powi(2) * fit.dispersion;
-    let profiles = profile::profiles(&surrogate, free, &fit.at, drop);
-    let covariance = posterior_covariance(&problem, &fit);
-    let draws = draws(&surrogate, &problem, &fit, &covariance, request);
-    let largest_deviance_error = deviance_error(&problem, &fit, &surrogate, &profiles)?;
-    let parameters = (0..free.len()).map(|i| knowledge(i, free, &profiles, &draws, request.level)).collect();
+    let spread: Vec<f64> = free.iter().map(|p| p.log_bounds()).map(|[a, b]| (b - a).powi(2) / 12.0).collect();
+    let freedom = certainty::degrees_of_freedom(&problem, &fit, &spread)?;
+    let drops: Vec<f64> = freedom.iter().map(|df| certainty::drop_of(request.level, *df) * fit.dispersion).collect();
+    let mut profiles = profile::profiles(&surrogate, free, &fit.at, &drops);
+    let largest_deviance_error =
+        ends::simulate_ends(&problem, &fit, &surrogate, free, &mut profiles, &drops)?;
+    // The posterior is one density for all parameters: it is widened by the mean of what their intervals are.
+    let normal = normal_quantile(0.5 + 0.5 * request.level).powi(2);
+    let widened = drops.iter().map(|d| d / normal).sum::<f64>() / drops.len() as f64;
+    let covariance = posterior_covariance(&problem, &fit, widened);
+    let draws = draws(&surrogate, &problem, &fit, &covariance, widened, request);
+    let parameters =
+        (0..free.len()).map(|i| knowledge(i, free, &profiles, &draws, request.level, freedom[i])).collect();
     let all: Vec<&DVector<f64>> = draws.chains.iter().flatten().collect();
     let matrix = DMatrix::from_fn(all.len(), free.len(), |r, c| all[r][c]);
     let outside = all.iter().filter(|x| !surrogate.covers(x.as_slice())).count();
@@ -244,9 +257,9 @@ fn marginal(information: &DMatrix<f64>, n: usize) -> DMatrix<f64> {
     }
 }
 
-fn posterior_covariance(problem: &Problem, fit: &Fit) -> DMatrix<f64> {
+fn posterior_covariance(problem: &Problem, fit: &Fit, widened: f64) -> DMatrix<f64> {
     let n = problem.layout.len();
-    let mut information = marginal(&fit.information, n) / fit.dispersion;
+    let mut information = marginal(&fit.information, n) / widened;
     for (i, p) in problem.layout.free.iter().enumerate() {
         information[(i, i)] += p.prior.log_sd.powi(-2);
     }
@@ -258,7 +271,8 @@ fn posterior_covariance(problem: &Problem, fit: &Fit) -> DMatrix<f64> {
 /// The posterior of logits of the place between the bounds.
 struct Posterior<'a> {
     surrogate: &'a Surrogate,
-    dispersion: f64,
+    /// −2 log likelihood is divided by this.
+    widened: f64,
     free: &'a [FreeParameter],
 }
 
@@ -290,7 +304,7 @@ impl LogDensity for Posterior<'_> {
     fn calc(&self, x: &DVector<f64>) -> (f64, DVector<f64>) {
         let theta = self.theta(x);
         let data = self.surrogate.evaluate(theta.as_slice(), false);
-        let mut value = -0.5 * data.value / self.dispersion;
+        let mut value = -0.5 * data.value / self.widened;
         let gradient = DVector::from_fn(x.len(), |i, _| {
             let prior = &self.free[i].prior;
             let off = (theta[i] - prior.factor.ln()) / prior.log_sd;
@@ -299,19 +313,26 @@ impl LogDensity for Posterior<'_> {
             value -= 0.5 * off * off;
             // The map's own density: ln |dθ/dx|.
             value += slope.max(1e-300).ln();
-            slope * (-data.gradient[i] / self.dispersion - off / prior.log_sd) + (1.0 - 2.0 * s)
+            slope * (-data.gradient[i] / self.widened - off / prior.log_sd) + (1.0 - 2.0 * s)
         });
         (value, gradient)
     }
 }
 
 const CHAINS: usize = 4;
-const WARM_UP: usize = 200;
+const WARM_UP: usize = 400;
 
-fn draws(surrogate: &Surrogate, problem: &Problem, fit: &Fit, covariance: &DMatrix<f64>, request: &Request) -> Draws {
+fn draws(
+    surrogate: &Surrogate,
+    problem: &Problem,
+    fit: &Fit,
+    covariance: &DMatrix<f64>,
+    widened: f64,
+    request: &Request,
+) -> Draws {
     let free = &problem.layout.free;
     let n = free.len();
-    let posterior = Posterior { surrogate, dispersion: fit.dispersion, free };
+    let posterior = Posterior { surrogate, widened, free };
     let start = posterior.logit(&fit.at);
     let slope = DVector::from_fn(n, |i, _| posterior.slope(i, start[i]));
     let scaled = DMatrix::from_fn(n, n, |i, j| covariance[(i, j)] / (slope[i] * slope[j]));
@@ -326,38 +347,14 @@ fn draws(surrogate: &Surrogate, problem: &Problem, fit: &Fit, covariance: &DMatr
     draws
 }
 
-/// Polynomials against simulation at the ends of intervals.
-fn deviance_error(
-    problem: &Problem,
-    fit: &Fit,
-    surrogate: &Surrogate,
+fn knowledge(
+    i: usize,
+    free: &[FreeParameter],
     profiles: &profile::Profiles,
-) -> Result<f64, SimulationError> {
-    let n = problem.layout.len();
-    // Of data and baselines, the baselines at their best: the residual is linear in them.
-    let exact = |theta: &DVector<f64>| -> Result<f64, SimulationError> {
-        let mut at = fit.at.clone();
-        at.rows_mut(0, n).copy_from(theta);
-        let (_, q) = problem.account(&fit.held, &at, false)?;
-        let m = at.len() - n;
-        let own = q.information.view((n, n), (m, m)).into_owned();
-        let gradient = q.gradient.rows(n, m).into_owned();
-        Ok(q.value - own.cholesky().map_or(0.0, |c| gradient.dot(&c.solve(&gradient))))
-    };
-    let best = exact(&profiles.best)?;
-    let mut largest = 0.0_f64;
-    for profile in &profiles.each {
-        for (end, point) in profile.ends.iter().zip(&profile.points) {
-            if end.by_data {
-                let by_polynomials = surrogate.evaluate(point.as_slice(), false).value - profiles.deviance;
-                largest = largest.max((exact(point)? - best - by_polynomials).abs());
-            }
-        }
-    }
-    Ok(largest)
-}
-
-fn knowledge(i: usize, free: &[FreeParameter], profiles: &profile::Profiles, draws: &Draws, level: f64) -> Knowledge {
+    draws: &Draws,
+    level: f64,
+    degrees_of_freedom: f64,
+) -> Knowledge {
     let p = &free[i];
     let profile = &profiles.each[i];
     let value = |log: f64| p.nominal * log.exp();
@@ -381,6 +378,7 @@ fn knowledge(i: usize, free: &[FreeParameter], profiles: &profile::Profiles, dra
         interval: profile.ends.map(|e| value(e.at)),
         end_from_data: profile.ends.map(|e| e.by_data),
         leans_on_bounds: profile.leans_on_bounds,
+        degrees_of_freedom,
         posterior_median: quantile(0.5),
         credible: [quantile(0.5 - 0.5 * level), quantile(0.5 + 0.5 * level)],
         posterior_log_sd: log_variance.sqrt(),

@@ -1,7 +1,7 @@
 //! Confidence intervals by profile likelihood: for every value of a parameter the best that all others can do.
 //!
 //! ```text
-//! D_i(c) = min { D(θ) : θ_i = c, bounds },   interval = { c : D_i(c) − min D ≤ χ²₁(level) }
+//! D_i(c) = min { D(θ) : θ_i = c, bounds },   interval = { c : D_i(c) − min D ≤ t²(level) }
 //! ```
 //! # References
 //! Raue et al. (2009), Structural and practical identifiability analysis of partially observed dynamical models by
@@ -46,7 +46,6 @@ pub(super) struct Profile {
 #[derive(Clone, Debug)]
 pub(super) struct Profiles {
     pub(super) best: DVector<f64>,
-    pub(super) deviance: f64,
     pub(super) each: Vec<Profile>,
 }
 
@@ -66,17 +65,28 @@ fn minimize(surrogate: &Surrogate, free: &[FreeParameter], start: DVector<f64>, 
     (x, q.value)
 }
 
+/// The best of all parameters but one, which stays where `start` has it.
+pub(super) fn constrained(
+    surrogate: &Surrogate,
+    free: &[FreeParameter],
+    start: DVector<f64>,
+    stays: usize,
+) -> DVector<f64> {
+    let fixed: Vec<bool> = (0..free.len()).map(|k| k == stays).collect();
+    minimize(surrogate, free, start, &fixed).0
+}
+
 /// Profiles of all parameters.
 ///
-/// - `drop`: χ²₁ of the level, 2.706 for 90 %
-pub(super) fn profiles(surrogate: &Surrogate, free: &[FreeParameter], start: &DVector<f64>, drop: f64) -> Profiles {
+/// - `drops`: of every parameter; χ²₁ of the level, 2.706 for 90 %, or the square of Student's t
+pub(super) fn profiles(surrogate: &Surrogate, free: &[FreeParameter], start: &DVector<f64>, drops: &[f64]) -> Profiles {
     let n = free.len();
     let mut start = start.rows(0, n).into_owned();
     // A profile may come upon a better optimum; then all are made anew from there.
     for _ in 0..3 {
         let (best, deviance) = minimize(surrogate, free, start, &vec![false; n]);
         let each: Vec<(Profile, Option<(DVector<f64>, f64)>)> =
-            (0..n).into_par_iter().map(|i| profile(surrogate, free, &best, deviance, i, drop)).collect();
+            (0..n).into_par_iter().map(|i| profile(surrogate, free, &best, deviance, i, drops[i])).collect();
         let better = each
             .iter()
             .filter_map(|(_, b)| b.as_ref())
@@ -84,12 +94,12 @@ pub(super) fn profiles(surrogate: &Surrogate, free: &[FreeParameter], start: &DV
             .min_by(|a, b| a.1.total_cmp(&b.1));
         match better {
             Some((x, _)) => start = x.clone(),
-            None => return Profiles { best, deviance, each: each.into_iter().map(|(p, _)| p).collect() },
+            None => return Profiles { best, each: each.into_iter().map(|(p, _)| p).collect() },
         }
     }
     let (best, deviance) = minimize(surrogate, free, start, &vec![false; n]);
-    let each = (0..n).into_par_iter().map(|i| profile(surrogate, free, &best, deviance, i, drop).0).collect();
-    Profiles { best, deviance, each }
+    let each = (0..n).into_par_iter().map(|i| profile(surrogate, free, &best, deviance, i, drops[i]).0).collect();
+    Profiles { best, each }
 }
 
 fn profile(

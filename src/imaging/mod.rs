@@ -13,7 +13,7 @@
 
 use crate::multibody::Model;
 use crate::muscles::{EquilibriumError, Millard2012, MuscleError};
-use crate::osim::spec::{ModelSpec, MotionType};
+use crate::osim::spec::{ModelSpec, MotionType, MuscleSpec};
 use crate::paths::{Path, PathError};
 use crate::statistics::{
     Agreement, Correlation, LinearRegression, StatisticsError, bland_altman, linear_regression, pearson,
@@ -84,6 +84,29 @@ pub fn at_rest(
     study: &Study,
     measurement: &UltrasoundMeasurement,
 ) -> Result<RestingMuscle, ImagingError> {
+    let (muscle, length) = path_length(spec, skeleton, study, measurement)?;
+    let millard = Millard2012::from_spec(muscle)?;
+    let activation = study.settings.imaging.activation;
+    let found = millard.equilibrium(length, activation)?;
+    let state = millard.dynamics(found.fiber_length, activation, length, 0.0);
+    Ok(RestingMuscle {
+        fiber_length: state.fiber_length,
+        tendon_length: state.tendon_length,
+        pennation_angle: state.pennation_angle,
+        max_isometric_force: muscle.max_isometric_force,
+    })
+}
+
+/// The muscle of a measurement in the model, and the length of its path in the posture of the image [m].
+///
+/// # Errors
+/// [`ImagingError`].
+pub fn path_length<'s>(
+    spec: &'s ModelSpec,
+    skeleton: &Model,
+    study: &Study,
+    measurement: &UltrasoundMeasurement,
+) -> Result<(&'s MuscleSpec, f64), ImagingError> {
     let settings = &study.settings;
     let coordinate = &settings.dynamometer.coordinate;
     let Some(angle) = measurement.posture else {
@@ -118,16 +141,7 @@ pub fn at_rest(
     skeleton.update_positions(&q, &mut cache);
     let mut geometry = path.new_geometry();
     path.update(&q, &cache, &mut geometry);
-    let millard = Millard2012::from_spec(muscle)?;
-    let activation = settings.imaging.activation;
-    let found = millard.equilibrium(geometry.length(), activation)?;
-    let state = millard.dynamics(found.fiber_length, activation, geometry.length(), 0.0);
-    Ok(RestingMuscle {
-        fiber_length: state.fiber_length,
-        tendon_length: state.tendon_length,
-        pennation_angle: state.pennation_angle,
-        max_isometric_force: muscle.max_isometric_force,
-    })
+    Ok((muscle, geometry.length()))
 }
 
 /// What is compared.
@@ -218,7 +232,7 @@ impl Quantity {
 }
 
 /// One measurement beside a model.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Pair {
     /// The participant.
     pub participant: String,

@@ -12,8 +12,8 @@ use super::{FitProblem, PersonalizationError, Stage, TrainingTrial};
 use crate::simulation::MuscleParameters;
 use crate::study::{Contraction, ParameterBounds, TrialInfo, TrialUse};
 
-/// Rounds of lengths and forces in turn, where they are fitted to different trials.
-const ROUNDS: usize = 3;
+/// Most rounds of lengths and forces in turn, where they are fitted to different trials.
+const ROUNDS: usize = 2;
 
 /// Which trials inform the lengths and which the forces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -230,7 +230,7 @@ struct FitProblemParts<'a> {
 impl<'a> FitProblemParts<'a> {
     fn new(problem: &CaseProblem<'a>, trials: Vec<TrainingTrial<'a>>) -> Result<Self, PersonalizationError> {
         let (muscles, nominal) = (problem.muscles.clone(), problem.nominal.clone());
-        let problem = FitProblem { trials, muscles, nominal, bounds: problem.bounds };
+        let problem = FitProblem { trials, muscles, nominal, bounds: problem.bounds, fibers: Vec::new() };
         Ok(FitProblemParts { space: ParameterSpace::new(&problem)?, set: TrainingSet::new(&problem)? })
     }
 }
@@ -298,27 +298,48 @@ impl Fit<'_> {
 
     fn exact_gradients(&mut self, unchanged: Vec<f64>, same_trials: bool) -> Result<Vec<f64>, PersonalizationError> {
         let all = 0..self.space.len();
-        let mut factors = self.smoothly("all parameters, exact gradients", self.lengths, unchanged, all, true)?;
         if same_trials {
-            return Ok(factors);
+            return Ok(self.smoothly("all parameters, exact gradients", self.lengths, unchanged, all, Some(0))?.0);
         }
-        // Lengths from some trials and forces from others: in turn, each given the other. The best of the rounds counts.
+        // Lengths from some trials and forces from others. Few trials leave several lengths about equally good: those that
+        // were found with the forces free and with the model's forces, from every start; the forces are fitted to each, and
+        // the best by all trials counts.
         let lengths = 0..2 * self.space.n_muscles();
         let forces = lengths.end..self.space.len();
         let mut best: Option<(Vec<f64>, f64)> = None;
-        for round in 0..ROUNDS {
-            if round > 0 {
-                let name = "lengths again, exact gradients";
-                factors = self.smoothly(name, self.lengths, factors, lengths.clone(), false)?;
-            }
-            let name = if round > 0 { "forces again, exact gradients" } else { "forces, exact gradients" };
-            factors = self.smoothly(name, self.forces, factors, forces.clone(), round == 0)?;
-            let cost = self.objective_of_all(&factors)?;
-            if best.as_ref().is_none_or(|(_, least)| cost < *least) {
-                best = Some((factors.clone(), cost));
+        for (name, free) in [("all parameters, exact gradients", all), ("lengths, exact gradients", lengths.clone())] {
+            let (found, ends) = self.smoothly(name, self.lengths, unchanged.clone(), free, Some(0))?;
+            for candidate in std::iter::once(found).chain(ends) {
+                let name = "forces, exact gradients";
+                let (factors, _) = self.smoothly(name, self.forces, candidate, forces.clone(), Some(1))?;
+                self.keep_the_better(&mut best, factors)?;
             }
         }
-        Ok(best.map_or(factors, |(factors, _)| factors))
+        for _ in 0..ROUNDS {
+            let Some((factors, _)) = best.clone() else { break };
+            let name = "lengths again, exact gradients";
+            let (factors, _) = self.smoothly(name, self.lengths, factors, lengths.clone(), None)?;
+            let name = "forces again, exact gradients";
+            let (factors, _) = self.smoothly(name, self.forces, factors, forces.clone(), None)?;
+            if !self.keep_the_better(&mut best, factors)? {
+                break;
+            }
+        }
+        Ok(best.map_or(unchanged, |(factors, _)| factors))
+    }
+
+    /// Whether factors are better by all trials than the best so far, which they then are.
+    fn keep_the_better(
+        &self,
+        best: &mut Option<(Vec<f64>, f64)>,
+        factors: Vec<f64>,
+    ) -> Result<bool, PersonalizationError> {
+        let cost = self.objective_of_all(&factors)?;
+        let better = best.as_ref().is_none_or(|(_, least)| cost < *least);
+        if better {
+            *best = Some((factors, cost));
+        }
+        Ok(better)
     }
 
     /// Mean J over the trials of lengths and of forces.
@@ -328,22 +349,27 @@ impl Fit<'_> {
         Ok((a * self.lengths.objective(&parameters)? + b * self.forces.objective(&parameters)?) / (a + b))
     }
 
+    /// Minimizes J of some trials over some factors: the best, and where all starts led.
+    ///
+    /// - `widely`: from starts all over the box, of that stream of random numbers; else from `base` alone
     fn smoothly(
         &mut self,
         name: &'static str,
         set: &TrainingSet,
         base: Vec<f64>,
         free: Range<usize>,
-        widely: bool,
-    ) -> Result<Vec<f64>, PersonalizationError> {
+        widely: Option<u64>,
+    ) -> Result<(Vec<f64>, Vec<Vec<f64>>), PersonalizationError> {
         let before = set.objective(&self.space.parameters(&base))?;
         let problem = SmoothObjective::new(self.space, set, base.clone(), free);
-        let found: Found = if widely {
-            problem
-                .minimize(self.options.screened_points, self.options.starts, self.options.seed)
-                .map_err(|reason| PersonalizationError::Search { stage: name, reason })?
-        } else {
-            problem.minimize_nearby()
+        let found: Found = match widely {
+            Some(stream) => {
+                let seed = self.options.seed.wrapping_add(stream);
+                problem
+                    .minimize(self.options.screened_points, self.options.starts, seed)
+                    .map_err(|reason| PersonalizationError::Search { stage: name, reason })?
+            }
+            None => problem.minimize_nearby(),
         };
         let better = found.cost < before;
         let factors = if better { problem.factors_of(&found) } else { base };
@@ -353,6 +379,6 @@ impl Fit<'_> {
             objective_before: before,
             objective_after: found.cost.min(before),
         });
-        Ok(factors)
+        Ok((factors, problem.factors_of_ends()))
     }
 }

@@ -30,8 +30,14 @@ pub(super) struct SmoothObjective<'a> {
     base: Vec<f64>,
     free: Range<usize>,
     evaluations: Cell<usize>,
+    /// Where only forces are free: moments per unit of force, which do not depend on them.
+    units: RefCell<Option<Vec<UnitMoment>>>,
     /// The best point by J itself among all that were evaluated, and its J.
     best: RefCell<(Vec<f64>, f64)>,
+    /// The same of the start that is being gone on with.
+    ending: RefCell<(Vec<f64>, f64)>,
+    /// Where the starts led.
+    ends: RefCell<Vec<Vec<f64>>>,
 }
 
 /// A trial's J, smooth and as printed, and the derivatives of the smooth one by all parameter values.
@@ -49,7 +55,8 @@ impl<'a> SmoothObjective<'a> {
         free: Range<usize>,
     ) -> SmoothObjective<'a> {
         let best = RefCell::new((space.to_unit(&base)[free.clone()].to_vec(), f64::INFINITY));
-        SmoothObjective { space, set, base, free, evaluations: Cell::new(0), best }
+        let (ending, ends) = (RefCell::new((Vec::new(), f64::INFINITY)), RefCell::new(Vec::new()));
+        SmoothObjective { space, set, base, free, evaluations: Cell::new(0), units: RefCell::new(None), best, ending, ends }
     }
 
     /// All factors at a point, and the derivatives of the free ones by the point's coordinates.
@@ -69,8 +76,10 @@ impl<'a> SmoothObjective<'a> {
         self.evaluations.set(self.evaluations.get() + 1);
         match self.evaluate(point, rounding) {
             Ok((smooth, exact, gradient)) => {
-                if exact < self.best.borrow().1 {
-                    self.best.replace((point.to_vec(), exact));
+                for best in [&self.best, &self.ending] {
+                    if exact < best.borrow().1 {
+                        best.replace((point.to_vec(), exact));
+                    }
                 }
                 (smooth, gradient)
             }
@@ -88,11 +97,9 @@ impl<'a> SmoothObjective<'a> {
         let parameters = self.space.parameters(&factors);
         let (set, m) = (self.set, parameters.len());
         let trials = &set.trials;
-        let units: Vec<Result<UnitMoment, SimulationError>> = (0..trials.len() * m)
-            .into_par_iter()
-            .map(|i| trials[i / m].prepared.unit_moment_with_derivatives(i % m, &parameters[i % m]))
-            .collect();
-        let units: Vec<UnitMoment> = units.into_iter().collect::<Result<_, _>>()?;
+        let kept = self.units.borrow();
+        let fresh = if kept.is_some() { None } else { Some(self.unit_moments(&parameters)?) };
+        let units: &[UnitMoment] = kept.as_deref().or(fresh.as_deref()).unwrap_or_default();
         let forces: Vec<f64> = parameters.iter().map(|p| p.max_isometric_force).collect();
         let per_trial: Vec<TrialObjective> = (0..trials.len())
             .into_par_iter()
@@ -110,12 +117,31 @@ impl<'a> SmoothObjective<'a> {
         let gradient = (0..point.len()).map(of_coordinate).collect();
         let smooth = per_trial.iter().map(|t| t.smooth).sum::<f64>() / n;
         let exact = per_trial.iter().map(|t| t.exact).sum::<f64>() / n;
+        drop(kept);
+        if let (Some(fresh), true) = (fresh, self.free.start >= 2 * m) {
+            self.units.replace(Some(fresh));
+        }
         Ok((smooth, exact, gradient))
+    }
+
+    /// Unit moments of all muscles, trial by trial, with their derivatives.
+    fn unit_moments(&self, parameters: &[MuscleParameters]) -> Result<Vec<UnitMoment>, SimulationError> {
+        let (m, trials) = (parameters.len(), &self.set.trials);
+        let units: Vec<Result<UnitMoment, SimulationError>> = (0..trials.len() * m)
+            .into_par_iter()
+            .map(|i| trials[i / m].prepared.unit_moment_with_derivatives(i % m, &parameters[i % m]))
+            .collect();
+        units.into_iter().collect()
     }
 
     /// The factors of a point that was found.
     pub(super) fn factors_of(&self, found: &Found) -> Vec<f64> {
         self.factors(&found.point).0
+    }
+
+    /// The factors of the points to which the starts led.
+    pub(super) fn factors_of_ends(&self) -> Vec<Vec<f64>> {
+        self.ends.borrow().iter().map(|point| self.factors(point).0).collect()
     }
 
     /// Minimizes J from the model itself and from the best of a Latin hypercube.
@@ -124,7 +150,11 @@ impl<'a> SmoothObjective<'a> {
     pub(super) fn minimize(&self, screened: usize, starts: usize, seed: u64) -> Result<Found, String> {
         let n = self.free.len();
         let mut points = latin_hypercube(screened, n, seed, 3);
+        let only_forces = self.free.start >= 2 * self.space.n_muscles();
         let cost = |point: &Vec<f64>| {
+            if only_forces {
+                return self.evaluate(point, PASSES[0].0).map_or(super::search::UNUSABLE, |(_, exact, _)| exact);
+            }
             let (factors, _) = self.factors(point);
             self.set.objective(&self.space.parameters(&factors)).unwrap_or(super::search::UNUSABLE)
         };
@@ -137,9 +167,14 @@ impl<'a> SmoothObjective<'a> {
         let (rounding, tolerance, iterations) = PASSES[0];
         let mut reason = String::from("no start");
         for start in &begin {
+            self.ending.replace((Vec::new(), f64::INFINITY));
             let smooth = |x: &[f64]| self.value_and_gradient(x, rounding);
             if let Err(error) = minimize_with_gradient(&smooth, start, tolerance, iterations) {
                 reason = error;
+            }
+            let (end, cost) = self.ending.take();
+            if cost.is_finite() {
+                self.ends.borrow_mut().push(end);
             }
         }
         if !self.best.borrow().1.is_finite() {
@@ -236,6 +271,7 @@ mod tests {
             muscles: model.muscle_names().map(str::to_owned).collect(),
             nominal: model.nominal_parameters(),
             bounds: study.settings.bounds,
+            fibers: Vec::new(),
         };
         let space = ParameterSpace::new(&problem).unwrap();
         let set = TrainingSet::new(&problem).unwrap();

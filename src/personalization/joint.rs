@@ -3,6 +3,7 @@
 //! ```text
 //! minimize  Σ_trials w_t² Σ_k (τ_sim(k) − τ_exp(k))²  +  Σ_i ((θ_i − θ_i⁰) / s_i)²     within the bounds
 //! ```
+//! and, where a study says so, fascicle lengths of images ([`super::fibers`]).
 //! θ are the factors of optimal fibre and tendon slack lengths and the logarithms of the factors of forces; θ⁰ is the
 //! model itself. This is the most probable parameter set (maximum a posteriori) when
 //! - parameters scatter about the model's by s_i, a third of the way to their bounds, which is how the bounds came about
@@ -245,6 +246,7 @@ impl<'a> LeastSquares<'a> {
         let mut total = NormalEquations::new(n);
         sums.iter().for_each(|s| total.add(s));
         let data_square = total.square;
+        set.fibers.iter().for_each(|f| f.add_row(&parameters, &factors, &mut total));
         for i in 0..n {
             let deviation = self.prior_deviation[i];
             let r = (theta[i] - self.prior(i)) / deviation;
@@ -286,18 +288,18 @@ fn sum_trial(
 
 /// JᵀJ (lower triangle), Jᵀr and Σ r².
 #[derive(Clone, Debug)]
-struct NormalEquations {
-    information: DMatrix<f64>,
-    gradient: DVector<f64>,
-    square: f64,
+pub(super) struct NormalEquations {
+    pub(super) information: DMatrix<f64>,
+    pub(super) gradient: DVector<f64>,
+    pub(super) square: f64,
 }
 
 impl NormalEquations {
-    fn new(n: usize) -> NormalEquations {
+    pub(super) fn new(n: usize) -> NormalEquations {
         NormalEquations { information: DMatrix::zeros(n, n), gradient: DVector::zeros(n), square: 0.0 }
     }
 
-    fn add_row(&mut self, r: f64, row: &[f64]) {
+    pub(super) fn add_row(&mut self, r: f64, row: &[f64]) {
         self.square += r * r;
         for (j, &b) in row.iter().enumerate() {
             self.gradient[j] += r * b;

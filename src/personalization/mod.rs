@@ -21,6 +21,7 @@ mod bayesian;
 mod cases;
 mod error;
 mod exact;
+mod fibers;
 mod joint;
 mod moments;
 mod objective;
@@ -36,6 +37,7 @@ use moments::TrainingSet;
 
 pub use cases::{CaseFit, CaseKind, CaseOptions, CaseProblem, Optimizer, TrainingCase, fit_case};
 pub use error::PersonalizationError;
+pub use fibers::RestingFiber;
 pub use objective::mean_objective;
 pub use parameters::{BoundHit, Determination, FittedParameter, Property};
 pub use write::{WriteBackError, write_parameters};
@@ -60,6 +62,8 @@ pub struct FitProblem<'a> {
     pub nominal: Vec<MuscleParameters>,
     /// Bounds relative to them.
     pub bounds: ParameterBounds,
+    /// Fascicle lengths from images that inform the joint fit, too.
+    pub fibers: Vec<RestingFiber>,
 }
 
 /// How to search.

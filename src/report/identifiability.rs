@@ -69,6 +69,8 @@ pub struct ParameterKnowledge {
     pub end_from_data: [bool; 2],
     /// Whether another parameter stands at its bound at an end.
     pub leans_on_bounds: bool,
+    /// Degrees of freedom of the noise as far as the interval rests on it, at most 9999.
+    pub degrees_of_freedom: f64,
     /// Median of the posterior: data and prior knowledge.
     pub posterior_median: f64,
     /// Its credible interval.
@@ -143,7 +145,7 @@ pub struct NoiseResult {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SoundnessResult {
-    /// Largest difference of −2 log likelihood between polynomials and simulation at ends of intervals.
+    /// Largest difference of −2 log likelihood from what the level asks for, by simulation at ends of intervals.
     pub largest_deviance_error: f64,
     /// How much more trials scatter about the fit than the noise explains (variance ratio, at least 1).
     pub dispersion: f64,
@@ -238,7 +240,7 @@ pub fn render_identifiability(result: &IdentifiabilityResult) -> String {
         ),
         trust: format!(
             "Trials scatter about the fit {:.1} times as much (variance) as the noise explains; intervals are widened \
-             accordingly. Polynomials against simulation at the ends of intervals: {:.2} of −2 log likelihood at most. Largest R̂ {:.3}, \
+             accordingly. −2 log likelihood at the ends of intervals, by simulation, is within {:.2} of what the level asks for. Largest R̂ {:.3}, \
              at least {:.0} independent draws, {} divergent paths.",
             s.dispersion, s.largest_deviance_error, s.largest_r_hat, s.fewest_effective_draws, s.divergent
         ),
@@ -278,6 +280,9 @@ fn row(p: &ParameterKnowledge) -> Row {
     }
     if p.leans_on_bounds {
         notes.push("rests on another bound".to_string());
+    }
+    if p.degrees_of_freedom < 30.0 {
+        notes.push(format!("its noise is known from few trials (ν = {:.0})", p.degrees_of_freedom));
     }
     if p.prior_source != "bounds" {
         notes.push(format!("prior: {}", p.prior_source));

@@ -10,6 +10,7 @@ pub mod bars;
 pub mod convergence;
 pub mod diagnosis;
 pub mod identifiability;
+pub mod intervals;
 pub mod ledger;
 pub mod moments;
 mod number;

@@ -71,7 +71,7 @@ pub enum Kind {
 }
 
 /// Program, command, seed and inputs: what is needed to run it again.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Provenance {
     /// Program name.

@@ -2,11 +2,10 @@
 
 use std::fmt::Write;
 
-use askama::Template;
 use serde::{Deserialize, Serialize};
 
+use super::article::{Article, Block, Section, TextTable, p_text, render_article};
 use super::number::significant;
-use super::page::{SCRIPT, STYLE, content_security_policy};
 use super::plot::{Scale, escape, extent, padded, tick_label, ticks};
 use super::results::{Provenance, WarningResult};
 
@@ -99,45 +98,17 @@ pub struct Point {
     pub converted: Option<[f64; 2]>,
 }
 
-struct Cell {
-    text: String,
-    strong: bool,
-}
-
-struct FigureRow {
-    case: String,
-    figures: Vec<(String, String)>,
-}
-
-#[derive(Template)]
-#[template(path = "ultrasound.html")]
-struct Page<'a> {
-    policy: String,
-    style: &'a str,
-    script: &'a str,
-    result: &'a UltrasoundResult,
-    lead: String,
-    quantities: Vec<String>,
-    correlations: Vec<(String, Vec<Cell>)>,
-    agreements: Vec<(String, Vec<Cell>)>,
-    figures: Vec<FigureRow>,
-    conversions: String,
-}
-
 /// The page: one self-contained HTML page.
 pub fn render_ultrasound(result: &UltrasoundResult) -> String {
     let first = result.cases.first().map(|c| c.quantities.as_slice()).unwrap_or_default();
     let n = first.iter().map(|q| q.n).max().unwrap_or(0);
     let people = first.iter().map(|q| q.participants).max().unwrap_or(0);
-    let table = |cell: &dyn Fn(&QuantityResult) -> Cell| -> Vec<(String, Vec<Cell>)> {
-        result.cases.iter().map(|c| (c.case.clone(), c.quantities.iter().map(cell).collect())).collect()
-    };
-    let absent = |q: &QuantityResult| Cell { text: q.note.clone().unwrap_or_else(|| "–".to_string()), strong: false };
-    let page = Page {
-        policy: content_security_policy(),
-        style: STYLE,
-        script: SCRIPT,
-        result,
+    let blocks = ultrasound_blocks(&result.cases, result.specific_tension_n_per_cm2, result.source.as_deref());
+    let [correlation, agreement, figures] = blocks;
+    let section = |id: &str, title: &str, blocks: Vec<Block>| Section { id: id.into(), title: title.into(), blocks };
+    render_article(&Article {
+        title: "Models beside imaging".to_string(),
+        kicker: result.study.clone(),
         lead: format!(
             "{} model case{}, {n} images of {people} participant{}. Muscles of the models are at rest (activation {}) in the \
              posture of each image.",
@@ -146,47 +117,69 @@ pub fn render_ultrasound(result: &UltrasoundResult) -> String {
             if people == 1 { "" } else { "s" },
             result.activation
         ),
-        quantities: first.iter().map(|q| q.words.clone()).collect(),
-        correlations: table(&|q| match (q.r, q.p) {
-            (Some(r), Some(p)) => Cell { text: format!("{}, ({})", fixed(r, 2), p_text(p)), strong: p < 0.05 },
-            _ => absent(q),
-        }),
-        agreements: table(&|q| match (q.bias, q.limit) {
-            (Some(bias), Some(limit)) => Cell {
-                text: format!("{}, (±{}) {}", significant(bias, 3), significant(limit, 3), q.model_unit),
-                strong: false,
-            },
-            _ => absent(q),
-        }),
-        figures: result
-            .cases
-            .iter()
-            .map(|c| FigureRow {
-                case: c.case.clone(),
-                figures: c.quantities.iter().map(|q| (q.words.clone(), scatter(q))).collect(),
-            })
-            .collect(),
-        conversions: format!(
-            "Specific tension {} N/cm².{}",
-            result.specific_tension_n_per_cm2,
-            result
-                .source
-                .as_ref()
-                .map(|s| format!(" Source of ratios, as the study states it: {s}."))
-                .unwrap_or_default()
-        ),
+        facts: Vec::new(),
+        warnings: result.warnings.iter().map(|w| w.message.clone()).collect(),
+        sections: vec![
+            section("correlation", "Correlation", correlation),
+            section("agreement", "Agreement", agreement),
+            section("figures", "Model over measurement", figures),
+        ],
+        provenance: result.provenance.clone(),
+    })
+}
+
+/// Tables 4.2 and 4.3, and figure 4.3.
+pub fn ultrasound_blocks(cases: &[CaseResult], specific_tension_n_per_cm2: f64, source: Option<&str>) -> [Vec<Block>; 3] {
+    let quantities = cases.first().map(|c| c.quantities.as_slice()).unwrap_or_default();
+    let table = |title: &str, note: String, cell: &dyn Fn(&QuantityResult) -> String| {
+        Block::Table(TextTable {
+            title: title.to_string(),
+            header: std::iter::once("model case".to_string()).chain(quantities.iter().map(|q| q.words.clone())).collect(),
+            left_columns: 1,
+            rows: cases
+                .iter()
+                .map(|c| std::iter::once(c.case.clone()).chain(c.quantities.iter().map(cell)).collect())
+                .collect(),
+            note,
+        })
     };
-    page.render().expect("the ultrasound template has no failing filter")
+    let absent = |q: &QuantityResult| q.note.clone().unwrap_or_else(|| "–".to_string());
+    let correlations = table(
+        "Table 4.2: r, (p) of the model's value with the measured one",
+        "Pearson's correlation over all muscles, postures and participants together. Images of one person are taken for \
+         independent, as in the dissertation, which makes p smaller than it should be."
+            .to_string(),
+        &|q| match (q.r, q.p) {
+            (Some(r), Some(p)) if p < 0.05 => format!("{}, ({})*", fixed(r, 2), p_text(p).trim_end_matches('*')),
+            (Some(r), Some(p)) => format!("{}, ({})", fixed(r, 2), p_text(p)),
+            _ => absent(q),
+        },
+    );
+    let source = source.map(|s| format!(" Source of ratios, as the study states it: {s}.")).unwrap_or_default();
+    let agreements = table(
+        "Table 4.3: mean difference, (limits of agreement)",
+        format!(
+            "Model minus measurement after conversion; the limits are 1.96 standard deviations of the differences (Bland and \
+             Altman 1986). Specific tension {specific_tension_n_per_cm2} N/cm².{source}"
+        ),
+        &|q| match (q.bias, q.limit) {
+            (Some(bias), Some(limit)) => {
+                format!("{}, (±{}) {}", significant(bias, 3), significant(limit, 3), q.model_unit)
+            }
+            _ => absent(q),
+        },
+    );
+    let figures = cases.iter().map(|c| Block::Figures {
+        title: format!("Figure 4.3: {}", c.case),
+        note: String::new(),
+        columns: 4,
+        figures: c.quantities.iter().map(|q| (q.words.clone(), scatter(q))).collect(),
+    });
+    [vec![correlations], vec![agreements], figures.collect()]
 }
 
 fn fixed(value: f64, decimals: usize) -> String {
     format!("{value:.decimals$}").replace('-', "−")
-}
-
-/// A p-value as tables print it, with a star where it is below 0.05.
-pub fn p_text(p: f64) -> String {
-    let star = if p < 0.05 { "*" } else { "" };
-    if p < 0.001 { format!("<0.001{star}") } else { format!("{p:.3}{star}") }
 }
 
 /// Model over measurement, one mark per image, and the line of least squares.

@@ -9,6 +9,10 @@ const REST_ACTIVATION: f64 = 0.01;
 /// Specific tension of the forearm's muscles [N/cm²]: Jacobson et al. (1992), Saul et al. (2015).
 const SPECIFIC_TENSION: f64 = 50.8;
 
+/// Scatter of fascicle lengths in repeated images: coefficients of variation up to about 10 % (Kwah et al. 2013,
+/// doi:10.1152/japplphysiol.01430.2011).
+const FASCICLE_ERROR: f64 = 0.08;
+
 /// How imaging is compared with a model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImagingSettings {
@@ -24,10 +28,24 @@ pub struct ImagingSettings {
     pub fiber_to_belly: Vec<(String, f64)>,
     /// External over total tendon length, by muscle.
     pub external_to_total_tendon: Vec<(String, f64)>,
+    /// What fascicle lengths are for.
+    pub fascicles: FascicleUse,
+    /// Standard deviation of a fascicle length about the model's fibre length, as a share of it.
+    pub fascicle_error: f64,
     /// Where these numbers are from, as the study says it.
     pub source: Option<String>,
     /// Line of the section.
     pub line: usize,
+}
+
+/// What measured fascicle lengths are for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FascicleUse {
+    /// A check that no fit sees.
+    #[default]
+    Check,
+    /// Data of a fit.
+    Fit,
 }
 
 impl Default for ImagingSettings {
@@ -39,6 +57,8 @@ impl Default for ImagingSettings {
             muscle_posture: Vec::new(),
             fiber_to_belly: Vec::new(),
             external_to_total_tendon: Vec::new(),
+            fascicles: FascicleUse::Check,
+            fascicle_error: FASCICLE_ERROR,
             source: None,
             line: 0,
         }
@@ -94,6 +114,10 @@ impl ImagingSettings {
                     .collect()
             })
             .unwrap_or_default();
+        let uses = [("check", FascicleUse::Check), ("fit", FascicleUse::Fit)];
+        out.fascicles = section.optional_word("fascicles", "use", &uses).unwrap_or_default();
+        let number = section.optional_number("fascicle_error_percent", "0.5 to 50 %", |v| (0.5..=50.0).contains(&v));
+        out.fascicle_error = number.map_or(out.fascicle_error, |v| v / 100.0);
         out.source = section.optional_string("source");
         section.finish(problems);
         out

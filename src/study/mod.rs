@@ -39,7 +39,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-pub use imaging_settings::ImagingSettings;
+pub use imaging_settings::{FascicleUse, ImagingSettings};
 pub use participants::{Participant, Sex, Side};
 pub use priors::{PriorKnowledge, read_priors};
 pub(crate) use problem::nearest;

@@ -125,6 +125,37 @@ fn verif_findings_of_channels_reach_the_report() {
     assert!(trial["channels"][1]["highest"].as_f64().unwrap() > 1.05, "{trial}");
 }
 
+/// Recordings that need processing are processed by `carpus study` before all else; what it did stands in its report.
+#[test]
+fn verif_raw_recordings_are_steps_of_a_study() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = study(folder.path(), &reference(), "kind = \"raw\"\n[processing]\nfilter_hz = 6\n");
+    let run = |out: &str, steps: &str| {
+        let mut command = Command::cargo_bin("carpus").unwrap();
+        command.current_dir(folder.path()).arg("study").arg(&study).args(["--out", out, "--steps", steps]);
+        let done = command.assert().success();
+        String::from_utf8(done.get_output().stdout.clone()).unwrap()
+    };
+    run("all", "dynamometer,emg,ultrasound");
+    let read = |file: &str| std::fs::read_to_string(folder.path().join(file)).unwrap();
+    let page = read("all/report.html");
+    for words in ["low-pass 6 Hz", "Channels and their level", "Butterworth of order", "Not run: the study has no ultrasound"] {
+        assert!(page.contains(words), "{words}");
+    }
+    assert_eq!(read("all/dynamometer_trials.csv").lines().count(), 4);
+    let channels = read("all/emg_channels.csv");
+    assert!(channels.lines().nth(1).unwrap().starts_with("P01,Ch 1,mvc_1,"), "{channels}");
+    assert!(read("all/emg/P01/report.html").contains("<polyline"));
+    assert!(read("all/processed/reports/P01.html").contains("<polyline"));
+    // The same as the two commands one after the other.
+    emg(&folder.path().join("all/processed/study.toml"), &folder.path().join("apart")).success();
+    assert_eq!(read("all/emg/P01/emg/trial.csv"), read("apart/P01/emg/trial.csv"));
+    // Done again, nothing is computed and nothing changes.
+    let again = run("all", "dynamometer,emg,ultrasound");
+    assert!(again.contains("1 units were finished before, 0 were computed"), "{again}");
+    assert_eq!(page, read("all/report.html"));
+}
+
 #[test]
 fn verif_bad_emg_is_explained() {
     let refused = |settings: &str, words: &[&str]| {

@@ -374,3 +374,55 @@ fn val_published_power_analyses_are_printed_beside_what_the_tests_give() {
     assert_eq!(chapter_4["published_needed_n"], chapter_4["tests"][0]["needed_n"]);
     carpus().arg("power").assert().code(1);
 }
+
+/// A machine that moves the wrist's flexion and also measures the moment about its deviation; five wrist and three finger
+/// muscles of the McFarland model, trials by OpenSim. The second axis makes intervals narrower, and they hold the truth.
+#[test]
+fn val_opensim_two_axes_of_the_wrist_with_finger_muscles() {
+    let name = "Hand_Wrist_Model_for_development.osim";
+    let Some(model) = super::reference::shared(&format!("models/{name}")) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let source = root("fixtures/two_axes");
+    std::fs::create_dir_all(folder.path().join("data/P01")).unwrap();
+    std::fs::copy(model, folder.path().join(name)).unwrap();
+    for entry in std::fs::read_dir(source.join("data/P01")).unwrap() {
+        let path = entry.unwrap().path();
+        std::fs::copy(&path, folder.path().join("data/P01").join(path.file_name().unwrap())).unwrap();
+    }
+    for file in ["participants.csv", "trials.csv"] {
+        std::fs::copy(source.join(file), folder.path().join(file)).unwrap();
+    }
+    let toml = std::fs::read_to_string(source.join("study.toml")).unwrap();
+    let further = "further_moments = { deviation = \"moment_deviation_n_m\" }";
+    assert!(toml.contains(further));
+    let alone = toml.replace(further, "") + "\n[columns]\nignore = [\"moment_deviation_n_m\"]\n";
+    let truth: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(source.join("truth.json")).unwrap()).unwrap();
+    let identified = |toml: &str| -> serde_json::Value {
+        std::fs::write(folder.path().join("study.toml"), toml).unwrap();
+        let mut command = carpus();
+        command.arg("identify").arg(folder.path()).arg("--out").arg(folder.path().join("out"));
+        let done = command.args(["--draws", "40", "--json"]).assert().success();
+        serde_json::from_slice(&done.get_output().stdout).unwrap()
+    };
+    let [one, two] = [alone, toml].map(|toml| identified(&toml)[0]["parameters"].as_array().unwrap().clone());
+    let width = |p: &serde_json::Value| {
+        let [a, b] = [0, 1].map(|i| p["interval"][i].as_f64().unwrap());
+        (b / a).ln()
+    };
+    let (mut held, mut narrower) = (0, 0);
+    for (a, b) in one.iter().zip(&two) {
+        let (muscle, property) = (b["muscle"].as_str().unwrap(), b["property"].as_str().unwrap());
+        let value = truth["parameters"][muscle][property].as_f64().unwrap();
+        let [lower, upper] = [0, 1].map(|i| b["interval"][i].as_f64().unwrap());
+        held += usize::from(lower <= value && value <= upper);
+        narrower += usize::from(width(b) < width(a) - 1e-6);
+        println!("{muscle} {property:22} {value:.5} in [{lower:.5}, {upper:.5}]; log width {:.3} → {:.3}", width(a), width(b));
+    }
+    let sum = |all: &[serde_json::Value]| all.iter().map(width).sum::<f64>();
+    println!("{held} of {} hold the truth; {narrower} are narrower: {:.2} → {:.2}", two.len(), sum(&one), sum(&two));
+    assert_eq!(two.len(), 24);
+    // 90 % of 24 are 21.6; fewer than 18 would be a chance of 1 %.
+    assert!(held >= 18, "{held}");
+    assert!(sum(&two) < sum(&one));
+}

@@ -167,3 +167,42 @@ fn verif_without_ratios_there_is_no_agreement_and_a_warning() {
     assert!(quantities[0]["bias"].is_null() && quantities[0]["unconverted"] == 30);
     assert!(quantities[2]["bias"].is_number());
 }
+
+/// Fascicle lengths as data: the resting fibres of the personalized model come nearer to them than without.
+#[test]
+fn verif_fascicle_lengths_can_inform_the_fit() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = root("fixtures/demo_study");
+    std::fs::create_dir_all(folder.path().join("data/P01")).unwrap();
+    std::fs::copy(root("models/wrist.osim"), folder.path().join("wrist.osim")).unwrap();
+    let kept = ["isotonic_50_flexion_1", "isotonic_50_extension_1", "isometric_50_extension_+0deg_1"];
+    for name in kept {
+        let file = format!("data/P01/{name}.csv");
+        std::fs::copy(source.join(&file), folder.path().join(&file)).unwrap();
+    }
+    let toml = std::fs::read_to_string(source.join("study.toml")).unwrap();
+    let toml = toml.replace("../../models/wrist.osim", "wrist.osim");
+    let rows = std::fs::read_to_string(source.join("trials.csv")).unwrap();
+    let wanted = |l: &&str| l.starts_with("participant") || kept.iter().any(|k| l.contains(k));
+    let rows: String = rows.lines().filter(wanted).map(|l| format!("{l}\n")).collect();
+    std::fs::write(folder.path().join("trials.csv"), rows).unwrap();
+    std::fs::write(folder.path().join("participants.csv"), "participant\nP01\n").unwrap();
+    // ECRB's fascicles are longer and FCR's shorter than those of the model at rest.
+    let images = "participant,muscle,posture_deg,fascicle_length_m\nP01,ECRB,0,0.066\nP01,FCR,0,0.056\n";
+    std::fs::write(folder.path().join("ultrasound.csv"), images).unwrap();
+    let off = |section: &str, out: &str| -> f64 {
+        std::fs::write(folder.path().join("study.toml"), format!("{toml}\n{section}")).unwrap();
+        let fitted = folder.path().join(out);
+        carpus().arg("personalize").arg(folder.path()).arg("--out").arg(&fitted).assert().success();
+        let case = format!("fitted={}/{{participant}}/model.osim", fitted.display());
+        let compared = folder.path().join(format!("{out}_imaged"));
+        carpus().arg("ultrasound").arg(folder.path()).args(["--case", &case]).arg("--out").arg(&compared).assert().success();
+        let found = json(&compared.join("ultrasound.json"));
+        let points = found["cases"][1]["quantities"][0]["points"].as_array().unwrap().clone();
+        points.iter().map(|p| (p["model"].as_f64().unwrap() / p["measured"].as_f64().unwrap()).ln().powi(2)).sum()
+    };
+    let check = off("", "check");
+    let fit = off("[ultrasound]\nfascicles = \"fit\"\nfascicle_error_percent = 2\n", "fit");
+    println!("squared log ratios of fibre to fascicle length: {check:.2e} as a check, {fit:.2e} as data");
+    assert!(fit < 0.5 * check, "{check} {fit}");
+}

@@ -13,6 +13,7 @@ mod forces;
 mod functions;
 mod identifiability;
 mod imaging;
+mod krylow;
 mod multibody;
 mod muscles;
 mod osim;

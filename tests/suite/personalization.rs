@@ -5,11 +5,12 @@ use std::path::Path;
 use carpus::evaluation::error_measures;
 use carpus::osim::OsimFile;
 use carpus::personalization::{
-    FitOptions, FitProblem, Method, Personalization, PersonalizationError, Property, TrainingTrial, personalize,
-    write_parameters,
+    CaseFit, CaseOptions, CaseProblem, FitOptions, FitProblem, Method, Optimizer, Personalization,
+    PersonalizationError, Property, TrainingCase, TrainingTrial, fit_case, personalize, write_parameters,
 };
 use carpus::simulation::{MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, Setup};
-use carpus::study::{Study, Trial, TrialUse};
+use carpus::study::{Study, Trial, TrialInfo, TrialUse};
+use rayon::prelude::*;
 
 /// A participant's trials, prepared.
 struct Participant {
@@ -39,6 +40,7 @@ impl Participant {
             muscles: self.model.muscle_names().map(str::to_owned).collect(),
             nominal: self.model.nominal_parameters(),
             bounds: self.study.settings.bounds,
+            fibers: Vec::new(),
         }
     }
 
@@ -161,6 +163,55 @@ fn verif_written_model_changes_only_fitted_lines_and_simulates_as_fitted() {
     assert!(changed.iter().all(|line| Property::ALL.iter().any(|p| line.contains(p.name()))));
     let model = MusculoskeletalModel::compile(&file.spec, &Setup::from_settings(&participant.study.settings)).unwrap();
     assert_eq!(model.nominal_parameters(), fit.parameters);
+}
+
+/// All eight cases of table 3.1 on the bundled study: the objective as printed, and the simulations that it took. What a
+/// stage of forces costs is nothing beside them: it needs no simulation.
+#[test]
+fn verif_exact_gradients_reach_a_lower_objective_with_fewer_simulations_in_every_case() {
+    let p = participant(&Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/demo_study"));
+    let cases = TrainingCase::of_trials(p.trials.iter().map(|t| &t.info));
+    assert_eq!(cases.len(), 8);
+    let jobs: Vec<(&TrainingCase, Optimizer)> =
+        cases.iter().flat_map(|case| Optimizer::ALL.map(|optimizer| (case, optimizer))).collect();
+    let fits: Vec<CaseFit> = jobs
+        .par_iter()
+        .map(|(case, optimizer)| {
+            let chosen = |informs: &dyn Fn(&TrialInfo) -> bool| {
+                let all = p.trials.iter().zip(&p.prepared).filter(|(t, _)| informs(&t.info));
+                all.map(|(t, prepared)| TrainingTrial { prepared, measured: &t.moment }).collect()
+            };
+            let problem = CaseProblem {
+                lengths: chosen(&|t| case.informs_lengths(t)),
+                forces: chosen(&|t| case.informs_forces(t)),
+                muscles: p.model.muscle_names().map(str::to_owned).collect(),
+                nominal: p.model.nominal_parameters(),
+                bounds: p.study.settings.bounds,
+            };
+            fit_case(&problem, *optimizer, &CaseOptions { seed: 1, ..CaseOptions::default() }).unwrap()
+        })
+        .collect();
+    let simulations = |fit: &CaseFit| {
+        let simulated = fit.stages.iter().filter(|s| !s.name.starts_with("forces"));
+        simulated.map(|s| s.evaluations).sum::<usize>()
+    };
+    for (case, pair) in cases.iter().zip(fits.chunks(2)) {
+        let [theirs, ours] = [&pair[0], &pair[1]];
+        println!(
+            "{:16} J {:.4} by {} simulations, exact gradients {:.4} by {}",
+            case.label(),
+            theirs.objective,
+            simulations(theirs),
+            ours.objective,
+            simulations(ours)
+        );
+    }
+    for (case, pair) in cases.iter().zip(fits.chunks(2)) {
+        let [theirs, ours] = [&pair[0], &pair[1]];
+        assert!(ours.objective <= theirs.objective, "{}", case.label());
+        // A simulation with derivatives costs less than two without.
+        assert!(2 * simulations(ours) < simulations(theirs), "{}", case.label());
+    }
 }
 
 #[test]

@@ -38,10 +38,14 @@ fn small_study() -> tempfile::TempDir {
     }
     std::fs::write(folder.path().join("trials.csv"), rows).unwrap();
     std::fs::write(folder.path().join("participants.csv"), "participant\nP01\nP02\n").unwrap();
+    let images = "participant,muscle,posture_deg,muscle_belly_length_m,external_tendon_length_m,cross_sectional_area_m2\n\
+                  P01,ECRB,0,0.150,0.130,2.1e-4\nP01,FCR,30,0.160,0.150,1.6e-4\nP02,ECRB,-30,0.155,0.128,1.9e-4\n";
+    std::fs::write(folder.path().join("ultrasound.csv"), images).unwrap();
     folder
 }
 
-const EFFORT: [&str; 8] = ["--starts", "2", "--bayesian-evaluations", "11", "--sqp-iterations", "1", "--threads", "2"];
+const EFFORT: [&str; 10] =
+    ["--starts", "2", "--bayesian-evaluations", "11", "--sqp-iterations", "1", "--draws", "40", "--threads", "2"];
 
 fn arguments(study: &Path) -> Vec<String> {
     let mut words = vec!["study".to_string(), study.join("study.toml").display().to_string()];
@@ -71,6 +75,10 @@ fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     found
 }
 
+fn rows(files: &BTreeMap<PathBuf, Vec<u8>>, name: &str) -> usize {
+    String::from_utf8_lossy(&files[Path::new(name)]).lines().count() - 1
+}
+
 fn units(folder: &Path) -> usize {
     if !folder.join("done/units").exists() {
         return 0;
@@ -87,7 +95,8 @@ fn verif_a_killed_study_goes_on_and_gives_the_same_bytes() {
     let printed = String::from_utf8(done.get_output().stdout.clone()).unwrap();
     assert!(printed.contains("0 units were finished before"), "{printed}");
     let all = units(whole.path());
-    assert_eq!(all, 2 * (1 + 2 + 8 + 1), "scaling, two screenings, eight fits and an evaluation a participant");
+    let each = "scaling, two screenings, eight fits, an evaluation, intervals and images a participant";
+    assert_eq!(all, 2 * (1 + 2 + 8 + 1 + 1 + 1), "{each}");
 
     let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("carpus"))
         .current_dir(killed.path())
@@ -129,6 +138,12 @@ fn verif_a_killed_study_goes_on_and_gives_the_same_bytes() {
     for words in ["Table 2.2", "Figure 2.3", "Table 3.3", "Table 3.4", "Figure 3.3", "Figure 3.4b", "Figure 3.5"] {
         assert!(page.contains(words), "{words}");
     }
+    for words in ["Table 4.2", "Table 4.3", "Figure 4.3", "Which trial next?", "Not run: the study has no [processing]"] {
+        assert!(page.contains(words), "{words}");
+    }
+    assert_eq!(rows(&first, "ultrasound_measurements.csv"), 5 * 3 * 3, "five models, three images, three quantities");
+    assert_eq!(rows(&first, "identify_intervals.csv"), 2 * 15);
+    assert!(first.contains_key(Path::new("identify/P02/report.html")));
     evaluate_reads_the_models(study.path(), whole.path());
 }
 

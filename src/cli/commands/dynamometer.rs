@@ -5,11 +5,12 @@ use std::path::Path;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::cli::account::{csv_text, digits};
 use crate::cli::args::{DynamometerArgs, Global};
 use crate::cli::failure::{self, Failure, Message};
 use crate::cli::processed_study::{NewTrial, trial_file, write_tables, write_trial};
 use crate::cli::provenance::{input_file, provenance};
-use crate::cli::study_run::{StudyRun, progress};
+use crate::cli::study_run::{Outcomes, StudyRun, progress};
 use crate::cli::table::{fixed, table};
 use crate::report::results::InputFile;
 use crate::report::signals::{SignalFigure, SignalPanel, SignalReport, SignalSection, SignalTable, thinned_signal};
@@ -26,10 +27,16 @@ const WEAK: f64 = 0.8;
 
 /// A participant's processing.
 #[derive(Serialize)]
-struct Outcome {
-    participant: String,
+pub struct Outcome {
+    /// The participant.
+    pub participant: String,
+    /// The relaxed limb, if it was subtracted.
     passive: Option<Passive>,
+    /// The trials that came of the recordings.
     trials: Vec<Trial>,
+    /// What a person should look at: file and text.
+    #[serde(skip)]
+    pub findings: Vec<(String, String)>,
     #[serde(skip)]
     result: Option<ProcessingResult>,
     #[serde(skip)]
@@ -79,9 +86,35 @@ pub fn run(args: &DynamometerArgs, global: &Global) -> Result<(), Failure> {
         let hint = "e.g.\n  [processing]\n  filter_hz = 6\n  remove_drag = true\n  subtract_passive = true";
         return Err(message.hint(hint).into());
     }
+    let outcomes = process(&study, global)?;
+    for (file, text) in outcomes.done.iter().flat_map(|o| &o.findings) {
+        failure::print(&[Message::warning(text.clone()).in_file(&study.study.folder.join(file))]);
+    }
+    let mut inputs: Vec<InputFile> = Vec::new();
+    for file in outcomes.done.iter().flat_map(|outcome| &outcome.inputs) {
+        if !inputs.contains(file) {
+            inputs.push(file.clone());
+        }
+    }
+    let results = serde_json::json!({
+        "schema": "carpus.dynamometer/1",
+        "provenance": provenance(global, inputs),
+        "participants": outcomes.done,
+    });
+    let json = serde_json::to_string_pretty(&results).map_err(|e| Failure::Internal(e.to_string()))?;
+    study.out.write("dynamometer.json", json.as_bytes())?;
+    let text = if global.json { results.to_string() } else { readable(&outcomes.done, study.out.path()) };
+    outcomes.print(&text)
+}
+
+/// Processes the recordings of all participants and writes them as a study, with a page each.
+///
+/// # Errors
+/// The recordings, or the output folder.
+pub fn process(study: &StudyRun, global: &Global) -> Result<Outcomes<Outcome>, Failure> {
     let bar = progress(global, study.participants.len() as u64, "processing");
     let outcomes = study.each(|participant| {
-        let outcome = processed(&study, participant, global)?;
+        let outcome = processed(study, participant, global)?;
         bar.inc(1);
         Ok(outcome)
     });
@@ -106,21 +139,7 @@ pub fn run(args: &DynamometerArgs, global: &Global) -> Result<(), Failure> {
         .cloned()
         .collect();
     write_tables(&study.study, &study.out, &participants, &new)?;
-    let mut inputs: Vec<InputFile> = Vec::new();
-    for file in outcomes.done.iter().flat_map(|outcome| &outcome.inputs) {
-        if !inputs.contains(file) {
-            inputs.push(file.clone());
-        }
-    }
-    let results = serde_json::json!({
-        "schema": "carpus.dynamometer/1",
-        "provenance": provenance(global, inputs),
-        "participants": outcomes.done,
-    });
-    let json = serde_json::to_string_pretty(&results).map_err(|e| Failure::Internal(e.to_string()))?;
-    study.out.write("dynamometer.json", json.as_bytes())?;
-    let text = if global.json { results.to_string() } else { readable(&outcomes.done, study.out.path()) };
-    outcomes.print(&text)
+    Ok(outcomes)
 }
 
 fn processed(study: &StudyRun, participant: &Participant, global: &Global) -> Result<Outcome, Failure> {
@@ -159,8 +178,6 @@ fn processed(study: &StudyRun, participant: &Participant, global: &Global) -> Re
         let text = "the relaxed limb seems to drive the machine: the moment has to be positive in the direction in which the angle grows";
         findings.push(("trials.csv".to_owned(), text.to_owned()));
     }
-    let warn = |(file, text): &(String, String)| Message::warning(text.clone()).in_file(&study.study.folder.join(file));
-    failure::print(&findings.iter().map(warn).collect::<Vec<_>>());
     let outcome = Outcome {
         participant: participant.name.clone(),
         passive: result.passive.as_ref().map(|p| Passive {
@@ -172,6 +189,7 @@ fn processed(study: &StudyRun, participant: &Participant, global: &Global) -> Re
             r_squared: p.r_squared,
         }),
         trials: result.trials.iter().map(summary).collect(),
+        findings: findings.clone(),
         inputs: inputs.clone(),
         result: None,
     };
@@ -268,7 +286,7 @@ fn trials_table(outcome: &Outcome) -> SignalTable {
 }
 
 /// The constants of the processing, in words.
-fn constants(p: &ProcessingSettings, damping: f64) -> Vec<(String, String)> {
+pub fn constants(p: &ProcessingSettings, damping: f64) -> Vec<(String, String)> {
     let filter = p.filter.map_or("none".to_owned(), |f| match f.band {
         Band::LowPass { cutoff_hz } => {
             format!(
@@ -293,9 +311,13 @@ fn constants(p: &ProcessingSettings, damping: f64) -> Vec<(String, String)> {
         .to_vec()
 }
 
-fn readable(outcomes: &[Outcome], folder: &Path) -> String {
-    let header = ["participant", "recordings", "trials", "passive R²", "passive rest N·m", "lowest correlation"];
-    let rows = outcomes.iter().map(|outcome| {
+/// Columns of [`rows`].
+pub const COLUMNS: [&str; 6] =
+    ["participant", "recordings", "trials", "passive R²", "passive rest N·m", "lowest correlation"];
+
+/// A row of numbers for every participant.
+pub fn rows(outcomes: &[Outcome]) -> Vec<Vec<String>> {
+    let row = |outcome: &Outcome| {
         let recordings: std::collections::BTreeSet<&str> =
             outcome.trials.iter().map(|t| t.recording.as_str()).collect();
         let correlations = outcome.trials.iter().filter_map(|t| t.second_recorder.as_ref()).map(|s| s.correlation);
@@ -308,8 +330,34 @@ fn readable(outcomes: &[Outcome], folder: &Path) -> String {
             outcome.passive.as_ref().map(|p| fixed(p.residual_n_m, 4)).unwrap_or_default(),
             if lowest.is_finite() { fixed(lowest, 4) } else { String::new() },
         ]
+    };
+    outcomes.iter().map(row).collect()
+}
+
+/// Every trial that came of the recordings as CSV.
+///
+/// # Errors
+/// None that input can cause.
+pub fn trials_csv(outcomes: &[Outcome]) -> Result<String, Failure> {
+    let header =
+        ["participant", "recording", "file", "repetition", "samples", "start_s", "end_s", "shift_s", "correlation"];
+    let rows = outcomes.iter().flat_map(|o| {
+        o.trials.iter().map(move |t| {
+            let second = t.second_recorder.as_ref();
+            let mut row = vec![o.participant.clone(), t.recording.clone(), t.file.clone()];
+            row.push(t.repetition.map(|r| r.to_string()).unwrap_or_default());
+            row.push(t.samples.to_string());
+            row.extend([t.start_s, t.end_s].map(digits));
+            row.push(second.map(|s| digits(s.shift_s)).unwrap_or_default());
+            row.push(second.map(|s| digits(s.correlation)).unwrap_or_default());
+            row
+        })
     });
-    let mut text = table(&header, 1, rows);
+    csv_text(header.iter(), rows)
+}
+
+fn readable(outcomes: &[Outcome], folder: &Path) -> String {
+    let mut text = table(&COLUMNS, 1, rows(outcomes));
     text.push_str(&format!("\n\nprocessed study  {}\n", folder.join("study.toml").display()));
     for outcome in outcomes {
         let report = folder.join("reports").join(format!("{}.html", outcome.participant));

@@ -34,19 +34,7 @@ struct Names {
 /// The files, or runs that do not tell the drag.
 pub fn run(args: &DynamometerDragArgs, global: &Global) -> Result<(), Failure> {
     let (files, names) = files(args)?;
-    let runs = files.iter().map(|file| read(file, &names)).collect::<Result<Vec<_>, _>>()?;
-    let machine: Vec<MachineRun<'_>> = runs
-        .iter()
-        .map(|r| MachineRun { time: &r.time, angle: &r.angle, velocity: r.velocity.as_deref(), moment: &r.moment })
-        .collect();
-    let drag = estimate_drag(&machine).map_err(|e| {
-        let message = Message::error(e.to_string());
-        Failure::from(match e {
-            DragError::OneVelocity { .. } => message.hint("add runs at other velocities, or in the other direction"),
-            DragError::Regression(_) => message.hint("at least two phases of constant velocity are needed"),
-            _ => message,
-        })
-    })?;
+    let drag = estimated(&files, &names)?;
     let per_degree = 1f64.to_radians();
     if global.json {
         let shown = |file: &PathBuf| input_file(file, &file.display().to_string(), "machine run");
@@ -78,6 +66,45 @@ pub fn run(args: &DynamometerDragArgs, global: &Global) -> Result<(), Failure> {
     print_result(&readable(&drag, &files))
 }
 
+/// The drag from the recordings that a study names; `None` if it names none.
+///
+/// # Errors
+/// The files, or runs that do not tell the drag.
+pub fn of_study(study: &Study) -> Result<Option<DragEstimate>, Failure> {
+    let (files, names) = named_by(study);
+    if files.is_empty() { Ok(None) } else { estimated(&files, &names).map(Some) }
+}
+
+fn estimated(files: &[PathBuf], names: &Names) -> Result<DragEstimate, Failure> {
+    let runs = files.iter().map(|file| read(file, names)).collect::<Result<Vec<_>, _>>()?;
+    let machine: Vec<MachineRun<'_>> = runs
+        .iter()
+        .map(|r| MachineRun { time: &r.time, angle: &r.angle, velocity: r.velocity.as_deref(), moment: &r.moment })
+        .collect();
+    estimate_drag(&machine).map_err(|e| {
+        let message = Message::error(e.to_string());
+        Failure::from(match e {
+            DragError::OneVelocity { .. } => message.hint("add runs at other velocities, or in the other direction"),
+            DragError::Regression(_) => message.hint("at least two phases of constant velocity are needed"),
+            _ => message,
+        })
+    })
+}
+
+/// The machine's recordings that a study names, and how their columns are called.
+fn named_by(study: &Study) -> (Vec<PathBuf>, Names) {
+    let columns = study.settings.columns.clone();
+    let files = study.settings.processing.drag_runs.iter().map(|file| study.folder.join(file)).collect();
+    let names = Names {
+        time: columns.time,
+        angle: columns.angle,
+        velocity: columns.velocity,
+        moment: columns.moment,
+        unit: columns.angle_unit,
+    };
+    (files, names)
+}
+
 /// The recordings and how their columns are called.
 fn files(args: &DynamometerDragArgs) -> Result<(Vec<PathBuf>, Names), Failure> {
     let is_study = |path: &PathBuf| path.is_dir() || path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
@@ -85,20 +112,11 @@ fn files(args: &DynamometerDragArgs) -> Result<(Vec<PathBuf>, Names), Failure> {
         && is_study(only)
     {
         let study = Study::read_tables(only)?;
-        let files: Vec<PathBuf> =
-            study.settings.processing.drag_runs.iter().map(|file| study.folder.join(file)).collect();
+        let (files, names) = named_by(&study);
         if files.is_empty() {
             let message = Message::error("the study names no recordings of the machine alone").in_file(&study.file);
             return Err(message.hint("[processing] drag_runs = [\"machine/run_1.csv\", …]").into());
         }
-        let columns = study.settings.columns;
-        let names = Names {
-            time: columns.time,
-            angle: columns.angle,
-            velocity: columns.velocity,
-            moment: columns.moment,
-            unit: columns.angle_unit,
-        };
         return Ok((files, names));
     }
     let text = String::from;

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::cli::account::csv_text;
 use crate::cli::args::{EmgArgs, Global};
@@ -21,17 +21,20 @@ use crate::study::{EmgSignal, Participant, ProcessedEmg};
 const DRAWN: usize = 400;
 
 /// A participant's EMG.
-#[derive(Serialize)]
-struct Outcome {
-    participant: String,
+#[derive(Serialize, Deserialize)]
+pub struct Outcome {
+    /// The participant.
+    pub participant: String,
     channels: Vec<Channel>,
     trials: Vec<Trial>,
+    #[serde(skip)]
+    warnings: Vec<Message>,
     #[serde(skip)]
     inputs: Vec<InputFile>,
 }
 
 /// A channel and its level at maximum voluntary contraction.
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 struct Channel {
     column: String,
     muscles: Vec<String>,
@@ -40,7 +43,7 @@ struct Channel {
     mvc_trial: String,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 struct Trial {
     trial: String,
     file: String,
@@ -48,7 +51,7 @@ struct Trial {
     channels: Vec<ChannelOfTrial>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 struct ChannelOfTrial {
     column: String,
     highest: f64,
@@ -71,7 +74,8 @@ pub fn run(args: &EmgArgs, global: &Global) -> Result<(), Failure> {
     };
     let bar = progress(global, study.participants.len() as u64, "EMG");
     let outcomes = study.each(|participant| {
-        let outcome = processed(&study, participant, processing, global)?;
+        let outcome = processed(&study, participant, processing, global, Path::new(&participant.name))?;
+        failure::print(&outcome.warnings);
         bar.inc(1);
         Ok(outcome)
     });
@@ -95,15 +99,19 @@ pub fn run(args: &EmgArgs, global: &Global) -> Result<(), Failure> {
     outcomes.print(&text)
 }
 
-fn processed(
+/// A participant's EMG, written with a page into a folder of the results.
+///
+/// # Errors
+/// The trials; the disk.
+pub fn processed(
     study: &StudyRun,
     participant: &Participant,
     processing: &EmgProcessing,
     global: &Global,
+    folder: &Path,
 ) -> Result<Outcome, Failure> {
     let settings = &study.study.settings;
     let emg = study.study.processed_emg(&participant.name)?;
-    let folder = Path::new(&participant.name);
     let write = |trial: &ProcessedEmg| -> Result<(), Failure> {
         let mut header: Vec<String> = vec!["time_s".to_owned()];
         header.extend(settings.active_muscles.iter().map(|muscle| format!("emg_{muscle}")));
@@ -127,7 +135,6 @@ fn processed(
         inputs.push(input_file(&trial.info.file, &trial.info.file_as_written, "trial")?);
     }
     let warnings = emg.trials.iter().flat_map(|t| t.warnings.iter().map(Message::from)).collect::<Vec<_>>();
-    failure::print(&warnings);
 
     // Muscles that share a channel are one channel here.
     let columns = &settings.columns.emg;
@@ -159,6 +166,7 @@ fn processed(
         participant: participant.name.clone(),
         channels: of_muscles.iter().map(channel).collect(),
         trials: emg.trials.iter().map(trial).collect(),
+        warnings,
         inputs: inputs.clone(),
     };
     let section = |(t, summary): (&ProcessedEmg, &Trial)| SignalSection {
@@ -236,7 +244,7 @@ fn panel(trial: &ProcessedEmg, channel: usize, summary: &ChannelOfTrial) -> Sign
 }
 
 /// The constants of the processing, in words.
-fn constants(p: &EmgProcessing) -> Vec<(String, String)> {
+pub fn constants(p: &EmgProcessing) -> Vec<(String, String)> {
     let band = p.band_pass_hz.map_or("none".to_owned(), |[low, high]| {
         format!(
             "{low}–{high} Hz, Butterworth of order {} ({} poles), forward and backward",
@@ -267,10 +275,14 @@ fn constants(p: &EmgProcessing) -> Vec<(String, String)> {
     .to_vec()
 }
 
-fn readable(outcomes: &[Outcome], folder: &Path) -> String {
-    let header = ["participant", "channel", "MVC found in", "MVC level", "trials", "highest", "findings"];
-    let rows = outcomes.iter().flat_map(|outcome| {
-        outcome.channels.iter().enumerate().map(move |(i, channel)| {
+/// Columns of [`rows`].
+pub const COLUMNS: [&str; 7] =
+    ["participant", "channel", "MVC found in", "MVC level", "trials", "highest", "findings"];
+
+/// A row of numbers for every channel of every participant.
+pub fn rows(outcomes: &[Outcome]) -> Vec<Vec<String>> {
+    let of_channels = |outcome: &Outcome| {
+        let row = |(i, channel): (usize, &Channel)| {
             let of_trials = || outcome.trials.iter().map(move |t| &t.channels[i]);
             vec![
                 outcome.participant.clone(),
@@ -281,9 +293,30 @@ fn readable(outcomes: &[Outcome], folder: &Path) -> String {
                 fixed(of_trials().map(|c| c.highest).fold(0.0, f64::max), 3),
                 of_trials().map(|c| c.findings.len()).sum::<usize>().to_string(),
             ]
-        })
-    });
-    let mut text = table(&header, 3, rows);
+        };
+        outcome.channels.iter().enumerate().map(row).collect::<Vec<_>>()
+    };
+    outcomes.iter().flat_map(of_channels).collect()
+}
+
+/// What was found in the channels: participant, trial, channel, finding.
+pub fn findings(outcomes: &[Outcome]) -> Vec<[String; 4]> {
+    let mut found = Vec::new();
+    for outcome in outcomes {
+        for trial in &outcome.trials {
+            for channel in &trial.channels {
+                let row = |f: &String| {
+                    [outcome.participant.clone(), trial.trial.clone(), channel.column.clone(), f.clone()]
+                };
+                found.extend(channel.findings.iter().map(row));
+            }
+        }
+    }
+    found
+}
+
+fn readable(outcomes: &[Outcome], folder: &Path) -> String {
+    let mut text = table(&COLUMNS, 3, rows(outcomes));
     text.push_str("\n\n");
     for outcome in outcomes {
         text.push_str(&format!("{}\n", folder.join(&outcome.participant).join("report.html").display()));

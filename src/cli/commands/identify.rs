@@ -1,7 +1,9 @@
 //! `carpus identify`: intervals of muscle parameters, what the data leave open, and which trial would narrow it down.
 
+use std::path::Path;
+
 use crate::cli::account::{csv_text, warning_result};
-use crate::cli::args::{Global, IdentifyArgs};
+use crate::cli::args::{Global, IdentifyArgs, IdentifyOptions};
 use crate::cli::failure::{self, Failure, Message};
 use crate::cli::provenance::{input_file, provenance};
 use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
@@ -16,7 +18,7 @@ use crate::report::identifiability::{
     CombinationResult, IDENTIFIABILITY_SCHEMA, IdentifiabilityResult, NextTrialResult, NoiseResult, ParameterKnowledge,
     SoundnessResult, render_identifiability,
 };
-use crate::report::results::rounded;
+use crate::report::results::{Provenance, rounded};
 use crate::simulation::{Recording, SimulationError};
 use crate::study::{FurtherMoment, PriorKnowledge, TrialUse, read_priors};
 
@@ -32,23 +34,22 @@ const DIGITS: i32 = 7;
 /// # Errors
 /// The study, its models and trials, the priors, or the output folder.
 pub fn run(args: &IdentifyArgs, global: &Global) -> Result<(), Failure> {
-    let properties = properties(&args.properties)?;
-    let priors = args.priors.as_deref().map(read_priors).transpose()?.unwrap_or_default();
+    let question = Question::new(&args.options)?;
     let study = StudyRun::prepare(&args.study)?;
     let bar = progress(global, study.participants.len() as u64, "identifying");
     let outcomes = study.each(|participant| {
         let run = study.participant(participant)?;
-        let mut warnings = run.warnings.clone();
-        let free = parameters(&study, &run, &properties, &priors, args, &mut warnings)?;
-        warnings.push(Message::warning(UNFINISHED));
+        let (mut result, found, more) = question.answered(&study, &run, global.seed)?;
+        let warnings: Vec<Message> = run.warnings.iter().cloned().chain(more).collect();
         failure::print(&warnings);
-        let found = identified(&run, &study.study.settings.columns.further_moments, free, args, global)?;
-        let mut result = result(&study, &run, &found, args, global);
         result.warnings = warnings.iter().map(warning_result).collect();
-        if let Some(path) = &args.priors {
+        result.provenance = provenance(global, run.inputs.clone());
+        if let Some(path) = &args.options.priors {
             result.provenance.inputs.push(input_file(path, &path.display().to_string(), "priors")?);
         }
-        write(&study, &result, &found)?;
+        let folder = std::path::PathBuf::from(&result.participant);
+        write(&study, &folder, &result)?;
+        study.out.write(folder.join("draws.csv"), draws_csv(&result, &found)?.as_bytes())?;
         bar.inc(1);
         Ok(result)
     });
@@ -60,6 +61,42 @@ pub fn run(args: &IdentifyArgs, global: &Global) -> Result<(), Failure> {
         outcomes.done.iter().map(|r| readable(r, &study)).collect::<Vec<_>>().join("\n\n")
     };
     outcomes.print(&text)
+}
+
+/// What is asked of every participant.
+#[derive(Clone, Debug)]
+pub struct Question {
+    options: IdentifyOptions,
+    properties: Vec<MuscleProperty>,
+    priors: Vec<PriorKnowledge>,
+}
+
+impl Question {
+    /// A question as it stands on the command line.
+    ///
+    /// # Errors
+    /// An unknown property; the priors.
+    pub fn new(options: &IdentifyOptions) -> Result<Question, Failure> {
+        let priors = options.priors.as_deref().map(read_priors).transpose()?.unwrap_or_default();
+        Ok(Question { options: options.clone(), properties: properties(&options.properties)?, priors })
+    }
+
+    /// What the participant's training trials say, without provenance and warnings of the run; and further warnings.
+    ///
+    /// # Errors
+    /// A prior or group that does not suit the model; a trial that cannot be simulated.
+    pub fn answered(
+        &self,
+        study: &StudyRun,
+        run: &ParticipantRun,
+        seed: u64,
+    ) -> Result<(IdentifiabilityResult, Identifiability, Vec<Message>), Failure> {
+        let mut warnings = Vec::new();
+        let free = parameters(study, run, &self.properties, &self.priors, &self.options, &mut warnings)?;
+        warnings.push(Message::warning(UNFINISHED));
+        let found = identified(run, &study.study.settings.columns.further_moments, free, &self.options, seed)?;
+        Ok((result(study, run, &found, &self.options), found, warnings))
+    }
 }
 
 fn properties(names: &[String]) -> Result<Vec<MuscleProperty>, Failure> {
@@ -88,7 +125,7 @@ fn parameters(
     run: &ParticipantRun,
     properties: &[MuscleProperty],
     priors: &[PriorKnowledge],
-    args: &IdentifyArgs,
+    args: &IdentifyOptions,
     warnings: &mut Vec<Message>,
 ) -> Result<Vec<FreeParameter>, Failure> {
     let specs = active_specs(run);
@@ -141,7 +178,7 @@ fn parameters(
 }
 
 /// Every group of tied muscles, and every muscle that is in none.
-fn owners(specs: &[MuscleSpec], args: &IdentifyArgs) -> Result<Vec<(String, Vec<usize>)>, Failure> {
+fn owners(specs: &[MuscleSpec], args: &IdentifyOptions) -> Result<Vec<(String, Vec<usize>)>, Failure> {
     let mut owners: Vec<(String, Vec<usize>)> = Vec::new();
     let mut tied: Vec<usize> = Vec::new();
     for group in &args.tie {
@@ -178,8 +215,8 @@ fn identified(
     run: &ParticipantRun,
     further: &[FurtherMoment],
     parameters: Vec<FreeParameter>,
-    args: &IdentifyArgs,
-    global: &Global,
+    args: &IdentifyOptions,
+    seed: u64,
 ) -> Result<Identifiability, Failure> {
     let coordinate = &run.model.setup().coordinate;
     let failed =
@@ -213,7 +250,7 @@ fn identified(
         trials,
         parameters,
         level: args.level,
-        seed: global.seed,
+        seed,
         draws: args.draws as usize,
         candidates,
     };
@@ -224,8 +261,7 @@ fn result(
     study: &StudyRun,
     run: &ParticipantRun,
     found: &Identifiability,
-    args: &IdentifyArgs,
-    global: &Global,
+    args: &IdentifyOptions,
 ) -> IdentifiabilityResult {
     let round = |v: f64| rounded(v, DIGITS);
     let percent = |log_sd: f64| rounded(100.0 * log_sd, 4);
@@ -233,7 +269,7 @@ fn result(
     let s = &found.soundness;
     IdentifiabilityResult {
         schema: IDENTIFIABILITY_SCHEMA.to_string(),
-        provenance: provenance(global, run.inputs.clone()),
+        provenance: Provenance::default(),
         study: study.study.settings.name.clone(),
         participant: run.participant.name.clone(),
         trials: run.trials.iter().filter(|t| t.info.usage == TrialUse::Train).count(),
@@ -299,6 +335,7 @@ fn parameter_result(k: &Knowledge) -> ParameterKnowledge {
         interval: k.interval.map(round),
         end_from_data: k.end_from_data,
         leans_on_bounds: k.leans_on_bounds,
+        degrees_of_freedom: rounded(k.degrees_of_freedom.min(9999.0), 4),
         posterior_median: round(k.posterior_median),
         credible: k.credible.map(round),
         share_from_data: rounded(k.share_from_data, 6),
@@ -308,8 +345,11 @@ fn parameter_result(k: &Knowledge) -> ParameterKnowledge {
     }
 }
 
-fn write(study: &StudyRun, result: &IdentifiabilityResult, found: &Identifiability) -> Result<(), Failure> {
-    let folder = std::path::PathBuf::from(&result.participant);
+/// Writes a participant's results and page.
+///
+/// # Errors
+/// The disk.
+pub fn write(study: &StudyRun, folder: &Path, result: &IdentifiabilityResult) -> Result<(), Failure> {
     let json = serde_json::to_string_pretty(result).map_err(|e| Failure::Internal(e.to_string()))?;
     study.out.write(folder.join("identifiability.json"), (json + "\n").as_bytes())?;
     study.out.write(folder.join("intervals.csv"), intervals_csv(result)?.as_bytes())?;
@@ -336,14 +376,18 @@ fn write(study: &StudyRun, result: &IdentifiabilityResult, found: &Identifiabili
         ]
     });
     study.out.write(folder.join("next_trials.csv"), csv_text(header.iter(), rows)?.as_bytes())?;
+    study.out.write(folder.join("report.html"), render_identifiability(result).as_bytes())?;
+    Ok(())
+}
+
+fn draws_csv(result: &IdentifiabilityResult, found: &Identifiability) -> Result<String, Failure> {
+    let names: Vec<String> = result.parameters.iter().map(|p| format!("{}.{}", p.muscle, p.property)).collect();
     let header: Vec<&str> = names.iter().map(String::as_str).collect();
     let rows = (0..found.draws.nrows()).map(|r| {
         let value = |i: usize| rounded(result.parameters[i].model * found.draws[(r, i)].exp(), DIGITS).to_string();
         (0..names.len()).map(value).collect::<Vec<_>>()
     });
-    study.out.write(folder.join("draws.csv"), csv_text(header.iter(), rows)?.as_bytes())?;
-    study.out.write(folder.join("report.html"), render_identifiability(result).as_bytes())?;
-    Ok(())
+    csv_text(header.iter(), rows)
 }
 
 fn intervals_csv(result: &IdentifiabilityResult) -> Result<String, Failure> {
@@ -359,6 +403,7 @@ fn intervals_csv(result: &IdentifiabilityResult) -> Result<String, Failure> {
         "upper_from_data",
         "at_bound",
         "leans_on_bounds",
+        "degrees_of_freedom",
         "posterior_median",
         "credible_lower",
         "credible_upper",
@@ -371,6 +416,7 @@ fn intervals_csv(result: &IdentifiabilityResult) -> Result<String, Failure> {
         row.extend(p.end_from_data.map(|v| v.to_string()));
         row.push(p.at_bound.clone().unwrap_or_default());
         row.push(p.leans_on_bounds.to_string());
+        row.push(p.degrees_of_freedom.to_string());
         row.extend([p.posterior_median, p.credible[0], p.credible[1], p.share_from_data].map(|v| v.to_string()));
         row.push(p.prior_source.clone());
         row

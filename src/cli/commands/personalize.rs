@@ -7,13 +7,15 @@ use super::simulate::{account, summary, write_results, write_series};
 use crate::cli::args::{Global, PersonalizeArgs};
 use crate::cli::failure::{self, Failure, Message};
 use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
+use crate::imaging::path_length;
+use crate::muscles::Millard2012;
 use crate::personalization::{
-    FitOptions, FitProblem, FittedParameter, Personalization, Progress, Property, Stage, TrainingTrial, WriteBackError,
-    write_parameters,
+    FitOptions, FitProblem, FittedParameter, Personalization, Progress, Property, RestingFiber, Stage, TrainingTrial,
+    WriteBackError, write_parameters,
 };
 use crate::report::results::{Kind, ParameterResult, Results, StageResult, rounded};
 use crate::simulation::MuscleParameters;
-use crate::study::{Participant, TrialUse};
+use crate::study::{FascicleUse, Participant, TrialUse};
 
 /// Runs the command.
 ///
@@ -99,6 +101,7 @@ fn fit(
         muscles: run.model.muscle_names().map(String::from).collect(),
         nominal: nominal.to_vec(),
         bounds: study.study.settings.bounds,
+        fibers: fibers(study, run)?,
     };
     let bar = progress(global, 0, &format!("fitting {}", run.participant.name));
     let options = FitOptions { seed: global.seed, ..FitOptions::default() };
@@ -109,6 +112,34 @@ fn fit(
     });
     bar.finish_and_clear();
     fit.map_err(|e| Message::error(e.to_string()).in_file(&study.study.file).into())
+}
+
+/// Fascicle lengths of the participant's images, if the study says that they inform the fit.
+fn fibers(study: &StudyRun, run: &ParticipantRun) -> Result<Vec<RestingFiber>, Failure> {
+    let imaging = &study.study.settings.imaging;
+    if imaging.fascicles == FascicleUse::Check {
+        return Ok(Vec::new());
+    }
+    let table = study.study.folder.join("ultrasound.csv");
+    let of_participant = study.study.ultrasound.iter().filter(|m| m.participant == run.participant.name);
+    let mut fibers = Vec::new();
+    for (image, measured) in of_participant.filter_map(|m| Some((m, m.fascicle_length?))) {
+        // A muscle that is not active has nothing to fit.
+        let Some(muscle) = run.model.muscle_names().position(|name| name == image.muscle) else { continue };
+        let at = |e: String| Failure::from(Message::error(e).in_file(&table).at_line(image.line));
+        let (spec, path_length) = path_length(&run.loaded.file.spec, &run.loaded.model, &study.study, image)
+            .map_err(|e| at(format!("{} {}: {e}", run.participant.name, image.muscle)))?;
+        let millard = Millard2012::from_spec(spec).map_err(|e| at(e.to_string()))?;
+        fibers.push(RestingFiber {
+            muscle,
+            millard,
+            path_length,
+            activation: imaging.activation,
+            measured,
+            standard_deviation: imaging.fascicle_error * measured,
+        });
+    }
+    Ok(fibers)
 }
 
 /// Fitted parameters, property by property.

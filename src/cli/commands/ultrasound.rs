@@ -11,9 +11,12 @@ use crate::cli::print_result;
 use crate::cli::provenance::{input_file, provenance};
 use crate::cli::table::table;
 use crate::imaging::{self, Comparison, Pair, Quantity};
+use crate::multibody::Model;
+use crate::osim::spec::ModelSpec;
+use crate::report::article::p_text;
 use crate::report::results::{InputFile, rounded};
 use crate::report::ultrasound::{
-    CaseResult, Point, QuantityResult, ULTRASOUND_SCHEMA, UltrasoundResult, p_text, render_ultrasound,
+    CaseResult, Point, QuantityResult, ULTRASOUND_SCHEMA, UltrasoundResult, render_ultrasound,
 };
 use crate::study::Study;
 
@@ -63,7 +66,7 @@ pub fn run(args: &UltrasoundArgs, global: &Global) -> Result<(), Failure> {
     if global.json {
         return print_result(&serde_json::to_string(&result).map_err(|e| Failure::Internal(e.to_string()))?);
     }
-    print_result(&format!("{}\n\n{}\n", readable(&result), args.out.join("report.html").display()))
+    print_result(&format!("{}\n\n{}\n", readable(&result.cases), args.out.join("report.html").display()))
 }
 
 /// All images beside the models of one case.
@@ -76,8 +79,7 @@ fn pairs_of(
 ) -> Result<Vec<Pair>, Failure> {
     let mut pairs = Vec::new();
     for participant in &study.participants {
-        let images: Vec<_> = study.ultrasound.iter().filter(|m| m.participant == participant.name).collect();
-        if images.is_empty() {
+        if !study.ultrasound.iter().any(|m| m.participant == participant.name) {
             continue;
         }
         let path = match pattern {
@@ -94,13 +96,23 @@ fn pairs_of(
         if !inputs.iter().any(|i| i.path == shown) {
             inputs.push(input_file(&path, &shown, "model")?);
         }
-        for image in images {
-            let muscle = imaging::at_rest(&loaded.file.spec, &loaded.model, study, image).map_err(|e| {
-                let message = Message::error(format!("{} {}: {e}", participant.name, image.muscle));
-                message.in_file(&study.folder.join("ultrasound.csv")).at_line(image.line)
-            })?;
-            pairs.extend(imaging::pairs(image, &muscle, &study.settings.imaging));
-        }
+        pairs.extend(pairs_with(study, &participant.name, &loaded.file.spec, &loaded.model)?);
+    }
+    Ok(pairs)
+}
+
+/// All images of a participant beside a model.
+///
+/// # Errors
+/// A posture or a muscle that the model does not have; a muscle that has no equilibrium.
+pub fn pairs_with(study: &Study, participant: &str, spec: &ModelSpec, skeleton: &Model) -> Result<Vec<Pair>, Failure> {
+    let mut pairs = Vec::new();
+    for image in study.ultrasound.iter().filter(|m| m.participant == participant) {
+        let muscle = imaging::at_rest(spec, skeleton, study, image).map_err(|e| {
+            let message = Message::error(format!("{participant} {}: {e}", image.muscle));
+            message.in_file(&study.folder.join("ultrasound.csv")).at_line(image.line)
+        })?;
+        pairs.extend(imaging::pairs(image, &muscle, &study.settings.imaging));
     }
     Ok(pairs)
 }
@@ -115,7 +127,7 @@ fn check_names(study: &Study, loaded: &LoadedModel) -> Result<(), Failure> {
 }
 
 /// Says once which ratios the study would have to give.
-fn missing_ratios(study: &Study, cases: &[CaseResult], warnings: &mut Vec<Message>) {
+pub fn missing_ratios(study: &Study, cases: &[CaseResult], warnings: &mut Vec<Message>) {
     let unconverted = |q: Quantity| {
         let key = key(q);
         cases.iter().flat_map(|c| &c.quantities).any(|r| r.quantity == key && r.unconverted > 0)
@@ -138,7 +150,8 @@ fn key(quantity: Quantity) -> String {
     serde_json::to_value(quantity).ok().and_then(|v| v.as_str().map(String::from)).unwrap_or_default()
 }
 
-fn case_result(name: &str, pairs: &[Pair]) -> CaseResult {
+/// A model case's comparison, rounded for files.
+pub fn case_result(name: &str, pairs: &[Pair]) -> CaseResult {
     let quantities = imaging::compare(pairs).iter().map(|c| quantity_result(c, pairs)).collect();
     CaseResult { case: name.to_string(), quantities }
 }
@@ -184,8 +197,20 @@ fn quantity_result(c: &Comparison, pairs: &[Pair]) -> QuantityResult {
 fn write(out: &OutputFolder, result: &UltrasoundResult) -> Result<(), Failure> {
     let json = serde_json::to_string_pretty(result).map_err(|e| Failure::Internal(e.to_string()))?;
     out.write(Path::new("ultrasound.json"), (json + "\n").as_bytes())?;
+    for (name, text) in tables(&result.cases)? {
+        out.write(name, text.as_bytes())?;
+    }
+    out.write("report.html", render_ultrasound(result).as_bytes())?;
+    Ok(())
+}
+
+/// Names and texts of the CSV tables.
+///
+/// # Errors
+/// None that input can cause.
+pub fn tables(cases: &[CaseResult]) -> Result<[(&'static str, String); 3], Failure> {
     let text = |v: Option<f64>| v.map_or(String::new(), |v| v.to_string());
-    let each = || result.cases.iter().flat_map(|c| c.quantities.iter().map(move |q| (c, q)));
+    let each = || cases.iter().flat_map(|c| c.quantities.iter().map(move |q| (c, q)));
     let header = [
         "case",
         "quantity",
@@ -204,14 +229,14 @@ fn write(out: &OutputFolder, result: &UltrasoundResult) -> Result<(), Failure> {
         row.extend([q.measured_unit.clone(), q.model_unit.clone()]);
         row
     });
-    out.write("correlations.csv", csv_text(header.iter(), rows)?.as_bytes())?;
+    let correlations = csv_text(header.iter(), rows)?;
     let header = ["case", "quantity", "unit", "mean_difference", "limit_of_agreement", "without_ratio"];
     let rows = each().map(|(c, q)| {
         let mut row = vec![c.case.clone(), q.quantity.clone(), q.model_unit.clone()];
         row.extend([text(q.bias), text(q.limit), q.unconverted.to_string()]);
         row
     });
-    out.write("agreement.csv", csv_text(header.iter(), rows)?.as_bytes())?;
+    let agreement = csv_text(header.iter(), rows)?;
     let header = [
         "case",
         "quantity",
@@ -234,13 +259,13 @@ fn write(out: &OutputFolder, result: &UltrasoundResult) -> Result<(), Failure> {
             row
         })
     });
-    out.write("measurements.csv", csv_text(header.iter(), rows)?.as_bytes())?;
-    out.write("report.html", render_ultrasound(result).as_bytes())?;
-    Ok(())
+    let measurements = csv_text(header.iter(), rows)?;
+    Ok([("correlations.csv", correlations), ("agreement.csv", agreement), ("measurements.csv", measurements)])
 }
 
-fn readable(result: &UltrasoundResult) -> String {
-    let rows = result.cases.iter().flat_map(|c| {
+/// For a terminal.
+pub fn readable(cases: &[CaseResult]) -> String {
+    let rows = cases.iter().flat_map(|c| {
         c.quantities.iter().map(move |q| {
             let agreement = match (q.bias, q.limit) {
                 (Some(bias), Some(limit)) => format!("{bias:.2} (±{limit:.2}) {}", q.model_unit),

@@ -4,9 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use super::personalize::files;
 use super::scale::{STRENGTH, strong};
-use super::{Context, Step};
+use super::{Context, Step, Told};
 use crate::cli::cohort_report::{self, ModelName, Representative};
-use crate::cli::commands::evaluate::{LINEAR, ReportParts, evaluate};
+use crate::cli::commands::evaluate::{LINEAR, evaluate};
 use crate::cli::failure::Failure;
 use crate::cli::provenance::hash;
 use crate::cli::study_run::ParticipantRun;
@@ -59,7 +59,7 @@ impl Step for Evaluate {
         Ok(vec![Unit { place, depends_on, work: Box::new(work) }])
     }
 
-    fn section(&self, context: &Context) -> Result<Option<ReportParts>, Failure> {
+    fn section(&self, context: &Context) -> Result<Told, Failure> {
         let mut units: Vec<Evaluated> = context.store.finished(self.id())?;
         units.sort_by_key(|u| context.study.participants.iter().position(|p| p.name == u.participant));
         let mut names: Vec<ModelName> = Vec::new();
@@ -69,14 +69,14 @@ impl Step for Evaluate {
             }
         }
         if names.is_empty() {
-            return Ok(None);
+            return Ok(Told::NotRun("no model of a training case was evaluated: there are no participants with finished fits".to_string()));
         }
         // Participants may have different cases: controls stay last.
         names.sort_by_key(|n| [LINEAR, STRENGTH].iter().position(|c| *c == n.id).map_or(0, |i| i + 1));
         let errors = units.iter().flat_map(|u| u.errors.clone()).collect();
         let curves: Vec<Representative> = units.iter().flat_map(|u| u.curves.clone()).collect();
         let cohort = Cohort::new(errors, names.iter().map(|n| n.id.clone()).collect());
-        cohort_report::evaluation(&cohort, &names, &curves).map(Some)
+        cohort_report::evaluation(&cohort, &names, &curves).map(Told::Parts)
     }
 }
 

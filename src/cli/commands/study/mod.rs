@@ -4,11 +4,15 @@
 //! participants are done, makes a section of the report from the units' results. A step is one file and one line of the
 //! list.
 
+mod dynamometer;
+mod emg;
 mod evaluate;
+mod identify;
 mod personalize;
 mod power;
 mod scale;
 mod sensitivity;
+mod ultrasound;
 
 use crate::cli::args::{Global, WholeStudyArgs};
 use crate::cli::commands::evaluate::ReportParts;
@@ -22,9 +26,28 @@ use crate::report::article::{Article, Block, Section};
 use crate::report::render_article;
 use crate::report::results::InputFile;
 
+use dynamometer::Processed;
+
 /// The steps, in the order in which they are done.
-const STEPS: [&dyn Step; 5] =
-    [&scale::Scale, &sensitivity::Sensitivity, &personalize::Personalize, &evaluate::Evaluate, &power::Power];
+const STEPS: [&dyn Step; 9] = [
+    &dynamometer::Dynamometer,
+    &emg::Emg,
+    &scale::Scale,
+    &sensitivity::Sensitivity,
+    &personalize::Personalize,
+    &evaluate::Evaluate,
+    &identify::Identify,
+    &ultrasound::Ultrasound,
+    &power::Power,
+];
+
+/// What a step has to tell when all participants are done.
+pub enum Told {
+    /// Its section.
+    Parts(ReportParts),
+    /// Why there is none.
+    NotRun(String),
+}
 
 /// What all steps work with.
 pub struct Context<'a> {
@@ -36,6 +59,8 @@ pub struct Context<'a> {
     pub global: &'a Global,
     /// Finished units.
     pub store: &'a UnitStore<'a>,
+    /// What was done to the dynamometer's recordings before they became this study; `None` where nothing was asked for.
+    pub processing: Option<Processed>,
 }
 
 /// A step of a study.
@@ -60,11 +85,11 @@ pub trait Step: Sync {
         Ok(())
     }
 
-    /// The section, from the units of all participants; `None` if there is nothing to tell.
+    /// The section, from the units of all participants; or why there is none.
     ///
     /// # Errors
     /// A fault of this program.
-    fn section(&self, context: &Context) -> Result<Option<ReportParts>, Failure>;
+    fn section(&self, context: &Context) -> Result<Told, Failure>;
 }
 
 /// Runs the command.
@@ -73,11 +98,12 @@ pub trait Step: Sync {
 /// The study, an unknown step, the output folder; after everything else is done, whatever could not be done.
 pub fn run(args: &WholeStudyArgs, global: &Global) -> Result<(), Failure> {
     let steps = chosen(&args.steps)?;
-    let study = StudyRun::prepare(&args.study)?.scaling_models();
+    let (study, processing) = dynamometer::prepare(&args.study, global)?;
     let store = UnitStore::new(&study.out)?;
-    let context = Context { study: &study, args, global, store: &store };
+    let context = Context { study: &study, args, global, store: &store, processing };
     let bar = progress(global, (study.participants.len() * steps.len()) as u64, "reading");
-    let (mut inputs, mut warnings, mut failures): (Vec<InputFile>, Vec<Message>, Vec<Message>) = Default::default();
+    let (mut inputs, mut warnings): (Vec<InputFile>, Vec<Message>) = Default::default();
+    let mut failures = context.processing.as_ref().map(|p| p.failures.clone()).unwrap_or_default();
     for participant in &study.participants {
         bar.set_message(format!("{}: reading", participant.name));
         let run = match study.participant(participant) {
@@ -110,13 +136,15 @@ pub fn run(args: &WholeStudyArgs, global: &Global) -> Result<(), Failure> {
     }
     bar.finish_and_clear();
     failure::print(&warnings);
-    let mut parts = Vec::new();
-    for step in &steps {
-        if let Some(part) = step.section(&context)? {
-            parts.push((*step, part));
-        }
-    }
-    let article = article(&context, &parts, &warnings, &failures, inputs);
+    let told = steps.iter().map(|s| Ok((*s, s.section(&context)?))).collect::<Result<Vec<_>, Failure>>()?;
+    let article = article(&context, &told, &warnings, &failures, inputs);
+    let parts: Vec<(&dyn Step, &ReportParts)> = told
+        .iter()
+        .filter_map(|(step, told)| match told {
+            Told::Parts(part) => Some((*step, part)),
+            Told::NotRun(_) => None,
+        })
+        .collect();
     write(&study.out, &article, &parts)?;
     write_timings(&store, &study.out)?;
     let report = study.out.path().join("report.html");
@@ -130,14 +158,21 @@ pub fn run(args: &WholeStudyArgs, global: &Global) -> Result<(), Failure> {
                 "summary": part.lead,
                 "tables": part.tables.iter().map(|(name, _)| name).collect::<Vec<_>>(),
             })).collect::<Vec<_>>(),
+            "not_run": told.iter().filter_map(|(step, told)| match told {
+                Told::NotRun(why) => Some(serde_json::json!({ "step": step.id(), "why": why })),
+                Told::Parts(_) => None,
+            }).collect::<Vec<_>>(),
             "units_found_finished": found,
             "units_computed": computed,
         });
         print_result(&result.to_string())?;
     } else {
         let mut text = String::new();
-        for (step, part) in &parts {
-            text.push_str(&format!("{}\n{}\n\n", step.title(), part.readable));
+        for (step, told) in &told {
+            match told {
+                Told::Parts(part) => text.push_str(&format!("{}\n{}\n\n", step.title(), part.readable)),
+                Told::NotRun(why) => text.push_str(&format!("{}\nnot run: {why}\n\n", step.title())),
+            }
         }
         text.push_str(&format!("{found} units were finished before, {computed} were computed\n{}\n", report.display()));
         print_result(&text)?;
@@ -173,7 +208,7 @@ fn add_new<T: Clone + PartialEq>(all: &mut Vec<T>, more: &[T]) {
 
 fn article(
     context: &Context,
-    parts: &[(&dyn Step, ReportParts)],
+    told: &[(&dyn Step, Told)],
     warnings: &[Message],
     failures: &[Message],
     inputs: Vec<InputFile>,
@@ -182,26 +217,35 @@ fn article(
         Some(place) => format!("{place}: {}", m.text),
         None => m.text.clone(),
     };
+    let parts = || {
+        told.iter().filter_map(|(_, told)| match told {
+            Told::Parts(part) => Some(part),
+            Told::NotRun(_) => None,
+        })
+    };
     let mut read_first: Vec<String> = failures.iter().map(|m| format!("Not done: {}", text(m))).collect();
-    read_first.extend(parts.iter().flat_map(|(_, part)| part.warnings.iter().cloned()));
+    read_first.extend(parts().flat_map(|part| part.warnings.iter().cloned()));
     read_first.extend(warnings.iter().map(text));
     let settings = &context.study.study.settings;
     Article {
         title: settings.name.clone(),
         kicker: "Study".to_string(),
-        lead: parts.iter().map(|(_, p)| p.lead.as_str()).filter(|l| !l.is_empty()).collect::<Vec<_>>().join(" "),
+        lead: parts().map(|p| p.lead.as_str()).filter(|l| !l.is_empty()).collect::<Vec<_>>().join(" "),
         facts: vec![
             ("participants".to_string(), context.study.participants.len().to_string()),
             ("muscles".to_string(), settings.active_muscles.join(", ")),
             ("coordinate".to_string(), settings.dynamometer.coordinate.clone()),
         ],
         warnings: read_first,
-        sections: parts
+        sections: told
             .iter()
-            .map(|(step, part)| Section {
+            .map(|(step, told)| Section {
                 id: step.id().to_string(),
                 title: step.title().to_string(),
-                blocks: [part.blocks.clone(), files(part)].concat(),
+                blocks: match told {
+                    Told::Parts(part) => [part.blocks.clone(), files(part)].concat(),
+                    Told::NotRun(why) => vec![Block::Text(format!("Not run: {why}."))],
+                },
             })
             .collect(),
         provenance: provenance(context.global, inputs),
@@ -213,7 +257,7 @@ fn files(part: &ReportParts) -> Vec<Block> {
     if names.is_empty() { Vec::new() } else { vec![Block::Text(format!("As tables: {}.", names.join(", ")))] }
 }
 
-fn write(out: &OutputFolder, article: &Article, parts: &[(&dyn Step, ReportParts)]) -> Result<(), Failure> {
+fn write(out: &OutputFolder, article: &Article, parts: &[(&dyn Step, &ReportParts)]) -> Result<(), Failure> {
     for (name, text) in parts.iter().flat_map(|(_, part)| &part.tables) {
         out.write(name, text.as_bytes())?;
     }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Context, Step};
+use super::{Context, Step, Told};
 use crate::cli::account::{csv_text, digits};
 use crate::cli::commands::evaluate::ReportParts;
 use crate::cli::commands::personalize::writing_failure;
@@ -127,9 +127,12 @@ impl Step for Personalize {
         Ok(())
     }
 
-    fn section(&self, context: &Context) -> Result<Option<ReportParts>, Failure> {
+    fn section(&self, context: &Context) -> Result<Told, Failure> {
         let cases = in_order(context, context.store.finished(self.id())?);
-        if cases.is_empty() { Ok(None) } else { report(context, &cases).map(Some) }
+        if cases.is_empty() {
+            return Ok(Told::NotRun("the study has no isometric or isotonic training trials with an effort".to_string()));
+        }
+        report(context, &cases).map(Told::Parts)
     }
 }
 

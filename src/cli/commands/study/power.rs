@@ -1,6 +1,6 @@
 //! Could this many participants have shown it? The power analysis of chapter 3, on the study's own effect.
 
-use super::{Context, Step, evaluate};
+use super::{Context, Step, Told, evaluate};
 use crate::cli::account::{csv_text, digits};
 use crate::cli::commands::evaluate::{LINEAR, ReportParts};
 use crate::cli::failure::Failure;
@@ -30,7 +30,7 @@ impl Step for Power {
         Ok(Vec::new())
     }
 
-    fn section(&self, context: &Context) -> Result<Option<ReportParts>, Failure> {
+    fn section(&self, context: &Context) -> Result<Told, Failure> {
         let errors = evaluate::cohort(context)?;
         let mut models: Vec<String> = Vec::new();
         for error in &errors {
@@ -73,13 +73,13 @@ impl Step for Power {
             csv.push(row);
         }
         if rows.is_empty() {
-            return Ok(None);
+            return Ok(Told::NotRun("there are no errors of fitted models on held-out trials of at least two participants".to_string()));
         }
         let header = ["model", "fall of NRMSE ± SE [%]", "p", "d_z", "power", "n for 0.8"];
         let columns =
             ["model", "participants", "mean_difference", "standard_error", "p", "cohen_d_z", "power", "needed_n"];
         let readable = table(&header, 1, rows.clone());
-        Ok(Some(ReportParts {
+        Ok(Told::Parts(ReportParts {
             blocks: vec![Block::Table(TextTable {
                 title: "Each training case against the linearly scaled model, paired t-test on held-out NRMSE".to_string(),
                 header: header.map(String::from).to_vec(),

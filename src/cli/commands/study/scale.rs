@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Context, Step};
+use super::{Context, Step, Told};
 use crate::cli::account::{csv_text, digits};
 use crate::cli::commands::evaluate::{LINEAR, ReportParts};
 use crate::cli::commands::strength_scale::refused;
@@ -100,11 +100,11 @@ impl Step for Scale {
         Ok(())
     }
 
-    fn section(&self, context: &Context) -> Result<Option<ReportParts>, Failure> {
+    fn section(&self, context: &Context) -> Result<Told, Failure> {
         let mut all: Vec<Scaled> = context.store.finished(self.id())?;
         all.sort_by_key(|s| context.study.participants.iter().position(|p| p.name == s.participant));
         if all.is_empty() {
-            return Ok(None);
+            return Ok(Told::NotRun("no participant could be read".to_string()));
         }
         let factors = || all.iter().flat_map(|s| s.segments.iter().chain(&s.groups).map(move |f| (s, f)));
         let shown: Vec<Vec<String>> = factors()
@@ -122,7 +122,7 @@ impl Step for Scale {
         let csv = csv_text(columns.iter(), rows)?;
         let by_lab = all.iter().filter(|s| s.segments.is_empty()).count();
         let header = ["participant", "what", "participant", "model", "factor"];
-        Ok(Some(ReportParts {
+        Ok(Told::Parts(ReportParts {
             warnings: all
                 .iter()
                 .filter_map(|s| Some(format!("{}: no strength-scaled control: {}", s.participant, s.note.as_ref()?)))

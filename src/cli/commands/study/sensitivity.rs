@@ -1,7 +1,6 @@
 //! Morris screening and Sobol' indices of every condition.
 
-use super::{Context, Step};
-use crate::cli::commands::evaluate::ReportParts;
+use super::{Context, Step, Told};
 use crate::cli::failure::Failure;
 use crate::cli::screening::{ConditionSensitivity, ScreeningOptions, condition_name, conditions, screened};
 use crate::cli::sensitivity_report;
@@ -41,9 +40,12 @@ impl Step for Sensitivity {
         Ok(conditions(run)?.into_iter().map(unit).collect())
     }
 
-    fn section(&self, context: &Context) -> Result<Option<ReportParts>, Failure> {
+    fn section(&self, context: &Context) -> Result<Told, Failure> {
         let mut found: Vec<ConditionSensitivity> = context.store.finished(self.id())?;
         found.sort_by_key(|f| context.study.participants.iter().position(|p| p.name == f.participant));
-        if found.is_empty() { Ok(None) } else { sensitivity_report::report(&found).map(Some) }
+        if found.is_empty() {
+            return Ok(Told::NotRun("the study has no isometric or isotonic training trials to screen".to_string()));
+        }
+        sensitivity_report::report(&found).map(Told::Parts)
     }
 }

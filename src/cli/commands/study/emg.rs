@@ -1,0 +1,86 @@
+//! Raw EMG to excitations: levels at maximum voluntary contraction, and what is doubtful about channels.
+
+use std::path::Path;
+
+use super::{Context, Step, Told};
+use crate::cli::account::csv_text;
+use crate::cli::commands::emg::{COLUMNS, Outcome, constants, findings, processed, rows};
+use crate::cli::commands::evaluate::ReportParts;
+use crate::cli::failure::Failure;
+use crate::cli::study_run::ParticipantRun;
+use crate::cli::table::table;
+use crate::cli::units::{Unit, value};
+use crate::report::article::{Block, TextTable};
+use crate::study::EmgSignal;
+
+/// The step.
+pub struct Emg;
+
+impl Step for Emg {
+    fn id(&self) -> &'static str {
+        "emg"
+    }
+
+    fn title(&self) -> &'static str {
+        "EMG"
+    }
+
+    fn units<'a>(&self, context: &'a Context, run: &'a ParticipantRun) -> Result<Vec<Unit<'a>>, Failure> {
+        let EmgSignal::Raw(processing) = &context.study.study.settings.emg else { return Ok(Vec::new()) };
+        let name = &run.participant.name;
+        let folder = Path::new(self.id()).join(name);
+        let work = move || {
+            value(&processed(context.study, &run.participant, processing, context.global, &folder)?)
+        };
+        let place = format!("{}/{name}", self.id());
+        Ok(vec![Unit { place, depends_on: String::new(), work: Box::new(work) }])
+    }
+
+    fn section(&self, context: &Context) -> Result<Told, Failure> {
+        let EmgSignal::Raw(processing) = &context.study.study.settings.emg else {
+            return Ok(Told::NotRun("the study's EMG is normalized already ([emg] kind = \"normalized\")".to_string()));
+        };
+        let mut all: Vec<Outcome> = context.store.finished(self.id())?;
+        all.sort_by_key(|o| context.study.participants.iter().position(|p| p.name == o.participant));
+        if all.is_empty() {
+            return Ok(Told::NotRun("no participant could be read".to_string()));
+        }
+        let shown = rows(&all);
+        let words: Vec<String> = constants(processing).into_iter().map(|(name, v)| format!("{name}: {v}")).collect();
+        let doubtful = findings(&all);
+        let mut blocks = vec![
+            Block::Text(format!(
+                "From raw channels to excitations, 1 being the maximum voluntary contraction. {}. Plots of every channel of \
+                 every trial are in emg/PARTICIPANT/report.html.",
+                words.join("; ")
+            )),
+            Block::Table(TextTable {
+                title: "Channels and their level at maximum voluntary contraction".to_string(),
+                header: COLUMNS.map(String::from).to_vec(),
+                left_columns: 3,
+                rows: shown.clone(),
+                note: "The level is in the channel's unit; highest: of all trials, as a share of that level.".to_string(),
+            }),
+        ];
+        if !doubtful.is_empty() {
+            blocks.push(Block::Table(TextTable {
+                title: "What is doubtful about channels".to_string(),
+                header: ["participant", "trial", "channel", "finding"].map(String::from).to_vec(),
+                left_columns: 4,
+                rows: doubtful.iter().map(|row| row.to_vec()).collect(),
+                note: String::new(),
+            }));
+        }
+        let csv = csv_text(COLUMNS.iter(), shown.clone().into_iter())?;
+        let found = csv_text(
+            ["participant", "trial", "channel", "finding"].iter(),
+            doubtful.into_iter().map(|row| row.to_vec()),
+        )?;
+        Ok(Told::Parts(ReportParts {
+            blocks,
+            tables: vec![("emg_channels.csv".to_string(), csv), ("emg_findings.csv".to_string(), found)],
+            readable: table(&COLUMNS, 3, shown),
+            ..ReportParts::default()
+        }))
+    }
+}

@@ -1,0 +1,70 @@
+//! Intervals of the muscle parameters, what the data leave open, and which trial would narrow it down.
+
+use super::{Context, Step, Told};
+use crate::cli::account::{csv_text, warning_result};
+use crate::cli::commands::evaluate::ReportParts;
+use crate::cli::commands::identify::{Question, write};
+use crate::cli::failure::Failure;
+use crate::cli::identify_report;
+use crate::cli::provenance::{input_file, provenance};
+use crate::cli::study_run::ParticipantRun;
+use crate::cli::units::{Unit, value};
+use crate::report::identifiability::IdentifiabilityResult;
+use crate::study::TrialUse;
+
+/// The step.
+pub struct Identify;
+
+impl Step for Identify {
+    fn id(&self) -> &'static str {
+        "identify"
+    }
+
+    fn title(&self) -> &'static str {
+        "Identifiability and uncertainty"
+    }
+
+    fn units<'a>(&self, context: &'a Context, run: &'a ParticipantRun) -> Result<Vec<Unit<'a>>, Failure> {
+        if !run.trials.iter().any(|t| t.info.usage == TrialUse::Train) {
+            return Ok(Vec::new());
+        }
+        let options = &context.args.identify;
+        let question = Question::new(options)?;
+        let priors = options.priors.as_deref().map(|path| input_file(path, "priors", "priors")).transpose()?;
+        let depends_on = format!("{options:?} {} {priors:?}", context.global.seed);
+        let work = move || {
+            let (mut result, _, warnings) = question.answered(context.study, run, context.global.seed)?;
+            result.warnings = warnings.iter().map(warning_result).collect();
+            value(&result)
+        };
+        let place = format!("{}/{}", self.id(), run.participant.name);
+        Ok(vec![Unit { place, depends_on, work: Box::new(work) }])
+    }
+
+    fn write(&self, context: &Context, run: &ParticipantRun) -> Result<(), Failure> {
+        let name = &run.participant.name;
+        let place = format!("{}/{name}", self.id());
+        let Some(mut result) = context.store.get::<IdentifiabilityResult>(&place)? else { return Ok(()) };
+        result.provenance = provenance(context.global, run.inputs.clone());
+        write(context.study, &std::path::Path::new(self.id()).join(name), &result)
+    }
+
+    fn section(&self, context: &Context) -> Result<Told, Failure> {
+        let mut all: Vec<IdentifiabilityResult> = context.store.finished(self.id())?;
+        all.sort_by_key(|r| context.study.participants.iter().position(|p| p.name == r.participant));
+        if all.is_empty() {
+            return Ok(Told::NotRun("no participant has training trials".to_string()));
+        }
+        let mut parts: ReportParts = identify_report::report(&all)?;
+        let header = ["participant", "combination", "share_from_data", "prior_sd_percent", "sd_percent"];
+        let rows = all.iter().flat_map(|r| {
+            r.combinations.iter().map(move |c| {
+                let mut row = vec![r.participant.clone(), c.words.clone()];
+                row.extend([c.share_from_data, c.prior_sd_percent, c.sd_percent].map(|v| v.to_string()));
+                row
+            })
+        });
+        parts.tables.push(("identify_combinations.csv".to_string(), csv_text(header.iter(), rows)?));
+        Ok(Told::Parts(parts))
+    }
+}
