@@ -77,7 +77,8 @@ fn moved(
     let mut reach = (end.at - best[i]) * sign;
     // √ΔD is nearly a straight line from the best point on.
     let (mut low, mut high) = ((0.0, 0.0), None::<(f64, f64)>);
-    let mut left = f64::INFINITY;
+    // Unknown until simulated: as if nothing were right.
+    let mut left = drop;
     for attempt in 0..TRIES {
         let Ok(deviance) = exact.deviance(&point, Some(i)) else { break };
         let root = (deviance - least).max(0.0).sqrt();
