@@ -30,11 +30,11 @@ struct Parameter<'a> {
 pub fn report(all: &[IdentifiabilityResult]) -> Result<ReportParts, Failure> {
     let parameters = parameters(all);
     let level = all.first().map_or(0.9, |r| r.level);
-    let (total, determined) = parameters.iter().flat_map(|p| &p.of).fold((0, 0), |(n, d), (_, k)| {
-        (n + 1, d + usize::from(k.end_from_data == [true, true]))
-    });
-    let header =
-        ["muscle", "property", "determined in", "at a bound in", "median ± %", "median share from data"];
+    let (total, determined) = parameters
+        .iter()
+        .flat_map(|p| &p.of)
+        .fold((0, 0), |(n, d), (_, k)| (n + 1, d + usize::from(k.end_from_data == [true, true])));
+    let header = ["muscle", "property", "determined in", "at a bound in", "median ± %", "median share from data"];
     let rows: Vec<Vec<String>> = parameters.iter().map(summary).collect();
     let mut warnings: Vec<String> = Vec::new();
     for r in all {
@@ -100,7 +100,9 @@ fn parameters(all: &[IdentifiabilityResult]) -> Vec<Parameter<'_>> {
         for k in &r.parameters {
             match found.iter_mut().find(|p| p.muscle == k.muscle && p.property == k.property) {
                 Some(parameter) => parameter.of.push((&r.participant, k)),
-                None => found.push(Parameter { muscle: &k.muscle, property: &k.property, of: vec![(&r.participant, k)] }),
+                None => {
+                    found.push(Parameter { muscle: &k.muscle, property: &k.property, of: vec![(&r.participant, k)] })
+                }
             }
         }
     }
@@ -131,16 +133,15 @@ fn summary(p: &Parameter) -> Vec<String> {
 }
 
 fn figure(p: &Parameter) -> String {
-    let rows: Vec<IntervalRow> = p
-        .of
-        .iter()
-        .map(|(who, k)| IntervalRow {
-            label: (*who).to_string(),
-            value: k.most_likely / k.model,
-            interval: k.interval.map(|v| v / k.model),
-            ends: k.end_from_data,
-        })
-        .collect();
+    let rows: Vec<IntervalRow> =
+        p.of.iter()
+            .map(|(who, k)| IntervalRow {
+                label: (*who).to_string(),
+                value: k.most_likely / k.model,
+                interval: k.interval.map(|v| v / k.model),
+                ends: k.end_from_data,
+            })
+            .collect();
     intervals(&format!("{} {} of {} participants", p.muscle, p.property, rows.len()), &rows)
 }
 
@@ -167,7 +168,8 @@ fn combinations(all: &[IdentifiabilityResult]) -> TextTable {
 fn correlations(all: &[IdentifiabilityResult]) -> Option<TextTable> {
     let first = all.first()?;
     let name = |i: usize| format!("{} {}", first.parameters[i].muscle, first.parameters[i].property.replace('_', " "));
-    let same: Vec<&IdentifiabilityResult> = all.iter().filter(|r| r.parameters.len() == first.parameters.len()).collect();
+    let same: Vec<&IdentifiabilityResult> =
+        all.iter().filter(|r| r.parameters.len() == first.parameters.len()).collect();
     let n = first.parameters.len();
     let mut pairs: Vec<(usize, usize, Vec<f64>)> = (0..n)
         .flat_map(|i| (0..i).map(move |j| (i, j)))
@@ -217,9 +219,10 @@ fn next_trials(all: &[IdentifiabilityResult]) -> Result<(TextTable, String), Fai
         header: ["trial", "intervals shrink by %", "most for", "participants"].map(String::from).to_vec(),
         left_columns: 1,
         rows: rows.collect(),
-        note: "One more trial of this kind, expected information with the noise that was found; mean over parameters and \
+        note:
+            "One more trial of this kind, expected information with the noise that was found; mean over parameters and \
                participants."
-            .to_string(),
+                .to_string(),
     };
     let header = ["participant", "rank", "trial", "mean_shrinkage_percent", "most_for", "most_shrinkage_percent"];
     let rows = all.iter().flat_map(|r| {

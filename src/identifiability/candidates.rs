@@ -1,7 +1,7 @@
 //! Trials that a laboratory could record next, as the model and the trials so far let one expect them.
 
-use super::recorded::RecordedTrial;
 use super::next_trial::Candidate;
+use super::recorded::RecordedTrial;
 use crate::simulation::{MusculoskeletalModel, Options, Recording, SimulationError};
 use crate::study::{Contraction, Direction, Trial, TrialUse};
 

@@ -41,8 +41,10 @@ pub(super) fn simulate_ends(
     let exact = Exact { problem, fit, free };
     let least = exact.deviance(&profiles.best, None)?;
     let best = profiles.best.clone();
-    let jobs: Vec<(usize, usize)> =
-        (0..free.len()).flat_map(|i| [0, 1].map(|side| (i, side))).filter(|(i, s)| profiles.each[*i].ends[*s].by_data).collect();
+    let jobs: Vec<(usize, usize)> = (0..free.len())
+        .flat_map(|i| [0, 1].map(|side| (i, side)))
+        .filter(|(i, s)| profiles.each[*i].ends[*s].by_data)
+        .collect();
     let found: Vec<(End, DVector<f64>, f64)> = jobs
         .par_iter()
         .map(|(i, side)| {

@@ -187,8 +187,7 @@ pub fn identify(request: &Request) -> Result<Identifiability, IdentifiabilityErr
     let freedom = certainty::degrees_of_freedom(&problem, &fit, &spread)?;
     let drops: Vec<f64> = freedom.iter().map(|df| certainty::drop_of(request.level, *df) * fit.dispersion).collect();
     let mut profiles = profile::profiles(&surrogate, free, &fit.at, &drops);
-    let largest_deviance_error =
-        ends::simulate_ends(&problem, &fit, &surrogate, free, &mut profiles, &drops)?;
+    let largest_deviance_error = ends::simulate_ends(&problem, &fit, &surrogate, free, &mut profiles, &drops)?;
     // The posterior is one density for all parameters: it is widened by the mean of what their intervals are.
     let normal = normal_quantile(0.5 + 0.5 * request.level).powi(2);
     let widened = drops.iter().map(|d| d / normal).sum::<f64>() / drops.len() as f64;

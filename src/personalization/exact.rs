@@ -56,7 +56,17 @@ impl<'a> SmoothObjective<'a> {
     ) -> SmoothObjective<'a> {
         let best = RefCell::new((space.to_unit(&base)[free.clone()].to_vec(), f64::INFINITY));
         let (ending, ends) = (RefCell::new((Vec::new(), f64::INFINITY)), RefCell::new(Vec::new()));
-        SmoothObjective { space, set, base, free, evaluations: Cell::new(0), units: RefCell::new(None), best, ending, ends }
+        SmoothObjective {
+            space,
+            set,
+            base,
+            free,
+            evaluations: Cell::new(0),
+            units: RefCell::new(None),
+            best,
+            ending,
+            ends,
+        }
     }
 
     /// All factors at a point, and the derivatives of the free ones by the point's coordinates.

@@ -72,8 +72,14 @@ mod tests {
             pennation_angle_at_optimal: p.pennation_angle_at_optimal,
         };
         let path_length = p.tendon_slack_length + 0.9 * p.optimal_fiber_length;
-        let fiber =
-            RestingFiber { muscle: 0, millard, path_length, activation: 0.01, measured: 0.05, standard_deviation: 0.002 };
+        let fiber = RestingFiber {
+            muscle: 0,
+            millard,
+            path_length,
+            activation: 0.01,
+            measured: 0.05,
+            standard_deviation: 0.002,
+        };
         let at = fiber.length(&parameters(1.05, 0.99)).unwrap();
         let mut sums = NormalEquations::new(3);
         fiber.add_row(&[parameters(1.05, 0.99)], &[1.05, 0.99, 1.0], &mut sums);

@@ -35,7 +35,8 @@ pub fn intervals(description: &str, rows: &[IntervalRow]) -> String {
         let at = x.at(value);
         let _ = write!(w, r#"<line class="grid" x1="{at:.1}" x2="{at:.1}" y1="{top}" y2="{bottom}"/>"#);
         let text = tick_label(value, step);
-        let _ = write!(w, r#"<text class="tick" text-anchor="middle" x="{at:.1}" y="{:.1}">{text}</text>"#, bottom + 14.0);
+        let _ =
+            write!(w, r#"<text class="tick" text-anchor="middle" x="{at:.1}" y="{:.1}">{text}</text>"#, bottom + 14.0);
     }
     let one = x.at(1.0);
     let _ = write!(w, r#"<line class="zero" x1="{one:.1}" x2="{one:.1}" y1="{top}" y2="{bottom}"/>"#);

@@ -129,12 +129,18 @@ pub fn render_ultrasound(result: &UltrasoundResult) -> String {
 }
 
 /// Tables 4.2 and 4.3, and figure 4.3.
-pub fn ultrasound_blocks(cases: &[CaseResult], specific_tension_n_per_cm2: f64, source: Option<&str>) -> [Vec<Block>; 3] {
+pub fn ultrasound_blocks(
+    cases: &[CaseResult],
+    specific_tension_n_per_cm2: f64,
+    source: Option<&str>,
+) -> [Vec<Block>; 3] {
     let quantities = cases.first().map(|c| c.quantities.as_slice()).unwrap_or_default();
     let table = |title: &str, note: String, cell: &dyn Fn(&QuantityResult) -> String| {
         Block::Table(TextTable {
             title: title.to_string(),
-            header: std::iter::once("model case".to_string()).chain(quantities.iter().map(|q| q.words.clone())).collect(),
+            header: std::iter::once("model case".to_string())
+                .chain(quantities.iter().map(|q| q.words.clone()))
+                .collect(),
             left_columns: 1,
             rows: cases
                 .iter()

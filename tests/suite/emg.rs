@@ -139,7 +139,9 @@ fn verif_raw_recordings_are_steps_of_a_study() {
     run("all", "dynamometer,emg,ultrasound");
     let read = |file: &str| std::fs::read_to_string(folder.path().join(file)).unwrap();
     let page = read("all/report.html");
-    for words in ["low-pass 6 Hz", "Channels and their level", "Butterworth of order", "Not run: the study has no ultrasound"] {
+    for words in
+        ["low-pass 6 Hz", "Channels and their level", "Butterworth of order", "Not run: the study has no ultrasound"]
+    {
         assert!(page.contains(words), "{words}");
     }
     assert_eq!(read("all/dynamometer_trials.csv").lines().count(), 4);

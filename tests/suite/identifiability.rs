@@ -417,7 +417,11 @@ fn val_opensim_two_axes_of_the_wrist_with_finger_muscles() {
         let [lower, upper] = [0, 1].map(|i| b["interval"][i].as_f64().unwrap());
         held += usize::from(lower <= value && value <= upper);
         narrower += usize::from(width(b) < width(a) - 1e-6);
-        println!("{muscle} {property:22} {value:.5} in [{lower:.5}, {upper:.5}]; log width {:.3} → {:.3}", width(a), width(b));
+        println!(
+            "{muscle} {property:22} {value:.5} in [{lower:.5}, {upper:.5}]; log width {:.3} → {:.3}",
+            width(a),
+            width(b)
+        );
     }
     let sum = |all: &[serde_json::Value]| all.iter().map(width).sum::<f64>();
     println!("{held} of {} hold the truth; {narrower} are narrower: {:.2} → {:.2}", two.len(), sum(&one), sum(&two));

@@ -196,7 +196,14 @@ fn verif_fascicle_lengths_can_inform_the_fit() {
         carpus().arg("personalize").arg(folder.path()).arg("--out").arg(&fitted).assert().success();
         let case = format!("fitted={}/{{participant}}/model.osim", fitted.display());
         let compared = folder.path().join(format!("{out}_imaged"));
-        carpus().arg("ultrasound").arg(folder.path()).args(["--case", &case]).arg("--out").arg(&compared).assert().success();
+        carpus()
+            .arg("ultrasound")
+            .arg(folder.path())
+            .args(["--case", &case])
+            .arg("--out")
+            .arg(&compared)
+            .assert()
+            .success();
         let found = json(&compared.join("ultrasound.json"));
         let points = found["cases"][1]["quantities"][0]["points"].as_array().unwrap().clone();
         points.iter().map(|p| (p["model"].as_f64().unwrap() / p["measured"].as_f64().unwrap()).ln().powi(2)).sum()

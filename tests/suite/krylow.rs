@@ -154,10 +154,17 @@ fn val_krylow_soleus_force_of_a_moved_muscle() {
     let mut errors = Vec::new();
     for (i, trial) in trials.iter().enumerate() {
         let [a, b] = [published, fitted].map(|s| rms(&s.residuals(&muscle, &displacement, trial)));
-        let risen: Vec<f64> = trial.time.iter().zip(&trial.force).filter(|(t, _)| **t >= RISEN).map(|(_, f)| *f).collect();
+        let risen: Vec<f64> =
+            trial.time.iter().zip(&trial.force).filter(|(t, _)| **t >= RISEN).map(|(_, f)| *f).collect();
         let use_ = if FITTED.contains(&i) { "fitted" } else { "predicted" };
         let share = 100.0 / published.0[0];
-        println!("{:6} | {:.3} | {a:.3} | {b:.3} {use_} | {:.1} → {:.1}", trial.amplitude, rms(&risen), share * a, share * b);
+        println!(
+            "{:6} | {:.3} | {a:.3} | {b:.3} {use_} | {:.1} → {:.1}",
+            trial.amplitude,
+            rms(&risen),
+            share * a,
+            share * b
+        );
         errors.push((a, b));
     }
     // The step is short enough.

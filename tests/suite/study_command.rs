@@ -138,7 +138,8 @@ fn verif_a_killed_study_goes_on_and_gives_the_same_bytes() {
     for words in ["Table 2.2", "Figure 2.3", "Table 3.3", "Table 3.4", "Figure 3.3", "Figure 3.4b", "Figure 3.5"] {
         assert!(page.contains(words), "{words}");
     }
-    for words in ["Table 4.2", "Table 4.3", "Figure 4.3", "Which trial next?", "Not run: the study has no [processing]"] {
+    for words in ["Table 4.2", "Table 4.3", "Figure 4.3", "Which trial next?", "Not run: the study has no [processing]"]
+    {
         assert!(page.contains(words), "{words}");
     }
     assert_eq!(rows(&first, "ultrasound_measurements.csv"), 5 * 3 * 3, "five models, three images, three quantities");

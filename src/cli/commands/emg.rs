@@ -276,8 +276,7 @@ pub fn constants(p: &EmgProcessing) -> Vec<(String, String)> {
 }
 
 /// Columns of [`rows`].
-pub const COLUMNS: [&str; 7] =
-    ["participant", "channel", "MVC found in", "MVC level", "trials", "highest", "findings"];
+pub const COLUMNS: [&str; 7] = ["participant", "channel", "MVC found in", "MVC level", "trials", "highest", "findings"];
 
 /// A row of numbers for every channel of every participant.
 pub fn rows(outcomes: &[Outcome]) -> Vec<Vec<String>> {
@@ -305,9 +304,8 @@ pub fn findings(outcomes: &[Outcome]) -> Vec<[String; 4]> {
     for outcome in outcomes {
         for trial in &outcome.trials {
             for channel in &trial.channels {
-                let row = |f: &String| {
-                    [outcome.participant.clone(), trial.trial.clone(), channel.column.clone(), f.clone()]
-                };
+                let row =
+                    |f: &String| [outcome.participant.clone(), trial.trial.clone(), channel.column.clone(), f.clone()];
                 found.extend(channel.findings.iter().map(row));
             }
         }

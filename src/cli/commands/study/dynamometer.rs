@@ -42,7 +42,8 @@ pub fn prepare(args: &StudyArgs, global: &Global) -> Result<(StudyRun, Option<Pr
     if settings.processing == ProcessingSettings::default() {
         return Ok((given.scaling_models(), None));
     }
-    let (constants, damping) = (constants(&settings.processing, settings.dynamometer.damping), settings.dynamometer.damping);
+    let (constants, damping) =
+        (constants(&settings.processing, settings.dynamometer.damping), settings.dynamometer.damping);
     let drag = dynamometer_drag::of_study(&given.study)?;
     let raw = StudyRun::prepare(&StudyArgs { out: args.out.join(FOLDER), ..args.clone() })?;
     raw.out.refuse_input(&raw.out.path().join("study.toml"))?;
@@ -88,9 +89,10 @@ impl Step for Dynamometer {
             }),
         ];
         blocks.extend(done.drag.as_ref().map(|drag| Block::Text(drag_in_words(drag, done.damping))));
-        let warnings = done.outcomes.iter().flat_map(|o| {
-            o.findings.iter().map(move |(file, text)| format!("{}: {file}: {text}", o.participant))
-        });
+        let warnings = done
+            .outcomes
+            .iter()
+            .flat_map(|o| o.findings.iter().map(move |(file, text)| format!("{}: {file}: {text}", o.participant)));
         Ok(Told::Parts(ReportParts {
             warnings: warnings.collect(),
             blocks,

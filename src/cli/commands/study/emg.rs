@@ -29,9 +29,7 @@ impl Step for Emg {
         let EmgSignal::Raw(processing) = &context.study.study.settings.emg else { return Ok(Vec::new()) };
         let name = &run.participant.name;
         let folder = Path::new(self.id()).join(name);
-        let work = move || {
-            value(&processed(context.study, &run.participant, processing, context.global, &folder)?)
-        };
+        let work = move || value(&processed(context.study, &run.participant, processing, context.global, &folder)?);
         let place = format!("{}/{name}", self.id());
         Ok(vec![Unit { place, depends_on: String::new(), work: Box::new(work) }])
     }
@@ -59,7 +57,8 @@ impl Step for Emg {
                 header: COLUMNS.map(String::from).to_vec(),
                 left_columns: 3,
                 rows: shown.clone(),
-                note: "The level is in the channel's unit; highest: of all trials, as a share of that level.".to_string(),
+                note: "The level is in the channel's unit; highest: of all trials, as a share of that level."
+                    .to_string(),
             }),
         ];
         if !doubtful.is_empty() {

@@ -69,7 +69,9 @@ impl Step for Evaluate {
             }
         }
         if names.is_empty() {
-            return Ok(Told::NotRun("no model of a training case was evaluated: there are no participants with finished fits".to_string()));
+            return Ok(Told::NotRun(
+                "no model of a training case was evaluated: there are no participants with finished fits".to_string(),
+            ));
         }
         // Participants may have different cases: controls stay last.
         names.sort_by_key(|n| [LINEAR, STRENGTH].iter().position(|c| *c == n.id).map_or(0, |i| i + 1));

@@ -130,7 +130,9 @@ impl Step for Personalize {
     fn section(&self, context: &Context) -> Result<Told, Failure> {
         let cases = in_order(context, context.store.finished(self.id())?);
         if cases.is_empty() {
-            return Ok(Told::NotRun("the study has no isometric or isotonic training trials with an effort".to_string()));
+            return Ok(Told::NotRun(
+                "the study has no isometric or isotonic training trials with an effort".to_string(),
+            ));
         }
         report(context, &cases).map(Told::Parts)
     }

@@ -73,7 +73,9 @@ impl Step for Power {
             csv.push(row);
         }
         if rows.is_empty() {
-            return Ok(Told::NotRun("there are no errors of fitted models on held-out trials of at least two participants".to_string()));
+            return Ok(Told::NotRun(
+                "there are no errors of fitted models on held-out trials of at least two participants".to_string(),
+            ));
         }
         let header = ["model", "fall of NRMSE ± SE [%]", "p", "d_z", "power", "n for 0.8"];
         let columns =
