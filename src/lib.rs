@@ -26,4 +26,6 @@ pub mod signals;
 pub mod simulation;
 pub mod spatial;
 pub mod statistics;
+pub mod storage;
 pub mod study;
+pub mod tools;

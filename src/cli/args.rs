@@ -87,6 +87,9 @@ pub enum Command {
     DynamometerDrag(DynamometerDragArgs),
     /// Scale a model linearly, as OpenSim's Scale Tool does: by factors, or to the participants of a study
     Scale(ScaleArgs),
+    /// Run a setup file of an OpenSim tool, as opensim-cmd run-tool does
+    #[command(name = "run-tool")]
+    RunTool(RunToolArgs),
     /// Scale muscle forces so that flexors and extensors reach the maximum voluntary moments
     StrengthScale(StrengthScaleArgs),
     /// Power of a paired t-test or a correlation, and the participants it needs
@@ -440,6 +443,20 @@ pub struct ScaleArgs {
     /// Go on although the model has components that would change the result and are not supported
     #[arg(long)]
     pub allow_unsupported: bool,
+}
+
+/// `carpus run-tool`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus run-tool inverse_dynamics_setup.xml\n  carpus run-tool reach_IK_Setup.xml --model scaled.osim\n\nTools: ScaleTool, InverseKinematicsTool, InverseDynamicsTool, ForwardTool, AnalyzeTool with Kinematics, BodyKinematics, PointKinematics, StatesReporter, MuscleAnalysis, ForceReporter, Actuation, JointReaction, StaticOptimization.\nFiles are named, read and written as OpenSim 4.6 does; paths in a setup are relative to its folder. What is not supported is refused, with its line."
+)]
+pub struct RunToolArgs {
+    /// Setup file of a tool
+    #[arg(value_name = "SETUP.xml")]
+    pub setup: PathBuf,
+    /// Model to use instead of the one that the setup names
+    #[arg(long, value_name = "MODEL.osim")]
+    pub model: Option<PathBuf>,
 }
 
 /// A body and its scale factors.

@@ -89,6 +89,7 @@ fn execute(cli: &Cli) -> Result<(), Failure> {
         Command::Dynamometer(args) => commands::dynamometer::run(args, global),
         Command::DynamometerDrag(args) => commands::dynamometer_drag::run(args, global),
         Command::Scale(args) => commands::scale::run(args, global),
+        Command::RunTool(args) => commands::run_tool::run(args, global),
         Command::StrengthScale(args) => commands::strength_scale::run(args, global),
         Command::Power(args) => commands::power::run(args, global),
         Command::Effects(args) => commands::effects::run(args, global),

@@ -14,6 +14,7 @@ use crate::osim::spec::{CoordinateIndex, ModelSpec};
 use crate::paths::{Path, PathGeometry};
 use crate::spatial::SpatialForce;
 use nalgebra::{DMatrix, DVector};
+use std::sync::Arc;
 
 /// Classes of forces that do nothing without a control.
 const WITHOUT_CONTROL: [&str; 4] = ["CoordinateActuator", "TorqueActuator", "PointActuator", "PointToPointActuator"];
@@ -33,6 +34,19 @@ pub struct PlantMuscle {
     pub fiber_length: Option<usize>,
 }
 
+/// A force from outside as a function of time.
+pub type Load = Arc<dyn Fn(&Model, &Cache, f64, &mut AppliedForces) + Send + Sync>;
+
+/// Forces from outside.
+#[derive(Clone, Default)]
+struct Loads(Vec<Load>);
+
+impl std::fmt::Debug for Loads {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} loads", self.0.len())
+    }
+}
+
 /// A model ready to be simulated forward. Immutable.
 #[derive(Clone, Debug)]
 pub struct Plant {
@@ -44,6 +58,7 @@ pub struct Plant {
     pub muscles: Vec<PlantMuscle>,
     forces: Forces,
     path_forces: Vec<(Path, PathForce)>,
+    loads: Loads,
     n_states: usize,
 }
 
@@ -74,6 +89,7 @@ pub struct Work {
     body_forces: Vec<SpatialForce>,
     q: Vec<f64>,
     u: Vec<f64>,
+    time: f64,
     qdot: Vec<f64>,
     generalized: Vec<f64>,
     mass: DMatrix<f64>,
@@ -125,7 +141,14 @@ impl Plant {
             .iter()
             .map(|force| Ok((Path::compile(&force.path, spec, model)?, force.law.clone())))
             .collect::<Result<_, PlantError>>()?;
-        Ok(Plant { model: model.clone(), reduction, muscles, forces, path_forces, n_states })
+        let (model, loads) = (model.clone(), Loads::default());
+        Ok(Plant { model, reduction, muscles, forces, path_forces, loads, n_states })
+    }
+
+    /// The same with a force from outside.
+    pub fn with_load(mut self, load: Load) -> Plant {
+        self.loads.0.push(load);
+        self
     }
 
     /// Number of states.
@@ -148,6 +171,7 @@ impl Plant {
             body_forces: vec![SpatialForce::default(); self.model.n_bases()],
             q: self.model.default_coordinates(),
             u: vec![0.0; n],
+            time: 0.0,
             qdot: vec![0.0; n],
             generalized: vec![0.0; n],
             mass: DMatrix::zeros(n, n),
@@ -220,6 +244,7 @@ impl Plant {
     /// Positions and velocities of everything at a state.
     fn update_skeleton(&self, time: f64, x: &[f64], work: &mut Work) {
         let free = self.reduction.n_free();
+        work.time = time;
         let Work { relation, q, u, qdot, cache, .. } = work;
         self.reduction.expand(time, (&x[..free], &x[free..2 * free]), (q, u), relation);
         self.model.update_positions(q, cache);
@@ -271,9 +296,10 @@ impl Plant {
 
     /// Forces of springs, bushings, limits and everything along paths.
     fn collect_forces(&self, work: &mut Work) {
-        let Work { q, qdot, cache, applied, .. } = work;
+        let Work { q, qdot, cache, applied, time, .. } = work;
         applied.clear();
         self.forces.apply(&self.model, q, qdot, cache, applied);
+        self.loads.0.iter().for_each(|load| load(&self.model, cache, *time, applied));
         let muscles = work.unit_forces.iter().zip(work.tendon_force.iter().copied());
         for (unit, tension) in muscles {
             applied.mobility.iter_mut().zip(unit).for_each(|(f, r)| *f += r * tension);

@@ -176,6 +176,13 @@ impl<'a> Dynamics<'a> {
         self.constraints.rows(self.model, time, q, &self.qdot, &self.cache)
     }
 
+    /// Violation of the constraints at coordinates [rad or m], and its derivative by the speeds.
+    pub fn constraint_jacobian(&mut self, time: f64, q: &[f64]) -> (DVector<f64>, DMatrix<f64>) {
+        let zero = vec![0.0; q.len()];
+        let rows = self.rows_at(time, q, &zero);
+        (rows.error, rows.G)
+    }
+
     /// Moves coordinates as little as possible so that they satisfy the constraints.
     ///
     /// # Errors

@@ -30,6 +30,8 @@ pub struct CoordinateLimitForce {
     pub lower_stiffness: f64,
     /// Damping beyond a limit [N·m·s/rad or N·s/m].
     pub damping: f64,
+    /// Width of the transition [rad or m].
+    pub transition: f64,
     upper_step: Function,
     lower_step: Function,
 }
@@ -79,6 +81,7 @@ impl CoordinateLimitForce {
             upper_stiffness: upper_stiffness / unit,
             lower_stiffness: lower_stiffness / unit,
             damping: damping / unit,
+            transition: width,
             upper_step: step(0.0, 1.0, upper, upper + width)?,
             lower_step: step(1.0, 0.0, lower - width, lower)?,
         })
@@ -93,6 +96,22 @@ impl CoordinateLimitForce {
         let upper = -self.upper_stiffness * s_up * (q - self.upper_limit);
         let lower = self.lower_stiffness * s_low * (self.lower_limit - q);
         upper + lower - self.damping * (s_up + s_low) * qdot
+    }
+
+    /// Energy stored in the stiffness [J] (OpenSim: `computePotentialEnergy`).
+    pub fn potential_energy(&self, q: f64) -> f64 {
+        let (stiffness, beyond) = if q > self.upper_limit {
+            (self.upper_stiffness, q - self.upper_limit)
+        } else if q < self.lower_limit {
+            (self.lower_stiffness, self.lower_limit - q)
+        } else {
+            return 0.0;
+        };
+        if beyond >= self.transition {
+            return stiffness * (0.5 * beyond * beyond - self.transition * self.transition / 7.0);
+        }
+        let x = beyond / self.transition;
+        stiffness * x * x * x * (2.0 - 2.5 * x + 6.0 / 7.0 * x * x) * (beyond * beyond)
     }
 
     /// Generalized force about the coordinate of the cache's unit motion.

@@ -154,3 +154,31 @@ impl<S: Scalar> Millard2012<S> {
         }
     }
 }
+
+impl Millard2012<f64> {
+    /// Active force along the tendon that the fibre would have if the tendon were rigid [N]; what static optimization
+    /// takes for the force of a muscle at full activation.
+    ///
+    /// - `path_length` [m], `path_speed` [m/s]
+    ///
+    /// # References
+    /// OpenSim `Millard2012EquilibriumMuscle::calcInextensibleTendonActiveFiberForce`, its pennation angle included,
+    /// which is taken at the normalized fibre length.
+    pub fn inextensible_tendon_active_fiber_force(&self, path_length: f64, path_speed: f64, activation: f64) -> f64 {
+        let parameters = self.parameters();
+        let pennation = self.pennation();
+        let length = pennation.fiber_length(path_length, parameters.tendon_slack_length);
+        if length <= self.minimum_fiber_length() {
+            return 0.0;
+        }
+        let velocity = path_speed * pennation.pennation(length).cos;
+        let norm_length = length / parameters.optimal_fiber_length;
+        let norm_velocity = velocity / (parameters.optimal_fiber_length * parameters.max_contraction_velocity);
+        let curves = self.curves();
+        parameters.max_isometric_force
+            * self.clamp_activation(activation)
+            * curves.active_force_length.value(norm_length)
+            * curves.force_velocity.value(norm_velocity)
+            * pennation.pennation(norm_length).cos
+    }
+}

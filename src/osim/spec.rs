@@ -775,4 +775,6 @@ pub struct MarkerSpec {
     pub frame: FrameIndex,
     /// Location in the frame [m].
     pub location: Vector3<f64>,
+    /// Whether placing markers leaves it where it is.
+    pub fixed: bool,
 }

@@ -28,6 +28,7 @@ mod simulation;
 mod statistics;
 mod study;
 mod study_command;
+mod tools;
 mod user_loop;
 mod user_path;
 mod validation;

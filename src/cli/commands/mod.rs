@@ -16,6 +16,7 @@ pub mod paths;
 pub mod personalize;
 pub mod plan;
 pub mod power;
+pub mod run_tool;
 pub mod scale;
 pub mod sensitivity;
 pub mod simulate;

@@ -244,11 +244,11 @@ impl Reader<'_> {
             let name = self.component_name(element, &mut names, "/markerset");
             let object = self.object(element, "/markerset", &name);
             let location = self.vector3(&object, &["location"], Vector3::zeros());
-            let _ = self.own_property(&object, &["fixed"]);
+            let fixed = self.boolean(&object, &["fixed"], false);
             let Some(frame) = self.point_frame(&object) else { continue };
             self.diagnostics.understood("Marker");
             let at = self.location(&object);
-            self.spec.markers.push(MarkerSpec { name, at, frame, location });
+            self.spec.markers.push(MarkerSpec { name, at, frame, location, fixed });
         }
     }
 }

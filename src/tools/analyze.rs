@@ -1,0 +1,299 @@
+//! Analyses along a given motion: OpenSim's `AnalyzeTool`.
+
+use super::actuators::add_force_set;
+use super::analysis::{Analysis, Instant, add_results};
+use super::error::{ToolError, ToolProblem};
+use super::external_loads::add_external_loads;
+use super::force_analyses::{Actuation, ForceReporter, JointReaction};
+use super::kinematics::{BodyKinematics, Kinematics, PointKinematics, StatesReporter};
+use super::motion::{Motion, read_coordinates};
+use super::muscle_analysis::MuscleAnalysis;
+use super::result::Outcome;
+use super::setup::Properties;
+use super::static_optimization::StaticOptimization;
+use super::system::{System, SystemState, SystemWork};
+use crate::storage::{Storage, spline};
+
+/// Analyses that are run.
+const ANALYSES: &str = "Kinematics, BodyKinematics, PointKinematics, StatesReporter, MuscleAnalysis, ForceReporter, \
+                        Actuation, JointReaction, StaticOptimization";
+
+/// Properties that all tools with a model have (`AbstractTool`).
+pub struct Frame {
+    /// Name, the beginning of results' names.
+    pub name: String,
+    /// Folder of results.
+    pub results: std::path::PathBuf,
+    /// Digits behind the point.
+    pub precision: usize,
+    /// First and last time [s].
+    pub time: [f64; 2],
+    /// Whether muscles are brought to equilibrium.
+    pub equilibrate: bool,
+}
+
+impl Frame {
+    /// Reads them and adds forces and loads to the system.
+    ///
+    /// # Errors
+    /// Values or files that cannot be used.
+    pub fn read(tool: &Properties, system: &mut System, outcome: &mut Outcome) -> Result<Frame, ToolError> {
+        if tool.boolean("replace_force_set", false)? {
+            system.actors.clear();
+            system.muscles.clear();
+            system.spec.muscles.clear();
+            system.spec.forces.clear();
+            system.unsupported.clear();
+        }
+        let files = match tool.words("force_set_files") {
+            Some(files) if !files.is_empty() => files,
+            _ => tool.words("actuator_set_files").unwrap_or_default(),
+        };
+        for file in files.iter().filter(|file| *file != "Unassigned") {
+            let path = tool.setup().resolve(file);
+            for (line, tag) in add_force_set(&path, system)? {
+                outcome.warn(&path, line, format!("<{tag}> was not used"));
+            }
+        }
+        if let Some(loads) = tool.file("external_loads_file") {
+            for text in add_external_loads(&loads, system)? {
+                outcome.warn(&loads, 0, text);
+            }
+        }
+        tool.ignore_all(&["model_file", "replace_force_set", "force_set_files", "actuator_set_files"]);
+        let precision = tool.integer("output_precision", 8)?.clamp(0, 40) as usize;
+        Ok(Frame {
+            name: tool.name(),
+            results: tool.setup().resolve(&tool.string("results_directory")),
+            precision,
+            time: [tool.number("initial_time", 0.0)?, tool.number("final_time", 1.0)?],
+            equilibrate: tool.boolean("solve_for_equilibrium_for_auxiliary_states", false)?,
+        })
+    }
+}
+
+/// Reads the analyses of a tool.
+///
+/// - `wanted`: accelerations of the motion, where it is given
+///
+/// # Errors
+/// A class that is not supported; values that cannot be used.
+pub fn read_analyses(
+    tool: &Properties,
+    system: &System,
+    wanted: Option<&dyn Fn() -> Result<Storage, ToolError>>,
+) -> Result<Vec<Box<dyn Analysis>>, ToolError> {
+    let mut analyses: Vec<Box<dyn Analysis>> = Vec::new();
+    for analysis in tool.objects("AnalysisSet") {
+        if !analysis.boolean("on", true)? {
+            analysis.ignore();
+            continue;
+        }
+        analyses.push(match (analysis.class(), wanted) {
+            ("Kinematics", _) => Box::new(Kinematics::read(&analysis, system)?),
+            ("BodyKinematics", _) => Box::new(BodyKinematics::read(&analysis, system)?),
+            ("PointKinematics", _) => Box::new(PointKinematics::read(&analysis, system)?),
+            ("StatesReporter", _) => Box::new(StatesReporter::read(&analysis, system)?),
+            ("MuscleAnalysis", _) => Box::new(MuscleAnalysis::read(&analysis, system)?),
+            ("ForceReporter", _) => Box::new(ForceReporter::read(&analysis, system)?),
+            ("Actuation", _) => Box::new(Actuation::read(&analysis, system)?),
+            ("JointReaction", _) => Box::new(JointReaction::read(&analysis, system)?),
+            ("StaticOptimization", Some(wanted)) => Box::new(StaticOptimization::read(&analysis, system, wanted()?)?),
+            (class, _) => {
+                let problem =
+                    ToolProblem::Unsupported { what: class.to_owned(), instead: format!("analyses are {ANALYSES}") };
+                return Err(ToolError::at(tool.setup().path(), analysis.line(), problem));
+            }
+        });
+    }
+    Ok(analyses)
+}
+
+/// Lets analyses record an instant.
+///
+/// # Errors
+/// What cannot be computed.
+pub fn record<'s>(
+    analyses: &mut [Box<dyn Analysis>],
+    system: &'s System,
+    work: &mut SystemWork<'s>,
+    state: &SystemState,
+    step: Option<usize>,
+) -> Result<(), ToolError> {
+    let proceeds = |a: &dyn Analysis| step.is_none_or(|step| step as i64 % a.options().step_interval == 0);
+    if !analyses.iter().any(|a| proceeds(a.as_ref())) {
+        return Ok(());
+    }
+    let evaluation = system.evaluate(work, state, &|_| true);
+    let mut udot = None;
+    if analyses.iter().any(|a| a.needs_accelerations() && proceeds(a.as_ref())) {
+        let found = system.accelerations(work, state, &evaluation)?;
+        // Accelerations of bodies into the buffers.
+        work.dynamics.inverse_dynamics(&state.q, &state.u, found.udot.as_slice(), &evaluation.applied);
+        udot = Some(found.udot);
+    }
+    for analysis in analyses.iter_mut().filter(|a| proceeds(a.as_ref())) {
+        let mut instant = Instant { system, work, state, evaluation: &evaluation, udot: udot.as_ref() };
+        analysis.record(&mut instant)?;
+    }
+    Ok(())
+}
+
+/// Runs the tool.
+///
+/// # Errors
+/// The setup, its files, or what the analyses ask for.
+pub fn run(tool: &Properties, mut system: System, outcome: &mut Outcome) -> Result<(), ToolError> {
+    let frame = Frame::read(tool, &mut system, outcome)?;
+    let cutoff = tool.number("lowpass_cutoff_frequency_for_coordinates", -1.0)?;
+    tool.ignore_all(&[
+        "maximum_number_of_integrator_steps",
+        "maximum_integrator_step_size",
+        "minimum_integrator_step_size",
+        "integrator_error_tolerance",
+        "integrator_fine_tolerance",
+    ]);
+    let (controllers, controls) = (tool.objects("ControllerSet"), tool.file("controls_file"));
+    controllers.iter().for_each(Properties::ignore);
+    if !controllers.is_empty() || controls.is_some() {
+        let text = "controls are not used along a given motion: activations are those of the states";
+        outcome.warn(tool.setup().path(), tool.line(), text);
+    }
+    let file = tool.file("states_file").or_else(|| tool.file("coordinates_file"));
+    let Some(file) = file else {
+        return Err(tool.missing("states_file", "a states_file or a coordinates_file"));
+    };
+    let states = match tool.file("states_file") {
+        Some(file) => {
+            tool.ignore_all(&["coordinates_file", "speeds_file"]);
+            states_from_file(&file, &system, outcome)?
+        }
+        None => {
+            let storage = read_coordinates(&file, cutoff)?;
+            storage.warnings.iter().for_each(|text| outcome.warn(&file, 0, text.clone()));
+            states_from_motion(Motion::from_storage(storage, &system, &file)?, tool, &system, outcome)?
+        }
+    };
+    let index = |time: f64| states.partition_point(|s| s.time <= time).saturating_sub(1);
+    let (first, last) = (index(frame.time[0]), index(frame.time[1]));
+    let wanted = || accelerations_of(&states, &system, &file);
+    let mut analyses = read_analyses(tool, &system, Some(&wanted))?;
+    if analyses.is_empty() {
+        return Err(tool.missing("AnalysisSet", "an analysis that is on"));
+    }
+    if analyses.iter().any(|a| a.needs_forces() && (a.needs_accelerations() || a.options().name.contains("Force"))) {
+        system.require_all_forces(&|_| false)?;
+    }
+    let mut work = system.new_work();
+    let mut unbalanced = Vec::new();
+    for (i, state) in states.iter().enumerate().take(last + 1).skip(first) {
+        let mut state = state.clone();
+        system.assemble(state.time, &mut state.q)?;
+        if frame.equilibrate {
+            let failed = system.equilibrate(&mut work, &mut state);
+            unbalanced.extend(failed.into_iter().map(|text| format!("at t = {} s: {text}", state.time)));
+        }
+        let step = (i != first && i != last).then_some(i);
+        record(&mut analyses, &system, &mut work, &state, step)?;
+    }
+    if let Some(text) = unbalanced.first() {
+        outcome.warn(&system.path, 0, format!("{} muscles could not be balanced, the first {text}", unbalanced.len()));
+    }
+    for analysis in &analyses {
+        analysis.warnings().into_iter().for_each(|text| outcome.warn(tool.setup().path(), 0, text));
+        add_results(analysis.as_ref(), &frame.name, &frame.results, frame.precision, outcome);
+    }
+    let (from, to) = (states[first].time, states[last].time);
+    outcome.summary.push(format!("{} analyses of {} times, {from} to {to} s", analyses.len(), last + 1 - first));
+    Ok(())
+}
+
+/// States from a file; what it lacks is at its default.
+///
+/// # Errors
+/// The file.
+pub fn states_from_file(
+    file: &std::path::Path,
+    system: &System,
+    outcome: &mut Outcome,
+) -> Result<Vec<SystemState>, ToolError> {
+    let storage = Storage::read(file)?;
+    storage.warnings.iter().for_each(|text| outcome.warn(file, 0, text.clone()));
+    if storage.in_degrees {
+        let what = "states have to be in radians: the header says inDegrees=yes".to_owned();
+        return Err(ToolError::new(file, ToolProblem::Data { what }));
+    }
+    let default = system.default_state()?;
+    let names = system.state_names();
+    let columns: Vec<Option<usize>> = names.iter().map(|name| storage.find_state(name)).collect();
+    let missing: Vec<&str> = names.iter().zip(&columns).filter(|(_, c)| c.is_none()).map(|(n, _)| n.as_str()).collect();
+    if !missing.is_empty() {
+        let shown = missing.iter().take(4).copied().collect::<Vec<_>>().join(", ");
+        let text = format!("{} states are not in this file and take their default values: {shown}", missing.len());
+        outcome.warn(file, 0, text);
+    }
+    let state = |(time, row): (&f64, &Vec<f64>)| {
+        let mut state = SystemState { time: *time, ..default.clone() };
+        for (name, column) in names.iter().zip(&columns) {
+            if let Some(column) = column {
+                system.set_state(&mut state, name, row[*column]);
+            }
+        }
+        state
+    };
+    Ok(storage.time.iter().zip(&storage.rows).map(state).collect())
+}
+
+fn states_from_motion(
+    motion: Motion,
+    tool: &Properties,
+    system: &System,
+    outcome: &mut Outcome,
+) -> Result<Vec<SystemState>, ToolError> {
+    if !motion.missing.is_empty() {
+        let text = format!("coordinates that are not in the coordinates_file are 0: {}", motion.missing.join(", "));
+        outcome.warn(tool.setup().path(), tool.line(), text);
+    }
+    let default = system.default_state()?;
+    let mut states: Vec<SystemState> = motion
+        .time
+        .iter()
+        .zip(motion.q.into_iter().zip(motion.u))
+        .map(|(time, (q, u))| SystemState { time: *time, q, u, ..default.clone() })
+        .collect();
+    if let Some(file) = tool.file("speeds_file") {
+        let mut speeds = Storage::read(&file)?;
+        super::motion::to_radians(&mut speeds, system);
+        let columns: Vec<Option<usize>> = system
+            .spec
+            .coordinates
+            .iter()
+            .map(|c| speeds.find_state(&format!("{}/speed", c.at.path)).or_else(|| speeds.find(&c.name)))
+            .collect();
+        for state in &mut states {
+            let row = speeds.at(state.time);
+            for (u, column) in state.u.iter_mut().zip(&columns) {
+                if let Some(column) = column {
+                    *u = row[*column];
+                }
+            }
+        }
+    }
+    Ok(states)
+}
+
+/// Accelerations of all coordinates: derivatives of splines of degree 5 through their speeds.
+fn accelerations_of(states: &[SystemState], system: &System, file: &std::path::Path) -> Result<Storage, ToolError> {
+    let time: Vec<f64> = states.iter().map(|s| s.time).collect();
+    let degree = if time.len() >= 6 { 5 } else { 1 };
+    let splines = (0..system.model.n_coordinates()).map(|i| {
+        let speeds: Vec<f64> = states.iter().map(|s| s.u[i]).collect();
+        spline(degree, &time, &speeds).map_err(|e| ToolError::new(file, ToolProblem::Function(e)))
+    });
+    let splines = splines.collect::<Result<Vec<_>, _>>()?;
+    let mut storage = Storage::new("accelerations", system.model.coordinates.iter().map(|c| c.name.clone()).collect());
+    for t in &time {
+        storage.push(*t, splines.iter().map(|s| s.derivative(*t)).collect());
+    }
+    Ok(storage)
+}

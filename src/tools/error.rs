@@ -1,0 +1,160 @@
+//! Why a tool cannot run.
+
+use std::path::{Path, PathBuf};
+
+use crate::dynamics::{ConstraintError, DynamicsError, PlantError};
+use crate::forces::ForceError;
+use crate::functions::FunctionError;
+use crate::multibody::CompileError;
+use crate::muscles::{EquilibriumError, MuscleError};
+use crate::osim::{DocumentError, OsimError};
+use crate::paths::PathError;
+use crate::storage::StorageError;
+
+/// Why a tool cannot run: where, and what.
+#[derive(Debug, thiserror::Error)]
+#[error("{}{}: {problem}", .file.display(), if *.line > 0 { format!(":{}", .line) } else { String::new() })]
+pub struct ToolError {
+    /// The file.
+    pub file: PathBuf,
+    /// Line, counted from 1; 0: the file as a whole.
+    pub line: usize,
+    /// What is wrong.
+    pub problem: Box<ToolProblem>,
+}
+
+/// What is wrong with a setup, or with what it names.
+#[derive(Debug, thiserror::Error)]
+pub enum ToolProblem {
+    /// The setup file is no XML.
+    #[error(transparent)]
+    Document(#[from] DocumentError),
+    /// The setup file cannot be read.
+    #[error("cannot be read: {0}")]
+    Read(std::io::Error),
+    /// Not a setup file of a tool.
+    #[error("expected a setup of a tool ({expected}), found <{found}>")]
+    NotATool {
+        /// Tools that there are.
+        expected: String,
+        /// Root or its child.
+        found: String,
+    },
+    /// A property whose value cannot be used.
+    #[error("{property}: expected {expected}, found \"{found}\"")]
+    Value {
+        /// Property.
+        property: String,
+        /// What it has to be.
+        expected: String,
+        /// What stands there.
+        found: String,
+    },
+    /// A property that has to be given.
+    #[error("{property} is missing: expected {expected}")]
+    Missing {
+        /// Property.
+        property: String,
+        /// What it has to be.
+        expected: String,
+    },
+    /// Something that this program does not do.
+    #[error("{what} is not supported: {instead}")]
+    Unsupported {
+        /// Class or property.
+        what: String,
+        /// What that means.
+        instead: String,
+    },
+    /// A name that the model does not have.
+    #[error("the model has no {kind} `{name}`")]
+    Unknown {
+        /// Kind of component.
+        kind: &'static str,
+        /// Name.
+        name: String,
+        /// The nearest name there is.
+        nearest: Option<String>,
+    },
+    /// Data that do not belong to the model.
+    #[error("{what}")]
+    Data {
+        /// What is wrong with the data.
+        what: String,
+    },
+    /// A model cannot be read.
+    #[error(transparent)]
+    Osim(#[from] OsimError),
+    /// A model cannot be compiled.
+    #[error(transparent)]
+    Compile(#[from] CompileError),
+    /// A file of numbers cannot be read.
+    #[error(transparent)]
+    Storage(#[from] StorageError),
+    /// A spline through data cannot be made.
+    #[error(transparent)]
+    Function(#[from] FunctionError),
+    /// A force cannot be built.
+    #[error(transparent)]
+    Force(#[from] ForceError),
+    /// A path cannot be built.
+    #[error(transparent)]
+    Path(#[from] PathError),
+    /// A muscle cannot be built.
+    #[error(transparent)]
+    Muscle(#[from] MuscleError),
+    /// A muscle cannot be balanced.
+    #[error(transparent)]
+    Equilibrium(#[from] EquilibriumError),
+    /// A constraint cannot be built.
+    #[error(transparent)]
+    Constraint(#[from] ConstraintError),
+    /// The equations of motion have no solution.
+    #[error("at t = {time} s: {source}")]
+    Dynamics {
+        /// Time [s].
+        time: f64,
+        /// Why.
+        source: DynamicsError,
+    },
+    /// A forward simulation that cannot be made.
+    #[error(transparent)]
+    Plant(#[from] PlantError),
+    /// A change of the model that cannot be made.
+    #[error(transparent)]
+    Edit(#[from] crate::osim::EditError),
+    /// Scaling that cannot be made.
+    #[error(transparent)]
+    Scale(#[from] crate::osim::ScaleError),
+}
+
+impl ToolError {
+    /// A problem in a file as a whole.
+    pub fn new(file: &Path, problem: impl Into<ToolProblem>) -> ToolError {
+        ToolError::at(file, 0, problem)
+    }
+
+    /// A problem at a line of a file.
+    pub fn at(file: &Path, line: usize, problem: impl Into<ToolProblem>) -> ToolError {
+        ToolError { file: file.to_owned(), line, problem: Box::new(problem.into()) }
+    }
+
+    /// What to do, where that is known.
+    pub fn hint(&self) -> Option<String> {
+        match &*self.problem {
+            ToolProblem::Unknown { nearest, .. } => nearest.as_ref().map(|name| format!("did you mean `{name}`?")),
+            ToolProblem::Storage(error) => error.hint(),
+            ToolProblem::Osim(error) => error.hint(),
+            ToolProblem::Missing { property, .. } if property == "model_file" => {
+                Some("name the model with --model MODEL.osim, or in the setup's <model_file>".to_owned())
+            }
+            _ => None,
+        }
+    }
+}
+
+impl From<StorageError> for ToolError {
+    fn from(error: StorageError) -> ToolError {
+        ToolError { file: error.file.clone(), line: error.line, problem: Box::new(ToolProblem::Storage(error)) }
+    }
+}

@@ -1,0 +1,188 @@
+//! Motion from forces: OpenSim's `ForwardTool`.
+//!
+//! OpenSim records every step of its explicit integrator; steps of the implicit one used here can be long, so that rows
+//! are at even times (or at those of the states file, with `use_specified_dt`), each as exact as the steps.
+
+use std::sync::Arc;
+
+use super::analysis::add_results;
+use super::analyze::{Frame, read_analyses, record, states_from_file};
+use super::controls::Controls;
+use super::error::{ToolError, ToolProblem};
+use super::result::{Outcome, ResultFile};
+use super::setup::{Properties, Setup};
+use super::system::{Actor, System};
+use crate::dynamics::{ForwardOptions, Load, Plant, PlantState, simulate_forward};
+use crate::osim::Document;
+use crate::osim::spec::CoordinateIndex;
+use crate::storage::{Storage, printed};
+
+/// Rows of results per second, at least this many rows in all.
+const ROWS_PER_SECOND: f64 = 100.0;
+const FEWEST_ROWS: f64 = 200.0;
+
+/// Runs the tool.
+///
+/// - `document`: the model's own text, for its controllers
+///
+/// # Errors
+/// The setup, its files, or a motion that cannot be integrated.
+pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &mut Outcome) -> Result<(), ToolError> {
+    let frame = Frame::read(tool, &mut system, outcome)?;
+    let accuracy = tool.number("integrator_error_tolerance", 1e-5)?;
+    tool.ignore_all(&[
+        "maximum_number_of_integrator_steps",
+        "maximum_integrator_step_size",
+        "minimum_integrator_step_size",
+        "integrator_fine_tolerance",
+    ]);
+    let specified = tool.boolean("use_specified_dt", false)?;
+    system.require_all_forces(&|_| false)?;
+    let names: Vec<String> = system
+        .actors
+        .iter()
+        .filter(|a| matches!(a, Actor::Muscle(_) | Actor::Coordinate(_)))
+        .map(|a| a.name(&system.muscles).to_owned())
+        .collect();
+    let mut controls = Controls::default();
+    let own = Setup::of_document(&system.path, document);
+    controls.read(&own.object().objects("ControllerSet"), &names)?;
+    controls.read(&tool.objects("ControllerSet"), &names)?;
+
+    let [mut start, end] = frame.time;
+    let mut state = system.default_state()?;
+    let mut times_of_file = None;
+    if let Some(file) = tool.file("states_file") {
+        let states = states_from_file(&file, &system, outcome)?;
+        let index = states.partition_point(|s| s.time <= start).saturating_sub(1);
+        if states[index].time != start {
+            start = states[index].time;
+            outcome.warn(
+                &file,
+                0,
+                format!("the simulation starts at {start} s, the time of the nearest earlier state"),
+            );
+        }
+        times_of_file = Some(states.iter().map(|s| s.time).filter(|t| *t >= start && *t <= end).collect::<Vec<_>>());
+        state = states[index].clone();
+    }
+    if !(end > start) {
+        return Err(tool.bad_value("final_time", "a time after initial_time", &end.to_string()));
+    }
+    state.time = start;
+    system.assemble(start, &mut state.q)?;
+    system.project_speeds(start, &state.q, &mut state.u);
+    let mut work = system.new_work();
+    if frame.equilibrate {
+        let failed = system.equilibrate(&mut work, &mut state);
+        failed.into_iter().for_each(|text| outcome.warn(&system.path, 0, format!("not balanced: {text}")));
+    }
+    let plant = plant_of(&system, &controls).map_err(|e| ToolError::new(&system.path, e))?;
+    let times = match times_of_file.filter(|times| specified && times.len() > 1) {
+        Some(times) => times,
+        None => even_times(start, end),
+    };
+    let muscles: Vec<String> = plant.muscles.iter().map(|m| m.muscle.name().to_owned()).collect();
+    let positions: Vec<usize> =
+        muscles.iter().map(|name| system.muscles.iter().position(|m| m.name == *name).unwrap_or(0)).collect();
+    let first = PlantState {
+        q: state.q.clone(),
+        u: state.u.clone(),
+        activation: positions.iter().map(|i| state.activation[*i]).collect(),
+        fiber_length: positions.iter().map(|i| state.fiber_length[*i]).collect(),
+    };
+    let options = ForwardOptions { times, accuracy: accuracy.min(1e-5), first_step: 1e-3 };
+    let excite = |time: f64, values: &mut [f64]| {
+        values.iter_mut().zip(&muscles).for_each(|(value, name)| *value = controls.at(name, time).unwrap_or(0.0));
+    };
+    let trajectory = simulate_forward(&plant, &first, excite, &options).map_err(|e| ToolError::new(&system.path, e))?;
+
+    let mut analyses = read_analyses(tool, &system, None)?;
+    let mut states = Storage::new(&frame.name, system.state_names());
+    let last = trajectory.times.len() - 1;
+    let mut full = state.clone();
+    for (k, (time, found)) in trajectory.times.iter().zip(&trajectory.states).enumerate() {
+        (full.time, full.q, full.u) = (*time, found.q.clone(), found.u.clone());
+        for (j, i) in positions.iter().enumerate() {
+            (full.activation[*i], full.fiber_length[*i]) = (found.activation[j], found.fiber_length[j]);
+        }
+        states.push(*time, system.state_values(&full));
+        if !analyses.is_empty() {
+            let step = (k != 0 && k != last).then_some(k);
+            record(&mut analyses, &system, &mut work, &full, step)?;
+        }
+    }
+    for analysis in &analyses {
+        analysis.warnings().into_iter().for_each(|text| outcome.warn(tool.setup().path(), 0, text));
+        add_results(analysis.as_ref(), &frame.name, &frame.results, frame.precision, outcome);
+    }
+    write(&frame, &states, &controls, &names, &system, outcome);
+    outcome.summary.push(format!("simulated {start} to {end} s: {:?}", trajectory.cost));
+    Ok(())
+}
+
+/// The system as a plant: its skeleton, muscles, forces and loads.
+fn plant_of(system: &System, controls: &Controls) -> Result<Plant, ToolProblem> {
+    let mut plant = Plant::compile(&system.spec, &system.model, true)?;
+    for actor in &system.actors {
+        match actor {
+            Actor::External(force) => {
+                let force = force.clone();
+                let load: Load = Arc::new(move |model, cache, time, applied| force.apply(model, cache, time, applied));
+                plant = plant.with_load(load);
+            }
+            Actor::Coordinate(actuator) => {
+                let (actuator, controls) = (actuator.clone(), controls.clone());
+                let coordinate: CoordinateIndex = actuator.coordinate;
+                plant = plant.with_load(Arc::new(move |_, _, time, applied| {
+                    let [low, high] = actuator.control_range;
+                    let control = controls.at(&actuator.name, time).unwrap_or(0.0).max(low).min(high);
+                    applied.add_to_coordinate(coordinate, control * actuator.optimal_force);
+                }));
+            }
+            _ => {}
+        }
+    }
+    Ok(plant)
+}
+
+fn even_times(start: f64, end: f64) -> Vec<f64> {
+    let rows = ((end - start) * ROWS_PER_SECOND).max(FEWEST_ROWS).ceil() as usize;
+    (0..=rows).map(|i| if i == rows { end } else { start + (end - start) * i as f64 / rows as f64 }).collect()
+}
+
+fn write(
+    frame: &Frame,
+    states: &Storage,
+    controls: &Controls,
+    actuators: &[String],
+    system: &System,
+    outcome: &mut Outcome,
+) {
+    let labels = if controls.is_empty() { Vec::new() } else { actuators.to_vec() };
+    let mut storage = Storage::new("controls", labels);
+    if !controls.is_empty() {
+        for time in &states.time {
+            storage.push(*time, actuators.iter().map(|a| controls.at(a, *time).unwrap_or(0.0)).collect());
+        }
+    }
+    let name = &frame.name;
+    outcome.add_storage(&frame.results, &format!("{name}_controls.sto"), &storage, frame.precision);
+    outcome.add_storage(&frame.results, &format!("{name}_states.sto"), states, frame.precision);
+    let mut degrees = states.clone();
+    degrees.in_degrees = true;
+    for row in &mut degrees.rows {
+        for i in (0..system.model.n_coordinates()).filter(|i| system.is_angle(*i)) {
+            row[2 * i] = row[2 * i].to_degrees();
+            row[2 * i + 1] = row[2 * i + 1].to_degrees();
+        }
+    }
+    let (columns, rows) = (degrees.labels.len() + 1, degrees.len());
+    let range = |time: f64| printed(time, 6).trim().to_owned();
+    let (first, last) = (range(degrees.time[0]), range(degrees.time[rows - 1]));
+    degrees.description = format!(
+        "\n# SIMM Motion File Header:\nname {name}\ndatacolumns {columns}\ndatarows {rows}\notherdata 1\nrange {first} {last}\n"
+    );
+    let path = frame.results.join(format!("{name}_states_degrees.mot"));
+    outcome.files.push(ResultFile { path, bytes: degrees.text(frame.precision).into_bytes() });
+}

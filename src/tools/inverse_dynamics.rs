@@ -1,0 +1,167 @@
+//! Forces that a motion needs: OpenSim's `InverseDynamicsTool`.
+
+use std::path::Path;
+
+use super::error::{ToolError, ToolProblem};
+use super::external_loads::add_external_loads;
+use super::motion::{columns_of, coordinate_splines, read_coordinates, to_radians};
+use super::result::Outcome;
+use super::setup::Properties;
+use super::system::{Actor, System, SystemState};
+use crate::spatial::SpatialForce;
+use crate::storage::Storage;
+
+/// Runs the tool.
+///
+/// # Errors
+/// The setup, its files, or a model whose forces are not all computed.
+pub fn run(tool: &Properties, mut system: System, outcome: &mut Outcome) -> Result<(), ToolError> {
+    let setup = tool.setup().path().to_owned();
+    let results = tool.setup().resolve(&tool.string("results_directory"));
+    let [start, end] = tool.numbers("time_range", [f64::NEG_INFINITY, f64::INFINITY])?;
+    let excluded = tool.words("forces_to_exclude").unwrap_or_default();
+    let cutoff = tool.number("lowpass_cutoff_frequency_for_coordinates", -1.0)?;
+    let file = tool.file("coordinates_file").ok_or_else(|| tool.missing("coordinates_file", "a .mot or .sto file"))?;
+    let output = tool.text("output_gen_force_file").unwrap_or_else(|| "inverse_dynamics.sto".into());
+    let joints = tool.words("joints_to_report_body_forces").unwrap_or_default();
+    let body_output = tool.text("output_body_forces_file").unwrap_or_else(|| "body_forces_at_joints.sto".into());
+    tool.ignore_all(&["input_directory", "coordinates_in_degrees"]);
+    if let Some(loads) = tool.file("external_loads_file") {
+        let warnings = add_external_loads(&loads, &mut system)?;
+        warnings.into_iter().for_each(|text| outcome.warn(&loads, 0, text));
+    }
+    let is_excluded = exclusion(&excluded);
+    let muscles_excluded = |name: &str| {
+        let is_muscle = system.muscles.iter().any(|m| m.name == name);
+        is_excluded(name, is_muscle, is_muscle || system.is_actuator(name))
+    };
+    system.require_all_forces(&muscles_excluded)?;
+
+    let mut data = read_coordinates(&file, cutoff)?;
+    data.warnings.iter().for_each(|text| outcome.warn(&file, 0, text.clone()));
+    to_radians(&mut data, &system);
+    let columns = columns_of(&data, &system);
+    let splines = coordinate_splines(&data, &columns, &file)?;
+    for (coordinate, _) in system.model.coordinates.iter().zip(&splines).filter(|(_, s)| s.is_none()) {
+        let text = format!("coordinate `{}` is not in this file: its default value is taken", coordinate.name);
+        outcome.warn(&file, 0, text);
+    }
+    let [first, last] = [data.time[0], data.time[data.len() - 1]];
+    let first = data.index_at(first.max(start));
+    let last = data.index_at(last.min(end));
+    if last < first {
+        return Err(tool.bad_value("time_range", "a range that meets the data", &format!("{start} {end}")));
+    }
+
+    let forces = solve(&system, &splines, &data.time[first..=last], &is_excluded)?;
+    let labels = system.tree_order.iter().map(|c| {
+        let unit = if system.is_angle(c.0) { "moment" } else { "force" };
+        format!("{}_{unit}", system.model.coordinates[c.0].name)
+    });
+    let mut storage = Storage::new("Inverse Dynamics Generalized Forces", labels.collect());
+    for (time, solution) in data.time[first..=last].iter().zip(&forces) {
+        storage.push(*time, system.tree_order.iter().map(|c| solution.generalized[c.0]).collect());
+    }
+    outcome.add_storage(&results, &output, &storage, 8);
+    outcome.summary.push(format!("inverse dynamics of {} times, {}", storage.len(), file.display()));
+    if !joints.is_empty() {
+        let storage = body_forces(&system, &joints, &data.time[first..=last], &forces, &setup, outcome);
+        if !storage.labels.is_empty() {
+            outcome.add_storage(&results, &body_output, &storage, 8);
+        }
+    }
+    Ok(())
+}
+
+/// Whether a force of this name is excluded: by name, or as muscle, actuator or any.
+pub fn exclusion(names: &[String]) -> impl Fn(&str, bool, bool) -> bool + '_ {
+    let keyword = |word: &str| names.iter().any(|n| n.eq_ignore_ascii_case(word));
+    let (all, actuators, muscles) = (keyword("ALL"), keyword("ACTUATORS"), keyword("MUSCLES"));
+    move |name, is_muscle, is_actuator| {
+        all || (actuators && is_actuator) || (muscles && is_muscle) || names.iter().any(|n| n == name)
+    }
+}
+
+/// Forces at one time.
+struct Solution {
+    generalized: Vec<f64>,
+    /// Force that each joint carries on its outboard body, at the origin of its child frame: by joint.
+    joints: Vec<SpatialForce>,
+}
+
+fn solve(
+    system: &System,
+    splines: &[Option<crate::functions::Function>],
+    times: &[f64],
+    is_excluded: &dyn Fn(&str, bool, bool) -> bool,
+) -> Result<Vec<Solution>, ToolError> {
+    let mut work = system.new_work();
+    let default = system.default_state()?;
+    let acts: Vec<bool> = system
+        .actors
+        .iter()
+        .map(|actor| {
+            let is_muscle = matches!(actor, Actor::Muscle(_));
+            !is_excluded(actor.name(&system.muscles), is_muscle, is_muscle)
+        })
+        .collect();
+    let mut solutions = Vec::with_capacity(times.len());
+    for &time in times {
+        let value = |i: usize, order: usize| match (&splines[i], order) {
+            (Some(spline), 0) => spline.value(time),
+            (Some(spline), 1) => spline.derivative(time),
+            (Some(spline), _) => spline.second_derivative(time),
+            (None, 0) => system.model.coordinates[i].default_value,
+            (None, _) => 0.0,
+        };
+        let n = splines.len();
+        let of_order = |order: usize| (0..n).map(|i| value(i, order)).collect::<Vec<f64>>();
+        let state = SystemState { time, q: of_order(0), u: of_order(1), ..default.clone() };
+        let udot = of_order(2);
+        let evaluation = system.evaluate(&mut work, &state, &|k| acts[k]);
+        let generalized = work.dynamics.inverse_dynamics(&state.q, &state.u, &udot, &evaluation.applied);
+        if !generalized.iter().all(|f| f.is_finite()) {
+            let source = crate::dynamics::DynamicsError::NotFinite;
+            return Err(ToolError::new(&system.path, ToolProblem::Dynamics { time, source }));
+        }
+        let generalized: Vec<f64> = generalized.iter().copied().collect();
+        let joints = system.equivalent_joint_forces(work.dynamics.cache(), &generalized);
+        solutions.push(Solution { generalized, joints });
+    }
+    Ok(solutions)
+}
+
+fn body_forces(
+    system: &System,
+    names: &[String],
+    times: &[f64],
+    solutions: &[Solution],
+    setup: &Path,
+    outcome: &mut Outcome,
+) -> Storage {
+    let mut joints = Vec::new();
+    for name in names {
+        if name.eq_ignore_ascii_case("ALL") {
+            joints.extend(0..system.spec.joints.len());
+            break;
+        }
+        match system.spec.joints.iter().position(|j| j.name == *name) {
+            Some(joint) => joints.push(joint),
+            None => outcome.warn(setup, 0, format!("joints_to_report_body_forces: the model has no joint `{name}`")),
+        }
+    }
+    let labels = joints.iter().flat_map(|&j| {
+        let joint = &system.spec.joints[j];
+        let stem = format!("{}_{}", joint.name, system.spec.frames[joint.child_frame.0].name);
+        ["FX", "FY", "FZ", "MX", "MY", "MZ"].map(|k| format!("{stem}_{k}"))
+    });
+    let mut storage = Storage::new("Inverse Dynamics Body Forces at Specified Joints", labels.collect());
+    for (time, solution) in times.iter().zip(solutions) {
+        let row = joints.iter().flat_map(|&j| {
+            let force = &solution.joints[j];
+            force.force.iter().chain(force.moment.iter()).copied().collect::<Vec<_>>()
+        });
+        storage.push(*time, row.collect());
+    }
+    storage
+}

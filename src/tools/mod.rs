@@ -1,0 +1,99 @@
+//! OpenSim's tools, run from OpenSim's own setup files: same files, headers, columns and units.
+//!
+//! In: a setup file and what it names. Out: an [`Outcome`]: files to be written, warnings, a summary. Nothing is written
+//! or printed here. Each tool is one file; all evaluate a [`System`], a model with everything that acts in it.
+
+mod actuators;
+mod analysis;
+mod analyze;
+mod controls;
+mod error;
+mod external_loads;
+mod force_analyses;
+mod forward;
+mod ik_solver;
+mod inverse_dynamics;
+mod inverse_kinematics;
+mod kinematics;
+mod motion;
+mod muscle_analysis;
+mod result;
+mod scale;
+mod setup;
+mod static_optimization;
+mod system;
+
+use std::path::Path;
+
+pub use error::{ToolError, ToolProblem};
+pub use ik_solver::{CoordinateGoal, InverseKinematics, MarkerGoal};
+pub use motion::Motion;
+pub use result::{Outcome, ResultFile};
+pub use system::{Actor, Evaluation, System, SystemMuscle, SystemState, SystemWork};
+
+use crate::osim::OsimFile;
+use setup::{Properties, Setup};
+
+/// Tools that are run.
+const TOOLS: [&str; 5] = ["AnalyzeTool", "ForwardTool", "InverseDynamicsTool", "InverseKinematicsTool", "ScaleTool"];
+
+/// Runs the tool of a setup file.
+///
+/// - `model`: model to use instead of the one that the setup names
+///
+/// # Errors
+/// The setup, the files that it names, or what it asks for.
+pub fn run_tool(setup: &Path, model: Option<&Path>) -> Result<Outcome, ToolError> {
+    let setup = Setup::read(setup)?;
+    let tool = setup.object();
+    let mut outcome = Outcome::default();
+    match tool.class() {
+        "AnalyzeTool" => analyze::run(&tool, system_of(&tool, model, &mut outcome)?, &mut outcome)?,
+        "ForwardTool" => {
+            let (path, file) = model_of(&tool, model, &mut outcome)?;
+            let document = file.document.clone();
+            forward::run(&tool, System::new(&path, file)?, document, &mut outcome)?;
+        }
+        "ScaleTool" => {
+            let maker = tool.child("GenericModelMaker").unwrap_or(tool);
+            let (path, file) = model_of(&maker, model, &mut outcome)?;
+            scale::run(&tool, path, file, &mut outcome)?;
+        }
+        "InverseDynamicsTool" => inverse_dynamics::run(&tool, system_of(&tool, model, &mut outcome)?, &mut outcome)?,
+        "InverseKinematicsTool" => {
+            inverse_kinematics::run(&tool, system_of(&tool, model, &mut outcome)?, &mut outcome)?;
+        }
+        other => {
+            let problem = ToolProblem::NotATool { expected: TOOLS.join(", "), found: other.to_owned() };
+            return Err(ToolError::at(setup.path(), tool.line(), problem));
+        }
+    }
+    for (line, tag) in setup.unread() {
+        outcome.warn(setup.path(), line, format!("<{tag}> is no property of {} and was not used", tool.class()));
+    }
+    Ok(outcome)
+}
+
+/// The model that a setup names, or another one.
+fn model_of(
+    tool: &Properties,
+    model: Option<&Path>,
+    outcome: &mut Outcome,
+) -> Result<(std::path::PathBuf, OsimFile), ToolError> {
+    let named = tool.file("model_file");
+    let path = match (model, named) {
+        (Some(model), _) => model.to_owned(),
+        (None, Some(named)) => named,
+        (None, None) => return Err(tool.missing("model_file", "a model (.osim)")),
+    };
+    let file = OsimFile::read(&path).map_err(|e| ToolError::new(&path, e))?;
+    for found in file.diagnostics.of(crate::osim::Severity::Warning) {
+        outcome.warn(&path, found.line, format!("{}: {}", found.path, found.message));
+    }
+    Ok((path, file))
+}
+
+fn system_of(tool: &Properties, model: Option<&Path>, outcome: &mut Outcome) -> Result<System, ToolError> {
+    let (path, file) = model_of(tool, model, outcome)?;
+    System::new(&path, file)
+}

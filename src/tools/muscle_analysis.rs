@@ -1,0 +1,142 @@
+//! Lengths, velocities, forces, powers and moment arms of muscles: `MuscleAnalysis`.
+
+use super::analysis::{Analysis, Instant, Options, UNITS};
+use super::error::ToolError;
+use super::setup::Properties;
+use super::system::System;
+use crate::muscles::MuscleDynamics;
+use crate::osim::spec::CoordinateIndex;
+use crate::storage::Storage;
+
+/// A quantity: name of its storage, and its value.
+type Quantity = (&'static str, fn(&MuscleDynamics, f64, f64) -> f64);
+
+/// In OpenSim's order; arguments beside the muscle: length and lengthening speed of its path.
+const QUANTITIES: [Quantity; 18] = [
+    ("PennationAngle", |m, _, _| m.pennation_angle),
+    ("Length", |_, length, _| length),
+    ("FiberLength", |m, _, _| m.fiber_length),
+    ("NormalizedFiberLength", |m, _, _| m.normalized_fiber_length),
+    ("TendonLength", |m, _, _| m.tendon_length),
+    ("FiberVelocity", |m, _, _| m.fiber_velocity),
+    ("NormFiberVelocity", |m, _, _| m.normalized_fiber_velocity),
+    ("PennationAngularVelocity", |m, _, _| m.pennation_angular_velocity),
+    ("TendonForce", |m, _, _| m.tendon_force),
+    ("FiberForce", |m, _, _| m.fiber_force),
+    ("ActiveFiberForce", |m, _, _| m.active_fiber_force),
+    ("PassiveFiberForce", |m, _, _| m.passive_fiber_force),
+    ("ActiveFiberForceAlongTendon", |m, _, _| m.active_fiber_force_along_tendon),
+    ("PassiveFiberForceAlongTendon", |m, _, _| m.passive_fiber_force_along_tendon),
+    ("FiberActivePower", |m, _, _| -(m.active_fiber_force + m.passive_fiber_damping_force) * m.fiber_velocity),
+    ("FiberPassivePower", |m, _, _| -m.passive_fiber_elastic_force * m.fiber_velocity),
+    ("TendonPower", |m, _, _| -m.tendon_force * m.tendon_velocity),
+    ("MuscleActuatorPower", |m, _, speed| -m.tendon_force * speed),
+];
+
+/// The analysis.
+pub struct MuscleAnalysis {
+    options: Options,
+    muscles: Vec<usize>,
+    coordinates: Vec<CoordinateIndex>,
+    /// One per quantity.
+    stores: Vec<Storage>,
+    /// Moment arms, then moments, one per coordinate each.
+    arms: Vec<Storage>,
+    moments: Vec<Storage>,
+    warnings: Vec<String>,
+}
+
+impl MuscleAnalysis {
+    /// Reads the analysis. Muscles and coordinates that the model does not have are left out, with a warning.
+    ///
+    /// # Errors
+    /// Values that cannot be used.
+    pub fn read(analysis: &Properties, system: &System) -> Result<MuscleAnalysis, ToolError> {
+        let options = Options::read(analysis)?;
+        let mut warnings = Vec::new();
+        let names = analysis.words("muscle_list").unwrap_or_else(|| vec!["all".into()]);
+        let muscles = if names == ["all"] {
+            (0..system.muscles.len()).collect()
+        } else {
+            let mut found = Vec::new();
+            for name in &names {
+                match system.muscles.iter().position(|m| m.name == *name) {
+                    Some(i) => found.push(i),
+                    None => warnings.push(format!("{}: the model has no muscle `{name}`", options.name)),
+                }
+            }
+            found
+        };
+        let mut coordinates = Vec::new();
+        let list = analysis.words("moment_arm_coordinate_list").unwrap_or_else(|| vec!["all".into()]);
+        if analysis.boolean("compute_moments", true)? {
+            if list.first().is_some_and(|first| first.eq_ignore_ascii_case("all")) {
+                coordinates = (0..system.model.n_coordinates()).map(CoordinateIndex).collect();
+            } else {
+                for name in &list {
+                    match system.model.coordinate(name) {
+                        Some(c) => coordinates.push(c),
+                        None => warnings.push(format!("{}: the model has no coordinate `{name}`", options.name)),
+                    }
+                }
+            }
+        }
+        let labels: Vec<String> = muscles.iter().map(|i| system.muscles[*i].name.clone()).collect();
+        let description = format!(
+            "\nThis analysis gathers basic information about muscles during a simulation (e.g., forces, tendon lengths, moment arms, etc).{UNITS}"
+        );
+        let storage = |name: String| {
+            let mut storage = Storage::new(&name, labels.clone());
+            storage.description.clone_from(&description);
+            storage
+        };
+        let named = |kind: &str| {
+            let name = |c: &CoordinateIndex| format!("{kind}_{}", system.model.coordinates[c.0].name);
+            coordinates.iter().map(name).map(storage).collect()
+        };
+        let stores = QUANTITIES.iter().map(|(name, _)| storage((*name).to_owned())).collect();
+        let (arms, moments) = (named("MomentArm"), named("Moment"));
+        Ok(MuscleAnalysis { options, muscles, coordinates, stores, arms, moments, warnings })
+    }
+}
+
+impl Analysis for MuscleAnalysis {
+    fn options(&self) -> &Options {
+        &self.options
+    }
+
+    fn record(&mut self, instant: &mut Instant) -> Result<(), ToolError> {
+        let (system, state, evaluation) = (instant.system, instant.state, instant.evaluation);
+        for ((name, quantity), store) in QUANTITIES.iter().zip(&mut self.stores) {
+            let value = |i: &usize| {
+                let (length, speed) = (evaluation.muscle_length[*i], evaluation.muscle_speed[*i]);
+                match &evaluation.muscles[*i] {
+                    Some(muscle) => quantity(muscle, length, speed),
+                    None if *name == "Length" => length,
+                    None => f64::NAN,
+                }
+            };
+            store.push(state.time, self.muscles.iter().map(value).collect());
+        }
+        let mut cache = instant.work.dynamics.cache().clone();
+        for (k, coordinate) in self.coordinates.iter().enumerate() {
+            system.model.update_unit_motion(&state.q, *coordinate, &mut cache);
+            let arm = |i: &usize| system.muscles[*i].path.moment_arm(&state.q, &cache, &instant.work.paths[*i]);
+            let arms: Vec<f64> = self.muscles.iter().map(arm).collect();
+            let force = |i: &usize| evaluation.muscles[*i].as_ref().map_or(f64::NAN, |m| m.tendon_force);
+            let moments = arms.iter().zip(&self.muscles).map(|(arm, i)| arm * force(i)).collect();
+            self.arms[k].push(state.time, arms);
+            self.moments[k].push(state.time, moments);
+        }
+        Ok(())
+    }
+
+    fn results(&self) -> Vec<(String, &Storage)> {
+        let all = self.arms.iter().chain(&self.moments).chain(&self.stores);
+        all.map(|storage| (storage.name.clone(), storage)).collect()
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        self.warnings.clone()
+    }
+}

@@ -1,0 +1,41 @@
+//! What a tool writes.
+
+use std::path::{Path, PathBuf};
+
+use crate::storage::Storage;
+
+/// A file that a tool writes.
+#[derive(Clone, Debug)]
+pub struct ResultFile {
+    /// Where.
+    pub path: PathBuf,
+    /// Its bytes.
+    pub bytes: Vec<u8>,
+}
+
+/// What a tool did.
+#[derive(Clone, Debug, Default)]
+pub struct Outcome {
+    /// Files to be written.
+    pub files: Vec<ResultFile>,
+    /// What the user should know: file, line (0: none), text.
+    pub warnings: Vec<(PathBuf, usize, String)>,
+    /// What was done, in lines for the terminal.
+    pub summary: Vec<String>,
+}
+
+impl Outcome {
+    /// Adds a storage as OpenSim's `Storage::printResult` names it: in `folder`, `.sto` unless the name has an extension.
+    pub fn add_storage(&mut self, folder: &Path, name: &str, storage: &Storage, precision: usize) {
+        // Only the name counts, folders in it are dropped.
+        let name = name.rsplit(['/', '\\']).next().unwrap_or(name);
+        let has_extension = name.rsplit_once('.').is_some_and(|(stem, end)| !stem.is_empty() && !end.is_empty());
+        let name = if has_extension { name.to_owned() } else { format!("{name}.sto") };
+        self.files.push(ResultFile { path: folder.join(name), bytes: storage.text(precision).into_bytes() });
+    }
+
+    /// Adds a warning about a file.
+    pub fn warn(&mut self, file: &Path, line: usize, text: impl Into<String>) {
+        self.warnings.push((file.to_owned(), line, text.into()));
+    }
+}

@@ -1,0 +1,268 @@
+//! Setup files of tools: properties by name, with the defaults of OpenSim's classes, relative paths, and what of the
+//! file was not understood.
+
+use std::cell::RefCell;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use nalgebra::Vector3;
+
+use super::error::{ToolError, ToolProblem};
+use crate::osim::{Document, ElementId, OsimError};
+
+/// A setup file.
+#[derive(Debug)]
+pub struct Setup {
+    document: Document,
+    path: PathBuf,
+    used: RefCell<Vec<bool>>,
+}
+
+/// An object in a setup file.
+#[derive(Clone, Copy, Debug)]
+pub struct Properties<'a> {
+    setup: &'a Setup,
+    element: ElementId,
+}
+
+impl Setup {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// The disk, or no XML.
+    pub fn read(path: &Path) -> Result<Setup, ToolError> {
+        let document = Document::read(path).map_err(|error| match error {
+            OsimError::Read { source, .. } => ToolError::new(path, ToolProblem::Read(source)),
+            OsimError::Document(error) => {
+                let line = error.line;
+                ToolError::at(path, line, ToolProblem::Document(error))
+            }
+            other => ToolError::new(path, other),
+        })?;
+        let used = RefCell::new(vec![false; document.n_elements()]);
+        Ok(Setup { document, path: path.to_owned(), used })
+    }
+
+    /// A document that was read elsewhere, such as a model.
+    pub fn of_document(path: &Path, document: Document) -> Setup {
+        let used = RefCell::new(vec![false; document.n_elements()]);
+        Setup { document, path: path.to_owned(), used }
+    }
+
+    /// The object at an element.
+    pub fn at_element(&self, element: usize) -> Properties<'_> {
+        Properties { setup: self, element: ElementId(element) }
+    }
+
+    /// Where it was read from.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// A file or folder that the setup names: relative to the setup's own folder.
+    pub fn resolve(&self, name: &str) -> PathBuf {
+        let name = name.replace('\\', "/");
+        match self.path.parent() {
+            Some(folder) => folder.join(name),
+            None => PathBuf::from(name),
+        }
+    }
+
+    /// The object of the file: the child of `<OpenSimDocument>`, or in files of old the root itself.
+    pub fn object(&self) -> Properties<'_> {
+        let root = self.document.root();
+        let element = match self.document.children(root).first() {
+            Some(&child) if self.document.tag(root) == "OpenSimDocument" => child,
+            _ => root,
+        };
+        self.mark(root);
+        self.mark(element);
+        Properties { setup: self, element }
+    }
+
+    fn mark(&self, element: ElementId) {
+        self.used.borrow_mut()[element.0] = true;
+    }
+
+    /// Properties that nothing asked for: line and tag. Children of such are not listed again.
+    pub fn unread(&self) -> Vec<(usize, String)> {
+        let used = self.used.borrow();
+        let is_first = |e: &ElementId| !used[e.0] && self.document.parent(*e).is_none_or(|parent| used[parent.0]);
+        let empty = |e: &ElementId| self.document.children(*e).is_empty() && self.document.text(*e).is_empty();
+        let unread = self.document.elements().filter(is_first).filter(|e| !empty(e));
+        unread.map(|e| (self.document.line(e), self.document.tag(e).to_owned())).collect()
+    }
+}
+
+impl<'a> Properties<'a> {
+    /// The setup.
+    pub fn setup(&self) -> &'a Setup {
+        self.setup
+    }
+
+    /// Class: the tag.
+    pub fn class(&self) -> &'a str {
+        self.setup.document.tag(self.element)
+    }
+
+    /// Line of its start tag.
+    pub fn line(&self) -> usize {
+        self.setup.document.line(self.element)
+    }
+
+    /// Attribute `name`; empty if absent.
+    pub fn name(&self) -> String {
+        self.setup.document.attribute(self.element, "name").unwrap_or_default()
+    }
+
+    fn element(&self, property: &str) -> Option<ElementId> {
+        let found = self.setup.document.child(self.element, property)?;
+        self.setup.mark(found);
+        Some(found)
+    }
+
+    /// The object below this tag.
+    pub fn child(&self, property: &str) -> Option<Properties<'a>> {
+        self.element(property).map(|element| Properties { setup: self.setup, element })
+    }
+
+    /// Objects of a set; of the set that this is, for an empty name.
+    pub fn objects(&self, set: &str) -> Vec<Properties<'a>> {
+        let Some(set) = (if set.is_empty() { Some(*self) } else { self.child(set) }) else { return Vec::new() };
+        if let Some(groups) = set.child("groups") {
+            groups.ignore();
+        }
+        let Some(objects) = set.child("objects") else { return Vec::new() };
+        let children = self.setup.document.children(objects.element);
+        children
+            .iter()
+            .map(|&element| {
+                self.setup.mark(element);
+                Properties { setup: self.setup, element }
+            })
+            .collect()
+    }
+
+    /// Takes everything below as read.
+    pub fn ignore(&self) {
+        self.setup.mark(self.element);
+        for &child in self.setup.document.children(self.element) {
+            Properties { setup: self.setup, element: child }.ignore();
+        }
+    }
+
+    /// Takes properties as read that change nothing of what is computed.
+    pub fn ignore_all(&self, properties: &[&str]) {
+        properties.iter().filter_map(|p| self.child(p)).for_each(|p| p.ignore());
+    }
+
+    /// Text of a property; `None` if absent.
+    pub fn text(&self, property: &str) -> Option<String> {
+        self.element(property).map(|e| self.setup.document.text(e))
+    }
+
+    /// Text of a property, empty if absent or "Unassigned".
+    pub fn string(&self, property: &str) -> String {
+        self.text(property).filter(|text| text != "Unassigned").unwrap_or_default()
+    }
+
+    /// The file that a property names; `None` if none.
+    pub fn file(&self, property: &str) -> Option<PathBuf> {
+        let text = self.string(property);
+        (!text.is_empty()).then(|| self.setup.resolve(&text))
+    }
+
+    /// Words of a property; `None` if absent.
+    pub fn words(&self, property: &str) -> Option<Vec<String>> {
+        let text = self.text(property)?;
+        Some(text.split_ascii_whitespace().map(str::to_owned).collect())
+    }
+
+    fn value<T: FromStr>(&self, property: &str, default: T, expected: &str) -> Result<T, ToolError> {
+        match self.text(property) {
+            None => Ok(default),
+            Some(text) if text.is_empty() => Ok(default),
+            Some(text) => text.parse().map_err(|_| self.bad_value(property, expected, &text)),
+        }
+    }
+
+    /// A number.
+    ///
+    /// # Errors
+    /// Something else stands there.
+    pub fn number(&self, property: &str, default: f64) -> Result<f64, ToolError> {
+        self.value(property, default, "a number")
+    }
+
+    /// A whole number.
+    ///
+    /// # Errors
+    /// Something else stands there.
+    pub fn integer(&self, property: &str, default: i64) -> Result<i64, ToolError> {
+        self.value(property, default, "a whole number")
+    }
+
+    /// `true` or `false`.
+    ///
+    /// # Errors
+    /// Something else stands there.
+    pub fn boolean(&self, property: &str, default: bool) -> Result<bool, ToolError> {
+        match self.text(property) {
+            None => Ok(default),
+            Some(text) => match text.to_lowercase().as_str() {
+                "" => Ok(default),
+                "true" | "1" => Ok(true),
+                "false" | "0" => Ok(false),
+                _ => Err(self.bad_value(property, "true or false", &text)),
+            },
+        }
+    }
+
+    /// Numbers.
+    ///
+    /// # Errors
+    /// Something else stands there, or another count.
+    pub fn numbers<const N: usize>(&self, property: &str, default: [f64; N]) -> Result<[f64; N], ToolError> {
+        let Some(text) = self.text(property).filter(|t| !t.is_empty()) else { return Ok(default) };
+        let numbers: Result<Vec<f64>, _> = text.split_ascii_whitespace().map(str::parse).collect();
+        let found = numbers.ok().and_then(|n| <[f64; N]>::try_from(n).ok());
+        found.ok_or_else(|| self.bad_value(property, &format!("{N} numbers"), &text))
+    }
+
+    /// Three numbers.
+    ///
+    /// # Errors
+    /// Something else stands there.
+    pub fn vector(&self, property: &str) -> Result<Vector3<f64>, ToolError> {
+        self.numbers::<3>(property, [0.0; 3]).map(Vector3::from)
+    }
+
+    /// An error at a property.
+    pub fn bad_value(&self, property: &str, expected: &str, found: &str) -> ToolError {
+        let problem = ToolProblem::Value {
+            property: property.to_owned(),
+            expected: expected.to_owned(),
+            found: found.to_owned(),
+        };
+        self.error_at(property, problem)
+    }
+
+    /// A property or class that is not supported.
+    pub fn unsupported(&self, what: &str, instead: &str) -> ToolError {
+        let problem = ToolProblem::Unsupported { what: what.to_owned(), instead: instead.to_owned() };
+        self.error_at(what, problem)
+    }
+
+    /// A property that has to be given.
+    pub fn missing(&self, property: &str, expected: &str) -> ToolError {
+        let problem = ToolProblem::Missing { property: property.to_owned(), expected: expected.to_owned() };
+        self.error_at(property, problem)
+    }
+
+    /// An error at a property, or at the object where the property is absent.
+    pub fn error_at(&self, property: &str, problem: impl Into<ToolProblem>) -> ToolError {
+        let child = self.setup.document.child(self.element, property);
+        let line = child.map_or_else(|| self.line(), |element| self.setup.document.line(element));
+        ToolError::at(&self.setup.path, line, problem)
+    }
+}

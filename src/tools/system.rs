@@ -1,0 +1,551 @@
+//! A model with all that acts in it, evaluated at given states.
+
+use std::path::{Path, PathBuf};
+
+use nalgebra::{DMatrix, DVector, Vector3};
+
+use super::actuators::{CoordinateActuator, adopt_model_actuators};
+use super::error::{ToolError, ToolProblem};
+use super::external_loads::ExternalForce;
+use super::setup::Setup;
+use crate::dynamics::{Accelerations, Constraints, Dynamics};
+use crate::forces::{AppliedForces, Force, Forces, PathForce};
+use crate::multibody::{Cache, Model};
+use crate::muscles::{Millard2012, MuscleDynamics};
+use crate::osim::OsimFile;
+use crate::osim::spec::{BodyIndex, CoordinateIndex, FrameIndex, ModelSpec, MotionType};
+use crate::paths::{Path as MusclePath, PathGeometry};
+use crate::spatial::SpatialForce;
+
+/// A muscle with its path.
+#[derive(Clone, Debug)]
+pub struct SystemMuscle {
+    /// Name.
+    pub name: String,
+    /// Component path.
+    pub path_name: String,
+    /// Path.
+    pub path: MusclePath,
+    /// Its law; `None`: a class whose force is not computed.
+    pub law: Option<Millard2012>,
+    /// Class and line, for messages.
+    pub class: (String, usize),
+    /// Whether it applies its force.
+    pub applies_force: bool,
+}
+
+/// What acts, in the order of the force set.
+#[derive(Clone, Debug)]
+pub enum Actor {
+    /// A muscle (index).
+    Muscle(usize),
+    /// A force that needs only coordinates and poses.
+    Law(Box<Force>),
+    /// A force along a path.
+    Along {
+        /// Name.
+        name: String,
+        /// Path.
+        path: Box<MusclePath>,
+        /// Tension.
+        law: Box<PathForce>,
+    },
+    /// An actuator that follows a control.
+    Coordinate(Box<CoordinateActuator>),
+    /// A force from data.
+    External(Box<ExternalForce>),
+}
+
+impl Actor {
+    /// Name.
+    pub fn name<'a>(&'a self, muscles: &'a [SystemMuscle]) -> &'a str {
+        match self {
+            Actor::Muscle(i) => &muscles[*i].name,
+            Actor::Law(force) => &force.name,
+            Actor::Along { name, .. } => name,
+            Actor::Coordinate(actuator) => &actuator.name,
+            Actor::External(force) => &force.name,
+        }
+    }
+}
+
+/// A model with all that acts in it.
+#[derive(Debug)]
+pub struct System {
+    /// Where the model was read from.
+    pub path: PathBuf,
+    /// The specification.
+    pub spec: ModelSpec,
+    /// The skeleton.
+    pub model: Model,
+    /// Constraints, locked and prescribed coordinates among them.
+    pub constraints: Constraints,
+    /// Muscles in the order of the force set.
+    pub muscles: Vec<SystemMuscle>,
+    /// What acts, in the order of the force set.
+    pub actors: Vec<Actor>,
+    /// Forces of classes that are not computed: name and class.
+    pub unsupported: Vec<(String, String)>,
+    /// Coordinates in the order of Simbody's tree.
+    pub tree_order: Vec<CoordinateIndex>,
+}
+
+/// A state of the system.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SystemState {
+    /// Time [s].
+    pub time: f64,
+    /// Coordinates.
+    pub q: Vec<f64>,
+    /// Speeds.
+    pub u: Vec<f64>,
+    /// Activation of every muscle.
+    pub activation: Vec<f64>,
+    /// Fibre length of every muscle [m]; NaN: at equilibrium.
+    pub fiber_length: Vec<f64>,
+}
+
+/// What the system does at a state.
+#[derive(Debug)]
+pub struct Evaluation {
+    /// Length of every muscle [m].
+    pub muscle_length: Vec<f64>,
+    /// Lengthening speed of every muscle [m/s].
+    pub muscle_speed: Vec<f64>,
+    /// Everything about every muscle; `None` where the class is not computed.
+    pub muscles: Vec<Option<MuscleDynamics>>,
+    /// Tension of every force along a path that is no muscle, by position among the actors [N].
+    pub tension: Vec<f64>,
+    /// Sum of forces.
+    pub applied: AppliedForces,
+}
+
+/// Buffers of evaluations.
+pub struct SystemWork<'a> {
+    /// Kinematics and equations of motion.
+    pub dynamics: Dynamics<'a>,
+    /// Paths of muscles.
+    pub paths: Vec<PathGeometry>,
+    others: Vec<Option<PathGeometry>>,
+}
+
+impl System {
+    /// Compiles a model that was read.
+    ///
+    /// # Errors
+    /// Anything of it that cannot be built.
+    pub fn new(path: &Path, file: OsimFile) -> Result<System, ToolError> {
+        let OsimFile { spec, document, .. } = file;
+        let mut system = System::of_spec(path, spec)?;
+        adopt_model_actuators(&Setup::of_document(path, document), &mut system)?;
+        Ok(system)
+    }
+
+    /// Compiles a specification.
+    ///
+    /// # Errors
+    /// Anything of it that cannot be built.
+    pub fn of_spec(path: &Path, spec: ModelSpec) -> Result<System, ToolError> {
+        let model = Model::compile(&spec).map_err(|e| {
+            let line = e.at().line;
+            ToolError::at(path, line, e)
+        })?;
+        let fail = |line: usize, problem: ToolProblem| ToolError::at(path, line, problem);
+        let constraints = Constraints::compile(&spec, &model, true, true).map_err(|e| fail(0, e.into()))?;
+        let forces = Forces::compile(&spec, &model).map_err(|e| fail(0, e.into()))?;
+        let mut muscles = Vec::new();
+        let mut actors: Vec<(usize, Actor)> = Vec::new();
+        for muscle in &spec.muscles {
+            let line = muscle.at.line;
+            let compiled = MusclePath::compile(&muscle.path, &spec, &model).map_err(|e| fail(line, e.into()))?;
+            let law = match Millard2012::from_spec(muscle) {
+                Ok(law) => Some(law),
+                Err(crate::muscles::MuscleError::NotMillard2012 { .. }) => None,
+                Err(error) => return Err(fail(line, error.into())),
+            };
+            let class = match &muscle.kind {
+                crate::osim::spec::MuscleKind::PathOnly { class } => class.clone(),
+                _ => "Millard2012EquilibriumMuscle".to_owned(),
+            };
+            if muscle.applies_force {
+                actors.push((line, Actor::Muscle(muscles.len())));
+            }
+            muscles.push(SystemMuscle {
+                name: muscle.name.clone(),
+                path_name: muscle.at.path.clone(),
+                path: compiled,
+                law,
+                class: (class, line),
+                applies_force: muscle.applies_force,
+            });
+        }
+        let line_of = |name: &str| spec.forces.iter().find(|f| f.name == name).map_or(0, |f| f.at.line);
+        for force in forces.forces {
+            actors.push((line_of(&force.name), Actor::Law(Box::new(force))));
+        }
+        for force in forces.along_paths {
+            let line = line_of(&force.name);
+            let path = MusclePath::compile(&force.path, &spec, &model).map_err(|e| fail(line, e.into()))?;
+            actors.push((line, Actor::Along { name: force.name, path: Box::new(path), law: Box::new(force.law) }));
+        }
+        actors.sort_by_key(|(line, _)| *line);
+        let actors = actors.into_iter().map(|(_, actor)| actor).collect();
+        let tree_order = tree_order(&spec, &model);
+        let (path, unsupported) = (path.to_owned(), forces.unsupported);
+        Ok(System { path, spec, model, constraints, muscles, actors, unsupported, tree_order })
+    }
+
+    /// Buffers.
+    pub fn new_work(&self) -> SystemWork<'_> {
+        let geometry = |actor: &Actor| match actor {
+            Actor::Along { path, .. } => Some(path.new_geometry()),
+            _ => None,
+        };
+        SystemWork {
+            dynamics: Dynamics::new(&self.model, &self.constraints),
+            paths: self.muscles.iter().map(|m| m.path.new_geometry()).collect(),
+            others: self.actors.iter().map(geometry).collect(),
+        }
+    }
+
+    /// The state in which OpenSim's `initSystem` leaves the model: default values, constraints satisfied.
+    ///
+    /// # Errors
+    /// Constraints that cannot be satisfied.
+    pub fn default_state(&self) -> Result<SystemState, ToolError> {
+        let mut q: Vec<f64> = self.model.coordinates.iter().map(|c| c.default_value).collect();
+        let mut u: Vec<f64> = self.model.coordinates.iter().map(|c| c.default_speed_value).collect();
+        self.assemble(0.0, &mut q)?;
+        self.project_speeds(0.0, &q, &mut u);
+        let law = |m: &SystemMuscle, get: fn(&Millard2012) -> f64| m.law.as_ref().map_or(f64::NAN, get);
+        Ok(SystemState {
+            time: 0.0,
+            q,
+            u,
+            activation: self.muscles.iter().map(|m| law(m, Millard2012::default_activation)).collect(),
+            fiber_length: self.muscles.iter().map(|m| law(m, Millard2012::default_fiber_length)).collect(),
+        })
+    }
+
+    /// Moves coordinates as little as possible so that they satisfy the constraints; couplers are followed first, as in
+    /// OpenSim a dependent coordinate gives way. Speeds stay as they are, as in OpenSim's `Model::assemble`.
+    ///
+    /// # Errors
+    /// Constraints that cannot be satisfied.
+    pub fn assemble(&self, time: f64, q: &mut [f64]) -> Result<(), ToolError> {
+        for (i, coordinate) in self.model.coordinates.iter().enumerate() {
+            if let Some(function) = &coordinate.prescribed {
+                q[i] = function.value(time);
+            }
+        }
+        self.model.satisfy_couplers(q);
+        let mut dynamics = Dynamics::new(&self.model, &self.constraints);
+        let fail = |source| ToolError::new(&self.path, ToolProblem::Dynamics { time, source });
+        dynamics.assemble(time, q).map_err(fail)
+    }
+
+    /// Changes speeds as little as possible so that they satisfy the constraints at `q`.
+    pub fn project_speeds(&self, time: f64, q: &[f64], u: &mut [f64]) {
+        if self.model.speeds_are_rates() {
+            self.model.follow_couplers(q, u);
+        }
+        Dynamics::new(&self.model, &self.constraints).project_speeds(time, q, u);
+    }
+
+    /// Fails if a force that acts is of a class that is not computed.
+    ///
+    /// # Errors
+    /// Names and classes of such forces.
+    pub fn require_all_forces(&self, excluded: &dyn Fn(&str) -> bool) -> Result<(), ToolError> {
+        let muscles = self.muscles.iter().filter(|m| m.applies_force && m.law.is_none());
+        let muscles = muscles.map(|m| (m.name.clone(), m.class.0.clone()));
+        let all = self.unsupported.iter().cloned().chain(muscles).filter(|(name, _)| !excluded(name));
+        let names: Vec<String> = all.map(|(name, class)| format!("{name} ({class})")).collect();
+        if names.is_empty() {
+            return Ok(());
+        }
+        let what = format!("forces that are not computed: {}", names.join(", "));
+        let instead = "results would lack them; exclude them or set appliesForce to false".to_owned();
+        Err(ToolError::new(&self.path, ToolProblem::Unsupported { what, instead }))
+    }
+
+    /// Length of every path, then state of every muscle at equilibrium with its path at rest.
+    ///
+    /// Muscles that cannot be balanced keep their fibre length; their names are returned.
+    pub fn equilibrate(&self, work: &mut SystemWork, state: &mut SystemState) -> Vec<String> {
+        work.dynamics.update(&state.q, &state.u);
+        let mut failed = Vec::new();
+        for (i, muscle) in self.muscles.iter().enumerate() {
+            let Some(law) = &muscle.law else { continue };
+            muscle.path.update(&state.q, work.dynamics.cache(), &mut work.paths[i]);
+            match law.equilibrium(work.paths[i].length(), state.activation[i]) {
+                Ok(found) => state.fiber_length[i] = found.fiber_length,
+                Err(error) => failed.push(error.to_string()),
+            }
+        }
+        failed
+    }
+
+    /// Everything at a state but accelerations.
+    ///
+    /// - `acts`: whether an actor applies its force
+    pub fn evaluate(&self, work: &mut SystemWork, state: &SystemState, acts: &dyn Fn(usize) -> bool) -> Evaluation {
+        let SystemWork { dynamics, paths, others } = work;
+        dynamics.update(&state.q, &state.u);
+        let qdot = dynamics.qdot().to_vec();
+        let cache = dynamics.cache();
+        let n = self.muscles.len();
+        let mut found = Evaluation {
+            muscle_length: vec![0.0; n],
+            muscle_speed: vec![0.0; n],
+            muscles: vec![None; n],
+            tension: vec![0.0; self.actors.len()],
+            applied: AppliedForces::new(&self.model),
+        };
+        for (i, muscle) in self.muscles.iter().enumerate() {
+            muscle.path.update(&state.q, cache, &mut paths[i]);
+            found.muscle_length[i] = paths[i].length();
+            found.muscle_speed[i] = muscle.path.lengthening_speed(&state.q, &qdot, cache, &paths[i]);
+            found.muscles[i] = muscle.law.as_ref().map(|law| {
+                law.dynamics(state.fiber_length[i], state.activation[i], found.muscle_length[i], found.muscle_speed[i])
+            });
+        }
+        for (k, actor) in self.actors.iter().enumerate() {
+            let applied = &mut found.applied;
+            match actor {
+                Actor::Muscle(i) => {
+                    let Some(muscle) = &found.muscles[*i] else { continue };
+                    if acts(k) {
+                        let path = &self.muscles[*i].path;
+                        apply_tension(path, &state.q, cache, &paths[*i], muscle.tendon_force, applied);
+                    }
+                }
+                Actor::Law(force) => {
+                    if acts(k) {
+                        force.apply(&self.model, &state.q, &qdot, cache, applied);
+                    }
+                }
+                Actor::Along { path, law, .. } => {
+                    let Some(geometry) = &mut others[k] else { continue };
+                    path.update(&state.q, cache, geometry);
+                    let speed = path.lengthening_speed(&state.q, &qdot, cache, geometry);
+                    found.tension[k] = law.tension(geometry.length(), speed);
+                    if acts(k) {
+                        apply_tension(path, &state.q, cache, geometry, found.tension[k], applied);
+                    }
+                }
+                // Without a control they do nothing.
+                Actor::Coordinate(_) => {}
+                Actor::External(force) => {
+                    if acts(k) {
+                        force.apply(&self.model, cache, state.time, applied);
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    /// Sum of forces with those of actuators given by their names; actuators without are as evaluated.
+    pub fn with_actuator_forces(
+        &self,
+        work: &mut SystemWork,
+        state: &SystemState,
+        force_of: &dyn Fn(&str) -> Option<f64>,
+    ) -> AppliedForces {
+        let given: Vec<Option<f64>> = self
+            .actors
+            .iter()
+            .map(|actor| match actor {
+                Actor::Muscle(_) | Actor::Coordinate(_) => force_of(actor.name(&self.muscles)),
+                _ => None,
+            })
+            .collect();
+        let mut applied = self.evaluate(work, state, &|k| given[k].is_none()).applied;
+        for (actor, force) in self.actors.iter().zip(&given) {
+            let Some(force) = force else { continue };
+            match actor {
+                Actor::Muscle(i) => {
+                    let cache = work.dynamics.cache();
+                    apply_tension(&self.muscles[*i].path, &state.q, cache, &work.paths[*i], *force, &mut applied);
+                }
+                Actor::Coordinate(actuator) => applied.add_to_coordinate(actuator.coordinate, *force),
+                _ => {}
+            }
+        }
+        applied
+    }
+
+    /// Accelerations at the state last evaluated.
+    ///
+    /// # Errors
+    /// The equations of motion have no solution.
+    pub fn accelerations(
+        &self,
+        work: &mut SystemWork,
+        state: &SystemState,
+        evaluation: &Evaluation,
+    ) -> Result<Accelerations, ToolError> {
+        work.dynamics
+            .accelerations(state.time, &state.q, &state.u, &evaluation.applied)
+            .map_err(|source| ToolError::new(&self.path, ToolProblem::Dynamics { time: state.time, source }))
+    }
+
+    /// Whether a force of this name is an actuator of a class that is not computed.
+    pub fn is_actuator(&self, name: &str) -> bool {
+        self.unsupported.iter().any(|(n, class)| n == name && class.ends_with("Actuator"))
+    }
+
+    /// Force that each joint's generalized forces stand for, on its outboard body at the origin of the child frame,
+    /// expressed in ground (`Joint::calcEquivalentSpatialForce`): the smallest force, then the smallest moment.
+    ///
+    /// - `cache`: positions and joint axes
+    pub fn equivalent_joint_forces(&self, cache: &Cache, generalized: &[f64]) -> Vec<SpatialForce> {
+        let joints = self.spec.joints.iter().map(|joint| {
+            let columns: Vec<usize> = joint.coordinates.iter().map(|c| c.0).collect();
+            let frame = self.model.frame(joint.child_frame);
+            let shift = cache.X_GF(&self.model, joint.child_frame).p - cache.X_GB(frame.base).p;
+            let mut w = DMatrix::zeros(columns.len(), 3);
+            let mut v = DMatrix::zeros(columns.len(), 3);
+            self.model.for_each_partial_velocity(cache, frame.base, |c, velocity| {
+                if let Some(row) = columns.iter().position(|column| *column == c) {
+                    let at = velocity.shift(&shift);
+                    (0..3).for_each(|k| (w[(row, k)], v[(row, k)]) = (at.w[k], at.v[k]));
+                }
+            });
+            let f = DVector::from_iterator(columns.len(), columns.iter().map(|c| generalized[*c]));
+            let force = least(&v, &f);
+            let moment = least(&w, &(f - v * force));
+            SpatialForce { moment, force }
+        });
+        joints.collect()
+    }
+
+    /// The frame of a body or ground by its name, or of any frame by its path.
+    pub fn frame(&self, name: &str) -> Option<FrameIndex> {
+        let by_path = || {
+            let absolute = format!("/{}", name.trim_start_matches("./").trim_start_matches('/'));
+            self.spec.frames.iter().position(|f| f.at.path == absolute).map(FrameIndex)
+        };
+        if name == "ground" {
+            return Some(FrameIndex(0));
+        }
+        by_path().or_else(|| self.spec.bodies.iter().find(|b| b.name == name).map(|b| b.frame))
+    }
+
+    /// The body of that name.
+    pub fn body(&self, name: &str) -> Option<BodyIndex> {
+        self.model.body(name)
+    }
+
+    /// Names of the states in OpenSim's order: value and speed of every coordinate, activation and fibre length of
+    /// every muscle.
+    pub fn state_names(&self) -> Vec<String> {
+        let coordinates = self.spec.coordinates.iter();
+        let mut names: Vec<String> =
+            coordinates.flat_map(|c| [format!("{}/value", c.at.path), format!("{}/speed", c.at.path)]).collect();
+        for muscle in &self.muscles {
+            let Some(law) = &muscle.law else { continue };
+            if !law.ignore_activation_dynamics() {
+                names.push(format!("{}/activation", muscle.path_name));
+            }
+            if !law.ignore_tendon_compliance() {
+                names.push(format!("{}/fiber_length", muscle.path_name));
+            }
+        }
+        names
+    }
+
+    /// Values of the states in the order of [`System::state_names`].
+    pub fn state_values(&self, state: &SystemState) -> Vec<f64> {
+        let mut values: Vec<f64> = state.q.iter().zip(&state.u).flat_map(|(q, u)| [*q, *u]).collect();
+        for (i, muscle) in self.muscles.iter().enumerate() {
+            let Some(law) = &muscle.law else { continue };
+            if !law.ignore_activation_dynamics() {
+                values.push(state.activation[i]);
+            }
+            if !law.ignore_tendon_compliance() {
+                values.push(state.fiber_length[i]);
+            }
+        }
+        values
+    }
+
+    /// Sets one state by its name; `false` if there is none.
+    pub fn set_state(&self, state: &mut SystemState, name: &str, value: f64) -> bool {
+        let Some((owner, variable)) = name.rsplit_once('/') else { return false };
+        let coordinate = || self.spec.coordinates.iter().position(|c| c.at.path == owner);
+        let muscle = || self.muscles.iter().position(|m| m.path_name == owner);
+        let place = match variable {
+            "value" => coordinate().map(|i| &mut state.q[i]),
+            "speed" => coordinate().map(|i| &mut state.u[i]),
+            "activation" => muscle().map(|i| &mut state.activation[i]),
+            "fiber_length" => muscle().map(|i| &mut state.fiber_length[i]),
+            _ => None,
+        };
+        match place {
+            Some(place) => {
+                *place = value;
+                true
+            }
+            None => false,
+        }
+    }
+
+    /// Whether a coordinate is an angle in OpenSim's files.
+    pub fn is_angle(&self, coordinate: usize) -> bool {
+        self.model.coordinates[coordinate].motion_type == MotionType::Rotational
+    }
+}
+
+/// Forces of a tension along a path.
+fn apply_tension(
+    path: &MusclePath,
+    q: &[f64],
+    cache: &Cache,
+    geometry: &PathGeometry,
+    tension: f64,
+    applied: &mut AppliedForces,
+) {
+    let AppliedForces { mobility, bodies } = applied;
+    path.unit_tension(
+        q,
+        cache,
+        geometry,
+        |base, point: &Vector3<f64>, force| {
+            let offset = point - cache.X_GB(base).p;
+            bodies[base.0] += SpatialForce::from_force_at(&offset, &(force * tension));
+        },
+        |c: CoordinateIndex, force| mobility[c.0] += force * tension,
+    );
+}
+
+/// Smallest x with A x = b as nearly as possible.
+fn least(a: &DMatrix<f64>, b: &DVector<f64>) -> Vector3<f64> {
+    if a.nrows() == 0 || a.amax() == 0.0 {
+        return Vector3::zeros();
+    }
+    let solved = a.clone().svd(true, true).solve(b, 1e-9 * a.amax()).ok();
+    solved.map_or_else(Vector3::zeros, |x| Vector3::new(x[0], x[1], x[2]))
+}
+
+/// Coordinates by distance of their joint from ground, then in the order of the model: Simbody numbers speeds level by
+/// level.
+fn tree_order(spec: &ModelSpec, model: &Model) -> Vec<CoordinateIndex> {
+    let depth = |c: &CoordinateIndex| {
+        let mut joint = spec.coordinates[c.0].joint;
+        let mut depth = 0;
+        while depth <= spec.joints.len() {
+            depth += 1;
+            let inboard = model.frame(spec.joints[joint.0].parent_frame).base;
+            match inboard.body().and_then(|body| model.inboard_joint(body)) {
+                Some(next) => joint = next,
+                None => break,
+            }
+        }
+        depth
+    };
+    let mut order: Vec<CoordinateIndex> = (0..spec.coordinates.len()).map(CoordinateIndex).collect();
+    order.sort_by_key(depth);
+    order
+}

@@ -1,0 +1,5 @@
+//! OpenSim's tools from OpenSim's setup files: the same files as OpenSim writes, within stated differences.
+
+mod files;
+mod opensim;
+mod setups;

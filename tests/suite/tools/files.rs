@@ -1,0 +1,95 @@
+//! `.sto`, `.mot` and `.trc` files of all ages, and broken ones.
+
+use std::path::Path;
+
+use carpus::storage::{Markers, Storage, printed};
+
+const STO: &str = "Coordinates\nversion=1\nnRows=2\nnColumns=3\ninDegrees=yes\n\nUnits are S.I. units\n\nendheader\ntime\ta\tb\n      0.00000000\t      1.50000000\t             nan\n      0.50000000\t     -2.00000000\t             inf\n";
+
+fn parse(text: &str, name: &str) -> Result<Storage, String> {
+    Storage::parse(text.as_bytes(), Path::new(name)).map_err(|e| e.to_string())
+}
+
+#[test]
+fn verif_storage_is_read_and_written() {
+    let storage = parse(STO, "x.sto").unwrap();
+    assert_eq!((storage.name.as_str(), storage.in_degrees, storage.labels.len()), ("Coordinates", true, 2));
+    assert_eq!(storage.time, [0.0, 0.5]);
+    assert!(storage.rows[0][1].is_nan() && storage.rows[1][1] == f64::INFINITY);
+    let again = Storage { description: "\nUnits are S.I. units\n\n".into(), ..storage };
+    assert_eq!(again.text(8), STO);
+    assert_eq!(printed(-1.0 / 3.0, 8), "     -0.33333333");
+    assert_eq!(printed(0.1, 20), "      0.10000000000000000555");
+}
+
+#[test]
+fn verif_storages_of_all_ages() {
+    // SIMM: no version, in degrees, white space of any kind, rows that do not follow lines.
+    let simm = "name walk\ndatacolumns 3\ndatarows 2\notherdata 1\nrange 0.0 0.1\nendheader\n\n time  knee hip \r\n0  1\t2\r\n 0.1 3\n4\n";
+    let storage = parse(simm, "walk.mot").unwrap();
+    assert!(storage.in_degrees && storage.name == "walk");
+    assert_eq!((storage.labels.join(" "), storage.rows[1].clone()), ("knee hip".into(), vec![3.0, 4.0]));
+    assert!(!parse(simm, "walk.sto").unwrap().in_degrees);
+    // Version 3, with vectors.
+    let new =
+        "DataRate=100\nDataType=Vec3\nversion=3\nOpenSimVersion=4.6\nendheader\ntime\tm\n0\t1,2,3\n0.1\t4,5,-nan\n";
+    let storage = parse(new, "m.sto").unwrap();
+    assert_eq!(storage.labels, ["m_1", "m_2", "m_3"]);
+    assert!(storage.rows[1][1] == 5.0 && storage.rows[1][2].is_nan());
+    // Numbers of Microsoft's libraries.
+    let odd = STO.replace("             nan", "-1.#IND").replace("             inf", "1.#INF");
+    assert!(parse(&odd, "x.sto").unwrap().rows[0][1].is_nan());
+    // A byte-order mark, and labels that the header counts wrongly.
+    let wrong = format!("\u{feff}{}", STO.replace("nColumns=3", "nColumns=7"));
+    assert_eq!(parse(&wrong, "x.sto").unwrap().warnings.len(), 1);
+}
+
+#[test]
+fn verif_broken_storages_are_refused_with_their_line() {
+    for (change, to, expected) in [
+        ("nRows=2", "nRows=3", "x.sto:13: expected 3 rows, as the header says; found 2"),
+        ("1.50000000", "1,50000000", "x.sto:11: column `a`: expected a number, found \"1,50000000\""),
+        ("     -2.00000000", "", "x.sto:13: expected 3 values"),
+        ("endheader\n", "", "x.sto: expected a line `endheader`"),
+        ("nRows=2", "nRows=two", "x.sto:3: expected nRows to be a whole number, found \"two\""),
+        ("time\ta", "t\ta", "x.sto:10: expected a column `time`"),
+        ("      0.50000000", "     -0.50000000", "expected times that ascend, found -0.5 s after 0 s"),
+    ] {
+        let error = parse(&STO.replacen(change, to, 1), "x.sto").unwrap_err();
+        assert!(error.contains(expected), "{change} -> {to}: {error}");
+    }
+    let quaternions = "DataType=Quaternion\nversion=3\nendheader\ntime\tm\n0\t1,2,3,4\n";
+    assert!(parse(quaternions, "q.sto").unwrap_err().contains("q.sto:1: expected DataType"));
+    assert!(parse("", "x.sto").is_err());
+    assert!(Storage::read("/nowhere/x.sto").is_err());
+}
+
+const TRC: &str = "PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n100.00\t100.00\t2\t2\tmm\t100.00\t1\t2\nFrame#\tTime\tR.Hand\t\t\tC7\t\t\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n1\t0.000\t1000\t2000\t3000\t\t\t\t\n2\t0.010\t1\t2\t3\t4\t5\t6\n";
+
+#[test]
+fn verif_marker_files_are_read_and_written() {
+    let markers = Markers::parse(TRC.as_bytes(), Path::new("a.trc")).unwrap();
+    assert_eq!(markers.names, ["R.Hand", "C7"]);
+    assert!(markers.rows[0][0].y == 2.0 && markers.rows[0][1].x.is_nan());
+    assert!((markers.rows[1][1].z - 0.006).abs() < 1e-15);
+    let again = Markers::parse(markers.text("b.trc").as_bytes(), Path::new("b.trc")).unwrap();
+    assert_eq!((again.names, again.time), (markers.names.clone(), markers.time.clone()));
+    assert_eq!(again.rows[1], markers.rows[1]);
+    assert_eq!((markers.nearest(-1.0), markers.nearest(0.006), markers.nearest(9.0)), (0, 1, 1));
+}
+
+#[test]
+fn verif_broken_marker_files_are_refused_with_their_line() {
+    for (change, to, expected) in [
+        ("\tmm\t", "\tfurlong\t", "a.trc:3: expected Units m, cm or mm, found \"furlong\""),
+        ("\t2\tmm", "\t3\tmm", "a.trc:4: expected a header"),
+        ("C7", "R.Hand", "a.trc:4: two columns are called `R.Hand`"),
+        ("3000", "3OOO", "a.trc:7: column `R.Hand`: expected a number"),
+        ("2\t0.010", "2\t0.000", "a.trc:8: expected times that ascend"),
+        ("PathFileType", "Storage", "a.trc:1: expected a header"),
+        ("4\t5\t6", "4\t5\t6\t7", "a.trc:8: expected 8 values"),
+    ] {
+        let error = Markers::parse(TRC.replacen(change, to, 1).as_bytes(), Path::new("a.trc")).unwrap_err().to_string();
+        assert!(error.contains(expected), "{change} -> {to}: {error}");
+    }
+}

@@ -1,0 +1,308 @@
+//! Setup files run by OpenSim 4.6 and by this program: same files, labels, headers; largest differences stated.
+//!
+//! The setups and motions are made here. They run where Python can import `opensim`; others skip visibly.
+
+use std::path::{Path, PathBuf};
+
+use carpus::multibody::Model;
+use carpus::osim::OsimFile;
+use carpus::osim::spec::{ModelSpec, MotionType};
+use carpus::storage::Storage;
+use carpus::tools::run_tool;
+
+use crate::reference::{opensim_python, run_script, shared};
+
+/// Numbers are printed with this many digits behind the point.
+const PRECISION: usize = 12;
+
+/// A folder in which both programs run the same setup.
+struct Bench {
+    folder: tempfile::TempDir,
+    python: PathBuf,
+}
+
+impl Bench {
+    fn new() -> Option<Bench> {
+        Some(Bench { python: opensim_python()?, folder: tempfile::tempdir().unwrap() })
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        std::fs::write(self.path(name), text).unwrap();
+    }
+
+    /// Runs a setup whose results go to the folder `RESULTS`; returns the largest difference of every file.
+    fn compare(&self, setup: &str, tolerance: &dyn Fn(&str) -> f64) -> Vec<(String, f64)> {
+        for (name, results) in [("opensim.xml", "opensim"), ("carpus.xml", "carpus")] {
+            self.write(name, &setup.replace("RESULTS", results));
+        }
+        run_script(&self.python, "scripts/run_tool.py", &[self.path("opensim.xml").as_os_str()]);
+        let outcome = run_tool(&self.path("carpus.xml"), None).unwrap_or_else(|e| panic!("{e}"));
+        for file in &outcome.files {
+            std::fs::create_dir_all(file.path.parent().unwrap()).unwrap();
+            std::fs::write(&file.path, &file.bytes).unwrap();
+        }
+        let mut names: Vec<String> = std::fs::read_dir(self.path("opensim"))
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+            .collect();
+        names.sort();
+        assert!(!names.is_empty());
+        let mut differences = Vec::new();
+        for name in names.iter().filter(|n| n.ends_with("sto") || n.ends_with("mot")) {
+            let (theirs, ours) = (self.path("opensim").join(name), self.path("carpus").join(name));
+            assert!(ours.exists(), "OpenSim writes {name}, carpus does not");
+            let difference = difference(&theirs, &ours);
+            println!("{name}: largest difference {difference:.2e}");
+            assert!(difference <= tolerance(name), "{name}: {difference:e} > {:e}", tolerance(name));
+            differences.push((name.clone(), difference));
+        }
+        differences
+    }
+}
+
+/// Everything of the header but numbers has to be the same; returns the largest difference, relative to what is
+/// above 1.
+fn difference(theirs: &Path, ours: &Path) -> f64 {
+    let header = |path: &Path| {
+        let text = std::fs::read_to_string(path).unwrap();
+        text.split("endheader").next().unwrap().to_owned()
+    };
+    assert_eq!(header(theirs), header(ours), "headers of {}", theirs.display());
+    let (theirs, ours) = (Storage::read(theirs).unwrap(), Storage::read(ours).unwrap());
+    assert_eq!(theirs.labels, ours.labels);
+    assert_eq!(theirs.time, ours.time);
+    let mut largest: f64 = 0.0;
+    for (k, (a, b)) in theirs.rows.iter().zip(&ours.rows).enumerate() {
+        for ((a, b), label) in a.iter().zip(b).zip(&theirs.labels) {
+            assert_eq!(a.is_nan(), b.is_nan(), "{label}, row {k}: {a} and {b}");
+            if !a.is_nan() {
+                largest = largest.max((a - b).abs() / a.abs().max(1.0));
+            }
+        }
+    }
+    largest
+}
+
+/// A motion of all free coordinates inside their ranges that satisfies the couplers, in degrees where OpenSim has
+/// degrees.
+fn motion(spec: &ModelSpec, rows: usize, step: f64) -> String {
+    let model = Model::compile(spec).unwrap();
+    let labels = spec.coordinates.iter().map(|c| c.name.clone()).collect();
+    let mut storage = Storage::new("motion", labels);
+    storage.in_degrees = true;
+    for row in 0..rows {
+        let time = row as f64 * step;
+        let value = |(i, c): (usize, &carpus::osim::spec::CoordinateSpec)| {
+            // OpenSim's assembly moves values that are at the end of a range inward by some 1e-5 rad.
+            let [low, high] = c.range.map(|r| r.clamp(-1.0, 1.0));
+            let inside = 0.1 * (high - low);
+            let middle = c.default_value.clamp(low + inside, high - inside);
+            let reach = 0.3 * (high - middle).min(middle - low).clamp(0.0, 0.5);
+            if c.locked { c.default_value } else { middle + reach * ((3.0 + 0.7 * i as f64) * time + i as f64).sin() }
+        };
+        let mut q: Vec<f64> = spec.coordinates.iter().enumerate().map(value).collect();
+        model.satisfy_couplers(&mut q);
+        let in_file = |(q, c): (&f64, &carpus::osim::spec::CoordinateSpec)| match c.motion_type {
+            MotionType::Rotational => q.to_degrees(),
+            _ => *q,
+        };
+        storage.push(time, q.iter().zip(&spec.coordinates).map(in_file).collect());
+    }
+    storage.text(14)
+}
+
+/// Models: the bundled one, and lab models of different kinds.
+fn models() -> Vec<PathBuf> {
+    let bundled = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/wrist.osim");
+    let lab = ["MOBL_ARMS_fixed_41.osim", "Hand_Wrist_Model_for_development.osim"];
+    std::iter::once(bundled).chain(lab.iter().filter_map(|name| shared(&format!("models/{name}")))).collect()
+}
+
+fn setup(class: &str, model: &Path, inner: &str) -> String {
+    format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\" ?>\n<OpenSimDocument Version=\"40000\">\n<{class} name=\"run\">\n<model_file>{}</model_file>\n<results_directory>RESULTS</results_directory>\n{inner}\n</{class}>\n</OpenSimDocument>\n",
+        model.display()
+    )
+}
+
+#[test]
+fn val_opensim_inverse_dynamics() {
+    let Some(bench) = Bench::new() else { return };
+    for model in models() {
+        let spec = OsimFile::read(&model).unwrap().spec;
+        bench.write("motion.mot", &motion(&spec, 40, 0.01));
+        bench.write("loads.mot", "loads\nversion=1\nnRows=4\nnColumns=10\ninDegrees=no\nendheader\ntime f_vx f_vy f_vz f_px f_py f_pz m_x m_y m_z\n-1 1 2 3 0.1 0 0.2 0.1 0.2 0\n0 2 2 3 0.1 0.1 0.2 0.1 0.2 1\n0.2 3 2 1 0 0.1 0.2 0.3 0.2 1\n1 -1 2 3 0.1 0.1 0.2 0.1 0.4 0\n");
+        let body = &spec.bodies.last().unwrap().name;
+        bench.write("loads.xml", &format!("<?xml version=\"1.0\"?>\n<OpenSimDocument Version=\"40000\"><ExternalLoads name=\"l\"><objects><ExternalForce name=\"push\"><applied_to_body>{body}</applied_to_body><force_expressed_in_body>{body}</force_expressed_in_body><point_expressed_in_body>ground</point_expressed_in_body><force_identifier>f_v</force_identifier><point_identifier>f_p</point_identifier><torque_identifier>m_</torque_identifier></ExternalForce></objects><groups/><datafile>loads.mot</datafile></ExternalLoads></OpenSimDocument>"));
+        let inner = "<time_range>0.05 0.31</time_range><forces_to_exclude>Muscles</forces_to_exclude><external_loads_file>loads.xml</external_loads_file><coordinates_file>motion.mot</coordinates_file><lowpass_cutoff_frequency_for_coordinates>6</lowpass_cutoff_frequency_for_coordinates><output_gen_force_file>id.sto</output_gen_force_file><joints_to_report_body_forces>ALL</joints_to_report_body_forces><output_body_forces_file>joints.sto</output_body_forces_file>";
+        // Printed with 8 digits.
+        let found = bench.compare(&setup("InverseDynamicsTool", &model, inner), &|_| 1e-6);
+        assert_eq!(found.len(), 2);
+    }
+}
+
+#[test]
+fn val_opensim_analyses() {
+    let Some(bench) = Bench::new() else { return };
+    for model in models() {
+        let spec = OsimFile::read(&model).unwrap().spec;
+        bench.write("motion.mot", &motion(&spec, 12, 0.02));
+        let body = &spec.bodies.last().unwrap().name;
+        let analyses = format!(
+            "<Kinematics name=\"Kinematics\"><on>true</on><step_interval>2</step_interval></Kinematics>\
+             <BodyKinematics name=\"BodyKinematics\"><in_degrees>true</in_degrees></BodyKinematics>\
+             <BodyKinematics name=\"Local\"><bodies>{body} center_of_mass</bodies><in_degrees>false</in_degrees><express_results_in_body_local_frame>true</express_results_in_body_local_frame></BodyKinematics>\
+             <PointKinematics name=\"PointKinematics\"><body_name>{body}</body_name><point_name>tip</point_name><point>0.01 -0.05 0.02</point></PointKinematics>\
+             <MuscleAnalysis name=\"MuscleAnalysis\"><muscle_list>all</muscle_list><moment_arm_coordinate_list>all</moment_arm_coordinate_list><compute_moments>true</compute_moments></MuscleAnalysis>\
+             <StatesReporter name=\"StatesReporter\"/><ForceReporter name=\"ForceReporter\"/><Actuation name=\"Actuation\"/>\
+             <JointReaction name=\"JointReaction\"><joint_names>ALL</joint_names><apply_on_bodies>child</apply_on_bodies><express_in_frame>ground</express_in_frame></JointReaction>"
+        );
+        let inner = format!(
+            "<output_precision>{PRECISION}</output_precision><initial_time>0</initial_time><final_time>0.2</final_time><solve_for_equilibrium_for_auxiliary_states>true</solve_for_equilibrium_for_auxiliary_states><coordinates_file>motion.mot</coordinates_file><lowpass_cutoff_frequency_for_coordinates>-1</lowpass_cutoff_frequency_for_coordinates><AnalysisSet name=\"Analyses\"><objects>{analyses}</objects><groups/></AnalysisSet>"
+        );
+        // Equilibrium of muscles is found to 1e-8 of their maximum force; light bodies turn that into large accelerations.
+        let tolerance = |name: &str| match name {
+            name if name.contains("dudt") || name.contains("acc") || name.contains("Reaction") => 1e-4,
+            _ => 1e-5,
+        };
+        bench.compare(&setup("AnalyzeTool", &model, &inner), &tolerance);
+    }
+}
+
+/// Static optimization stops at OpenSim's convergence criterion of 1e-4; the solution here is exact.
+#[test]
+fn val_opensim_static_optimization() {
+    let Some(bench) = Bench::new() else { return };
+    let model = &models()[0];
+    let spec = OsimFile::read(model).unwrap().spec;
+    bench.write("motion.mot", &motion(&spec, 12, 0.02));
+    let reserve = |c: &carpus::osim::spec::CoordinateSpec| {
+        format!(
+            "<CoordinateActuator name=\"reserve_{0}\"><coordinate>{0}</coordinate><optimal_force>5</optimal_force></CoordinateActuator>",
+            c.name
+        )
+    };
+    let reserves: String = spec.coordinates.iter().map(reserve).collect();
+    bench.write("reserves.xml", &format!("<OpenSimDocument Version=\"40000\"><ForceSet name=\"r\"><objects>{reserves}</objects></ForceSet></OpenSimDocument>"));
+    let inner = "<force_set_files>reserves.xml</force_set_files><initial_time>0</initial_time><final_time>0.2</final_time><coordinates_file>motion.mot</coordinates_file><AnalysisSet name=\"Analyses\"><objects><StaticOptimization name=\"SO\"><activation_exponent>2</activation_exponent></StaticOptimization></objects></AnalysisSet>";
+    let found =
+        bench.compare(&setup("AnalyzeTool", model, inner), &|name| if name.contains("force") { 5e-2 } else { 2e-3 });
+    assert_eq!(found.len(), 2);
+}
+
+/// A benchmark of MoBL-ARMS beside its results, in a folder of its own, with a model named in the setup.
+fn benchmark(bench: &Bench, setup: &str, model: &str, replace: &[(&str, &str)]) -> Option<String> {
+    let source = shared(&format!("benchmarks/mobl_arms/{setup}"))?;
+    for file in std::fs::read_dir(source.parent().unwrap()).unwrap().flatten().filter(|f| f.path().is_file()) {
+        std::fs::write(bench.path(&file.file_name().to_string_lossy()), std::fs::read(file.path()).unwrap()).unwrap();
+    }
+    let published = source.parent().unwrap().join("published_results");
+    std::fs::create_dir_all(bench.path("published_results")).unwrap();
+    for file in std::fs::read_dir(published).unwrap().flatten() {
+        let to = bench.path("published_results").join(file.file_name());
+        std::fs::write(to, std::fs::read(file.path()).unwrap()).unwrap();
+    }
+    let mut text = std::fs::read_to_string(source).unwrap();
+    for none in ["<model_file />", "<model_file>Unassigned</model_file>"] {
+        text = text.replacen(none, &format!("<model_file>{model}</model_file>"), 1);
+    }
+    for (from, to) in replace {
+        assert!(text.contains(from), "{setup} has {from}");
+        text = text.replace(from, to);
+    }
+    Some(text)
+}
+
+/// A fall of the shoulder, 5 s: OpenSim 4.6 run afresh, and the published result.
+#[test]
+fn val_opensim_mobl_arms_forward() {
+    let Some(bench) = Bench::new() else { return };
+    let model = "MOBL_ARMS_module1_nomuscles.osim";
+    let replace = [("Results-Module_1", "RESULTS")];
+    let Some(setup) = benchmark(&bench, "MoBL_ARMS_module1_Setup.xml", model, &replace) else { return };
+    for (name, results) in [("opensim.xml", "opensim"), ("carpus.xml", "carpus")] {
+        bench.write(name, &setup.replace("RESULTS", results));
+    }
+    run_script(&bench.python, "scripts/run_tool.py", &[bench.path("opensim.xml").as_os_str()]);
+    let outcome = run_tool(&bench.path("carpus.xml"), None).unwrap();
+    let ours = outcome.files.iter().find(|f| f.path.ends_with("MoBL_ARMS_module1_nomuscles_states.sto")).unwrap();
+    let ours = Storage::parse(&ours.bytes, &ours.path).unwrap();
+    let theirs = Storage::read(bench.path("opensim/MoBL_ARMS_module1_nomuscles_states.sto")).unwrap();
+    assert_eq!(theirs.labels, ours.labels);
+    let shoulder = ours.labels.iter().position(|l| l.ends_with("/shoulder_elv/value")).unwrap();
+    let published = Storage::read(bench.path("published_results/Comparison_results_module1shoulder.sto")).unwrap();
+    let (mut afresh, mut to_published): (f64, f64) = (0.0, 0.0);
+    for (time, row) in theirs.time.iter().zip(&theirs.rows) {
+        afresh = afresh.max((row[shoulder] - ours.at(*time)[shoulder]).abs());
+    }
+    for (time, row) in published.time.iter().zip(&published.rows) {
+        to_published = to_published.max((row[0].to_radians() - ours.at(*time)[shoulder]).abs());
+    }
+    println!("shoulder_elv over 5 s: {afresh:.1e} rad from OpenSim 4.6, {to_published:.1e} rad from the published run");
+    // OpenSim integrates to 1e-5; rows are 10 ms apart and compared by straight lines.
+    assert!(afresh < 3e-4 && to_published < 3e-4);
+}
+
+/// Markers of a reach, and scaling to a static trial. OpenSim's search ends early where the fit is flat: here the fit
+/// has to be at least as good, and nearly the same.
+#[test]
+fn val_opensim_mobl_arms_inverse_kinematics() {
+    let Some(bench) = Bench::new() else { return };
+    let model = "published_results/MoBL_ARMS_module5_scaled.osim";
+    let replace = [(" 0 4.995", "0 0.05"), ("<results_directory>./", "<results_directory>RESULTS")];
+    let Some(setup) = benchmark(&bench, "MoBL_ARMS_module5_IK_Setup.xml", model, &replace) else { return };
+    for (name, results) in [("opensim.xml", "opensim"), ("carpus.xml", "carpus")] {
+        bench.write(name, &setup.replace("RESULTS", results));
+    }
+    run_script(&bench.python, "scripts/run_tool.py", &[bench.path("opensim.xml").as_os_str()]);
+    let outcome = run_tool(&bench.path("carpus.xml"), None).unwrap();
+    let ours = outcome.files.iter().find(|f| f.path.ends_with("_ik_marker_errors.sto")).unwrap();
+    let ours = Storage::parse(&ours.bytes, &ours.path).unwrap();
+    let theirs = Storage::read(bench.path("opensim/_ik_marker_errors.sto")).unwrap();
+    assert_eq!((&theirs.labels, &theirs.time), (&ours.labels, &ours.time));
+    for (ours, theirs) in ours.rows.iter().zip(&theirs.rows) {
+        println!("squared error {:.3e} m², OpenSim {:.3e} m²", ours[0], theirs[0]);
+        assert!(ours[0] <= theirs[0] + 1e-8 && ours[1] > 0.9 * theirs[1]);
+    }
+}
+
+#[test]
+fn val_opensim_mobl_arms_scale() {
+    let Some(bench) = Bench::new() else { return };
+    let setup = "MoBL_ARMS_module5_Scale_Setup.xml";
+    let replace = [("<output_model_file>Unassigned", "<output_model_file>scaled.osim")];
+    let Some(text) = benchmark(&bench, setup, "MOBL_ARMS_module5_scaleIK.osim", &replace) else { return };
+    bench.write("scale.xml", &text);
+    let outcome = run_tool(&bench.path("scale.xml"), None).unwrap();
+    let ours = outcome.files.iter().rfind(|f| f.path.ends_with("scaled.osim")).unwrap();
+    let ours = OsimFile::parse(ours.bytes.clone(), "scaled.osim").unwrap().spec;
+    let theirs = OsimFile::read(bench.path("published_results/MoBL_ARMS_module5_scaled.osim")).unwrap().spec;
+    assert_eq!(ours.name, theirs.name);
+    for (a, b) in ours.bodies.iter().zip(&theirs.bodies) {
+        assert!(
+            (a.mass - b.mass).abs() < 1e-7 * b.mass.max(1e-3),
+            "{}: {} kg, published {} kg",
+            a.name,
+            a.mass,
+            b.mass
+        );
+    }
+    for (a, b) in ours.muscles.iter().zip(&theirs.muscles) {
+        let [fiber, tendon] =
+            [(a.optimal_fiber_length, b.optimal_fiber_length), (a.tendon_slack_length, b.tendon_slack_length)]
+                .map(|(a, b)| (a / b - 1.0).abs());
+        // The published run had OpenSim 3.3's wrapping.
+        assert!(fiber < 2e-3 && tendon < 2e-3, "{}: {fiber:.1e}, {tendon:.1e}", a.name);
+    }
+    let mut largest: f64 = 0.0;
+    for marker in &ours.markers {
+        let published = theirs.markers.iter().find(|m| m.name == marker.name).unwrap();
+        largest = largest.max((marker.location - published.location).norm());
+    }
+    println!("markers: {:.2} mm at most from the published model", 1e3 * largest);
+    assert!(largest < 3e-3);
+}
