@@ -13,8 +13,6 @@ use std::path::Path;
 pub struct Options {
     /// Name of the analysis, part of its files' names.
     pub name: String,
-    /// Whether it runs.
-    pub on: bool,
     /// Every how manieth step is recorded.
     pub step_interval: i64,
     /// Whether angles are written in degrees.
@@ -32,7 +30,6 @@ impl Options {
         let name = analysis.name();
         Ok(Options {
             name: if name.is_empty() { analysis.class().to_owned() } else { name },
-            on: analysis.boolean("on", true)?,
             step_interval: analysis.integer("step_interval", 1)?.max(1),
             in_degrees: analysis.boolean("in_degrees", true)?,
         })

@@ -93,3 +93,23 @@ fn verif_broken_marker_files_are_refused_with_their_line() {
         assert!(error.contains(expected), "{change} -> {to}: {error}");
     }
 }
+
+proptest::proptest! {
+    /// Whatever stands in a file: numbers or an error, never a panic.
+    #[test]
+    fn verif_no_text_panics(
+        bytes in proptest::collection::vec(proptest::num::u8::ANY, 0..60),
+        at in 0usize..400,
+        length in 0usize..20,
+    ) {
+        for text in [STO, TRC] {
+            let at = at.min(text.len());
+            let end = (at + length).min(text.len());
+            let mixed = [&text.as_bytes()[..at], &bytes, &text.as_bytes()[end..]].concat();
+            for input in [&bytes, &mixed] {
+                let _ = Storage::parse(input, Path::new("x.mot"));
+                let _ = Markers::parse(input, Path::new("x.trc"));
+            }
+        }
+    }
+}

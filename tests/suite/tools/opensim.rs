@@ -115,11 +115,9 @@ fn motion(spec: &ModelSpec, rows: usize, step: f64) -> String {
     storage.text(14)
 }
 
-/// Models: the bundled one, and lab models of different kinds.
+/// The bundled model.
 fn models() -> Vec<PathBuf> {
-    let bundled = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/wrist.osim");
-    let lab = ["MOBL_ARMS_fixed_41.osim", "Hand_Wrist_Model_for_development.osim"];
-    std::iter::once(bundled).chain(lab.iter().filter_map(|name| shared(&format!("models/{name}")))).collect()
+    vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("models/wrist.osim")]
 }
 
 fn setup(class: &str, model: &Path, inner: &str) -> String {
