@@ -457,6 +457,9 @@ pub struct RunToolArgs {
     /// Model to use instead of the one that the setup names
     #[arg(long, value_name = "MODEL.osim")]
     pub model: Option<PathBuf>,
+    /// Go on without forces that are not computed
+    #[arg(long)]
+    pub allow_unsupported: bool,
 }
 
 /// A body and its scale factors.

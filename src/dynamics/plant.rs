@@ -8,7 +8,7 @@ use super::reduction::{Reduction, Relation};
 use super::solve::DynamicsError;
 use crate::forces::{AppliedForces, Forces, PathForce};
 use crate::multibody::{Cache, DynamicsBuffers, Model};
-use crate::muscles::Millard2012;
+use crate::muscles::MuscleModel;
 use crate::numerics::StiffSystem;
 use crate::osim::spec::{CoordinateIndex, ModelSpec};
 use crate::paths::{Path, PathGeometry};
@@ -25,7 +25,7 @@ const STEP: f64 = 1e-7;
 #[derive(Clone, Debug)]
 pub struct PlantMuscle {
     /// Forces.
-    pub muscle: Millard2012,
+    pub muscle: MuscleModel,
     /// Path.
     pub path: Path,
     /// Position of its activation in the state.
@@ -115,7 +115,7 @@ impl Plant {
         let mut n_states = 2 * reduction.n_free();
         for muscle in spec.muscles.iter().filter(|m| m.applies_force) {
             let path = Path::compile(&muscle.path, spec, model)?;
-            let muscle = match Millard2012::from_spec(muscle) {
+            let muscle = match MuscleModel::from_spec(muscle) {
                 Ok(muscle) => muscle,
                 Err(crate::muscles::MuscleError::NotMillard2012 { muscle, class }) => {
                     unsupported.push((muscle, class));
@@ -235,7 +235,7 @@ impl Plant {
         for (k, muscle) in self.muscles.iter().enumerate() {
             muscle.path.update(&q, &work.cache, &mut work.paths[k]);
             let length = work.paths[k].length();
-            state.fiber_length[k] = muscle.muscle.equilibrium(length, activation[k])?.fiber_length;
+            state.fiber_length[k] = muscle.muscle.equilibrium(length, 0.0, activation[k])?;
         }
         (state.q, state.u) = (q, u);
         Ok(state)
@@ -283,13 +283,13 @@ impl Plant {
             let speed = m.path.lengthening_speed(&work.q, &work.qdot, &work.cache, &work.paths[k]);
             let activation = m.activation.map_or(excitation[k], |i| x[i]);
             let fiber = m.fiber_length.map_or(f64::NAN, |i| x[i]);
-            let found = m.muscle.fiber_velocity(fiber, activation, length, speed);
-            work.tendon_force[k] = found.norm_tendon_force * m.muscle.parameters().max_isometric_force;
+            let (velocity, tension) = m.muscle.rates(fiber, activation, length, speed);
+            work.tendon_force[k] = tension;
             if let Some(i) = m.activation {
                 rates[i] = m.muscle.activation_dynamics().derivative(activation, excitation[k]);
             }
             if let Some(i) = m.fiber_length {
-                rates[i] = found.fiber_velocity;
+                rates[i] = velocity;
             }
         }
     }
@@ -409,11 +409,7 @@ impl Plant {
             // Acceleration by tension.
             work.relation.reduce(&work.unit_forces[k], &mut column);
             solver.solve_mut(&mut column);
-            let (velocity, force) = (by.fiber_velocity_by, by.tendon_force_by);
-            for (state, velocity, force) in [
-                (m.activation, velocity.activation, force.activation),
-                (m.fiber_length, velocity.fiber_length, force.fiber_length),
-            ] {
+            for (state, [velocity, force]) in [(m.activation, by.by_activation), (m.fiber_length, by.by_fiber_length)] {
                 let Some(j) = state else { continue };
                 (0..free).for_each(|i| jacobian[(free + i, j)] = column[i] * force);
                 if let Some(i) = m.fiber_length {

@@ -9,13 +9,17 @@ pub mod curves;
 mod dynamics;
 mod equilibrium;
 mod kinematics;
+mod model;
 mod parameters;
 mod pennation;
+mod thelen2003;
 mod velocity;
 
 pub use activation::FirstOrderActivation;
 pub use dynamics::MuscleDynamics;
 pub use equilibrium::{EQUILIBRIUM_TOLERANCE, Equilibrium, EquilibriumError, EquilibriumStatus};
+pub use model::{MuscleModel, MuscleRates};
 pub use parameters::{MIN_NONZERO_DAMPING_COEFFICIENT, Millard2012, Millard2012Parameters, MuscleError};
 pub use pennation::{FixedWidthPennation, Pennation};
+pub use thelen2003::Thelen2003;
 pub use velocity::{FiberVelocity, Linearization, StateGradient};

@@ -575,7 +575,40 @@ pub enum MuscleKind {
     PathOnly {
         /// OpenSim class name.
         class: String,
+        /// Own properties of a `Thelen2003Muscle`, which [`crate::dynamics`] simulates.
+        thelen2003: Option<Box<Thelen2003Spec>>,
     },
+}
+
+/// Properties of `Thelen2003Muscle` beyond those of every muscle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Thelen2003Spec {
+    /// `FmaxTendonStrain`: tendon strain at maximum isometric force.
+    pub fmax_tendon_strain: f64,
+    /// `FmaxMuscleStrain`: passive fibre strain at maximum isometric force.
+    pub fmax_muscle_strain: f64,
+    /// `KshapeActive`: width of the active force–length curve.
+    pub kshape_active: f64,
+    /// `KshapePassive`: shape of the passive force–length curve.
+    pub kshape_passive: f64,
+    /// `Af`: shape of the force–velocity curve.
+    pub af: f64,
+    /// `Flen`: greatest normalized force of a lengthening fibre.
+    pub flen: f64,
+    /// `fv_linear_extrap_threshold`: share of `Flen` from which on the force–velocity curve is a line.
+    pub fv_linear_extrap_threshold: f64,
+    /// Highest pennation angle [rad].
+    pub maximum_pennation_angle: f64,
+    /// Activation time constant [s].
+    pub activation_time_constant: f64,
+    /// Deactivation time constant [s].
+    pub deactivation_time_constant: f64,
+    /// Lower bound of activation.
+    pub minimum_activation: f64,
+    /// Activation before initialization.
+    pub default_activation: f64,
+    /// Fibre length assumed before initialization [m].
+    pub default_fiber_length: f64,
 }
 
 /// Properties of `Millard2012EquilibriumMuscle` beyond those of every muscle. Absent or empty properties carry the

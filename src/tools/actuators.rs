@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::controls::Controls;
 use super::error::ToolError;
 use super::setup::{Properties, Setup};
 use super::system::{Actor, System};
@@ -18,6 +19,14 @@ pub struct CoordinateActuator {
     pub optimal_force: f64,
     /// Lowest and highest control.
     pub control_range: [f64; 2],
+}
+
+impl CoordinateActuator {
+    /// Force at a time [N·m or N]; without a control, none.
+    pub fn force(&self, controls: &Controls, time: f64) -> f64 {
+        let [low, high] = self.control_range;
+        controls.at(&self.name, time).unwrap_or(0.0).max(low).min(high) * self.optimal_force
+    }
 }
 
 fn read(force: &Properties, system: &System) -> Result<Option<CoordinateActuator>, ToolError> {

@@ -60,7 +60,7 @@ pub trait Analysis {
         false
     }
 
-    /// Whether it uses the sum of forces.
+    /// Whether it uses forces of everything that acts.
     fn needs_forces(&self) -> bool {
         true
     }

@@ -181,7 +181,7 @@ pub fn run(tool: &Properties, mut system: System, outcome: &mut Outcome) -> Resu
     if analyses.is_empty() {
         return Err(tool.missing("AnalysisSet", "an analysis that is on"));
     }
-    if analyses.iter().any(|a| a.needs_forces() && (a.needs_accelerations() || a.options().name.contains("Force"))) {
+    if analyses.iter().any(|a| a.needs_forces()) {
         system.require_all_forces(&|_| false)?;
     }
     let mut work = system.new_work();

@@ -17,11 +17,6 @@ impl Controls {
         own.map(|(_, function)| function.value(time)).reduce(|sum, value| sum + value)
     }
 
-    /// Whether nothing is controlled.
-    pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
-
     /// Reads a `ControllerSet`.
     ///
     /// - `actuators`: names of all actuators, in order

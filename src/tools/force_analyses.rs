@@ -47,7 +47,9 @@ pub fn record_values(instant: &Instant, position: usize, control: &dyn Fn(usize)
             let own = || instant.evaluation.muscles[*i].as_ref().map_or(f64::NAN, |m| m.tendon_force);
             vec![control(position).unwrap_or_else(own)]
         }
-        Actor::Coordinate(_) => vec![control(position).unwrap_or(0.0)],
+        Actor::Coordinate(actuator) => {
+            vec![control(position).unwrap_or_else(|| actuator.force(&system.controls, instant.state.time))]
+        }
         Actor::Along { .. } => vec![instant.evaluation.tension[position]],
         Actor::External(force) => force.record(&system.model, cache, instant.state.time),
         Actor::Law(force) => {
@@ -126,7 +128,8 @@ impl Analysis for ForceReporter {
 /// Force, speed and power of every actuator.
 pub struct Actuation {
     options: Options,
-    muscles: Vec<usize>,
+    /// Actuators by position among what acts.
+    actuators: Vec<usize>,
     stores: [Storage; 3],
 }
 
@@ -137,9 +140,10 @@ impl Actuation {
     /// Values that cannot be used.
     pub fn read(analysis: &Properties, system: &System) -> Result<Actuation, ToolError> {
         let options = Options::read(analysis)?;
-        let acting = |a: &Actor| if let Actor::Muscle(i) = a { Some(*i) } else { None };
-        let muscles: Vec<usize> = system.actors.iter().filter_map(acting).collect();
-        let labels: Vec<String> = muscles.iter().map(|i| system.muscles[*i].name.clone()).collect();
+        let is_actuator = |k: &usize| matches!(system.actors[*k], Actor::Muscle(_) | Actor::Coordinate(_));
+        let actuators: Vec<usize> = (0..system.actors.len()).filter(is_actuator).collect();
+        let labels: Vec<String> =
+            actuators.iter().map(|k| system.actors[*k].name(&system.muscles).to_owned()).collect();
         let description = format!(
             "\nThis file contains either the forces, speeds, or powers developed\nby the actuators of a model during a simulation.\n\nAn actuator force is a generalized force, meaning that it can be either a force (N) or a torque (Nm).\n\nAn actuator speed is the rate at which an actuator shortens. Depending on the actuator,\na speed can be either a translational speed (m/s) or an angular speed (deg/s or rad/s).\n\nAn actuator power (Watts) is the rate at which an actuator does work.  Positive power means\nthat the actuator is delivering energy to the model; negative power means that the actuator\nis absorbing energy from the model.\n{UNITS}"
         );
@@ -148,7 +152,7 @@ impl Actuation {
             store.description.clone_from(&description);
             store
         });
-        Ok(Actuation { options, muscles, stores })
+        Ok(Actuation { options, actuators, stores })
     }
 }
 
@@ -158,13 +162,27 @@ impl Analysis for Actuation {
     }
 
     fn record(&mut self, instant: &mut Instant) -> Result<(), ToolError> {
-        let evaluation = instant.evaluation;
-        let force = |i: &usize| evaluation.muscles[*i].as_ref().map_or(f64::NAN, |m| m.tendon_force);
-        let speed = |i: &usize| evaluation.muscle_speed[*i];
-        let time = instant.state.time;
-        self.stores[0].push(time, self.muscles.iter().map(force).collect());
-        self.stores[1].push(time, self.muscles.iter().map(speed).collect());
-        self.stores[2].push(time, self.muscles.iter().map(|i| -force(i) * speed(i)).collect());
+        let (system, evaluation, time) = (instant.system, instant.evaluation, instant.state.time);
+        let mut rows: [Vec<f64>; 3] = Default::default();
+        for &k in &self.actuators {
+            // Power is force times shortening speed.
+            let (force, speed, power) = match &system.actors[k] {
+                Actor::Muscle(i) => {
+                    let force = evaluation.muscles[*i].as_ref().map_or(f64::NAN, |m| m.tendon_force);
+                    (force, evaluation.muscle_speed[*i], -force * evaluation.muscle_speed[*i])
+                }
+                Actor::Coordinate(actuator) => {
+                    let (force, speed) =
+                        (actuator.force(&system.controls, time), instant.state.u[actuator.coordinate.0]);
+                    (force, speed, force * speed)
+                }
+                _ => continue,
+            };
+            [force, speed, power].into_iter().zip(&mut rows).for_each(|(value, row)| row.push(value));
+        }
+        for (store, row) in self.stores.iter_mut().zip(rows) {
+            store.push(time, row);
+        }
         Ok(())
     }
 

@@ -49,6 +49,8 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
     controls.read(&own.object().objects("ControllerSet"), &names)?;
     controls.read(&tool.objects("ControllerSet"), &names)?;
 
+    system.controls = controls.clone();
+
     let [mut start, end] = frame.time;
     let mut state = system.default_state()?;
     let mut times_of_file = None;
@@ -135,9 +137,7 @@ fn plant_of(system: &System, controls: &Controls) -> Result<Plant, ToolProblem> 
                 let (actuator, controls) = (actuator.clone(), controls.clone());
                 let coordinate: CoordinateIndex = actuator.coordinate;
                 plant = plant.with_load(Arc::new(move |_, _, time, applied| {
-                    let [low, high] = actuator.control_range;
-                    let control = controls.at(&actuator.name, time).unwrap_or(0.0).max(low).min(high);
-                    applied.add_to_coordinate(coordinate, control * actuator.optimal_force);
+                    applied.add_to_coordinate(coordinate, actuator.force(&controls, time));
                 }));
             }
             _ => {}
@@ -159,9 +159,8 @@ fn write(
     system: &System,
     outcome: &mut Outcome,
 ) {
-    let labels = if controls.is_empty() { Vec::new() } else { actuators.to_vec() };
-    let mut storage = Storage::new("controls", labels);
-    if !controls.is_empty() {
+    let mut storage = Storage::new("controls", actuators.to_vec());
+    if !actuators.is_empty() {
         for time in &states.time {
             storage.push(*time, actuators.iter().map(|a| controls.at(a, *time).unwrap_or(0.0)).collect());
         }

@@ -40,28 +40,41 @@ const TOOLS: [&str; 5] = ["AnalyzeTool", "ForwardTool", "InverseDynamicsTool", "
 /// Runs the tool of a setup file.
 ///
 /// - `model`: model to use instead of the one that the setup names
+/// - `allow_unsupported`: leave out forces that are not computed, instead of refusing them
 ///
 /// # Errors
 /// The setup, the files that it names, or what it asks for.
-pub fn run_tool(setup: &Path, model: Option<&Path>) -> Result<Outcome, ToolError> {
+pub fn run_tool(setup: &Path, model: Option<&Path>, allow_unsupported: bool) -> Result<Outcome, ToolError> {
     let setup = Setup::read(setup)?;
     let tool = setup.object();
     let mut outcome = Outcome::default();
+    let system_of = |outcome: &mut Outcome| {
+        let (path, file) = model_of(&tool, model, outcome)?;
+        let document = file.document.clone();
+        let mut system = System::new(&path, file)?;
+        system.allow_unsupported = allow_unsupported;
+        if allow_unsupported {
+            let left_out = system.forces_not_computed(&|_| false);
+            if !left_out.is_empty() {
+                outcome.warn(&path, 0, format!("forces that are not computed are left out: {}", left_out.join(", ")));
+            }
+        }
+        Ok::<_, ToolError>((system, document))
+    };
     match tool.class() {
-        "AnalyzeTool" => analyze::run(&tool, system_of(&tool, model, &mut outcome)?, &mut outcome)?,
+        "AnalyzeTool" => analyze::run(&tool, system_of(&mut outcome)?.0, &mut outcome)?,
         "ForwardTool" => {
-            let (path, file) = model_of(&tool, model, &mut outcome)?;
-            let document = file.document.clone();
-            forward::run(&tool, System::new(&path, file)?, document, &mut outcome)?;
+            let (system, document) = system_of(&mut outcome)?;
+            forward::run(&tool, system, document, &mut outcome)?;
         }
         "ScaleTool" => {
             let maker = tool.child("GenericModelMaker").unwrap_or(tool);
             let (path, file) = model_of(&maker, model, &mut outcome)?;
             scale::run(&tool, path, file, &mut outcome)?;
         }
-        "InverseDynamicsTool" => inverse_dynamics::run(&tool, system_of(&tool, model, &mut outcome)?, &mut outcome)?,
+        "InverseDynamicsTool" => inverse_dynamics::run(&tool, system_of(&mut outcome)?.0, &mut outcome)?,
         "InverseKinematicsTool" => {
-            inverse_kinematics::run(&tool, system_of(&tool, model, &mut outcome)?, &mut outcome)?;
+            inverse_kinematics::run(&tool, system_of(&mut outcome)?.0, &mut outcome)?;
         }
         other => {
             let problem = ToolProblem::NotATool { expected: TOOLS.join(", "), found: other.to_owned() };
@@ -91,9 +104,4 @@ fn model_of(
         outcome.warn(&path, found.line, format!("{}: {}", found.path, found.message));
     }
     Ok((path, file))
-}
-
-fn system_of(tool: &Properties, model: Option<&Path>, outcome: &mut Outcome) -> Result<System, ToolError> {
-    let (path, file) = model_of(tool, model, outcome)?;
-    System::new(&path, file)
 }

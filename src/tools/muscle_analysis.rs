@@ -105,6 +105,10 @@ impl Analysis for MuscleAnalysis {
         &self.options
     }
 
+    fn needs_forces(&self) -> bool {
+        false
+    }
+
     fn record(&mut self, instant: &mut Instant) -> Result<(), ToolError> {
         let (system, state, evaluation) = (instant.system, instant.state, instant.evaluation);
         for ((name, quantity), store) in QUANTITIES.iter().zip(&mut self.stores) {

@@ -8,10 +8,10 @@ use super::error::{ToolError, ToolProblem};
 use super::ik_solver::{CoordinateGoal, InverseKinematics};
 use super::inverse_kinematics::{marker_goals, read_tasks};
 use super::result::{Outcome, ResultFile};
-use super::setup::Properties;
+use super::setup::{Properties, Setup};
 use super::system::System;
-use crate::osim::OsimFile;
 use crate::osim::spec::ModelSpec;
+use crate::osim::{ComponentSet, OsimFile};
 use crate::scaling::{ScaleRequest, scale};
 use crate::storage::{Markers, Storage};
 
@@ -24,8 +24,9 @@ pub fn run(tool: &Properties, path: PathBuf, mut file: OsimFile, outcome: &mut O
     tool.ignore_all(&["height", "age", "notes"]);
     if let Some(maker) = tool.child("GenericModelMaker") {
         maker.ignore_all(&["model_file"]);
-        if maker.file("marker_set_file").is_some() {
-            return Err(maker.unsupported("marker_set_file", "put the markers into the model"));
+        if let Some(markers) = maker.file("marker_set_file") {
+            let count = add_markers(&markers, &mut file)?;
+            outcome.summary.push(format!("{count} markers from {}", markers.display()));
         }
     }
     if let Some(scaler) = tool.child("ModelScaler") {
@@ -48,6 +49,63 @@ pub fn run(tool: &Properties, path: PathBuf, mut file: OsimFile, outcome: &mut O
         }
         None => Ok(()),
     }
+}
+
+/// Adds the markers of a file to a model; those that it has already get the file's locations.
+fn add_markers(path: &std::path::Path, file: &mut OsimFile) -> Result<usize, ToolError> {
+    let setup = Setup::read(path)?;
+    let mut count = 0;
+    let fail = |line: usize, e: crate::osim::EditError| ToolError::at(path, line, e);
+    for marker in setup.object().objects("") {
+        let name = marker.name();
+        let location = marker.vector("location")?;
+        let location = format!("{} {} {}", location.x, location.y, location.z);
+        let fixed = marker.boolean("fixed", false)?;
+        let sockets = ["body", "socket_parent_frame", "socket_parent_frame_connectee_name"];
+        let Some(frame) = sockets.iter().find_map(|s| marker.text(s)) else {
+            return Err(marker.missing("socket_parent_frame", "the body that the marker is fixed to"));
+        };
+        let body = frame.rsplit('/').next().unwrap_or_default();
+        let there = file.spec.markers.iter().find(|m| m.name == name);
+        let same_body = |m: &crate::osim::spec::MarkerSpec| file.spec.frames[m.frame.0].name == body;
+        if let Some(path_of) = there.filter(|m| same_body(m)).map(|m| m.at.path.clone()) {
+            file.set_property(&path_of, "location", &location).map_err(|e| fail(marker.line(), e))?;
+        } else if there.is_some() {
+            let what = format!("marker `{name}` of the model is fixed to another body than `{body}`");
+            return Err(marker.error_at("body", ToolProblem::Data { what }));
+        } else {
+            let socket = match file.spec.document_version {
+                ..30505 => format!("<body>{body}</body>"),
+                30505..40000 => {
+                    format!("<socket_parent_frame_connectee_name>{body}</socket_parent_frame_connectee_name>")
+                }
+                _ if body == "ground" => "<socket_parent_frame>/ground</socket_parent_frame>".to_owned(),
+                _ => format!("<socket_parent_frame>/bodyset/{body}</socket_parent_frame>"),
+            };
+            let fragment = format!(
+                "<Marker name=\"{name}\">\n\t{socket}\n\t<location>{location}</location>\n\t<fixed>{fixed}</fixed>\n</Marker>"
+            );
+            file.add_component(ComponentSet::Markers, &fragment).map_err(|e| fail(marker.line(), e))?;
+        }
+        count += 1;
+    }
+    Ok(count)
+}
+
+/// A marker set as a file.
+fn marker_set(spec: &ModelSpec) -> String {
+    let mut text = String::from(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\" ?>\n<OpenSimDocument Version=\"40000\">\n\t<MarkerSet name=\"markerset\">\n\t\t<objects>\n",
+    );
+    for marker in &spec.markers {
+        let p = marker.location;
+        text.push_str(&format!(
+            "\t\t\t<Marker name=\"{}\">\n\t\t\t\t<socket_parent_frame>{}</socket_parent_frame>\n\t\t\t\t<location>{} {} {}</location>\n\t\t\t\t<fixed>{}</fixed>\n\t\t\t</Marker>\n",
+            marker.name, spec.frames[marker.frame.0].at.path, p.x, p.y, p.z, marker.fixed
+        ));
+    }
+    text.push_str("\t\t</objects>\n\t\t<groups />\n\t</MarkerSet>\n</OpenSimDocument>\n");
+    text
 }
 
 /// The text of the model with another name.
@@ -301,8 +359,8 @@ fn place_markers(
         pose.push(range[0], system.state_values(&state));
         outcome.files.push(ResultFile { path: output, bytes: pose.text(8).into_bytes() });
     }
-    if placer.file("output_marker_file").is_some() {
-        return Err(placer.unsupported("output_marker_file", "the markers are in output_model_file"));
+    if let Some(output) = placer.file("output_marker_file") {
+        outcome.files.push(ResultFile { path: output, bytes: marker_set(&file.spec).into_bytes() });
     }
     if let Some(output) = placer.file("output_model_file") {
         outcome.files.push(ResultFile { path: output, bytes: named(&file, name) });

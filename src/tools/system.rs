@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::actuators::{CoordinateActuator, adopt_model_actuators};
+use super::controls::Controls;
 use super::error::{ToolError, ToolProblem};
 use super::external_loads::ExternalForce;
 use super::setup::Setup;
 use crate::dynamics::{Accelerations, Constraints, Dynamics};
 use crate::forces::{AppliedForces, Force, Forces, PathForce};
 use crate::multibody::{Cache, Model};
-use crate::muscles::{Millard2012, MuscleDynamics};
+use crate::muscles::{MuscleDynamics, MuscleModel};
 use crate::osim::OsimFile;
 use crate::osim::spec::{BodyIndex, CoordinateIndex, FrameIndex, ModelSpec, MotionType};
 use crate::paths::{Path as MusclePath, PathGeometry};
@@ -27,7 +28,7 @@ pub struct SystemMuscle {
     /// Path.
     pub path: MusclePath,
     /// Its law; `None`: a class whose force is not computed.
-    pub law: Option<Millard2012>,
+    pub law: Option<MuscleModel>,
     /// Class and line, for messages.
     pub class: (String, usize),
     /// Whether it applies its force.
@@ -86,6 +87,10 @@ pub struct System {
     pub actors: Vec<Actor>,
     /// Forces of classes that are not computed: name and class.
     pub unsupported: Vec<(String, String)>,
+    /// Controls of actuators.
+    pub controls: Controls,
+    /// Whether results without such forces are wanted.
+    pub allow_unsupported: bool,
     /// Coordinates in the order of Simbody's tree.
     pub tree_order: Vec<CoordinateIndex>,
 }
@@ -158,13 +163,13 @@ impl System {
         for muscle in &spec.muscles {
             let line = muscle.at.line;
             let compiled = MusclePath::compile(&muscle.path, &spec, &model).map_err(|e| fail(line, e.into()))?;
-            let law = match Millard2012::from_spec(muscle) {
+            let law = match MuscleModel::from_spec(muscle) {
                 Ok(law) => Some(law),
                 Err(crate::muscles::MuscleError::NotMillard2012 { .. }) => None,
                 Err(error) => return Err(fail(line, error.into())),
             };
             let class = match &muscle.kind {
-                crate::osim::spec::MuscleKind::PathOnly { class } => class.clone(),
+                crate::osim::spec::MuscleKind::PathOnly { class, .. } => class.clone(),
                 _ => "Millard2012EquilibriumMuscle".to_owned(),
             };
             if muscle.applies_force {
@@ -192,7 +197,19 @@ impl System {
         let actors = actors.into_iter().map(|(_, actor)| actor).collect();
         let tree_order = tree_order(&spec, &model);
         let (path, unsupported) = (path.to_owned(), forces.unsupported);
-        Ok(System { path, spec, model, constraints, muscles, actors, unsupported, tree_order })
+        let (allow_unsupported, controls) = (false, Controls::default());
+        Ok(System {
+            path,
+            spec,
+            model,
+            constraints,
+            muscles,
+            actors,
+            unsupported,
+            controls,
+            allow_unsupported,
+            tree_order,
+        })
     }
 
     /// Buffers.
@@ -217,13 +234,13 @@ impl System {
         let mut u: Vec<f64> = self.model.coordinates.iter().map(|c| c.default_speed_value).collect();
         self.assemble(0.0, &mut q)?;
         self.project_speeds(0.0, &q, &mut u);
-        let law = |m: &SystemMuscle, get: fn(&Millard2012) -> f64| m.law.as_ref().map_or(f64::NAN, get);
+        let law = |m: &SystemMuscle, get: fn(&MuscleModel) -> f64| m.law.as_ref().map_or(f64::NAN, get);
         Ok(SystemState {
             time: 0.0,
             q,
             u,
-            activation: self.muscles.iter().map(|m| law(m, Millard2012::default_activation)).collect(),
-            fiber_length: self.muscles.iter().map(|m| law(m, Millard2012::default_fiber_length)).collect(),
+            activation: self.muscles.iter().map(|m| law(m, MuscleModel::default_activation)).collect(),
+            fiber_length: self.muscles.iter().map(|m| law(m, MuscleModel::default_fiber_length)).collect(),
         })
     }
 
@@ -252,24 +269,29 @@ impl System {
         Dynamics::new(&self.model, &self.constraints).project_speeds(time, q, u);
     }
 
-    /// Fails if a force that acts is of a class that is not computed.
+    /// Names and classes of forces that act and are not computed.
+    pub fn forces_not_computed(&self, excluded: &dyn Fn(&str) -> bool) -> Vec<String> {
+        let muscles = self.muscles.iter().filter(|m| m.applies_force && m.law.is_none());
+        let muscles = muscles.map(|m| (m.name.clone(), m.class.0.clone()));
+        let all = self.unsupported.iter().cloned().chain(muscles).filter(|(name, _)| !excluded(name));
+        all.map(|(name, class)| format!("{name} ({class})")).collect()
+    }
+
+    /// Fails if a force that acts is of a class that is not computed, unless that is allowed.
     ///
     /// # Errors
     /// Names and classes of such forces.
     pub fn require_all_forces(&self, excluded: &dyn Fn(&str) -> bool) -> Result<(), ToolError> {
-        let muscles = self.muscles.iter().filter(|m| m.applies_force && m.law.is_none());
-        let muscles = muscles.map(|m| (m.name.clone(), m.class.0.clone()));
-        let all = self.unsupported.iter().cloned().chain(muscles).filter(|(name, _)| !excluded(name));
-        let names: Vec<String> = all.map(|(name, class)| format!("{name} ({class})")).collect();
-        if names.is_empty() {
+        let names = self.forces_not_computed(excluded);
+        if names.is_empty() || self.allow_unsupported {
             return Ok(());
         }
         let what = format!("forces that are not computed: {}", names.join(", "));
-        let instead = "results would lack them; exclude them or set appliesForce to false".to_owned();
+        let instead = "results would lack them; --allow-unsupported goes on without them".to_owned();
         Err(ToolError::new(&self.path, ToolProblem::Unsupported { what, instead }))
     }
 
-    /// Length of every path, then state of every muscle at equilibrium with its path at rest.
+    /// Length of every path, then state of every muscle at equilibrium.
     ///
     /// Muscles that cannot be balanced keep their fibre length; their names are returned.
     pub fn equilibrate(&self, work: &mut SystemWork, state: &mut SystemState) -> Vec<String> {
@@ -278,8 +300,10 @@ impl System {
         for (i, muscle) in self.muscles.iter().enumerate() {
             let Some(law) = &muscle.law else { continue };
             muscle.path.update(&state.q, work.dynamics.cache(), &mut work.paths[i]);
-            match law.equilibrium(work.paths[i].length(), state.activation[i]) {
-                Ok(found) => state.fiber_length[i] = found.fiber_length,
+            let (cache, qdot) = (work.dynamics.cache(), work.dynamics.qdot());
+            let speed = muscle.path.lengthening_speed(&state.q, qdot, cache, &work.paths[i]);
+            match law.equilibrium(work.paths[i].length(), speed, state.activation[i]) {
+                Ok(found) => state.fiber_length[i] = found,
                 Err(error) => failed.push(error.to_string()),
             }
         }
@@ -334,8 +358,11 @@ impl System {
                         apply_tension(path, &state.q, cache, geometry, found.tension[k], applied);
                     }
                 }
-                // Without a control they do nothing.
-                Actor::Coordinate(_) => {}
+                Actor::Coordinate(actuator) => {
+                    if acts(k) {
+                        applied.add_to_coordinate(actuator.coordinate, actuator.force(&self.controls, state.time));
+                    }
+                }
                 Actor::External(force) => {
                     if acts(k) {
                         force.apply(&self.model, cache, state.time, applied);

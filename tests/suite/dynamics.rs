@@ -298,11 +298,10 @@ fn compare_under_all_forces(case: &Case, plant: &Plant) -> Vec<Row> {
         plant.rates(0.0, &x, &activation, &mut work, &mut rates).unwrap_or_else(|e| panic!("{}: {e}", case.name));
         let (tension, speed) = (of_muscles(&state["tendon_force"]), of_muscles(&state["fiber_velocity"]));
         for (k, m) in plant.muscles.iter().enumerate() {
-            let p = m.muscle.parameters();
             let at = || format!("{} at state {number}", m.muscle.name());
-            forces.push((work.tendon_force[k] - tension[k]) / p.max_isometric_force, at);
+            forces.push((work.tendon_force[k] - tension[k]) / m.muscle.max_isometric_force(), at);
             if let Some(i) = m.fiber_length {
-                let scale = speed[k].abs().max(p.max_contraction_velocity * p.optimal_fiber_length);
+                let scale = speed[k].abs().max(m.muscle.max_contraction_velocity() * m.muscle.optimal_fiber_length());
                 velocities.push((rates[i] - speed[k]) / scale, at);
             }
         }

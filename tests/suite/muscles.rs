@@ -4,3 +4,4 @@ mod bad_input;
 mod derivatives;
 mod opensim;
 mod tables;
+mod thelen;

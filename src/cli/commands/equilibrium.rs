@@ -98,7 +98,7 @@ fn computed_muscles(
         let muscle = &loaded.file.spec.muscles[index.0];
         match &muscle.kind {
             MuscleKind::Millard2012Equilibrium(_) => computed.push(index),
-            MuscleKind::PathOnly { class } => {
+            MuscleKind::PathOnly { class, .. } => {
                 let text = format!("{}: {class} is not computed, only Millard2012EquilibriumMuscle is", muscle.at.path);
                 let message = if args.model.allow_unsupported { Message::warning(text) } else { Message::error(text) };
                 let message = message.in_file(&loaded.path).at_line(muscle.at.line);

@@ -13,7 +13,7 @@ use crate::tools::{ToolError, ToolProblem, run_tool};
 /// # Errors
 /// The setup, the files that it names, or the disk.
 pub fn run(args: &RunToolArgs, global: &Global) -> Result<(), Failure> {
-    let outcome = run_tool(&args.setup, args.model.as_deref()).map_err(tool_failure)?;
+    let outcome = run_tool(&args.setup, args.model.as_deref(), args.allow_unsupported).map_err(tool_failure)?;
     let warnings: Vec<Message> = outcome
         .warnings
         .iter()

@@ -6,7 +6,7 @@ use crate::osim::diagnostics::Severity;
 use crate::osim::document::ElementId;
 use crate::osim::spec::{
     ActiveForceLengthSpec, FiberForceLengthSpec, ForceKind, ForceSpec, ForceVelocitySpec, Millard2012Spec, MuscleKind,
-    MuscleSpec, TendonForceLengthSpec,
+    MuscleSpec, TendonForceLengthSpec, Thelen2003Spec,
 };
 
 /// Muscle classes of OpenSim; the force of all but the first is not computed here.
@@ -78,7 +78,8 @@ impl Reader<'_> {
             kind: if is_millard {
                 MuscleKind::Millard2012Equilibrium(Box::new(self.read_millard(object)))
             } else {
-                MuscleKind::PathOnly { class: class.clone() }
+                let thelen2003 = (class == "Thelen2003Muscle").then(|| Box::new(self.read_thelen(object)));
+                MuscleKind::PathOnly { class: class.clone(), thelen2003 }
             },
             path,
             name,
@@ -86,7 +87,10 @@ impl Reader<'_> {
         if is_millard {
             self.diagnostics.understood(&class);
         } else {
-            let message = format!("{class}: its path is used, its force is not computed");
+            let message = match class.as_str() {
+                "Thelen2003Muscle" => format!("{class}: its path is used, its force is computed by run-tool only"),
+                _ => format!("{class}: its path is used, its force is not computed"),
+            };
             let hint = "convert the muscle to Millard2012EquilibriumMuscle to simulate its force".to_owned();
             self.diagnose(Severity::Unsupported, element, &object.path, message, Some(hint));
         }
@@ -100,6 +104,25 @@ impl Reader<'_> {
             return default;
         }
         value
+    }
+
+    fn read_thelen(&mut self, object: &Object) -> Thelen2003Spec {
+        let mut positive = |name, default| self.number(object, &[name], default, Bound::Positive("a number above 0"));
+        Thelen2003Spec {
+            fmax_tendon_strain: positive("FmaxTendonStrain", 0.04),
+            fmax_muscle_strain: positive("FmaxMuscleStrain", 0.6),
+            kshape_active: positive("KshapeActive", 0.45),
+            kshape_passive: positive("KshapePassive", 5.0),
+            af: positive("Af", 0.25),
+            flen: positive("Flen", 1.4),
+            fv_linear_extrap_threshold: positive("fv_linear_extrap_threshold", 0.95),
+            maximum_pennation_angle: positive("maximum_pennation_angle", 0.1_f64.acos()),
+            activation_time_constant: positive("activation_time_constant", 0.015),
+            deactivation_time_constant: positive("deactivation_time_constant", 0.050),
+            minimum_activation: self.number(object, &["minimum_activation"], 0.01, FRACTION),
+            default_activation: self.number(object, &["default_activation"], 0.05, FRACTION),
+            default_fiber_length: self.number(object, &["default_fiber_length"], 0.1, LENGTH),
+        }
     }
 
     fn read_millard(&mut self, object: &Object) -> Millard2012Spec {

@@ -40,7 +40,7 @@ impl Bench {
             self.write(name, &setup.replace("RESULTS", results));
         }
         run_script(&self.python, "scripts/run_tool.py", &[self.path("opensim.xml").as_os_str()]);
-        let outcome = run_tool(&self.path("carpus.xml"), None).unwrap_or_else(|e| panic!("{e}"));
+        let outcome = run_tool(&self.path("carpus.xml"), None, false).unwrap_or_else(|e| panic!("{e}"));
         for file in &outcome.files {
             std::fs::create_dir_all(file.path.parent().unwrap()).unwrap();
             std::fs::write(&file.path, &file.bytes).unwrap();
@@ -115,9 +115,11 @@ fn motion(spec: &ModelSpec, rows: usize, step: f64) -> String {
     storage.text(14)
 }
 
-/// The bundled model.
+/// Models: the bundled one, and lab models of different kinds.
 fn models() -> Vec<PathBuf> {
-    vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("models/wrist.osim")]
+    let bundled = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/wrist.osim");
+    let lab = ["MOBL_ARMS_fixed_41.osim", "Hand_Wrist_Model_for_development.osim", "arm26.osim"];
+    std::iter::once(bundled).chain(lab.iter().filter_map(|name| shared(&format!("models/{name}")))).collect()
 }
 
 fn setup(class: &str, model: &Path, inner: &str) -> String {
@@ -226,7 +228,7 @@ fn val_opensim_mobl_arms_forward() {
         bench.write(name, &setup.replace("RESULTS", results));
     }
     run_script(&bench.python, "scripts/run_tool.py", &[bench.path("opensim.xml").as_os_str()]);
-    let outcome = run_tool(&bench.path("carpus.xml"), None).unwrap();
+    let outcome = run_tool(&bench.path("carpus.xml"), None, false).unwrap();
     let ours = outcome.files.iter().find(|f| f.path.ends_with("MoBL_ARMS_module1_nomuscles_states.sto")).unwrap();
     let ours = Storage::parse(&ours.bytes, &ours.path).unwrap();
     let theirs = Storage::read(bench.path("opensim/MoBL_ARMS_module1_nomuscles_states.sto")).unwrap();
@@ -257,7 +259,7 @@ fn val_opensim_mobl_arms_inverse_kinematics() {
         bench.write(name, &setup.replace("RESULTS", results));
     }
     run_script(&bench.python, "scripts/run_tool.py", &[bench.path("opensim.xml").as_os_str()]);
-    let outcome = run_tool(&bench.path("carpus.xml"), None).unwrap();
+    let outcome = run_tool(&bench.path("carpus.xml"), None, false).unwrap();
     let ours = outcome.files.iter().find(|f| f.path.ends_with("_ik_marker_errors.sto")).unwrap();
     let ours = Storage::parse(&ours.bytes, &ours.path).unwrap();
     let theirs = Storage::read(bench.path("opensim/_ik_marker_errors.sto")).unwrap();
@@ -275,7 +277,7 @@ fn val_opensim_mobl_arms_scale() {
     let replace = [("<output_model_file>Unassigned", "<output_model_file>scaled.osim")];
     let Some(text) = benchmark(&bench, setup, "MOBL_ARMS_module5_scaleIK.osim", &replace) else { return };
     bench.write("scale.xml", &text);
-    let outcome = run_tool(&bench.path("scale.xml"), None).unwrap();
+    let outcome = run_tool(&bench.path("scale.xml"), None, false).unwrap();
     let ours = outcome.files.iter().rfind(|f| f.path.ends_with("scaled.osim")).unwrap();
     let ours = OsimFile::parse(ours.bytes.clone(), "scaled.osim").unwrap().spec;
     let theirs = OsimFile::read(bench.path("published_results/MoBL_ARMS_module5_scaled.osim")).unwrap().spec;

@@ -12,7 +12,7 @@ fn error_of(setup: &str) -> String {
         "q\nversion=1\nnRows=2\nnColumns=2\ninDegrees=no\nendheader\ntime flexion\n0 0\n1 0\n",
     )
     .unwrap();
-    match run_tool(&path, None) {
+    match run_tool(&path, None, false) {
         Ok(_) => panic!("{setup} ran"),
         Err(error) => format!("{error} | {}", error.hint().unwrap_or_default())
             .replace(&format!("{}/", folder.path().display()), ""),
