@@ -170,11 +170,11 @@ impl Thelen2003 {
         for _ in 0..100 {
             let (velocity, slope) = self.velocity_of(a, active, force);
             let error = velocity - norm_velocity;
-            if error.abs() < tolerance {
-                break;
-            }
             if slope.abs() > significant_real() {
                 force -= error / slope;
+            }
+            if error.abs() < tolerance {
+                break;
             }
         }
         (force / (a * active)).max(0.0)

@@ -18,6 +18,9 @@ use crate::osim::spec::{BodyIndex, CoordinateIndex, FrameIndex, ModelSpec, Motio
 use crate::paths::{Path as MusclePath, PathGeometry};
 use crate::spatial::SpatialForce;
 
+/// Generalized forces up to this are none (Simbody's `SignificantReal`).
+const SIGNIFICANT: f64 = 2.008_771_736_785_476_6e-14;
+
 /// A muscle with its path.
 #[derive(Clone, Debug)]
 pub struct SystemMuscle {
@@ -424,7 +427,8 @@ impl System {
     }
 
     /// Force that each joint's generalized forces stand for, on its outboard body at the origin of the child frame,
-    /// expressed in ground (`Joint::calcEquivalentSpatialForce`): the smallest force, then the smallest moment.
+    /// expressed in ground (`Joint::calcEquivalentSpatialForce`): the smallest moment or force, whichever does more, then
+    /// the other.
     ///
     /// - `cache`: positions and joint axes
     pub fn equivalent_joint_forces(&self, cache: &Cache, generalized: &[f64]) -> Vec<SpatialForce> {
@@ -441,8 +445,17 @@ impl System {
                 }
             });
             let f = DVector::from_iterator(columns.len(), columns.iter().map(|c| generalized[*c]));
-            let force = least(&v, &f);
-            let moment = least(&w, &(f - v * force));
+            let (mut force, mut moment) = (least(&v, &f), least(&w, &f));
+            let (by_force, by_moment) = (&v * force, &w * moment);
+            let (in_force, in_moment) = (by_force.norm(), by_moment.norm());
+            if in_force > SIGNIFICANT && in_moment > SIGNIFICANT {
+                // The more effective one first, the other for what is left.
+                if in_moment / moment.norm() > in_force / force.norm() {
+                    force = least(&v, &(f - by_moment));
+                } else {
+                    moment = least(&w, &(f - by_force));
+                }
+            }
             SpatialForce { moment, force }
         });
         joints.collect()
