@@ -56,7 +56,7 @@ impl Ingredients {
         let trials = null
             .whitened
             .iter()
-            .zip(&analysis.directions)
+            .zip(&*null.directions)
             .zip(&null.factors)
             .map(|((fitted, directions), factor)| {
                 let joined = |fitted: DMatrix<f64>, directions: &DMatrix<f64>| {

@@ -8,7 +8,7 @@
 //! (a parametric bootstrap through the EMG input). Draws come in pairs of opposite sign: all that is linear in them
 //! cancels, so that few pairs do.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -62,12 +62,4 @@ impl Analysis<'_> {
             .into_iter()
             .collect()
     }
-}
-
-/// A matrix L with L Lᵀ the given covariance, also where that is singular.
-pub(super) fn root(covariance: &DMatrix<f64>) -> DMatrix<f64> {
-    let small = 1e-9 * (0..covariance.nrows()).map(|i| covariance[(i, i)]).fold(0.0, f64::max);
-    let mut regular = covariance.clone();
-    (0..regular.nrows()).for_each(|i| regular[(i, i)] += small);
-    regular.cholesky().map_or_else(|| DMatrix::zeros(covariance.nrows(), covariance.nrows()), |c| c.l())
 }

@@ -86,7 +86,8 @@ impl Analysis<'_> {
     pub(super) fn finish(&self, mut descent: Descent) -> Result<Fit, SimulationError> {
         descent.noise = self.noise(&mut descent.linear, &descent.point, descent.noise.levels);
         descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
-        let Descent { point, linear: _, noise, at } = descent;
+        let Descent { point, linear, noise, at } = descent;
+        let directions = Arc::new(self.calc_directions(&linear, &point)?.0);
         let (p, n) = (at.precision.len(), self.n_nuisance());
         let covariance = at
             .information
@@ -102,6 +103,7 @@ impl Analysis<'_> {
             whitened: at.whitened,
             offset: at.offset,
             precision: at.precision,
+            directions,
         })
     }
 

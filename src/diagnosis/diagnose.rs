@@ -10,6 +10,7 @@ use super::catalogue::CATALOGUE;
 use super::effect::{Effect, Role};
 use super::fit::{Analysis, Fit};
 use super::forward_model::{ForwardModel, Setting};
+use super::noise::Kernels;
 use super::score_test::{BlockScore, Omnibus};
 use super::where_it_fails::{AxisResult, along_axes};
 use crate::osim::spec::MuscleSpec;
@@ -176,6 +177,8 @@ pub struct Diagnosis {
     pub where_it_fails: Vec<AxisResult>,
     /// Standard deviations of the noise: white and slow moment [N·m], EMG envelope, gain per trial (relative), baseline.
     pub noise: BTreeMap<&'static str, f64>,
+    /// How noise of the EMG's envelope and of the moment goes with itself in time.
+    pub noise_correlation: Kernels,
 }
 
 /// What to diagnose.
@@ -226,7 +229,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         .collect();
     let left = test(&analysis, &null, &not_testable)?;
     let judge = Judge { request, analysis: &analysis, null: &null, not_testable: &not_testable };
-    let rejected = left.p_value < REJECT_NULL;
+    let rejected = left.p_value < REJECT_NULL && std::env::var_os("X_SCORE").is_none();
     let singles = if rejected { judge.singles(&left)? } else { Vec::new() };
     let mut explanations: Vec<(Fit, Explanation)> =
         singles.iter().filter(|s| s.1.p_value > REJECT_EXPLANATION).cloned().collect();
@@ -281,6 +284,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
             ("emg_gain_per_trial", gain),
             ("emg_baseline", floor),
         ]),
+        noise_correlation: analysis.kernels,
     };
     let ingredients = Ingredients::of(&analysis, &null);
     Ok(Outcome { diagnosis, refit: null, best, ingredients })

@@ -19,9 +19,11 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 use std::sync::Arc;
 
+use super::descent::Descent;
 use super::effect::{Effect, Role, Stage};
 use super::forward_model::{Core, FITTED_PER_MUSCLE, ForwardModel, Setting, TrialInput, matters};
-use super::noise::{self, KNOT_SPACING, NoiseLevels, Response, TrialNoise, TrialTimes};
+use super::kernel::Kernel;
+use super::noise::{self, KNOT_SPACING, Kernels, NoiseLevels, Response, TrialNoise, TrialTimes};
 use super::score_test::{self, Block, Omnibus};
 use crate::simulation::{MuscleParameters, SimulationError};
 use crate::study::ParameterBounds;
@@ -66,6 +68,8 @@ pub struct Fit {
     /// Distance of nuisance and effects from the prior's mean, and prior precision.
     pub(super) offset: Vec<f64>,
     pub(super) precision: Vec<f64>,
+    /// Per training trial: directions at this fit, averaged over blocks.
+    pub(super) directions: Arc<Vec<DMatrix<f64>>>,
 }
 
 /// A participant's training data, the noise in it, and the directions to test.
@@ -80,12 +84,14 @@ pub struct Analysis<'a> {
     pub(super) prior_sd: [f64; FITTED_PER_MUSCLE],
     /// Blocks of directions and their columns among `directions`.
     pub blocks: Vec<Block>,
-    /// Per training trial: directions, averaged over blocks.
+    /// Per training trial: directions near the fit without effects, averaged over blocks: regressors of the noise's estimate.
     pub(super) directions: Vec<DMatrix<f64>>,
     /// Per training trial.
     pub(super) times: Vec<Arc<TrialTimes>>,
     /// Per training trial: mean of the residual that EMG noise causes to second order; empty until it is known.
     pub(super) mean_noise: Vec<DVector<f64>>,
+    /// How the noise goes with itself in time.
+    pub(super) kernels: Kernels,
     pub(super) seed: u64,
 }
 
@@ -125,6 +131,21 @@ pub(super) struct Linear {
     pub(super) residual: DVector<f64>,
     /// The trial's core, for directions.
     pub(super) core: Core,
+}
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Emg,
+    Moment,
+}
+
+/// What of a trial's noise depends on its times alone.
+///
+/// - `kernel`: of slow disturbances
+fn trial_times(time: &[f64], kernel: &Kernel) -> Arc<TrialTimes> {
+    let starts = block_starts(time.len());
+    let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
+    Arc::new(TrialTimes::correlated(block_means(time, &starts).as_slice(), &counts, kernel))
 }
 
 /// Start of every block of samples, and the end.
@@ -173,11 +194,11 @@ impl<'a> Analysis<'a> {
         // Before the EMG's noise is allowed for, what it does would be taken for more of it.
         let mut descent = analysis.settle(rough, false)?;
         descent = analysis.settle(descent, false)?;
-        analysis.directions = analysis.calc_directions(&descent.linear, &descent.point)?;
+        (analysis.directions, analysis.blocks) = analysis.calc_directions(&descent.linear, &descent.point)?;
         // With all directions among the regressors, what an effect does is no longer taken for noise.
-        for _ in 0..2 {
-            descent = analysis.settle(descent, true)?;
-        }
+        descent = analysis.settle(descent, true)?;
+        analysis.choose_kernels(&mut descent);
+        descent = analysis.settle(descent, true)?;
         analysis.mean_noise = analysis.calc_mean_noise(&descent.point, &descent.noise)?;
         descent = analysis.settle(descent, true)?;
         let fit = analysis.finish(descent)?;
@@ -310,7 +331,7 @@ impl<'a> Analysis<'a> {
                     .collect(),
             );
         }
-        TrialNoise::new(&self.times[position], responses, &at_knots)
+        TrialNoise::correlated(&self.times[position], responses, &at_knots, &self.kernels.emg)
     }
 
     /// Variances of the noise, all directions being among the regressors.
@@ -321,8 +342,15 @@ impl<'a> Analysis<'a> {
         point: &Point,
         start: NoiseLevels,
     ) -> NoiseLevels {
+        let (columns, precision) = self.regressors(linear, point);
+        let trials: Vec<_> = noise.iter().zip(&columns).zip(linear).map(|((n, x), l)| (n, x, &l.residual)).collect();
+        noise::estimate(&trials, &precision, start)
+    }
+
+    /// Per trial all that a residual is regressed on while noise is estimated, and prior precisions.
+    fn regressors(&self, linear: &[Linear], point: &Point) -> (Vec<DMatrix<f64>>, DVector<f64>) {
         let extra = self.directions.first().map_or(0, DMatrix::ncols);
-        let columns: Vec<DMatrix<f64>> = linear
+        let columns = linear
             .iter()
             .enumerate()
             .map(|(i, l)| {
@@ -339,8 +367,45 @@ impl<'a> Analysis<'a> {
         let (mut precision, _) = self.prior(point);
         // Directions are in units of their scale; ten times that is wide.
         precision.extend(std::iter::repeat_n(0.01, extra));
-        let trials: Vec<_> = noise.iter().zip(&columns).zip(linear).map(|((n, x), l)| (n, x, &l.residual)).collect();
-        noise::estimate(&trials, &DVector::from_vec(precision), start)
+        (columns, DVector::from_vec(precision))
+    }
+
+    /// Chooses the correlations of the noise by restricted likelihood: of the EMG's, then of the moment's, then again.
+    fn choose_kernels(&mut self, descent: &mut Descent) {
+        let (columns, precision) = self.regressors(&descent.linear, &descent.point);
+        let residuals: Vec<&DVector<f64>> = descent.linear.iter().map(|l| &l.residual).collect();
+        let mut levels = descent.noise.levels;
+        let mut structure = descent.noise.structure.clone();
+        for kind in [Kind::Emg, Kind::Moment, Kind::Emg] {
+            let known = self.kernels;
+            let changed = |kernel: &Kernel| match kind {
+                Kind::Emg => Kernels { emg: *kernel, ..known },
+                Kind::Moment => Kernels { moment: *kernel, ..known },
+            };
+            let with = |structure: &[TrialNoise], kernels: &Kernels| -> Vec<TrialNoise> {
+                structure
+                    .par_iter()
+                    .zip(&self.train)
+                    .map(|(n, g)| n.clone().with_kernel(&trial_times(&self.forward.trials[*g].time, &kernels.moment), &kernels.emg))
+                    .collect()
+            };
+            let start = match kind {
+                Kind::Emg => known.emg,
+                Kind::Moment => known.moment,
+            };
+            let best = noise::best_kernel(&start, |kernel| {
+                let noise = with(&structure, &changed(kernel));
+                let trials: Vec<_> = noise.iter().zip(&columns).zip(&residuals).map(|((n, x), r)| (n, x, *r)).collect();
+                let levels = noise::estimate_within(2, &trials, &precision, levels);
+                noise::restricted_deviance(&trials, &precision, &levels)
+            });
+            self.kernels = changed(&best);
+            structure = with(&structure, &self.kernels);
+            let trials: Vec<_> = structure.iter().zip(&columns).zip(&residuals).map(|((n, x), r)| (n, x, *r)).collect();
+            levels = noise::estimate(&trials, &precision, levels);
+        }
+        self.times = self.train.iter().map(|g| trial_times(&self.forward.trials[*g].time, &self.kernels.moment)).collect();
+        descent.noise.levels = levels;
     }
 
     fn nuisance_precision(&self) -> Vec<f64> {
@@ -440,19 +505,31 @@ impl<'a> Analysis<'a> {
         Account { whitened, information, gradient, objective, gain, precision, offset }
     }
 
-    /// Directions of all candidates' amplitudes and of lack of fit, in units of their scales.
+    /// Directions of all candidates' amplitudes and of lack of fit, in units of their scales, and the blocks that they form;
+    /// 0 for an effect that is on.
     pub(super) fn calc_directions(
-        &mut self,
+        &self,
         linear: &[Linear],
         point: &Point,
-    ) -> Result<Vec<DMatrix<f64>>, SimulationError> {
+    ) -> Result<(Vec<DMatrix<f64>>, Vec<Block>), SimulationError> {
         let mut per_trial: Vec<Vec<DVector<f64>>> = vec![Vec::new(); self.train.len()];
         let mut blocks = Vec::new();
         let mut next = 0;
         for effect in &self.candidates {
-            let settings = [Setting::absent(*effect)];
-            let variants = self.forward.difference_variants(&settings, 0)?;
             let amplitudes: Vec<usize> = effect.description().amplitudes().collect();
+            let columns = (next..next + amplitudes.len()).collect();
+            blocks.push(Block { name: effect.description().id.to_string(), columns });
+            next += amplitudes.len();
+            if point.effects.iter().any(|s| s.effect.description().id == effect.description().id) {
+                for (all, l) in per_trial.iter_mut().zip(linear) {
+                    all.extend(amplitudes.iter().map(|_| DVector::zeros(l.residual.len())));
+                }
+                continue;
+            }
+            let mut settings = point.effects.clone();
+            settings.push(Setting::absent(*effect));
+            let which = settings.len() - 1;
+            let variants = self.forward.difference_variants(&settings, which)?;
             let columns = self
                 .train
                 .par_iter()
@@ -469,7 +546,7 @@ impl<'a> Analysis<'a> {
                                 input,
                                 &point.parameters,
                                 &settings,
-                                0,
+                                which,
                                 &variants,
                                 *p,
                             )?;
@@ -481,9 +558,6 @@ impl<'a> Analysis<'a> {
             for (all, new) in per_trial.iter_mut().zip(columns) {
                 all.extend(new?);
             }
-            let columns = (next..next + amplitudes.len()).collect();
-            blocks.push(Block { name: effect.description().id.to_string(), columns });
-            next += amplitudes.len();
         }
         for (axis, series) in super::where_it_fails::AXES.iter().zip(0..) {
             let mut count = 0;
@@ -498,8 +572,7 @@ impl<'a> Analysis<'a> {
             blocks.push(Block { name: format!("axis:{axis}"), columns: (next..next + count).collect() });
             next += count;
         }
-        self.blocks = blocks;
-        Ok(per_trial.into_iter().map(|columns| DMatrix::from_columns(&columns)).collect())
+        Ok((per_trial.into_iter().map(|columns| DMatrix::from_columns(&columns)).collect(), blocks))
     }
 
     /// Is anything left after a fit? Effects that are on are not tested again.
@@ -507,11 +580,11 @@ impl<'a> Analysis<'a> {
     /// - `skip`: names of further blocks to leave out
     pub fn anything_left(&self, fit: &Fit, skip: &[&str]) -> Option<Omnibus> {
         let p = fit.precision.len();
-        let columns = self.directions.first()?.ncols();
+        let columns = fit.directions.first()?.ncols();
         let normal: Vec<DMatrix<f64>> = fit
             .whitened
             .par_iter()
-            .zip(&self.directions)
+            .zip(&*fit.directions)
             .zip(&fit.factors)
             .map(|((w, d), factor)| {
                 let mut all = w.clone().resize_horizontally(p + 1 + columns, 0.0);

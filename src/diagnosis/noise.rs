@@ -4,9 +4,9 @@
 //! ```text
 //! V = σ_w² I + σ_s² C_s + σ_e² G K Gᵀ + σ_g² G 1 1ᵀ Gᵀ + σ_f² G D K D Gᵀ
 //! ```
-//! G: moment by the log excitation on knots; K, C_s: Matérn-3/2 correlation over knots and over samples (EMG
-//! envelope and slow disturbances of the moment); the fourth term is a gain per trial and muscle; D = 1/e turns the last
-//! one into noise that adds to the EMG.
+//! G: moment by the log excitation on knots; K, C_s: correlation over knots and over samples (EMG envelope and slow
+//! disturbances of the moment), of the family and length that the data prefer; the fourth term is a gain per trial and
+//! muscle; D = 1/e turns the last one into noise that adds to the EMG.
 //!
 //! # References
 //! Patterson & Thompson (1971), Recovery of inter-block information when block sizes are unequal,
@@ -18,14 +18,10 @@ use std::sync::Arc;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
-use super::centring::root;
+use super::kernel::{FAMILIES, Family, Kernel, correlated, root};
 
 /// Distance between knots of the EMG's noise [s].
 pub const KNOT_SPACING: f64 = 0.04;
-/// Correlation length of the EMG envelope's noise [s].
-const ENVELOPE_LENGTH: f64 = 0.12;
-/// Correlation length of slow disturbances of the moment [s].
-const SLOW_LENGTH: f64 = 0.36;
 /// EMG below this counts as this when additive noise is expressed relative to it.
 const SMALLEST_EXCITATION: f64 = 0.005;
 /// Iterations of the variance estimate.
@@ -54,10 +50,22 @@ impl NoiseLevels {
     }
 }
 
-/// Matérn-3/2 correlation at a distance.
-fn matern(distance: f64, length: f64) -> f64 {
-    let x = 3f64.sqrt() * distance.abs() / length;
-    (1.0 + x) * (-x).exp()
+/// How noise goes with itself in time.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Kernels {
+    /// Envelope of the EMG.
+    pub emg: Kernel,
+    /// Slow disturbances of the moment.
+    pub moment: Kernel,
+}
+
+impl Default for Kernels {
+    fn default() -> Self {
+        Kernels {
+            emg: Kernel { family: Family::Matern32, length: 0.12 },
+            moment: Kernel { family: Family::Matern32, length: 0.36 },
+        }
+    }
 }
 
 /// Moment of one muscle by the logarithm of its excitation on knots, blocks × knots.
@@ -82,58 +90,31 @@ impl Response {
     }
 
     /// Adds G K Gᵀ to the lower triangle of `covariance`; with `factors` on the knots G D K D Gᵀ.
-    fn add_covariance(&self, factors: Option<&DVector<f64>>, covariance: &mut DMatrix<f64>) {
+    ///
+    /// - `by_step`: correlations over knots
+    fn add_covariance(&self, by_step: &[f64], factors: Option<&DVector<f64>>, covariance: &mut DMatrix<f64>) {
         let factor = |knot: usize| factors.map_or(1.0, |f| f[knot]);
-        let n = self.by_knots.nrows();
-        let mut spread = self.by_knots.clone();
-        if let Some(factors) = factors {
-            spread.column_iter_mut().zip(factors.iter()).for_each(|(mut column, f)| column *= *f);
-        }
-        correlate(&mut spread);
+        let (n, knots) = self.by_knots.shape();
+        let mut spread = vec![0.0; n];
         for (knot, rows) in self.rows.iter().enumerate() {
-            let from = &spread.as_slice()[knot * n..(knot + 1) * n];
+            if rows.is_empty() {
+                continue;
+            }
+            // Column `knot` of G D K.
+            spread.fill(0.0);
+            for other in knot.saturating_sub(by_step.len() - 1)..(knot + by_step.len()).min(knots) {
+                let weight = by_step[knot.abs_diff(other)] * factor(other);
+                let column = &self.by_knots.as_slice()[other * n..(other + 1) * n];
+                let shown = self.rows[other].clone();
+                spread[shown.clone()].iter_mut().zip(&column[shown]).for_each(|(s, g)| *s += weight * g);
+            }
             for row in rows.clone() {
                 let weight = self.by_knots[(row, knot)] * factor(knot);
                 let to = &mut covariance.as_mut_slice()[row * n..(row + 1) * n];
-                to[row..].iter_mut().zip(&from[row..]).for_each(|(to, from)| *to += weight * from);
+                to[row..].iter_mut().zip(&spread[row..]).for_each(|(to, from)| *to += weight * from);
             }
         }
     }
-}
-
-/// Multiplies every row by the Matérn-3/2 correlation over knots: (1 + c d) ρᵈ with ρ = e⁻ᶜ, a product of which takes two
-/// sweeps instead of a dense matrix.
-fn correlate(rows: &mut DMatrix<f64>) {
-    let c = 3f64.sqrt() * KNOT_SPACING / ENVELOPE_LENGTH;
-    let rho = (-c).exp();
-    let n = rows.nrows();
-    let original = rows.clone();
-    // Sums over the knots on one side: ρᵈ x, and c d ρᵈ x.
-    let (mut plain, mut sloped) = (vec![0.0; n], vec![0.0; n]);
-    for (before, column) in original.as_slice().chunks_exact(n).zip(rows.as_mut_slice().chunks_exact_mut(n)) {
-        for i in 0..n {
-            sloped[i] = rho * (sloped[i] + c * plain[i]);
-            plain[i] = rho * plain[i] + before[i];
-            column[i] = plain[i] + sloped[i];
-        }
-    }
-    plain.fill(0.0);
-    sloped.fill(0.0);
-    for (after, column) in original.as_slice().chunks_exact(n).zip(rows.as_mut_slice().chunks_exact_mut(n)).rev() {
-        for i in 0..n {
-            column[i] += plain[i] + sloped[i];
-            // To the knot before, one step farther from all of these.
-            plain[i] = rho * (plain[i] + after[i]);
-            sloped[i] = rho * sloped[i] + c * plain[i];
-        }
-    }
-}
-
-/// The same of a single row.
-fn correlated(values: &DVector<f64>) -> DVector<f64> {
-    let mut row = DMatrix::from_row_slice(1, values.len(), values.as_slice());
-    correlate(&mut row);
-    DVector::from_column_slice(row.as_slice())
 }
 
 /// What of a trial's noise depends on its times alone.
@@ -146,13 +127,17 @@ pub struct TrialTimes {
 }
 
 impl TrialTimes {
+    /// With the usual correlation of slow disturbances.
+    ///
     /// - `times`: of the blocks [s]; `counts`: samples in each
     pub fn new(times: &[f64], counts: &[usize]) -> TrialTimes {
-        let n = times.len();
-        TrialTimes {
-            white: DVector::from_iterator(n, counts.iter().map(|c| 1.0 / *c as f64)),
-            slow: DMatrix::from_fn(n, n, |i, j| matern(times[i] - times[j], SLOW_LENGTH)),
-        }
+        Self::correlated(times, counts, &Kernels::default().moment)
+    }
+
+    /// - `times`: of the blocks [s]; `counts`: samples in each; `kernel`: of slow disturbances
+    pub fn correlated(times: &[f64], counts: &[usize], kernel: &Kernel) -> TrialTimes {
+        let white = DVector::from_iterator(times.len(), counts.iter().map(|c| 1.0 / *c as f64));
+        TrialTimes { white, slow: kernel.matrix(times) }
     }
 }
 
@@ -168,29 +153,58 @@ pub struct TrialNoise {
     reciprocal: Vec<DVector<f64>>,
     /// Per muscle: moment by the logarithm of all its excitation.
     whole: DMatrix<f64>,
+    /// Correlation of the EMG's noise over knots.
+    by_step: Arc<[f64]>,
 }
 
 impl TrialNoise {
+    /// With the usual correlation of the EMG's noise.
+    ///
     /// - `response`: per muscle, moment by log excitation
     /// - `excitation`: per muscle, at the knots
     pub fn new(times: &Arc<TrialTimes>, response: Vec<Response>, excitation: &[Vec<f64>]) -> TrialNoise {
+        Self::correlated(times, response, excitation, &Kernels::default().emg)
+    }
+
+    /// - `response`: per muscle, moment by log excitation
+    /// - `excitation`: per muscle, at the knots
+    /// - `kernel`: of the EMG's noise
+    pub fn correlated(
+        times: &Arc<TrialTimes>,
+        response: Vec<Response>,
+        excitation: &[Vec<f64>],
+        kernel: &Kernel,
+    ) -> TrialNoise {
         let n = times.white.len();
         let reciprocal: Vec<DVector<f64>> = excitation
             .iter()
             .map(|e| DVector::from_iterator(e.len(), e.iter().map(|v| 1.0 / v.max(SMALLEST_EXCITATION))))
             .collect();
-        let mut envelope = DMatrix::zeros(n, n);
-        let mut floor = DMatrix::zeros(n, n);
         let mut whole = DMatrix::zeros(n, response.len());
-        for ((g, d), mut whole) in response.iter().zip(&reciprocal).zip(whole.column_iter_mut()) {
-            g.add_covariance(None, &mut envelope);
-            g.add_covariance(Some(d), &mut floor);
+        for (g, mut whole) in response.iter().zip(whole.column_iter_mut()) {
             whole.copy_from(&g.by_knots.column_sum());
+        }
+        let gain = &whole * whole.transpose();
+        let emg = [DMatrix::zeros(0, 0), gain, DMatrix::zeros(0, 0)];
+        let by_step = Arc::from([]);
+        let bare = TrialNoise { times: Arc::clone(times), emg, response, reciprocal, whole, by_step };
+        bare.with_kernel(times, kernel)
+    }
+
+    /// The same noise with other correlations in time.
+    pub fn with_kernel(mut self, times: &Arc<TrialTimes>, kernel: &Kernel) -> TrialNoise {
+        let n = times.white.len();
+        self.times = Arc::clone(times);
+        self.by_step = kernel.by_step(KNOT_SPACING).into();
+        let (mut envelope, mut floor) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
+        for (g, d) in self.response.iter().zip(&self.reciprocal) {
+            g.add_covariance(&self.by_step, None, &mut envelope);
+            g.add_covariance(&self.by_step, Some(d), &mut floor);
         }
         envelope.fill_upper_triangle_with_lower_triangle();
         floor.fill_upper_triangle_with_lower_triangle();
-        let gain = &whole * whole.transpose();
-        TrialNoise { times: Arc::clone(times), emg: [envelope, gain, floor], response, reciprocal, whole }
+        [self.emg[0], self.emg[2]] = [envelope, floor];
+        self
     }
 
     fn shared(&self) -> [&DMatrix<f64>; COMPONENTS - 1] {
@@ -225,9 +239,9 @@ impl TrialNoise {
             .zip(&self.reciprocal)
             .map(|(g, d)| {
                 let back = g.by_knots.tr_mul(weighted_residual);
-                let mut w = correlated(&back) * envelope;
+                let mut w = correlated(&self.by_step, &back) * envelope;
                 w.add_scalar_mut(gain * back.sum());
-                w += correlated(&back.component_mul(d)).component_mul(d) * floor;
+                w += correlated(&self.by_step, &back.component_mul(d)).component_mul(d) * floor;
                 w
             })
             .collect()
@@ -240,7 +254,7 @@ impl TrialNoise {
         let [_, _, envelope, gain, floor] = levels.0.map(f64::sqrt);
         let knots = self.reciprocal.first().map_or(0, |r| r.len());
         let correlation =
-            DMatrix::from_fn(knots, knots, |i, j| matern(KNOT_SPACING * (i as f64 - j as f64), ENVELOPE_LENGTH));
+            DMatrix::from_fn(knots, knots, |i, j| self.by_step.get(i.abs_diff(j)).copied().unwrap_or(0.0));
         let root = root(&correlation);
         let mut draw = |n: usize| DVector::from_fn(n, |_, _| normal());
         self.reciprocal
@@ -308,8 +322,18 @@ pub fn estimate(
     precision: &DVector<f64>,
     start: NoiseLevels,
 ) -> NoiseLevels {
+    estimate_within(ITERATIONS, trials, precision, start)
+}
+
+/// As [`estimate`], with at most this many iterations.
+pub fn estimate_within(
+    iterations: usize,
+    trials: &[(&TrialNoise, &DMatrix<f64>, &DVector<f64>)],
+    precision: &DVector<f64>,
+    start: NoiseLevels,
+) -> NoiseLevels {
     let mut levels = start;
-    for _ in 0..ITERATIONS {
+    for _ in 0..iterations {
         let Some((gradient, information)) = gradient(trials, precision, &levels) else { return levels };
         let mut largest = 0.0_f64;
         let Some(solver) = information.cholesky() else { return levels };
@@ -324,6 +348,78 @@ pub fn estimate(
         }
     }
     levels
+}
+
+/// −2 log of the restricted likelihood, up to a constant; infinite where V cannot be factored.
+pub fn restricted_deviance(
+    trials: &[(&TrialNoise, &DMatrix<f64>, &DVector<f64>)],
+    precision: &DVector<f64>,
+    levels: &NoiseLevels,
+) -> f64 {
+    let parts: Vec<_> = trials
+        .par_iter()
+        .filter_map(|(noise, x, r)| {
+            let factor = factor(noise, levels)?;
+            let lower = factor.l_dirty();
+            let determinant: f64 = lower.diagonal().iter().map(|d| 2.0 * d.ln()).sum();
+            let mut all = DMatrix::zeros(r.len(), x.ncols() + 1);
+            all.columns_mut(0, x.ncols()).copy_from(x);
+            all.set_column(x.ncols(), r);
+            lower.solve_lower_triangular_mut(&mut all);
+            Some((determinant, all.tr_mul(&all)))
+        })
+        .collect();
+    if parts.len() < trials.len() {
+        return f64::INFINITY;
+    }
+    let n = precision.len();
+    let mut total = DMatrix::zeros(n + 1, n + 1);
+    let mut deviance = 0.0;
+    for (determinant, products) in parts {
+        deviance += determinant;
+        total += products;
+    }
+    let information = total.view((0, 0), (n, n)) + DMatrix::from_diagonal(precision);
+    let right = total.view((0, n), (n, 1)).into_owned();
+    let Some(solver) = information.cholesky() else { return f64::INFINITY };
+    let fitted = right.dot(&solver.solve(&right));
+    deviance + solver.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum::<f64>() + total[(n, n)] - fitted
+}
+
+/// Longest and shortest correlation that is considered [s].
+const LENGTHS: [f64; 2] = [0.02, 1.5];
+/// Ratio of neighbouring lengths that are compared.
+const LENGTH_RATIO: f64 = 1.4;
+
+/// The kernel of least `deviance`: of every family the best length, found by steps from the length at hand.
+pub fn best_kernel(start: &Kernel, mut deviance: impl FnMut(&Kernel) -> f64) -> Kernel {
+    let mut best = (f64::INFINITY, *start);
+    let mut length = start.length;
+    for family in FAMILIES {
+        let mut at = |i: i32| {
+            let length = (length * LENGTH_RATIO.powi(i)).clamp(LENGTHS[0], LENGTHS[1]);
+            let kernel = Kernel { family, length };
+            (deviance(&kernel), kernel)
+        };
+        let (mut here, mut i) = (at(0), 0);
+        let (up, down) = (at(1), at(-1));
+        let direction = if up.0 < here.0 && up.0 <= down.0 { 1 } else { -1 };
+        let mut next = if direction == 1 { up } else { down };
+        while next.0 < here.0 && (LENGTHS[0]..=LENGTHS[1]).contains(&next.1.length) {
+            i += direction;
+            here = next;
+            if here.1.length == LENGTHS[0] || here.1.length == LENGTHS[1] {
+                break;
+            }
+            next = at(i + direction);
+        }
+        if here.0 < best.0 {
+            best = here;
+        }
+        // Families are in an order in which the best length changes little.
+        length = here.1.length;
+    }
+    best.1
 }
 
 /// Gradient of the restricted log likelihood by the variances, and its approximate information.
@@ -397,8 +493,9 @@ mod tests {
     #[test]
     fn verif_covariances_are_those_of_the_dense_matrices() {
         let (blocks, knots) = (9, 14);
+        let kernel = Kernels::default().emg;
         let times: Vec<f64> = (0..blocks).map(|b| 0.06 * b as f64).collect();
-        let times = Arc::new(TrialTimes::new(&times, &[6; 9]));
+        let times = Arc::new(TrialTimes::correlated(&times, &[6; 9], &kernel));
         let excitation: Vec<Vec<f64>> =
             (0..2).map(|m| (0..knots).map(|j| 0.02 + 0.3 * ((j + m) as f64).sin().powi(2)).collect()).collect();
         let mut dense = vec![DMatrix::zeros(blocks, knots); 2];
@@ -412,10 +509,10 @@ mod tests {
                 }
             }
         }
-        let kernel =
-            DMatrix::from_fn(knots, knots, |i, j| matern(KNOT_SPACING * (i as f64 - j as f64), ENVELOPE_LENGTH));
+        let at: Vec<f64> = (0..knots).map(|j| KNOT_SPACING * j as f64).collect();
         let ones = DMatrix::from_element(knots, knots, 1.0);
-        let noise = TrialNoise::new(&times, responses, &excitation);
+        let noise = TrialNoise::correlated(&times, responses, &excitation, &kernel);
+        let kernel = kernel.matrix(&at);
         let mut expected = [(); 3].map(|()| DMatrix::<f64>::zeros(blocks, blocks));
         for (g, e) in dense.iter().zip(&excitation) {
             let d = DMatrix::from_diagonal(&DVector::from_iterator(knots, e.iter().map(|e| 1.0 / e)));

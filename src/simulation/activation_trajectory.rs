@@ -68,10 +68,21 @@ impl ActivationDynamics {
         }
     }
 
-    /// ä for an excitation that changes at `slope`, where ȧ is `rate`.
-    fn acceleration(&self, a: f64, e: f64, slope: f64, rate: f64, branch: Branch) -> f64 {
+    /// [−∂ȧ/∂a, ∂ȧ/∂e] [1/s] of the activation that muscles see.
+    ///
+    /// - `a`: as muscles see it
+    pub(crate) fn linearized(&self, a: f64, e: f64) -> [f64; 2] {
+        let branch = if e > a { Branch::Activating } else { Branch::Deactivating };
+        let (by_e, by_a) = self.derivatives(a, e, branch);
+        // Below the minimum it does not matter by how much.
+        let asleep = a <= self.minimum_activation && e <= self.minimum_activation;
+        [-by_a, if asleep { 0.0 } else { by_e }]
+    }
+
+    /// ∂ȧ/∂e and ∂ȧ/∂a within the bounds.
+    fn derivatives(&self, a: f64, e: f64, branch: Branch) -> (f64, f64) {
         let clamped = self.clamp(a);
-        let (by_e, by_a) = match branch {
+        match branch {
             Branch::Activating => {
                 let tau = self.activation_time_constant * (0.5 + 1.5 * clamped);
                 (1.0 / tau, -1.0 / tau - (e - clamped) * 1.5 * self.activation_time_constant / (tau * tau))
@@ -80,7 +91,12 @@ impl ActivationDynamics {
                 let rate = (0.5 + 1.5 * clamped) / self.deactivation_time_constant;
                 (rate, 1.5 * (e - clamped) / self.deactivation_time_constant - rate)
             }
-        };
+        }
+    }
+
+    /// ä for an excitation that changes at `slope`, where ȧ is `rate`.
+    fn acceleration(&self, a: f64, e: f64, slope: f64, rate: f64, branch: Branch) -> f64 {
+        let (by_e, by_a) = self.derivatives(a, e, branch);
         let by_a = if a < self.minimum_activation || a > 1.0 { 0.0 } else { by_a };
         by_e * slope + by_a * rate
     }

@@ -206,16 +206,45 @@ impl PreparedTrial {
 /// Linear response of one muscle's moment to its excitation, along a simulated trial.
 #[derive(Clone, Debug)]
 pub struct ExcitationResponse {
-    /// Per interval between samples: how much of an activation disturbance is left after it.
-    activation_decay: Vec<f64>,
-    /// Per interval: activation per unit of (constant) excitation disturbance.
-    activation_gain: Vec<f64>,
+    /// Per interval between samples: what activation becomes.
+    activation: Vec<Relaxation>,
     /// The same for the normalized fibre length, driven by activation.
-    fiber_decay: Vec<f64>,
-    fiber_gain: Vec<f64>,
+    fiber: Vec<Relaxation>,
     /// Per sample: moment per normalized fibre length [N·m], and per activation for a rigid tendon.
     moment_by_fiber: Vec<f64>,
     moment_by_activation: Vec<f64>,
+    /// Activation at the start per excitation, and fibre length per activation: in equilibrium.
+    start: [f64; 2],
+}
+
+/// What becomes of a disturbance in an interval in which ẏ = −λ y + g u, u linear: y' = left y + from[0] u + from[1] u'.
+#[derive(Clone, Copy, Debug)]
+struct Relaxation {
+    left: f64,
+    from: [f64; 2],
+}
+
+impl Relaxation {
+    /// Coefficients at both ends are averaged.
+    ///
+    /// - `rate`: λ [1/s]; `gain`: g [1/s]; `h`: length of the interval [s]
+    fn new(rate: [f64; 2], gain: [f64; 2], h: f64) -> Relaxation {
+        let [rate, gain] = [rate, gain].map(|[a, b]| 0.5 * (a + b));
+        let x = rate * h;
+        let left = (-x).exp();
+        // ∫ e^{−x(1−s)} ds and ∫ s e^{−x(1−s)} ds over 0…1.
+        let (whole, late) = if x < 1e-3 {
+            (1.0 - 0.5 * x, 0.5 - x / 6.0)
+        } else {
+            let whole = (1.0 - left) / x;
+            (whole, (1.0 - whole) / x)
+        };
+        Relaxation { left, from: [whole - late, late].map(|w| w * gain * h) }
+    }
+
+    fn after(&self, y: f64, here: f64, next: f64) -> f64 {
+        self.left * y + self.from[0] * here + self.from[1] * next
+    }
 }
 
 impl PreparedTrial {
@@ -224,7 +253,7 @@ impl PreparedTrial {
     /// ```text
     /// δȧ = (∂ȧ/∂a) δa + (∂ȧ/∂e) δe,   δẋ = (∂ẋ/∂x) δx + (∂ẋ/∂a) δa,   δM = F_max r (∂f_T/∂x) δx
     /// ```
-    /// with coefficients frozen between samples. Good to a few percent at 100 Hz: for covariances, not for fits.
+    /// with the mean coefficients of every interval between samples. Good to a few per mille at 100 Hz: for covariances, not for fits.
     ///
     /// - `solution`: of this trial and muscle
     /// - `excitation`: of this muscle, at the samples
@@ -255,37 +284,21 @@ impl PreparedTrial {
         let kinematics = &self.kinematics.muscles[muscle];
         let fiber: Fiber = prepared.muscle.fiber(&solution.parameters);
         let dynamics = &prepared.muscle.activation;
-        let mut response = ExcitationResponse {
-            activation_decay: vec![0.0; n],
-            activation_gain: vec![1.0; n],
-            fiber_decay: vec![0.0; n],
-            fiber_gain: vec![1.0; n],
-            moment_by_fiber: vec![0.0; n],
-            moment_by_activation: vec![0.0; n],
-        };
         let max_velocity = fiber.curves.max_velocity;
         let force = solution.parameters.max_isometric_force;
+        // Rates and gains of activation and fibre length at the samples [1/s].
+        let mut activation = vec![[0.0; 2]; n];
+        let mut length = vec![[0.0; 2]; n];
+        let mut moment_by_fiber = vec![0.0; n];
+        let mut moment_by_activation = vec![0.0; n];
         for k in 0..n {
-            let h = if k + 1 < n { self.time[k + 1] - self.time[k] } else { self.time[k] - self.time[k - 1] };
             let a = kinematics.activation[k];
-            let e = excitation[k];
-            if !dynamics.ignored {
-                let rate = if e > a {
-                    1.0 / (dynamics.activation_time_constant * (0.5 + 1.5 * a))
-                } else {
-                    (0.5 + 1.5 * a) / dynamics.deactivation_time_constant
-                };
-                response.activation_decay[k] = (-h * rate).exp();
-                response.activation_gain[k] = 1.0 - response.activation_decay[k];
-            }
-            if e <= dynamics.minimum_activation && a <= dynamics.minimum_activation {
-                response.activation_gain[k] = 0.0;
-            }
+            activation[k] = dynamics.linearized(a, excitation[k]);
             let (x, rate) = (solution.fiber_length[k], solution.fiber_rate[k]);
             let arm = arm(k);
             if prepared.muscle.rigid_tendon {
                 let near = |a: f64| fiber.rigid_tendon(a, kinematics.length[k], kinematics.lengthening_speed[k]).force;
-                response.moment_by_activation[k] = arm * force * (near(a + 1e-4) - near(a)) / 1e-4;
+                moment_by_activation[k] = arm * force * (near(a + 1e-4) - near(a)) / 1e-4;
                 continue;
             }
             let drive = Drive { activation: a, length: kinematics.length[k] };
@@ -293,13 +306,32 @@ impl PreparedTrial {
             let residual = fiber.residual(x, u, drive);
             let more = fiber.residual(x, u, Drive { activation: a + 1e-5, ..drive });
             let by_a = (more.r - residual.r) / 1e-5;
-            let stiffness = (max_velocity * residual.by_x / residual.by_u).max(1e-3);
-            response.fiber_decay[k] = (-h * stiffness).exp();
-            let by_activation = -max_velocity * by_a / residual.by_u;
-            response.fiber_gain[k] = (1.0 - response.fiber_decay[k]) * by_activation / stiffness;
-            response.moment_by_fiber[k] = arm * force * fiber.tendon_force(x, kinematics.length[k]).by_x;
+            let per = max_velocity / residual.by_u;
+            length[k] = [(per * residual.by_x).max(1e-3), -per * by_a];
+            moment_by_fiber[k] = arm * force * fiber.tendon_force(x, kinematics.length[k]).by_x;
         }
-        response
+        let relax = |rates: &[[f64; 2]]| -> Vec<Relaxation> {
+            let of = |k: usize| {
+                let (a, b) = (rates[k], rates[k + 1]);
+                Relaxation::new([a[0], b[0]], [a[1], b[1]], self.time[k + 1] - self.time[k])
+            };
+            (0..n - 1).map(of).collect()
+        };
+        let equilibrium = |[rate, gain]: [f64; 2]| if rate > 0.0 { gain / rate } else { 0.0 };
+        let mut relaxing = relax(&activation);
+        let mut awake = activation[0][1] > 0.0;
+        if dynamics.ignored {
+            // Activation is the excitation.
+            relaxing.fill(Relaxation { left: 0.0, from: [0.0, 1.0] });
+            awake = true;
+        }
+        ExcitationResponse {
+            activation: relaxing,
+            fiber: relax(&length),
+            moment_by_fiber,
+            moment_by_activation,
+            start: [if awake { 1.0 } else { 0.0 }, equilibrium(length[0])],
+        }
     }
 }
 
@@ -307,26 +339,22 @@ impl ExcitationResponse {
     /// Moment [N·m] that a disturbance of excitation from sample `first` on causes; `disturbance` holds its values from
     /// there to its last sample that is not zero. Stops where less than 10⁻⁴ of the largest response is left.
     pub fn respond(&self, first: usize, disturbance: &[f64], mut emit: impl FnMut(usize, f64)) {
-        let n = self.activation_decay.len();
-        let (mut a, mut x, mut largest) = (0.0_f64, 0.0_f64, 0.0_f64);
+        let n = self.moment_by_fiber.len();
+        let at = |k: usize| if k < first { 0.0 } else { disturbance.get(k - first).copied().unwrap_or(0.0) };
         // The trial starts in equilibrium with its first excitation.
-        if first == 0 && !disturbance.is_empty() {
-            a = disturbance[0] * if self.activation_gain[0] > 0.0 { 1.0 } else { 0.0 };
-            let left = 1.0 - self.fiber_decay[0];
-            x = if left > 0.0 { a * self.fiber_gain[0] / left } else { 0.0 };
-        }
-        for k in first..n {
-            let moment = self.moment_by_fiber[k] * x + self.moment_by_activation[k] * a;
-            emit(k, moment);
+        let mut a = at(0) * self.start[0];
+        let mut x = a * self.start[1];
+        let mut largest = 0.0_f64;
+        // A disturbance rises from the sample before its first one.
+        for k in first.saturating_sub(1)..n {
+            emit(k, self.moment_by_fiber[k] * x + self.moment_by_activation[k] * a);
             largest = largest.max(x.abs() + a.abs());
-            if k >= first + disturbance.len() && x.abs() + a.abs() <= 1e-4 * largest {
+            if k + 1 == n || k >= first + disturbance.len() && x.abs() + a.abs() <= 1e-4 * largest {
                 break;
             }
-            let here = disturbance.get(k - first).copied().unwrap_or(0.0);
-            let next = disturbance.get(k + 1 - first).copied().unwrap_or(0.0);
             let before = a;
-            a = self.activation_decay[k] * a + self.activation_gain[k] * 0.5 * (here + next);
-            x = self.fiber_decay[k] * x + self.fiber_gain[k] * 0.5 * (before + a);
+            a = self.activation[k].after(a, at(k), at(k + 1));
+            x = self.fiber[k].after(x, before, a);
         }
     }
 }

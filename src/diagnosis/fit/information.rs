@@ -1,13 +1,11 @@
 //! What trials would tell of muscles and effects, without anything being fitted.
 
-use std::sync::Arc;
-
 use nalgebra::{DMatrix, DVector};
 
 use super::super::effect::Effect;
 use super::super::forward_model::ForwardModel;
-use super::super::noise::{self, TrialTimes};
-use super::{AMPLITUDE_PRECISION, Analysis, Fit, Point, block_means, block_starts, prior_sd, whiten};
+use super::super::noise::{self, Kernels};
+use super::{AMPLITUDE_PRECISION, Analysis, Fit, Point, prior_sd, trial_times, whiten};
 use crate::simulation::SimulationError;
 use crate::study::ParameterBounds;
 
@@ -20,13 +18,8 @@ impl<'a> Analysis<'a> {
         bounds: &ParameterBounds,
         seed: u64,
     ) -> Analysis<'a> {
-        let times = train.iter().map(|g| {
-            let time = &forward.trials[*g].time;
-            let starts = block_starts(time.len());
-            let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
-            Arc::new(TrialTimes::new(block_means(time, &starts).as_slice(), &counts))
-        });
-        let times = times.collect();
+        let kernels = Kernels::default();
+        let times = train.iter().map(|g| trial_times(&forward.trials[*g].time, &kernels.moment)).collect();
         Analysis {
             forward,
             train,
@@ -36,8 +29,17 @@ impl<'a> Analysis<'a> {
             directions: Vec::new(),
             times,
             mean_noise: Vec::new(),
+            kernels,
             seed,
         }
+    }
+
+    /// The same with noise that goes with itself in time as in another analysis.
+    pub(crate) fn with_kernels_of(mut self, other: &Analysis) -> Self {
+        self.kernels = other.kernels;
+        let time = |g: &usize| trial_times(&self.forward.trials[*g].time, &other.kernels.moment);
+        self.times = self.train.iter().map(time).collect();
+        self
     }
 
     /// Information [nuisance | directions] of trials that were not recorded, at another fit's parameters and noise.
@@ -49,7 +51,7 @@ impl<'a> Analysis<'a> {
         let rough = self.linearize(&point, &[])?;
         let noise = self.noise_structure(&rough, &point);
         let linear = self.linearize(&point, &noise)?;
-        self.directions = self.calc_directions(&linear, &point)?;
+        (self.directions, self.blocks) = self.calc_directions(&linear, &point)?;
         let n = self.n_nuisance();
         let columns = self.directions.first().map_or(0, DMatrix::ncols);
         let mut normal = DMatrix::zeros(n + columns, n + columns);
@@ -66,9 +68,9 @@ impl<'a> Analysis<'a> {
     /// Information [nuisance | directions] of the training trials at a fit without effects.
     pub(crate) fn normal(&self, null: &Fit) -> DMatrix<f64> {
         let p = null.precision.len();
-        let columns = self.directions.first().map_or(0, DMatrix::ncols);
+        let columns = null.directions.first().map_or(0, DMatrix::ncols);
         let mut normal = DMatrix::zeros(p + columns, p + columns);
-        for ((w, d), factor) in null.whitened.iter().zip(&self.directions).zip(&null.factors) {
+        for ((w, d), factor) in null.whitened.iter().zip(&*null.directions).zip(&null.factors) {
             let mut x = w.columns(0, p).clone_owned().resize_horizontally(p + columns, 0.0);
             x.columns_mut(p, columns).copy_from(&whiten(factor, d));
             normal += x.tr_mul(&x);
@@ -89,7 +91,7 @@ impl<'a> Analysis<'a> {
             null.precision.iter().copied().chain(std::iter::repeat_n(AMPLITUDE_PRECISION, others.len())),
         ));
         let (mut cross, mut length) = (DVector::zeros(count), 0.0);
-        for ((w, d), factor) in null.whitened.iter().zip(&self.directions).zip(&null.factors) {
+        for ((w, d), factor) in null.whitened.iter().zip(&*null.directions).zip(&null.factors) {
             let d = whiten(factor, d);
             let mut x = DMatrix::zeros(w.nrows(), count);
             x.columns_mut(0, p).copy_from(&w.columns(0, p));
