@@ -1,65 +1,136 @@
-//! The mean of the residual under EMG noise: a muscle's moment bends with its excitation, so that noise with mean zero
-//! leaves a moment whose mean is not. It is small in every sample but the same everywhere, and would be taken for time
-//! constants, cross-talk or curvature of the EMG.
+//! What scores are on average when nothing is missing: signatures are computed from an excitation that was estimated from
+//! the very residual that they are compared with, and a muscle's moment bends with its excitation. Both make scores of time
+//! constants, cross-talk and curvature of the EMG differ from 0 on average, a little in every trial and always to the same
+//! side.
 //!
 //! ```text
-//! e* = ê exp(∓w),   y* = τ(ê),   ŵ* = K Gᵀ V⁻¹ (y* − τ(e*)),   m = mean of y* − τ(e* exp ŵ*) + G* ŵ*
+//! e* = ê exp(∓w),   y* = τ(ê) ± ε,   ŵ* ← K G*ᵀ V*⁻¹ (y* − τ(e* exp ŵ*) + G* ŵ*),   bias = mean of X*ᵀ V*⁻¹ r*
 //! ```
-//! (a parametric bootstrap through the EMG input). Draws come in pairs of opposite sign: all that is linear in them
+//! (a parametric bootstrap through EMG and moment). Draws come in pairs of opposite sign: all that is linear in them
 //! cancels, so that few pairs do.
 
-use nalgebra::DVector;
+use std::sync::Arc;
+
+use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::fit::{Analysis, Noise, Point, block_means, block_starts, corrected};
+use super::fit::{Analysis, Linear, Noise, Point, block_means, block_starts, corrected, whiten};
+use super::noise::{self, TrialNoise};
 use super::score_test::normal;
 use crate::simulation::SimulationError;
 
 /// Pairs of draws.
 const PAIRS: usize = 2;
+/// Rounds in which the EMG's noise is estimated.
+const ROUNDS: usize = 2;
 
 impl Analysis<'_> {
-    /// Mean of the residual that noise of the EMG causes, per training trial, averaged over blocks [N·m].
+    /// Mean score of nuisance and directions, per training trial.
     ///
     /// # Errors
     /// A trial that cannot be simulated.
-    pub(super) fn calc_mean_noise(&self, point: &Point, noise: &Noise) -> Result<Vec<DVector<f64>>, SimulationError> {
-        let variant = self.forward.variant(&point.effects)?;
-        (0..self.train.len())
-            .into_par_iter()
-            .map(|position| {
-                let g = self.train[position];
-                let record = &self.forward.trials[g];
-                let starts = block_starts(record.time.len());
-                let structure = &noise.structure[position];
-                let simulate = |excitation: Vec<Vec<f64>>| {
-                    let input = self.forward.input(g, excitation)?;
-                    let core = self.forward.core(&variant, g, &input, &point.parameters, &point.effects, true)?;
-                    let moment = self.forward.recorded_moment(g, &core, &point.effects);
-                    Ok::<_, SimulationError>((block_means(&moment, &starts), core))
-                };
-                let smooth = &point.inputs[position].excitation;
-                let truth = simulate(smooth.clone())?.0;
-                let mut mean = DVector::zeros(truth.len());
-                let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ ((position as u64) << 20));
-                for _ in 0..PAIRS {
-                    let w = structure.draw(&noise.levels, || normal(&mut rng));
-                    for sign in [1.0, -1.0] {
-                        let wrong: Vec<DVector<f64>> = w.iter().map(|w| w * sign).collect();
-                        let recorded = corrected(&record.time, smooth, &wrong);
-                        let first = &truth - simulate(recorded.clone())?.0;
-                        let expected = structure.expected_noise(&noise.levels, &noise.factors[position].solve(&first));
-                        let (simulated, core) = simulate(corrected(&record.time, &recorded, &expected))?;
-                        let there = self.trial_noise(position, &core, &point.parameters);
-                        mean += (&truth - simulated + there.respond(&expected)) / (2 * PAIRS) as f64;
-                    }
+    pub(super) fn calc_bias(&self, point: &Point, noise: &Noise) -> Result<Vec<DVector<f64>>, SimulationError> {
+        let truth = self.simulated(&Point { baseline: vec![0.0; self.n_muscles()], ..point.clone() })?;
+        let mut bias = Vec::new();
+        for pair in 0..PAIRS {
+            for sign in [1.0, -1.0] {
+                let scores = self.scores_of_draw(point, noise, &truth, pair, sign)?;
+                if bias.is_empty() {
+                    bias = scores.iter().map(|s| DVector::zeros(s.len())).collect();
                 }
-                Ok(mean)
+                bias.iter_mut().zip(&scores).for_each(|(b, s): (&mut DVector<f64>, _)| *b += s / (2 * PAIRS) as f64);
+            }
+        }
+        Ok(bias)
+    }
+
+    /// Moments at a point, averaged over blocks.
+    fn simulated(&self, point: &Point) -> Result<Vec<DVector<f64>>, SimulationError> {
+        Ok(self.linearize(point, &[])?.iter().enumerate().map(|(i, l)| self.measured(i) - &l.bare).collect())
+    }
+
+    fn measured(&self, position: usize) -> DVector<f64> {
+        let record = &self.forward.trials[self.train[position]];
+        block_means(&record.moment, &block_starts(record.time.len()))
+    }
+
+    /// Scores of a recording that is drawn.
+    fn scores_of_draw(
+        &self,
+        point: &Point,
+        noise: &Noise,
+        truth: &[DVector<f64>],
+        pair: usize,
+        sign: f64,
+    ) -> Result<Vec<DVector<f64>>, SimulationError> {
+        let mut moments = Vec::new();
+        let mut recorded = Vec::new();
+        for (position, structure) in noise.structure.iter().enumerate() {
+            let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ ((position as u64) << 20) ^ ((pair as u64) << 40));
+            let w = structure.draw(&noise.levels, || normal(&mut rng)).iter().map(|w| w * sign).collect::<Vec<_>>();
+            moments.push(&truth[position] + structure.draw_moment(&noise.levels, || normal(&mut rng)) * sign);
+            let time = &self.forward.trials[self.train[position]].time;
+            recorded.push(corrected(time, &point.inputs[position].excitation, &w));
+        }
+        let mut at = Point { baseline: vec![0.0; self.n_muscles()], correction: self.no_correction(), ..point.clone() };
+        self.set_inputs(&mut at, &recorded)?;
+        let (mut linear, mut structure) = self.against(&at, &moments)?;
+        for _ in 0..ROUNDS {
+            at.correction = structure
+                .par_iter()
+                .zip(&linear)
+                .map(|(s, l)| {
+                    let weighted = noise::factor(s, &noise.levels).map(|f| f.solve(&l.residual));
+                    weighted.map_or_else(Vec::new, |weighted| s.expected_noise(&noise.levels, &weighted))
+                })
+                .collect();
+            self.set_inputs(&mut at, &recorded)?;
+            (linear, structure) = self.against(&at, &moments)?;
+        }
+        let directions = self.calc_directions(&linear, &at)?.0;
+        let scores = linear.par_iter().zip(&directions).zip(&structure).map(|((l, d), s)| {
+            let (n, extra) = (l.nuisance.ncols(), d.ncols());
+            let mut all = DMatrix::zeros(l.residual.len(), n + extra + 1);
+            all.columns_mut(0, n).copy_from(&l.nuisance);
+            all.columns_mut(n, extra).copy_from(d);
+            all.set_column(n + extra, &l.residual);
+            let Some(factor) = noise::factor(s, &noise.levels) else { return DVector::zeros(n + extra) };
+            let all = whiten(&factor, &all);
+            all.columns(0, n + extra).tr_mul(&all.column(n + extra))
+        });
+        Ok(scores.collect())
+    }
+
+    /// The excitation of a point: as recorded, times what is expected of its noise.
+    fn set_inputs(&self, point: &mut Point, recorded: &[Vec<Vec<f64>>]) -> Result<(), SimulationError> {
+        let inputs: Vec<Result<_, SimulationError>> = self
+            .train
+            .par_iter()
+            .zip(recorded)
+            .zip(&point.correction)
+            .map(|((g, e), w)| {
+                let time = &self.forward.trials[*g].time;
+                Ok(Arc::new(self.forward.input(*g, corrected(time, e, w))?))
             })
-            .collect::<Vec<_>>()
-            .into_iter()
-            .collect()
+            .collect();
+        point.inputs = inputs.into_iter().collect::<Result<_, _>>()?;
+        Ok(())
+    }
+
+    /// Linearization at a point against other moments than the measured.
+    fn against(
+        &self,
+        point: &Point,
+        moments: &[DVector<f64>],
+    ) -> Result<(Vec<Linear>, Vec<TrialNoise>), SimulationError> {
+        let mut linear = self.linearize(point, &[])?;
+        let structure = self.noise_structure(&linear, point);
+        for (position, l) in linear.iter_mut().enumerate() {
+            l.bare += &moments[position] - self.measured(position);
+            self.attach(l, position, point, &structure[position]);
+        }
+        Ok((linear, structure))
     }
 }

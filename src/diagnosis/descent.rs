@@ -89,10 +89,13 @@ impl Analysis<'_> {
         let Descent { point, linear, noise, at } = descent;
         let directions = Arc::new(self.calc_directions(&linear, &point)?.0);
         let (p, n) = (at.precision.len(), self.n_nuisance());
-        let covariance = at
-            .information
-            .try_inverse()
-            .map_or_else(|| DMatrix::zeros(p - n, p - n), |c| c.view((n, n), (p - n, p - n)).into_owned());
+        let inverse = at.information.try_inverse().unwrap_or_else(|| DMatrix::zeros(p, p));
+        let covariance = inverse.view((n, n), (p - n, p - n)).into_owned();
+        // The gradient is 0 where its mean is not.
+        let point = match self.mean_gradient(&point, p) {
+            Some(mean) => self.moved(&point, &(inverse * -mean)),
+            None => point,
+        };
         Ok(Fit {
             point,
             deviance: noise.log_determinant() + at.objective - at.gain,

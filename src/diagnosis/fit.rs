@@ -4,10 +4,9 @@
 //! w, so that with G = ∂τ/∂w
 //!
 //! ```text
-//! r = y − τ(θ, φ, ŵ) + G ŵ − m ~ N(0, V),   ŵ ← E[w | data] = K Gᵀ V⁻¹ r
+//! r = y − τ(θ, φ, ŵ) + G ŵ ~ N(0, V),   ŵ ← E[w | data] = K Gᵀ V⁻¹ r
 //! ```
-//! (first-order conditional linearization; m: what the curvature leaves on average). Sensitivities taken at ŵ are, to first
-//! order, independent of the residual: EMG noise that is in both would otherwise make time constants, delays and
+//! (first-order conditional linearization). Sensitivities taken at ŵ are, to first order, independent of the residual: EMG noise that is in both would otherwise make time constants, delays and
 //! nonlinearities look significant.
 //!
 //! # References
@@ -88,8 +87,8 @@ pub struct Analysis<'a> {
     pub(super) directions: Vec<DMatrix<f64>>,
     /// Per training trial.
     pub(super) times: Vec<Arc<TrialTimes>>,
-    /// Per training trial: mean of the residual that EMG noise causes to second order; empty until it is known.
-    pub(super) mean_noise: Vec<DVector<f64>>,
+    /// Per training trial: mean score of nuisance and directions when nothing is missing; empty until it is known.
+    pub(super) bias: Vec<DVector<f64>>,
     /// How the noise goes with itself in time.
     pub(super) kernels: Kernels,
     pub(super) seed: u64,
@@ -127,7 +126,7 @@ pub(super) struct Linear {
     pub(super) effects: DMatrix<f64>,
     /// Measured minus simulated moment.
     pub(super) bare: DVector<f64>,
-    /// The same, expected EMG noise, baselines and mean noise taken into account.
+    /// The same, expected EMG noise and baselines taken into account.
     pub(super) residual: DVector<f64>,
     /// The trial's core, for directions.
     pub(super) core: Core,
@@ -199,8 +198,8 @@ impl<'a> Analysis<'a> {
         descent = analysis.settle(descent, true)?;
         analysis.choose_kernels(&mut descent);
         descent = analysis.settle(descent, true)?;
-        analysis.mean_noise = analysis.calc_mean_noise(&descent.point, &descent.noise)?;
         descent = analysis.settle(descent, true)?;
+        analysis.bias = analysis.calc_bias(&descent.point, &descent.noise)?;
         let fit = analysis.finish(descent)?;
         Ok((analysis, fit))
     }
@@ -216,18 +215,19 @@ impl<'a> Analysis<'a> {
 
     /// The model as given, without effects and with the EMG as recorded.
     pub fn nominal_point(&self) -> Point {
-        let correction = self
-            .train
-            .iter()
-            .map(|g| vec![DVector::zeros(knot_count(&self.forward.trials[*g].time)); self.n_muscles()])
-            .collect();
         Point {
             parameters: self.forward.nominal_parameters(),
             effects: Vec::new(),
             baseline: vec![0.0; self.n_muscles()],
-            correction,
+            correction: self.no_correction(),
             inputs: self.train.iter().map(|g| Arc::new(self.forward.recorded_input(*g))).collect(),
         }
+    }
+
+    /// No noise in the EMG, per training trial and muscle on knots.
+    pub(super) fn no_correction(&self) -> Vec<Vec<DVector<f64>>> {
+        let none = |g: &usize| vec![DVector::zeros(knot_count(&self.forward.trials[*g].time)); self.n_muscles()];
+        self.train.iter().map(none).collect()
     }
 
     pub(super) fn linearize(&self, point: &Point, noise: &[TrialNoise]) -> Result<Vec<Linear>, SimulationError> {
@@ -290,9 +290,6 @@ impl<'a> Analysis<'a> {
             let column = noise.respond_to_baseline(m) * BASELINE_SD;
             linear.residual -= &column * point.baseline[m];
             linear.nuisance.set_column(self.n_muscles() * FITTED_PER_MUSCLE + m, &column);
-        }
-        if let Some(mean) = self.mean_noise.get(position) {
-            linear.residual -= mean;
         }
     }
 
@@ -575,13 +572,39 @@ impl<'a> Analysis<'a> {
         Ok((per_trial.into_iter().map(|columns| DMatrix::from_columns(&columns)).collect(), blocks))
     }
 
+    /// Columns of the amplitudes that are on among the effects' parameters, and of their directions.
+    fn amplitude_columns(&self, point: &Point) -> Vec<(usize, usize)> {
+        let mut out = Vec::new();
+        let mut first = 0;
+        for setting in &point.effects {
+            let description = setting.effect.description();
+            if let Some(block) = self.blocks.iter().find(|b| b.name == description.id) {
+                out.extend(description.amplitudes().map(|i| first + i).zip(block.columns.iter().copied()));
+            }
+            first += setting.values.len();
+        }
+        out
+    }
+
+    /// Mean of the gradient by nuisance and effects when nothing else is missing; `None` until it is known.
+    pub(super) fn mean_gradient(&self, point: &Point, columns: usize) -> Option<DVector<f64>> {
+        let total: DVector<f64> = self.bias.iter().cloned().reduce(|a, b| a + b)?;
+        let n = self.n_nuisance();
+        let mut out = DVector::zeros(columns);
+        out.rows_mut(0, n).copy_from(&total.rows(0, n));
+        for (column, direction) in self.amplitude_columns(point) {
+            out[n + column] = total[n + direction];
+        }
+        Some(out)
+    }
+
     /// Is anything left after a fit? Effects that are on are not tested again.
     ///
     /// - `skip`: names of further blocks to leave out
     pub fn anything_left(&self, fit: &Fit, skip: &[&str]) -> Option<Omnibus> {
         let p = fit.precision.len();
         let columns = fit.directions.first()?.ncols();
-        let normal: Vec<DMatrix<f64>> = fit
+        let mut normal: Vec<DMatrix<f64>> = fit
             .whitened
             .par_iter()
             .zip(&*fit.directions)
@@ -592,6 +615,15 @@ impl<'a> Analysis<'a> {
                 all.tr_mul(&all)
             })
             .collect();
+        let effects = self.amplitude_columns(&fit.point);
+        for (normal, bias) in normal.iter_mut().zip(&self.bias) {
+            let n = self.n_nuisance();
+            let directions = (0..columns).map(|c| (p + 1 + c, n + c));
+            let own = effects.iter().map(|(column, direction)| (n + column, n + direction));
+            for (at, from) in (0..n).map(|i| (i, i)).chain(own).chain(directions) {
+                normal[(at, p)] -= bias[from];
+            }
+        }
         let on = |name: &str| fit.point.effects.iter().any(|s| s.effect.description().id == name);
         let blocks: Vec<Block> = self
             .blocks

@@ -268,6 +268,16 @@ impl TrialNoise {
             .collect()
     }
 
+    /// A draw of the noise of the moment, averaged over blocks [N·m].
+    ///
+    /// - `normal`: standard normal numbers
+    pub fn draw_moment(&self, levels: &NoiseLevels, mut normal: impl FnMut() -> f64) -> DVector<f64> {
+        let n = self.times.white.len();
+        let mut draw = || DVector::from_fn(n, |_, _| normal());
+        let slow = root(&self.times.slow) * draw();
+        slow * levels.0[1].sqrt() + draw().component_mul(&self.times.white.map(|w| (levels.0[0] * w).sqrt()))
+    }
+
     /// Moment that a change of log excitation on knots causes, to first order.
     pub fn respond(&self, change: &[DVector<f64>]) -> DVector<f64> {
         let mut out = DVector::zeros(self.times.white.len());

@@ -28,7 +28,7 @@ impl<'a> Analysis<'a> {
             blocks: Vec::new(),
             directions: Vec::new(),
             times,
-            mean_noise: Vec::new(),
+            bias: Vec::new(),
             kernels,
             seed,
         }
