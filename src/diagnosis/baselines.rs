@@ -40,6 +40,8 @@ pub struct Ingredients {
     pub groups: Vec<Group>,
     /// Every training trial.
     pub trials: Vec<TrialProducts>,
+    /// Mean of every whitened column's product with the residual when nothing is missing.
+    pub mean_scores: Vec<f64>,
 }
 
 impl Ingredients {
@@ -72,7 +74,13 @@ impl Ingredients {
                 }
             })
             .collect();
-        Ingredients { columns, nuisance: p, precision: null.precision.clone(), groups, trials }
+        let mut mean_scores = vec![0.0; columns];
+        for bias in &analysis.bias {
+            for (c, mean) in mean_scores.iter_mut().enumerate().filter(|(c, _)| *c != p) {
+                *mean += bias[if c < p { c } else { c - 1 }];
+            }
+        }
+        Ingredients { columns, nuisance: p, precision: null.precision.clone(), groups, trials, mean_scores }
     }
 }
 

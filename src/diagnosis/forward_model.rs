@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use super::catalogue::position;
 use super::effect::{Effect, JointState, MuscleState, Role, Stage, TrialContext};
+use super::holds::{angle_noise, steadied};
 use super::silent_muscles::SilentMuscles;
 use crate::osim::spec::{ModelSpec, MuscleSpec};
 use crate::simulation::{
@@ -52,7 +53,7 @@ pub struct TrialRecord {
     pub info: TrialInfo,
     /// Time [s].
     pub time: Vec<f64>,
-    /// Recorded angle [rad].
+    /// Recorded angle [rad], without its noise where the joint is held still.
     pub angle: Vec<f64>,
     /// Recorded moment [N·m].
     pub moment: Vec<f64>,
@@ -138,6 +139,10 @@ impl ForwardModel {
     ) -> Result<ForwardModel, SimulationError> {
         let muscles: Vec<MuscleSpec> =
             model.muscle_names().filter_map(|name| spec.muscles.iter().find(|m| m.name == name)).cloned().collect();
+        let noise = angle_noise(trials).unwrap_or(0.0);
+        let mut trials = trials.to_vec();
+        trials.iter_mut().for_each(|t| t.angle = steadied(&t.time, &t.angle, noise));
+        let trials = &trials[..];
         let recordings: Vec<Recording> = trials.iter().map(Recording::from).collect();
         let options = Options { allow_angle_outside_range: true, fiber: accuracy, ..Options::default() };
         let base = model.prepare_all_with_margin(&recordings, &options)?;
