@@ -84,3 +84,31 @@ pub fn root(covariance: &DMatrix<f64>) -> DMatrix<f64> {
     (0..regular.nrows()).for_each(|i| regular[(i, i)] += small);
     regular.cholesky().map_or_else(|| DMatrix::zeros(covariance.nrows(), covariance.nrows()), |c| c.l())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn verif_half_integer_kernels_are_those_of_their_closed_forms() {
+        let at = |family, distance| Kernel { family, length: 0.5 }.at(distance);
+        assert_eq!(at(Family::Exponential, 1.0), (-2.0_f64).exp());
+        assert!((at(Family::Gaussian, 1.0) - (-2.0_f64).exp()).abs() < 1e-15);
+        let x = 12f64.sqrt();
+        assert!((at(Family::Matern32, -1.0) - (1.0 + x) * (-x).exp()).abs() < 1e-15);
+        let x = 20f64.sqrt();
+        assert!((at(Family::Matern52, 1.0) - (1.0 + x + x * x / 3.0) * (-x).exp()).abs() < 1e-15);
+    }
+
+    #[test]
+    fn verif_banded_product_is_that_of_the_dense_matrix() {
+        for family in FAMILIES {
+            let kernel = Kernel { family, length: 0.07 };
+            let times: Vec<f64> = (0..60).map(|i| 0.04 * f64::from(i)).collect();
+            let values = DVector::from_fn(60, |i, _| (i as f64).sin());
+            let expected = kernel.matrix(&times) * &values;
+            let found = correlated(&kernel.by_step(0.04), &values);
+            assert!((found - expected).amax() < 1e-5);
+        }
+    }
+}

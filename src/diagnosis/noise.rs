@@ -499,6 +499,7 @@ const SMALLEST: [f64; COMPONENTS] = [0.005 * 0.005, 0.005 * 0.005, 0.01 * 0.01, 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::SeedableRng;
 
     #[test]
     fn verif_covariances_are_those_of_the_dense_matrices() {
@@ -543,6 +544,36 @@ mod tests {
             let prior = &kernel * 0.3 + &ones * 0.4 + &d * &kernel * &d * 0.5;
             let expected = prior * g.tr_mul(&residual);
             assert!((found - &expected).amax() < 1e-12 * expected.amax());
+        }
+    }
+
+    #[test]
+    fn verif_correlation_of_the_noise_is_found() {
+        let times: Vec<f64> = (0..80).map(|b| 0.044 * f64::from(b)).collect();
+        for truth in [
+            Kernel { family: Family::Gaussian, length: 0.3 },
+            Kernel { family: Family::Exponential, length: 0.15 },
+        ] {
+            let structure = |kernel: &Kernel| {
+                let times = Arc::new(TrialTimes::correlated(&times, &[4; 80], kernel));
+                TrialNoise::correlated(&times, vec![Response::new(80, 3)], &[vec![0.1; 3]], kernel)
+            };
+            let levels = NoiseLevels([0.0025, 0.005, 1e-4, 1e-4, 2.5e-7]);
+            let mut rng = rand_chacha::ChaCha8Rng::from_seed([7; 32]);
+            let drawn = structure(&truth);
+            let draws: Vec<DVector<f64>> =
+                (0..30).map(|_| drawn.draw_moment(&levels, || super::super::score_test::normal(&mut rng))).collect();
+            let regressors = DMatrix::from_element(80, 1, 1.0);
+            let precision = DVector::from_element(1, 1e-6);
+            let best = best_kernel(&Kernels::default().moment, |kernel| {
+                let noise = structure(kernel);
+                let trials: Vec<_> = draws.iter().map(|d| (&noise, &regressors, d)).collect();
+                let found = estimate(&trials, &precision, levels);
+                restricted_deviance(&trials, &precision, &found)
+            });
+            let rough = |k: &Kernel| FAMILIES.iter().position(|f| *f == k.family).unwrap_or(9);
+            assert!(rough(&best).abs_diff(rough(&truth)) <= 1, "{best:?} of {truth:?}");
+            assert!((best.length / truth.length).ln().abs() < 0.5, "{best:?} of {truth:?}");
         }
     }
 }
