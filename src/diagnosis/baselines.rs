@@ -75,7 +75,7 @@ impl Ingredients {
             })
             .collect();
         let mut mean_scores = vec![0.0; columns];
-        for bias in &analysis.bias {
+        for bias in &*null.bias {
             for (c, mean) in mean_scores.iter_mut().enumerate().filter(|(c, _)| *c != p) {
                 *mean += bias[if c < p { c } else { c - 1 }];
             }

@@ -21,26 +21,31 @@ use super::noise::{self, TrialNoise};
 use super::score_test::normal;
 use crate::simulation::SimulationError;
 
-/// Pairs of draws.
-const PAIRS: usize = 2;
 /// Rounds in which the EMG's noise is estimated.
 const ROUNDS: usize = 2;
 
 impl Analysis<'_> {
-    /// Mean score of nuisance and directions, per training trial.
+    /// Mean score of nuisance, effects that are on and directions, per training trial.
+    ///
+    /// - `pairs`: of draws
     ///
     /// # Errors
     /// A trial that cannot be simulated.
-    pub(super) fn calc_bias(&self, point: &Point, noise: &Noise) -> Result<Vec<DVector<f64>>, SimulationError> {
+    pub(super) fn calc_bias(
+        &self,
+        point: &Point,
+        noise: &Noise,
+        pairs: usize,
+    ) -> Result<Vec<DVector<f64>>, SimulationError> {
         let truth = self.simulated(&Point { baseline: vec![0.0; self.n_muscles()], ..point.clone() })?;
         let mut bias = Vec::new();
-        for pair in 0..PAIRS {
+        for pair in 0..pairs {
             for sign in [1.0, -1.0] {
                 let scores = self.scores_of_draw(point, noise, &truth, pair, sign)?;
                 if bias.is_empty() {
                     bias = scores.iter().map(|s| DVector::zeros(s.len())).collect();
                 }
-                bias.iter_mut().zip(&scores).for_each(|(b, s): (&mut DVector<f64>, _)| *b += s / (2 * PAIRS) as f64);
+                bias.iter_mut().zip(&scores).for_each(|(b, s): (&mut DVector<f64>, _)| *b += s / (2 * pairs) as f64);
             }
         }
         Ok(bias)
@@ -91,9 +96,11 @@ impl Analysis<'_> {
         }
         let directions = self.calc_directions(&linear, &at)?.0;
         let scores = linear.par_iter().zip(&directions).zip(&structure).map(|((l, d), s)| {
-            let (n, extra) = (l.nuisance.ncols(), d.ncols());
+            let (own, on, extra) = (l.nuisance.ncols(), l.effects.ncols(), d.ncols());
+            let n = own + on;
             let mut all = DMatrix::zeros(l.residual.len(), n + extra + 1);
-            all.columns_mut(0, n).copy_from(&l.nuisance);
+            all.columns_mut(0, own).copy_from(&l.nuisance);
+            all.columns_mut(own, on).copy_from(&l.effects);
             all.columns_mut(n, extra).copy_from(d);
             all.set_column(n + extra, &l.residual);
             let Some(factor) = noise::factor(s, &noise.levels) else { return DVector::zeros(n + extra) };

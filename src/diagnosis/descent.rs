@@ -43,7 +43,7 @@ impl Analysis<'_> {
         for estimate in [false, true, true] {
             descent = self.settle(descent, estimate)?;
         }
-        self.finish(descent)
+        self.finish(descent, 1)
     }
 
     /// A fit with usual noise: while the model is far off, its errors would be taken for noise.
@@ -83,7 +83,9 @@ impl Analysis<'_> {
     }
 
     /// The fit that a descent has come to, its V brought up to date.
-    pub(super) fn finish(&self, mut descent: Descent) -> Result<Fit, SimulationError> {
+    ///
+    /// - `pairs`: of draws for the mean of scores
+    pub(super) fn finish(&self, mut descent: Descent, pairs: usize) -> Result<Fit, SimulationError> {
         descent.noise = self.noise(&mut descent.linear, &descent.point, descent.noise.levels);
         descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
         let Descent { point, linear, noise, at } = descent;
@@ -92,10 +94,9 @@ impl Analysis<'_> {
         let inverse = at.information.try_inverse().unwrap_or_else(|| DMatrix::zeros(p, p));
         let covariance = inverse.view((n, n), (p - n, p - n)).into_owned();
         // The gradient is 0 where its mean is not.
-        let point = match self.mean_gradient(&point, p) {
-            Some(mean) => self.moved(&point, &(inverse * -mean)),
-            None => point,
-        };
+        let bias = self.calc_bias(&point, &noise, pairs)?;
+        let mean = bias.iter().fold(DVector::zeros(p), |sum, b| sum + b.rows(0, p));
+        let point = self.moved(&point, &(inverse * -mean));
         Ok(Fit {
             point,
             deviance: noise.log_determinant() + at.objective - at.gain,
@@ -107,6 +108,7 @@ impl Analysis<'_> {
             offset: at.offset,
             precision: at.precision,
             directions,
+            bias: Arc::new(bias),
         })
     }
 

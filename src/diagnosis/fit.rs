@@ -69,6 +69,8 @@ pub struct Fit {
     pub(super) precision: Vec<f64>,
     /// Per training trial: directions at this fit, averaged over blocks.
     pub(super) directions: Arc<Vec<DMatrix<f64>>>,
+    /// Per training trial: mean score of nuisance, effects and directions when nothing else is missing.
+    pub(super) bias: Arc<Vec<DVector<f64>>>,
 }
 
 /// A participant's training data, the noise in it, and the directions to test.
@@ -87,8 +89,6 @@ pub struct Analysis<'a> {
     pub(super) directions: Vec<DMatrix<f64>>,
     /// Per training trial.
     pub(super) times: Vec<Arc<TrialTimes>>,
-    /// Per training trial: mean score of nuisance and directions when nothing is missing; empty until it is known.
-    pub(super) bias: Vec<DVector<f64>>,
     /// How the noise goes with itself in time.
     pub(super) kernels: Kernels,
     pub(super) seed: u64,
@@ -199,8 +199,7 @@ impl<'a> Analysis<'a> {
         analysis.choose_kernels(&mut descent);
         descent = analysis.settle(descent, true)?;
         descent = analysis.settle(descent, true)?;
-        analysis.bias = analysis.calc_bias(&descent.point, &descent.noise)?;
-        let fit = analysis.finish(descent)?;
+        let fit = analysis.finish(descent, 2)?;
         Ok((analysis, fit))
     }
 
@@ -572,32 +571,6 @@ impl<'a> Analysis<'a> {
         Ok((per_trial.into_iter().map(|columns| DMatrix::from_columns(&columns)).collect(), blocks))
     }
 
-    /// Columns of the amplitudes that are on among the effects' parameters, and of their directions.
-    fn amplitude_columns(&self, point: &Point) -> Vec<(usize, usize)> {
-        let mut out = Vec::new();
-        let mut first = 0;
-        for setting in &point.effects {
-            let description = setting.effect.description();
-            if let Some(block) = self.blocks.iter().find(|b| b.name == description.id) {
-                out.extend(description.amplitudes().map(|i| first + i).zip(block.columns.iter().copied()));
-            }
-            first += setting.values.len();
-        }
-        out
-    }
-
-    /// Mean of the gradient by nuisance and effects when nothing else is missing; `None` until it is known.
-    pub(super) fn mean_gradient(&self, point: &Point, columns: usize) -> Option<DVector<f64>> {
-        let total: DVector<f64> = self.bias.iter().cloned().reduce(|a, b| a + b)?;
-        let n = self.n_nuisance();
-        let mut out = DVector::zeros(columns);
-        out.rows_mut(0, n).copy_from(&total.rows(0, n));
-        for (column, direction) in self.amplitude_columns(point) {
-            out[n + column] = total[n + direction];
-        }
-        Some(out)
-    }
-
     /// Is anything left after a fit? Effects that are on are not tested again.
     ///
     /// - `skip`: names of further blocks to leave out
@@ -615,13 +588,9 @@ impl<'a> Analysis<'a> {
                 all.tr_mul(&all)
             })
             .collect();
-        let effects = self.amplitude_columns(&fit.point);
-        for (normal, bias) in normal.iter_mut().zip(&self.bias) {
-            let n = self.n_nuisance();
-            let directions = (0..columns).map(|c| (p + 1 + c, n + c));
-            let own = effects.iter().map(|(column, direction)| (n + column, n + direction));
-            for (at, from) in (0..n).map(|i| (i, i)).chain(own).chain(directions) {
-                normal[(at, p)] -= bias[from];
+        for (normal, bias) in normal.iter_mut().zip(&*fit.bias) {
+            for (i, mean) in bias.iter().enumerate() {
+                normal[(if i < p { i } else { i + 1 }, p)] -= mean;
             }
         }
         let on = |name: &str| fit.point.effects.iter().any(|s| s.effect.description().id == name);

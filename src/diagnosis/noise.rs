@@ -350,7 +350,7 @@ pub fn estimate_within(
         let step = solver.solve(&gradient);
         for i in 0..COMPONENTS {
             let old = levels.0[i];
-            levels.0[i] = (old + step[i]).clamp(0.25 * old, 4.0 * old).max(SMALLEST[i]);
+            levels.0[i] = (old + step[i]).clamp(0.25 * old, 4.0 * old).clamp(SMALLEST[i], LARGEST[i]);
             largest = largest.max((levels.0[i] / old).ln().abs());
         }
         if largest < 0.02 {
@@ -495,6 +495,9 @@ fn gradient(
 
 /// Least variances: what no laboratory goes below, so that a lucky fit does not make the rest look certain.
 const SMALLEST: [f64; COMPONENTS] = [0.005 * 0.005, 0.005 * 0.005, 0.01 * 0.01, 0.01 * 0.01, 0.0005 * 0.0005];
+
+/// Largest variances: beyond these it is not noise of the EMG (30 % envelope, 15 % gain, 0.01 added), whatever it is.
+const LARGEST: [f64; COMPONENTS] = [f64::INFINITY, f64::INFINITY, 0.3 * 0.3, 0.15 * 0.15, 0.01 * 0.01];
 
 #[cfg(test)]
 mod tests {

@@ -28,7 +28,6 @@ impl<'a> Analysis<'a> {
             blocks: Vec::new(),
             directions: Vec::new(),
             times,
-            bias: Vec::new(),
             kernels,
             seed,
         }
