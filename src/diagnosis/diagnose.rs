@@ -157,7 +157,7 @@ pub struct Diagnosis {
     pub participant: String,
     /// What the data say.
     pub verdict: Verdict,
-    /// p-value of the model without effects.
+    /// p-value of the model without effects: the larger of those by the normal law and by sign flips of whole trials.
     pub null_p_value: f64,
     /// That by sign flips of whole trials alone.
     pub null_sign_flip_p_value: f64,
@@ -231,7 +231,9 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         .collect();
     let left = test(&analysis, &null, &not_testable)?;
     let judge = Judge { request, analysis: &analysis, null: &null, not_testable: &not_testable };
-    let rejected = left.p_value < REJECT_NULL;
+    // To say that something is missing both laws of the scores must agree: where variances are misjudged one of them cries wolf.
+    let null_p_value = left.p_value.max(left.sign_flip_p_value);
+    let rejected = null_p_value < REJECT_NULL;
     let singles = if rejected { judge.singles(&left)? } else { Vec::new() };
     let mut explanations: Vec<(Fit, Explanation)> =
         singles.iter().filter(|s| s.1.p_value > REJECT_EXPLANATION).cloned().collect();
@@ -269,7 +271,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         schema: "carpus.diagnosis/1",
         participant: request.participant.clone(),
         verdict,
-        null_p_value: left.p_value,
+        null_p_value,
         null_sign_flip_p_value: left.sign_flip_p_value,
         candidates: judge.candidates(&first, &singles),
         confusion: judge.confusion(&null, &left),

@@ -382,7 +382,10 @@ impl<'a> Analysis<'a> {
                 structure
                     .par_iter()
                     .zip(&self.train)
-                    .map(|(n, g)| n.clone().with_kernel(&trial_times(&self.forward.trials[*g].time, &kernels.moment), &kernels.emg))
+                    .map(|(n, g)| {
+                        n.clone()
+                            .with_kernel(&trial_times(&self.forward.trials[*g].time, &kernels.moment), &kernels.emg)
+                    })
                     .collect()
             };
             let start = match kind {
@@ -400,7 +403,8 @@ impl<'a> Analysis<'a> {
             let trials: Vec<_> = structure.iter().zip(&columns).zip(&residuals).map(|((n, x), r)| (n, x, *r)).collect();
             levels = noise::estimate(&trials, &precision, levels);
         }
-        self.times = self.train.iter().map(|g| trial_times(&self.forward.trials[*g].time, &self.kernels.moment)).collect();
+        self.times =
+            self.train.iter().map(|g| trial_times(&self.forward.trials[*g].time, &self.kernels.moment)).collect();
         descent.noise.levels = levels;
     }
 

@@ -553,10 +553,9 @@ mod tests {
     #[test]
     fn verif_correlation_of_the_noise_is_found() {
         let times: Vec<f64> = (0..80).map(|b| 0.044 * f64::from(b)).collect();
-        for truth in [
-            Kernel { family: Family::Gaussian, length: 0.3 },
-            Kernel { family: Family::Exponential, length: 0.15 },
-        ] {
+        for truth in
+            [Kernel { family: Family::Gaussian, length: 0.3 }, Kernel { family: Family::Exponential, length: 0.15 }]
+        {
             let structure = |kernel: &Kernel| {
                 let times = Arc::new(TrialTimes::correlated(&times, &[4; 80], kernel));
                 TrialNoise::correlated(&times, vec![Response::new(80, 3)], &[vec![0.1; 3]], kernel)

@@ -65,7 +65,8 @@ pub fn plan(
         then.trials.iter_mut().for_each(|t| t.session = 1.0);
         let candidates = rivals.iter().filter_map(|id| effect(id)).collect();
         let trials = (0..then.trials.len()).collect();
-        let mut more = Analysis::without_data(&then, trials, candidates, &request.bounds, request.seed).with_kernels_of(&analysis);
+        let mut more =
+            Analysis::without_data(&then, trials, candidates, &request.bounds, request.seed).with_kernels_of(&analysis);
         let information = more.information(&null)?;
         let mut added = with_directions(information, &more, &now);
         // An arm that is turned over turns the sign of what gravity does.
