@@ -31,6 +31,8 @@ use crate::study::ParameterBounds;
 const MOST_BLOCKS: usize = 80;
 /// Standard deviation expected of an EMG channel's baseline.
 const BASELINE_SD: f64 = 0.004;
+/// Size of disturbances of the log excitation that are passed through effects.
+const DISTURBANCE: f64 = 1e-3;
 /// Scale of lack-of-fit directions [N·m].
 const LACK_SCALE: f64 = 0.1;
 
@@ -293,40 +295,62 @@ impl<'a> Analysis<'a> {
     }
 
     pub(super) fn noise_structure(&self, linear: &[Linear], point: &Point) -> Vec<TrialNoise> {
-        let of_trial = |(position, l): (usize, &Linear)| self.trial_noise(position, &l.core, &point.parameters);
+        let of_trial = |(position, l): (usize, &Linear)| self.trial_noise(position, &l.core, point);
         linear.par_iter().enumerate().map(of_trial).collect()
     }
 
     /// How noise enters a trial.
     ///
-    /// - `core`: with derivatives; `parameters`: its own, or with other maximum forces
-    pub(super) fn trial_noise(&self, position: usize, core: &Core, parameters: &[MuscleParameters]) -> TrialNoise {
-        let record = &self.forward.trials[self.train[position]];
+    /// - `core`: at the point, with derivatives
+    fn trial_noise(&self, position: usize, core: &Core, point: &Point) -> TrialNoise {
+        let g = self.train[position];
+        let record = &self.forward.trials[g];
         let starts = block_starts(record.time.len());
         let blocks = starts.len() - 1;
         let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
         let knots = knot_count(&record.time);
-        let mut responses = Vec::new();
-        let mut at_knots = Vec::new();
         let block_of: Vec<usize> = counts.iter().enumerate().flat_map(|(b, c)| std::iter::repeat_n(b, *c)).collect();
-        for m in 0..self.n_muscles() {
-            let (e, solution) = (&core.excitation[m], &core.solutions[m]);
-            let response = core.prepared.excitation_response(m, solution, e);
-            let scale = parameters[m].max_isometric_force / solution.parameters.max_isometric_force;
-            let mut g = Response::new(blocks, knots);
+        let response = |m: usize| core.prepared.excitation_response(m, &core.solutions[m], &core.excitation[m]);
+        let muscles: Vec<_> = (0..self.n_muscles()).map(response).collect();
+        // Forces may have moved since the muscles were followed.
+        let scale =
+            |m: usize| point.parameters[m].max_isometric_force / core.solutions[m].parameters.max_isometric_force;
+        let before = &point.inputs[position].excitation;
+        let changed = self.forward.excitation_changes(&point.effects);
+        let mut responses = Vec::new();
+        for (m, e) in before.iter().enumerate() {
+            let mut g_of_muscle = Response::new(blocks, knots);
             for j in 0..knots {
                 let (first, disturbance) = hat(&record.time, e, j);
-                response.respond(first, &disturbance, |k, moment| {
-                    g.add(block_of[k], j, scale * moment / counts[block_of[k]] as f64);
-                });
+                let mut show = |m: usize, first: usize, disturbance: &[f64]| {
+                    muscles[m].respond(first, disturbance, |k, moment| {
+                        g_of_muscle.add(block_of[k], j, scale(m) * moment / counts[block_of[k]] as f64);
+                    });
+                };
+                if !changed {
+                    show(m, first, &disturbance);
+                    continue;
+                }
+                // Through the effects on excitation: later, bent, or into a neighbour.
+                let mut disturbed = before.clone();
+                disturbed[m][first..].iter_mut().zip(&disturbance).for_each(|(e, d)| *e += DISTURBANCE * d);
+                let after = self.forward.excited(g, &disturbed, &point.effects);
+                for (other, (after, was)) in after.iter().zip(&core.excitation).enumerate() {
+                    let differs = |k: &usize| after[*k] != was[*k];
+                    let (Some(first), Some(last)) = ((0..was.len()).find(differs), (0..was.len()).rfind(differs))
+                    else {
+                        continue;
+                    };
+                    let change: Vec<f64> = (first..=last).map(|k| (after[k] - was[k]) / DISTURBANCE).collect();
+                    show(other, first, &change);
+                }
             }
-            responses.push(g);
-            at_knots.push(
-                (0..knots)
-                    .map(|j| super::effect::interpolate(&record.time, e, record.time[0] + KNOT_SPACING * j as f64))
-                    .collect(),
-            );
+            responses.push(g_of_muscle);
         }
+        let start = record.time[0];
+        let at_knot =
+            |e: &[f64], j: usize| super::effect::interpolate(&record.time, e, start + KNOT_SPACING * j as f64);
+        let at_knots: Vec<Vec<f64>> = before.iter().map(|e| (0..knots).map(|j| at_knot(e, j)).collect()).collect();
         TrialNoise::correlated(&self.times[position], responses, &at_knots, &self.kernels.emg)
     }
 

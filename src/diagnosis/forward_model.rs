@@ -4,7 +4,6 @@ use std::borrow::Cow;
 
 use super::catalogue::position;
 use super::effect::{Effect, JointState, MuscleState, Role, Stage, TrialContext};
-use super::holds::{angle_noise, steadied};
 use super::silent_muscles::SilentMuscles;
 use crate::osim::spec::{ModelSpec, MuscleSpec};
 use crate::simulation::{
@@ -53,7 +52,7 @@ pub struct TrialRecord {
     pub info: TrialInfo,
     /// Time [s].
     pub time: Vec<f64>,
-    /// Recorded angle [rad], without its noise where the joint is held still.
+    /// Recorded angle [rad].
     pub angle: Vec<f64>,
     /// Recorded moment [N·m].
     pub moment: Vec<f64>,
@@ -139,10 +138,6 @@ impl ForwardModel {
     ) -> Result<ForwardModel, SimulationError> {
         let muscles: Vec<MuscleSpec> =
             model.muscle_names().filter_map(|name| spec.muscles.iter().find(|m| m.name == name)).cloned().collect();
-        let noise = angle_noise(trials).unwrap_or(0.0);
-        let mut trials = trials.to_vec();
-        trials.iter_mut().for_each(|t| t.angle = steadied(&t.time, &t.angle, noise));
-        let trials = &trials[..];
         let recordings: Vec<Recording> = trials.iter().map(Recording::from).collect();
         let options = Options { allow_angle_outside_range: true, fiber: accuracy, ..Options::default() };
         let base = model.prepare_all_with_margin(&recordings, &options)?;
@@ -232,6 +227,24 @@ impl ForwardModel {
             setting.effect.change_angle(&setting.values, context, &mut angle);
         }
         (angle, excitation)
+    }
+
+    /// Excitations after the effects on them.
+    ///
+    /// - `excitation`: of each muscle, before effects
+    pub fn excited(&self, trial: usize, excitation: &[Vec<f64>], effects: &[Setting]) -> Vec<Vec<f64>> {
+        let acting = self.acting(effects);
+        let mut out = excitation.to_vec();
+        let context = self.context(trial, excitation, &[]);
+        for setting in in_order(&acting).into_iter().filter(|s| changes_excitation(s)) {
+            setting.effect.excite(&setting.values, &context, &mut out);
+        }
+        out
+    }
+
+    /// Whether effects change excitations.
+    pub fn excitation_changes(&self, effects: &[Setting]) -> bool {
+        self.acting(effects).iter().any(changes_excitation)
     }
 
     fn recording<'a>(&'a self, trial: usize, angle: &'a [f64], excitation: &'a [Vec<f64>]) -> Recording<'a> {
@@ -518,6 +531,11 @@ fn muscle_factor(
         setting.effect.scale_muscle(&setting.values, &state, &mut factor);
     }
     factor
+}
+
+fn changes_excitation(setting: &Setting) -> bool {
+    let stage = setting.effect.description().stage;
+    matches!(stage, Stage::Excitation | Stage::Activation) && !setting.effect.needs_moment() && !setting.is_absent()
 }
 
 /// Effects in the order of the catalogue, in which they act.

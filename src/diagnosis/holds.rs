@@ -27,6 +27,15 @@ pub fn angle_noise(trials: &[Trial]) -> Option<f64> {
     (count > 0).then(|| (squares / count as f64).sqrt())
 }
 
+/// Trials whose angle is still where the joint is held; all others, and trials of a session without a hold, as they are.
+pub fn steadied_trials(trials: &[Trial]) -> Vec<Trial> {
+    let mut trials = trials.to_vec();
+    if let Some(noise) = angle_noise(&trials) {
+        trials.iter_mut().for_each(|t| t.angle = steadied(&t.time, &t.angle, noise));
+    }
+    trials
+}
+
 /// The angle with its holds held.
 ///
 /// - `noise`: from [`angle_noise`] [rad]

@@ -13,7 +13,7 @@ pub mod experiments;
 pub mod export;
 pub mod fit;
 pub mod forward_model;
-mod holds;
+pub mod holds;
 mod kernel;
 pub mod moments;
 pub mod noise;
