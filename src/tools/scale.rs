@@ -36,10 +36,10 @@ pub fn run(tool: &Properties, path: PathBuf, mut file: OsimFile, outcome: &mut O
             scaler.ignore();
         }
     }
-    if let Some(scaler) = tool.child("ModelScaler") {
-        if let Some(output) = scaler.file("output_model_file") {
-            outcome.files.push(ResultFile { path: output, bytes: named(&file, &tool.name()) });
-        }
+    if let Some(scaler) = tool.child("ModelScaler")
+        && let Some(output) = scaler.file("output_model_file")
+    {
+        outcome.files.push(ResultFile { path: output, bytes: named(&file, &tool.name()) });
     }
     match tool.child("MarkerPlacer") {
         Some(placer) if placer.boolean("apply", true)? => place_markers(&placer, &tool.name(), &path, file, outcome),

@@ -113,7 +113,7 @@ fn val_krylow_soleus_force_of_a_moved_muscle() {
             Trial { amplitude, time, force }
         })
         .collect();
-    let file = OsimFile::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("models/wrist.osim")).unwrap();
+    let file = OsimFile::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("models/wrist.osim")).unwrap();
     let muscle = Millard2012::from_spec(&file.spec.muscles[0]).unwrap();
     let published = Soleus::published();
     let all = |of: Soleus, chosen: &[usize]| -> Vec<f64> {
