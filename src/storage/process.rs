@@ -87,7 +87,8 @@ impl Storage {
     /// Too few rows.
     pub fn splines(&self, degree: usize) -> Result<Vec<Function>, FunctionError> {
         // A spline of degree 5 needs 6 points; with fewer, the highest odd degree that they allow.
-        let most = if self.len().is_multiple_of(2) { self.len().saturating_sub(1) } else { self.len().saturating_sub(2) };
+        let most =
+            if self.len().is_multiple_of(2) { self.len().saturating_sub(1) } else { self.len().saturating_sub(2) };
         let degree = degree.min(most.max(1));
         (0..self.labels.len()).map(|i| spline(degree, &self.time, &self.column(i))).collect()
     }
