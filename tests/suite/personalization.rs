@@ -209,9 +209,9 @@ fn verif_exact_gradients_reach_a_lower_objective_in_every_case() {
     for (case, pair) in cases.iter().zip(fits.chunks(2)) {
         let [theirs, ours] = [&pair[0], &pair[1]];
         assert!(ours.objective <= theirs.objective, "{}", case.label());
-        // A simulation with derivatives costs less than two without. Cross cases search twice, with the forces free and with
+        // A simulation with derivatives costs 1.73 without (benches/speed.rs: derivatives_s over distant_set_s). Cross cases search twice, with the forces free and with
         // the model's: what they take is printed, and is not less.
-        assert!(case.kind == CaseKind::Cross || 2 * simulations(ours) < simulations(theirs), "{}", case.label());
+        assert!(case.kind == CaseKind::Cross || 7 * simulations(ours) < 4 * simulations(theirs), "{}", case.label());
     }
 }
 
