@@ -378,7 +378,6 @@ fn val_published_power_analyses_are_printed_beside_what_the_tests_give() {
 /// A machine that moves the wrist's flexion and also measures the moment about its deviation; five wrist and three finger
 /// muscles of the McFarland model, trials by OpenSim. The second axis makes intervals narrower, and they hold the truth.
 #[test]
-#[ignore = "its bars are not confirmed: it has not been run to its end yet"]
 fn val_opensim_two_axes_of_the_wrist_with_finger_muscles() {
     let name = "Hand_Wrist_Model_for_development.osim";
     let Some(model) = super::reference::shared(&format!("models/{name}")) else { return };
