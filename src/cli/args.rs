@@ -236,12 +236,15 @@ pub struct CompareArgs {
 /// `carpus personalize`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus personalize study/study.toml --out personalized --seed 1\n\nWrites DIR/P01/{model.osim,results.json,report.html,errors_per_trial.csv,errors_per_condition.csv,series/}. Held-out trials (use = test) are never fitted."
+    after_help = "Example:\n  carpus personalize study/study.toml --out personalized --seed 1\n\nWrites DIR/P01/{model.osim,results.json,report.html,errors_per_trial.csv,errors_per_condition.csv,series/}. Held-out trials (use = test) are never fitted.\n\nEvery fitted value comes with a 90 % interval that rests on the training trials and the bounds alone (carpus identify says more). Where the trials do not determine a value, the report says so: it then stays near the model's."
 )]
 pub struct PersonalizeArgs {
     /// The study.
     #[command(flatten)]
     pub study: StudyArgs,
+    /// No 90 % intervals of the fitted parameters: the fit alone, in less than half the time
+    #[arg(long)]
+    pub no_intervals: bool,
 }
 
 /// `carpus evaluate`
@@ -261,7 +264,7 @@ pub struct EvaluateArgs {
 /// `carpus study`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus study study/study.toml --out done\n  carpus study study/study.toml --steps personalize,evaluate --out done\n\nSteps, in their order: dynamometer (with [processing]: the processed study goes to DIR/processed and all other steps work on it), emg (with [emg] kind = \"raw\"), scale, sensitivity, personalize, evaluate, identify, ultrasound (with ultrasound.csv), power. What a study has no data for is named in the report with the reason.\n\nStopped at any time, even by force, and started again with the same words, it goes on where it was: what is finished lies in DIR/units under a key made of everything that it depends on. Writes DIR/report.html, the tables as CSV, DIR/models/P01/CASE.osim, DIR/identify/P01 and DIR/emg/P01. Only DIR/timings and DIR/timings.csv depend on the machine.\n\nOptional in a study, beyond the essential keys:\n  study.toml        [processing], [emg], [scaling], [strength_scaling]: see dynamometer, emg, scale, strength-scale --help\n                    [ultrasound] activation, specific_tension_n_per_cm2, posture_deg, muscle_posture_deg, fiber_to_belly_length,\n                    external_to_total_tendon_length, source;\n                    fascicles = \"fit\" with fascicle_error_percent: personalize fits fascicle_length_m, too (default: a check)\n                    [dynamometer] further_moments = { COORDINATE = \"column\" }: moments about coordinates that are held\n                    [columns] ignore = [\"column\", …], angle_unit = \"rad\"; [checks] max_gap_s\n  trials.csv        start_time_s\n  ultrasound.csv    fascicle_length_m, pennation_angle_deg"
+    after_help = "Example:\n  carpus study study/study.toml --out done\n  carpus study study/study.toml --steps personalize,evaluate --out done\n\nSteps, in their order: dynamometer (with [processing]: the processed study goes to DIR/processed and all other steps work on it), emg (with [emg] kind = \"raw\"), scale, sensitivity, personalize, evaluate, identify, ultrasound (with ultrasound.csv), power, conclusions (which of the dissertation's hold). What a study has no data for is named in the report with the reason.\n\nStopped at any time, even by force, and started again with the same words, it goes on where it was: what is finished lies in DIR/units under a key made of everything that it depends on. Writes DIR/report.html, the tables as CSV, DIR/models/P01/CASE.osim, DIR/identify/P01 and DIR/emg/P01. Only DIR/timings and DIR/timings.csv depend on the machine.\n\nOptional in a study, beyond the essential keys:\n  study.toml        [processing], [emg], [scaling], [strength_scaling]: see dynamometer, emg, scale, strength-scale --help\n                    [ultrasound] activation, specific_tension_n_per_cm2, posture_deg, muscle_posture_deg, fiber_to_belly_length,\n                    external_to_total_tendon_length, source;\n                    fascicles = \"fit\" with fascicle_error_percent: personalize fits fascicle_length_m, too (default: a check)\n                    [dynamometer] further_moments = { COORDINATE = \"column\" }: moments about coordinates that are held\n                    [columns] ignore = [\"column\", …], angle_unit = \"rad\"; [checks] max_gap_s\n  trials.csv        start_time_s\n  ultrasound.csv    fascicle_length_m, pennation_angle_deg"
 )]
 pub struct WholeStudyArgs {
     /// The study.
@@ -320,6 +323,12 @@ pub struct IdentifyOptions {
     /// Draws from the posterior
     #[arg(long, value_name = "N", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(40..=1_000_000))]
     pub draws: u32,
+}
+
+impl Default for IdentifyOptions {
+    fn default() -> Self {
+        IdentifyOptions { properties: Vec::new(), tie: Vec::new(), priors: None, level: 0.9, draws: 2000 }
+    }
 }
 
 /// `carpus ultrasound`

@@ -2,6 +2,7 @@
 
 use super::account::csv_text;
 use super::commands::evaluate::ReportParts;
+use super::commands::identify::{INTERVAL_COLUMNS, interval_row};
 use super::failure::Failure;
 use super::table::{fixed, table};
 use crate::report::article::{Block, TextTable};
@@ -267,34 +268,9 @@ fn soundness(all: &[IdentifiabilityResult]) -> TextTable {
 }
 
 fn intervals_csv(all: &[IdentifiabilityResult]) -> Result<String, Failure> {
-    let header = [
-        "participant",
-        "muscle",
-        "property",
-        "unit",
-        "model",
-        "most_likely",
-        "lower",
-        "upper",
-        "lower_from_data",
-        "upper_from_data",
-        "at_bound",
-        "posterior_median",
-        "credible_lower",
-        "credible_upper",
-        "share_from_data",
-        "prior_source",
-    ];
+    let header = std::iter::once("participant").chain(INTERVAL_COLUMNS);
     let rows = all.iter().flat_map(|r| {
-        r.parameters.iter().map(move |p| {
-            let mut row = vec![r.participant.clone(), p.muscle.clone(), p.property.clone(), p.unit.clone()];
-            row.extend([p.model, p.most_likely, p.interval[0], p.interval[1]].map(|v| v.to_string()));
-            row.extend(p.end_from_data.map(|v| v.to_string()));
-            row.push(p.at_bound.clone().unwrap_or_default());
-            row.extend([p.posterior_median, p.credible[0], p.credible[1], p.share_from_data].map(|v| v.to_string()));
-            row.push(p.prior_source.clone());
-            row
-        })
+        r.parameters.iter().map(move |p| std::iter::once(r.participant.clone()).chain(interval_row(p)).collect::<Vec<_>>())
     });
-    csv_text(header.iter(), rows)
+    csv_text(header.collect::<Vec<_>>().iter(), rows)
 }

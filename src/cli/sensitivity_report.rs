@@ -7,7 +7,7 @@ use super::screening::{ConditionSensitivity, condition_name};
 use super::table::{fixed, table};
 use crate::report::article::{Block, TextTable, p_text};
 use crate::report::bars::{BarFigure, heat_map, legend};
-use crate::report::convergence::convergence_figure;
+use crate::report::convergence::{convergence_figure, convergence_legend};
 use crate::sensitivity::{Cell, ScreenedProperty, SensitivityCohort};
 use crate::statistics::{Comparison, Effect};
 use crate::study::Contraction;
@@ -401,8 +401,9 @@ fn convergence_block(outcomes: &[ConditionSensitivity]) -> Vec<Block> {
     vec![Block::Figures {
         title: "Convergence of μ* with the starts r".to_string(),
         note: format!(
-            "Point at a curve for its name. With all starts the widest 95 % bootstrap interval of a single participant's μ* is \
+            "{}<br>With all starts the widest 95 % bootstrap interval of a single participant's μ* is \
              {} % of the largest μ*; every interval is in morris.csv.",
+            convergence_legend(&ScreenedProperty::ALL.map(words)),
             fixed(100.0 * widest, 0)
         ),
         columns: 2,

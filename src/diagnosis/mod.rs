@@ -14,7 +14,7 @@ pub mod export;
 pub mod fit;
 pub mod forward_model;
 pub mod holds;
-mod kernel;
+pub mod kernel;
 pub mod moments;
 pub mod noise;
 pub mod plan;

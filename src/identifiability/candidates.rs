@@ -94,13 +94,17 @@ impl<'a> Known<'a> {
     fn plans(&self) -> Vec<Plan> {
         let mut plans = Vec::new();
         let [low, high] = self.range;
-        let postures = [low + 0.1 * (high - low), 0.5 * (low + high), high - 0.1 * (high - low)];
+        // Round angles, so that noise of the recorded angles does not make other candidates of every participant.
+        let grid = if high - low > 0.5 { 5.0 } else { 1.0 };
+        let round = |angle: f64| ((angle.to_degrees() / grid).round() * grid + 0.0).to_radians();
+        let mut postures = [low + 0.1 * (high - low), 0.5 * (low + high), high - 0.1 * (high - low)].map(round).to_vec();
+        postures.dedup();
         let steps = (DURATION * RATE) as usize + 1;
         for direction in [Direction::Flexion, Direction::Extension] {
             for effort in EFFORTS {
                 let how = format!("{effort:.0} % {}", direction.word());
                 if let Some(excitation) = self.excitation(direction, effort, Contraction::Isometric) {
-                    for posture in postures {
+                    for &posture in &postures {
                         let name = format!("isometric, {how} at {:.0}°", posture.to_degrees()).replace('-', "−");
                         plans.push(Plan { name, angle: vec![posture; steps], excitation: excitation.clone() });
                     }

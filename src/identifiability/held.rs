@@ -2,7 +2,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use crate::diagnosis::noise::{KNOT_SPACING, NoiseLevels, TrialNoise};
+use crate::diagnosis::noise::{KNOT_SPACING, Kernels, NoiseLevels, TrialNoise};
 use crate::simulation::{MuscleParameters, PreparedTrial, SimulationError};
 
 /// A trial with one of the excitations that its expected moment is put together from.
@@ -33,6 +33,7 @@ pub(super) struct HeldTrial {
 pub(super) struct Held {
     pub(super) trials: Vec<HeldTrial>,
     pub(super) levels: NoiseLevels,
+    pub(super) kernels: Kernels,
 }
 
 /// Adds a weighted series.

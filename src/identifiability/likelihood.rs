@@ -21,7 +21,8 @@ use super::held::{Held, HeldTrial, View, add, at_time, corrected, hat, knot_coun
 use super::parameters::{Layout, MuscleProperty};
 use super::recorded::RecordedTrial;
 use crate::diagnosis::fit::block_means;
-use crate::diagnosis::noise::{self, KNOT_SPACING, NoiseLevels, Response, TrialNoise, TrialTimes};
+use crate::diagnosis::kernel::Kernel;
+use crate::diagnosis::noise::{self, KNOT_SPACING, Kernels, NoiseLevels, Response, TrialNoise, TrialTimes};
 use crate::osim::spec::MuscleSpec;
 use crate::simulation::{MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, SimulationError};
 
@@ -29,6 +30,8 @@ use crate::simulation::{MuscleParameters, MusculoskeletalModel, Options, Prepare
 const BASELINE_SD: f64 = 0.004;
 /// Evaluations of the first descent, with usual noise, and of those after each estimate of the noise.
 const EVALUATIONS: [usize; 6] = [12, 6, 5, 4, 4, 4];
+/// Pass after which correlations of the noise in time are chosen.
+const KERNEL_PASS: usize = 3;
 /// A descent ends when a step promises less than this decrease of −2 log probability.
 const CONVERGED: f64 = 0.005;
 /// A fit that leaves more than this is not one whose intervals another factor could mend.
@@ -353,7 +356,7 @@ impl Problem {
                 factor: positive(identity),
             });
         }
-        let mut held = Held { trials, levels };
+        let mut held = Held { trials, levels, kernels: Kernels::default() };
         self.restructure(&mut held, at)?;
         Ok(held)
     }
@@ -368,14 +371,14 @@ impl Problem {
     /// How noise enters every trial at a point; targets, baselines and factors follow.
     fn restructure(&self, held: &mut Held, at: &DVector<f64>) -> Result<(), SimulationError> {
         let model = if self.layout.changes_model() { Some(self.model_with(&|_, i| at[i])?) } else { None };
-        let levels = held.levels;
+        let (levels, kernels) = (held.levels, held.kernels);
         held.trials
             .par_iter_mut()
             .zip(&self.trials)
             .map(|(held, trial)| {
                 let own = model.as_ref().map(|m| self.prepare(m, trial, held)).transpose()?;
                 let first = own.as_ref().map_or(&held.views[0].prepared, |own| &own[0]);
-                let noise = self.structure(trial, held, first, at)?;
+                let noise = self.structure(trial, held, first, at, &kernels)?;
                 held.target = self.target(trial, &held.starts) + noise.respond(&held.correction);
                 for m in 0..self.n_muscles() {
                     held.baselines.set_column(m, &(noise.respond_to_baseline(m) * BASELINE_SD));
@@ -395,16 +398,13 @@ impl Problem {
         held: &HeldTrial,
         prepared: &PreparedTrial,
         at: &DVector<f64>,
+        kernels: &Kernels,
     ) -> Result<TrialNoise, SimulationError> {
         let starts = &held.starts;
         let (blocks, channels) = (starts.len() - 1, trial.channels.len());
         let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
         let knots = knot_count(&trial.time);
         let block_of: Vec<usize> = counts.iter().enumerate().flat_map(|(b, c)| std::iter::repeat_n(b, *c)).collect();
-        let times = block_means(&trial.time, starts);
-        let all_times: Vec<f64> =
-            (0..channels).flat_map(|c| times.iter().map(move |t| t + CHANNEL_OFFSET * c as f64)).collect();
-        let all_counts: Vec<usize> = (0..channels).flat_map(|_| counts.iter().copied()).collect();
         let (mut responses, mut at_knots) = (Vec::new(), Vec::new());
         for m in 0..self.n_muscles() {
             let e = &held.views[0].excitation[m];
@@ -424,7 +424,53 @@ impl Problem {
             at_knots
                 .push((0..knots).map(|j| at_time(&trial.time, e, trial.time[0] + KNOT_SPACING * j as f64)).collect());
         }
-        Ok(TrialNoise::new(&Arc::new(TrialTimes::new(&all_times, &all_counts)), responses, &at_knots))
+        Ok(TrialNoise::correlated(&trial_times(trial, starts, &kernels.moment), responses, &at_knots, &kernels.emg))
+    }
+
+    /// Chooses the correlations of the noise by restricted likelihood: of the EMG's, then of the moment's, then again.
+    fn choose_kernels(&self, held: &mut Held, columns: &[DMatrix<f64>]) {
+        let (regressors, residuals) = self.regression(columns);
+        let precision = DVector::from_vec(self.precision());
+        let mut structure: Vec<TrialNoise> = held.trials.iter().filter_map(|t| t.noise.clone()).collect();
+        if structure.len() < held.trials.len() {
+            return;
+        }
+        let with = |structure: &[TrialNoise], kernels: &Kernels| -> Vec<TrialNoise> {
+            let pairs = structure.par_iter().zip(&self.trials).zip(&held.trials);
+            let one = |((noise, trial), held): ((&TrialNoise, &RecordedTrial), &HeldTrial)| {
+                noise.clone().with_kernel(&trial_times(trial, &held.starts, &kernels.moment), &kernels.emg)
+            };
+            pairs.map(one).collect()
+        };
+        for of_emg in [true, false, true] {
+            let known = held.kernels;
+            let changed = |kernel: &Kernel| {
+                if of_emg { Kernels { emg: *kernel, ..known } } else { Kernels { moment: *kernel, ..known } }
+            };
+            let start = if of_emg { known.emg } else { known.moment };
+            let best = noise::best_kernel(&start, |kernel| {
+                let noise = with(&structure, &changed(kernel));
+                let trials = triples(&noise, &regressors, &residuals);
+                let levels = noise::estimate_within(2, &trials, &precision, held.levels);
+                noise::restricted_deviance(&trials, &precision, &levels)
+            });
+            held.kernels = changed(&best);
+            structure = with(&structure, &held.kernels);
+            held.levels = noise::estimate(&triples(&structure, &regressors, &residuals), &precision, held.levels);
+        }
+    }
+
+    /// Regressors and residual of every trial from its columns.
+    fn regression(&self, columns: &[DMatrix<f64>]) -> (Vec<DMatrix<f64>>, Vec<DVector<f64>>) {
+        let n = self.layout.len() + self.n_muscles();
+        let of = |c: &DMatrix<f64>| (c.columns(0, n).into_owned(), c.column(n).into_owned());
+        columns.iter().map(of).unzip()
+    }
+
+    /// Prior precision of logarithms of factors and of baselines.
+    fn precision(&self) -> Vec<f64> {
+        let own = self.layout.free.iter().map(|p| p.prior.log_sd.powi(-2));
+        own.chain(std::iter::repeat_n(1.0, self.n_muscles())).collect()
     }
 
     /// Estimates the variances, corrects the excitations, and computes how noise enters anew.
@@ -433,20 +479,16 @@ impl Problem {
         let n = at.len();
         let columns = self.columns(&held, at)?;
         // In the first pass the EMG's noise is not allowed for yet: what it does would be taken for more of it.
-        if pass > 1 {
-            let regressors: Vec<DMatrix<f64>> = columns.iter().map(|c| c.columns(0, n).into_owned()).collect();
-            let residuals: Vec<DVector<f64>> = columns.iter().map(|c| c.column(n).into_owned()).collect();
-            let trials: Vec<_> = held
-                .trials
-                .iter()
-                .zip(&regressors)
-                .zip(&residuals)
-                .filter_map(|((t, x), r)| Some((t.noise.as_ref()?, x, r)))
-                .collect();
-            let mut precision: Vec<f64> = self.layout.free.iter().map(|p| p.prior.log_sd.powi(-2)).collect();
-            precision.resize(n, 1.0);
+        if pass == KERNEL_PASS {
+            self.choose_kernels(&mut held, &columns);
+            self.restructure(&mut held, at)?;
+        } else if pass > 1 {
+            let (regressors, residuals) = self.regression(&columns);
+            let structure: Vec<&TrialNoise> = held.trials.iter().filter_map(|t| t.noise.as_ref()).collect();
+            let trials: Vec<_> =
+                structure.into_iter().zip(&regressors).zip(&residuals).map(|((t, x), r)| (t, x, r)).collect();
             let before = held.levels;
-            let found = noise::estimate(&trials, &DVector::from_vec(precision), before);
+            let found = noise::estimate(&trials, &DVector::from_vec(self.precision()), before);
             // Estimates alternate about their common value: take the middle.
             held.levels = if pass > 2 { before.between(&found) } else { found };
         }
@@ -490,6 +532,7 @@ impl Problem {
         let other = Problem { trials, ..self.clone() };
         let mut held = other.recorded(&fit.at)?;
         held.levels = fit.held.levels;
+        held.kernels = fit.held.kernels;
         other.restructure(&mut held, &fit.at)?;
         let n = fit.at.len();
         let whitened = other.whitened(&held, &fit.at)?;
@@ -501,6 +544,26 @@ impl Problem {
             })
             .collect())
     }
+}
+
+/// What of a trial's noise depends on its times alone; slow disturbances of one channel are not those of another.
+fn trial_times(trial: &RecordedTrial, starts: &[usize], kernel: &Kernel) -> Arc<TrialTimes> {
+    let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
+    let times = block_means(&trial.time, starts);
+    let channels = trial.channels.len();
+    let all_times: Vec<f64> =
+        (0..channels).flat_map(|c| times.iter().map(move |t| t + CHANNEL_OFFSET * c as f64)).collect();
+    let all_counts: Vec<usize> = (0..channels).flat_map(|_| counts.iter().copied()).collect();
+    Arc::new(TrialTimes::correlated(&all_times, &all_counts, kernel))
+}
+
+/// What estimates of the noise are made from.
+fn triples<'a>(
+    noise: &'a [TrialNoise],
+    regressors: &'a [DMatrix<f64>],
+    residuals: &'a [DVector<f64>],
+) -> Vec<(&'a TrialNoise, &'a DMatrix<f64>, &'a DVector<f64>)> {
+    noise.iter().zip(regressors).zip(residuals).map(|((n, x), r)| (n, x, r)).collect()
 }
 
 struct Variants {

@@ -97,6 +97,25 @@ pub enum IdentifiabilityError {
 /// A bound that a value stands at.
 pub use crate::personalization::BoundHit;
 
+/// A parameter's confidence interval. Values are in the unit of the property.
+#[derive(Clone, Debug)]
+pub struct ConfidenceInterval {
+    /// The parameter.
+    pub parameter: FreeParameter,
+    /// Value that the data make most likely within the bounds, without prior knowledge.
+    pub most_likely: f64,
+    /// The bound that it stands at.
+    pub at_bound: Option<BoundHit>,
+    /// From the data and the bounds alone.
+    pub interval: [f64; 2],
+    /// Whether the data set each end; `false`: the interval runs to the bound.
+    pub end_from_data: [bool; 2],
+    /// Whether the interval rests on another parameter's bound, too.
+    pub leans_on_bounds: bool,
+    /// Of the noise, as far as this interval rests on it: few where few trials tell of it.
+    pub degrees_of_freedom: f64,
+}
+
 /// What is known of one parameter. Values are in the unit of the property.
 #[derive(Clone, Debug)]
 pub struct Knowledge {
@@ -181,20 +200,15 @@ pub struct Identifiability {
 pub fn identify(request: &Request) -> Result<Identifiability, IdentifiabilityError> {
     let problem = checked(request)?;
     let fit = problem.fit()?;
-    let surrogate = Surrogate::new(&problem, &fit)?;
+    let Profiled { surrogate, freedom, drops, profiles, largest_deviance_error } = profiled(&problem, &fit, request)?;
     let free = &problem.layout.free;
-    let spread: Vec<f64> = free.iter().map(|p| p.log_bounds()).map(|[a, b]| (b - a).powi(2) / 12.0).collect();
-    let freedom = certainty::degrees_of_freedom(&problem, &fit, &spread)?;
-    let drops: Vec<f64> = freedom.iter().map(|df| certainty::drop_of(request.level, *df) * fit.dispersion).collect();
-    let mut profiles = profile::profiles(&surrogate, free, &fit.at, &drops);
-    let largest_deviance_error = ends::simulate_ends(&problem, &fit, &surrogate, free, &mut profiles, &drops)?;
     // The posterior is one density for all parameters: it is widened by the mean of what their intervals are.
     let normal = normal_quantile(0.5 + 0.5 * request.level).powi(2);
     let widened = drops.iter().map(|d| d / normal).sum::<f64>() / drops.len() as f64;
     let covariance = posterior_covariance(&problem, &fit, widened);
     let draws = draws(&surrogate, &problem, &fit, &covariance, widened, request);
-    let parameters =
-        (0..free.len()).map(|i| knowledge(i, free, &profiles, &draws, request.level, freedom[i])).collect();
+    let own = |i: usize| interval(i, free, &profiles, freedom[i]);
+    let parameters = (0..free.len()).map(|i| knowledge(i, own(i), &draws, request.level)).collect();
     let all: Vec<&DVector<f64>> = draws.chains.iter().flatten().collect();
     let matrix = DMatrix::from_fn(all.len(), free.len(), |r, c| all[r][c]);
     let outside = all.iter().filter(|x| !surrogate.covers(x.as_slice())).count();
@@ -220,6 +234,38 @@ pub fn identify(request: &Request) -> Result<Identifiability, IdentifiabilityErr
         soundness,
         next_trials,
     })
+}
+
+/// The confidence intervals alone, without posterior, correlations and further trials: half the time.
+///
+/// # Errors
+/// [`IdentifiabilityError`].
+pub fn intervals(request: &Request) -> Result<Vec<ConfidenceInterval>, IdentifiabilityError> {
+    let problem = checked(request)?;
+    let fit = problem.fit()?;
+    let found = profiled(&problem, &fit, request)?;
+    let free = &problem.layout.free;
+    Ok((0..free.len()).map(|i| interval(i, free, &found.profiles, found.freedom[i])).collect())
+}
+
+/// Profiles and what they were made with.
+struct Profiled {
+    surrogate: Surrogate,
+    freedom: Vec<f64>,
+    drops: Vec<f64>,
+    profiles: profile::Profiles,
+    largest_deviance_error: f64,
+}
+
+fn profiled(problem: &Problem, fit: &Fit, request: &Request) -> Result<Profiled, IdentifiabilityError> {
+    let surrogate = Surrogate::new(problem, fit)?;
+    let free = &problem.layout.free;
+    let spread: Vec<f64> = free.iter().map(|p| p.log_bounds()).map(|[a, b]| (b - a).powi(2) / 12.0).collect();
+    let freedom = certainty::degrees_of_freedom(problem, fit, &spread)?;
+    let drops: Vec<f64> = freedom.iter().map(|df| certainty::drop_of(request.level, *df) * fit.dispersion).collect();
+    let mut profiles = profile::profiles(&surrogate, free, &fit.at, &drops);
+    let largest_deviance_error = ends::simulate_ends(problem, fit, &surrogate, free, &mut profiles, &drops)?;
+    Ok(Profiled { surrogate, freedom, drops, profiles, largest_deviance_error })
 }
 
 fn checked(request: &Request) -> Result<Problem, IdentifiabilityError> {
@@ -346,21 +392,15 @@ fn draws(
     draws
 }
 
-fn knowledge(
+fn interval(
     i: usize,
     free: &[FreeParameter],
     profiles: &profile::Profiles,
-    draws: &Draws,
-    level: f64,
     degrees_of_freedom: f64,
-) -> Knowledge {
+) -> ConfidenceInterval {
     let p = &free[i];
     let profile = &profiles.each[i];
     let value = |log: f64| p.nominal * log.exp();
-    let mut of: Vec<f64> = draws.of(|x| x[i]).concat();
-    let log_variance = posterior::variance(&of);
-    of.sort_by(f64::total_cmp);
-    let quantile = |q: f64| value(of[((of.len() - 1) as f64 * q).round() as usize]);
     let [lower, upper] = p.log_bounds();
     let near = 1e-4 * (upper - lower);
     let at_bound = if profiles.best[i] <= lower + near {
@@ -370,7 +410,7 @@ fn knowledge(
     } else {
         None
     };
-    Knowledge {
+    ConfidenceInterval {
         parameter: p.clone(),
         most_likely: value(profiles.best[i]),
         at_bound,
@@ -378,10 +418,28 @@ fn knowledge(
         end_from_data: profile.ends.map(|e| e.by_data),
         leans_on_bounds: profile.leans_on_bounds,
         degrees_of_freedom,
+    }
+}
+
+fn knowledge(i: usize, own: ConfidenceInterval, draws: &Draws, level: f64) -> Knowledge {
+    let value = |log: f64| own.parameter.nominal * log.exp();
+    let mut of: Vec<f64> = draws.of(|x| x[i]).concat();
+    let log_variance = posterior::variance(&of);
+    of.sort_by(f64::total_cmp);
+    let quantile = |q: f64| value(of[((of.len() - 1) as f64 * q).round() as usize]);
+    let log_sd = own.parameter.prior.log_sd;
+    Knowledge {
         posterior_median: quantile(0.5),
         credible: [quantile(0.5 - 0.5 * level), quantile(0.5 + 0.5 * level)],
         posterior_log_sd: log_variance.sqrt(),
-        share_from_data: (1.0 - log_variance / p.prior.log_sd.powi(2)).clamp(0.0, 1.0),
+        share_from_data: (1.0 - log_variance / log_sd.powi(2)).clamp(0.0, 1.0),
+        parameter: own.parameter,
+        most_likely: own.most_likely,
+        at_bound: own.at_bound,
+        interval: own.interval,
+        end_from_data: own.end_from_data,
+        leans_on_bounds: own.leans_on_bounds,
+        degrees_of_freedom: own.degrees_of_freedom,
     }
 }
 

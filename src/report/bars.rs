@@ -83,8 +83,14 @@ impl BarFigure {
 
 /// The legend of a [`BarFigure`]'s series.
 pub fn legend(series: &[String]) -> String {
+    legend_in(series, 1)
+}
+
+/// As [`legend`], where every `step`th colour is used.
+pub fn legend_in(series: &[String], step: usize) -> String {
     series.iter().enumerate().fold(String::new(), |mut text, (i, name)| {
-        let _ = write!(text, r#"<span class="swatch"><i class="square c{}"></i>{}</span>"#, i % COLOURS, escape(name));
+        let colour = step * i % COLOURS;
+        let _ = write!(text, r#"<span class="swatch"><i class="square c{colour}"></i>{}</span>"#, escape(name));
         text
     })
 }

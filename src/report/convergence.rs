@@ -1,12 +1,20 @@
 //! Indices over the size of the sample, as SVG text.
 
-use super::bars::COLOURS;
+use super::bars::{COLOURS, legend_in};
 use super::plot::{Curve, CurveFigure, extent, padded};
+
+/// Every other colour: neighbours are shades of each other.
+const STEP: usize = 2;
+
+/// The legend of the curves.
+pub fn convergence_legend(names: &[String]) -> String {
+    legend_in(names, STEP)
+}
 
 /// Curves of indices over the number of starts.
 pub fn convergence_figure(description: &str, starts: &[f64], curves: &[(String, Vec<f64>)]) -> String {
     let drawn = curves.iter().enumerate().map(|(i, (name, values))| Curve {
-        class: format!("series c{}", 2 * i % COLOURS),
+        class: format!("series c{}", STEP * i % COLOURS),
         name: name.clone(),
         values,
     });

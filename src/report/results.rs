@@ -310,6 +310,30 @@ pub struct ParameterResult {
     /// Share of the variance within the bounds that the data removed: 0, they say nothing about the value; 1, all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub share_from_data: Option<f64>,
+    /// Confidence interval from the training trials and the bounds alone, if it was computed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interval: Option<IntervalResult>,
+}
+
+/// A confidence interval of a parameter.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct IntervalResult {
+    /// Its level, e.g. 0.9.
+    pub level: f64,
+    /// Lower end, in the parameter's unit.
+    pub lower: f64,
+    /// Upper end.
+    pub upper: f64,
+    /// Whether the data set each end; `false`: it is the bound.
+    pub end_from_data: [bool; 2],
+}
+
+impl IntervalResult {
+    /// Whether the data determine the parameter: they set both ends.
+    pub fn is_determined(&self) -> bool {
+        self.end_from_data == [true, true]
+    }
 }
 
 /// One stage of the fit.

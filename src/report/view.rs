@@ -97,6 +97,8 @@ pub struct ParameterRow {
     pub svg: String,
     pub at_bound: bool,
     pub deviation: String,
+    /// The data do not determine the value.
+    pub open: bool,
     pub from_data: String,
     pub weak: bool,
 }
@@ -132,6 +134,8 @@ pub struct View {
     pub trials: Vec<Section<TrialRow>>,
     pub parameters: Vec<ParameterGroup>,
     pub bound_hits: usize,
+    /// Level of the parameters' intervals, if they have any.
+    pub interval_level: Option<String>,
     pub has_determination: bool,
     pub stages: Vec<StageRow>,
     pub axes: Vec<AxisPanel>,
@@ -171,6 +175,11 @@ impl View {
             trials: if has_errors { trial_sections(results) } else { Vec::new() },
             parameters: parameter_groups(&results.parameters),
             bound_hits: results.parameters.iter().filter(|p| p.at_bound()).count(),
+            interval_level: results
+                .parameters
+                .iter()
+                .find_map(|p| p.interval.as_ref())
+                .map(|i| format!("{:.0}\u{202f}%", 100.0 * i.level)),
             has_determination: results.parameters.iter().any(|p| p.share_from_data.is_some()),
             stages: results.stages.iter().map(stage_row).collect(),
             axes: axis_panels(None, results.residuals.last(), &[]),
@@ -558,7 +567,8 @@ pub(super) fn parameter_groups(parameters: &[ParameterResult]) -> Vec<ParameterG
             upper: quantity(p.upper, &p.unit),
             svg: plot::bounds_bar(p.position(p.before), p.position(p.after), p.at_bound()),
             at_bound: p.at_bound(),
-            deviation: p.standard_deviation.map(|d| format!("± {}", quantity(d, &p.unit))).unwrap_or_default(),
+            deviation: uncertainty(p),
+            open: p.interval.as_ref().is_some_and(|i| !i.is_determined()),
             from_data: p.share_from_data.map(|s| format!("{:.0}\u{202f}%", 100.0 * s)).unwrap_or_default(),
             weak: p.share_from_data.is_some_and(|s| s < WELL_DETERMINED),
         };
@@ -568,6 +578,19 @@ pub(super) fn parameter_groups(parameters: &[ParameterResult]) -> Vec<ParameterG
         }
     }
     groups
+}
+
+/// The interval, ends that are bounds in brackets; else ± a standard deviation.
+fn uncertainty(p: &ParameterResult) -> String {
+    let Some(interval) = &p.interval else {
+        return p.standard_deviation.map(|d| format!("± {}", quantity(d, &p.unit))).unwrap_or_default();
+    };
+    let end = |value: f64, by_data: bool| {
+        let text = quantity(value, &p.unit);
+        if by_data { text } else { format!("[{text}]") }
+    };
+    let [lower, upper] = interval.end_from_data;
+    format!("{} to {}", end(interval.lower, lower), end(interval.upper, upper))
 }
 
 fn signed_percent(fraction: f64) -> String {

@@ -142,6 +142,7 @@ fn example() -> Results {
                 upper: before * upper,
                 standard_deviation: Some(0.04 * before),
                 share_from_data: Some(if muscle == "FCR" { 0.31 } else { 0.87 }),
+                interval: None,
             })
             .collect::<Vec<_>>()
     });

@@ -57,7 +57,7 @@ pub fn run(args: &DemoArgs, global: &Global) -> Result<(), Failure> {
     })?;
     let mut outcomes = Vec::new();
     for participant in &study.participants {
-        outcomes.push(personalize::personalize(&study, participant, Path::new(""), global)?);
+        outcomes.push(personalize::personalize(&study, participant, Path::new(""), true, global)?);
     }
     if global.json {
         return print_result(&personalize::json(&outcomes));

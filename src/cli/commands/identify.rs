@@ -9,8 +9,8 @@ use crate::cli::provenance::{input_file, provenance};
 use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
 use crate::cli::table::{fixed, table};
 use crate::identifiability::{
-    FreeParameter, Identifiability, IdentifiabilityError, Knowledge, MuscleProperty, Prior, RecordedTrial, Request,
-    identify, usual_candidates,
+    ConfidenceInterval, FreeParameter, Identifiability, IdentifiabilityError, Knowledge, MuscleProperty, Prior, RecordedTrial, Request,
+    identify, intervals, usual_candidates,
 };
 use crate::osim::spec::MuscleSpec;
 use crate::personalization::BoundHit;
@@ -26,6 +26,8 @@ use crate::study::{FurtherMoment, PriorKnowledge, TrialUse, read_priors};
 const UNFINISHED: &str = "intervals are not calibrated yet: in simulated studies of known truth, those of strength and tendon \
                           slack length held it less often than their level says";
 
+/// Level of the intervals of [`usual_intervals`].
+pub const INTERVAL_LEVEL: f64 = 0.9;
 /// Significant digits of what is written.
 const DIGITS: i32 = 7;
 
@@ -218,9 +220,44 @@ fn identified(
     args: &IdentifyOptions,
     seed: u64,
 ) -> Result<Identifiability, Failure> {
+    let mut candidates = usual_candidates(&run.model, &run.trials).map_err(|e| failed(run, e.into()))?;
+    for candidate in &mut candidates {
+        for about in further {
+            let trial = candidate.trial.clone();
+            let zeros = vec![0.0; trial.time.len()];
+            let arms =
+                run.model.moment_arms_about(&about.coordinate, &trial.angle).map_err(|e| failed(run, e.into()))?;
+            candidate.trial = trial.with_channel(&about.coordinate, &zeros, arms);
+        }
+    }
+    let request = request(run, further, parameters, args, seed)?;
+    identify(&Request { candidates, ..request }).map_err(|e| failed(run, e))
+}
+
+/// Confidence intervals of what personalization fits, by the training trials alone.
+///
+/// # Errors
+/// A trial that cannot be simulated.
+pub fn usual_intervals(study: &StudyRun, run: &ParticipantRun, seed: u64) -> Result<Vec<ConfidenceInterval>, Failure> {
+    let options = IdentifyOptions { level: INTERVAL_LEVEL, ..IdentifyOptions::default() };
+    let free = parameters(study, run, &MuscleProperty::USUAL, &[], &options, &mut Vec::new())?;
+    let request = request(run, &study.study.settings.columns.further_moments, free, &options, seed)?;
+    intervals(&request).map_err(|e| failed(run, e))
+}
+
+fn failed(run: &ParticipantRun, error: IdentifiabilityError) -> Failure {
+    Message::error(error.to_string()).in_file(&run.loaded.path).into()
+}
+
+/// A request without candidates for the next trial.
+fn request(
+    run: &ParticipantRun,
+    further: &[FurtherMoment],
+    parameters: Vec<FreeParameter>,
+    args: &IdentifyOptions,
+    seed: u64,
+) -> Result<Request, Failure> {
     let coordinate = &run.model.setup().coordinate;
-    let failed =
-        |e: IdentifiabilityError| -> Failure { Message::error(e.to_string()).in_file(&run.loaded.path).into() };
     let trials = run
         .trials
         .iter()
@@ -234,17 +271,8 @@ fn identified(
             })
         })
         .collect::<Result<Vec<_>, SimulationError>>()
-        .map_err(|e| failed(e.into()))?;
-    let mut candidates = usual_candidates(&run.model, &run.trials).map_err(|e| failed(e.into()))?;
-    for candidate in &mut candidates {
-        for about in further {
-            let trial = candidate.trial.clone();
-            let zeros = vec![0.0; trial.time.len()];
-            let arms = run.model.moment_arms_about(&about.coordinate, &trial.angle).map_err(|e| failed(e.into()))?;
-            candidate.trial = trial.with_channel(&about.coordinate, &zeros, arms);
-        }
-    }
-    let request = Request {
+        .map_err(|e| failed(run, e.into()))?;
+    Ok(Request {
         model: run.model.clone(),
         muscles: active_specs(run),
         trials,
@@ -252,9 +280,8 @@ fn identified(
         level: args.level,
         seed,
         draws: args.draws as usize,
-        candidates,
-    };
-    identify(&request).map_err(failed)
+        candidates: Vec::new(),
+    })
 }
 
 fn result(
@@ -352,7 +379,7 @@ fn parameter_result(k: &Knowledge) -> ParameterKnowledge {
 pub fn write(study: &StudyRun, folder: &Path, result: &IdentifiabilityResult) -> Result<(), Failure> {
     let json = serde_json::to_string_pretty(result).map_err(|e| Failure::Internal(e.to_string()))?;
     study.out.write(folder.join("identifiability.json"), (json + "\n").as_bytes())?;
-    study.out.write(folder.join("intervals.csv"), intervals_csv(result)?.as_bytes())?;
+    study.out.write(folder.join("intervals.csv"), csv_text(INTERVAL_COLUMNS.iter(), result.parameters.iter().map(interval_row))?.as_bytes())?;
     let rows = result.combinations.iter().map(|c| {
         vec![c.words.clone(), c.share_from_data.to_string(), c.prior_sd_percent.to_string(), c.sd_percent.to_string()]
     });
@@ -390,38 +417,38 @@ fn draws_csv(result: &IdentifiabilityResult, found: &Identifiability) -> Result<
     csv_text(header.iter(), rows)
 }
 
-fn intervals_csv(result: &IdentifiabilityResult) -> Result<String, Failure> {
-    let header = [
-        "muscle",
-        "property",
-        "unit",
-        "model",
-        "most_likely",
-        "lower",
-        "upper",
-        "lower_from_data",
-        "upper_from_data",
-        "at_bound",
-        "leans_on_bounds",
-        "degrees_of_freedom",
-        "posterior_median",
-        "credible_lower",
-        "credible_upper",
-        "share_from_data",
-        "prior_source",
-    ];
-    let rows = result.parameters.iter().map(|p| {
-        let mut row = vec![p.muscle.clone(), p.property.clone(), p.unit.clone()];
-        row.extend([p.model, p.most_likely, p.interval[0], p.interval[1]].map(|v| v.to_string()));
-        row.extend(p.end_from_data.map(|v| v.to_string()));
-        row.push(p.at_bound.clone().unwrap_or_default());
-        row.push(p.leans_on_bounds.to_string());
-        row.push(p.degrees_of_freedom.to_string());
-        row.extend([p.posterior_median, p.credible[0], p.credible[1], p.share_from_data].map(|v| v.to_string()));
-        row.push(p.prior_source.clone());
-        row
-    });
-    csv_text(header.iter(), rows)
+/// Columns of a parameter's interval in a table.
+pub const INTERVAL_COLUMNS: [&str; 17] = [
+    "muscle",
+    "property",
+    "unit",
+    "model",
+    "most_likely",
+    "lower",
+    "upper",
+    "lower_from_data",
+    "upper_from_data",
+    "at_bound",
+    "leans_on_bounds",
+    "degrees_of_freedom",
+    "posterior_median",
+    "credible_lower",
+    "credible_upper",
+    "share_from_data",
+    "prior_source",
+];
+
+/// A parameter's row of [`INTERVAL_COLUMNS`].
+pub fn interval_row(p: &ParameterKnowledge) -> Vec<String> {
+    let mut row = vec![p.muscle.clone(), p.property.clone(), p.unit.clone()];
+    row.extend([p.model, p.most_likely, p.interval[0], p.interval[1]].map(|v| v.to_string()));
+    row.extend(p.end_from_data.map(|v| v.to_string()));
+    row.push(p.at_bound.clone().unwrap_or_default());
+    row.push(p.leans_on_bounds.to_string());
+    row.push(p.degrees_of_freedom.to_string());
+    row.extend([p.posterior_median, p.credible[0], p.credible[1], p.share_from_data].map(|v| v.to_string()));
+    row.push(p.prior_source.clone());
+    row
 }
 
 fn readable(r: &IdentifiabilityResult, study: &StudyRun) -> String {

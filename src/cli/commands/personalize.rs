@@ -3,17 +3,19 @@
 use std::path::{Path, PathBuf};
 
 use super::compare::{error_table, write_errors};
+use super::identify::{INTERVAL_LEVEL, usual_intervals};
 use super::simulate::{account, summary, write_results, write_series};
 use crate::cli::args::{Global, PersonalizeArgs};
 use crate::cli::failure::{self, Failure, Message};
 use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
+use crate::identifiability::ConfidenceInterval;
 use crate::imaging::path_length;
 use crate::muscles::Millard2012;
 use crate::personalization::{
     FitOptions, FitProblem, FittedParameter, Personalization, Progress, Property, RestingFiber, Stage, TrainingTrial,
     WriteBackError, write_parameters,
 };
-use crate::report::results::{Kind, ParameterResult, Results, StageResult, rounded};
+use crate::report::results::{IntervalResult, Kind, ParameterResult, Results, StageResult, rounded};
 use crate::simulation::MuscleParameters;
 use crate::study::{FascicleUse, Participant, TrialUse};
 
@@ -24,7 +26,7 @@ use crate::study::{FascicleUse, Participant, TrialUse};
 pub fn run(args: &PersonalizeArgs, global: &Global) -> Result<(), Failure> {
     let study = StudyRun::prepare(&args.study)?;
     let outcomes =
-        study.each(|participant| personalize(&study, participant, &PathBuf::from(&participant.name), global))?;
+        study.each(|participant| personalize(&study, participant, &PathBuf::from(&participant.name), !args.no_intervals, global))?;
     let done = &outcomes.done;
     if done.len() > 1 {
         write_errors(&study, Path::new(""), &done.iter().collect::<Vec<_>>())?;
@@ -50,6 +52,7 @@ pub fn personalize(
     study: &StudyRun,
     participant: &Participant,
     folder: &Path,
+    with_intervals: bool,
     global: &Global,
 ) -> Result<Results, Failure> {
     let run = study.participant(participant)?;
@@ -69,6 +72,12 @@ pub fn personalize(
     ];
     let mut results = account(Kind::Personalization, global, study, &run, &models)?;
     results.parameters = parameters(&fit.fitted);
+    if with_intervals {
+        let bar = progress(global, 0, &format!("intervals of {}", run.participant.name));
+        let found = usual_intervals(study, &run, global.seed);
+        bar.finish_and_clear();
+        add_intervals(&mut results.parameters, &found?);
+    }
     results.stages = fit.stages.iter().map(stage).collect();
     study.out.write(&name, file.document.bytes())?;
     write_series(study, folder, &run, &after)?;
@@ -154,9 +163,25 @@ fn parameters(fitted: &[FittedParameter]) -> Vec<ParameterResult> {
         upper: p.upper,
         standard_deviation: p.determination.map(|d| rounded(d.relative_deviation * p.before, 6)),
         share_from_data: p.determination.map(|d| rounded(d.share_from_data, 6)),
+        interval: None,
     };
     let of = |property: Property| fitted.iter().filter(move |p| p.property == property).map(result);
     Property::ALL.into_iter().flat_map(of).collect()
+}
+
+/// Gives every fitted parameter its interval.
+fn add_intervals(fitted: &mut [ParameterResult], found: &[ConfidenceInterval]) {
+    for result in fitted {
+        let own = found
+            .iter()
+            .find(|i| i.parameter.owner == result.muscle && i.parameter.property.name() == result.property);
+        result.interval = own.map(|i| IntervalResult {
+            level: INTERVAL_LEVEL,
+            lower: rounded(i.interval[0], 7),
+            upper: rounded(i.interval[1], 7),
+            end_from_data: i.end_from_data,
+        });
+    }
 }
 
 fn stage(stage: &Stage) -> StageResult {
@@ -181,6 +206,15 @@ pub fn readable(outcomes: &[Results]) -> String {
         if !on_bound.is_empty() {
             let names: Vec<_> = on_bound.iter().map(|p| format!("{} {}", p.muscle, p.property)).collect();
             text.push_str(&format!("\n\n{}: on a bound: {}", results.participant.id, names.join(", ")));
+        }
+        let open: Vec<_> = results
+            .parameters
+            .iter()
+            .filter(|p| p.interval.as_ref().is_some_and(|i| !i.is_determined()))
+            .map(|p| format!("{} {}", p.muscle, p.property))
+            .collect();
+        if !open.is_empty() {
+            text.push_str(&format!("\n\n{}: not determined by these trials: {}", results.participant.id, open.join(", ")));
         }
     }
     text

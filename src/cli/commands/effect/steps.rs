@@ -235,6 +235,7 @@ fn muscle_parameters(study: &StudyRun, run: &ParticipantRun, steps: &[Written]) 
                 upper: bounds.upper * of(before),
                 standard_deviation: None,
                 share_from_data: None,
+                interval: None,
             });
         }
     }

@@ -4,6 +4,7 @@
 //! participants are done, makes a section of the report from the units' results. A step is one file and one line of the
 //! list.
 
+mod conclusions;
 mod dynamometer;
 mod emg;
 mod evaluate;
@@ -29,7 +30,7 @@ use crate::report::results::InputFile;
 use dynamometer::Processed;
 
 /// The steps, in the order in which they are done.
-const STEPS: [&dyn Step; 9] = [
+const STEPS: [&dyn Step; 10] = [
     &dynamometer::Dynamometer,
     &emg::Emg,
     &scale::Scale,
@@ -39,6 +40,7 @@ const STEPS: [&dyn Step; 9] = [
     &identify::Identify,
     &ultrasound::Ultrasound,
     &power::Power,
+    &conclusions::Conclusions,
 ];
 
 /// What a step has to tell when all participants are done.

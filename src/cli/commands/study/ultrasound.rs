@@ -76,20 +76,10 @@ impl Step for Ultrasound {
     }
 
     fn section(&self, context: &Context) -> Result<Told, Failure> {
-        let mut all: Vec<Imaged> = context.store.finished(self.id())?;
-        all.sort_by_key(|i| context.study.participants.iter().position(|p| p.name == i.participant));
-        let mut cases: Vec<Case> = Vec::new();
-        for case in all.into_iter().flat_map(|i| i.cases) {
-            match cases.iter_mut().find(|known| known.id == case.id) {
-                Some(known) => known.pairs.extend(case.pairs),
-                None => cases.push(case),
-            }
-        }
+        let cases = cases(context)?;
         if cases.is_empty() {
             return Ok(Told::NotRun("the study has no ultrasound.csv with images of these participants".to_string()));
         }
-        // Participants may have different cases: controls stay last.
-        cases.sort_by_key(|c| [STRENGTH, LINEAR].iter().position(|id| *id == c.id).map_or(0, |i| i + 1));
         let results: Vec<CaseResult> = cases.iter().map(|c| case_result(&c.label, &c.pairs)).collect();
         let mut warnings = Vec::new();
         missing_ratios(&context.study.study, &results, &mut warnings);
@@ -109,4 +99,32 @@ impl Step for Ultrasound {
             ..ReportParts::default()
         }))
     }
+}
+
+/// All images beside every model, participants together; controls last.
+fn cases(context: &Context) -> Result<Vec<Case>, Failure> {
+    let mut all: Vec<Imaged> = context.store.finished("ultrasound")?;
+    all.sort_by_key(|i| context.study.participants.iter().position(|p| p.name == i.participant));
+    let mut cases: Vec<Case> = Vec::new();
+    for case in all.into_iter().flat_map(|i| i.cases) {
+        match cases.iter_mut().find(|known| known.id == case.id) {
+            Some(known) => known.pairs.extend(case.pairs),
+            None => cases.push(case),
+        }
+    }
+    // Participants may have different cases.
+    cases.sort_by_key(|c| [STRENGTH, LINEAR].iter().position(|id| *id == c.id).map_or(0, |i| i + 1));
+    Ok(cases)
+}
+
+/// Of every model and quantity: key of the model, quantity, Pearson's r and p.
+///
+/// # Errors
+/// A fault of this program.
+pub fn correlations(context: &Context) -> Result<Vec<(String, String, f64, f64)>, Failure> {
+    let of = |c: &Case| {
+        let found = case_result(&c.label, &c.pairs).quantities;
+        found.into_iter().filter_map(|q| Some((c.id.clone(), q.quantity, q.r?, q.p?))).collect::<Vec<_>>()
+    };
+    Ok(cases(context)?.iter().flat_map(of).collect())
 }
