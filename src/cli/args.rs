@@ -277,7 +277,7 @@ pub struct WholeStudyArgs {
     #[arg(long, value_name = "R", default_value_t = 25, value_parser = clap::value_parser!(u32).range(2..=100_000))]
     pub starts: u32,
     /// Rows N of the Sobol' analysis: N (m + 2) runs per condition; 0 for none
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
     pub sobol: u32,
     /// Evaluations of each Bayesian optimization
     #[arg(long, value_name = "N", default_value_t = 150, value_parser = clap::value_parser!(u32).range(11..=100_000))]

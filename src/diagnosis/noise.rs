@@ -225,6 +225,21 @@ impl TrialNoise {
         v
     }
 
+    /// The part of V that is noise of one muscle's EMG.
+    pub fn covariance_of_muscle(&self, muscle: usize, levels: &NoiseLevels) -> DMatrix<f64> {
+        let n = self.times.white.len();
+        let [_, _, envelope, gain, floor] = levels.0;
+        let (mut by_envelope, mut by_floor) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
+        let response = &self.response[muscle];
+        response.add_covariance(&self.by_step, None, &mut by_envelope);
+        response.add_covariance(&self.by_step, Some(&self.reciprocal[muscle]), &mut by_floor);
+        let mut out = by_envelope * envelope + by_floor * floor;
+        out.fill_upper_triangle_with_lower_triangle();
+        let whole = self.whole.column(muscle);
+        out.ger(gain, &whole, &whole, 1.0);
+        out
+    }
+
     /// Sum of V's diagonal for single samples instead of blocks [(N·m)²].
     pub fn variance_of_samples(&self, levels: &NoiseLevels) -> f64 {
         let shared: f64 = self.shared().iter().zip(&levels.0[1..]).map(|(c, l)| l * c.trace()).sum();

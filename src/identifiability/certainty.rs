@@ -22,6 +22,10 @@ use crate::statistics::t_quantile;
 const LOG_VARIANCE_SD: f64 = 1.5;
 /// Fewer degrees of freedom than this are not believed: the estimate of so few is itself no more than a guess.
 const FEWEST: f64 = 4.0;
+/// Where a muscle's moment is a smaller share of its largest, columns have no ratio to it.
+const SMALLEST_SHARE: f64 = 0.02;
+/// Largest factor of a variance by what noise seemed to tell.
+const LARGEST_INFLATION: f64 = 9.0;
 
 /// Degrees of freedom of every parameter's interval.
 ///
@@ -76,6 +80,84 @@ pub(super) fn degrees_of_freedom(problem: &Problem, fit: &Fit, spread: &[f64]) -
         if scatter > 0.0 { (2.0 * covariance[(i, i)].powi(2) / scatter).max(FEWEST) } else { f64::INFINITY }
     };
     Ok((0..p).map(of).collect())
+}
+
+/// By how much every parameter's variance is larger when only the excitation tells of it, and not its noise.
+///
+/// Columns of derivatives are computed from an excitation that still holds noise after it was corrected. That noise looks
+/// like variation that a parameter could be known by, most of all where trials hardly differ in how two muscles share
+/// the work. What it adds to the information on average is taken away:
+///
+/// ```text
+/// N_ab = Σ_t tr(V⁻¹ R_a (V_m − V_m V⁻¹ V_m) R_b),   R_a = diag(column a / column of strength)
+/// ```
+/// for parameters a, b of muscle m; V_m: the noise of its EMG in the moment, of which the second factor is what is left.
+///
+/// # References
+/// Fuller (1987), Measurement error models, section 2.2; Carroll et al. (2006), doi:10.1201/9781420010138.
+///
+/// # Errors
+/// A trial that cannot be simulated.
+pub(super) fn inflation(problem: &Problem, fit: &Fit, spread: &[f64]) -> Result<Vec<f64>, SimulationError> {
+    let p = problem.layout.len();
+    let levels = fit.held.levels;
+    let columns = problem.columns(&fit.held, &fit.at)?;
+    let moments = problem.muscle_moments(&fit.held, &fit.at)?;
+    let parts: Vec<DMatrix<f64>> = fit
+        .held
+        .trials
+        .par_iter()
+        .zip(&columns)
+        .zip(&moments)
+        .map(|((held, columns), moments)| {
+            let mut noise_part = DMatrix::zeros(p, p);
+            let Some(noise) = &held.noise else { return noise_part };
+            for (m, moment) in moments.iter().enumerate() {
+                let own = noise.covariance_of_muscle(m, &levels);
+                let left = &own - &own * held.factor.solve(&own);
+                let of: Vec<usize> =
+                    problem.layout.strengths[m].iter().chain(&problem.layout.shapes[m]).copied().collect();
+                let largest = moment.amax();
+                let ratio = |i: usize| {
+                    let column = columns.column(i);
+                    DVector::from_fn(moment.len(), |k, _| {
+                        if moment[k].abs() > SMALLEST_SHARE * largest { column[k] / moment[k] } else { 0.0 }
+                    })
+                };
+                let ratios: Vec<DVector<f64>> = of.iter().map(|i| ratio(*i)).collect();
+                for (a, i) in of.iter().enumerate() {
+                    let mut scaled = left.clone();
+                    for (k, mut row) in scaled.row_iter_mut().enumerate() {
+                        row *= ratios[a][k];
+                    }
+                    // V⁻¹ R_a L: its diagonal, weighted by R_b, sums to the trace.
+                    let diagonal = held.factor.solve(&scaled).diagonal();
+                    for (b, j) in of.iter().enumerate() {
+                        noise_part[(*i, *j)] += diagonal.dot(&ratios[b]);
+                    }
+                }
+            }
+            noise_part
+        })
+        .collect();
+    let mut noise_part = DMatrix::zeros(p, p);
+    parts.iter().for_each(|part| noise_part += part);
+    let noise_part = (&noise_part + noise_part.transpose()) * 0.5;
+    let mut whole = fit.information.clone();
+    for (i, variance) in spread.iter().enumerate() {
+        whole[(i, i)] += 1.0 / variance;
+    }
+    let Some(before) = whole.clone().cholesky().map(|c| c.inverse()) else { return Ok(vec![1.0; p]) };
+    // The average may be more than what this sample has: then less of it is taken away.
+    for share in [1.0, 0.9, 0.75, 0.5, 0.25] {
+        let mut less = whole.clone();
+        let mut corner = less.view_mut((0, 0), (p, p));
+        corner -= &noise_part * share;
+        if let Some(after) = less.cholesky().map(|c| c.inverse()) {
+            return Ok((0..p).map(|i| (after[(i, i)] / before[(i, i)]).clamp(1.0, LARGEST_INFLATION)).collect());
+        }
+    }
+    Ok(vec![LARGEST_INFLATION; p])
 }
 
 fn only(component: usize) -> NoiseLevels {

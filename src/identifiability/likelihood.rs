@@ -232,6 +232,32 @@ impl Problem {
         all.into_iter().collect()
     }
 
+    /// Per trial and muscle: block means of the moment.
+    pub(super) fn muscle_moments(
+        &self,
+        held: &Held,
+        at: &DVector<f64>,
+    ) -> Result<Vec<Vec<DVector<f64>>>, SimulationError> {
+        let variants = self.variants(at)?;
+        let all: Vec<Result<Vec<DVector<f64>>, SimulationError>> = held
+            .trials
+            .par_iter()
+            .zip(&self.trials)
+            .map(|(held, trial)| {
+                let variants = self.prepared_variants(held, trial, &variants)?;
+                (0..self.n_muscles())
+                    .map(|muscle| {
+                        let strength: f64 = self.layout.strengths[muscle].iter().map(|i| at[*i]).sum();
+                        let scale = self.nominal[muscle].max_isometric_force * strength.exp();
+                        let unit = self.unit_force(held, &variants, muscle, at)?;
+                        Ok(trial.moments_of(muscle, &unit.force, &held.starts) * scale)
+                    })
+                    .collect()
+            })
+            .collect();
+        all.into_iter().collect()
+    }
+
     /// Models with other curves: at the point, and on both sides by every parameter that needs differences.
     fn variants(&self, at: &DVector<f64>) -> Result<Option<Variants>, SimulationError> {
         if !self.layout.changes_model() {

@@ -262,7 +262,12 @@ fn profiled(problem: &Problem, fit: &Fit, request: &Request) -> Result<Profiled,
     let free = &problem.layout.free;
     let spread: Vec<f64> = free.iter().map(|p| p.log_bounds()).map(|[a, b]| (b - a).powi(2) / 12.0).collect();
     let freedom = certainty::degrees_of_freedom(problem, fit, &spread)?;
-    let drops: Vec<f64> = freedom.iter().map(|df| certainty::drop_of(request.level, *df) * fit.dispersion).collect();
+    let inflation = certainty::inflation(problem, fit, &spread)?;
+    let drops: Vec<f64> = freedom
+        .iter()
+        .zip(&inflation)
+        .map(|(df, factor)| certainty::drop_of(request.level, *df) * fit.dispersion * factor)
+        .collect();
     let mut profiles = profile::profiles(&surrogate, free, &fit.at, &drops);
     let largest_deviance_error = ends::simulate_ends(problem, fit, &surrogate, free, &mut profiles, &drops)?;
     Ok(Profiled { surrogate, freedom, drops, profiles, largest_deviance_error })

@@ -430,3 +430,59 @@ fn val_opensim_two_axes_of_the_wrist_with_finger_muscles() {
     assert!(held >= 18, "{held}");
     assert!(sum(&two) < sum(&one));
 }
+
+/// What the warning of `identify` and the manifest say is what the table of 24 simulated studies gives.
+#[test]
+fn regress_coverage_of_intervals_is_what_is_said() {
+    let folder = root("fixtures/identifiability");
+    let text = std::fs::read_to_string(folder.join("manifest.json")).unwrap();
+    let manifest: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let mut table = csv::Reader::from_path(folder.join("coverage.csv")).unwrap();
+    let header = table.headers().unwrap().clone();
+    let column = |name: &str| header.iter().position(|h| h == name).unwrap();
+    let number = |row: &csv::StringRecord, name: &str| -> f64 { row[column(name)].parse().unwrap() };
+    let rows: Vec<csv::StringRecord> = table.records().map(Result::unwrap).collect();
+    let studies: std::collections::BTreeSet<&str> = rows.iter().map(|r| &r[column("study")]).collect();
+    assert_eq!(studies.len(), 24);
+    let percent = |chosen: &dyn Fn(&csv::StringRecord) -> bool| {
+        let held = |r: &&csv::StringRecord| {
+            (number(r, "lower")..=number(r, "upper")).contains(&number(r, "truth"))
+        };
+        let of: Vec<&csv::StringRecord> = rows.iter().filter(|r| chosen(r)).collect();
+        (100.0 * of.iter().copied().filter(|r| held(r)).count() as f64 / of.len() as f64).round()
+    };
+    let said = &manifest["covered_percent"];
+    for property in MuscleProperty::USUAL {
+        assert_eq!(percent(&|r| r[column("property")] == *property.name()), said[property.name()].as_f64().unwrap());
+    }
+    let all = percent(&|_| true);
+    assert_eq!(all, said["all"].as_f64().unwrap());
+    let determined = percent(&|r| &r[column("determined")] == "True");
+    assert_eq!(determined, said["both_ends_from_data"].as_f64().unwrap());
+    assert!((85.0..=95.0).contains(&all) && (85.0..=95.0).contains(&determined));
+}
+
+/// Nine of ten intervals of the bundled study, which OpenSim simulated with noise from parameters that are known.
+#[test]
+fn val_opensim_intervals_of_the_bundled_study_hold_the_truth() {
+    let out = tempfile::tempdir().unwrap();
+    let mut command = carpus();
+    command.arg("identify").arg(root("fixtures/demo_study")).arg("--out").arg(out.path()).args(["--draws", "40", "-q"]);
+    command.assert().success();
+    let read = |path: &Path| -> serde_json::Value {
+        serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+    };
+    let found = read(&out.path().join("P01/identifiability.json"));
+    let truth = read(&root("fixtures/demo_study/truth.json"));
+    let parameters = found["parameters"].as_array().unwrap();
+    let held = parameters.iter().filter(|p| {
+        let property = p["property"].as_str().unwrap();
+        let value = truth["parameters"][p["muscle"].as_str().unwrap()][property].as_f64().unwrap();
+        let end = |k: usize| p["interval"][k].as_f64().unwrap();
+        println!("{} {property} {value} in [{}, {}]", p["muscle"], end(0), end(1));
+        end(0) <= value && value <= end(1)
+    });
+    let held = held.count();
+    assert_eq!(parameters.len(), 15);
+    assert!(held >= 12, "{held} of 15");
+}

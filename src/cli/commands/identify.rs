@@ -22,9 +22,10 @@ use crate::report::results::{Provenance, rounded};
 use crate::simulation::{Recording, SimulationError};
 use crate::study::{FurtherMoment, PriorKnowledge, TrialUse, read_priors};
 
-/// Said in every report until the coverage of intervals is what their level says.
-const UNFINISHED: &str = "intervals are not calibrated yet: in simulated studies of known truth, those of strength and tendon \
-                          slack length held it less often than their level says";
+/// Said in every report that gives intervals of strength, until these hold the truth as often as their level says
+/// (`fixtures/identifiability`).
+const TOO_NARROW: &str = "intervals of max_isometric_force are somewhat too narrow: in 24 simulated studies of known truth, 90 % \
+                          intervals held it in 83 % of cases (those of lengths in 91 to 95 %)";
 
 /// Level of the intervals of [`usual_intervals`].
 pub const INTERVAL_LEVEL: f64 = 0.9;
@@ -95,7 +96,9 @@ impl Question {
     ) -> Result<(IdentifiabilityResult, Identifiability, Vec<Message>), Failure> {
         let mut warnings = Vec::new();
         let free = parameters(study, run, &self.properties, &self.priors, &self.options, &mut warnings)?;
-        warnings.push(Message::warning(UNFINISHED));
+        if free.iter().any(|p| p.property == MuscleProperty::MaxIsometricForce) {
+            warnings.push(Message::warning(TOO_NARROW));
+        }
         let found = identified(run, &study.study.settings.columns.further_moments, free, &self.options, seed)?;
         Ok((result(study, run, &found, &self.options), found, warnings))
     }
