@@ -270,7 +270,9 @@ fn soundness(all: &[IdentifiabilityResult]) -> TextTable {
 fn intervals_csv(all: &[IdentifiabilityResult]) -> Result<String, Failure> {
     let header = std::iter::once("participant").chain(INTERVAL_COLUMNS);
     let rows = all.iter().flat_map(|r| {
-        r.parameters.iter().map(move |p| std::iter::once(r.participant.clone()).chain(interval_row(p)).collect::<Vec<_>>())
+        r.parameters
+            .iter()
+            .map(move |p| std::iter::once(r.participant.clone()).chain(interval_row(p)).collect::<Vec<_>>())
     });
     csv_text(header.collect::<Vec<_>>().iter(), rows)
 }

@@ -97,7 +97,8 @@ impl<'a> Known<'a> {
         // Round angles, so that noise of the recorded angles does not make other candidates of every participant.
         let grid = if high - low > 0.5 { 5.0 } else { 1.0 };
         let round = |angle: f64| ((angle.to_degrees() / grid).round() * grid + 0.0).to_radians();
-        let mut postures = [low + 0.1 * (high - low), 0.5 * (low + high), high - 0.1 * (high - low)].map(round).to_vec();
+        let mut postures =
+            [low + 0.1 * (high - low), 0.5 * (low + high), high - 0.1 * (high - low)].map(round).to_vec();
         postures.dedup();
         let steps = (DURATION * RATE) as usize + 1;
         for direction in [Direction::Flexion, Direction::Extension] {

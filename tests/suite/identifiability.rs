@@ -445,9 +445,7 @@ fn regress_coverage_of_intervals_is_what_is_said() {
     let studies: std::collections::BTreeSet<&str> = rows.iter().map(|r| &r[column("study")]).collect();
     assert_eq!(studies.len(), 24);
     let percent = |chosen: &dyn Fn(&csv::StringRecord) -> bool| {
-        let held = |r: &&csv::StringRecord| {
-            (number(r, "lower")..=number(r, "upper")).contains(&number(r, "truth"))
-        };
+        let held = |r: &&csv::StringRecord| (number(r, "lower")..=number(r, "upper")).contains(&number(r, "truth"));
         let of: Vec<&csv::StringRecord> = rows.iter().filter(|r| chosen(r)).collect();
         (100.0 * of.iter().copied().filter(|r| held(r)).count() as f64 / of.len() as f64).round()
     };

@@ -9,8 +9,8 @@ use crate::cli::provenance::{input_file, provenance};
 use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
 use crate::cli::table::{fixed, table};
 use crate::identifiability::{
-    ConfidenceInterval, FreeParameter, Identifiability, IdentifiabilityError, Knowledge, MuscleProperty, Prior, RecordedTrial, Request,
-    identify, intervals, usual_candidates,
+    ConfidenceInterval, FreeParameter, Identifiability, IdentifiabilityError, Knowledge, MuscleProperty, Prior,
+    RecordedTrial, Request, identify, intervals, usual_candidates,
 };
 use crate::osim::spec::MuscleSpec;
 use crate::personalization::BoundHit;
@@ -382,7 +382,10 @@ fn parameter_result(k: &Knowledge) -> ParameterKnowledge {
 pub fn write(study: &StudyRun, folder: &Path, result: &IdentifiabilityResult) -> Result<(), Failure> {
     let json = serde_json::to_string_pretty(result).map_err(|e| Failure::Internal(e.to_string()))?;
     study.out.write(folder.join("identifiability.json"), (json + "\n").as_bytes())?;
-    study.out.write(folder.join("intervals.csv"), csv_text(INTERVAL_COLUMNS.iter(), result.parameters.iter().map(interval_row))?.as_bytes())?;
+    study.out.write(
+        folder.join("intervals.csv"),
+        csv_text(INTERVAL_COLUMNS.iter(), result.parameters.iter().map(interval_row))?.as_bytes(),
+    )?;
     let rows = result.combinations.iter().map(|c| {
         vec![c.words.clone(), c.share_from_data.to_string(), c.prior_sd_percent.to_string(), c.sd_percent.to_string()]
     });

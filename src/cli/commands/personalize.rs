@@ -25,8 +25,9 @@ use crate::study::{FascicleUse, Participant, TrialUse};
 /// The study, its models and trials, or the output folder.
 pub fn run(args: &PersonalizeArgs, global: &Global) -> Result<(), Failure> {
     let study = StudyRun::prepare(&args.study)?;
-    let outcomes =
-        study.each(|participant| personalize(&study, participant, &PathBuf::from(&participant.name), !args.no_intervals, global))?;
+    let outcomes = study.each(|participant| {
+        personalize(&study, participant, &PathBuf::from(&participant.name), !args.no_intervals, global)
+    })?;
     let done = &outcomes.done;
     if done.len() > 1 {
         write_errors(&study, Path::new(""), &done.iter().collect::<Vec<_>>())?;
@@ -172,9 +173,8 @@ fn parameters(fitted: &[FittedParameter]) -> Vec<ParameterResult> {
 /// Gives every fitted parameter its interval.
 fn add_intervals(fitted: &mut [ParameterResult], found: &[ConfidenceInterval]) {
     for result in fitted {
-        let own = found
-            .iter()
-            .find(|i| i.parameter.owner == result.muscle && i.parameter.property.name() == result.property);
+        let own =
+            found.iter().find(|i| i.parameter.owner == result.muscle && i.parameter.property.name() == result.property);
         result.interval = own.map(|i| IntervalResult {
             level: INTERVAL_LEVEL,
             lower: rounded(i.interval[0], 7),
@@ -214,7 +214,11 @@ pub fn readable(outcomes: &[Results]) -> String {
             .map(|p| format!("{} {}", p.muscle, p.property))
             .collect();
         if !open.is_empty() {
-            text.push_str(&format!("\n\n{}: not determined by these trials: {}", results.participant.id, open.join(", ")));
+            text.push_str(&format!(
+                "\n\n{}: not determined by these trials: {}",
+                results.participant.id,
+                open.join(", ")
+            ));
         }
     }
     text

@@ -167,11 +167,19 @@ fn of_sensitivity(cohort: &SensitivityCohort) -> Vec<Conclusion> {
     }
     let main = |p| cohort.main_effects(p).ok();
     for (property, claim) in [
-        (ScreenedProperty::TendonSlackLength, "Tendon slack length is more influential in isotonic than in isometric trials"),
-        (ScreenedProperty::OptimalFiberLength, "Optimal fibre length is more influential in isotonic than in isometric trials"),
+        (
+            ScreenedProperty::TendonSlackLength,
+            "Tendon slack length is more influential in isotonic than in isometric trials",
+        ),
+        (
+            ScreenedProperty::OptimalFiberLength,
+            "Optimal fibre length is more influential in isotonic than in isometric trials",
+        ),
     ] {
         let Some([contractions, _]) = main(property) else { continue };
-        let Some(pair) = contractions.iter().find(|c| c.first == "isometric" && c.second == "isotonic") else { continue };
+        let Some(pair) = contractions.iter().find(|c| c.first == "isometric" && c.second == "isotonic") else {
+            continue;
+        };
         all.push(Conclusion {
             chapter: 2,
             claim,
@@ -308,7 +316,8 @@ fn of_images(cases: &[(String, String, f64, f64)]) -> Vec<Conclusion> {
         verdict: if positive == lengths.len() { Verdict::Holds } else { Verdict::Contradicted },
     }];
     let mean = |linear: bool| {
-        let of: Vec<f64> = lengths.iter().filter(|(m, ..)| (m == LINEAR) == linear && m != STRENGTH).map(|l| l.2).collect();
+        let of: Vec<f64> =
+            lengths.iter().filter(|(m, ..)| (m == LINEAR) == linear && m != STRENGTH).map(|l| l.2).collect();
         (!of.is_empty()).then(|| of.iter().sum::<f64>() / of.len() as f64)
     };
     if let (Some(linear), Some(fitted)) = (mean(true), mean(false)) {
