@@ -90,6 +90,8 @@ pub enum Command {
     /// Run a setup file of an OpenSim tool, as opensim-cmd run-tool does
     #[command(name = "run-tool")]
     RunTool(RunToolArgs),
+    /// Write a model of an old format in that of OpenSim 4.6
+    Upgrade(UpgradeArgs),
     /// Scale muscle forces so that flexors and extensors reach the maximum voluntary moments
     StrengthScale(StrengthScaleArgs),
     /// Power of a paired t-test or a correlation, and the participants it needs
@@ -469,6 +471,20 @@ pub struct RunToolArgs {
     /// Go on without forces that are not computed
     #[arg(long)]
     pub allow_unsupported: bool,
+}
+
+/// `carpus upgrade`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus upgrade arm26_20.osim arm26.osim\n\nReads formats 10901 to 40600 and writes 40600: OpenSim 4.6 computes the same lengths, moment arms, masses and forces as when it\nloads the old file. Files from format 40000 on keep their text but for what changed since. Older ones are written anew:\nbodies, joints, constraints, wrap objects, muscles, forces, markers and the meshes of bodies; what is left out (controllers,\nprobes, contact, …) is listed with its line."
+)]
+pub struct UpgradeArgs {
+    /// The old model
+    #[arg(value_name = "OLD.osim")]
+    pub old: PathBuf,
+    /// The file to write
+    #[arg(value_name = "NEW.osim")]
+    pub new: PathBuf,
 }
 
 /// A body and its scale factors.

@@ -92,6 +92,7 @@ fn execute(cli: &Cli) -> Result<(), Failure> {
         Command::RunTool(args) => commands::run_tool::run(args, global),
         Command::StrengthScale(args) => commands::strength_scale::run(args, global),
         Command::Power(args) => commands::power::run(args, global),
+        Command::Upgrade(args) => commands::upgrade::run(args, global),
         Command::Effects(args) => commands::effects::run(args, global),
         Command::Evaluate(args) => commands::evaluate::run(args, global),
         Command::Study(args) => commands::study::run(args, global),

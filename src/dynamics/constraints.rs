@@ -6,7 +6,7 @@
 use crate::functions::Function;
 use crate::multibody::{BaseIndex, Cache, Coupler, Model};
 use crate::osim::spec::{ConstraintKind, CoordinateIndex, FrameIndex, Location, ModelSpec};
-use crate::spatial::{SpatialVelocity, Transform};
+use crate::spatial::{SpatialForce, SpatialVelocity, Transform};
 use nalgebra::{DMatrix, DVector, Vector3};
 
 /// Why constraints cannot be built.
@@ -70,7 +70,21 @@ impl Kind {
 #[derive(Clone, Debug)]
 pub struct Constraints {
     kinds: Vec<Kind>,
+    /// Position of every kind among the constraints of the specification; `None`: a locked or prescribed coordinate.
+    origins: Vec<Option<usize>>,
     rows: usize,
+}
+
+/// What one constraint does at a state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ConstraintForce {
+    /// Position among the constraints of the specification; `None`: a locked or prescribed coordinate.
+    pub constraint: Option<usize>,
+    /// Forces on the two bodies that it joins at their origins, expressed in ground; empty for constraints of
+    /// coordinates.
+    pub bodies: Vec<(BaseIndex, SpatialForce)>,
+    /// Forces along coordinates [N·m or N]; empty for constraints between bodies.
+    pub mobilities: Vec<(CoordinateIndex, f64)>,
 }
 
 /// What constraints ask for at one state.
@@ -104,6 +118,14 @@ impl Constraints {
     ) -> Result<Constraints, ConstraintError> {
         let mut kinds: Vec<Kind> =
             model.couplers.iter().map(|coupler| Kind::Coupler(Box::new(coupler.clone()))).collect();
+        let of_coupler = |coupler: &Coupler| {
+            spec.constraints.iter().position(|c| {
+                c.is_enforced
+                    && matches!(&c.kind, ConstraintKind::CoordinateCoupler { dependent_coordinate, .. }
+                        if *dependent_coordinate == coupler.dependent)
+            })
+        };
+        let mut origins: Vec<Option<usize>> = model.couplers.iter().map(of_coupler).collect();
         for (i, coordinate) in model.coordinates.iter().enumerate() {
             let index = CoordinateIndex(i);
             match &coordinate.prescribed {
@@ -116,8 +138,9 @@ impl Constraints {
                 _ => {}
             }
         }
+        origins.resize(kinds.len(), None);
         let station = |frame: &FrameIndex, p: &Vector3<f64>| Station { base: model.frame(*frame).base, p_BS: *p };
-        for constraint in spec.constraints.iter().filter(|c| c.is_enforced) {
+        for (index, constraint) in spec.constraints.iter().enumerate().filter(|(_, c)| c.is_enforced) {
             kinds.push(match &constraint.kind {
                 ConstraintKind::CoordinateCoupler { .. } => continue,
                 ConstraintKind::Weld { frame1, frame2 } => {
@@ -159,19 +182,35 @@ impl Constraints {
                     return Err(ConstraintError::Unsupported { at: constraint.at.clone(), class: class.clone() });
                 }
             });
+            origins.push(Some(index));
         }
         let rows = kinds.iter().map(Kind::rows).sum();
-        Ok(Constraints { kinds, rows })
+        Ok(Constraints { kinds, origins, rows })
     }
 
     /// No constraint at all.
     pub fn none() -> Constraints {
-        Constraints { kinds: Vec::new(), rows: 0 }
+        Constraints { kinds: Vec::new(), origins: Vec::new(), rows: 0 }
     }
 
     /// Number of scalar equations.
     pub fn n_rows(&self) -> usize {
         self.rows
+    }
+
+    /// Forces of every constraint for given multipliers (`M u̇ + Gᵀ λ = f`).
+    ///
+    /// - `cache`: positions
+    /// - `q`: coordinates
+    pub fn forces(&self, cache: &Cache, q: &[f64], multipliers: &DVector<f64>) -> Vec<ConstraintForce> {
+        let mut at = 0;
+        let one = |(kind, constraint): (&Kind, &Option<usize>)| {
+            let rows = &multipliers.as_slice()[at..at + kind.rows()];
+            at += kind.rows();
+            let (bodies, mobilities) = kind.forces(cache, q, rows);
+            ConstraintForce { constraint: *constraint, bodies, mobilities }
+        };
+        self.kinds.iter().zip(&self.origins).map(one).collect()
     }
 
     /// Jacobian, right sides and violations.
@@ -197,6 +236,62 @@ impl Constraints {
 }
 
 impl Kind {
+    /// Forces on bodies and coordinates, −Gᵀ λ, for this constraint's multipliers.
+    #[allow(non_snake_case)]
+    fn forces(
+        &self,
+        cache: &Cache,
+        q: &[f64],
+        multipliers: &[f64],
+    ) -> (Vec<(BaseIndex, SpatialForce)>, Vec<(CoordinateIndex, f64)>) {
+        let place = |station: &Station| {
+            let offset = cache.X_GB(station.base).R * station.p_BS;
+            (offset, cache.X_GB(station.base).p + offset)
+        };
+        let between = |first: &Station, second: &Station, force: Vector3<f64>| {
+            let on = |station: &Station, force: &Vector3<f64>| {
+                (station.base, SpatialForce::from_force_at(&place(station).0, force))
+            };
+            vec![on(first, &force), on(second, &-force)]
+        };
+        let vector = |from: usize| Vector3::new(multipliers[from], multipliers[from + 1], multipliers[from + 2]);
+        match self {
+            Kind::Coupler(coupler) => {
+                let slope = coupler.derivative(q[coupler.independent.0]);
+                let force = multipliers[0];
+                (Vec::new(), vec![(coupler.independent, slope * force), (coupler.dependent, -force)])
+            }
+            Kind::Locked { coordinate, .. } | Kind::Prescribed { coordinate, .. } => {
+                (Vec::new(), vec![(*coordinate, -multipliers[0])])
+            }
+            Kind::Weld { first, second } => {
+                let station = |(base, X): &(BaseIndex, Transform)| Station { base: *base, p_BS: X.p };
+                let mut bodies = between(&station(first), &station(second), vector(3));
+                let moment = vector(0);
+                bodies[0].1 += SpatialForce { moment, force: Vector3::zeros() };
+                bodies[1].1 += SpatialForce { moment: -moment, force: Vector3::zeros() };
+                (bodies, Vec::new())
+            }
+            Kind::Point { first, second } => (between(first, second, vector(0)), Vec::new()),
+            Kind::Distance { first, second, .. } => {
+                let along = place(second).1 - place(first).1;
+                (between(first, second, multipliers[0] * along), Vec::new())
+            }
+            Kind::OnLine { line, across, follower } => {
+                let R = cache.X_GB(line.base).R;
+                let force = R * (multipliers[0] * across[0] + multipliers[1] * across[1]);
+                // Both forces act where the follower is.
+                let (offset, at) = place(follower);
+                let from_line = at - cache.X_GB(line.base).p;
+                let bodies = vec![
+                    (line.base, SpatialForce::from_force_at(&from_line, &force)),
+                    (follower.base, SpatialForce::from_force_at(&offset, &-force)),
+                ];
+                (bodies, Vec::new())
+            }
+        }
+    }
+
     #[allow(non_snake_case)]
     fn fill(&self, model: &Model, time: f64, q: &[f64], qdot: &[f64], cache: &Cache, at: usize, rows: &mut Rows) {
         match self {

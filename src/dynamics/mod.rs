@@ -13,7 +13,7 @@ mod reduction;
 mod simulate;
 mod solve;
 
-pub use constraints::{ConstraintError, Constraints};
+pub use constraints::{ConstraintError, ConstraintForce, Constraints};
 pub use error::PlantError;
 pub use plant::{DrivenPlant, Load, Plant, PlantMuscle, PlantState, Work};
 pub use reduction::{Reduction, Relation};

@@ -8,7 +8,7 @@ use super::reduction::{Reduction, Relation};
 use super::solve::DynamicsError;
 use crate::forces::{AppliedForces, Forces, PathForce};
 use crate::multibody::{Cache, DynamicsBuffers, Model};
-use crate::muscles::MuscleModel;
+use crate::muscles::{MuscleModel, MuscleState};
 use crate::numerics::StiffSystem;
 use crate::osim::spec::{CoordinateIndex, ModelSpec};
 use crate::paths::{Path, PathGeometry};
@@ -17,7 +17,7 @@ use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 
 /// Classes of forces that do nothing without a control.
-const WITHOUT_CONTROL: [&str; 4] = ["CoordinateActuator", "TorqueActuator", "PointActuator", "PointToPointActuator"];
+const WITHOUT_CONTROL: [&str; 2] = ["BodyActuator", "ActivationCoordinateActuator"];
 /// Step of differences of coordinates [rad or m] and speeds.
 const STEP: f64 = 1e-7;
 
@@ -30,12 +30,25 @@ pub struct PlantMuscle {
     pub path: Path,
     /// Position of its activation in the state.
     pub activation: Option<usize>,
-    /// Position of its fibre length in the state.
+    /// Position of its fibre length (or what takes its place) in the state.
     pub fiber_length: Option<usize>,
+    /// Position of its fibre velocity in the state.
+    pub fiber_velocity: Option<usize>,
 }
 
-/// A force from outside as a function of time.
-pub type Load = Arc<dyn Fn(&Model, &Cache, f64, &mut AppliedForces) + Send + Sync>;
+impl PlantMuscle {
+    /// Its states; an activation that is none is the excitation.
+    fn state(&self, x: &[f64], excitation: f64) -> MuscleState {
+        MuscleState {
+            activation: self.activation.map_or(excitation, |i| x[i]),
+            fiber_length: self.fiber_length.map_or(f64::NAN, |i| x[i]),
+            fiber_velocity: self.fiber_velocity.map_or(0.0, |i| x[i]),
+        }
+    }
+}
+
+/// A force from outside: of coordinates, kinematics and time.
+pub type Load = Arc<dyn Fn(&Model, &[f64], &Cache, f64, &mut AppliedForces) + Send + Sync>;
 
 /// Forces from outside.
 #[derive(Clone, Default)]
@@ -59,6 +72,8 @@ pub struct Plant {
     forces: Forces,
     path_forces: Vec<(Path, PathForce)>,
     loads: Loads,
+    /// Positions of dissipated energies in the state.
+    energies: std::ops::Range<usize>,
     n_states: usize,
 }
 
@@ -71,8 +86,12 @@ pub struct PlantState {
     pub u: Vec<f64>,
     /// Activation of every muscle.
     pub activation: Vec<f64>,
-    /// Fibre length of every muscle [m].
+    /// Fibre length of every muscle [m], or what its class has in its place ([`MuscleState`]).
     pub fiber_length: Vec<f64>,
+    /// Fibre velocity of every muscle [m/s], where it is a state.
+    pub fiber_velocity: Vec<f64>,
+    /// Energy that every `BushingForce` has taken up [J].
+    pub dissipated_energy: Vec<f64>,
 }
 
 /// Buffers for evaluations of a [`Plant`].
@@ -131,7 +150,8 @@ impl Plant {
             };
             let activation = next(!muscle.ignore_activation_dynamics());
             let fiber_length = next(!muscle.ignore_tendon_compliance());
-            muscles.push(PlantMuscle { muscle, path, activation, fiber_length });
+            let fiber_velocity = next(muscle.has_velocity_state());
+            muscles.push(PlantMuscle { muscle, path, activation, fiber_length, fiber_velocity });
         }
         if !unsupported.is_empty() && !allow_unsupported {
             return Err(PlantError::UnsupportedForces { forces: unsupported });
@@ -141,8 +161,9 @@ impl Plant {
             .iter()
             .map(|force| Ok((Path::compile(&force.path, spec, model)?, force.law.clone())))
             .collect::<Result<_, PlantError>>()?;
-        let (model, loads) = (model.clone(), Loads::default());
-        Ok(Plant { model, reduction, muscles, forces, path_forces, loads, n_states })
+        let energies = n_states..n_states + forces.dampers().count();
+        let (model, loads, n_states) = (model.clone(), Loads::default(), energies.end);
+        Ok(Plant { model, reduction, muscles, forces, path_forces, loads, energies, n_states })
     }
 
     /// The same with a force from outside.
@@ -193,7 +214,11 @@ impl Plant {
             if let Some(i) = muscle.fiber_length {
                 x[i] = state.fiber_length[k];
             }
+            if let Some(i) = muscle.fiber_velocity {
+                x[i] = state.fiber_velocity[k];
+            }
         }
+        x[self.energies.clone()].iter_mut().zip(&state.dissipated_energy).for_each(|(x, energy)| *x = *energy);
         x
     }
 
@@ -209,6 +234,8 @@ impl Plant {
             u,
             activation: self.muscles.iter().enumerate().map(activation).collect(),
             fiber_length: self.muscles.iter().map(|m| m.fiber_length.map_or(f64::NAN, |i| x[i])).collect(),
+            fiber_velocity: self.muscles.iter().map(|m| m.fiber_velocity.map_or(0.0, |i| x[i])).collect(),
+            dissipated_energy: x[self.energies.clone()].to_vec(),
         }
     }
 
@@ -226,7 +253,14 @@ impl Plant {
         work: &mut Work,
     ) -> Result<PlantState, PlantError> {
         let fiber_length = vec![f64::NAN; self.muscles.len()];
-        let mut state = PlantState { q: q.to_vec(), u: u.to_vec(), activation: activation.to_vec(), fiber_length };
+        let mut state = PlantState {
+            q: q.to_vec(),
+            u: u.to_vec(),
+            activation: activation.to_vec(),
+            fiber_length,
+            fiber_velocity: vec![0.0; self.muscles.len()],
+            dissipated_energy: vec![0.0; self.energies.len()],
+        };
         let x = self.pack(&state);
         let free = self.reduction.n_free();
         let (mut q, mut u) = (q.to_vec(), u.to_vec());
@@ -281,16 +315,21 @@ impl Plant {
         for (k, m) in self.muscles.iter().enumerate() {
             let length = work.paths[k].length();
             let speed = m.path.lengthening_speed(&work.q, &work.qdot, &work.cache, &work.paths[k]);
-            let activation = m.activation.map_or(excitation[k], |i| x[i]);
-            let fiber = m.fiber_length.map_or(f64::NAN, |i| x[i]);
-            let (velocity, tension) = m.muscle.rates(fiber, activation, length, speed);
-            work.tendon_force[k] = tension;
+            let state = m.state(x, excitation[k]);
+            let found = m.muscle.rates(state, length, speed);
+            work.tendon_force[k] = found.tendon_force;
             if let Some(i) = m.activation {
-                rates[i] = m.muscle.activation_dynamics().derivative(activation, excitation[k]);
+                rates[i] = m.muscle.activation_rate(state.activation, excitation[k]);
             }
             if let Some(i) = m.fiber_length {
-                rates[i] = velocity;
+                rates[i] = found.fiber_length;
             }
+            if let Some(i) = m.fiber_velocity {
+                rates[i] = found.fiber_velocity;
+            }
+        }
+        for (i, bushing) in self.energies.clone().zip(self.forces.dampers()) {
+            rates[i] = bushing.dissipated_power(&self.model, &work.cache);
         }
     }
 
@@ -299,7 +338,8 @@ impl Plant {
         let Work { q, qdot, cache, applied, time, .. } = work;
         applied.clear();
         self.forces.apply(&self.model, q, qdot, cache, applied);
-        self.loads.0.iter().for_each(|load| load(&self.model, cache, *time, applied));
+        self.forces.over_time.iter().for_each(|force| force.apply(&self.model, *time, cache, applied));
+        self.loads.0.iter().for_each(|load| load(&self.model, q, cache, *time, applied));
         let muscles = work.unit_forces.iter().zip(work.tendon_force.iter().copied());
         for (unit, tension) in muscles {
             applied.mobility.iter_mut().zip(unit).for_each(|(f, r)| *f += r * tension);
@@ -403,21 +443,23 @@ impl Plant {
         for (k, m) in self.muscles.iter().enumerate() {
             let length = work.paths[k].length();
             let speed = m.path.lengthening_speed(&work.q, &work.qdot, &work.cache, &work.paths[k]);
-            let activation = m.activation.map_or(excitation[k], |i| x[i]);
-            let fiber = m.fiber_length.map_or(f64::NAN, |i| x[i]);
-            let by = m.muscle.linearize(fiber, activation, length, speed);
+            let state = m.state(x, excitation[k]);
+            let by = m.muscle.linearize(state, length, speed);
             // Acceleration by tension.
             work.relation.reduce(&work.unit_forces[k], &mut column);
             solver.solve_mut(&mut column);
-            for (state, [velocity, force]) in [(m.activation, by.by_activation), (m.fiber_length, by.by_fiber_length)] {
-                let Some(j) = state else { continue };
-                (0..free).for_each(|i| jacobian[(free + i, j)] = column[i] * force);
+            for (position, by) in [m.activation, m.fiber_length, m.fiber_velocity].into_iter().zip(by) {
+                let Some(j) = position else { continue };
+                (0..free).for_each(|i| jacobian[(free + i, j)] = column[i] * by.tendon_force);
                 if let Some(i) = m.fiber_length {
-                    jacobian[(i, j)] = velocity;
+                    jacobian[(i, j)] = by.fiber_length;
+                }
+                if let Some(i) = m.fiber_velocity {
+                    jacobian[(i, j)] = by.fiber_velocity;
                 }
             }
             if let Some(i) = m.activation {
-                jacobian[(i, i)] = m.muscle.activation_dynamics().derivative_slope(activation, excitation[k]);
+                jacobian[(i, i)] = m.muscle.activation_rate_slope(state.activation, excitation[k]);
             }
         }
         // Speeds leave the paths as they are.

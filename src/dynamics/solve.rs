@@ -39,6 +39,8 @@ pub struct Accelerations {
     pub udot: DVector<f64>,
     /// Generalized forces of the constraints `−Gᵀ λ` along every speed [N·m or N].
     pub constraint_forces: DVector<f64>,
+    /// Multipliers λ of `M u̇ + Gᵀ λ = f`, the smallest ones where constraints are redundant.
+    pub multipliers: DVector<f64>,
 }
 
 /// Solves the equations of motion of one model; holds the buffers that this needs.
@@ -125,7 +127,8 @@ impl<'a> Dynamics<'a> {
             None => return Err(self.massless(&space)),
         };
         let constraint_forces = &self.mass_matrix * &udot - force;
-        Ok(Accelerations { udot, constraint_forces })
+        let multipliers = -space.inverse.tr_mul(&constraint_forces);
+        Ok(Accelerations { udot, constraint_forces, multipliers })
     }
 
     /// Generalized forces that accelerations need beyond gravity and applied forces: `M u̇ + c − f`.

@@ -7,20 +7,24 @@
 //! Forces along paths ([`Ligament`], [`PathSpring`]) are given the path's length and lengthening speed, so that this
 //! module needs no path geometry; their generalized force is tension × moment arm.
 
+mod actuator;
 mod applied;
 mod body_forces;
 mod bushing;
 mod coordinate_limit;
 mod expression;
 mod path_forces;
+mod points;
 mod spring;
 
+pub use actuator::Actuator;
 pub use applied::AppliedForces;
 pub use body_forces::{gravity_force, inertia_force};
-pub use bushing::FunctionBasedBushingForce;
+pub use bushing::{BushingForce, BushingLaw};
 pub use coordinate_limit::CoordinateLimitForce;
 pub use expression::ExpressionBasedCoordinateForce;
-pub use path_forces::{Ligament, PathForce, PathSpring};
+pub use path_forces::{Blankevoort1991Ligament, Ligament, PathForce, PathSpring};
+pub use points::{PointToPointSpring, PrescribedForce};
 pub use spring::SpringGeneralizedForce;
 
 use crate::functions::{ExpressionError, FunctionError};
@@ -91,8 +95,10 @@ pub enum ForceLaw {
     SpringGeneralized(SpringGeneralizedForce),
     /// `ExpressionBasedCoordinateForce`.
     ExpressionBasedCoordinate(ExpressionBasedCoordinateForce),
-    /// `FunctionBasedBushingForce`.
-    FunctionBasedBushing(Box<FunctionBasedBushingForce>),
+    /// `BushingForce`, `FunctionBasedBushingForce`, `ExpressionBasedBushingForce`.
+    Bushing(Box<BushingForce>),
+    /// `PointToPointSpring`.
+    PointToPointSpring(Box<PointToPointSpring>),
 }
 
 /// A force that needs only coordinates and poses.
@@ -122,6 +128,10 @@ pub struct Forces {
     pub forces: Vec<Force>,
     /// Forces along paths, in the order of the file.
     pub along_paths: Vec<ForceAlongPath>,
+    /// Forces given over time, in the order of the file.
+    pub over_time: Vec<PrescribedForce>,
+    /// Actuators without path, in the order of the file; without a control they do nothing.
+    pub actuators: Vec<Actuator>,
     /// Names and classes of applied forces that this program does not compute.
     pub unsupported: Vec<(String, String)>,
 }
@@ -145,8 +155,26 @@ impl Forces {
                 ForceKind::ExpressionBasedCoordinate { .. } => {
                     ForceLaw::ExpressionBasedCoordinate(ExpressionBasedCoordinateForce::compile(force, model)?)
                 }
-                ForceKind::FunctionBasedBushing { .. } => {
-                    ForceLaw::FunctionBasedBushing(Box::new(FunctionBasedBushingForce::compile(force, model)?))
+                ForceKind::FunctionBasedBushing { .. }
+                | ForceKind::Bushing { .. }
+                | ForceKind::ExpressionBasedBushing { .. } => {
+                    ForceLaw::Bushing(Box::new(BushingForce::compile(force, model)?))
+                }
+                ForceKind::PointToPointSpring { .. } => {
+                    ForceLaw::PointToPointSpring(Box::new(PointToPointSpring::compile(force, model)?))
+                }
+                ForceKind::Prescribed(spec) => {
+                    forces.over_time.push(PrescribedForce::compile(force, spec, model)?);
+                    continue;
+                }
+                ForceKind::Actuator(spec) => {
+                    forces.actuators.extend(Actuator::compile(&name, &force.at, spec, model)?);
+                    continue;
+                }
+                ForceKind::Blankevoort1991Ligament { path, .. } => {
+                    let law = PathForce::Blankevoort1991(Blankevoort1991Ligament::compile(force)?);
+                    forces.along_paths.push(ForceAlongPath { name, path: path.clone(), law });
+                    continue;
                 }
                 ForceKind::Ligament { path, .. } => {
                     let law = PathForce::Ligament(Ligament::compile(force)?);
@@ -180,6 +208,14 @@ impl Forces {
         self.forces.iter().for_each(|force| force.apply(model, q, qdot, cache, applied));
     }
 
+    /// Every `BushingForce`, in the order of the file: those of which OpenSim keeps the energy that they took up.
+    pub fn dampers(&self) -> impl Iterator<Item = &BushingForce> {
+        self.forces.iter().filter_map(|force| match &force.law {
+            ForceLaw::Bushing(bushing) if matches!(bushing.law, BushingLaw::Linear(_)) => Some(bushing.as_ref()),
+            _ => None,
+        })
+    }
+
     /// Those of [`Forces::forces`] that are affine in speed: all but formulas.
     pub fn affine_in_speed(&self) -> impl Iterator<Item = &Force> {
         self.forces.iter().filter(|force| !matches!(force.law, ForceLaw::ExpressionBasedCoordinate(_)))
@@ -204,7 +240,8 @@ impl Force {
             ForceLaw::CoordinateLimit(force) => force.generalized_force(q, qdot, cache),
             ForceLaw::SpringGeneralized(force) => force.generalized_force(q, qdot, cache),
             ForceLaw::ExpressionBasedCoordinate(force) => force.generalized_force(q, qdot, cache),
-            ForceLaw::FunctionBasedBushing(force) => force.generalized_force(model, cache),
+            ForceLaw::Bushing(force) => force.generalized_force(model, cache),
+            ForceLaw::PointToPointSpring(force) => force.generalized_force(cache),
         }
     }
 }
@@ -225,7 +262,8 @@ impl Force {
                 let c = force.coordinate;
                 (c, force.force(q[c.0], qdot[c.0]))
             }
-            ForceLaw::FunctionBasedBushing(bushing) => {
+            ForceLaw::PointToPointSpring(spring) => return spring.apply(cache, applied),
+            ForceLaw::Bushing(bushing) => {
                 let frames = [bushing.frame1, bushing.frame2];
                 for (frame, force) in frames.into_iter().zip(bushing.forces_on_frames(model, cache)) {
                     let at = cache.X_GF(model, frame).p;
@@ -245,8 +283,12 @@ impl Force {
             ForceLaw::CoordinateLimit(force) => follows(force.coordinate),
             ForceLaw::SpringGeneralized(force) => follows(force.coordinate),
             ForceLaw::ExpressionBasedCoordinate(force) => follows(force.coordinate),
-            ForceLaw::FunctionBasedBushing(force) => {
+            ForceLaw::Bushing(force) => {
                 model.moves_between(model.frame(force.frame1).base, model.frame(force.frame2).base, c)
+            }
+            ForceLaw::PointToPointSpring(force) => {
+                let [first, second] = force.bases();
+                model.moves_between(first, second, c)
             }
         }
     }
@@ -254,7 +296,8 @@ impl Force {
     /// The bodies whose poses the force depends on.
     pub fn bodies(&self, model: &Model) -> Vec<BodyIndex> {
         match &self.law {
-            ForceLaw::FunctionBasedBushing(force) => {
+            ForceLaw::PointToPointSpring(force) => force.bases().into_iter().filter_map(|base| base.body()).collect(),
+            ForceLaw::Bushing(force) => {
                 [force.frame1, force.frame2].into_iter().filter_map(|frame| model.frame(frame).base.body()).collect()
             }
             _ => Vec::new(),

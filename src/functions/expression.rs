@@ -1,6 +1,7 @@
-//! Formulas in `q` and `qdot`, as `ExpressionBasedCoordinateForce` holds them.
+//! Formulas in named variables, as `ExpressionBasedCoordinateForce` (`q`, `qdot`) and `ExpressionBasedBushingForce` hold
+//! them.
 //!
-//! The grammar is that of Lepton, the parser that OpenSim uses: numbers, `q`, `qdot`, `+ - * / ^` (`^` binds to the
+//! The grammar is that of Lepton, the parser that OpenSim uses: numbers, variables, `+ - * / ^` (`^` binds to the
 //! right and before a sign: `-q^2` is `-(q^2)`), functions, parentheses, and definitions behind semicolons
 //! (`2*s;s=sin(q)`). White space does not count.
 
@@ -34,10 +35,12 @@ pub enum ExpressionError {
         name: String,
     },
     /// No such variable.
-    #[error("there is no variable \"{name}\"; there are q (the coordinate's value) and qdot (its speed)")]
+    #[error("there is no variable \"{name}\"; there are {known}")]
     UnknownVariable {
         /// As written.
         name: String,
+        /// The variables that there are.
+        known: String,
     },
     /// A function with too many or too few arguments.
     #[error("{name} takes {expected} argument(s), found {found}")]
@@ -57,7 +60,10 @@ pub enum ExpressionError {
 const FUNCTION_NAMES: &str = "sqrt, exp, log, sin, cos, sec, csc, tan, cot, asin, acos, atan, sinh, cosh, tanh, erf, \
                               erfc, step, delta, square, cube, recip, min, max, abs";
 
-/// A formula f(q, q̇), read once and evaluated without allocation.
+/// Variables of [`Expression::parse`]: a coordinate and its speed.
+const COORDINATE_VARIABLES: [&str; 2] = ["q", "qdot"];
+
+/// A formula, read once and evaluated without allocation.
 #[derive(Clone, Debug)]
 pub struct Expression {
     root: Arc<Node>,
@@ -74,8 +80,7 @@ struct Node {
 #[derive(Debug)]
 enum Operation {
     Number(f64),
-    Q,
-    Qdot,
+    Variable(usize),
     Function(Function, Arc<Node>),
     Binary(Binary, Arc<Node>, Arc<Node>),
 }
@@ -120,11 +125,19 @@ enum Binary {
 }
 
 impl Expression {
-    /// Reads a formula.
+    /// Reads a formula in `q` (a coordinate's value) and `qdot` (its speed).
     ///
     /// # Errors
     /// [`ExpressionError`].
     pub fn parse(text: &str) -> Result<Expression, ExpressionError> {
+        Expression::parse_in(text, &COORDINATE_VARIABLES)
+    }
+
+    /// Reads a formula in given variables.
+    ///
+    /// # Errors
+    /// [`ExpressionError`].
+    pub fn parse_in(text: &str, variables: &[&str]) -> Result<Expression, ExpressionError> {
         let text: Vec<char> = text.chars().filter(|c| !c.is_whitespace()).collect();
         let mut parts = text.split(|c| *c == ';');
         let main = parts.next().unwrap_or_default();
@@ -144,26 +157,30 @@ impl Expression {
         let mut known = HashMap::new();
         // A definition may use those behind it.
         for (name, formula, start) in definitions.into_iter().rev() {
-            let node = Parser { text: formula, start, at: 0, nesting: 0, known: &known }.whole()?;
+            let node = Parser { text: formula, start, at: 0, nesting: 0, known: &known, variables }.whole()?;
             known.insert(name, node);
         }
-        let root = Parser { text: main, start: 0, at: 0, nesting: 0, known: &known }.whole()?;
+        let root = Parser { text: main, start: 0, at: 0, nesting: 0, known: &known, variables }.whole()?;
         Ok(Expression { root })
     }
 
     /// Value at a coordinate and its speed; with derivatives if they carry them.
     pub fn value<S: Scalar>(&self, q: S, qdot: S) -> S {
-        evaluate(&self.root, q, qdot)
+        evaluate(&self.root, &[q, qdot])
+    }
+
+    /// Value at the variables that it was read in.
+    pub fn value_at<S: Scalar>(&self, variables: &[S]) -> S {
+        evaluate(&self.root, variables)
     }
 }
 
-fn evaluate<S: Scalar>(node: &Node, q: S, qdot: S) -> S {
+fn evaluate<S: Scalar>(node: &Node, variables: &[S]) -> S {
     match &node.operation {
         Operation::Number(value) => S::constant(*value),
-        Operation::Q => q,
-        Operation::Qdot => qdot,
-        Operation::Function(function, argument) => function.apply(evaluate(argument, q, qdot)),
-        Operation::Binary(binary, a, b) => binary.apply(evaluate(a, q, qdot), evaluate(b, q, qdot)),
+        Operation::Variable(i) => variables[*i],
+        Operation::Function(function, argument) => function.apply(evaluate(argument, variables)),
+        Operation::Binary(binary, a, b) => binary.apply(evaluate(a, variables), evaluate(b, variables)),
     }
 }
 
@@ -265,6 +282,7 @@ struct Parser<'a> {
     at: usize,
     nesting: usize,
     known: &'a HashMap<String, Arc<Node>>,
+    variables: &'a [&'a str],
 }
 
 impl Parser<'_> {
@@ -337,7 +355,7 @@ impl Parser<'_> {
         match self.text.get(self.at) {
             Some(c) if c.is_ascii_digit() || *c == '.' => self.number(),
             Some(c) if c.is_alphabetic() || *c == '_' => self.named(),
-            _ => Err(self.expected("a number, q, qdot, a function or \"(\"")),
+            _ => Err(self.expected("a number, a variable, a function or \"(\"")),
         }
     }
 
@@ -377,10 +395,9 @@ impl Parser<'_> {
         if let Some(defined) = self.known.get(&name) {
             return Ok(Arc::clone(defined));
         }
-        match name.as_str() {
-            "q" => node(Operation::Q),
-            "qdot" => node(Operation::Qdot),
-            _ => Err(ExpressionError::UnknownVariable { name }),
+        match self.variables.iter().position(|variable| *variable == name) {
+            Some(i) => node(Operation::Variable(i)),
+            None => Err(ExpressionError::UnknownVariable { name, known: self.variables.join(", ") }),
         }
     }
 
@@ -409,7 +426,7 @@ impl Parser<'_> {
 
 fn node(operation: Operation) -> Result<Arc<Node>, ExpressionError> {
     let (size, depth) = match &operation {
-        Operation::Number(_) | Operation::Q | Operation::Qdot => (1, 1),
+        Operation::Number(_) | Operation::Variable(_) => (1, 1),
         Operation::Function(_, a) => (1 + a.size, 1 + a.depth),
         Operation::Binary(_, a, b) => (1 + a.size + b.size, 1 + a.depth.max(b.depth)),
     };

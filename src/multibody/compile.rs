@@ -1,5 +1,6 @@
 //! From specification to compiled model.
 
+use super::beyond::Beyond;
 use super::coordinate::Coordinate;
 use super::coupler::compile_couplers;
 use super::error::CompileError;
@@ -227,21 +228,56 @@ fn compile_mobilizer(spec: &ModelSpec, joint: &JointSpec) -> Result<Mobilizer, C
         JointKind::Gimbal => (&[x, y, z], &[], Speeds::CoordinateRates),
         JointKind::Planar => (&[z], &[x, y], Speeds::CoordinateRates),
         JointKind::Free => (&[x, y, z], &[x, y, z], Speeds::AngularVelocity),
+        JointKind::Ellipsoid { .. } => (&[x, y, z], &[], Speeds::AngularVelocity),
+        // The ellipsoid's own axes are turned by 90° about z.
+        JointKind::Scapulothoracic { .. } => (&[y, -x, z], &[], Speeds::AngularVelocity),
+        JointKind::ConstantCurvature { .. } => (&[x, z, y], &[], Speeds::CoordinateRates),
         JointKind::Custom(axes) => return compile_custom(spec, joint, axes),
     };
-    let expected = rotations.len() + translations.len();
+    let beyond = match &joint.kind {
+        JointKind::Ellipsoid { radii_x_y_z: radii } => Some(Beyond::Ellipsoid { radii: *radii }),
+        JointKind::Scapulothoracic {
+            thoracic_ellipsoid_radii_x_y_z: radii,
+            scapula_winging_axis_origin: [origin_x, origin_y],
+            scapula_winging_axis_direction: direction,
+        } => {
+            let Some(&coordinate) = joint.coordinates.get(3) else {
+                let found = joint.coordinates.len();
+                return Err(CompileError::CoordinateCount { at: joint.at.clone(), expected: 4, found });
+            };
+            let axis = Vector3::new(-direction.sin(), direction.cos(), 0.0);
+            let origin = Vector3::new(*origin_x, *origin_y, 0.0);
+            Some(Beyond::EllipsoidAndPin { radii: *radii, axis, origin, coordinate })
+        }
+        JointKind::ConstantCurvature { length, .. } => Some(Beyond::Arc { length: *length }),
+        _ => None,
+    };
+    if let Some(beyond) = &beyond {
+        check_finite(&joint.at, "radii or length", &beyond.lengths())?;
+    }
+    let pinned = usize::from(matches!(beyond, Some(Beyond::EllipsoidAndPin { .. })));
+    let expected = rotations.len() + translations.len() + pinned;
     if joint.coordinates.len() != expected {
         let found = joint.coordinates.len();
         return Err(CompileError::CoordinateCount { at: joint.at.clone(), expected, found });
     }
+    let neutral = match &joint.kind {
+        JointKind::ConstantCurvature { neutral_angle_x_z_y, .. } => *neutral_angle_x_z_y,
+        _ => Vector3::zeros(),
+    };
+    check_finite(&joint.at, "neutral_angle_x_z_y", neutral.as_slice())?;
     let axis = |(&direction, &coordinate): (&Vector3<f64>, &CoordinateIndex)| {
         Axis::new(direction, AxisMotion::identity(coordinate))
     };
+    let turned = |(k, (&direction, &coordinate)): (usize, (&Vector3<f64>, &CoordinateIndex))| {
+        Axis::new(direction, AxisMotion::Linear { coordinate, slope: 1.0, intercept: neutral[k] })
+    };
     let (angles, displacements) = joint.coordinates.split_at(rotations.len());
     Ok(Mobilizer {
-        rotations: rotations.iter().zip(angles).map(axis).collect(),
+        rotations: rotations.iter().zip(angles).enumerate().map(turned).collect(),
         translations: translations.iter().zip(displacements).map(axis).collect(),
         speeds,
+        beyond,
     })
 }
 
@@ -277,7 +313,7 @@ fn compile_custom(
     let moves = |axis: &Axis| !matches!(axis.motion, AxisMotion::Fixed(value) if value == 0.0);
     let translations = compiled.split_off(3).into_iter().filter(moves).collect();
     let rotations = compiled.into_iter().filter(moves).collect();
-    Ok(Mobilizer { rotations, translations, speeds: Speeds::CoordinateRates })
+    Ok(Mobilizer { rotations, translations, speeds: Speeds::CoordinateRates, beyond: None })
 }
 
 fn compile_axis_motion(

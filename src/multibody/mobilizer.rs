@@ -1,5 +1,6 @@
 //! What a joint lets its bodies do.
 
+use super::beyond::Beyond;
 use super::model::BaseIndex;
 use crate::functions::Function;
 use crate::osim::spec::{CoordinateIndex, JointIndex};
@@ -104,6 +105,8 @@ pub(super) struct Mobilizer {
     pub rotations: Vec<Axis>,
     pub translations: Vec<Axis>,
     pub speeds: Speeds,
+    /// What the joint does besides.
+    pub beyond: Option<Beyond>,
 }
 
 impl Mobilizer {
@@ -124,7 +127,21 @@ impl Mobilizer {
         for axis in &self.translations {
             p += axis.direction * axis.motion.value(q);
         }
-        Transform { R, p }
+        match &self.beyond {
+            Some(beyond) => beyond.pose(R, self.angles(q), q),
+            None => Transform { R, p },
+        }
+    }
+
+    /// Angles of the three rotations of a joint with something beyond them.
+    fn angles(&self, q: &[f64]) -> [f64; 3] {
+        std::array::from_fn(|k| self.rotations.get(k).map_or(0.0, |axis| axis.motion.value(q)))
+    }
+
+    /// The same for rates or second rates: their coordinates' share of `values`.
+    fn of_angles(&self, values: &[f64]) -> [f64; 3] {
+        let value = |axis: &Axis| axis.motion.coordinate().map_or(0.0, |c| values[c.0]);
+        std::array::from_fn(|k| self.rotations.get(k).map_or(0.0, value))
     }
 
     /// Velocity (w_FM, v_FM) of M in F, expressed in F, for given rates of the coordinates.
@@ -134,7 +151,10 @@ impl Mobilizer {
         for (axis, direction) in self.rotations.iter().zip(axes_F) {
             w += direction * axis.motion.rate(q, qdot);
         }
-        (w, self.linear_velocity(q, qdot))
+        match &self.beyond {
+            Some(beyond) => beyond.velocity(w, axes_F, self.angles(q), self.of_angles(qdot), (q, qdot)),
+            None => (w, self.linear_velocity(q, qdot)),
+        }
     }
 
     /// Velocity of M in F, expressed in F, for given generalized speeds as OpenSim defines them.
@@ -152,7 +172,10 @@ impl Mobilizer {
         for axis in &self.rotations {
             w += axis.direction * axis.motion.rate(q, speeds);
         }
-        (w, self.linear_velocity(q, speeds))
+        match &self.beyond {
+            Some(beyond) => beyond.velocity(w, axes_F, self.angles(q), [0.0; 3], (q, speeds)),
+            None => (w, self.linear_velocity(q, speeds)),
+        }
     }
 
     fn linear_velocity(&self, q: &[f64], qdot: &[f64]) -> Vector3<f64> {
@@ -182,7 +205,13 @@ impl Mobilizer {
         for axis in &self.translations {
             a += axis.direction * axis.motion.second_rate(q, qdot, qddot);
         }
-        (alpha, a)
+        match &self.beyond {
+            Some(beyond) => {
+                let (rates, second) = (self.of_angles(qdot), self.of_angles(qddot));
+                beyond.acceleration((w, alpha), axes_F, self.angles(q), rates, second, (q, qdot, qddot))
+            }
+            None => (alpha, a),
+        }
     }
 
     /// Acceleration of M in F, expressed in F, for given rates of OpenSim's generalized speeds.
@@ -199,12 +228,21 @@ impl Mobilizer {
         }
         // Speeds are components in F itself, so that their rates are too.
         let along = |axes: &[Axis]| axes.iter().map(|axis| axis.direction * axis.motion.rate(q, rates)).sum();
-        (along(&self.rotations), along(&self.translations))
+        let alpha = along(&self.rotations);
+        match &self.beyond {
+            Some(beyond) => {
+                let w = self.rotations.iter().map(|axis| axis.direction * axis.motion.rate(q, speeds)).sum();
+                let none = [0.0; 3];
+                beyond.acceleration((w, alpha), axes_F, self.angles(q), none, none, (q, speeds, rates))
+            }
+            None => (alpha, along(&self.translations)),
+        }
     }
 
     /// The coordinates that move M.
     pub fn coordinates(&self) -> impl Iterator<Item = CoordinateIndex> + '_ {
-        self.rotations.iter().chain(&self.translations).filter_map(|axis| axis.motion.coordinate())
+        let beyond = self.beyond.as_ref().and_then(Beyond::coordinate);
+        self.rotations.iter().chain(&self.translations).filter_map(|axis| axis.motion.coordinate()).chain(beyond)
     }
 }
 

@@ -7,6 +7,7 @@
 //! Conventions: G is ground, P the inboard and B the outboard body of a joint, F the joint's frame on its parent, M the
 //! joint's frame on its child. All vectors are expressed in ground unless named otherwise.
 
+mod beyond;
 mod cache;
 mod compile;
 mod coordinate;

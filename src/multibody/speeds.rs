@@ -77,8 +77,11 @@ impl Model {
     }
 }
 
-/// The three angles of a ball or free joint, and their axes as columns, expressed in the joint's parent frame.
+/// The three angles of a ball or free joint, and their axes as columns, by components along the directions that the
+/// three speeds belong to.
 fn angles_of(node: &Node, cache: &Cache, i: usize) -> ([usize; 3], Matrix3<f64>) {
-    let angle = |k: usize| node.mobilizer.rotations[k].motion.coordinate().map_or(0, |c| c.0);
-    ([angle(0), angle(1), angle(2)], Matrix3::from_columns(&cache.nodes[i].axes_F))
+    let rotations = &node.mobilizer.rotations;
+    let angle = |k: usize| rotations[k].motion.coordinate().map_or(0, |c| c.0);
+    let directions = Matrix3::from_columns(&[rotations[0].direction, rotations[1].direction, rotations[2].direction]);
+    ([angle(0), angle(1), angle(2)], directions.tr_mul(&Matrix3::from_columns(&cache.nodes[i].axes_F)))
 }

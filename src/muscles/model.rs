@@ -1,13 +1,15 @@
 //! Muscles of any class that is simulated.
 
-use super::activation::FirstOrderActivation;
+use super::degroote_fregly2016::DeGrooteFregly2016;
+use super::deprecated::DeprecatedMuscle;
 use super::dynamics::MuscleDynamics;
 use super::equilibrium::EquilibriumError;
 use super::parameters::{Millard2012, MuscleError};
+use super::rigid_tendon::RigidTendon;
 use super::thelen2003::Thelen2003;
-use crate::osim::spec::{MuscleKind, MuscleSpec};
+use crate::osim::spec::{MuscleKind, MuscleSpec, OtherMuscleSpec};
 
-/// Step of differences: of activation, and of fibre length over optimal fibre length.
+/// Step of differences of a state over its own size.
 const STEP: f64 = 1e-6;
 
 /// A muscle.
@@ -17,19 +19,45 @@ pub enum MuscleModel {
     Millard2012(Box<Millard2012>),
     /// `Thelen2003Muscle`.
     Thelen2003(Box<Thelen2003>),
+    /// `DeGrooteFregly2016Muscle`.
+    DeGrooteFregly2016(Box<DeGrooteFregly2016>),
+    /// `RigidTendonMuscle`.
+    RigidTendon(Box<RigidTendon>),
+    /// `Schutte1993Muscle_Deprecated`, `Delp1990Muscle_Deprecated`.
+    Deprecated(Box<DeprecatedMuscle>),
 }
 
-/// Fibre velocity and tendon force, and how they change with the muscle's states.
-#[derive(Clone, Copy, Debug)]
+/// States of a muscle; those that its class does not have are not looked at.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MuscleState {
+    /// Activation; the control where activation dynamics are ignored.
+    pub activation: f64,
+    /// Fibre length [m]; of a `DeGrooteFregly2016Muscle` tendon force over maximum isometric force.
+    pub fiber_length: f64,
+    /// Fibre velocity of a `Delp1990Muscle_Deprecated` [m/s].
+    pub fiber_velocity: f64,
+}
+
+/// Rates of the states of a muscle, and its tendon force.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MuscleRates {
-    /// Fibre velocity [m/s].
+    /// Rate of [`MuscleState::fiber_length`].
+    pub fiber_length: f64,
+    /// Rate of [`MuscleState::fiber_velocity`].
     pub fiber_velocity: f64,
     /// Tendon force [N].
     pub tendon_force: f64,
-    /// By activation.
-    pub by_activation: [f64; 2],
-    /// By fibre length.
-    pub by_fiber_length: [f64; 2],
+}
+
+impl MuscleRates {
+    fn slope(up: MuscleRates, down: MuscleRates, step: f64) -> MuscleRates {
+        let slope = |up: f64, down: f64| (up - down) / (2.0 * step);
+        MuscleRates {
+            fiber_length: slope(up.fiber_length, down.fiber_length),
+            fiber_velocity: slope(up.fiber_velocity, down.fiber_velocity),
+            tendon_force: slope(up.tendon_force, down.tendon_force),
+        }
+    }
 }
 
 impl MuscleModel {
@@ -38,10 +66,24 @@ impl MuscleModel {
     /// # Errors
     /// [`MuscleError::NotMillard2012`] for classes that are not simulated; properties that OpenSim too would refuse.
     pub fn from_spec(spec: &MuscleSpec) -> Result<MuscleModel, MuscleError> {
-        match (&spec.kind, Thelen2003::from_spec(spec)) {
-            (MuscleKind::PathOnly { .. }, Some(thelen)) => Ok(MuscleModel::Thelen2003(Box::new(thelen?))),
-            _ => Ok(MuscleModel::Millard2012(Box::new(Millard2012::from_spec(spec)?))),
-        }
+        let MuscleKind::PathOnly { law: Some(law), .. } = &spec.kind else {
+            return Ok(MuscleModel::Millard2012(Box::new(Millard2012::from_spec(spec)?)));
+        };
+        let built = match law.as_ref() {
+            OtherMuscleSpec::Thelen2003(own) => {
+                Thelen2003::build(spec, own).map(|m| MuscleModel::Thelen2003(Box::new(m)))
+            }
+            OtherMuscleSpec::DeGrooteFregly2016(own) => {
+                DeGrooteFregly2016::build(spec, own).map(|m| MuscleModel::DeGrooteFregly2016(Box::new(m)))
+            }
+            OtherMuscleSpec::RigidTendon(own) => {
+                RigidTendon::build(spec, own).map(|m| MuscleModel::RigidTendon(Box::new(m)))
+            }
+            OtherMuscleSpec::Deprecated(own) => {
+                DeprecatedMuscle::build(spec, own).map(|m| MuscleModel::Deprecated(Box::new(m)))
+            }
+        };
+        built.map_err(|source| MuscleError::InMuscle { muscle: spec.name.clone(), source: Box::new(source) })
     }
 
     /// Name.
@@ -49,6 +91,9 @@ impl MuscleModel {
         match self {
             MuscleModel::Millard2012(m) => m.name(),
             MuscleModel::Thelen2003(m) => &m.name,
+            MuscleModel::DeGrooteFregly2016(m) => &m.name,
+            MuscleModel::RigidTendon(m) => &m.name,
+            MuscleModel::Deprecated(m) => &m.name,
         }
     }
 
@@ -57,6 +102,9 @@ impl MuscleModel {
         match self {
             MuscleModel::Millard2012(m) => m.parameters().max_isometric_force,
             MuscleModel::Thelen2003(m) => m.max_isometric_force,
+            MuscleModel::DeGrooteFregly2016(m) => m.max_isometric_force,
+            MuscleModel::RigidTendon(m) => m.max_isometric_force,
+            MuscleModel::Deprecated(m) => m.max_isometric_force,
         }
     }
 
@@ -65,6 +113,9 @@ impl MuscleModel {
         match self {
             MuscleModel::Millard2012(m) => m.parameters().optimal_fiber_length,
             MuscleModel::Thelen2003(m) => m.optimal_fiber_length,
+            MuscleModel::DeGrooteFregly2016(m) => m.optimal_fiber_length,
+            MuscleModel::RigidTendon(m) => m.optimal_fiber_length,
+            MuscleModel::Deprecated(m) => m.optimal_fiber_length,
         }
     }
 
@@ -73,120 +124,189 @@ impl MuscleModel {
         match self {
             MuscleModel::Millard2012(m) => m.parameters().max_contraction_velocity,
             MuscleModel::Thelen2003(m) => m.max_contraction_velocity,
+            MuscleModel::DeGrooteFregly2016(m) => m.max_contraction_velocity,
+            MuscleModel::RigidTendon(m) => m.max_contraction_velocity,
+            MuscleModel::Deprecated(m) => m.max_contraction_velocity,
         }
     }
 
-    /// Activation dynamics.
-    pub fn activation_dynamics(&self) -> FirstOrderActivation {
+    /// Rate of the activation for a control [1/s].
+    pub fn activation_rate(&self, activation: f64, excitation: f64) -> f64 {
         match self {
-            MuscleModel::Millard2012(m) => m.activation_dynamics(),
-            MuscleModel::Thelen2003(m) => m.activation_dynamics(),
+            MuscleModel::Millard2012(m) => m.activation_dynamics().derivative(activation, excitation),
+            MuscleModel::Thelen2003(m) => m.activation_dynamics().derivative(activation, excitation),
+            MuscleModel::DeGrooteFregly2016(m) => m.activation_rate(activation, excitation),
+            MuscleModel::RigidTendon(_) => 0.0,
+            MuscleModel::Deprecated(m) => m.activation_rate(activation, excitation),
+        }
+    }
+
+    /// Its derivative by the activation.
+    pub fn activation_rate_slope(&self, activation: f64, excitation: f64) -> f64 {
+        match self {
+            MuscleModel::Millard2012(m) => m.activation_dynamics().derivative_slope(activation, excitation),
+            MuscleModel::Thelen2003(m) => m.activation_dynamics().derivative_slope(activation, excitation),
+            MuscleModel::DeGrooteFregly2016(m) => m.activation_rate_slope(activation, excitation),
+            MuscleModel::RigidTendon(_) => 0.0,
+            MuscleModel::Deprecated(m) => m.activation_rate_slope(activation, excitation),
         }
     }
 
     /// Whether the activation equals the excitation, so that the activation is no state.
     pub fn ignore_activation_dynamics(&self) -> bool {
-        matches!(self, MuscleModel::Millard2012(m) if m.ignore_activation_dynamics())
+        match self {
+            MuscleModel::Millard2012(m) => m.ignore_activation_dynamics(),
+            MuscleModel::DeGrooteFregly2016(m) => m.ignore_activation_dynamics,
+            MuscleModel::RigidTendon(_) => true,
+            MuscleModel::Thelen2003(_) | MuscleModel::Deprecated(_) => false,
+        }
     }
 
     /// Whether the tendon is rigid, so that the fibre length is no state.
     pub fn ignore_tendon_compliance(&self) -> bool {
-        matches!(self, MuscleModel::Millard2012(m) if m.ignore_tendon_compliance())
-    }
-
-    /// Activation before initialization.
-    pub fn default_activation(&self) -> f64 {
         match self {
-            MuscleModel::Millard2012(m) => m.default_activation(),
-            MuscleModel::Thelen2003(m) => m.properties.default_activation,
+            MuscleModel::Millard2012(m) => m.ignore_tendon_compliance(),
+            MuscleModel::DeGrooteFregly2016(m) => m.ignore_tendon_compliance,
+            MuscleModel::RigidTendon(_) => true,
+            MuscleModel::Thelen2003(_) | MuscleModel::Deprecated(_) => false,
         }
     }
 
-    /// Fibre length before initialization [m].
-    pub fn default_fiber_length(&self) -> f64 {
+    /// Whether the fibre velocity is a state.
+    pub fn has_velocity_state(&self) -> bool {
+        matches!(self, MuscleModel::Deprecated(m) if m.has_velocity_state())
+    }
+
+    /// OpenSim's name of the state [`MuscleState::fiber_length`].
+    pub fn length_state_name(&self) -> &'static str {
         match self {
-            MuscleModel::Millard2012(m) => m.default_fiber_length(),
-            MuscleModel::Thelen2003(m) => m.properties.default_fiber_length,
+            MuscleModel::DeGrooteFregly2016(_) => "normalized_tendon_force",
+            _ => "fiber_length",
         }
     }
 
-    /// Fibre velocity [m/s] and tendon force [N] at a state (arguments as [`Millard2012::fiber_velocity`]).
-    pub fn rates(&self, fiber_length: f64, activation: f64, path_length: f64, path_speed: f64) -> (f64, f64) {
+    /// What a change of [`MuscleState::fiber_length`] is measured by.
+    pub fn length_state_scale(&self) -> f64 {
         match self {
+            MuscleModel::DeGrooteFregly2016(_) => 1.0,
+            _ => self.optimal_fiber_length(),
+        }
+    }
+
+    /// States before initialization.
+    pub fn default_state(&self) -> MuscleState {
+        let (activation, fiber_length) = match self {
+            MuscleModel::Millard2012(m) => (m.default_activation(), m.default_fiber_length()),
+            MuscleModel::Thelen2003(m) => (m.properties.default_activation, m.properties.default_fiber_length),
+            MuscleModel::DeGrooteFregly2016(m) => {
+                (m.properties.default_activation, m.properties.default_normalized_tendon_force)
+            }
+            MuscleModel::RigidTendon(_) | MuscleModel::Deprecated(_) => (0.0, 0.0),
+        };
+        MuscleState { activation, fiber_length, fiber_velocity: 0.0 }
+    }
+
+    /// Rates and tendon force at a state.
+    ///
+    /// - `path_length` [m], `path_speed` [m/s]
+    pub fn rates(&self, state: MuscleState, path_length: f64, path_speed: f64) -> MuscleRates {
+        let MuscleState { activation, fiber_length, fiber_velocity } = state;
+        let (fiber_length, fiber_velocity, tendon_force) = match self {
             MuscleModel::Millard2012(m) => {
                 let found = m.fiber_velocity(fiber_length, activation, path_length, path_speed);
-                (found.fiber_velocity, found.norm_tendon_force * m.parameters().max_isometric_force)
-            }
-            MuscleModel::Thelen2003(m) => m.rates(fiber_length, activation, path_length),
-        }
-    }
-
-    /// The same with derivatives by the states.
-    pub fn linearize(&self, fiber_length: f64, activation: f64, path_length: f64, path_speed: f64) -> MuscleRates {
-        match self {
-            MuscleModel::Millard2012(m) => {
-                let by = m.linearize(fiber_length, activation, path_length, path_speed);
-                MuscleRates {
-                    fiber_velocity: by.fiber_velocity,
-                    tendon_force: by.tendon_force,
-                    by_activation: [by.fiber_velocity_by.activation, by.tendon_force_by.activation],
-                    by_fiber_length: [by.fiber_velocity_by.fiber_length, by.tendon_force_by.fiber_length],
-                }
+                (found.fiber_velocity, 0.0, found.norm_tendon_force * m.parameters().max_isometric_force)
             }
             MuscleModel::Thelen2003(m) => {
-                let (fiber_velocity, tendon_force) = m.rates(fiber_length, activation, path_length);
-                let slope = |step: f64, up: (f64, f64), down: (f64, f64)| {
-                    [(up.0 - down.0) / (2.0 * step), (up.1 - down.1) / (2.0 * step)]
-                };
-                let a = |step: f64| m.rates(fiber_length, activation + step, path_length);
-                let step = STEP * m.optimal_fiber_length;
-                let l = |step: f64| m.rates(fiber_length + step, activation, path_length);
-                MuscleRates {
-                    fiber_velocity,
-                    tendon_force,
-                    by_activation: slope(STEP, a(STEP), a(-STEP)),
-                    by_fiber_length: slope(step, l(step), l(-step)),
-                }
+                let (velocity, force) = m.rates(fiber_length, activation, path_length);
+                (velocity, 0.0, force)
             }
-        }
+            MuscleModel::DeGrooteFregly2016(m) => {
+                let (rate, force) = m.rates(fiber_length, activation, path_length, path_speed);
+                (rate, 0.0, force)
+            }
+            MuscleModel::RigidTendon(m) => (0.0, 0.0, m.dynamics(activation, path_length, path_speed).tendon_force),
+            MuscleModel::Deprecated(m) => m.rates(fiber_length, fiber_velocity, activation, path_length, path_speed),
+        };
+        MuscleRates { fiber_length, fiber_velocity, tendon_force }
     }
 
-    /// Fibre length [m] at which fibre and tendon balance.
+    /// Derivatives of rates and tendon force by activation, fibre length and fibre velocity.
+    pub fn linearize(&self, state: MuscleState, path_length: f64, path_speed: f64) -> [MuscleRates; 3] {
+        if let MuscleModel::Millard2012(m) = self {
+            let by = m.linearize(state.fiber_length, state.activation, path_length, path_speed);
+            let rates = |fiber_length, tendon_force| MuscleRates { fiber_length, fiber_velocity: 0.0, tendon_force };
+            return [
+                rates(by.fiber_velocity_by.activation, by.tendon_force_by.activation),
+                rates(by.fiber_velocity_by.fiber_length, by.tendon_force_by.fiber_length),
+                MuscleRates::default(),
+            ];
+        }
+        let slope = |step: f64, moved: &dyn Fn(f64) -> MuscleState| {
+            let at = |step: f64| self.rates(moved(step), path_length, path_speed);
+            MuscleRates::slope(at(step), at(-step), step)
+        };
+        let length = STEP * self.length_state_scale();
+        [
+            slope(STEP, &|step| MuscleState { activation: state.activation + step, ..state }),
+            slope(length, &|step| MuscleState { fiber_length: state.fiber_length + step, ..state }),
+            match self.has_velocity_state() {
+                true => slope(length, &|step| MuscleState { fiber_velocity: state.fiber_velocity + step, ..state }),
+                false => MuscleRates::default(),
+            },
+        ]
+    }
+
+    /// [`MuscleState::fiber_length`] at which fibre and tendon balance; 0 for muscles with rigid tendons of their own
+    /// class.
     ///
-    /// - `path_speed`: looked at as OpenSim's class does, by Thelen's muscle alone [m/s]
+    /// - `path_speed`: looked at as OpenSim's class does [m/s]
     ///
     /// # Errors
     /// No length balances them.
     pub fn equilibrium(&self, path_length: f64, path_speed: f64, activation: f64) -> Result<f64, EquilibriumError> {
-        match self {
-            MuscleModel::Millard2012(m) => Ok(m.equilibrium(path_length, activation)?.fiber_length),
-            MuscleModel::Thelen2003(m) => {
-                m.equilibrium(path_length, path_speed, activation).ok_or_else(|| EquilibriumError::NotConverged {
-                    muscle: m.name.clone(),
-                    residual: f64::NAN,
-                    fiber_length: m.minimum_fiber_length(),
-                    path_length,
-                    activation,
-                })
-            }
-        }
+        let found = match self {
+            MuscleModel::Millard2012(m) => return Ok(m.equilibrium(path_length, activation)?.fiber_length),
+            MuscleModel::Thelen2003(m) => m.equilibrium(path_length, path_speed, activation),
+            MuscleModel::DeGrooteFregly2016(m) if m.ignore_tendon_compliance => Some(f64::NAN),
+            MuscleModel::DeGrooteFregly2016(m) => m.equilibrium(path_length, path_speed, activation),
+            MuscleModel::RigidTendon(m) => Some(m.fiber_length(path_length)),
+            MuscleModel::Deprecated(m) => Some(m.isometric(path_length, activation).0),
+        };
+        found.ok_or_else(|| EquilibriumError::NotConverged {
+            muscle: self.name().to_owned(),
+            residual: f64::NAN,
+            fiber_length: f64::NAN,
+            path_length,
+            activation,
+        })
     }
 
-    /// Every quantity at a state (arguments as [`Millard2012::dynamics`]).
-    pub fn dynamics(&self, fiber_length: f64, activation: f64, path_length: f64, path_speed: f64) -> MuscleDynamics {
+    /// Every quantity at a state.
+    pub fn dynamics(&self, state: MuscleState, path_length: f64, path_speed: f64) -> MuscleDynamics {
+        let MuscleState { activation, fiber_length, fiber_velocity } = state;
         match self {
             MuscleModel::Millard2012(m) => m.dynamics(fiber_length, activation, path_length, path_speed),
             MuscleModel::Thelen2003(m) => m.dynamics(fiber_length, activation, path_length, path_speed),
+            MuscleModel::DeGrooteFregly2016(m) => m.dynamics(fiber_length, activation, path_length, path_speed),
+            MuscleModel::RigidTendon(m) => m.dynamics(activation, path_length, path_speed),
+            MuscleModel::Deprecated(m) => m.dynamics(fiber_length, fiber_velocity, activation, path_length, path_speed),
         }
     }
 
-    /// Active force along the tendon if the tendon were rigid [N].
+    /// Active force if the tendon were rigid [N]: what static optimization takes for the force of a muscle.
     pub fn inextensible_tendon_active_fiber_force(&self, path_length: f64, path_speed: f64, activation: f64) -> f64 {
         match self {
             MuscleModel::Millard2012(m) => {
                 m.inextensible_tendon_active_fiber_force(path_length, path_speed, activation)
             }
             MuscleModel::Thelen2003(m) => m.inextensible_tendon_active_fiber_force(path_length, path_speed, activation),
+            MuscleModel::DeGrooteFregly2016(m) => {
+                m.inextensible_tendon_active_fiber_force(path_length, path_speed, activation)
+            }
+            MuscleModel::RigidTendon(m) => {
+                m.dynamics(activation, path_length, path_speed).active_fiber_force_along_tendon
+            }
+            MuscleModel::Deprecated(m) => m.inextensible_tendon_active_fiber_force(path_length, path_speed, activation),
         }
     }
 }

@@ -32,6 +32,14 @@ pub enum MuscleError {
         /// The value.
         found: f64,
     },
+    /// A function of the muscle cannot be built.
+    #[error("{property}: {source}")]
+    Function {
+        /// OpenSim property name.
+        property: &'static str,
+        /// What is wrong with it.
+        source: crate::functions::FunctionError,
+    },
     /// A curve cannot be built.
     #[error(transparent)]
     Curve(#[from] CurveError),

@@ -4,7 +4,7 @@ use super::activation::FirstOrderActivation;
 use super::dynamics::MuscleDynamics;
 use super::parameters::MuscleError;
 use super::pennation::{FixedWidthPennation, significant_real};
-use crate::osim::spec::{MuscleKind, MuscleSpec, Thelen2003Spec};
+use crate::osim::spec::{MuscleSpec, Thelen2003Spec};
 
 /// Shape and force of the tendon's toe region.
 const K_TOE: f64 = 3.0;
@@ -53,17 +53,7 @@ struct Velocity {
 }
 
 impl Thelen2003 {
-    /// The muscle that a model file specifies; `None` if it is of another class.
-    ///
-    /// # Errors
-    /// Properties that OpenSim too would refuse.
-    pub fn from_spec(spec: &MuscleSpec) -> Option<Result<Thelen2003, MuscleError>> {
-        let MuscleKind::PathOnly { thelen2003: Some(properties), .. } = &spec.kind else { return None };
-        let built = Thelen2003::build(spec, properties);
-        Some(built.map_err(|source| MuscleError::InMuscle { muscle: spec.name.clone(), source: Box::new(source) }))
-    }
-
-    fn build(spec: &MuscleSpec, properties: &Thelen2003Spec) -> Result<Thelen2003, MuscleError> {
+    pub(super) fn build(spec: &MuscleSpec, properties: &Thelen2003Spec) -> Result<Thelen2003, MuscleError> {
         let p = *properties;
         let require = MuscleError::require;
         require(p.flen > 1.0, "Flen", "a number above 1", p.flen)?;

@@ -11,7 +11,7 @@ use thiserror::Error;
 use super::document::{Document, ElementId, escape};
 use super::error::{DocumentError, OsimError, nearest};
 use super::reader;
-use super::spec::{ForceKind, MuscleKind, MuscleSpec, PathSpec};
+use super::spec::{MuscleKind, MuscleSpec, PathSpec};
 use super::{Location, OsimFile};
 
 /// Properties of every muscle that [`OsimFile::set_muscle_property`] can set.
@@ -460,7 +460,7 @@ fn locations(file: &OsimFile) -> Vec<&Location> {
     }
     for force in &spec.forces {
         all.push(&force.at);
-        if let ForceKind::Ligament { path, .. } | ForceKind::PathSpring { path, .. } = &force.kind {
+        if let Some(path) = force.kind.path() {
             all.extend(path_locations(path));
         }
     }

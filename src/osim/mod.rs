@@ -12,6 +12,7 @@ pub mod error;
 mod reader;
 pub mod scale;
 pub mod spec;
+mod write;
 
 use std::path::Path;
 
@@ -21,6 +22,7 @@ pub use edit::{ComponentSet, EditError};
 pub use error::{DocumentError, DocumentErrorKind, OsimError, Problem, ProblemKind, WriteError};
 pub use scale::{BodyFactors, ScaleError, ScaledBodies};
 use spec::{Location, ModelSpec};
+pub use write::{CURRENT_FORMAT, Upgraded};
 
 /// An `.osim` file: its text, what it says, and what of it was not understood.
 #[derive(Clone, Debug)]

@@ -179,13 +179,15 @@ impl OsimFile {
             edits.scale_number(&muscle.at, &["tendon_slack_length"], muscle.tendon_slack_length, *ratio);
         }
         for force in &self.spec.forces {
-            let (ForceKind::Ligament { resting_length, .. } | ForceKind::PathSpring { resting_length, .. }) =
-                &force.kind
-            else {
-                continue;
+            let (property, length) = match &force.kind {
+                ForceKind::Ligament { resting_length, .. } | ForceKind::PathSpring { resting_length, .. } => {
+                    ("resting_length", *resting_length)
+                }
+                ForceKind::Blankevoort1991Ligament { slack_length, .. } => ("slack_length", *slack_length),
+                _ => continue,
             };
             if let Some(ratio) = ratio.get(&force.at.path) {
-                edits.scale_number(&force.at, &["resting_length"], *resting_length, *ratio);
+                edits.scale_number(&force.at, &[property], length, *ratio);
             }
         }
         edits.finish(self)
@@ -281,10 +283,7 @@ fn joints(file: &OsimFile, factors: &BodyFactors, edits: &mut Edits) {
 
 /// Path points of muscles, ligaments and springs.
 fn paths(file: &OsimFile, factors: &BodyFactors, edits: &mut Edits) {
-    let of_forces = file.spec.forces.iter().filter_map(|force| match &force.kind {
-        ForceKind::Ligament { path, .. } | ForceKind::PathSpring { path, .. } => Some(path),
-        _ => None,
-    });
+    let of_forces = file.spec.forces.iter().filter_map(|force| force.kind.path());
     for path in file.spec.muscles.iter().map(|muscle| &muscle.path).chain(of_forces) {
         for point in &path.points {
             let of_body = factors.of_frame(&file.spec, point.frame);
@@ -368,7 +367,7 @@ fn unread_points(file: &OsimFile, factors: &BodyFactors, edits: &mut Edits, left
     let (document, spec) = (&file.document, &file.spec);
     for force in &spec.forces {
         let (ForceKind::Unsupported { class }, Some(element)) = (&force.kind, force.at.element) else { continue };
-        if class == "Blankevoort1991Ligament" || class == "ExpressionBasedPathForce" {
+        if class == "ExpressionBasedPathForce" {
             left.push((force.at.path.clone(), format!("{class}: its slack or resting length stays")));
         }
         let mut open = vec![ElementId(element)];

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use crate::multibody::{CompileError, Model};
-use crate::osim::spec::{ForceKind, ModelSpec, PathSpec};
+use crate::osim::spec::{ModelSpec, PathSpec};
 use crate::osim::{BodyFactors, OsimFile, ScaleError};
 use crate::paths::{Path, PathError};
 
@@ -139,12 +139,7 @@ fn path_lengths(spec: &ModelSpec) -> Result<Vec<(String, String, f64)>, LinearSc
     let mut cache = skeleton.new_cache();
     skeleton.update_positions(&q, &mut cache);
     let of_muscles = spec.muscles.iter().map(|muscle| (&muscle.at.path, &muscle.name, &muscle.path));
-    let of_forces = spec.forces.iter().filter_map(|force| match &force.kind {
-        ForceKind::Ligament { path, .. } | ForceKind::PathSpring { path, .. } => {
-            Some((&force.at.path, &force.name, path))
-        }
-        _ => None,
-    });
+    let of_forces = spec.forces.iter().filter_map(|force| Some((&force.at.path, &force.name, force.kind.path()?)));
     let length = |(at, name, path): (&String, &String, &PathSpec)| {
         let path = Path::compile(path, spec, &skeleton)
             .map_err(|source| LinearScalingError::Path { owner: at.clone(), source })?;

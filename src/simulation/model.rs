@@ -14,8 +14,7 @@ use crate::paths::Path;
 use crate::study::{MomentPart, Settings};
 
 /// Classes of OpenSim forces that do nothing without a control of their own.
-const INERT_CLASSES: [&str; 5] =
-    ["CoordinateActuator", "PointActuator", "TorqueActuator", "BodyActuator", "ActivationCoordinateActuator"];
+const INERT_CLASSES: [&str; 2] = ["BodyActuator", "ActivationCoordinateActuator"];
 
 /// What is measured, and what of the model takes part.
 #[derive(Clone, Debug, PartialEq)]
@@ -142,8 +141,10 @@ impl MusculoskeletalModel {
         }
         let passive = setup.includes(MomentPart::Passive);
         let forces = if passive { Forces::compile(spec, &skeleton)? } else { Forces::default() };
-        let unsupported: Vec<_> =
+        let mut unsupported: Vec<_> =
             forces.unsupported.iter().filter(|(_, class)| !INERT_CLASSES.contains(&class.as_str())).cloned().collect();
+        // A trial's own time is not that of the model's functions.
+        unsupported.extend(forces.over_time.iter().map(|force| (force.name.clone(), "PrescribedForce".to_owned())));
         if !unsupported.is_empty() && !setup.allow_unsupported {
             return Err(SimulationError::UnsupportedForces { forces: unsupported });
         }

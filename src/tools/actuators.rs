@@ -1,77 +1,76 @@
-//! Actuators that follow a control: `CoordinateActuator`, from a model or from a file of forces.
+//! Actuators of setups: the `force_set_files` of OpenSim's tools.
 
 use std::path::Path;
 
-use super::controls::Controls;
-use super::error::ToolError;
+use super::error::{ToolError, ToolProblem};
 use super::setup::{Properties, Setup};
 use super::system::{Actor, System};
-use crate::osim::spec::CoordinateIndex;
+use crate::forces::Actuator;
+use crate::osim::spec::{ActuatorKind, ActuatorSpec, FrameIndex, Location};
+use nalgebra::Vector3;
 
-/// `CoordinateActuator`: control times optimal force, along a coordinate.
-#[derive(Clone, Debug)]
-pub struct CoordinateActuator {
-    /// Name.
-    pub name: String,
-    /// The coordinate.
-    pub coordinate: CoordinateIndex,
-    /// Force for a control of 1 [N·m or N].
-    pub optimal_force: f64,
-    /// Lowest and highest control.
-    pub control_range: [f64; 2],
-}
-
-impl CoordinateActuator {
-    /// Force at a time [N·m or N]; without a control, none.
-    pub fn force(&self, controls: &Controls, time: f64) -> f64 {
-        let [low, high] = self.control_range;
-        controls.at(&self.name, time).unwrap_or(0.0).max(low).min(high) * self.optimal_force
-    }
-}
-
-fn read(force: &Properties, system: &System) -> Result<Option<CoordinateActuator>, ToolError> {
+fn read(force: &Properties, system: &System) -> Result<Option<Actuator>, ToolError> {
     let applies = force.boolean("appliesForce", true)? && !force.boolean("isDisabled", false)?;
-    let name = force.string("coordinate");
-    let Some(coordinate) = system.model.coordinate(&name) else {
-        let names = system.model.coordinates.iter().map(|c| c.name.as_str());
-        let nearest = crate::osim::error::nearest(&name, names);
-        let problem = super::error::ToolProblem::Unknown { kind: "coordinate", name, nearest };
-        return Err(force.error_at("coordinate", problem));
+    let vector = |property: &str, default: Vector3<f64>| match force.text(property) {
+        Some(_) => force.vector(property),
+        None => Ok(default),
     };
-    let actuator = CoordinateActuator {
-        name: force.name(),
-        coordinate,
+    let kind = match force.class() {
+        "CoordinateActuator" | "GeneralizedForce" => {
+            let name = force.string("coordinate");
+            let Some(coordinate) = system.model.coordinate(&name) else {
+                let names = system.model.coordinates.iter().map(|c| c.name.as_str());
+                let nearest = crate::osim::error::nearest(&name, names);
+                let problem = ToolProblem::Unknown { kind: "coordinate", name, nearest };
+                return Err(force.error_at("coordinate", problem));
+            };
+            ActuatorKind::Coordinate { coordinate }
+        }
+        "TorqueActuator" => ActuatorKind::Torque {
+            body_a: body(force, "bodyA", system)?,
+            body_b: body(force, "bodyB", system)?,
+            axis: vector("axis", Vector3::z())?,
+            torque_is_global: force.boolean("torque_is_global", true)?,
+        },
+        "PointActuator" => ActuatorKind::Point {
+            body: body(force, "body", system)?,
+            point: vector("point", Vector3::zeros())?,
+            point_is_global: force.boolean("point_is_global", false)?,
+            direction: vector("direction", Vector3::x())?,
+            force_is_global: force.boolean("force_is_global", false)?,
+        },
+        "PointToPointActuator" => ActuatorKind::PointToPoint {
+            body_a: body(force, "bodyA", system)?,
+            body_b: body(force, "bodyB", system)?,
+            point_a: vector("pointA", Vector3::zeros())?,
+            point_b: vector("pointB", Vector3::zeros())?,
+            points_are_global: force.boolean("points_are_global", false)?,
+        },
+        _ => return Ok(None),
+    };
+    let spec = ActuatorSpec {
         optimal_force: force.number("optimal_force", 1.0)?,
-        control_range: [force.number("min_control", f64::NEG_INFINITY)?, force.number("max_control", f64::INFINITY)?],
+        min_control: force.number("min_control", f64::NEG_INFINITY)?,
+        max_control: force.number("max_control", f64::INFINITY)?,
+        kind,
     };
-    Ok(applies.then_some(actuator))
+    let compiled = Actuator::compile(&force.name(), &Location::default(), &spec, &system.model);
+    Ok(compiled.map_err(|e| force.error_at("optimal_force", e))?.filter(|_| applies))
 }
 
-/// Takes the coordinate actuators of the model itself from the list of what is not computed.
-///
-/// # Errors
-/// A coordinate that the model does not have.
-pub fn adopt_model_actuators(setup: &Setup, system: &mut System) -> Result<(), ToolError> {
-    let found: Vec<(usize, String)> = system
-        .spec
-        .forces
-        .iter()
-        .filter(|f| system.unsupported.iter().any(|(n, class)| *n == f.name && class == "CoordinateActuator"))
-        .filter_map(|f| f.at.element.map(|e| (e, f.name.clone())))
-        .collect();
-    for (element, name) in found {
-        if let Some(actuator) = read(&setup.at_element(element), system)? {
-            system.actors.push(Actor::Coordinate(Box::new(CoordinateActuator { name: name.clone(), ..actuator })));
-        }
-        system.unsupported.retain(|(n, _)| *n != name);
-    }
-    Ok(())
+fn body(force: &Properties, property: &str, system: &System) -> Result<FrameIndex, ToolError> {
+    let name = force.string(property);
+    system.frame(&name).ok_or_else(|| {
+        let names = system.spec.bodies.iter().map(|b| b.name.as_str());
+        let nearest = crate::osim::error::nearest(&name, names);
+        force.error_at(property, ToolProblem::Unknown { kind: "body", name, nearest })
+    })
 }
 
 /// Adds the forces of a file (`force_set_files`).
 ///
 /// # Errors
-/// The file; a class that is not supported here; a coordinate that the model does not have.
+/// The file; a class that is not supported here; a coordinate or body that the model does not have.
 pub fn add_force_set(path: &Path, system: &mut System) -> Result<Vec<(usize, String)>, ToolError> {
     let setup = Setup::read(path)?;
     let set = setup.object();
@@ -80,9 +79,9 @@ pub fn add_force_set(path: &Path, system: &mut System) -> Result<Vec<(usize, Str
     }
     for force in set.objects("") {
         match force.class() {
-            "CoordinateActuator" | "GeneralizedForce" => {
+            "CoordinateActuator" | "GeneralizedForce" | "TorqueActuator" | "PointActuator" | "PointToPointActuator" => {
                 if let Some(actuator) = read(&force, system)? {
-                    system.actors.push(Actor::Coordinate(Box::new(actuator)));
+                    system.actors.push(Actor::Actuator(Box::new(actuator)));
                 }
             }
             class => {

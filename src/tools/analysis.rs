@@ -48,6 +48,8 @@ pub struct Instant<'a, 's> {
     pub evaluation: &'a Evaluation,
     /// Rates of speeds; `None` where no analysis asked for them.
     pub udot: Option<&'a DVector<f64>>,
+    /// Multipliers of the constraints, with them.
+    pub multipliers: Option<&'a DVector<f64>>,
 }
 
 /// Something that records over time.

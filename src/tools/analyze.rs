@@ -12,6 +12,7 @@ use super::result::Outcome;
 use super::setup::Properties;
 use super::static_optimization::StaticOptimization;
 use super::system::{System, SystemState, SystemWork};
+use crate::osim::Document;
 use crate::storage::{Storage, spline};
 
 /// Analyses that are run.
@@ -125,15 +126,16 @@ pub fn record<'s>(
         return Ok(());
     }
     let evaluation = system.evaluate(work, state, &|_| true);
-    let mut udot = None;
+    let (mut udot, mut multipliers) = (None, None);
     if analyses.iter().any(|a| a.needs_accelerations() && proceeds(a.as_ref())) {
         let found = system.accelerations(work, state, &evaluation)?;
         // Accelerations of bodies into the buffers.
         work.dynamics.inverse_dynamics(&state.q, &state.u, found.udot.as_slice(), &evaluation.applied);
-        udot = Some(found.udot);
+        (udot, multipliers) = (Some(found.udot), Some(found.multipliers));
     }
     for analysis in analyses.iter_mut().filter(|a| proceeds(a.as_ref())) {
-        let mut instant = Instant { system, work, state, evaluation: &evaluation, udot: udot.as_ref() };
+        let (udot, multipliers) = (udot.as_ref(), multipliers.as_ref());
+        let mut instant = Instant { system, work, state, evaluation: &evaluation, udot, multipliers };
         analysis.record(&mut instant)?;
     }
     Ok(())
@@ -141,9 +143,11 @@ pub fn record<'s>(
 
 /// Runs the tool.
 ///
+/// - `document`: the model's own text, for its controllers
+///
 /// # Errors
 /// The setup, its files, or what the analyses ask for.
-pub fn run(tool: &Properties, mut system: System, outcome: &mut Outcome) -> Result<(), ToolError> {
+pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &mut Outcome) -> Result<(), ToolError> {
     let frame = Frame::read(tool, &mut system, outcome)?;
     let cutoff = tool.number("lowpass_cutoff_frequency_for_coordinates", -1.0)?;
     tool.ignore_all(&[
@@ -153,12 +157,11 @@ pub fn run(tool: &Properties, mut system: System, outcome: &mut Outcome) -> Resu
         "integrator_error_tolerance",
         "integrator_fine_tolerance",
     ]);
-    let (controllers, controls) = (tool.objects("ControllerSet"), tool.file("controls_file"));
-    controllers.iter().for_each(Properties::ignore);
-    if !controllers.is_empty() || controls.is_some() {
-        let text = "controls are not used along a given motion: activations are those of the states";
+    if tool.file("controls_file").is_some() {
+        let text = "controls_file is not used along a given motion: activations are those of the states";
         outcome.warn(tool.setup().path(), tool.line(), text);
     }
+    system.read_controllers(document, tool)?;
     let file = tool.file("states_file").or_else(|| tool.file("coordinates_file"));
     let Some(file) = file else {
         return Err(tool.missing("states_file", "a states_file or a coordinates_file"));

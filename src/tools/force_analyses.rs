@@ -6,9 +6,9 @@ use super::analysis::{Analysis, Instant, Options, UNITS};
 use super::error::{ToolError, ToolProblem};
 use super::setup::Properties;
 use super::system::{Actor, System};
-use crate::forces::ForceLaw;
+use crate::forces::{BushingLaw, ForceLaw, PathForce};
 use crate::multibody::BaseIndex;
-use crate::osim::spec::FrameIndex;
+use crate::osim::spec::{ConstraintKind, ConstraintSpec, CoordinateIndex, FrameIndex};
 use crate::spatial::SpatialForce;
 use crate::storage::Storage;
 
@@ -20,7 +20,16 @@ pub fn record_labels(system: &System, actor: &Actor) -> Vec<String> {
             ForceLaw::CoordinateLimit(_) => vec![name.to_owned(), "PotentialEnergy".to_owned()],
             ForceLaw::SpringGeneralized(_) => vec![format!("{name}_Force")],
             ForceLaw::ExpressionBasedCoordinate(_) => vec![name.to_owned()],
-            ForceLaw::FunctionBasedBushing(bushing) => [bushing.frame1, bushing.frame2]
+            ForceLaw::PointToPointSpring(spring) => spring
+                .frames
+                .iter()
+                .flat_map(|frame| {
+                    let frame = &system.spec.frames[frame.0].name;
+                    ["force.X", "force.Y", "force.Z", "point.X", "point.Y", "point.Z"]
+                        .map(|k| format!("{name}.{frame}.{k}"))
+                })
+                .collect(),
+            ForceLaw::Bushing(bushing) => [bushing.frame1, bushing.frame2]
                 .iter()
                 .flat_map(|frame| {
                     let frame = &system.spec.frames[frame.0].name;
@@ -30,11 +39,24 @@ pub fn record_labels(system: &System, actor: &Actor) -> Vec<String> {
                 .collect(),
         },
         Actor::Along { law, .. } => match **law {
-            crate::forces::PathForce::PathSpring(_) => vec![format!("{name}_tension")],
-            crate::forces::PathForce::Ligament(_) => vec![name.to_owned()],
+            PathForce::PathSpring(_) => vec![format!("{name}_tension")],
+            PathForce::Ligament(_) => vec![name.to_owned()],
+            PathForce::Blankevoort1991(_) => {
+                ["force_spring", "force_damping", "force_total", "length", "lengthening_speed", "strain", "strain_rate"]
+                    .map(|k| format!("{name}.{k}"))
+                    .to_vec()
+            }
         },
         Actor::External(force) => force.labels(),
-        Actor::Muscle(_) | Actor::Coordinate(_) => vec![name.to_owned()],
+        Actor::OverTime(force) => {
+            let frame = &system.spec.frames[force.frame.0].name;
+            let of = if force.force_is_global { "ground" } else { frame };
+            let groups =
+                [(force.force.is_some(), "f"), (force.point.is_some(), "p"), (force.torque.is_some(), "torque_")];
+            let groups = groups.into_iter().filter(|(given, _)| *given);
+            groups.flat_map(|(_, kind)| ["x", "y", "z"].map(|k| format!("{of}_{name}_{kind}{k}"))).collect()
+        }
+        Actor::Muscle(_) | Actor::Actuator(_) | Actor::PathActuator(_) => vec![name.to_owned()],
     }
 }
 
@@ -47,10 +69,25 @@ pub fn record_values(instant: &Instant, position: usize, control: &dyn Fn(usize)
             let own = || instant.evaluation.muscles[*i].as_ref().map_or(f64::NAN, |m| m.tendon_force);
             vec![control(position).unwrap_or_else(own)]
         }
-        Actor::Coordinate(actuator) => {
-            vec![control(position).unwrap_or_else(|| actuator.force(&system.controls, instant.state.time))]
+        actor @ (Actor::Actuator(_) | Actor::PathActuator(_)) => {
+            let own = || actor.controlled_force(&system.controls, instant.state.time).unwrap_or(0.0);
+            vec![control(position).unwrap_or_else(own)]
         }
-        Actor::Along { .. } => vec![instant.evaluation.tension[position]],
+        Actor::Along { law, .. } => {
+            let tension = instant.evaluation.tension[position];
+            let PathForce::Blankevoort1991(ligament) = law.as_ref() else { return vec![tension] };
+            let length = instant.evaluation.path_length[position];
+            let speed = instant.evaluation.path_speed[position];
+            let (spring, damping) = (ligament.spring_force(length), ligament.damping_force(length, speed));
+            let (strain, rate) = (ligament.strain(length), speed / ligament.slack_length);
+            vec![spring, damping, tension, length, speed, strain, rate]
+        }
+        Actor::OverTime(force) => {
+            let [pull, point, torque] = force.values(&system.model, cache, instant.state.time);
+            // OpenSim labels a point that belongs to no force, but gives no values for it.
+            let point = point.map(|point| if pull.is_some() { point } else { Vector3::repeat(f64::NAN) });
+            [pull, point, torque].into_iter().flatten().flat_map(|v| [v.x, v.y, v.z]).collect()
+        }
         Actor::External(force) => force.record(&system.model, cache, instant.state.time),
         Actor::Law(force) => {
             let qdot = instant.work.dynamics.qdot();
@@ -66,8 +103,16 @@ pub fn record_values(instant: &Instant, position: usize, control: &dyn Fn(usize)
                 ForceLaw::ExpressionBasedCoordinate(force) => {
                     vec![force.force(q[force.coordinate.0], qdot[force.coordinate.0])]
                 }
-                ForceLaw::FunctionBasedBushing(force) => {
-                    let forces = force.forces_on_frames(&system.model, cache);
+                ForceLaw::PointToPointSpring(spring) => {
+                    let force = spring.force(cache);
+                    let at = |k: usize| cache.X_GF(&system.model, spring.frames[k]) * spring.points[k];
+                    [force, at(0), -force, at(1)].iter().flat_map(|v| [v.x, v.y, v.z]).collect()
+                }
+                ForceLaw::Bushing(force) => {
+                    let forces = match force.law {
+                        BushingLaw::Linear(_) => force.forces_on_bodies(&system.model, cache),
+                        _ => force.forces_on_frames(&system.model, cache),
+                    };
                     forces
                         .iter()
                         .flat_map(|f| f.force.iter().chain(f.moment.iter()).copied().collect::<Vec<_>>())
@@ -81,7 +126,97 @@ pub fn record_values(instant: &Instant, position: usize, control: &dyn Fn(usize)
 /// Forces of everything that acts.
 pub struct ForceReporter {
     options: Options,
+    /// Whether forces of constraints follow.
+    constraints: bool,
     store: Storage,
+}
+
+/// What the constraint at a position reports.
+enum ConstraintColumns {
+    /// Forces on two bodies, expressed in the nearest body that both descend from.
+    Bodies([BaseIndex; 2], BaseIndex),
+    /// Forces along all coordinates of the joints that it couples.
+    Mobilities(Vec<CoordinateIndex>),
+}
+
+fn constraint_columns(system: &System, constraint: &ConstraintSpec) -> ConstraintColumns {
+    let bodies = |first: FrameIndex, second: FrameIndex| {
+        let bases = [system.model.frame(first).base, system.model.frame(second).base];
+        let chain = |base: BaseIndex| {
+            let inboard = |at: &BaseIndex| {
+                let joint = &system.spec.joints[system.model.inboard_joint(at.body()?)?.0];
+                let ends = [joint.parent_frame, joint.child_frame].map(|f| system.model.frame(f).base);
+                Some(if ends[0] == *at { ends[1] } else { ends[0] })
+            };
+            std::iter::successors(Some(base), inboard).collect::<Vec<_>>()
+        };
+        let second = chain(bases[1]);
+        let ancestor = chain(bases[0]).into_iter().find(|base| second.contains(base));
+        ConstraintColumns::Bodies(bases, ancestor.unwrap_or(BaseIndex::GROUND))
+    };
+    match &constraint.kind {
+        ConstraintKind::Weld { frame1, frame2 } => bodies(*frame1, *frame2),
+        ConstraintKind::Point { body_1, body_2, .. } | ConstraintKind::ConstantDistance { body_1, body_2, .. } => {
+            bodies(*body_1, *body_2)
+        }
+        ConstraintKind::PointOnLine { line_body, follower_body, .. } => bodies(*line_body, *follower_body),
+        ConstraintKind::CoordinateCoupler { independent_coordinates, dependent_coordinate, .. } => {
+            let mut joints = Vec::new();
+            for coordinate in independent_coordinates.iter().chain([dependent_coordinate]) {
+                let joint = system.spec.coordinates[coordinate.0].joint;
+                if !joints.contains(&joint) {
+                    joints.push(joint);
+                }
+            }
+            let coordinates = joints.iter().flat_map(|joint| system.spec.joints[joint.0].coordinates.clone());
+            ConstraintColumns::Mobilities(coordinates.collect())
+        }
+        ConstraintKind::Unsupported { .. } => ConstraintColumns::Mobilities(Vec::new()),
+    }
+}
+
+/// Labels of the forces of all enforced constraints (`Constraint::getRecordLabels`).
+fn constraint_labels(system: &System) -> Vec<String> {
+    let enforced = system.spec.constraints.iter().filter(|c| c.is_enforced);
+    enforced
+        .flat_map(|constraint| match constraint_columns(system, constraint) {
+            ConstraintColumns::Bodies(bases, _) => bases
+                .iter()
+                .flat_map(|base| {
+                    let body = base.body().map_or("ground", |body| system.spec.bodies[body.0].name.as_str());
+                    ["Fx", "Fy", "Fz", "Mx", "My", "Mz"].map(|k| format!("{}_{body}_{k}", constraint.name))
+                })
+                .collect::<Vec<_>>(),
+            ConstraintColumns::Mobilities(coordinates) => {
+                (0..coordinates.len()).map(|i| format!("{}_mobility_F{i}", constraint.name)).collect()
+            }
+        })
+        .collect()
+}
+
+/// Their values; NaN without multipliers.
+#[allow(non_snake_case)]
+fn constraint_values(instant: &Instant) -> Vec<f64> {
+    let (system, cache) = (instant.system, instant.work.dynamics.cache());
+    let forces = instant.multipliers.map(|m| system.constraints.forces(cache, &instant.state.q, m)).unwrap_or_default();
+    let mut values = Vec::new();
+    for (i, constraint) in system.spec.constraints.iter().enumerate().filter(|(_, c)| c.is_enforced) {
+        let found = forces.iter().find(|force| force.constraint == Some(i));
+        match constraint_columns(system, constraint) {
+            ConstraintColumns::Bodies(bases, ancestor) => {
+                let R = cache.X_GB(ancestor).R;
+                for k in 0..bases.len() {
+                    let on = found.map_or(SpatialForce::default(), |force| force.bodies[k].1);
+                    values.extend(R.tr_mul(&on.force).iter().chain(R.tr_mul(&on.moment).iter()));
+                }
+            }
+            ConstraintColumns::Mobilities(coordinates) => values.extend(coordinates.iter().map(|c| {
+                let along = found.into_iter().flat_map(|force| &force.mobilities).filter(|(on, _)| on == c);
+                along.map(|(_, force)| force).sum::<f64>()
+            })),
+        }
+    }
+    values
 }
 
 /// A storage as `ForceReporter` writes it.
@@ -98,13 +233,15 @@ impl ForceReporter {
     /// Reads the analysis.
     ///
     /// # Errors
-    /// Constraint forces are asked for.
+    /// Values that cannot be used.
     pub fn read(analysis: &Properties, system: &System) -> Result<ForceReporter, ToolError> {
         let options = Options::read(analysis)?;
-        if analysis.boolean("include_constraint_forces", false)? {
-            return Err(analysis.unsupported("include_constraint_forces", "set it to false"));
+        let constraints = analysis.boolean("include_constraint_forces", false)?;
+        let mut store = force_storage(system);
+        if constraints {
+            store.labels.extend(constraint_labels(system));
         }
-        Ok(ForceReporter { options, store: force_storage(system) })
+        Ok(ForceReporter { options, constraints, store })
     }
 }
 
@@ -113,9 +250,16 @@ impl Analysis for ForceReporter {
         &self.options
     }
 
+    fn needs_accelerations(&self) -> bool {
+        self.constraints
+    }
+
     fn record(&mut self, instant: &mut Instant) -> Result<(), ToolError> {
         let values = (0..instant.system.actors.len()).flat_map(|k| record_values(instant, k, &|_| None));
-        let values = values.collect();
+        let mut values: Vec<f64> = values.collect();
+        if self.constraints {
+            values.extend(constraint_values(instant));
+        }
         self.store.push(instant.state.time, values);
         Ok(())
     }
@@ -140,7 +284,7 @@ impl Actuation {
     /// Values that cannot be used.
     pub fn read(analysis: &Properties, system: &System) -> Result<Actuation, ToolError> {
         let options = Options::read(analysis)?;
-        let is_actuator = |k: &usize| matches!(system.actors[*k], Actor::Muscle(_) | Actor::Coordinate(_));
+        let is_actuator = |k: &usize| system.actors[*k].is_actuator();
         let actuators: Vec<usize> = (0..system.actors.len()).filter(is_actuator).collect();
         let labels: Vec<String> =
             actuators.iter().map(|k| system.actors[*k].name(&system.muscles).to_owned()).collect();
@@ -171,10 +315,15 @@ impl Analysis for Actuation {
                     let force = evaluation.muscles[*i].as_ref().map_or(f64::NAN, |m| m.tendon_force);
                     (force, evaluation.muscle_speed[*i], -force * evaluation.muscle_speed[*i])
                 }
-                Actor::Coordinate(actuator) => {
-                    let (force, speed) =
-                        (actuator.force(&system.controls, time), instant.state.u[actuator.coordinate.0]);
+                actor @ Actor::Actuator(actuator) => {
+                    let force = actor.controlled_force(&system.controls, time).unwrap_or(0.0);
+                    let cache = instant.work.dynamics.cache();
+                    let speed = actuator.speed(&system.model, &instant.state.u, cache);
                     (force, speed, force * speed)
+                }
+                Actor::PathActuator(_) => {
+                    let (force, speed) = (evaluation.tension[k], evaluation.path_speed[k]);
+                    (force, speed, -force * speed)
                 }
                 _ => continue,
             };
@@ -268,14 +417,6 @@ impl JointReaction {
             Some(file) => Some(Storage::read(file)?),
             None => None,
         };
-        let between = |c: &&crate::osim::spec::ConstraintSpec| {
-            c.is_enforced && !matches!(c.kind, crate::osim::spec::ConstraintKind::CoordinateCoupler { .. })
-        };
-        if let Some(constraint) = system.spec.constraints.iter().find(between) {
-            let what = format!("{} with {}", analysis.class(), constraint.kind.class());
-            let instead = "forces of constraints between bodies are not shared out among joints yet";
-            return Err(analysis.error_at("joint_names", ToolProblem::Unsupported { what, instead: instead.into() }));
-        }
         Ok(JointReaction { options, reactions, forces, store, warnings })
     }
 }
@@ -294,6 +435,7 @@ impl Analysis for JointReaction {
         let (system, state) = (instant.system, instant.state);
         let mut applied = instant.evaluation.applied.clone();
         let mut udot = instant.udot.cloned();
+        let mut multipliers = instant.multipliers.cloned();
         if let Some(forces) = &self.forces {
             // Forces of actuators are those of the file.
             let values = forces.at(state.time);
@@ -301,9 +443,10 @@ impl Analysis for JointReaction {
             applied = system.with_actuator_forces(instant.work, state, &control);
             let found = instant.work.dynamics.accelerations(state.time, &state.q, &state.u, &applied);
             let fail = |source| ToolError::new(&system.path, ToolProblem::Dynamics { time: state.time, source });
-            udot = Some(found.map_err(fail)?.udot);
+            let found = found.map_err(fail)?;
+            (udot, multipliers) = (Some(found.udot), Some(found.multipliers));
         }
-        let Some(udot) = udot else { return Ok(()) };
+        let (Some(udot), Some(multipliers)) = (udot, multipliers) else { return Ok(()) };
         instant.work.dynamics.inverse_dynamics(&state.q, &state.u, udot.as_slice(), &applied);
         let cache = instant.work.dynamics.cache();
         let model = &system.model;
@@ -317,6 +460,10 @@ impl Analysis for JointReaction {
             let force = body.mass * (A.acceleration_at(&p, &V.w) - model.gravity);
             let moment = turned(&A.alpha) + V.w.cross(&turned(&V.w));
             forces[base.0] = SpatialForce { moment, force }.shift_to_origin(&p) + -applied.bodies[base.0];
+        }
+        // What constraints between bodies bear, joints do not.
+        for constraint in system.constraints.forces(cache, &state.q, &multipliers) {
+            constraint.bodies.iter().for_each(|(base, force)| forces[base.0] += -*force);
         }
         let mut unused = vec![0.0; model.n_coordinates()];
         model.gather(cache, &mut forces, &mut unused);

@@ -10,11 +10,10 @@ use super::analyze::{Frame, read_analyses, record, states_from_file};
 use super::controls::Controls;
 use super::error::{ToolError, ToolProblem};
 use super::result::{Outcome, ResultFile};
-use super::setup::{Properties, Setup};
-use super::system::{Actor, System};
+use super::setup::Properties;
+use super::system::{Actor, System, apply_tension};
 use crate::dynamics::{ForwardOptions, Load, Plant, PlantState, simulate_forward};
 use crate::osim::Document;
-use crate::osim::spec::CoordinateIndex;
 use crate::storage::{Storage, printed};
 
 /// Rows of results per second, at least this many rows in all.
@@ -38,18 +37,8 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
     ]);
     let specified = tool.boolean("use_specified_dt", false)?;
     system.require_all_forces(&|_| false)?;
-    let names: Vec<String> = system
-        .actors
-        .iter()
-        .filter(|a| matches!(a, Actor::Muscle(_) | Actor::Coordinate(_)))
-        .map(|a| a.name(&system.muscles).to_owned())
-        .collect();
-    let mut controls = Controls::default();
-    let own = Setup::of_document(&system.path, document);
-    controls.read(&own.object().objects("ControllerSet"), &names)?;
-    controls.read(&tool.objects("ControllerSet"), &names)?;
-
-    system.controls = controls.clone();
+    system.read_controllers(document, tool)?;
+    let (names, controls) = (system.actuator_names(), system.controls.clone());
 
     let [mut start, end] = frame.time;
     let mut state = system.default_state()?;
@@ -92,6 +81,8 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         u: state.u.clone(),
         activation: positions.iter().map(|i| state.activation[*i]).collect(),
         fiber_length: positions.iter().map(|i| state.fiber_length[*i]).collect(),
+        fiber_velocity: positions.iter().map(|i| state.fiber_velocity[*i]).collect(),
+        dissipated_energy: state.dissipated_energy.clone(),
     };
     let options = ForwardOptions { times, accuracy: accuracy.min(1e-5), first_step: 1e-3 };
     let excite = |time: f64, values: &mut [f64]| {
@@ -107,7 +98,9 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         (full.time, full.q, full.u) = (*time, found.q.clone(), found.u.clone());
         for (j, i) in positions.iter().enumerate() {
             (full.activation[*i], full.fiber_length[*i]) = (found.activation[j], found.fiber_length[j]);
+            full.fiber_velocity[*i] = found.fiber_velocity[j];
         }
+        full.dissipated_energy.clone_from(&found.dissipated_energy);
         states.push(*time, system.state_values(&full));
         if !analyses.is_empty() {
             let step = (k != 0 && k != last).then_some(k);
@@ -130,14 +123,28 @@ fn plant_of(system: &System, controls: &Controls) -> Result<Plant, ToolProblem> 
         match actor {
             Actor::External(force) => {
                 let force = force.clone();
-                let load: Load = Arc::new(move |model, cache, time, applied| force.apply(model, cache, time, applied));
+                let load: Load =
+                    Arc::new(move |model, _, cache, time, applied| force.apply(model, cache, time, applied));
                 plant = plant.with_load(load);
             }
-            Actor::Coordinate(actuator) => {
-                let (actuator, controls) = (actuator.clone(), controls.clone());
-                let coordinate: CoordinateIndex = actuator.coordinate;
-                plant = plant.with_load(Arc::new(move |_, _, time, applied| {
-                    applied.add_to_coordinate(coordinate, actuator.force(&controls, time));
+            Actor::Actuator(actuator) => {
+                let (actor, actuator, controls) = (actor.clone(), actuator.clone(), controls.clone());
+                plant = plant.with_load(Arc::new(move |model, _, cache, time, applied| {
+                    let force = actor.controlled_force(&controls, time).unwrap_or(0.0);
+                    if force != 0.0 {
+                        actuator.apply(model, cache, force, applied);
+                    }
+                }));
+            }
+            Actor::PathActuator(actuator) => {
+                let (actor, actuator, controls) = (actor.clone(), actuator.clone(), controls.clone());
+                plant = plant.with_load(Arc::new(move |_, q, cache, time, applied| {
+                    let tension = actor.controlled_force(&controls, time).unwrap_or(0.0);
+                    if tension != 0.0 {
+                        let mut geometry = actuator.path.new_geometry();
+                        actuator.path.update(q, cache, &mut geometry);
+                        apply_tension(&actuator.path, q, cache, &geometry, tension, applied);
+                    }
                 }));
             }
             _ => {}

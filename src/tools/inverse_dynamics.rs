@@ -102,7 +102,7 @@ fn solve(
         .iter()
         .map(|actor| {
             let is_muscle = matches!(actor, Actor::Muscle(_));
-            !is_excluded(actor.name(&system.muscles), is_muscle, is_muscle)
+            !is_excluded(actor.name(&system.muscles), is_muscle, actor.is_actuator())
         })
         .collect();
     let mut solutions = Vec::with_capacity(times.len());

@@ -62,7 +62,10 @@ pub fn run_tool(setup: &Path, model: Option<&Path>, allow_unsupported: bool) -> 
         Ok::<_, ToolError>((system, document))
     };
     match tool.class() {
-        "AnalyzeTool" => analyze::run(&tool, system_of(&mut outcome)?.0, &mut outcome)?,
+        "AnalyzeTool" => {
+            let (system, document) = system_of(&mut outcome)?;
+            analyze::run(&tool, system, document, &mut outcome)?;
+        }
         "ForwardTool" => {
             let (system, document) = system_of(&mut outcome)?;
             forward::run(&tool, system, document, &mut outcome)?;

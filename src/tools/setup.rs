@@ -168,7 +168,8 @@ impl<'a> Properties<'a> {
 
     /// Objects of a set; of the set that this is, for an empty name.
     pub fn objects(&self, set: &str) -> Vec<Properties<'a>> {
-        let Some(set) = (if set.is_empty() { Some(*self) } else { self.child(set) }) else { return Vec::new() };
+        let found = if set.is_empty() { Some(*self) } else { self.child(set).or_else(|| self.named(set)) };
+        let Some(set) = found else { return Vec::new() };
         if let Some(groups) = set.child("groups") {
             groups.ignore();
         }
@@ -181,6 +182,15 @@ impl<'a> Properties<'a> {
                 Properties { setup: self.setup, element }
             })
             .collect()
+    }
+
+    /// The object that is a property by its name: `<FunctionSet name="ControlFunctions">`.
+    fn named(&self, property: &str) -> Option<Properties<'a>> {
+        let document = &self.setup.document;
+        let is_named = |child: &&ElementId| document.attribute(**child, "name").as_deref() == Some(property);
+        let element = *document.children(self.element).iter().find(is_named)?;
+        self.setup.mark(element);
+        Some(Properties { setup: self.setup, element })
     }
 
     /// Takes everything below as read.

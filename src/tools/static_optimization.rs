@@ -60,8 +60,10 @@ impl StaticOptimization {
                     let spec = &system.spec.muscles[*i];
                     [spec.min_control, spec.max_control]
                 }
-                Actor::Coordinate(actuator) => actuator.control_range,
-                _ => continue,
+                actor => match actor.control() {
+                    Some((_, range)) => range,
+                    None => continue,
+                },
             };
             actuators.push(k);
             ranges.push(range);
@@ -110,8 +112,7 @@ impl StaticOptimization {
                 let (length, speed) = (instant.evaluation.muscle_length[*i], instant.evaluation.muscle_speed[*i]);
                 law.inextensible_tendon_active_fiber_force(length, speed, 1.0)
             }
-            Actor::Coordinate(actuator) => actuator.optimal_force,
-            _ => 0.0,
+            actor => actor.control().map_or(0.0, |(optimal, _)| optimal),
         }
     }
 }

@@ -4,17 +4,16 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::actuators::{CoordinateActuator, adopt_model_actuators};
 use super::controls::Controls;
 use super::error::{ToolError, ToolProblem};
 use super::external_loads::ExternalForce;
-use super::setup::Setup;
+use super::setup::{Properties, Setup};
 use crate::dynamics::{Accelerations, Constraints, Dynamics};
-use crate::forces::{AppliedForces, Force, Forces, PathForce};
+use crate::forces::{Actuator, AppliedForces, Force, Forces, PathForce, PrescribedForce};
 use crate::multibody::{Cache, Model};
-use crate::muscles::{MuscleDynamics, MuscleModel};
-use crate::osim::OsimFile;
-use crate::osim::spec::{BodyIndex, CoordinateIndex, FrameIndex, ModelSpec, MotionType};
+use crate::muscles::{MuscleDynamics, MuscleModel, MuscleState};
+use crate::osim::spec::{ActuatorKind, BodyIndex, CoordinateIndex, ForceKind, FrameIndex, ModelSpec, MotionType};
+use crate::osim::{Document, OsimFile};
 use crate::paths::{Path as MusclePath, PathGeometry};
 use crate::spatial::SpatialForce;
 
@@ -55,7 +54,11 @@ pub enum Actor {
         law: Box<PathForce>,
     },
     /// An actuator that follows a control.
-    Coordinate(Box<CoordinateActuator>),
+    Actuator(Box<Actuator>),
+    /// A `PathActuator`.
+    PathActuator(Box<PathActuator>),
+    /// A force given over time.
+    OverTime(Box<PrescribedForce>),
     /// A force from data.
     External(Box<ExternalForce>),
 }
@@ -67,10 +70,50 @@ impl Actor {
             Actor::Muscle(i) => &muscles[*i].name,
             Actor::Law(force) => &force.name,
             Actor::Along { name, .. } => name,
-            Actor::Coordinate(actuator) => &actuator.name,
+            Actor::Actuator(actuator) => &actuator.name,
+            Actor::PathActuator(actuator) => &actuator.name,
+            Actor::OverTime(force) => &force.name,
             Actor::External(force) => &force.name,
         }
     }
+
+    /// Whether it is a muscle or another actuator.
+    pub fn is_actuator(&self) -> bool {
+        matches!(self, Actor::Muscle(_) | Actor::Actuator(_) | Actor::PathActuator(_))
+    }
+
+    /// Force for a control of 1 and the range of controls, of actuators that are not muscles.
+    pub fn control(&self) -> Option<(f64, [f64; 2])> {
+        match self {
+            Actor::Actuator(actuator) => Some((actuator.optimal_force, actuator.control_range)),
+            Actor::PathActuator(actuator) => Some((actuator.optimal_force, actuator.control_range)),
+            _ => None,
+        }
+    }
+
+    /// Force of an actuator that is no muscle at a time; without a control, none [N or N·m].
+    pub fn controlled_force(&self, controls: &Controls, time: f64) -> Option<f64> {
+        let name = match self {
+            Actor::Actuator(actuator) => &actuator.name,
+            Actor::PathActuator(actuator) => &actuator.name,
+            _ => return None,
+        };
+        // OpenSim keeps controls within their bounds only where it looks for them.
+        Some(controls.at(name, time).unwrap_or(0.0) * self.control()?.0)
+    }
+}
+
+/// OpenSim's `PathActuator`: control times optimal force, a tension along a path.
+#[derive(Clone, Debug)]
+pub struct PathActuator {
+    /// Name.
+    pub name: String,
+    /// Path.
+    pub path: MusclePath,
+    /// Tension for a control of 1 [N].
+    pub optimal_force: f64,
+    /// Lowest and highest control.
+    pub control_range: [f64; 2],
 }
 
 /// A model with all that acts in it.
@@ -109,8 +152,12 @@ pub struct SystemState {
     pub u: Vec<f64>,
     /// Activation of every muscle.
     pub activation: Vec<f64>,
-    /// Fibre length of every muscle [m]; NaN: at equilibrium.
+    /// Fibre length of every muscle [m], or what its class has in its place ([`MuscleState`]); NaN: at equilibrium.
     pub fiber_length: Vec<f64>,
+    /// Fibre velocity of every muscle [m/s], where it is a state.
+    pub fiber_velocity: Vec<f64>,
+    /// Energy that every `BushingForce` has taken up [J].
+    pub dissipated_energy: Vec<f64>,
 }
 
 /// What the system does at a state.
@@ -124,6 +171,10 @@ pub struct Evaluation {
     pub muscles: Vec<Option<MuscleDynamics>>,
     /// Tension of every force along a path that is no muscle, by position among the actors [N].
     pub tension: Vec<f64>,
+    /// Length of the path, as the above [m].
+    pub path_length: Vec<f64>,
+    /// Lengthening speed of the path, as the above [m/s].
+    pub path_speed: Vec<f64>,
     /// Sum of forces.
     pub applied: AppliedForces,
 }
@@ -143,10 +194,7 @@ impl System {
     /// # Errors
     /// Anything of it that cannot be built.
     pub fn new(path: &Path, file: OsimFile) -> Result<System, ToolError> {
-        let OsimFile { spec, document, .. } = file;
-        let mut system = System::of_spec(path, spec)?;
-        adopt_model_actuators(&Setup::of_document(path, document), &mut system)?;
-        Ok(system)
+        System::of_spec(path, file.spec)
     }
 
     /// Compiles a specification.
@@ -196,6 +244,22 @@ impl System {
             let path = MusclePath::compile(&force.path, &spec, &model).map_err(|e| fail(line, e.into()))?;
             actors.push((line, Actor::Along { name: force.name, path: Box::new(path), law: Box::new(force.law) }));
         }
+        for force in spec.forces.iter().filter(|f| f.applies_force) {
+            let ForceKind::Actuator(actuator) = &force.kind else { continue };
+            let ActuatorKind::Path { path } = &actuator.kind else { continue };
+            let line = force.at.line;
+            let path = MusclePath::compile(path, &spec, &model).map_err(|e| fail(line, e.into()))?;
+            let (name, optimal_force) = (force.name.clone(), actuator.optimal_force);
+            let control_range = [actuator.min_control, actuator.max_control];
+            actors
+                .push((line, Actor::PathActuator(Box::new(PathActuator { name, path, optimal_force, control_range }))));
+        }
+        for force in forces.over_time {
+            actors.push((line_of(&force.name), Actor::OverTime(Box::new(force))));
+        }
+        for actuator in forces.actuators {
+            actors.push((line_of(&actuator.name), Actor::Actuator(Box::new(actuator))));
+        }
         actors.sort_by_key(|(line, _)| *line);
         let actors = actors.into_iter().map(|(_, actor)| actor).collect();
         let tree_order = tree_order(&spec, &model);
@@ -219,6 +283,7 @@ impl System {
     pub fn new_work(&self) -> SystemWork<'_> {
         let geometry = |actor: &Actor| match actor {
             Actor::Along { path, .. } => Some(path.new_geometry()),
+            Actor::PathActuator(actuator) => Some(actuator.path.new_geometry()),
             _ => None,
         };
         SystemWork {
@@ -237,13 +302,18 @@ impl System {
         let mut u: Vec<f64> = self.model.coordinates.iter().map(|c| c.default_speed_value).collect();
         self.assemble(0.0, &mut q)?;
         self.project_speeds(0.0, &q, &mut u);
-        let law = |m: &SystemMuscle, get: fn(&MuscleModel) -> f64| m.law.as_ref().map_or(f64::NAN, get);
+        let of = |get: fn(MuscleState) -> f64| {
+            let one = |m: &SystemMuscle| m.law.as_ref().map_or(f64::NAN, |law| get(law.default_state()));
+            self.muscles.iter().map(one).collect()
+        };
         Ok(SystemState {
             time: 0.0,
             q,
             u,
-            activation: self.muscles.iter().map(|m| law(m, MuscleModel::default_activation)).collect(),
-            fiber_length: self.muscles.iter().map(|m| law(m, MuscleModel::default_fiber_length)).collect(),
+            activation: of(|state| state.activation),
+            fiber_length: of(|state| state.fiber_length),
+            fiber_velocity: vec![0.0; self.muscles.len()],
+            dissipated_energy: vec![0.0; self.dampers().count()],
         })
     }
 
@@ -305,12 +375,43 @@ impl System {
             muscle.path.update(&state.q, work.dynamics.cache(), &mut work.paths[i]);
             let (cache, qdot) = (work.dynamics.cache(), work.dynamics.qdot());
             let speed = muscle.path.lengthening_speed(&state.q, qdot, cache, &work.paths[i]);
-            match law.equilibrium(work.paths[i].length(), speed, state.activation[i]) {
+            match law.equilibrium(work.paths[i].length(), speed, self.muscle_state(state, i).activation) {
                 Ok(found) => state.fiber_length[i] = found,
                 Err(error) => failed.push(error.to_string()),
             }
         }
         failed
+    }
+
+    /// States of one muscle; an activation that is none is the control, 0 without one.
+    fn muscle_state(&self, state: &SystemState, i: usize) -> MuscleState {
+        let muscle = &self.muscles[i];
+        let is_control = muscle.law.as_ref().is_some_and(MuscleModel::ignore_activation_dynamics);
+        let control = || self.controls.at(&muscle.name, state.time).unwrap_or(0.0);
+        MuscleState {
+            activation: if is_control { control() } else { state.activation[i] },
+            fiber_length: state.fiber_length[i],
+            fiber_velocity: state.fiber_velocity[i],
+        }
+    }
+
+    /// Reads the controllers of the model and of a setup.
+    ///
+    /// # Errors
+    /// A class that is not supported, functions that cannot be built.
+    pub fn read_controllers(&mut self, document: Document, tool: &Properties) -> Result<(), ToolError> {
+        let names: Vec<String> = self.actuator_names();
+        let mut controls = Controls::default();
+        let own = Setup::of_document(&self.path, document);
+        controls.read(&own.object().objects("ControllerSet"), &names)?;
+        controls.read(&tool.objects("ControllerSet"), &names)?;
+        self.controls = controls;
+        Ok(())
+    }
+
+    /// Names of muscles and other actuators that apply force.
+    pub fn actuator_names(&self) -> Vec<String> {
+        self.actors.iter().filter(|a| a.is_actuator()).map(|a| a.name(&self.muscles).to_owned()).collect()
     }
 
     /// Everything at a state but accelerations.
@@ -327,15 +428,18 @@ impl System {
             muscle_speed: vec![0.0; n],
             muscles: vec![None; n],
             tension: vec![0.0; self.actors.len()],
+            path_length: vec![0.0; self.actors.len()],
+            path_speed: vec![0.0; self.actors.len()],
             applied: AppliedForces::new(&self.model),
         };
         for (i, muscle) in self.muscles.iter().enumerate() {
             muscle.path.update(&state.q, cache, &mut paths[i]);
             found.muscle_length[i] = paths[i].length();
             found.muscle_speed[i] = muscle.path.lengthening_speed(&state.q, &qdot, cache, &paths[i]);
-            found.muscles[i] = muscle.law.as_ref().map(|law| {
-                law.dynamics(state.fiber_length[i], state.activation[i], found.muscle_length[i], found.muscle_speed[i])
-            });
+            found.muscles[i] = muscle
+                .law
+                .as_ref()
+                .map(|law| law.dynamics(self.muscle_state(state, i), found.muscle_length[i], found.muscle_speed[i]));
         }
         for (k, actor) in self.actors.iter().enumerate() {
             let applied = &mut found.applied;
@@ -355,15 +459,31 @@ impl System {
                 Actor::Along { path, law, .. } => {
                     let Some(geometry) = &mut others[k] else { continue };
                     path.update(&state.q, cache, geometry);
-                    let speed = path.lengthening_speed(&state.q, &qdot, cache, geometry);
-                    found.tension[k] = law.tension(geometry.length(), speed);
+                    found.path_length[k] = geometry.length();
+                    found.path_speed[k] = path.lengthening_speed(&state.q, &qdot, cache, geometry);
+                    found.tension[k] = law.tension(found.path_length[k], found.path_speed[k]);
                     if acts(k) {
                         apply_tension(path, &state.q, cache, geometry, found.tension[k], applied);
                     }
                 }
-                Actor::Coordinate(actuator) => {
+                Actor::Actuator(actuator) => {
+                    let force = actor.controlled_force(&self.controls, state.time).unwrap_or(0.0);
+                    if acts(k) && force != 0.0 {
+                        actuator.apply(&self.model, cache, force, applied);
+                    }
+                }
+                Actor::PathActuator(actuator) => {
+                    let Some(geometry) = &mut others[k] else { continue };
+                    actuator.path.update(&state.q, cache, geometry);
+                    found.path_speed[k] = actuator.path.lengthening_speed(&state.q, &qdot, cache, geometry);
+                    found.tension[k] = actor.controlled_force(&self.controls, state.time).unwrap_or(0.0);
                     if acts(k) {
-                        applied.add_to_coordinate(actuator.coordinate, actuator.force(&self.controls, state.time));
+                        apply_tension(&actuator.path, &state.q, cache, geometry, found.tension[k], applied);
+                    }
+                }
+                Actor::OverTime(force) => {
+                    if acts(k) {
+                        force.apply(&self.model, state.time, cache, applied);
                     }
                 }
                 Actor::External(force) => {
@@ -387,19 +507,27 @@ impl System {
             .actors
             .iter()
             .map(|actor| match actor {
-                Actor::Muscle(_) | Actor::Coordinate(_) => force_of(actor.name(&self.muscles)),
+                actor if actor.is_actuator() => force_of(actor.name(&self.muscles)),
                 _ => None,
             })
             .collect();
         let mut applied = self.evaluate(work, state, &|k| given[k].is_none()).applied;
-        for (actor, force) in self.actors.iter().zip(&given) {
+        for (k, (actor, force)) in self.actors.iter().zip(&given).enumerate() {
             let Some(force) = force else { continue };
             match actor {
                 Actor::Muscle(i) => {
                     let cache = work.dynamics.cache();
                     apply_tension(&self.muscles[*i].path, &state.q, cache, &work.paths[*i], *force, &mut applied);
                 }
-                Actor::Coordinate(actuator) => applied.add_to_coordinate(actuator.coordinate, *force),
+                Actor::Actuator(actuator) => {
+                    actuator.apply(&self.model, work.dynamics.cache(), *force, &mut applied);
+                }
+                Actor::PathActuator(actuator) => {
+                    let (cache, geometry) = (work.dynamics.cache(), &work.others[k]);
+                    if let Some(geometry) = geometry {
+                        apply_tension(&actuator.path, &state.q, cache, geometry, *force, &mut applied);
+                    }
+                }
                 _ => {}
             }
         }
@@ -478,34 +606,64 @@ impl System {
         self.model.body(name)
     }
 
-    /// Names of the states in OpenSim's order: value and speed of every coordinate, activation and fibre length of
-    /// every muscle.
+    /// Every `BushingForce` that applies: position among the forces of the specification.
+    fn dampers(&self) -> impl Iterator<Item = usize> + '_ {
+        let forces = self.spec.forces.iter().enumerate();
+        forces.filter(|(_, f)| f.applies_force && matches!(f.kind, ForceKind::Bushing { .. })).map(|(i, _)| i)
+    }
+
+    /// What of the force set has states, in its order: lines, and a muscle or the number of a bushing.
+    fn with_states(&self) -> Vec<(usize, Result<usize, usize>)> {
+        let muscles = self.muscles.iter().enumerate().map(|(i, m)| (m.class.1, Ok(i)));
+        let bushings = self.dampers().enumerate().map(|(k, i)| (self.spec.forces[i].at.line, Err(k)));
+        let mut all: Vec<_> = muscles.chain(bushings).collect();
+        all.sort_by_key(|(line, _)| *line);
+        all
+    }
+
+    /// Names of the states in OpenSim's order: value and speed of every coordinate, then what muscles and bushings have.
     pub fn state_names(&self) -> Vec<String> {
         let coordinates = self.spec.coordinates.iter();
         let mut names: Vec<String> =
             coordinates.flat_map(|c| [format!("{}/value", c.at.path), format!("{}/speed", c.at.path)]).collect();
-        for muscle in &self.muscles {
-            let Some(law) = &muscle.law else { continue };
-            if !law.ignore_activation_dynamics() {
-                names.push(format!("{}/activation", muscle.path_name));
-            }
-            if !law.ignore_tendon_compliance() {
-                names.push(format!("{}/fiber_length", muscle.path_name));
+        let bushings: Vec<usize> = self.dampers().collect();
+        for (_, owner) in self.with_states() {
+            match owner {
+                Ok(i) => {
+                    self.for_each_muscle_state(i, |name| names.push(format!("{}/{name}", self.muscles[i].path_name)))
+                }
+                Err(k) => names.push(format!("{}/dissipated_energy", self.spec.forces[bushings[k]].at.path)),
             }
         }
         names
     }
 
+    fn for_each_muscle_state(&self, i: usize, mut visit: impl FnMut(&'static str)) {
+        let Some(law) = &self.muscles[i].law else { return };
+        if !law.ignore_activation_dynamics() {
+            visit("activation");
+        }
+        if !law.ignore_tendon_compliance() {
+            visit(law.length_state_name());
+        }
+        if law.has_velocity_state() {
+            visit("fiber_velocity");
+        }
+    }
+
     /// Values of the states in the order of [`System::state_names`].
     pub fn state_values(&self, state: &SystemState) -> Vec<f64> {
         let mut values: Vec<f64> = state.q.iter().zip(&state.u).flat_map(|(q, u)| [*q, *u]).collect();
-        for (i, muscle) in self.muscles.iter().enumerate() {
-            let Some(law) = &muscle.law else { continue };
-            if !law.ignore_activation_dynamics() {
-                values.push(state.activation[i]);
-            }
-            if !law.ignore_tendon_compliance() {
-                values.push(state.fiber_length[i]);
+        for (_, owner) in self.with_states() {
+            match owner {
+                Ok(i) => self.for_each_muscle_state(i, |name| {
+                    values.push(match name {
+                        "activation" => state.activation[i],
+                        "fiber_velocity" => state.fiber_velocity[i],
+                        _ => state.fiber_length[i],
+                    });
+                }),
+                Err(k) => values.push(state.dissipated_energy[k]),
             }
         }
         values
@@ -520,7 +678,12 @@ impl System {
             "value" => coordinate().map(|i| &mut state.q[i]),
             "speed" => coordinate().map(|i| &mut state.u[i]),
             "activation" => muscle().map(|i| &mut state.activation[i]),
-            "fiber_length" => muscle().map(|i| &mut state.fiber_length[i]),
+            "fiber_length" | "normalized_tendon_force" => muscle().map(|i| &mut state.fiber_length[i]),
+            "fiber_velocity" => muscle().map(|i| &mut state.fiber_velocity[i]),
+            "dissipated_energy" => {
+                let bushing = self.dampers().position(|i| self.spec.forces[i].at.path == owner);
+                bushing.map(|k| &mut state.dissipated_energy[k])
+            }
             _ => None,
         };
         match place {
@@ -539,7 +702,7 @@ impl System {
 }
 
 /// Forces of a tension along a path.
-fn apply_tension(
+pub fn apply_tension(
     path: &MusclePath,
     q: &[f64],
     cache: &Cache,

@@ -39,6 +39,11 @@ fn fixture_cases() -> Vec<Case> {
             include_str!("../../fixtures/dynamics/constraints.osim"),
             include_str!("../../fixtures/dynamics/constraints.json"),
         ),
+        (
+            "ellipsoids",
+            include_str!("../../fixtures/dynamics/ellipsoids.osim"),
+            include_str!("../../fixtures/dynamics/ellipsoids.json"),
+        ),
         ("weld", include_str!("../../fixtures/dynamics/weld.osim"), include_str!("../../fixtures/dynamics/weld.json")),
     ];
     let parse = |(name, osim, json): (&str, &str, &str)| {
@@ -294,7 +299,14 @@ fn compare_under_all_forces(case: &Case, plant: &Plant) -> Vec<Row> {
         };
         let activation = of_muscles(&state["activation"]);
         let fiber_length = of_muscles(&state["fiber_length"]);
-        let x = plant.pack(&PlantState { q: q.clone(), u: u.clone(), activation: activation.clone(), fiber_length });
+        let x = plant.pack(&PlantState {
+            q: q.clone(),
+            u: u.clone(),
+            activation: activation.clone(),
+            fiber_length,
+            fiber_velocity: vec![0.0; plant.muscles.len()],
+            dissipated_energy: Vec::new(),
+        });
         plant.rates(0.0, &x, &activation, &mut work, &mut rates).unwrap_or_else(|e| panic!("{}: {e}", case.name));
         let (tension, speed) = (of_muscles(&state["tendon_force"]), of_muscles(&state["fiber_velocity"]));
         for (k, m) in plant.muscles.iter().enumerate() {

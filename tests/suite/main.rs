@@ -16,6 +16,7 @@ mod imaging;
 mod krylow;
 mod multibody;
 mod muscles;
+mod mutations;
 mod osim;
 mod paths;
 mod personalization;

@@ -4,6 +4,7 @@ mod against_opensim;
 mod editing;
 mod reading;
 mod small_models;
+mod upgrading;
 
 use carpus::osim::{Document, OsimFile, Severity};
 

@@ -1,5 +1,6 @@
 //! OpenSim's tools from OpenSim's setup files: the same files as OpenSim writes, within stated differences.
 
+mod components;
 mod files;
 mod opensim;
 mod setups;

@@ -24,3 +24,4 @@ pub mod strength_scale;
 pub mod study;
 pub mod synth;
 pub mod ultrasound;
+pub mod upgrade;

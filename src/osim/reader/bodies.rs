@@ -54,6 +54,7 @@ impl Reader<'_> {
                 self.read_offset_frame(&object, &name);
             }
         }
+        self.read_station_frames(components, "/", &mut names);
         self.search_order.push(FrameIndex(0));
         self.read_frame_contents(&ground_object, FrameIndex(0));
         for (object, frame) in bodies {
@@ -134,11 +135,12 @@ impl Reader<'_> {
     }
 
     /// Offset frames and wrap objects of a frame, depth first, as OpenSim visits them.
-    fn read_frame_contents(&mut self, object: &Object, frame: FrameIndex) {
+    pub(super) fn read_frame_contents(&mut self, object: &Object, frame: FrameIndex) {
         let mut names = Names::default();
         if let Some(list) = self.own_property(object, &["components"]) {
             let children = self.document.children(list).to_vec();
             self.read_offset_frames(&children, &object.path, &mut names);
+            self.read_station_frames(&children, &object.path, &mut names);
         }
         self.read_wrap_objects(object, frame);
     }

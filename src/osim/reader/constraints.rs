@@ -122,7 +122,7 @@ impl Reader<'_> {
     }
 
     /// A body by socket, or by name in old formats.
-    fn constrained_body(&mut self, object: &Object, socket: &'static str) -> Option<FrameIndex> {
+    pub(super) fn constrained_body(&mut self, object: &Object, socket: &'static str) -> Option<FrameIndex> {
         match self.string(object, &[socket]) {
             Some((element, name)) => self.body_at(object, element, socket, &name),
             None => self.frame_socket(object, socket),

@@ -6,6 +6,7 @@ use super::functions::is_function;
 use super::muscles::is_muscle;
 use super::properties::Bound;
 use super::sockets::UnresolvedOffset;
+use super::upgrade::present_class;
 use super::{Names, Object, Reader};
 use crate::osim::diagnostics::Severity;
 use crate::osim::document::ElementId;
@@ -28,6 +29,15 @@ const BUSHING_FUNCTIONS: [&str; 6] = [
     "f_x_delta_x_function",
     "f_y_delta_y_function",
     "f_z_delta_z_function",
+];
+
+/// Forces between the model's contact geometries.
+const CONTACT_FORCES: [&str; 5] = [
+    "HuntCrossleyForce",
+    "ElasticFoundationForce",
+    "SmoothSphereHalfSpaceForce",
+    "Smith2018ArticularContactForce",
+    "MeyerFregly2016Force",
 ];
 
 fn is_force(tag: &str) -> bool {
@@ -59,9 +69,14 @@ impl Reader<'_> {
             "SpringGeneralizedForce" => self.spring_generalized(object),
             "ExpressionBasedCoordinateForce" => self.expression_based(object),
             "FunctionBasedBushingForce" => self.bushing(object),
+            "BushingForce" => self.linear_bushing(object),
+            "ExpressionBasedBushingForce" => self.expression_bushing(object),
+            "PointToPointSpring" => self.point_to_point_spring(object),
+            "PrescribedForce" => self.prescribed_force(object),
+            "Blankevoort1991Ligament" => self.blankevoort_ligament(object),
             "Ligament" => self.ligament(object),
             "PathSpring" => self.path_spring(object),
-            _ => None,
+            class => self.actuator(object, present_class(class)),
         };
         let kind = kind.unwrap_or_else(|| {
             if self.problems.len() == problems {
@@ -70,7 +85,11 @@ impl Reader<'_> {
             ForceKind::Unsupported { class: class.clone() }
         });
         if !matches!(kind, ForceKind::Unsupported { .. }) {
-            self.diagnostics.understood(&class);
+            self.diagnostics.understood(present_class(&class));
+        }
+        if matches!(kind, ForceKind::Actuator(_)) && applies_force {
+            let message = format!("{class} follows a control in run-tool; elsewhere it is taken as passive");
+            self.diagnose(Severity::Ignored, element, &object.path, message, None);
         }
         self.spec.forces.push(ForceSpec { name, at, applies_force, kind });
     }
@@ -82,12 +101,15 @@ impl Reader<'_> {
         } else if class.ends_with("Actuator") {
             let message = format!("{class} is not computed: taken as passive, without control signal");
             self.diagnose(Severity::Unsupported, element, &object.path, message, None);
+        } else if CONTACT_FORCES.contains(&class) {
+            let message = format!("{class}: contact is not simulated; bodies pass through each other");
+            self.diagnose(Severity::Unsupported, element, &object.path, message, None);
         } else {
             self.diagnose(Severity::Unsupported, element, &object.path, format!("{class} is not computed"), None);
         }
     }
 
-    fn force_coordinate(&mut self, object: &Object) -> Option<CoordinateIndex> {
+    pub(super) fn force_coordinate(&mut self, object: &Object) -> Option<CoordinateIndex> {
         let Some((element, name)) = self.string(object, &["coordinate"]) else {
             let kind = ProblemKind::Missing { property: "coordinate".to_owned(), expected: "a coordinate's name" };
             self.problem(object.line, &object.path, kind);
@@ -144,6 +166,59 @@ impl Reader<'_> {
         })
     }
 
+    fn linear_bushing(&mut self, object: &Object) -> Option<ForceKind> {
+        let (frame1, frame2) = self.linked_frames(object)?;
+        let mut vector = |name: &'static str| {
+            let found = self.vector3(object, &[name], Vector3::zeros());
+            if let Some(found) = found.iter().copied().find(|x| *x < 0.0) {
+                let kind =
+                    ProblemKind::OutOfRange { property: name.to_owned(), expected: "numbers of 0 or more", found };
+                self.problem(object.line, &object.path, kind);
+            }
+            found
+        };
+        Some(ForceKind::Bushing {
+            frame1,
+            frame2,
+            rotational_stiffness: vector("rotational_stiffness"),
+            translational_stiffness: vector("translational_stiffness"),
+            rotational_damping: vector("rotational_damping"),
+            translational_damping: vector("translational_damping"),
+        })
+    }
+
+    fn expression_bushing(&mut self, object: &Object) -> Option<ForceKind> {
+        const EXPRESSIONS: [&str; 6] =
+            ["Mx_expression", "My_expression", "Mz_expression", "Fx_expression", "Fy_expression", "Fz_expression"];
+        let (frame1, frame2) = self.linked_frames(object)?;
+        let expressions =
+            EXPRESSIONS.map(|name| self.string(object, &[name]).map_or_else(|| "0.0".to_owned(), |(_, text)| text));
+        Some(ForceKind::ExpressionBasedBushing {
+            frame1,
+            frame2,
+            expressions: Box::new(expressions),
+            rotational_damping: self.vector3(object, &["rotational_damping"], Vector3::zeros()),
+            translational_damping: self.vector3(object, &["translational_damping"], Vector3::zeros()),
+        })
+    }
+
+    fn blankevoort_ligament(&mut self, object: &Object) -> Option<ForceKind> {
+        let path = self.read_path(object).ok()?;
+        let mut value = |name: &'static str, default| {
+            self.number(object, &[name], default, Bound::NotNegative("a number of 0 or more"))
+        };
+        let (linear_stiffness, transition_strain) = (value("linear_stiffness", 1.0), value("transition_strain", 0.06));
+        let damping_coefficient = value("damping_coefficient", 0.003);
+        let slack_length = self.number(object, &["slack_length"], 0.0, Bound::Positive("a length greater than 0 m"));
+        Some(ForceKind::Blankevoort1991Ligament {
+            path,
+            linear_stiffness,
+            transition_strain,
+            damping_coefficient,
+            slack_length,
+        })
+    }
+
     fn bushing_function(&mut self, object: &Object, name: &'static str) -> Option<FunctionSpec> {
         let Some(property) = self.property(object, &[name]) else { return Some(FunctionSpec::Constant { value: 0.0 }) };
         let children = self.document.children(property);
@@ -159,12 +234,7 @@ impl Reader<'_> {
 
     /// The two frames of a bushing or weld, with the offset frames that it owns (`TwoFrameLinker`).
     pub(super) fn linked_frames(&mut self, object: &Object) -> Option<(FrameIndex, FrameIndex)> {
-        for list in ["components", "frames"] {
-            if let Some(list) = self.own_property(object, &[list]) {
-                let children = self.document.children(list).to_vec();
-                self.read_offset_frames(&children, &object.path, &mut Names::default());
-            }
-        }
+        self.read_owned_frames(object);
         if !self.version.has_locations_in_bodies() {
             self.resolve_offsets();
             let frame1 = self.frame_socket(object, "frame1");
@@ -233,6 +303,18 @@ impl Reader<'_> {
             stiffness: value("stiffness", Bound::NotNegative("a stiffness of 0 N/m or more")),
             dissipation: value("dissipation", Bound::NotNegative("a dissipation of 0 s/m or more")),
         })
+    }
+
+    /// Markers are stations.
+    pub(super) fn register_markers(&mut self, model: &Object) {
+        let mut names = Names::default();
+        for element in self.set_objects(model, &["MarkerSet"]) {
+            if self.document.tag(element) == "Marker" {
+                let name = self.document.attribute(element, "name").unwrap_or_default();
+                let path = format!("/markerset/{}", names.unique(&name));
+                self.stations.entry(path).or_insert(element);
+            }
+        }
     }
 
     pub(super) fn read_markers(&mut self, model: &Object) {

@@ -103,6 +103,18 @@ impl Reader<'_> {
                 JointKind::Free,
                 &[Rotational, Rotational, Rotational, Translational, Translational, Translational],
             ),
+            "EllipsoidJoint" => {
+                let radii_x_y_z = self.radii(object, "radii_x_y_z");
+                fixed(JointKind::Ellipsoid { radii_x_y_z }, &[Rotational; 3])
+            }
+            "ScapulothoracicJoint" => fixed(self.scapulothoracic(object), &[Rotational; 4]),
+            "ConstantCurvatureJoint" => {
+                let kind = JointKind::ConstantCurvature {
+                    neutral_angle_x_z_y: self.vector3(object, &["neutral_angle_x_z_y"], Vector3::zeros()),
+                    length: self.number(object, &["length"], 1.0, Bound::Finite),
+                };
+                fixed(kind, &[Rotational; 3])
+            }
             "CustomJoint" => None,
             _ => return false,
         };
@@ -123,6 +135,33 @@ impl Reader<'_> {
             kind,
         });
         true
+    }
+
+    fn scapulothoracic(&mut self, object: &Object) -> JointKind {
+        JointKind::Scapulothoracic {
+            thoracic_ellipsoid_radii_x_y_z: self.radii(object, "thoracic_ellipsoid_radii_x_y_z"),
+            scapula_winging_axis_origin: self.numbers(
+                object,
+                &["scapula_winging_axis_origin"],
+                [0.0; 2],
+                Bound::Finite,
+            ),
+            scapula_winging_axis_direction: self.number(
+                object,
+                &["scapula_winging_axis_direction"],
+                0.0,
+                Bound::Finite,
+            ),
+        }
+    }
+
+    /// Semi-axes of an ellipsoid, which have no default.
+    fn radii(&mut self, object: &Object, property: &'static str) -> Vector3<f64> {
+        if self.property(object, &[property]).is_none() {
+            let kind = ProblemKind::Missing { property: property.to_owned(), expected: "three lengths in m" };
+            self.problem(object.line, &object.path, kind);
+        }
+        Vector3::from(self.numbers(object, &[property], [1.0; 3], Bound::Positive("lengths greater than 0 m")))
     }
 
     /// `<coordinates>`, or `<CoordinateSet><objects>` in old files.
@@ -439,7 +478,7 @@ impl Reader<'_> {
         }
     }
 
-    fn base_frame(&self, mut frame: FrameIndex) -> FrameIndex {
+    pub(super) fn base_frame(&self, mut frame: FrameIndex) -> FrameIndex {
         while let FrameKind::Offset { parent, .. } = self.spec.frames[frame.0].kind {
             frame = parent;
         }

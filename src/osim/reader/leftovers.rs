@@ -147,10 +147,7 @@ impl Reader<'_> {
             if only_reports(tag) {
                 self.diagnose(Severity::Ignored, element, &path, format!("{tag} only reports"), None);
             } else if !(self.is_empty(element) && tag.ends_with("Set")) {
-                let hint = (tag == "StationDefinedFrame").then(|| {
-                    "of no consequence unless something is attached to it: that is an error of its own".to_owned()
-                });
-                self.diagnose(Severity::Unsupported, element, &path, format!("{tag} is not supported"), hint);
+                self.diagnose(Severity::Unsupported, element, &path, format!("{tag} is not supported"), None);
             }
             return;
         }
@@ -169,8 +166,22 @@ impl Reader<'_> {
 
     /// Muscles, forces and constraints that are not computed: one entry for each, none for their properties.
     fn is_reported_as_a_whole(&self, class: &str) -> bool {
-        const COMPUTED: [&str; 11] = [
+        const COMPUTED: [&str; 25] = [
+            "ExpressionBasedCoordinateForce",
             "Millard2012EquilibriumMuscle",
+            "BushingForce",
+            "ExpressionBasedBushingForce",
+            "PointToPointSpring",
+            "PrescribedForce",
+            "Blankevoort1991Ligament",
+            "CoordinateActuator",
+            "TorqueActuator",
+            "PointToPointActuator",
+            "PointActuator",
+            "PathActuator",
+            "Thelen2003Muscle",
+            "DeGrooteFregly2016Muscle",
+            "RigidTendonMuscle",
             "CoordinateLimitForce",
             "SpringGeneralizedForce",
             "FunctionBasedBushingForce",

@@ -3,6 +3,7 @@
 //! Every element that is read is marked; what remains unmarked is reported by [`leftovers`], so that nothing is
 //! dropped silently.
 
+mod actuators;
 mod bodies;
 mod constraints;
 mod forces;
@@ -10,9 +11,11 @@ mod functions;
 mod joints;
 mod leftovers;
 mod muscles;
+mod other_muscles;
 mod paths;
 mod properties;
 mod sockets;
+mod station_frames;
 mod upgrade;
 
 use std::collections::{BTreeSet, HashMap, HashSet};
@@ -60,6 +63,10 @@ struct Reader<'a> {
     search_order: Vec<FrameIndex>,
     /// Offset frames whose parent is not resolved yet.
     unresolved: Vec<sockets::UnresolvedOffset>,
+    /// Stations and markers by path.
+    stations: HashMap<String, ElementId>,
+    /// Frames given by stations that are not resolved yet.
+    pending_station_frames: Vec<station_frames::PendingStationFrame>,
     /// Joints, in the order of the model, whose frames are not resolved yet.
     pending_joints: Vec<joints::PendingJoint>,
 }
@@ -80,6 +87,8 @@ pub(super) fn read_model(document: &Document) -> Result<(ModelSpec, Diagnostics)
         coordinates_by_path: HashMap::new(),
         search_order: Vec::new(),
         unresolved: Vec::new(),
+        stations: HashMap::new(),
+        pending_station_frames: Vec::new(),
         pending_joints: Vec::new(),
     };
     reader.read(model);
@@ -134,7 +143,9 @@ impl Reader<'_> {
         let components = self.model_components(model);
         self.read_ground_and_bodies(&object, &components);
         self.read_joints(&object, &components);
+        self.register_markers(&object);
         self.resolve_offsets();
+        self.resolve_station_frames();
         self.read_joint_connections();
         self.read_constraints(&object, &components);
         self.read_forces(&object, &components);

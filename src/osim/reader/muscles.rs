@@ -27,10 +27,10 @@ pub(super) fn is_muscle(tag: &str) -> bool {
     )
 }
 
-const LENGTH: Bound = Bound::Positive("a length greater than 0 m");
+pub(super) const LENGTH: Bound = Bound::Positive("a length greater than 0 m");
 const FORCE: Bound = Bound::NotNegative("a force of 0 N or more");
-const FRACTION: Bound = Bound::NotNegative("a number of 0 or more");
-const TIME: Bound = Bound::Positive("a time greater than 0 s");
+pub(super) const FRACTION: Bound = Bound::NotNegative("a number of 0 or more");
+pub(super) const TIME: Bound = Bound::Positive("a time greater than 0 s");
 
 impl Reader<'_> {
     pub(super) fn read_muscle(&mut self, element: ElementId, object: &Object, name: String) {
@@ -78,8 +78,10 @@ impl Reader<'_> {
             kind: if is_millard {
                 MuscleKind::Millard2012Equilibrium(Box::new(self.read_millard(object)))
             } else {
-                let thelen2003 = (class == "Thelen2003Muscle").then(|| Box::new(self.read_thelen(object)));
-                MuscleKind::PathOnly { class: class.clone(), thelen2003 }
+                MuscleKind::PathOnly {
+                    class: class.clone(),
+                    law: self.read_other_muscle(element, object, &class).map(Box::new),
+                }
             },
             path,
             name,
@@ -87,8 +89,10 @@ impl Reader<'_> {
         if is_millard {
             self.diagnostics.understood(&class);
         } else {
-            let message = match class.as_str() {
-                "Thelen2003Muscle" => format!("{class}: its path is used, its force is computed by run-tool only"),
+            let message = match &spec.kind {
+                MuscleKind::PathOnly { law: Some(_), .. } => {
+                    format!("{class}: its path is used, its force is computed by run-tool only")
+                }
                 _ => format!("{class}: its path is used, its force is not computed"),
             };
             let hint = "convert the muscle to Millard2012EquilibriumMuscle to simulate its force".to_owned();
@@ -106,7 +110,7 @@ impl Reader<'_> {
         value
     }
 
-    fn read_thelen(&mut self, object: &Object) -> Thelen2003Spec {
+    pub(super) fn read_thelen(&mut self, object: &Object) -> Thelen2003Spec {
         let mut positive = |name, default| self.number(object, &[name], default, Bound::Positive("a number above 0"));
         Thelen2003Spec {
             fmax_tendon_strain: positive("FmaxTendonStrain", 0.04),

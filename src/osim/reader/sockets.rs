@@ -107,7 +107,7 @@ impl Reader<'_> {
             self.document.elements().find(|&element| {
                 let tag = self.document.tag(element);
                 tag.ends_with("Frame")
-                    && tag != "PhysicalOffsetFrame"
+                    && !matches!(tag, "PhysicalOffsetFrame" | "StationDefinedFrame")
                     && self.document.attribute(element, "name").is_some_and(|name| self.reference(&name) == part)
             })
         })
@@ -242,6 +242,15 @@ fn socket_tags(socket: &'static str) -> [&'static str; 3] {
         }
         "frame1" => ["socket_frame1", "socket_frame1_connectee_name", "connector_frame1_connectee_name"],
         "frame2" => ["socket_frame2", "socket_frame2_connectee_name", "connector_frame2_connectee_name"],
+        "body1" => ["socket_body1", "socket_body1_connectee_name", "connector_body1_connectee_name"],
+        "body2" => ["socket_body2", "socket_body2_connectee_name", "connector_body2_connectee_name"],
+        "frame" => ["socket_frame", "socket_frame_connectee_name", "connector_frame_connectee_name"],
+        "point_a" => ["socket_point_a", "socket_point_a_connectee_name", "connector_point_a_connectee_name"],
+        "point_b" => ["socket_point_b", "socket_point_b_connectee_name", "connector_point_b_connectee_name"],
+        "point_c" => ["socket_point_c", "socket_point_c_connectee_name", "connector_point_c_connectee_name"],
+        "origin_point" => {
+            ["socket_origin_point", "socket_origin_point_connectee_name", "connector_origin_point_connectee_name"]
+        }
         "body_1" => ["socket_body_1", "socket_body_1_connectee_name", "connector_body_1_connectee_name"],
         "body_2" => ["socket_body_2", "socket_body_2_connectee_name", "connector_body_2_connectee_name"],
         "line_body" => ["socket_line_body", "socket_line_body_connectee_name", "connector_line_body_connectee_name"],

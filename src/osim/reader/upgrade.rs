@@ -42,6 +42,12 @@ impl Version {
         self.0 < 30500
     }
 
+    /// Before 10905 point and torque actuators act on the second of two bodies (`PointActuator`,
+    /// `TorqueActuator::updateFromXMLNode`).
+    pub fn has_forces_on_body_b(self) -> bool {
+        self.0 < 10905
+    }
+
     /// Before 40000 sockets may be connected by bare names.
     pub fn has_bare_names(self) -> bool {
         self.0 < 40000

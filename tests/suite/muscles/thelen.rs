@@ -1,8 +1,8 @@
 //! The Thelen 2003 muscle: closed forms of its curves, and balance. OpenSim's numbers are in `dynamics` and `tools`.
 
 use approx::assert_relative_eq;
-use carpus::muscles::{MuscleModel, Thelen2003};
-use carpus::osim::spec::{Location, MuscleKind, MuscleSpec, PathSpec, Thelen2003Spec};
+use carpus::muscles::{MuscleModel, MuscleState, Thelen2003};
+use carpus::osim::spec::{Location, MuscleKind, MuscleSpec, OtherMuscleSpec, PathSpec, Thelen2003Spec};
 
 fn spec() -> MuscleSpec {
     let thelen2003 = Thelen2003Spec {
@@ -34,12 +34,18 @@ fn spec() -> MuscleSpec {
         ignore_activation_dynamics: false,
         min_control: 0.01,
         max_control: 1.0,
-        kind: MuscleKind::PathOnly { class: "Thelen2003Muscle".into(), thelen2003: Some(Box::new(thelen2003)) },
+        kind: MuscleKind::PathOnly {
+            class: "Thelen2003Muscle".into(),
+            law: Some(Box::new(OtherMuscleSpec::Thelen2003(thelen2003))),
+        },
     }
 }
 
 fn muscle() -> Thelen2003 {
-    Thelen2003::from_spec(&spec()).expect("its class").expect("its properties")
+    match MuscleModel::from_spec(&spec()).expect("its properties") {
+        MuscleModel::Thelen2003(muscle) => *muscle,
+        other => panic!("{other:?}"),
+    }
 }
 
 #[test]
@@ -75,13 +81,15 @@ fn verif_thelen_equilibrium_is_at_rest() {
 #[test]
 fn verif_thelen_derivatives_and_bad_properties() {
     let model = MuscleModel::from_spec(&spec()).unwrap();
-    let by = model.linearize(0.11, 0.4, 0.31, 0.05);
-    let up = model.rates(0.11 + 1e-7, 0.4, 0.31, 0.05);
-    let down = model.rates(0.11 - 1e-7, 0.4, 0.31, 0.05);
-    assert_relative_eq!(by.by_fiber_length[0], (up.0 - down.0) / 2e-7, max_relative = 1e-5);
-    assert_relative_eq!(by.by_fiber_length[1], (up.1 - down.1) / 2e-7, max_relative = 1e-5);
+    let state = |fiber_length| MuscleState { activation: 0.4, fiber_length, fiber_velocity: 0.0 };
+    let [_, by, _] = model.linearize(state(0.11), 0.31, 0.05);
+    let (up, down) = (model.rates(state(0.11 + 1e-7), 0.31, 0.05), model.rates(state(0.11 - 1e-7), 0.31, 0.05));
+    assert_relative_eq!(by.fiber_length, (up.fiber_length - down.fiber_length) / 2e-7, max_relative = 1e-5);
+    assert_relative_eq!(by.tendon_force, (up.tendon_force - down.tendon_force) / 2e-7, max_relative = 1e-5);
     let mut broken = spec();
-    if let MuscleKind::PathOnly { thelen2003: Some(p), .. } = &mut broken.kind {
+    if let MuscleKind::PathOnly { law: Some(law), .. } = &mut broken.kind
+        && let OtherMuscleSpec::Thelen2003(p) = law.as_mut()
+    {
         p.flen = 0.9;
     }
     let error = MuscleModel::from_spec(&broken).unwrap_err().to_string();

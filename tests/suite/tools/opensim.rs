@@ -306,3 +306,37 @@ fn val_opensim_mobl_arms_scale() {
     println!("markers: {:.2} mm at most from the published model", 1e3 * largest);
     assert!(largest < 3e-3);
 }
+
+/// Markers of a file, and scale factors given by hand.
+#[test]
+fn val_opensim_manual_scale_with_a_marker_set_file() {
+    let Some(bench) = Bench::new() else { return };
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/wrist.osim");
+    let body = OsimFile::read(&model).unwrap().spec.bodies.last().unwrap().name.clone();
+    bench.write("markers.xml", &format!("<?xml version=\"1.0\"?>\n<OpenSimDocument Version=\"40000\"><MarkerSet name=\"m\"><objects><Marker name=\"knuckle\"><socket_parent_frame>/bodyset/{body}</socket_parent_frame><location>0.01 -0.07 0.02</location><fixed>false</fixed></Marker></objects><groups/></MarkerSet></OpenSimDocument>"));
+    let setup = |output: &str| {
+        format!(
+            "<?xml version=\"1.0\"?>\n<OpenSimDocument Version=\"40000\"><ScaleTool name=\"scaled\"><mass>-1</mass><GenericModelMaker><model_file>{}</model_file><marker_set_file>markers.xml</marker_set_file></GenericModelMaker><ModelScaler><apply>true</apply><scaling_order>manualScale</scaling_order><ScaleSet><objects><Scale><scales>1.1 1.05 0.9</scales><segment>{body}</segment><apply>true</apply></Scale></objects><groups/></ScaleSet><preserve_mass_distribution>false</preserve_mass_distribution><output_model_file>{output}</output_model_file></ModelScaler><MarkerPlacer><apply>false</apply></MarkerPlacer></ScaleTool></OpenSimDocument>",
+            model.display()
+        )
+    };
+    bench.write("theirs.xml", &setup("theirs.osim"));
+    bench.write("ours.xml", &setup("ours.osim"));
+    run_script(&bench.python, "scripts/run_tool.py", &[bench.path("theirs.xml").as_os_str()]);
+    let outcome = run_tool(&bench.path("ours.xml"), None, false).unwrap_or_else(|e| panic!("{e}"));
+    let ours = outcome.files.iter().find(|f| f.path.ends_with("ours.osim")).expect("a model");
+    let ours = OsimFile::parse(ours.bytes.clone(), "ours.osim").unwrap().spec;
+    let theirs = OsimFile::read(bench.path("theirs.osim")).unwrap().spec;
+    let close = |a: f64, b: f64| (a - b).abs() <= 1e-7 * b.abs().max(1e-3);
+    for (a, b) in ours.bodies.iter().zip(&theirs.bodies) {
+        assert!(close(a.mass, b.mass) && (a.mass_center - b.mass_center).norm() < 1e-9, "{}", a.name);
+        assert!((a.inertia - b.inertia).norm() <= 1e-7 * b.inertia.norm(), "{}", a.name);
+    }
+    for (a, b) in ours.muscles.iter().zip(&theirs.muscles) {
+        assert!(close(a.optimal_fiber_length, b.optimal_fiber_length), "{}", a.name);
+        assert!(close(a.tendon_slack_length, b.tendon_slack_length), "{}", a.name);
+    }
+    let [a, b] = [&ours, &theirs].map(|s| s.markers.iter().find(|m| m.name == "knuckle").expect("the marker").location);
+    assert!((a - b).norm() < 1e-9, "{a} and {b}");
+    assert!((a - nalgebra::Vector3::new(0.011, -0.0735, 0.018)).norm() < 1e-9);
+}

@@ -1,0 +1,153 @@
+//! A model in the current format, written from its specification: `carpus upgrade`.
+//!
+//! Files from format 40000 on keep their text: only what OpenSim 4.6 itself changes on loading is changed. Older ones are
+//! written anew; what the specification does not hold is listed.
+
+mod bodies;
+mod forces;
+mod functions;
+mod joints;
+mod muscles;
+mod recent;
+mod xml;
+
+use super::spec::{FrameIndex, FrameKind, ModelSpec};
+use super::{Document, DocumentError, OsimError, OsimFile, Severity};
+use xml::Xml;
+
+/// The format that is written, that of OpenSim 4.6.
+pub const CURRENT_FORMAT: u32 = 40600;
+/// Formats from here on keep their text.
+const RECENT: u32 = 40000;
+
+/// A file in the current format.
+#[derive(Clone, Debug)]
+pub struct Upgraded {
+    /// The file.
+    pub file: OsimFile,
+    /// Line and description of what of the old file is not in it.
+    pub left_out: Vec<(usize, String)>,
+}
+
+impl OsimFile {
+    /// The same model in the format of OpenSim 4.6.
+    ///
+    /// # Errors
+    /// The new text cannot be read again: a defect of this program.
+    pub fn upgraded(&self) -> Result<Upgraded, OsimError> {
+        if self.spec.document_version >= RECENT {
+            return Ok(Upgraded { file: recent::upgraded(self)?, left_out: Vec::new() });
+        }
+        let mut writer = Writer { file: self, spec: &self.spec, xml: Xml::default(), left_out: Vec::new() };
+        writer.model();
+        let Writer { xml, mut left_out, .. } = writer;
+        left_out.extend(self.unwritten());
+        left_out.sort();
+        let name = self.document.file().to_owned();
+        Ok(Upgraded { file: OsimFile::parse(xml.finish().into_bytes(), &name)?, left_out })
+    }
+
+    /// What reading found and writing does not know of.
+    fn unwritten(&self) -> Vec<(usize, String)> {
+        const KNOWN: [&str; 4] = ["VisibleObject", "credits", "publications", "fixed"];
+        let found = self.diagnostics.items.iter().filter(|item| {
+            let unread = item.severity == Severity::Unsupported && item.message.ends_with("is not supported");
+            let controller = item.message.contains("excitations come from the study");
+            let ignored = item.severity == Severity::Ignored
+                && item.message.starts_with('<')
+                && !KNOWN.iter().any(|tag| item.message.starts_with(&format!("<{tag}>")));
+            unread || controller || ignored || item.message.ends_with("only reports")
+        });
+        let text = |message: &str| match message.strip_prefix('<').and_then(|rest| rest.split_once('>')) {
+            Some((tag, _)) => format!("<{tag}>"),
+            None => message.split([' ', ':']).next().unwrap_or_default().to_owned(),
+        };
+        found.map(|item| (item.line, format!("{}: {}", item.path, text(&item.message)))).collect()
+    }
+}
+
+/// State of one writing.
+struct Writer<'a> {
+    file: &'a OsimFile,
+    spec: &'a ModelSpec,
+    xml: Xml,
+    left_out: Vec<(usize, String)>,
+}
+
+impl Writer<'_> {
+    fn model(&mut self) {
+        let spec = self.spec;
+        let version = CURRENT_FORMAT.to_string();
+        self.xml.open("OpenSimDocument", &[("Version", &version)]);
+        self.xml.open("Model", &[("name", &spec.name)]);
+        self.texts(&["credits", "publications", "length_units", "force_units"]);
+        self.xml.vector("gravity", &spec.gravity);
+        self.bodies();
+        self.joints();
+        self.constraints();
+        self.forces();
+        self.markers();
+        self.xml.close();
+        self.xml.close();
+    }
+
+    /// Properties of the model that are text.
+    fn texts(&mut self, tags: &[&str]) {
+        let document = &self.file.document;
+        let Some(model) = document.children(document.root()).first() else { return };
+        for tag in tags {
+            if let Some(element) = document.child(*model, tag) {
+                self.xml.text(tag, &document.text(element));
+            }
+        }
+    }
+
+    /// Path of a frame.
+    fn frame(&self, frame: FrameIndex) -> String {
+        self.spec.frames[frame.0].at.path.clone()
+    }
+
+    /// Path of a coordinate.
+    fn coordinate(&self, coordinate: super::spec::CoordinateIndex) -> String {
+        self.spec.coordinates[coordinate.0].at.path.clone()
+    }
+
+    /// Offset frames that a component owns, in a list of the given name.
+    fn owned_frames(&mut self, owner: &str, list: &str) {
+        let prefix = if owner == "/" { "/".to_owned() } else { format!("{owner}/") };
+        let owned: Vec<usize> = (0..self.spec.frames.len())
+            .filter(|i| {
+                let frame = &self.spec.frames[*i];
+                let rest = frame.at.path.strip_prefix(&prefix);
+                matches!(frame.kind, FrameKind::Offset { .. }) && rest.is_some_and(|rest| !rest.contains('/'))
+            })
+            .collect();
+        if owned.is_empty() {
+            return;
+        }
+        self.xml.open(list, &[]);
+        for i in owned {
+            let frame = &self.spec.frames[i];
+            let FrameKind::Offset { parent, translation, orientation } = frame.kind else { continue };
+            self.xml.open("PhysicalOffsetFrame", &[("name", &frame.name)]);
+            self.owned_frames(&frame.at.path.clone(), "components");
+            self.wrap_objects(FrameIndex(i));
+            let parent = self.frame(parent);
+            self.xml.text("socket_parent", &parent);
+            self.xml.vector("translation", &translation);
+            self.xml.vector("orientation", &orientation);
+            self.xml.close();
+        }
+        self.xml.close();
+    }
+}
+
+/// The error of a text made here.
+fn own(error: DocumentError) -> OsimError {
+    OsimError::from(error)
+}
+
+/// The document after splices.
+fn spliced(document: &Document, edits: Vec<(std::ops::Range<usize>, String)>) -> Result<OsimFile, OsimError> {
+    OsimFile::from_document(document.spliced(edits).map_err(own)?)
+}

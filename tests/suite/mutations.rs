@@ -1,0 +1,133 @@
+//! Whatever a file of OpenSim's holds, reading it returns: shipped files with bytes changed, taken out, put in or cut off.
+
+use std::path::{Path, PathBuf};
+
+use carpus::osim::OsimFile;
+use carpus::storage::{Markers, Storage};
+use carpus::tools::{System, run_tool};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// What is put in: pieces that decide how text is read.
+const PIECES: [&str; 22] = [
+    "<",
+    ">",
+    "</",
+    "/>",
+    "\"",
+    "&",
+    "&#0;",
+    "<!--",
+    "]]>",
+    "\0",
+    "\u{ff}",
+    "nan",
+    "-1e999",
+    "1e308",
+    "0",
+    "-",
+    "..",
+    "/ground",
+    "\n",
+    "\t",
+    "99999999999",
+    "true",
+];
+
+fn fixture(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
+fn mutated(bytes: &[u8], rng: &mut ChaCha8Rng) -> Vec<u8> {
+    let mut out = bytes.to_vec();
+    for _ in 0..rng.random_range(1..6) {
+        if out.is_empty() {
+            break;
+        }
+        let at = rng.random_range(0..out.len());
+        let to = (at + rng.random_range(1..40)).min(out.len());
+        let piece = PIECES[rng.random_range(0..PIECES.len())].bytes();
+        match rng.random_range(0..6) {
+            0 => out[at] = rng.random(),
+            1 => drop(out.drain(at..to)),
+            2 => drop(out.splice(at..at, piece)),
+            3 => drop(out.splice(at..to, piece)),
+            4 => {
+                let copy = out[at..to].to_vec();
+                let elsewhere = rng.random_range(0..=out.len());
+                drop(out.splice(elsewhere..elsewhere, copy));
+            }
+            _ if rng.random_range(0..4) == 0 => out.truncate(at),
+            _ => {
+                // A digit becomes another: numbers stay numbers.
+                let digit = (at..out.len()).find(|i| out[*i].is_ascii_digit());
+                digit.into_iter().for_each(|i| out[i] = b'0' + rng.random_range(0..10) as u8);
+            }
+        }
+    }
+    out
+}
+
+fn for_each_mutation(file: &str, n: usize, mut visit: impl FnMut(Vec<u8>)) {
+    let bytes = std::fs::read(fixture(file)).unwrap();
+    let mut rng = ChaCha8Rng::seed_from_u64(bytes.len() as u64);
+    (0..n).for_each(|_| visit(mutated(&bytes, &mut rng)));
+}
+
+#[test]
+fn verif_mutated_models_never_panic() {
+    let files = [
+        "fixtures/components/forces.osim",
+        "fixtures/dynamics/constraints.osim",
+        "fixtures/dynamics/ellipsoids.osim",
+        "fixtures/upgrade/arm_20302.osim",
+        "fixtures/upgrade/arm_30000.osim",
+    ];
+    let (mut read, mut refused) = (0, 0);
+    for file in files {
+        for_each_mutation(file, 120, |bytes| match OsimFile::parse(bytes, file) {
+            Ok(model) => {
+                read += 1;
+                let _ = model.upgraded();
+                if let Ok(system) = System::of_spec(Path::new(file), model.spec)
+                    && let Ok(state) = system.default_state()
+                {
+                    let mut work = system.new_work();
+                    let _ = system.evaluate(&mut work, &state, &|_| true);
+                }
+            }
+            Err(error) => {
+                refused += 1;
+                assert!(!error.to_string().is_empty());
+            }
+        });
+    }
+    assert!(read > 20 && refused > 20, "{read} read, {refused} refused");
+}
+
+#[test]
+fn verif_mutated_storages_and_markers_never_panic() {
+    for_each_mutation("fixtures/components/states.sto", 300, |bytes| {
+        let _ = Storage::parse(&bytes, Path::new("states.sto"));
+        let _ = Storage::parse(&bytes, Path::new("states.mot"));
+        let _ = Markers::parse(&bytes, Path::new("states.trc"));
+    });
+    let markers = "PathFileType\t4\t(X/Y/Z)\tm.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n100\t100\t2\t2\tmm\t100\t1\t2\nFrame#\tTime\ta\t\t\tb\t\t\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n1\t0.0\t1\t2\t3\t4\t5\t6\n2\t0.01\t1\t2\t3\t\t\t\n";
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    for _ in 0..500 {
+        let _ = Markers::parse(&mutated(markers.as_bytes(), &mut rng), Path::new("m.trc"));
+    }
+}
+
+#[test]
+fn verif_mutated_setups_never_panic() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["forces.osim", "states.sto"] {
+        std::fs::copy(fixture("fixtures/components").join(name), folder.path().join(name)).unwrap();
+    }
+    let setup = folder.path().join("setup.xml");
+    for_each_mutation("fixtures/components/analyze.xml", 60, |bytes| {
+        std::fs::write(&setup, bytes).unwrap();
+        let _ = run_tool(&setup, None, false);
+    });
+}

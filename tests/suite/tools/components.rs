@@ -1,0 +1,65 @@
+//! Forces, actuators and muscles of many classes: what OpenSim's tools write for a model of them (`fixtures/components`).
+
+use std::path::{Path, PathBuf};
+
+use carpus::storage::Storage;
+use carpus::tools::run_tool;
+
+/// Largest difference, relative to what is above 1.
+const TOLERANCE: f64 = 1e-9;
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/components")
+}
+
+/// Muscles of which OpenSim leaves some quantities undefined; of Delp's it reports none but the actuation.
+const PARTLY_UNDEFINED: [&str; 4] = ["rigid", "schutte", "schutte_passive", "delp"];
+
+fn compare(setup: &str, results: &str) {
+    let outcome = run_tool(&folder().join(setup), None, false).unwrap_or_else(|e| panic!("{e}"));
+    let mut files = 0;
+    let mut worst: f64 = 0.0;
+    let mut failures = Vec::new();
+    for entry in std::fs::read_dir(folder().join(results)).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let ours = outcome.files.iter().find(|f| f.path.file_name().is_some_and(|n| n.to_string_lossy() == name));
+        let Some(ours) = ours else { panic!("OpenSim writes {name}, carpus does not") };
+        let scratch = tempfile::tempdir().unwrap();
+        let own = scratch.path().join(&name);
+        std::fs::write(&own, &ours.bytes).unwrap();
+        let (theirs, ours) = (Storage::read(&path).unwrap(), Storage::read(&own).unwrap());
+        assert_eq!(theirs.labels, ours.labels, "{name}");
+        assert_eq!(theirs.time, ours.time, "{name}");
+        files += 1;
+        for (row, (a, b)) in theirs.rows.iter().zip(&ours.rows).enumerate() {
+            for ((a, b), label) in a.iter().zip(b).zip(&theirs.labels) {
+                if a.is_nan() && (b.is_nan() || PARTLY_UNDEFINED.contains(&label.as_str())) {
+                    continue;
+                }
+                let difference = (a - b).abs() / a.abs().max(1.0);
+                worst = if difference.is_nan() { f64::INFINITY } else { worst.max(difference) };
+                if !(difference <= TOLERANCE) {
+                    failures.push(format!("{name}, {label}, row {row}: {b} instead of {a}"));
+                }
+            }
+        }
+    }
+    println!("{setup}: {files} files, largest difference {worst:.2e}");
+    assert!(failures.is_empty(), "{} values differ:\n{}", failures.len(), failures.join("\n"));
+}
+
+#[test]
+fn val_opensim_forces_actuators_and_muscles_of_many_classes() {
+    compare("analyze.xml", "analyze");
+}
+
+#[test]
+fn val_opensim_equilibrium_of_muscles_of_many_classes() {
+    compare("equilibrate.xml", "equilibrate");
+}
+
+#[test]
+fn val_opensim_loads_of_joints_and_forces_of_constraints() {
+    compare("constraints.xml", "constraints");
+}
