@@ -193,6 +193,18 @@ impl Constraints {
         Constraints { kinds: Vec::new(), origins: Vec::new(), rows: 0 }
     }
 
+    /// Those that join bodies: without couplers, locked and prescribed coordinates.
+    pub fn between_bodies(mut self) -> Constraints {
+        let joins = |kind: &Kind| !matches!(kind, Kind::Coupler(_) | Kind::Locked { .. } | Kind::Prescribed { .. });
+        let keep: Vec<bool> = self.kinds.iter().map(joins).collect();
+        let mut kept = keep.iter();
+        self.kinds.retain(|_| kept.next().copied().unwrap_or(false));
+        let mut kept = keep.iter();
+        self.origins.retain(|_| kept.next().copied().unwrap_or(false));
+        self.rows = self.kinds.iter().map(Kind::rows).sum();
+        self
+    }
+
     /// Number of scalar equations.
     pub fn n_rows(&self) -> usize {
         self.rows

@@ -33,10 +33,10 @@ pub enum PlantError {
         /// Names and classes.
         forces: Vec<(String, String)>,
     },
-    /// A constraint by which no coordinate follows from others.
-    #[error("{constraint}: coordinates do not follow from one another by it; motion with it is not integrated yet")]
+    /// A coordinate that both follows others and is held.
+    #[error("{constraint}: the coordinate follows from others and is held besides")]
     NotExplicit {
-        /// Name of constraint or coordinate.
+        /// Name of the coordinate.
         constraint: String,
     },
     /// The integration ended early.

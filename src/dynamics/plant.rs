@@ -3,6 +3,7 @@
 //! State: free coordinates, their speeds, and of every muscle the activation (unless it ignores activation dynamics) and
 //! the fibre length (unless its tendon is rigid).
 
+use super::constraints::Constraints;
 use super::error::PlantError;
 use super::reduction::{Reduction, Relation};
 use super::solve::DynamicsError;
@@ -20,6 +21,8 @@ use std::sync::Arc;
 const WITHOUT_CONTROL: [&str; 2] = ["BodyActuator", "ActivationCoordinateActuator"];
 /// Step of differences of coordinates [rad or m] and speeds.
 const STEP: f64 = 1e-7;
+/// Constraints between bodies whose response is smaller than this share of the largest are redundant.
+const REDUNDANT: f64 = 1e-10;
 
 /// A muscle of the plant.
 #[derive(Clone, Debug)]
@@ -67,6 +70,11 @@ pub struct Plant {
     pub model: Model,
     /// Free and dependent coordinates.
     pub reduction: Reduction,
+    /// Constraints between bodies.
+    joining: Constraints,
+    /// Rate at which violations of constraints between bodies decay while the plant is integrated [1/s] (Baumgarte);
+    /// 0: accelerations satisfy the constraints and nothing else.
+    pub stabilization: f64,
     /// Muscles that apply force, in the order of the file.
     pub muscles: Vec<PlantMuscle>,
     forces: Forces,
@@ -114,8 +122,30 @@ pub struct Work {
     mass: DMatrix<f64>,
     reduced_mass: DMatrix<f64>,
     right: DVector<f64>,
+    joint: Option<Joint>,
     /// Tendon forces [N].
     pub tendon_force: Vec<f64>,
+}
+
+/// What constraints between bodies make of free accelerations at one state.
+struct Joint {
+    /// Derivatives of the constraints by the free speeds.
+    rows: DMatrix<f64>,
+    /// Accelerations by multipliers.
+    response: DMatrix<f64>,
+    /// Pseudo-inverse of `rows · response`.
+    inverse: DMatrix<f64>,
+}
+
+impl Joint {
+    /// Accelerations with the constraints, from those without.
+    fn correct(&self, accelerations: &mut DVector<f64>, wanted: Option<&DVector<f64>>) {
+        let mut violation = &self.rows * &*accelerations;
+        if let Some(wanted) = wanted {
+            violation -= wanted;
+        }
+        *accelerations -= &self.response * (&self.inverse * violation);
+    }
 }
 
 impl Plant {
@@ -126,7 +156,8 @@ impl Plant {
     /// # Errors
     /// Any component that cannot be built, or is not computed.
     pub fn compile(spec: &ModelSpec, model: &Model, allow_unsupported: bool) -> Result<Plant, PlantError> {
-        let reduction = Reduction::new(spec, model, true)?;
+        let reduction = Reduction::new(model, true)?;
+        let joining = Constraints::compile(spec, model, false, false)?.between_bodies();
         let forces = Forces::compile(spec, model)?;
         let acts = |class: &str| !WITHOUT_CONTROL.contains(&class);
         let mut unsupported: Vec<_> = forces.unsupported.iter().filter(|(_, class)| acts(class)).cloned().collect();
@@ -163,7 +194,18 @@ impl Plant {
             .collect::<Result<_, PlantError>>()?;
         let energies = n_states..n_states + forces.dampers().count();
         let (model, loads, n_states) = (model.clone(), Loads::default(), energies.end);
-        Ok(Plant { model, reduction, muscles, forces, path_forces, loads, energies, n_states })
+        Ok(Plant {
+            model,
+            reduction,
+            joining,
+            stabilization: 0.0,
+            muscles,
+            forces,
+            path_forces,
+            loads,
+            energies,
+            n_states,
+        })
     }
 
     /// The same with a force from outside.
@@ -198,6 +240,7 @@ impl Plant {
             mass: DMatrix::zeros(n, n),
             reduced_mass: DMatrix::zeros(free, free),
             right: DVector::zeros(free),
+            joint: None,
             tendon_force: vec![0.0; self.muscles.len()],
         }
     }
@@ -355,7 +398,22 @@ impl Plant {
     /// Accelerations of the free coordinates from the forces in `work`.
     fn accelerate(&self, work: &mut Work, rates: &mut [f64]) -> Result<(), DynamicsError> {
         self.collect_forces(work);
-        let Work { relation, q, u, qdot, cache, buffers, applied, generalized, mass, reduced_mass, right, .. } = work;
+        let Work {
+            relation,
+            q,
+            u,
+            time,
+            qdot,
+            cache,
+            buffers,
+            applied,
+            generalized,
+            mass,
+            reduced_mass,
+            right,
+            joint,
+            ..
+        } = work;
         self.model.update_accelerations_of_speeds(q, u, relation.bias(), cache);
         self.model.inverse_dynamics(cache, &applied.bodies, buffers, generalized);
         generalized.iter_mut().zip(&applied.mobility).for_each(|(g, f)| *g = f - *g);
@@ -371,6 +429,22 @@ impl Plant {
             return Err(DynamicsError::Massless { coordinates: names.collect() });
         };
         solver.solve_mut(right);
+        *joint = None;
+        if self.joining.n_rows() > 0 {
+            // The cache has accelerations of the bias, so that the right sides are less what it does.
+            let at = self.joining.rows(&self.model, *time, q, qdot, cache);
+            let rows = relation.reduce_columns(&at.G, free);
+            let response = solver.solve(&rows.transpose());
+            let compliance = &rows * &response;
+            let smallest = REDUNDANT * compliance.amax();
+            let inverse = compliance.pseudo_inverse(smallest).map_err(|_| DynamicsError::NotFinite)?;
+            let speeds = &at.G * DVector::from_column_slice(u) - &at.v;
+            let rate = self.stabilization;
+            let wanted = at.b - speeds * (2.0 * rate) - at.error * (rate * rate);
+            let found = Joint { rows, response, inverse };
+            found.correct(right, Some(&wanted));
+            *joint = Some(found);
+        }
         rates[free..2 * free].copy_from_slice(right.as_slice());
         for (k, i) in self.reduction.free.iter().enumerate() {
             rates[k] = qdot[*i];
@@ -448,6 +522,9 @@ impl Plant {
             // Acceleration by tension.
             work.relation.reduce(&work.unit_forces[k], &mut column);
             solver.solve_mut(&mut column);
+            if let Some(joint) = &work.joint {
+                joint.correct(&mut column, None);
+            }
             for (position, by) in [m.activation, m.fiber_length, m.fiber_velocity].into_iter().zip(by) {
                 let Some(j) = position else { continue };
                 (0..free).for_each(|i| jacobian[(free + i, j)] = column[i] * by.tendon_force);

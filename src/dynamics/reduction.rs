@@ -3,7 +3,6 @@
 use super::error::PlantError;
 use crate::functions::Function;
 use crate::multibody::{Coupler, Model};
-use crate::osim::spec::{ConstraintKind, ModelSpec};
 use nalgebra::{DMatrix, DVector};
 
 #[derive(Clone, Debug)]
@@ -36,12 +35,8 @@ impl Reduction {
     /// Sorts the coordinates of a model.
     ///
     /// # Errors
-    /// A constraint between bodies, or a coordinate that is held twice.
-    pub fn new(spec: &ModelSpec, model: &Model, keep_locked: bool) -> Result<Reduction, PlantError> {
-        let between = |kind: &ConstraintKind| !matches!(kind, ConstraintKind::CoordinateCoupler { .. });
-        if let Some(constraint) = spec.constraints.iter().find(|c| c.is_enforced && between(&c.kind)) {
-            return Err(PlantError::NotExplicit { constraint: constraint.name.clone() });
-        }
+    /// A coordinate that is held twice.
+    pub fn new(model: &Model, keep_locked: bool) -> Result<Reduction, PlantError> {
         let mut held = Vec::new();
         for (i, coordinate) in model.coordinates.iter().enumerate() {
             let dependent = model.couplers.iter().any(|c| c.dependent.0 == i);
@@ -118,6 +113,17 @@ impl Relation {
                 reduced[(*root_i, *root_j)] += self.slope[i] * full[(i, j)] * self.slope[j];
             }
         }
+    }
+
+    /// G T: derivatives by the free speeds from those by all speeds.
+    pub fn reduce_columns(&self, full: &DMatrix<f64>, free: usize) -> DMatrix<f64> {
+        let mut reduced = DMatrix::zeros(full.nrows(), free);
+        for (i, root) in self.root.iter().enumerate() {
+            if let Some(root) = root {
+                reduced.column_mut(*root).axpy(self.slope[i], &full.column(i), 1.0);
+            }
+        }
+        reduced
     }
 
     /// Tᵀ f.

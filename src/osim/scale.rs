@@ -249,6 +249,10 @@ fn frames(file: &OsimFile, factors: &BodyFactors, edits: &mut Edits) {
     for (i, frame) in spec.frames.iter().enumerate() {
         let of_frame = factors.of_frame(spec, FrameIndex(i));
         if let FrameKind::Offset { translation, .. } = frame.kind {
+            if let Some(property) = linked_location(file, i) {
+                edits.scale_vector(&frame.at, &[property], translation, of_frame);
+                continue;
+            }
             let names = location_names(spec, i);
             edits.scale_vector(&frame.at, names, translation, of_frame);
             if names != ["translation"] {
@@ -257,6 +261,19 @@ fn frames(file: &OsimFile, factors: &BodyFactors, edits: &mut Edits) {
         }
         edits.scale_geometry(&frame.at, of_frame);
     }
+}
+
+/// Property of a bushing or weld of an old file that holds the translation of an offset frame.
+fn linked_location(file: &OsimFile, frame: usize) -> Option<&'static str> {
+    let (spec, document) = (&file.spec, &file.document);
+    let element = spec.frames[frame].at.element?;
+    let mut linkers = spec.forces.iter().map(|f| &f.at).chain(spec.constraints.iter().map(|c| &c.at));
+    linkers.find(|at| at.element == Some(element))?;
+    let is_of = |property: &str| {
+        let body = document.child(ElementId(element), property).map(|body| document.text(body));
+        body.is_some_and(|body| format!("{}_offset", body.trim()) == spec.frames[frame].name)
+    };
+    Some(if is_of("body_1") { "location_body_1" } else { "location_body_2" })
 }
 
 /// How a file names the translation of an offset frame: before 30505 the frames of joints are properties of the joint.
@@ -270,11 +287,33 @@ fn location_names(spec: &ModelSpec, frame: usize) -> &'static [&'static str] {
     if first == Some(frame) { &["location_in_parent"] } else { &["location_in_child", "location"] }
 }
 
-/// Translations of custom joints, and couplers are in [`constraints`].
+/// Translations of custom joints, radii and lengths of others; couplers are in [`constraints`].
 fn joints(file: &OsimFile, factors: &BodyFactors, edits: &mut Edits) {
     for joint in &file.spec.joints {
-        let JointKind::Custom(axes) = &joint.kind else { continue };
         let of_parent = factors.of_frame(&file.spec, joint.parent_frame);
+        let of_child = factors.of_frame(&file.spec, joint.child_frame);
+        let axes = match &joint.kind {
+            JointKind::Custom(axes) => axes,
+            JointKind::Ellipsoid { radii_x_y_z } => {
+                edits.scale_vector(&joint.at, &["radii_x_y_z"], *radii_x_y_z, of_parent);
+                continue;
+            }
+            JointKind::Scapulothoracic {
+                thoracic_ellipsoid_radii_x_y_z: radii,
+                scapula_winging_axis_origin: origin,
+                ..
+            } => {
+                edits.scale_vector(&joint.at, &["thoracic_ellipsoid_radii_x_y_z"], *radii, of_parent);
+                let scaled = [origin[0] * of_child.x, origin[1] * of_child.y];
+                edits.set_numbers(&joint.at, &["scapula_winging_axis_origin"], origin, &scaled);
+                continue;
+            }
+            JointKind::ConstantCurvature { length, .. } => {
+                edits.scale_number(&joint.at, &["length"], *length, of_child.y);
+                continue;
+            }
+            _ => continue,
+        };
         for (axis, name) in axes[3..].iter().zip(["translation1", "translation2", "translation3"]) {
             edits.scale_axis_function(&joint.at, name, &axis.function, axis.axis.abs().dot(&of_parent));
         }
@@ -365,6 +404,12 @@ fn constraints(file: &OsimFile, factors: &BodyFactors, edits: &mut Edits) -> Res
 /// Path points of forces that are not computed here: scaled where their frame is plain, else listed.
 fn unread_points(file: &OsimFile, factors: &BodyFactors, edits: &mut Edits, left: &mut Vec<(String, String)>) {
     let (document, spec) = (&file.document, &file.spec);
+    for (i, frame) in spec.frames.iter().enumerate() {
+        let is_of_stations = matches!(frame.kind, FrameKind::Offset { .. }) && frame.at.element.is_none();
+        if is_of_stations && factors.of_frame(spec, FrameIndex(i)) != Vector3::repeat(1.0) {
+            left.push((frame.at.path.clone(), "StationDefinedFrame: its stations stay".to_owned()));
+        }
+    }
     for force in &spec.forces {
         let (ForceKind::Unsupported { class }, Some(element)) = (&force.kind, force.at.element) else { continue };
         if class == "ExpressionBasedPathForce" {

@@ -194,7 +194,7 @@ fn constraint_labels(system: &System) -> Vec<String> {
         .collect()
 }
 
-/// Their values; NaN without multipliers.
+/// Their values, which OpenSim gives as `Gᵀ λ`: the opposite of what acts on the bodies.
 #[allow(non_snake_case)]
 fn constraint_values(instant: &Instant) -> Vec<f64> {
     let (system, cache) = (instant.system, instant.work.dynamics.cache());
@@ -207,12 +207,12 @@ fn constraint_values(instant: &Instant) -> Vec<f64> {
                 let R = cache.X_GB(ancestor).R;
                 for k in 0..bases.len() {
                     let on = found.map_or(SpatialForce::default(), |force| force.bodies[k].1);
-                    values.extend(R.tr_mul(&on.force).iter().chain(R.tr_mul(&on.moment).iter()));
+                    values.extend(R.tr_mul(&-on.force).iter().chain(R.tr_mul(&-on.moment).iter()));
                 }
             }
             ConstraintColumns::Mobilities(coordinates) => values.extend(coordinates.iter().map(|c| {
                 let along = found.into_iter().flat_map(|force| &force.mobilities).filter(|(on, _)| on == c);
-                along.map(|(_, force)| force).sum::<f64>()
+                -along.map(|(_, force)| force).sum::<f64>()
             })),
         }
     }

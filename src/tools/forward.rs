@@ -19,6 +19,8 @@ use crate::storage::{Storage, printed};
 /// Rows of results per second, at least this many rows in all.
 const ROWS_PER_SECOND: f64 = 100.0;
 const FEWEST_ROWS: f64 = 200.0;
+/// Rate at which violations of constraints between bodies decay [1/s].
+const STABILIZATION: f64 = 50.0;
 
 /// Runs the tool.
 ///
@@ -119,6 +121,7 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
 /// The system as a plant: its skeleton, muscles, forces and loads.
 fn plant_of(system: &System, controls: &Controls) -> Result<Plant, ToolProblem> {
     let mut plant = Plant::compile(&system.spec, &system.model, true)?;
+    plant.stabilization = STABILIZATION;
     for actor in &system.actors {
         match actor {
             Actor::External(force) => {

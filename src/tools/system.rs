@@ -409,6 +409,15 @@ impl System {
         Ok(())
     }
 
+    /// Whether something acts by its control alone, without a state.
+    pub fn needs_controls(&self) -> bool {
+        let by_control = |m: &SystemMuscle| m.law.as_ref().is_some_and(MuscleModel::ignore_activation_dynamics);
+        self.actors.iter().any(|actor| match actor {
+            Actor::Muscle(i) => by_control(&self.muscles[*i]),
+            actor => actor.is_actuator(),
+        })
+    }
+
     /// Names of muscles and other actuators that apply force.
     pub fn actuator_names(&self) -> Vec<String> {
         self.actors.iter().filter(|a| a.is_actuator()).map(|a| a.name(&self.muscles).to_owned()).collect()

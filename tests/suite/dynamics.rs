@@ -399,7 +399,7 @@ fn verif_energy_of_a_free_chain_is_conserved_and_inverse_dynamics_inverts() {
 /// Assembly and projection satisfy all constraints, and constraint forces do no work.
 #[test]
 fn verif_assembled_states_satisfy_constraints_whose_forces_do_no_work() {
-    for case in fixture_cases() {
+    for case in fixture_cases().into_iter().filter(|case| !case.spec.constraints.is_empty()) {
         let constraints = Constraints::compile(&case.spec, &case.model, true, true).expect("constraints");
         let mut dynamics = Dynamics::new(&case.model, &constraints);
         let mut q = case.model.default_coordinates();

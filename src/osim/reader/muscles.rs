@@ -27,10 +27,10 @@ pub(super) fn is_muscle(tag: &str) -> bool {
     )
 }
 
-pub(super) const LENGTH: Bound = Bound::Positive("a length greater than 0 m");
+const LENGTH: Bound = Bound::Positive("a length greater than 0 m");
 const FORCE: Bound = Bound::NotNegative("a force of 0 N or more");
 pub(super) const FRACTION: Bound = Bound::NotNegative("a number of 0 or more");
-pub(super) const TIME: Bound = Bound::Positive("a time greater than 0 s");
+const TIME: Bound = Bound::Positive("a time greater than 0 s");
 
 impl Reader<'_> {
     pub(super) fn read_muscle(&mut self, element: ElementId, object: &Object, name: String) {

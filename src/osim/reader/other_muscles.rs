@@ -1,7 +1,7 @@
 //! Muscles other than Millard's: properties and default curves, which are those of the constructors in OpenSim 4.6.
 
 use super::functions::is_function;
-use super::muscles::{FRACTION, TIME};
+use super::muscles::FRACTION;
 use super::properties::Bound;
 use super::upgrade::present_class;
 use super::{Object, Reader};
@@ -70,13 +70,13 @@ impl Reader<'_> {
                 force_velocity_curve: self.curve(object, "force_velocity_curve", FORCE_VELOCITY),
             }),
             "Schutte1993Muscle_Deprecated" => {
-                let damping = self.number(object, &["damping"], 0.1, Bound::Positive("a number above 0"));
+                let damping = self.number(object, &["damping"], 0.1, Bound::Finite);
                 let passive = self.given_curve(object, "passive_force_length_curve");
                 self.read_deprecated(object, passive, DeprecatedMuscleKind::Schutte1993 { damping })
             }
             "Delp1990Muscle_Deprecated" => {
                 let kind = DeprecatedMuscleKind::Delp1990 {
-                    mass: self.number(object, &["mass"], 0.00287, Bound::Positive("a number above 0")),
+                    mass: self.number(object, &["mass"], 0.00287, Bound::Finite),
                     force_velocity_curve: self.curve(object, "force_velocity_curve", FORCE_VELOCITY),
                 };
                 let passive = Some(self.curve(object, "passive_force_length_curve", PASSIVE));
@@ -93,7 +93,7 @@ impl Reader<'_> {
         kind: DeprecatedMuscleKind,
     ) -> OtherMuscleSpec {
         OtherMuscleSpec::Deprecated(DeprecatedMuscleSpec {
-            time_scale: self.number(object, &["time_scale"], 0.1, TIME),
+            time_scale: self.number(object, &["time_scale"], 0.1, Bound::Finite),
             activation1: self.number(object, &["activation1"], 7.667, FRACTION),
             activation2: self.number(object, &["activation2"], 1.459854, FRACTION),
             tendon_force_length_curve: self.curve(object, "tendon_force_length_curve", TENDON),

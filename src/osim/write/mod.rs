@@ -51,6 +51,10 @@ impl OsimFile {
     fn unwritten(&self) -> Vec<(usize, String)> {
         const KNOWN: [&str; 4] = ["VisibleObject", "credits", "publications", "fixed"];
         let found = self.diagnostics.items.iter().filter(|item| {
+            // OpenSim does not use such a property either.
+            if item.message.contains("is not a property that is used in") {
+                return false;
+            }
             let unread = item.severity == Severity::Unsupported && item.message.ends_with("is not supported");
             let controller = item.message.contains("excitations come from the study");
             let ignored = item.severity == Severity::Ignored
@@ -79,7 +83,9 @@ impl Writer<'_> {
         let spec = self.spec;
         let version = CURRENT_FORMAT.to_string();
         self.xml.open("OpenSimDocument", &[("Version", &version)]);
-        self.xml.open("Model", &[("name", &spec.name)]);
+        // OpenSim takes white space from the names of such files.
+        let name: String = spec.name.split_whitespace().collect();
+        self.xml.open("Model", &[("name", &name)]);
         self.texts(&["credits", "publications", "length_units", "force_units"]);
         self.xml.vector("gravity", &spec.gravity);
         self.bodies();

@@ -7,6 +7,9 @@ use carpus::tools::run_tool;
 
 /// Largest difference, relative to what is above 1.
 const TOLERANCE: f64 = 1e-9;
+/// The same where there are constraints: OpenSim's assembly, which made the states, leaves violations of up to 1e-9, which
+/// are removed here before anything is computed.
+const CONSTRAINED: f64 = 1e-7;
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/components")
@@ -15,7 +18,7 @@ fn folder() -> PathBuf {
 /// Muscles of which OpenSim leaves some quantities undefined; of Delp's it reports none but the actuation.
 const PARTLY_UNDEFINED: [&str; 4] = ["rigid", "schutte", "schutte_passive", "delp"];
 
-fn compare(setup: &str, results: &str) {
+fn compare(setup: &str, results: &str, tolerance: f64) {
     let outcome = run_tool(&folder().join(setup), None, false).unwrap_or_else(|e| panic!("{e}"));
     let mut files = 0;
     let mut worst: f64 = 0.0;
@@ -39,7 +42,7 @@ fn compare(setup: &str, results: &str) {
                 }
                 let difference = (a - b).abs() / a.abs().max(1.0);
                 worst = if difference.is_nan() { f64::INFINITY } else { worst.max(difference) };
-                if !(difference <= TOLERANCE) {
+                if !(difference <= tolerance) {
                     failures.push(format!("{name}, {label}, row {row}: {b} instead of {a}"));
                 }
             }
@@ -51,15 +54,43 @@ fn compare(setup: &str, results: &str) {
 
 #[test]
 fn val_opensim_forces_actuators_and_muscles_of_many_classes() {
-    compare("analyze.xml", "analyze");
+    compare("analyze.xml", "analyze", TOLERANCE);
 }
 
 #[test]
 fn val_opensim_equilibrium_of_muscles_of_many_classes() {
-    compare("equilibrate.xml", "equilibrate");
+    compare("equilibrate.xml", "equilibrate", TOLERANCE);
 }
 
 #[test]
 fn val_opensim_loads_of_joints_and_forces_of_constraints() {
-    compare("constraints.xml", "constraints");
+    compare("constraints.xml", "constraints", CONSTRAINED);
+}
+
+/// Simulates forward; every state is that of OpenSim's integrator at an accuracy of 1e-9, within `tolerance`.
+fn compare_forward(name: &str, tolerance: f64) {
+    let outcome = run_tool(&folder().join(format!("{name}.xml")), None, false).unwrap_or_else(|e| panic!("{e}"));
+    let states = outcome.files.iter().find(|f| f.path.ends_with("run_states.sto")).expect("states");
+    let ours = Storage::parse(&states.bytes, &states.path).unwrap();
+    let theirs = Storage::read(folder().join(format!("{name}.sto"))).unwrap();
+    assert_eq!((&ours.labels, &ours.time), (&theirs.labels, &theirs.time));
+    let mut worst: f64 = 0.0;
+    for (row, (a, b)) in ours.rows.iter().zip(&theirs.rows).enumerate() {
+        for ((a, b), label) in a.iter().zip(b).zip(&ours.labels) {
+            let difference = (a - b).abs() / b.abs().max(1.0);
+            assert!(difference <= tolerance, "{label}, row {row}: {a} instead of {b}");
+            worst = worst.max(difference);
+        }
+    }
+    println!("{name}: largest difference {worst:.2e}");
+}
+
+#[test]
+fn val_opensim_forward_with_forces_actuators_and_muscles_of_many_classes() {
+    compare_forward("forward", 1e-4);
+}
+
+#[test]
+fn val_opensim_forward_with_constraints_between_bodies() {
+    compare_forward("forward_constrained", 1e-4);
 }
