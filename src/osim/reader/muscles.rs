@@ -64,12 +64,7 @@ impl Reader<'_> {
             max_isometric_force: self.number(object, &["max_isometric_force"], 1000.0, FORCE),
             optimal_fiber_length: self.number(object, &["optimal_fiber_length"], 0.1, LENGTH),
             tendon_slack_length: self.number(object, &["tendon_slack_length"], 0.2, slack),
-            pennation_angle_at_optimal: self.number(
-                object,
-                &["pennation_angle_at_optimal", "pennation_angle"],
-                0.0,
-                Bound::Finite,
-            ),
+            pennation_angle_at_optimal: self.number(object, self.version.pennation_angle_names(), 0.0, Bound::Finite),
             max_contraction_velocity: self.number(object, &["max_contraction_velocity"], 10.0, velocity),
             ignore_tendon_compliance,
             ignore_activation_dynamics: self.boolean(object, &["ignore_activation_dynamics"], false),

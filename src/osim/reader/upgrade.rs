@@ -42,6 +42,16 @@ impl Version {
         self.0 < 30500
     }
 
+    /// Up to 20301 the pennation angle has another name; later files that use it have none in OpenSim
+    /// (`Muscle::updateFromXMLNode`).
+    pub fn pennation_angle_names(self) -> &'static [&'static str] {
+        if self.0 <= 20301 {
+            &["pennation_angle_at_optimal", "pennation_angle"]
+        } else {
+            &["pennation_angle_at_optimal"]
+        }
+    }
+
     /// Before 10905 point and torque actuators act on the second of two bodies (`PointActuator`,
     /// `TorqueActuator::updateFromXMLNode`).
     pub fn has_forces_on_body_b(self) -> bool {
