@@ -40,6 +40,8 @@ const HOPELESS: f64 = 0.4;
 const PAIRED: usize = 6;
 /// Pairs that are fitted.
 const FITTED_PAIRS: usize = 4;
+/// Directions that are reported as left over.
+const SHOWN: usize = 3;
 /// Single effects that are fitted, those of the highest scores.
 const FITTED_SINGLES: usize = 8;
 
@@ -89,6 +91,19 @@ pub struct Explanation {
     pub plausible: bool,
     /// Parameters by `effect.parameter`.
     pub parameters: BTreeMap<String, ParameterEstimate>,
+    /// What the data would rather have beside it: the directions of smallest p-value.
+    pub left: Vec<Left>,
+}
+
+/// A direction in which something may be left after a fit.
+#[derive(Clone, Debug, Serialize)]
+pub struct Left {
+    /// Effect, or axis of lack of fit.
+    pub direction: String,
+    /// p-value of this direction alone.
+    pub p_value: f64,
+    /// Its one-step sizes, in units of its scales.
+    pub size: Vec<f64>,
 }
 
 /// A candidate of the catalogue.
@@ -111,6 +126,8 @@ pub struct Candidate {
     pub held_out_error: Option<f64>,
     /// Parameters, once fitted.
     pub parameters: BTreeMap<String, ParameterEstimate>,
+    /// Once fitted: what the data would rather have beside it.
+    pub left: Vec<Left>,
 }
 
 /// Errors step by step.
@@ -298,6 +315,18 @@ fn test(analysis: &Analysis, fit: &Fit, skip: &[&str]) -> Result<Omnibus, Simula
     analysis.anything_left(fit, skip).ok_or(SimulationError::ParameterCount { found: 0, expected: 1 })
 }
 
+/// The directions of smallest p-value.
+fn left_over(omnibus: &Omnibus) -> Vec<Left> {
+    let mut blocks: Vec<&BlockScore> = omnibus.blocks.iter().filter(|b| b.rank > 0).collect();
+    blocks.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
+    let of = |b: &&BlockScore| Left {
+        direction: b.name.clone(),
+        p_value: b.p_value,
+        size: b.one_step.iter().copied().collect(),
+    };
+    blocks.iter().take(SHOWN).map(of).collect()
+}
+
 fn block<'a>(omnibus: &'a Omnibus, name: &str) -> Option<&'a BlockScore> {
     omnibus.blocks.iter().find(|b| b.name == name)
 }
@@ -404,12 +433,13 @@ impl Judge<'_> {
         let Some(fit) = fits.into_iter().flatten().min_by(|a, b| a.deviance.total_cmp(&b.deviance)) else {
             return Ok(None);
         };
-        let p_value = test(self.analysis, &fit, self.not_testable)?.p_value;
+        let with = test(self.analysis, &fit, self.not_testable)?;
+        let p_value = with.p_value;
         let parameters = estimates(&fit, &self.request.forward.muscles);
         let plausible = parameters.values().all(|p| p.ci95[1] >= p.plausible[0] && p.ci95[0] <= p.plausible[1]);
         let held_out_error = self.error_of(&fit, TrialUse::Test)?;
         let effects = effects.iter().map(|e| e.description().id).collect();
-        Ok(Some((fit, Explanation { effects, p_value, held_out_error, plausible, parameters })))
+        Ok(Some((fit, Explanation { effects, p_value, held_out_error, plausible, parameters, left: left_over(&with) })))
     }
 
     /// Simulated moments of the trials of a use, from the EMG as recorded.
@@ -479,6 +509,7 @@ impl Judge<'_> {
                     detectable_size,
                     held_out_error: fitted.and_then(|f| f.held_out_error),
                     parameters: fitted.map(|f| f.parameters.clone()).unwrap_or_default(),
+                    left: fitted.map(|f| f.left.clone()).unwrap_or_default(),
                 })
             })
             .collect();

@@ -31,6 +31,8 @@ use crate::study::ParameterBounds;
 const MOST_BLOCKS: usize = 80;
 /// Standard deviation expected of an EMG channel's baseline.
 const BASELINE_SD: f64 = 0.004;
+/// Moments per unit of log excitation below this are nothing [N·m].
+const SMALLEST_RESPONSE: f64 = 1e-9;
 /// Size of disturbances of the log excitation that are passed through effects.
 const DISTURBANCE: f64 = 1e-3;
 /// Scale of lack-of-fit directions [N·m].
@@ -310,21 +312,27 @@ impl<'a> Analysis<'a> {
         let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
         let knots = knot_count(&record.time);
         let block_of: Vec<usize> = counts.iter().enumerate().flat_map(|(b, c)| std::iter::repeat_n(b, *c)).collect();
-        let response = |m: usize| core.prepared.excitation_response(m, &core.solutions[m], &core.excitation[m]);
+        let response = |m: usize| {
+            let factor = self.forward.moment_factor(g, core, &point.inputs[position], &point.effects, m);
+            core.prepared.scaled_excitation_response(m, &core.solutions[m], &core.excitation[m], &factor)
+        };
         let muscles: Vec<_> = (0..self.n_muscles()).map(response).collect();
         // Forces may have moved since the muscles were followed.
         let scale =
             |m: usize| point.parameters[m].max_isometric_force / core.solutions[m].parameters.max_isometric_force;
         let before = &point.inputs[position].excitation;
         let changed = self.forward.excitation_changes(&point.effects);
+        let reshaped = self.forward.reshapes_moment(&point.effects);
         let mut responses = Vec::new();
         for (m, e) in before.iter().enumerate() {
             let mut g_of_muscle = Response::new(blocks, knots);
-            for j in 0..knots {
+            let mut by_knots = vec![vec![0.0; if reshaped { record.time.len() } else { 0 }]; knots];
+            for (j, by_knot) in by_knots.iter_mut().enumerate() {
                 let (first, disturbance) = hat(&record.time, e, j);
                 let mut show = |m: usize, first: usize, disturbance: &[f64]| {
-                    muscles[m].respond(first, disturbance, |k, moment| {
-                        g_of_muscle.add(block_of[k], j, scale(m) * moment / counts[block_of[k]] as f64);
+                    muscles[m].respond(first, disturbance, |k, moment| match by_knot.get_mut(k) {
+                        Some(to) => *to += scale(m) * moment,
+                        None => g_of_muscle.add(block_of[k], j, scale(m) * moment / counts[block_of[k]] as f64),
                     });
                 };
                 if !changed {
@@ -345,13 +353,24 @@ impl<'a> Analysis<'a> {
                     show(other, first, &change);
                 }
             }
+            if reshaped {
+                // Through the sensor, and what on the joint depends on the muscles' moment.
+                let recorded = self.forward.recorded_changes(g, core, &point.effects, &by_knots);
+                for (j, by_knot) in recorded.iter().enumerate() {
+                    for (k, moment) in by_knot.iter().enumerate().filter(|(_, moment)| moment.abs() > SMALLEST_RESPONSE) {
+                        g_of_muscle.add(block_of[k], j, moment / counts[block_of[k]] as f64);
+                    }
+                }
+            }
             responses.push(g_of_muscle);
         }
         let start = record.time[0];
         let at_knot =
             |e: &[f64], j: usize| super::effect::interpolate(&record.time, e, start + KNOT_SPACING * j as f64);
         let at_knots: Vec<Vec<f64>> = before.iter().map(|e| (0..knots).map(|j| at_knot(e, j)).collect()).collect();
-        TrialNoise::correlated(&self.times[position], responses, &at_knots, &self.kernels.emg)
+        let average = |series: &[f64]| block_means(series, &starts).as_slice().to_vec();
+        let of_angle = self.forward.angle_covariance(g, core, &point.effects, average, &average(&record.time));
+        TrialNoise::correlated(&self.times[position], responses, &at_knots, &self.kernels.emg).with_angle(of_angle)
     }
 
     /// Variances of the noise, all directions being among the regressors.

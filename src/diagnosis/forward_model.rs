@@ -2,9 +2,13 @@
 
 use std::borrow::Cow;
 
+use super::angle_noise::{AngleNoise, Disturbance};
 use super::catalogue::position;
 use super::effect::{Effect, JointState, MuscleState, Role, Stage, TrialContext};
+use super::holds::steadied_trials;
 use super::silent_muscles::SilentMuscles;
+use nalgebra::DMatrix;
+
 use crate::osim::spec::{ModelSpec, MuscleSpec};
 use crate::simulation::{
     FiberAccuracy, MuscleParameters, MuscleSolution, MusculoskeletalModel, Options, PreparedTrial, Recording,
@@ -74,6 +78,8 @@ pub struct ForwardModel {
     pub directions: Vec<f64>,
     /// Effects that the model has beside its file; they act in every simulation.
     given: Vec<Setting>,
+    /// Noise of the recorded angle, and draws of it per trial; none: the angle is exact.
+    angle_noise: Option<(AngleNoise, Vec<Vec<Disturbance>>)>,
     silent_muscles: SilentMuscles,
     model: MusculoskeletalModel,
     base: Vec<PreparedTrial>,
@@ -147,11 +153,32 @@ impl ForwardModel {
             muscles,
             directions,
             given: Vec::new(),
+            angle_noise: None,
             silent_muscles: SilentMuscles::of(spec, model, &base),
             model: model.clone(),
             base,
             options,
         })
+    }
+
+    /// Prepares trials for a diagnosis: the joint is still where the machine holds it, and elsewhere its recorded angle is
+    /// taken to be noisy.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn for_diagnosis(
+        spec: &ModelSpec,
+        model: &MusculoskeletalModel,
+        trials: &[Trial],
+    ) -> Result<ForwardModel, SimulationError> {
+        let Some(noise) = AngleNoise::of(trials) else {
+            return Self::with_accuracy(spec, model, trials, DIAGNOSIS_ACCURACY);
+        };
+        let trials = steadied_trials(trials, &noise);
+        let forward = Self::with_accuracy(spec, model, &trials, DIAGNOSIS_ACCURACY)?;
+        let draws = |(g, t): (usize, &TrialRecord)| noise.draws(&t.time, &t.angle, g as u64);
+        let draws = forward.trials.iter().enumerate().map(draws).collect();
+        Ok(ForwardModel { angle_noise: Some((noise, draws)), ..forward })
     }
 
     /// The model with effects that it has beside its file: they act in every simulation, before others of their kind.
@@ -347,24 +374,30 @@ impl ForwardModel {
 
     /// The moment that the sensor records [N·m]: what effects on joint, inertia and sensor make of a trial's core.
     pub fn recorded_moment(&self, trial: usize, core: &Core, effects: &[Setting]) -> Vec<f64> {
-        self.sensed(trial, core, core.moment.clone(), effects)
-    }
-
-    fn sensed(&self, trial: usize, core: &Core, mut moment: Vec<f64>, effects: &[Setting]) -> Vec<f64> {
         // Differences of an effect that is off start from a core that was not asked for the moment.
         let muscle_moment = core.without.as_ref().map_or(&core.moment, |without| &without.moment);
+        self.recorded(trial, core, core.moment.clone(), muscle_moment, effects)
+    }
+
+    /// - `moment`: of muscles, passive forces and drag, with all effects; `muscle_moment`: without those that ask for it
+    fn recorded(
+        &self,
+        trial: usize,
+        core: &Core,
+        mut moment: Vec<f64>,
+        muscle_moment: &[f64],
+        effects: &[Setting],
+    ) -> Vec<f64> {
         let context = self.context(trial, &core.excitation, muscle_moment);
-        let kinematics = core.prepared.kinematics();
-        let joint = JointState {
-            trial: &context,
-            angle: &kinematics.angle,
-            speed: &kinematics.speed,
-            acceleration: &kinematics.acceleration,
-        };
         let effects = self.acting(effects);
         let effects = in_order(&effects);
-        for setting in &effects {
-            setting.effect.add_moment(&setting.values, &joint, &mut moment);
+        match self.drawn_moments(trial, core, &context, &effects).as_slice() {
+            [] => joint_state(core, &context, |joint| add_moments(&effects, joint, &mut moment)),
+            draws => {
+                for draw in draws {
+                    moment.iter_mut().zip(draw).for_each(|(m, d)| *m += d / draws.len() as f64);
+                }
+            }
         }
         for setting in &effects {
             setting.effect.sense(&setting.values, &context, &mut moment);
@@ -372,23 +405,90 @@ impl ForwardModel {
         moment
     }
 
+    /// What effects add at the joint, per draw of the angle's noise [N·m]; empty if there is none or nothing adds.
+    fn drawn_moments(&self, trial: usize, core: &Core, context: &TrialContext, ordered: &[&Setting]) -> Vec<Vec<f64>> {
+        let adds = |s: &&&Setting| matches!(s.effect.description().stage, Stage::Joint | Stage::Inertia) && !s.is_absent();
+        let (Some((_, draws)), true) = (&self.angle_noise, ordered.iter().any(|s| adds(&s))) else { return Vec::new() };
+        let kinematics = core.prepared.kinematics();
+        let sum = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a + b).collect() };
+        let drawn = |d: &Disturbance| {
+            let mut moment = vec![0.0; kinematics.angle.len()];
+            let joint = JointState {
+                trial: context,
+                angle: &sum(&kinematics.angle, &d.angle),
+                speed: &sum(&kinematics.speed, &d.speed),
+                acceleration: &sum(&kinematics.acceleration, &d.acceleration),
+            };
+            add_moments(ordered, &joint, &mut moment);
+            moment
+        };
+        draws[trial].iter().map(drawn).collect()
+    }
+
+    /// Covariance of the recorded moment that the angle's noise causes through effects on the joint [(N·m)²]; `None` if none.
+    ///
+    /// - `average`: of a series over blocks of samples; `times`: of the blocks [s]
+    pub fn angle_covariance(
+        &self,
+        trial: usize,
+        core: &Core,
+        effects: &[Setting],
+        average: impl Fn(&[f64]) -> Vec<f64>,
+        times: &[f64],
+    ) -> Option<DMatrix<f64>> {
+        let muscle_moment = core.without.as_ref().map_or(&core.moment, |without| &without.moment);
+        let context = self.context(trial, &core.excitation, muscle_moment);
+        let effects = self.acting(effects);
+        let draws = self.drawn_moments(trial, core, &context, &in_order(&effects));
+        let (noise, _) = self.angle_noise.as_ref()?;
+        let draws: Vec<Vec<f64>> = draws.iter().map(|d| average(d)).collect();
+        (!draws.is_empty()).then(|| noise.covariance(&draws, times))
+    }
+
+    /// Whether the recorded moment changes otherwise than the muscles' moment does: through the sensor, or through an effect on
+    /// the joint that depends on the muscles' moment.
+    pub fn reshapes_moment(&self, effects: &[Setting]) -> bool {
+        let reshapes = |s: &Setting| s.effect.description().stage == Stage::Sensor || s.effect.needs_moment();
+        self.acting(effects).iter().any(reshapes)
+    }
+
+    /// Changes of the recorded moment when the muscles' moment changes, to first order.
+    ///
+    /// - `changes`: of the muscles' moment, per sample
+    pub fn recorded_changes<'c>(
+        &self,
+        trial: usize,
+        core: &Core,
+        effects: &[Setting],
+        changes: impl IntoIterator<Item = &'c Vec<f64>>,
+    ) -> Vec<Vec<f64>> {
+        let base = self.recorded_moment(trial, core, effects);
+        // The sensor is affine in the moment, so that a difference is exact; it is kept small because the direction of a
+        // moment may matter.
+        let step = 1e-3;
+        let add = |to: &[f64], by: &[f64]| -> Vec<f64> { to.iter().zip(by).map(|(m, d)| m + step * d).collect() };
+        let recorded = |by: &Vec<f64>| {
+            let without = core.without.as_ref().map_or(&core.moment, |without| &without.moment);
+            let moved = self.recorded(trial, core, add(&core.moment, by), &add(without, by), effects);
+            moved.iter().zip(&base).map(|(a, b)| (a - b) / step).collect()
+        };
+        changes.into_iter().map(recorded).collect()
+    }
+
     /// Derivatives of the recorded moment by the fitted muscle parameters: those of the core as the sensor shows them.
     pub fn sensed_derivatives(&self, trial: usize, core: &Core, effects: &[Setting]) -> Vec<Vec<f64>> {
-        if self.acting(effects).iter().all(|s| s.effect.description().stage != Stage::Sensor) {
-            return core.by_parameters.clone();
+        match self.reshapes_moment(effects) {
+            true => self.recorded_changes(trial, core, effects, &core.by_parameters),
+            false => core.by_parameters.clone(),
         }
-        let base = self.recorded_moment(trial, core, effects);
-        core.by_parameters
-            .iter()
-            .map(|by| {
-                // The sensor is affine in the moment, so that a difference is exact; it is kept small because the
-                // direction of a moment may matter.
-                let step = 1e-3;
-                let moved = core.moment.iter().zip(by).map(|(m, d)| m + step * d).collect();
-                let moved = self.sensed(trial, core, moved, effects);
-                moved.iter().zip(&base).map(|(a, b)| (a - b) / step).collect()
-            })
-            .collect()
+    }
+
+    /// What effects multiply a muscle's moment by, per sample.
+    pub fn moment_factor(&self, trial: usize, core: &Core, input: &TrialInput, effects: &[Setting], muscle: usize) -> Vec<f64> {
+        let muscle_moment = core.without.as_ref().map_or(&[][..], |core| &core.moment);
+        let context = self.context(trial, &input.excitation, muscle_moment);
+        let effects = self.acting(effects);
+        muscle_factor(&in_order(&effects), &context, &core.prepared, muscle, &core.prepared.kinematics().angle)
     }
 
     /// Derivative of the recorded moment by a parameter of an effect [N·m per unit of the parameter's scale].
@@ -513,6 +613,23 @@ fn step(effect: &dyn Effect) -> f64 {
     match effect.description().stage {
         Stage::Muscle | Stage::Activation => 1e-2,
         _ => 1e-4,
+    }
+}
+
+/// Shows a trial's joint as recorded.
+fn joint_state(core: &Core, context: &TrialContext, mut see: impl FnMut(&JointState)) {
+    let kinematics = core.prepared.kinematics();
+    see(&JointState {
+        trial: context,
+        angle: &kinematics.angle,
+        speed: &kinematics.speed,
+        acceleration: &kinematics.acceleration,
+    });
+}
+
+fn add_moments(ordered: &[&Setting], joint: &JointState, moment: &mut [f64]) {
+    for setting in ordered {
+        setting.effect.add_moment(&setting.values, joint, moment);
     }
 }
 

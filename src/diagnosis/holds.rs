@@ -1,10 +1,9 @@
 //! Where the joint is held still: the recorded angle there is the sensor's noise, which as a speed would be taken for
 //! movement by friction and everything else that depends on its direction.
 
+use super::angle_noise::AngleNoise;
 use crate::study::Trial;
 
-/// A trial in which the angle stays within this range is held as a whole [rad]: 3°.
-const HELD_RANGE: f64 = 0.052;
 /// A hold lasts at least this long [s].
 const SHORTEST: f64 = 0.3;
 /// Nearer to a movement than this a hold is left as recorded [s]: movements start slowly.
@@ -14,31 +13,16 @@ const TAPER: f64 = 0.2;
 /// The angle is still while it stays within so many standard deviations of its noise to both sides.
 const STILL: f64 = 3.5;
 
-/// Standard deviation of the recorded angle where the machine holds the joint [rad]: over the trials in which it hardly
-/// moves; `None` without such trials.
-pub fn angle_noise(trials: &[Trial]) -> Option<f64> {
-    let held = trials.iter().map(|t| t.angle.as_slice()).filter(|a| range(a) < HELD_RANGE);
-    let (mut squares, mut count) = (0.0, 0usize);
-    for angle in held {
-        let mean = angle.iter().sum::<f64>() / angle.len() as f64;
-        squares += angle.iter().map(|a| (a - mean).powi(2)).sum::<f64>();
-        count += angle.len();
-    }
-    (count > 0).then(|| (squares / count as f64).sqrt())
-}
-
-/// Trials whose angle is still where the joint is held; all others, and trials of a session without a hold, as they are.
-pub fn steadied_trials(trials: &[Trial]) -> Vec<Trial> {
+/// Trials whose angle is still where the joint is held.
+pub fn steadied_trials(trials: &[Trial], noise: &AngleNoise) -> Vec<Trial> {
     let mut trials = trials.to_vec();
-    if let Some(noise) = angle_noise(&trials) {
-        trials.iter_mut().for_each(|t| t.angle = steadied(&t.time, &t.angle, noise));
-    }
+    trials.iter_mut().for_each(|t| t.angle = steadied(&t.time, &t.angle, noise.sd));
     trials
 }
 
 /// The angle with its holds held.
 ///
-/// - `noise`: from [`angle_noise`] [rad]
+/// - `noise`: its standard deviation [rad]
 pub fn steadied(time: &[f64], angle: &[f64], noise: f64) -> Vec<f64> {
     let mut out = angle.to_vec();
     let width = 2.0 * STILL * noise;
@@ -77,11 +61,6 @@ fn hold(time: &[f64], angle: &[f64], range: std::ops::Range<usize>, out: &mut [f
     for k in (last + 1..time.len()).take_while(|k| time[*k] - time[last] < TAPER) {
         out[k] -= (angle[last] - level) * left(time[k] - time[last]);
     }
-}
-
-fn range(angle: &[f64]) -> f64 {
-    let high = angle.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    high - angle.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
 #[cfg(test)]

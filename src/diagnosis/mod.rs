@@ -2,6 +2,7 @@
 //! which of them a participant's trials call for.
 
 pub mod addition;
+pub mod angle_noise;
 pub mod baselines;
 pub mod catalogue;
 mod centring;

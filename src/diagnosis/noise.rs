@@ -2,11 +2,12 @@
 //! through the muscles (errors in variables).
 //!
 //! ```text
-//! V = σ_w² I + σ_s² C_s + σ_e² G K Gᵀ + σ_g² G 1 1ᵀ Gᵀ + σ_f² G D K D Gᵀ
+//! V = σ_w² I + σ_s² C_s + σ_e² G K Gᵀ + σ_g² G 1 1ᵀ Gᵀ + σ_f² G D K D Gᵀ + C_q
 //! ```
 //! G: moment by the log excitation on knots; K, C_s: correlation over knots and over samples (EMG envelope and slow
 //! disturbances of the moment), of the family and length that the data prefer; the fourth term is a gain per trial and
-//! muscle; D = 1/e turns the last one into noise that adds to the EMG.
+//! muscle; D = 1/e turns the fifth into noise that adds to the EMG; C_q, of known size, is the noise of the angle as forces on
+//! the joint show it.
 //!
 //! # References
 //! Patterson & Thompson (1971), Recovery of inter-block information when block sizes are unequal,
@@ -155,6 +156,8 @@ pub struct TrialNoise {
     whole: DMatrix<f64>,
     /// Correlation of the EMG's noise over knots.
     by_step: Arc<[f64]>,
+    /// Covariance of known size: noise of the angle as forces on the joint show it [(N·m)²].
+    of_angle: Option<DMatrix<f64>>,
 }
 
 impl TrialNoise {
@@ -187,8 +190,15 @@ impl TrialNoise {
         let gain = &whole * whole.transpose();
         let emg = [DMatrix::zeros(0, 0), gain, DMatrix::zeros(0, 0)];
         let by_step = Arc::from([]);
-        let bare = TrialNoise { times: Arc::clone(times), emg, response, reciprocal, whole, by_step };
+        let bare = TrialNoise { times: Arc::clone(times), emg, response, reciprocal, whole, by_step, of_angle: None };
         bare.with_kernel(times, kernel)
+    }
+
+    /// The same noise and that of the angle.
+    ///
+    /// - `covariance`: of blocks [(N·m)²]
+    pub fn with_angle(self, covariance: Option<DMatrix<f64>>) -> TrialNoise {
+        TrialNoise { of_angle: covariance, ..self }
     }
 
     /// The same noise with other correlations in time.
@@ -222,6 +232,9 @@ impl TrialNoise {
         for (k, w) in self.times.white.iter().enumerate() {
             v[(k, k)] += white * w;
         }
+        if let Some(of_angle) = &self.of_angle {
+            v += of_angle;
+        }
         v
     }
 
@@ -243,7 +256,8 @@ impl TrialNoise {
     /// Sum of V's diagonal for single samples instead of blocks [(N·m)²].
     pub fn variance_of_samples(&self, levels: &NoiseLevels) -> f64 {
         let shared: f64 = self.shared().iter().zip(&levels.0[1..]).map(|(c, l)| l * c.trace()).sum();
-        shared + levels.0[0] * self.times.white.len() as f64
+        let of_angle = self.of_angle.as_ref().map_or(0.0, DMatrix::trace);
+        shared + of_angle + levels.0[0] * self.times.white.len() as f64
     }
 
     /// Expected noise of log excitation on knots, per muscle, given V⁻¹(residual).
@@ -290,7 +304,8 @@ impl TrialNoise {
         let n = self.times.white.len();
         let mut draw = || DVector::from_fn(n, |_, _| normal());
         let slow = root(&self.times.slow) * draw();
-        slow * levels.0[1].sqrt() + draw().component_mul(&self.times.white.map(|w| (levels.0[0] * w).sqrt()))
+        let of_angle = self.of_angle.as_ref().map_or_else(|| DVector::zeros(n), |c| root(c) * draw());
+        of_angle + slow * levels.0[1].sqrt() + draw().component_mul(&self.times.white.map(|w| (levels.0[0] * w).sqrt()))
     }
 
     /// Moment that a change of log excitation on knots causes, to first order.

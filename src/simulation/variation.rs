@@ -267,6 +267,18 @@ impl PreparedTrial {
         self.response(muscle, solution, excitation, |k| arms[k])
     }
 
+    /// As [`PreparedTrial::excitation_response`], with the moment multiplied by a factor per sample.
+    pub fn scaled_excitation_response(
+        &self,
+        muscle: usize,
+        solution: &MuscleSolution,
+        excitation: &[f64],
+        factor: &[f64],
+    ) -> ExcitationResponse {
+        let arms = &self.kinematics.muscles[muscle].moment_arm;
+        self.response(muscle, solution, excitation, |k| arms[k] * factor[k])
+    }
+
     /// As [`PreparedTrial::excitation_response`] with a moment arm of 1: the response of the tendon force [N].
     pub fn force_response(&self, muscle: usize, solution: &MuscleSolution, excitation: &[f64]) -> ExcitationResponse {
         self.response(muscle, solution, excitation, |_| 1.0)

@@ -6,7 +6,6 @@ use std::path::PathBuf;
 use carpus::diagnosis::catalogue::CATALOGUE;
 use carpus::diagnosis::diagnose::{Diagnosis, Request, Verdict, diagnose};
 use carpus::diagnosis::forward_model::ForwardModel;
-use carpus::diagnosis::holds::steadied_trials;
 use carpus::osim::OsimFile;
 use carpus::simulation::{MusculoskeletalModel, Setup};
 use carpus::study::Study;
@@ -20,7 +19,7 @@ fn diagnosed(name: &str, candidates: &[&str]) -> (Diagnosis, Value) {
     let trials = study.load_trials("P01").unwrap();
     let file = OsimFile::read(root.join("models/wrist.osim")).unwrap();
     let model = MusculoskeletalModel::compile(&file.spec, &Setup::from_settings(&study.settings)).unwrap();
-    let forward = ForwardModel::new(&file.spec, &model, &steadied_trials(&trials)).unwrap();
+    let forward = ForwardModel::for_diagnosis(&file.spec, &model, &trials).unwrap();
     let known = |id: &&str| CATALOGUE.iter().copied().find(|e| e.description().id == *id).unwrap();
     let request = Request {
         participant: "P01".to_string(),

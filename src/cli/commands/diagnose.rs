@@ -14,8 +14,7 @@ use crate::diagnosis::baselines::Ingredients;
 use crate::diagnosis::catalogue::{CATALOGUE, effect};
 use crate::diagnosis::diagnose::{Diagnosis, Outcome, Request, Verdict, diagnose};
 use crate::diagnosis::effect::Effect;
-use crate::diagnosis::forward_model::{DIAGNOSIS_ACCURACY, ForwardModel, Setting};
-use crate::diagnosis::holds::steadied_trials;
+use crate::diagnosis::forward_model::{ForwardModel, Setting};
 use crate::diagnosis::moments::simulate_all;
 use crate::report::results::{Kind, Results};
 use crate::simulation::MuscleParameters;
@@ -112,8 +111,7 @@ fn with_baselines(value: &serde_json::Value, ingredients: &Ingredients) -> Resul
 /// # Errors
 /// A trial that cannot be simulated; nothing to train on.
 pub fn forward_model(run: &ParticipantRun) -> Result<ForwardModel, Failure> {
-    let trials = steadied_trials(&run.trials);
-    let forward = ForwardModel::with_accuracy(&run.loaded.file.spec, &run.model, &trials, DIAGNOSIS_ACCURACY)
+    let forward = ForwardModel::for_diagnosis(&run.loaded.file.spec, &run.model, &run.trials)
         .map_err(|e| Message::error(e.to_string()).in_file(&run.loaded.path))?
         .with_given(run.given.clone());
     if forward.trials_for(TrialUse::Train).len() < 2 {
