@@ -1,6 +1,9 @@
 //! Where the joint is held still: the recorded angle there is the sensor's noise, which as a speed would be taken for
 //! movement by friction and everything else that depends on its direction.
 
+use std::collections::VecDeque;
+use std::ops::Range;
+
 use super::angle_noise::AngleNoise;
 use crate::study::Trial;
 
@@ -27,30 +30,48 @@ pub fn steadied(time: &[f64], angle: &[f64], noise: f64) -> Vec<f64> {
     let mut out = angle.to_vec();
     let width = 2.0 * STILL * noise;
     let n = angle.len();
-    let mut start = 0;
-    while start < n {
-        // The longest stretch from here on within the width.
-        let (mut low, mut high, mut end) = (angle[start], angle[start], start + 1);
-        while end < n {
-            let (l, h) = (low.min(angle[end]), high.max(angle[end]));
-            if h - l > width {
-                break;
-            }
-            (low, high, end) = (l, h, end + 1);
-        }
+    // The longest hold first: found from one end, a hold would begin in the last of a movement and end too soon.
+    let mut parts = vec![0..n];
+    while let Some(part) = parts.pop() {
+        let found = longest_within(&angle[part.clone()], width);
+        let (start, end) = (part.start + found.start, part.start + found.end);
         let first = if start == 0 { 0 } else { time.partition_point(|t| *t < time[start] + MARGIN) };
         let last = if end == n { n } else { time.partition_point(|t| *t < time[end - 1] - MARGIN) };
         if last > first + 2 && time[last - 1] - time[first] >= SHORTEST {
             hold(time, angle, first..last, &mut out);
-            start = end;
-        } else {
-            start += 1;
+            parts.extend([part.start..start, end..part.end].into_iter().filter(|p| p.len() > 2));
         }
     }
     out
 }
 
-fn hold(time: &[f64], angle: &[f64], range: std::ops::Range<usize>, out: &mut [f64]) {
+/// The longest stretch in which a series stays within a width.
+fn longest_within(series: &[f64], width: f64) -> Range<usize> {
+    // Positions of falling highs and of rising lows from `start` on.
+    let (mut highs, mut lows): (VecDeque<usize>, VecDeque<usize>) = Default::default();
+    let (mut start, mut best) = (0, 0..0);
+    for (k, value) in series.iter().enumerate() {
+        while highs.back().is_some_and(|i| series[*i] <= *value) {
+            highs.pop_back();
+        }
+        while lows.back().is_some_and(|i| series[*i] >= *value) {
+            lows.pop_back();
+        }
+        highs.push_back(k);
+        lows.push_back(k);
+        while series[highs[0]] - series[lows[0]] > width {
+            start += 1;
+            highs.pop_front_if(|i| *i < start);
+            lows.pop_front_if(|i| *i < start);
+        }
+        if k + 1 - start > best.len() {
+            best = start..k + 1;
+        }
+    }
+    best
+}
+
+fn hold(time: &[f64], angle: &[f64], range: Range<usize>, out: &mut [f64]) {
     let level = angle[range.clone()].iter().sum::<f64>() / range.len() as f64;
     out[range.clone()].fill(level);
     let (first, last) = (range.start, range.end - 1);
@@ -66,6 +87,22 @@ fn hold(time: &[f64], angle: &[f64], range: std::ops::Range<usize>, out: &mut [f
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn verif_longest_stretch_is_that_of_trying_all() {
+        let series: Vec<f64> = (0..60).map(|k| (0.7 * f64::from(k)).sin() + (0.05 * f64::from(k)).cos() * 2.0).collect();
+        for width in [0.1, 1.0, 2.3, 10.0] {
+            let within = |a: usize, b: usize| {
+                let part = &series[a..b];
+                part.iter().copied().fold(f64::MIN, f64::max) - part.iter().copied().fold(f64::MAX, f64::min) <= width
+            };
+            let all = (0..60).flat_map(|a| (a + 1..=60).map(move |b| (a, b)));
+            let longest = all.filter(|(a, b)| within(*a, *b)).map(|(a, b)| b - a).max().unwrap();
+            let found = longest_within(&series, width);
+            assert!(within(found.start, found.end));
+            assert_eq!(found.len(), longest, "{width}");
+        }
+    }
 
     #[test]
     fn verif_holds_are_still_and_movements_stay() {
