@@ -27,7 +27,7 @@ const PAIRS: usize = 8;
 /// Covariances of draws are trusted up to so many correlation lengths.
 const TAPER: f64 = 2.5;
 /// Time in which noise comes back after a hold [s].
-const RETURN: f64 = 0.2;
+const RETURN: f64 = 0.04;
 
 /// Noise of a recorded angle: a Gaussian process with correlation exp(-(Δt/length)²/2).
 #[derive(Clone, Copy, Debug, PartialEq)]

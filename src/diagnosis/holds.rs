@@ -10,9 +10,9 @@ use crate::study::Trial;
 /// A hold lasts at least this long [s].
 const SHORTEST: f64 = 0.3;
 /// Nearer to a movement than this a hold is left as recorded [s]: movements start slowly.
-const MARGIN: f64 = 0.15;
-/// Time in which the recorded angle takes over from a hold's [s].
-const TAPER: f64 = 0.2;
+const MARGIN: f64 = 0.2;
+/// Time in which the recorded angle takes over from a hold's [s]: faster, the difference would be a speed.
+const TAPER: f64 = 0.5;
 /// The angle is still while it stays within so many standard deviations of its noise to both sides.
 const STILL: f64 = 3.5;
 
