@@ -102,6 +102,8 @@ pub struct Core {
     pub excitation: Vec<Vec<f64>>,
     /// Moment of muscles, passive forces, drag [N·m].
     pub moment: Vec<f64>,
+    /// Moment of the muscles alone [N·m].
+    muscle_moment: Vec<f64>,
     /// Derivatives of the moment by log F_max, log l_opt and log l_slack of every muscle, in this order; empty unless asked for.
     pub by_parameters: Vec<Vec<f64>>,
     /// Of every muscle; empty unless derivatives were asked for.
@@ -115,6 +117,19 @@ pub const DIAGNOSIS_ACCURACY: FiberAccuracy = FiberAccuracy { tolerance: 5e-5, m
 
 /// Muscle parameters whose logarithms are fitted, per muscle.
 pub const FITTED_PER_MUSCLE: usize = 3;
+
+impl Core {
+    /// The muscles' moment that effects are shown: without those that ask for it.
+    fn shown(&self) -> &[f64] {
+        // Differences of an effect that is off start from a core that was not asked for the moment.
+        self.without.as_ref().map_or(&self.muscle_moment, |without| &without.muscle_moment)
+    }
+}
+
+/// A trial's moment without its forces that are not muscles'.
+fn of_muscles(moment: &[f64], prepared: &PreparedTrial) -> Vec<f64> {
+    moment.iter().zip(prepared.moment_without_muscles()).map(|(all, rest)| all - rest).collect()
+}
 
 impl ForwardModel {
     /// Prepares the trials of a participant.
@@ -336,7 +351,7 @@ impl ForwardModel {
         } else {
             None
         };
-        let muscle_moment = without.as_ref().map_or(&[][..], |core| &core.moment);
+        let muscle_moment = without.as_ref().map_or(&[][..], |core| &core.muscle_moment);
         let context = self.context(trial, &input.excitation, muscle_moment);
         let effects = in_order(effects);
         let (angle, excitation) = self.driven(trial, &effects, &context);
@@ -369,17 +384,16 @@ impl ForwardModel {
                 }
             }
         }
-        Ok(Core { prepared, excitation, moment, by_parameters, solutions, without })
+        let muscle_moment = of_muscles(&moment, &prepared);
+        Ok(Core { prepared, excitation, moment, muscle_moment, by_parameters, solutions, without })
     }
 
     /// The moment that the sensor records [N·m]: what effects on joint, inertia and sensor make of a trial's core.
     pub fn recorded_moment(&self, trial: usize, core: &Core, effects: &[Setting]) -> Vec<f64> {
-        // Differences of an effect that is off start from a core that was not asked for the moment.
-        let muscle_moment = core.without.as_ref().map_or(&core.moment, |without| &without.moment);
-        self.recorded(trial, core, core.moment.clone(), muscle_moment, effects)
+        self.recorded(trial, core, core.moment.clone(), core.shown(), effects)
     }
 
-    /// - `moment`: of muscles, passive forces and drag, with all effects; `muscle_moment`: without those that ask for it
+    /// - `moment`: of muscles, passive forces and drag, with all effects; `muscle_moment`: that effects are shown
     fn recorded(
         &self,
         trial: usize,
@@ -436,8 +450,7 @@ impl ForwardModel {
         average: impl Fn(&[f64]) -> Vec<f64>,
         times: &[f64],
     ) -> Option<DMatrix<f64>> {
-        let muscle_moment = core.without.as_ref().map_or(&core.moment, |without| &without.moment);
-        let context = self.context(trial, &core.excitation, muscle_moment);
+        let context = self.context(trial, &core.excitation, core.shown());
         let effects = self.acting(effects);
         let draws = self.drawn_moments(trial, core, &context, &in_order(&effects));
         let (noise, _) = self.angle_noise.as_ref()?;
@@ -468,8 +481,7 @@ impl ForwardModel {
         let step = 1e-3;
         let add = |to: &[f64], by: &[f64]| -> Vec<f64> { to.iter().zip(by).map(|(m, d)| m + step * d).collect() };
         let recorded = |by: &Vec<f64>| {
-            let without = core.without.as_ref().map_or(&core.moment, |without| &without.moment);
-            let moved = self.recorded(trial, core, add(&core.moment, by), &add(without, by), effects);
+            let moved = self.recorded(trial, core, add(&core.moment, by), &add(core.shown(), by), effects);
             moved.iter().zip(&base).map(|(a, b)| (a - b) / step).collect()
         };
         changes.into_iter().map(recorded).collect()
@@ -485,7 +497,7 @@ impl ForwardModel {
 
     /// What effects multiply a muscle's moment by, per sample.
     pub fn moment_factor(&self, trial: usize, core: &Core, input: &TrialInput, effects: &[Setting], muscle: usize) -> Vec<f64> {
-        let muscle_moment = core.without.as_ref().map_or(&[][..], |core| &core.moment);
+        let muscle_moment = core.without.as_ref().map_or(&[][..], |core| &core.muscle_moment);
         let context = self.context(trial, &input.excitation, muscle_moment);
         let effects = self.acting(effects);
         muscle_factor(&in_order(&effects), &context, &core.prepared, muscle, &core.prepared.kinematics().angle)
@@ -548,7 +560,7 @@ impl ForwardModel {
             }
             None => [None, None],
         };
-        let moments = without.each_ref().map(|w| w.as_ref().map_or(&core.moment, |w| &w.moment));
+        let moments = without.each_ref().map(|w| w.as_ref().map_or(&core.muscle_moment, |w| &w.muscle_moment));
         let contexts = moments.map(|moment| self.context(trial, &input.excitation, moment));
         let ordered = sides.each_ref().map(|s| in_order(s));
         let driven = [0, 1].map(|i| self.driven(trial, &ordered[i], &contexts[i]));
@@ -574,7 +586,8 @@ impl ForwardModel {
                 }
             }
         }
-        let core = |prepared, excitation, moment, without| Core {
+        let core = |prepared, excitation, moment: Vec<f64>, without| Core {
+            muscle_moment: of_muscles(&moment, &prepared),
             prepared,
             excitation,
             moment,
