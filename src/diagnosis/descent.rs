@@ -19,6 +19,10 @@ const FINE_STEPS: usize = 6;
 const ROUGHLY: f64 = 1.0;
 /// The same of a fit.
 const CONVERGED: f64 = 0.1;
+/// Rounds of estimating the noise, at most.
+const MOST_ROUNDS: usize = 8;
+/// The noise has settled when a round changes the deviance by less than this.
+const SETTLED: f64 = 2.0;
 /// Largest relative change of a force that is made without a simulation.
 const LARGEST_CHANGE: f64 = 0.5;
 /// Expected noise of the logarithm of the EMG stays below this.
@@ -32,6 +36,12 @@ pub(super) struct Descent {
     at: Account,
 }
 
+impl Descent {
+    fn deviance(&self) -> f64 {
+        self.noise.log_determinant() + self.at.objective - self.at.gain
+    }
+}
+
 impl Analysis<'_> {
     /// Fits jointly from a point, the EMG as that point has it, with the variances of the noise near `levels`.
     ///
@@ -40,8 +50,14 @@ impl Analysis<'_> {
     pub fn refit(&self, start: Point, levels: NoiseLevels) -> Result<Fit, SimulationError> {
         let descent = self.begin(start, levels)?;
         let mut descent = self.descend(descent, ROUGH_STEPS, ROUGHLY)?;
-        for estimate in [false, true, true] {
-            descent = self.settle(descent, estimate)?;
+        descent = self.settle(descent, false)?;
+        let mut deviance = f64::INFINITY;
+        for round in 0..MOST_ROUNDS {
+            descent = self.settle(descent, true)?;
+            let before = std::mem::replace(&mut deviance, descent.deviance());
+            if round > 0 && (before - deviance).abs() < SETTLED {
+                break;
+            }
         }
         self.finish(descent, 1)
     }
@@ -88,6 +104,7 @@ impl Analysis<'_> {
     pub(super) fn finish(&self, mut descent: Descent, pairs: usize) -> Result<Fit, SimulationError> {
         descent.noise = self.noise(&mut descent.linear, &descent.point, descent.noise.levels);
         descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
+        let deviance = descent.deviance();
         let Descent { point, linear, noise, at } = descent;
         let directions = Arc::new(self.calc_directions(&linear, &point)?.0);
         let (p, n) = (at.precision.len(), self.n_nuisance());
@@ -99,7 +116,7 @@ impl Analysis<'_> {
         let point = self.moved(&point, &(inverse * -mean));
         Ok(Fit {
             point,
-            deviance: noise.log_determinant() + at.objective - at.gain,
+            deviance,
             covariance,
             levels: noise.levels,
             noise: noise.structure,

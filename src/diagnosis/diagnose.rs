@@ -247,7 +247,8 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         .map(|d| d.id)
         .collect();
     let left = test(&analysis, &null, &not_testable)?;
-    let judge = Judge { request, analysis: &analysis, null: &null, not_testable: &not_testable };
+    let uncentred = analysis.anything_left_uncentred(&null, &not_testable).unwrap_or_else(|| left.clone());
+    let judge = Judge { request, analysis: &analysis, null: &null, not_testable: &not_testable, uncentred };
     // To say that something is missing both laws of the scores must agree: where variances are misjudged one of them cries wolf.
     let null_p_value = left.p_value.max(left.sign_flip_p_value);
     let rejected = null_p_value < REJECT_NULL;
@@ -336,6 +337,8 @@ struct Judge<'a> {
     analysis: &'a Analysis<'a>,
     null: &'a Fit,
     not_testable: &'a [&'static str],
+    /// Scores of the null, their means left in.
+    uncentred: Omnibus,
 }
 
 impl Judge<'_> {
@@ -357,7 +360,10 @@ impl Judge<'_> {
 
     /// Every single effect that has a chance, fitted.
     fn singles(&self, left: &Omnibus) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
-        let score = |e: &&'static dyn Effect| block(left, e.description().id).map_or(0.0, |b| b.statistic);
+        let of = |omnibus: &Omnibus, e: &&'static dyn Effect| {
+            block(omnibus, e.description().id).map_or(0.0, |b| b.statistic)
+        };
+        let score = |e: &&'static dyn Effect| of(left, e).max(of(&self.uncentred, e));
         let best = self.testable().map(|e| score(&e)).fold(0.0, f64::max);
         let mut hopeful: Vec<_> = self.testable().filter(|e| score(e) >= HOPELESS * best - 30.0).collect();
         hopeful.sort_by(|a, b| score(b).total_cmp(&score(a)));
@@ -424,7 +430,7 @@ impl Judge<'_> {
         }
         // Sizes at which a muscle cannot be simulated explain nothing.
         let mut fits = vec![self.analysis.refit(start, self.null.levels)];
-        if left.blocks.iter().any(|b| b.statistic > LARGE) {
+        if left.blocks.iter().chain(&self.uncentred.blocks).any(|b| b.statistic > LARGE) {
             // Without the effect the muscles went far to make up for it, perhaps into another valley.
             let mut anew = self.analysis.nominal_point();
             anew.effects.extend(effects.iter().map(|e| Setting::absent(*e)));

@@ -622,6 +622,16 @@ impl<'a> Analysis<'a> {
     ///
     /// - `skip`: names of further blocks to leave out
     pub fn anything_left(&self, fit: &Fit, skip: &[&str]) -> Option<Omnibus> {
+        self.scores_left(fit, skip, true)
+    }
+
+    /// As [`Analysis::anything_left`], with scores as they are: where a model is far off, their means would be those of an
+    /// EMG that was bent to make up for it.
+    pub fn anything_left_uncentred(&self, fit: &Fit, skip: &[&str]) -> Option<Omnibus> {
+        self.scores_left(fit, skip, false)
+    }
+
+    fn scores_left(&self, fit: &Fit, skip: &[&str], centred: bool) -> Option<Omnibus> {
         let p = fit.precision.len();
         let columns = fit.directions.first()?.ncols();
         let mut normal: Vec<DMatrix<f64>> = fit
@@ -635,7 +645,7 @@ impl<'a> Analysis<'a> {
                 all.tr_mul(&all)
             })
             .collect();
-        for (normal, bias) in normal.iter_mut().zip(&*fit.bias) {
+        for (normal, bias) in normal.iter_mut().zip(&*fit.bias).filter(|_| centred) {
             for (i, mean) in bias.iter().enumerate() {
                 normal[(if i < p { i } else { i + 1 }, p)] -= mean;
             }
