@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 use super::effect::{Role, Stage};
-use super::fit::{Account, Analysis, Fit, Linear, Noise, Point, corrected};
+use super::fit::{Account, Analysis, Fit, LARGEST_MEAN, Linear, Noise, Point, corrected};
 use super::forward_model::FITTED_PER_MUSCLE;
 use super::noise::{self, NoiseLevels};
 use crate::simulation::SimulationError;
@@ -113,7 +113,9 @@ impl Analysis<'_> {
         // The gradient is 0 where its mean is not.
         let bias = self.calc_bias(&point, &noise, pairs)?;
         let mean = bias.iter().fold(DVector::zeros(p), |sum, b| sum + b.rows(0, p));
-        let point = self.moved(&point, &(inverse * -mean));
+        let step = inverse * -&mean;
+        let share = (LARGEST_MEAN / (-step.dot(&mean)).max(1e-300).sqrt()).min(1.0);
+        let point = self.moved(&point, &(step * share));
         Ok(Fit {
             point,
             deviance,

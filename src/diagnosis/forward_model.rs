@@ -421,7 +421,8 @@ impl ForwardModel {
 
     /// What effects add at the joint, per draw of the angle's noise [N·m]; empty if there is none or nothing adds.
     fn drawn_moments(&self, trial: usize, core: &Core, context: &TrialContext, ordered: &[&Setting]) -> Vec<Vec<f64>> {
-        let adds = |s: &&&Setting| matches!(s.effect.description().stage, Stage::Joint | Stage::Inertia) && !s.is_absent();
+        let adds =
+            |s: &&&Setting| matches!(s.effect.description().stage, Stage::Joint | Stage::Inertia) && !s.is_absent();
         let (Some((_, draws)), true) = (&self.angle_noise, ordered.iter().any(|s| adds(&s))) else { return Vec::new() };
         let kinematics = core.prepared.kinematics();
         let sum = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a + b).collect() };
@@ -496,7 +497,14 @@ impl ForwardModel {
     }
 
     /// What effects multiply a muscle's moment by, per sample.
-    pub fn moment_factor(&self, trial: usize, core: &Core, input: &TrialInput, effects: &[Setting], muscle: usize) -> Vec<f64> {
+    pub fn moment_factor(
+        &self,
+        trial: usize,
+        core: &Core,
+        input: &TrialInput,
+        effects: &[Setting],
+        muscle: usize,
+    ) -> Vec<f64> {
         let muscle_moment = core.without.as_ref().map_or(&[][..], |core| &core.muscle_moment);
         let context = self.context(trial, &input.excitation, muscle_moment);
         let effects = self.acting(effects);

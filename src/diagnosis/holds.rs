@@ -90,7 +90,8 @@ mod tests {
 
     #[test]
     fn verif_longest_stretch_is_that_of_trying_all() {
-        let series: Vec<f64> = (0..60).map(|k| (0.7 * f64::from(k)).sin() + (0.05 * f64::from(k)).cos() * 2.0).collect();
+        let series: Vec<f64> =
+            (0..60).map(|k| (0.7 * f64::from(k)).sin() + (0.05 * f64::from(k)).cos() * 2.0).collect();
         for width in [0.1, 1.0, 2.3, 10.0] {
             let within = |a: usize, b: usize| {
                 let part = &series[a..b];

@@ -75,21 +75,10 @@ pub fn omnibus(
     residual: usize,
     seed: u64,
 ) -> Option<Omnibus> {
-    let mut total = trials.first()?.clone();
-    trials[1..].iter().for_each(|n| total += n);
     let tested: Vec<usize> = blocks.iter().flat_map(|b| b.columns.iter().copied()).collect();
-    let at = |matrix: &DMatrix<f64>, rows: &[usize], columns: &[usize]| {
-        DMatrix::from_fn(rows.len(), columns.len(), |i, j| matrix[(rows[i], columns[j])])
-    };
-    let prior = DMatrix::from_diagonal(&DVector::from_column_slice(precision));
-    let inner = (at(&total, nuisance, nuisance) + &prior).cholesky()?;
-    let cross = at(&total, nuisance, &tested);
-    let pull = at(&total, nuisance, &[residual]) - &prior * DVector::from_column_slice(offset);
-    let carry = inner.solve(&cross); // (JᵀAJ + Λ)⁻¹ JᵀAS
-    let step = inner.solve(&pull);
-    let raw = at(&total, &tested, &tested);
-    let information = &raw - cross.tr_mul(&carry);
-    let score = at(&total, &tested, &[residual]) - cross.tr_mul(&step);
+    let Profiled { carry, step, raw, information, score } =
+        profiled(trials, nuisance, precision, offset, &tested, residual)?;
+    let at = |matrix: &DMatrix<f64>, rows: &[usize], columns: &[usize]| select(matrix, rows, columns);
     // Contributions of trials.
     let contributions: Vec<DVector<f64>> = trials
         .iter()
@@ -155,6 +144,75 @@ pub fn omnibus(
         p_value: f64::from(by_law) / (DRAWS + 1) as f64,
         sign_flip_p_value: f64::from(by_flips) / (DRAWS + 1) as f64,
     })
+}
+
+/// Scores with nuisance profiled out.
+struct Profiled {
+    /// (JᵀAJ + Λ)⁻¹ JᵀAS.
+    carry: DMatrix<f64>,
+    /// Step of the nuisance that the residual asks for.
+    step: DVector<f64>,
+    /// Information of the directions as they are, and with nuisance profiled out.
+    raw: DMatrix<f64>,
+    information: DMatrix<f64>,
+    /// U.
+    score: DVector<f64>,
+}
+
+fn select(matrix: &DMatrix<f64>, rows: &[usize], columns: &[usize]) -> DMatrix<f64> {
+    DMatrix::from_fn(rows.len(), columns.len(), |i, j| matrix[(rows[i], columns[j])])
+}
+
+fn profiled(
+    trials: &[DMatrix<f64>],
+    nuisance: &[usize],
+    precision: &[f64],
+    offset: &[f64],
+    tested: &[usize],
+    residual: usize,
+) -> Option<Profiled> {
+    let mut total = trials.first()?.clone();
+    trials[1..].iter().for_each(|n| total += n);
+    let prior = DMatrix::from_diagonal(&DVector::from_column_slice(precision));
+    let inner = (select(&total, nuisance, nuisance) + &prior).cholesky()?;
+    let cross = select(&total, nuisance, tested);
+    let column = |rows: &[usize]| DVector::from_fn(rows.len(), |i, _| total[(rows[i], residual)]);
+    let pull = column(nuisance) - &prior * DVector::from_column_slice(offset);
+    let carry = inner.solve(&cross);
+    let step = inner.solve(&pull);
+    let raw = select(&total, tested, tested);
+    let information = &raw - cross.tr_mul(&carry);
+    let score = column(tested) - cross.tr_mul(&step);
+    Some(Profiled { carry, step, raw, information, score })
+}
+
+/// The largest T of any block, were these the residual's products with all columns.
+///
+/// - `products`: in place of the residual's column, summed over trials
+pub fn largest_statistic(
+    trials: &[DMatrix<f64>],
+    nuisance: &[usize],
+    precision: &[f64],
+    blocks: &[Block],
+    products: &DVector<f64>,
+) -> f64 {
+    let tested: Vec<usize> = blocks.iter().flat_map(|b| b.columns.iter().copied()).collect();
+    let Some(Profiled { carry, information, .. }) =
+        profiled(trials, nuisance, precision, &vec![0.0; precision.len()], &tested, 0)
+    else {
+        return 0.0;
+    };
+    let score = products.select_rows(&tested) - carry.tr_mul(&products.select_rows(nuisance));
+    let mut first = 0;
+    let mut largest = 0.0_f64;
+    for block in blocks {
+        let n = block.columns.len();
+        let (inverse, _) = pseudo_inverse(&information.view((first, first), (n, n)).into_owned());
+        let own = score.rows(first, n);
+        largest = largest.max(own.dot(&(inverse * own)));
+        first += n;
+    }
+    largest
 }
 
 /// P(χ²_rank > statistic).
