@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::baselines::Ingredients;
 use super::catalogue::CATALOGUE;
 use super::effect::{Effect, Role};
-use super::fit::{Analysis, Fit};
+use super::fit::{Analysis, Fit, Point};
 use super::forward_model::{ForwardModel, Setting};
 use super::noise::{Kernels, NoiseLevels};
 use super::score_test::{BlockScore, Omnibus};
@@ -26,6 +26,8 @@ const REJECT_EXPLANATION: f64 = 0.03;
 const REJECT_IN_ANY_CASE: f64 = 0.002;
 /// Where the model without effects leaves a larger score than this, fits start from the model as given too.
 const LARGE: f64 = 40.0;
+/// A fit is tried again from the model as given unless its deviance is this much larger than the best.
+const FAR: f64 = 200.0;
 /// Below this pairwise z two effects cannot be told apart.
 const INSEPARABLE: f64 = 2.0;
 /// An effect whose signature keeps less than this share once muscle parameters are fitted cannot be tested.
@@ -258,7 +260,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let survivors: Vec<&'static str> = explanations.iter().map(|e| e.1.effects[0]).collect();
     explanations.extend(singles.iter().filter(|s| judge.goes_with(&left, &survivors, &s.1)).cloned());
     if rejected && explanations.is_empty() {
-        explanations = judge.pairs(&left, &singles)?.into_iter().filter(|s| s.1.p_value > REJECT_EXPLANATION).collect();
+        explanations = judge.pairs(&singles)?.into_iter().filter(|s| s.1.p_value > REJECT_EXPLANATION).collect();
     }
     let implausible = !explanations.is_empty() && explanations.iter().all(|e| !e.1.plausible);
     if !implausible {
@@ -370,82 +372,97 @@ impl Judge<'_> {
         hopeful.truncate(FITTED_SINGLES);
         let mut found: Vec<(Fit, Explanation)> = Vec::new();
         for effect in hopeful {
-            found.extend(self.explain(left, &[effect])?);
+            let best = found.iter().map(|f| f.0.deviance).fold(f64::INFINITY, f64::min);
+            found.extend(self.explain(&self.null.point, left, effect, best)?);
         }
         Ok(found)
     }
 
     /// Pairs of the leading candidates: the best by the score of the second after the first was fitted.
-    fn pairs(
-        &self,
-        left: &Omnibus,
-        singles: &[(Fit, Explanation)],
-    ) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
+    fn pairs(&self, singles: &[(Fit, Explanation)]) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
         let mut leaders: Vec<&(Fit, Explanation)> = singles.iter().collect();
         leaders.sort_by(|a, b| a.0.deviance.total_cmp(&b.0.deviance));
         leaders.truncate(PAIRED);
-        let mut pairs: Vec<(f64, &Fit, [&'static dyn Effect; 2])> = Vec::new();
+        let mut pairs: Vec<(f64, &Fit, &'static dyn Effect, Omnibus)> = Vec::new();
         for (fit, _) in &leaders {
             let with = test(self.analysis, fit, self.not_testable)?;
-            let first = fit.point.effects[0].effect;
-            for second in self.testable().filter(|e| e.description().id != first.description().id) {
-                let same = |p: &[&'static dyn Effect; 2]| {
-                    p[0].description().id == second.description().id && p[1].description().id == first.description().id
+            let first = fit.point.effects[0].effect.description().id;
+            for second in self.testable().filter(|e| e.description().id != first) {
+                let id = second.description().id;
+                let same = |p: &(f64, &Fit, &'static dyn Effect, Omnibus)| {
+                    p.1.point.effects[0].effect.description().id == id && p.2.description().id == first
                 };
-                let gain = block(&with, second.description().id).map_or(0.0, |b| b.statistic);
+                let gain = block(&with, id).map_or(0.0, |b| b.statistic);
                 let deviance = fit.deviance - gain;
-                match pairs.iter_mut().find(|p| same(&p.2)) {
+                match pairs.iter_mut().find(|p| same(p)) {
                     Some(known) if known.0 <= deviance => {}
-                    Some(known) => *known = (deviance, fit, [first, second]),
-                    None => pairs.push((deviance, fit, [first, second])),
+                    Some(known) => *known = (deviance, fit, second, with.clone()),
+                    None => pairs.push((deviance, fit, second, with.clone())),
                 }
             }
         }
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
         pairs.truncate(FITTED_PAIRS);
         let mut found: Vec<(Fit, Explanation)> = Vec::new();
-        for (_, _, pair) in pairs {
-            found.extend(self.explain(left, &pair)?);
+        for (_, fit, second, with) in pairs {
+            let best = found.iter().map(|f| f.0.deviance).fold(f64::INFINITY, f64::min);
+            found.extend(self.explain(&fit.point, &with, second, best)?);
         }
         Ok(found)
     }
 
-    /// Fits effects jointly with the muscles and asks what is left; `None` if they cannot be fitted.
+    /// Adds an effect to those at a point, fits them jointly with the muscles and asks what is left; `None` if they cannot be
+    /// fitted.
+    ///
+    /// - `left`: what is left at the point, for the effect's size to start from
+    /// - `best`: least deviance of explanations so far
     fn explain(
         &self,
+        from: &Point,
         left: &Omnibus,
-        effects: &[&'static dyn Effect],
+        effect: &'static dyn Effect,
+        best: f64,
     ) -> Result<Option<(Fit, Explanation)>, SimulationError> {
-        let mut start = self.null.point.clone();
-        for effect in effects {
-            let mut setting = Setting::absent(*effect);
-            let description = effect.description();
-            if let Some(score) = block(left, description.id) {
-                for (i, p) in description.amplitudes().enumerate() {
-                    let parameter = &description.parameters[p];
-                    setting.values[p] = score.one_step[i].clamp(-5.0, 5.0) * parameter.scale;
-                }
+        let mut start = from.clone();
+        let mut setting = Setting::absent(effect);
+        let description = effect.description();
+        if let Some(score) = block(left, description.id) {
+            for (i, p) in description.amplitudes().enumerate() {
+                setting.values[p] = score.one_step[i].clamp(-5.0, 5.0) * description.parameters[p].scale;
             }
-            start.effects.push(setting);
         }
+        start.effects.push(setting);
+        let effects: Vec<&'static dyn Effect> = start.effects.iter().map(|s| s.effect).collect();
         // Sizes at which a muscle cannot be simulated explain nothing.
-        let mut fits = vec![self.analysis.refit(start, self.null.levels)];
-        if left.blocks.iter().chain(&self.uncentred.blocks).any(|b| b.statistic > LARGE) {
+        let mut found: Option<(Fit, Omnibus)> = None;
+        if let Ok(fit) = self.analysis.refit(start, self.null.levels) {
+            let with = test(self.analysis, &fit, self.not_testable)?;
+            found = Some((fit, with));
+        }
+        let fails = |found: &(Fit, Omnibus)| found.1.p_value <= REJECT_EXPLANATION && found.0.deviance < best + FAR;
+        if self.far_off(left) && found.as_ref().is_none_or(fails) {
             // Without the effect the muscles went far to make up for it, perhaps into another valley.
             let mut anew = self.analysis.nominal_point();
             anew.effects.extend(effects.iter().map(|e| Setting::absent(*e)));
-            fits.push(self.analysis.refit(anew, NoiseLevels::default()));
+            if let Ok(fit) = self.analysis.refit(anew, NoiseLevels::default()) {
+                if found.as_ref().is_none_or(|known| fit.deviance < known.0.deviance) {
+                    let with = test(self.analysis, &fit, self.not_testable)?;
+                    found = Some((fit, with));
+                }
+            }
         }
-        let Some(fit) = fits.into_iter().flatten().min_by(|a, b| a.deviance.total_cmp(&b.deviance)) else {
-            return Ok(None);
-        };
-        let with = test(self.analysis, &fit, self.not_testable)?;
-        let p_value = with.p_value;
+        let Some((fit, with)) = found else { return Ok(None) };
         let parameters = estimates(&fit, &self.request.forward.muscles);
         let plausible = parameters.values().all(|p| p.ci95[1] >= p.plausible[0] && p.ci95[0] <= p.plausible[1]);
         let held_out_error = self.error_of(&fit, TrialUse::Test)?;
         let effects = effects.iter().map(|e| e.description().id).collect();
-        Ok(Some((fit, Explanation { effects, p_value, held_out_error, plausible, parameters, left: left_over(&with) })))
+        let (p_value, left) = (with.p_value, left_over(&with));
+        Ok(Some((fit, Explanation { effects, p_value, held_out_error, plausible, parameters, left })))
+    }
+
+    /// Whether the model without effects is so far off that its muscles may have gone astray.
+    fn far_off(&self, left: &Omnibus) -> bool {
+        left.blocks.iter().chain(&self.uncentred.blocks).any(|b| b.statistic > LARGE)
     }
 
     /// Simulated moments of the trials of a use, from the EMG as recorded.
