@@ -37,6 +37,9 @@ impl Analysis<'_> {
         noise: &Noise,
         pairs: usize,
     ) -> Result<Vec<DVector<f64>>, SimulationError> {
+        if pairs == 0 {
+            return Ok(vec![DVector::zeros(self.n_scores(point)); self.train.len()]);
+        }
         let truth = self.simulated(&Point { baseline: vec![0.0; self.n_muscles()], ..point.clone() })?;
         let mut bias = Vec::new();
         for pair in 0..pairs {
@@ -49,6 +52,12 @@ impl Analysis<'_> {
             }
         }
         Ok(bias)
+    }
+
+    /// Nuisance, effects' parameters and directions.
+    fn n_scores(&self, point: &Point) -> usize {
+        let effects: usize = point.effects.iter().map(|s| s.values.len()).sum();
+        self.n_nuisance() + effects + self.blocks.iter().map(|b| b.columns.len()).sum::<usize>()
     }
 
     /// Moments at a point, averaged over blocks.

@@ -45,21 +45,32 @@ impl Descent {
 impl Analysis<'_> {
     /// Fits jointly from a point, the EMG as that point has it, with the variances of the noise near `levels`.
     ///
+    /// - `enough`: a fit whose deviance stays above this is not followed to its end
+    ///
     /// # Errors
     /// A trial that cannot be simulated.
-    pub fn refit(&self, start: Point, levels: NoiseLevels) -> Result<Fit, SimulationError> {
+    pub fn refit(&self, start: Point, levels: NoiseLevels, enough: f64) -> Result<Fit, SimulationError> {
         let descent = self.begin(start, levels)?;
         let mut descent = self.descend(descent, ROUGH_STEPS, ROUGHLY)?;
         descent = self.settle(descent, false)?;
+        descent = self.follow(descent, enough)?;
+        let pairs = usize::from(descent.deviance() <= enough);
+        self.finish(descent, pairs)
+    }
+
+    /// Estimates the noise and goes on until it has settled.
+    ///
+    /// - `enough`: a deviance that stays above this is not followed
+    pub(super) fn follow(&self, mut descent: Descent, enough: f64) -> Result<Descent, SimulationError> {
         let mut deviance = f64::INFINITY;
         for round in 0..MOST_ROUNDS {
             descent = self.settle(descent, true)?;
             let before = std::mem::replace(&mut deviance, descent.deviance());
-            if round > 0 && (before - deviance).abs() < SETTLED {
+            if round > 0 && ((before - deviance).abs() < SETTLED || deviance > enough) {
                 break;
             }
         }
-        self.finish(descent, 1)
+        Ok(descent)
     }
 
     /// A fit with usual noise: while the model is far off, its errors would be taken for noise.
@@ -100,7 +111,7 @@ impl Analysis<'_> {
 
     /// The fit that a descent has come to, its V brought up to date.
     ///
-    /// - `pairs`: of draws for the mean of scores
+    /// - `pairs`: of draws for the mean of scores; 0: it is left out
     pub(super) fn finish(&self, mut descent: Descent, pairs: usize) -> Result<Fit, SimulationError> {
         descent.noise = self.noise(&mut descent.linear, &descent.point, descent.noise.levels);
         descent.at = self.account(&descent.linear, &descent.point, &descent.noise);

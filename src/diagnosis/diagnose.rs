@@ -26,8 +26,10 @@ const REJECT_EXPLANATION: f64 = 0.03;
 const REJECT_IN_ANY_CASE: f64 = 0.002;
 /// Where the model without effects leaves a larger score than this, fits start from the model as given too.
 const LARGE: f64 = 40.0;
-/// A fit is tried again from the model as given unless its deviance is this much larger than the best.
-const FAR: f64 = 200.0;
+/// A fit whose deviance is this much larger than the best is not followed to its end.
+const FAR: f64 = 150.0;
+/// Explanations that are fitted again from the model as given.
+const TRIED_AGAIN: usize = 3;
 /// Below this pairwise z two effects cannot be told apart.
 const INSEPARABLE: f64 = 2.0;
 /// An effect whose signature keeps less than this share once muscle parameters are fitted cannot be tested.
@@ -370,12 +372,51 @@ impl Judge<'_> {
         let mut hopeful: Vec<_> = self.testable().filter(|e| score(e) >= HOPELESS * best - 30.0).collect();
         hopeful.sort_by(|a, b| score(b).total_cmp(&score(a)));
         hopeful.truncate(FITTED_SINGLES);
+        let wanted = hopeful.iter().map(|e| (&self.null.point, left, *e)).collect();
+        self.explain_all(wanted, self.far_off(left))
+    }
+
+    /// Explanations by an effect beside those at a point each, fitted on from there; where all fail and the model without
+    /// effects is far off, the best again from the model as given.
+    ///
+    /// - `wanted`: point, what is left there, effect
+    fn explain_all(
+        &self,
+        wanted: Vec<(&Point, &Omnibus, &'static dyn Effect)>,
+        far_off: bool,
+    ) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
         let mut found: Vec<(Fit, Explanation)> = Vec::new();
-        for effect in hopeful {
-            let best = found.iter().map(|f| f.0.deviance).fold(f64::INFINITY, f64::min);
-            found.extend(self.explain(&self.null.point, left, effect, best)?);
+        for (point, left, effect) in wanted {
+            found.extend(self.explain(self.beside(point, left, effect), self.null.levels, &found)?);
+        }
+        if far_off && found.iter().all(|f| f.1.p_value <= REJECT_EXPLANATION) {
+            // Without the effect the muscles went far to make up for it, perhaps into another valley.
+            found.sort_by(|a, b| a.0.deviance.total_cmp(&b.0.deviance));
+            for i in 0..found.len().min(TRIED_AGAIN) {
+                let mut anew = self.analysis.nominal_point();
+                anew.effects.extend(found[i].0.point.effects.iter().map(|s| Setting::absent(s.effect)));
+                if let Some(other) = self.explain(anew, NoiseLevels::default(), &found)? {
+                    if other.0.deviance < found[i].0.deviance {
+                        found[i] = other;
+                    }
+                }
+            }
         }
         Ok(found)
+    }
+
+    /// A point with a further effect, of the size that its score asks for.
+    fn beside(&self, point: &Point, left: &Omnibus, effect: &'static dyn Effect) -> Point {
+        let mut setting = Setting::absent(effect);
+        let description = effect.description();
+        if let Some(score) = block(left, description.id) {
+            for (i, p) in description.amplitudes().enumerate() {
+                setting.values[p] = score.one_step[i].clamp(-5.0, 5.0) * description.parameters[p].scale;
+            }
+        }
+        let mut start = point.clone();
+        start.effects.push(setting);
+        start
     }
 
     /// Pairs of the leading candidates: the best by the score of the second after the first was fitted.
@@ -403,59 +444,27 @@ impl Judge<'_> {
         }
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
         pairs.truncate(FITTED_PAIRS);
-        let mut found: Vec<(Fit, Explanation)> = Vec::new();
-        for (_, fit, second, with) in pairs {
-            let best = found.iter().map(|f| f.0.deviance).fold(f64::INFINITY, f64::min);
-            found.extend(self.explain(&fit.point, &with, second, best)?);
-        }
-        Ok(found)
+        let wanted = pairs.iter().map(|(_, fit, second, with)| (&fit.point, with, *second)).collect();
+        self.explain_all(wanted, false)
     }
 
-    /// Adds an effect to those at a point, fits them jointly with the muscles and asks what is left; `None` if they cannot be
-    /// fitted.
+    /// Fits the effects at a point jointly with the muscles and asks what is left; `None` if they cannot be fitted.
     ///
-    /// - `left`: what is left at the point, for the effect's size to start from
-    /// - `best`: least deviance of explanations so far
+    /// - `found`: explanations so far; one that stays far behind them is not followed to its end
     fn explain(
         &self,
-        from: &Point,
-        left: &Omnibus,
-        effect: &'static dyn Effect,
-        best: f64,
+        start: Point,
+        levels: NoiseLevels,
+        found: &[(Fit, Explanation)],
     ) -> Result<Option<(Fit, Explanation)>, SimulationError> {
-        let mut start = from.clone();
-        let mut setting = Setting::absent(effect);
-        let description = effect.description();
-        if let Some(score) = block(left, description.id) {
-            for (i, p) in description.amplitudes().enumerate() {
-                setting.values[p] = score.one_step[i].clamp(-5.0, 5.0) * description.parameters[p].scale;
-            }
-        }
-        start.effects.push(setting);
-        let effects: Vec<&'static dyn Effect> = start.effects.iter().map(|s| s.effect).collect();
+        let best = found.iter().map(|f| f.0.deviance).fold(f64::INFINITY, f64::min);
+        let effects = start.effects.iter().map(|s| s.effect.description().id).collect();
         // Sizes at which a muscle cannot be simulated explain nothing.
-        let mut found: Option<(Fit, Omnibus)> = None;
-        if let Ok(fit) = self.analysis.refit(start, self.null.levels) {
-            let with = test(self.analysis, &fit, self.not_testable)?;
-            found = Some((fit, with));
-        }
-        let fails = |found: &(Fit, Omnibus)| found.1.p_value <= REJECT_EXPLANATION && found.0.deviance < best + FAR;
-        if self.far_off(left) && found.as_ref().is_none_or(fails) {
-            // Without the effect the muscles went far to make up for it, perhaps into another valley.
-            let mut anew = self.analysis.nominal_point();
-            anew.effects.extend(effects.iter().map(|e| Setting::absent(*e)));
-            if let Ok(fit) = self.analysis.refit(anew, NoiseLevels::default()) {
-                if found.as_ref().is_none_or(|known| fit.deviance < known.0.deviance) {
-                    let with = test(self.analysis, &fit, self.not_testable)?;
-                    found = Some((fit, with));
-                }
-            }
-        }
-        let Some((fit, with)) = found else { return Ok(None) };
+        let Ok(fit) = self.analysis.refit(start, levels, best + FAR) else { return Ok(None) };
+        let with = test(self.analysis, &fit, self.not_testable)?;
         let parameters = estimates(&fit, &self.request.forward.muscles);
         let plausible = parameters.values().all(|p| p.ci95[1] >= p.plausible[0] && p.ci95[0] <= p.plausible[1]);
         let held_out_error = self.error_of(&fit, TrialUse::Test)?;
-        let effects = effects.iter().map(|e| e.description().id).collect();
         let (p_value, left) = (with.p_value, left_over(&with));
         Ok(Some((fit, Explanation { effects, p_value, held_out_error, plausible, parameters, left })))
     }

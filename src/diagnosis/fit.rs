@@ -204,8 +204,7 @@ impl<'a> Analysis<'a> {
         // With all directions among the regressors, what an effect does is no longer taken for noise.
         descent = analysis.settle(descent, true)?;
         analysis.choose_kernels(&mut descent);
-        descent = analysis.settle(descent, true)?;
-        descent = analysis.settle(descent, true)?;
+        descent = analysis.follow(descent, f64::INFINITY)?;
         let fit = analysis.finish(descent, 2)?;
         Ok((analysis, fit))
     }
