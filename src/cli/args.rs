@@ -69,9 +69,7 @@ pub enum Command {
     Evaluate(EvaluateArgs),
     /// Fit muscle parameters to a study: a personalized .osim, errors before and after, report
     Personalize(PersonalizeArgs),
-    /// See where the model fails and which physical effects could be missing (unfinished: verdicts are not calibrated)
-    // Hidden until its false alarms and its power are measured.
-    #[command(hide = true)]
+    /// See where the model fails, and which physical effects could be missing: every one that the data are consistent with
     Diagnose(DiagnoseArgs),
     /// Intervals of muscle parameters, what the data leave open, and which trial would narrow it down
     Identify(IdentifyArgs),

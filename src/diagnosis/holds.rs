@@ -121,7 +121,7 @@ mod tests {
             if !(0.7..=3.3).contains(t) {
                 assert_eq!(*q, out[if *t < 1.0 { 0 } else { 399 }], "{t}");
             }
-            if (1.4..=2.1).contains(t) {
+            if (1.5..=2.0).contains(t) {
                 assert_eq!(*q, truth(*t) + noise(*t), "{t}");
             }
         }

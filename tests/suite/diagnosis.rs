@@ -115,7 +115,7 @@ fn verif_effects_are_described_in_full() {
 fn verif_sensitivity_to_muscle_parameters_matches_differences_with_effects_on() {
     let (study, trials, file) = demo();
     let forward = forward(&study, &few(trials), &file);
-    let ids = ["joint_stiffness", "emg_crosstalk", "moment_arm_slope", "sensor_bandwidth"];
+    let ids = ["joint_stiffness", "stretch_reflex", "emg_crosstalk", "moment_arm_slope", "sensor_bandwidth"];
     let effects: Vec<Setting> = CATALOGUE
         .iter()
         .filter(|e| ids.contains(&e.description().id))

@@ -20,17 +20,12 @@ use crate::report::results::{Kind, Results};
 use crate::simulation::MuscleParameters;
 use crate::study::TrialUse;
 
-/// Said before every diagnosis, until its false alarms and its power are measured.
-pub const UNFINISHED: &str =
-    "diagnosis is unfinished: its verdicts are not calibrated, and wrong ones were seen on studies of known cause";
-
 /// Runs the command.
 ///
 /// # Errors
 /// The study, its models and trials, the candidates, or the output folder.
 pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
     let candidates = candidates(&args.candidates)?;
-    failure::print(&[Message::warning(UNFINISHED)]);
     let study = StudyRun::prepare_with(&args.study, args.effects.file())?;
     let restricted: &[String] = if args.candidates == ["all"] { &[] } else { &args.candidates };
     let bar = progress(global, study.participants.len() as u64, "diagnosing");

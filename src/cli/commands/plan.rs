@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::diagnose::{UNFINISHED, candidates, forward_model, known, request};
+use super::diagnose::{candidates, forward_model, known, request};
 use super::simulate::write_results;
 use crate::cli::args::{Global, PlanArgs};
 use crate::cli::diagnosis_file::{self, KnownDiagnosis, known_or_made};
@@ -36,7 +36,6 @@ pub fn run(args: &PlanArgs, global: &Global) -> Result<(), Failure> {
     if asked.len() == 1 {
         return Err(Message::error("--candidates: expected at least two effects to tell apart").into());
     }
-    failure::print(&[Message::warning(UNFINISHED)]);
     let study = StudyRun::prepare_with(&args.study, args.effects.file())?;
     let outcomes = study.each(|participant| {
         let run = study.participant(participant)?;

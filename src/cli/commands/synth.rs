@@ -15,7 +15,9 @@ use crate::cli::print_result;
 use crate::cli::provenance::provenance;
 use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
 use crate::cli::table::table;
+use crate::diagnosis::angle_noise::AngleNoise;
 use crate::diagnosis::forward_model::{ForwardModel, Setting};
+use crate::diagnosis::holds::steadied_trials;
 use crate::diagnosis::synthesis::{RecordingNoise, Synthetic, largest_moments, sized, synthesize};
 use crate::report::results::{InputFile, rounded};
 use crate::study::{Participant, Trial, write};
@@ -74,8 +76,12 @@ fn make(
     let run = study.participant(participant)?;
     failure::print(&run.warnings);
     let at_model = |text: String| Message::error(text).in_file(&run.loaded.path);
-    let forward =
-        ForwardModel::new(&run.loaded.file.spec, &run.model, &run.trials).map_err(|e| at_model(e.to_string()))?;
+    // Where the machine held the joint it was still: what the recorded angle did there was noise.
+    let trials = match AngleNoise::of(&run.trials) {
+        Some(noise) => steadied_trials(&run.trials, &noise),
+        None => run.trials.clone(),
+    };
+    let forward = ForwardModel::new(&run.loaded.file.spec, &run.model, &trials).map_err(|e| at_model(e.to_string()))?;
     let effects = args
         .effects
         .iter()
@@ -90,8 +96,7 @@ fn make(
     // Every participant has an own seed, the same whoever else is asked for.
     let place = study.study.participants.iter().position(|p| p.name == participant.name).unwrap_or(0) as u64;
     let seed = global.seed.wrapping_add(place.wrapping_mul(0x9e37_79b9_7f4a_7c15));
-    let mut synthetic =
-        synthesize(&forward, &run.trials, &effects, noise, seed).map_err(|e| at_model(e.to_string()))?;
+    let mut synthetic = synthesize(&forward, &trials, &effects, noise, seed).map_err(|e| at_model(e.to_string()))?;
     let [low, high] = run.model.skeleton().coordinates[run.model.coordinate().0].range;
     synthetic.trials.iter_mut().flat_map(|t| &mut t.angle).for_each(|a| *a = a.clamp(low, high));
     let [up, down] = largest_moments(&run.trials, &synthetic.true_moment);

@@ -3,7 +3,7 @@
 use super::{readable, steps};
 use crate::cli::args::Global;
 use crate::cli::args_diagnosis::EffectAddArgs;
-use crate::cli::commands::diagnose::{UNFINISHED, forward_model, known, names_of};
+use crate::cli::commands::diagnose::{forward_model, known, names_of};
 use crate::cli::commands::simulate::summary;
 use crate::cli::diagnosis_file::{KnownDiagnosis, known_or_made};
 use crate::cli::failure::{self, Failure, Message};
@@ -17,7 +17,6 @@ use crate::report::results::Results;
 /// The study, its models and trials, the effects, a diagnosis that does not support them, or the output folder.
 pub fn run(args: &EffectAddArgs, global: &Global) -> Result<(), Failure> {
     let effects = chosen(&args.chosen)?;
-    failure::print(&[Message::warning(UNFINISHED)]);
     let study = StudyRun::prepare_with(&args.study, args.effects.file())?;
     let outcomes = study.each(|participant| {
         let run = study.participant(participant)?;

@@ -3,7 +3,7 @@
 use super::{add, steps};
 use crate::cli::args::Global;
 use crate::cli::args_diagnosis::EffectAutoArgs;
-use crate::cli::commands::diagnose::{UNFINISHED, forward_model, known, names_of};
+use crate::cli::commands::diagnose::{forward_model, known, names_of};
 use crate::cli::diagnosis_file::known_or_made;
 use crate::cli::failure::{self, Failure, Message};
 use crate::cli::study_run::StudyRun;
@@ -15,7 +15,6 @@ use crate::report::diagnosis::DiagnosisResult;
 /// # Errors
 /// The study, its models and trials, or the output folder.
 pub fn run(args: &EffectAutoArgs, global: &Global) -> Result<(), Failure> {
-    failure::print(&[Message::warning(UNFINISHED)]);
     let study = StudyRun::prepare_with(&args.study, args.effects.file())?;
     let outcomes = study.each(|participant| {
         let run = study.participant(participant)?;
