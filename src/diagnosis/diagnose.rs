@@ -19,6 +19,8 @@ use crate::study::{ParameterBounds, TrialUse};
 
 /// A null model with a smaller p-value is rejected.
 const REJECT_NULL: f64 = 0.05;
+/// A direction with a smaller p-value (by the normal law, times the number of directions) is no matter of misjudged variances.
+const BEYOND_DOUBT: f64 = 1e-6;
 /// An explanation with a smaller p-value is rejected: slightly laxer than 0.05, so that the true one stays in at least
 /// 95 of 100 times.
 const REJECT_EXPLANATION: f64 = 0.03;
@@ -178,7 +180,8 @@ pub struct Diagnosis {
     pub participant: String,
     /// What the data say.
     pub verdict: Verdict,
-    /// p-value of the model without effects: the larger of those by the normal law and by sign flips of whole trials.
+    /// p-value of the model without effects: the larger of those by the normal law and by sign flips of whole trials; that by
+    /// the normal law alone where a direction is beyond doubt.
     pub null_p_value: f64,
     /// That by sign flips of whole trials alone.
     pub null_sign_flip_p_value: f64,
@@ -254,7 +257,9 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let uncentred = analysis.anything_left_uncentred(&null, &not_testable).unwrap_or_else(|| left.clone());
     let judge = Judge { request, analysis: &analysis, null: &null, not_testable: &not_testable, uncentred };
     // To say that something is missing both laws of the scores must agree: where variances are misjudged one of them cries wolf.
-    let null_p_value = left.p_value.max(left.sign_flip_p_value);
+    // Flips of few trials cannot give small p-values, though: what no misjudged variance explains needs them not.
+    let surely = left.blocks.iter().any(|b| b.p_value * (left.blocks.len() as f64) < BEYOND_DOUBT);
+    let null_p_value = if surely { left.p_value } else { left.p_value.max(left.sign_flip_p_value) };
     let rejected = null_p_value < REJECT_NULL;
     let singles = if rejected { judge.singles(&left)? } else { Vec::new() };
     let mut explanations: Vec<(Fit, Explanation)> =

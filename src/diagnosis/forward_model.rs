@@ -115,6 +115,9 @@ pub struct Core {
 /// Accuracy that a diagnosis needs: moments within about 10⁻³ N·m, far below any sensor's noise, in half the time.
 pub const DIAGNOSIS_ACCURACY: FiberAccuracy = FiberAccuracy { tolerance: 5e-5, max_step: 0.04 };
 
+/// Change of the muscles' moment for differences of what is recorded [N·m].
+const SMALL_MOMENT: f64 = 1e-5;
+
 /// Muscle parameters whose logarithms are fitted, per muscle.
 pub const FITTED_PER_MUSCLE: usize = 3;
 
@@ -477,12 +480,16 @@ impl ForwardModel {
         changes: impl IntoIterator<Item = &'c Vec<f64>>,
     ) -> Vec<Vec<f64>> {
         let base = self.recorded_moment(trial, core, effects);
-        // The sensor is affine in the moment, so that a difference is exact; it is kept small because the direction of a
-        // moment may matter.
-        let step = 1e-3;
-        let add = |to: &[f64], by: &[f64]| -> Vec<f64> { to.iter().zip(by).map(|(m, d)| m + step * d).collect() };
+        let add =
+            |to: &[f64], by: &[f64], step: f64| -> Vec<f64> { to.iter().zip(by).map(|(m, d)| m + step * d).collect() };
         let recorded = |by: &Vec<f64>| {
-            let moved = self.recorded(trial, core, add(&core.moment, by), &add(core.shown(), by), effects);
+            let largest = by.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+            if largest == 0.0 {
+                return vec![0.0; by.len()];
+            }
+            // Small, because the direction of a moment may matter, and its share of the largest.
+            let step = SMALL_MOMENT / largest;
+            let moved = self.recorded(trial, core, add(&core.moment, by, step), &add(core.shown(), by, step), effects);
             moved.iter().zip(&base).map(|(a, b)| (a - b) / step).collect()
         };
         changes.into_iter().map(recorded).collect()

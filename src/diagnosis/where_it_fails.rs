@@ -7,7 +7,7 @@ use super::score_test::Omnibus;
 use crate::simulation::PreparedTrial;
 
 /// The axes, by name.
-pub const AXES: [&str; 9] = [
+pub const AXES: [&str; 10] = [
     "constant",
     "angle",
     "velocity",
@@ -17,7 +17,13 @@ pub const AXES: [&str; 9] = [
     "flexor_activation",
     "extensor_activation",
     "history",
+    LOCAL,
 ];
+/// Axis of a test alone: the angle, in detail. A tendon that snaps over a bone and a machine that cogs show there and hardly
+/// along a parabola.
+const LOCAL: &str = "angle_detail";
+/// Bumps over the range of angles.
+const BUMPS: usize = 7;
 /// Bins of a curve.
 const BINS: usize = 8;
 
@@ -51,7 +57,7 @@ fn series(forward: &ForwardModel, trial: usize, prepared: &PreparedTrial, axis: 
             .collect()
     };
     match AXES[axis] {
-        "angle" => kinematics.angle.clone(),
+        "angle" | LOCAL => kinematics.angle.clone(),
         "velocity" => kinematics.speed.clone(),
         "acceleration" => kinematics.acceleration.clone(),
         "time_in_trial" => record.time.iter().map(|t| t - record.time[0]).collect(),
@@ -75,7 +81,7 @@ fn series(forward: &ForwardModel, trial: usize, prepared: &PreparedTrial, axis: 
 
 fn unit(axis: usize) -> &'static str {
     match AXES[axis] {
-        "angle" | "history" => "rad",
+        "angle" | "history" | LOCAL => "rad",
         "velocity" => "rad/s",
         "acceleration" => "rad/s²",
         "time_in_trial" => "s",
@@ -84,9 +90,25 @@ fn unit(axis: usize) -> &'static str {
     }
 }
 
-/// Directions along an axis: a line and a parabola, of about unit size.
+/// Bumps along the angle, evenly over what the session covers.
+fn bumps(forward: &ForwardModel, angle: &[f64]) -> Vec<Vec<f64>> {
+    let all = || forward.trials.iter().flat_map(|t| &t.angle).copied();
+    let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max));
+    let spacing = (high - low) / BUMPS as f64;
+    let center = |i: usize| low + spacing * (i as f64 + 0.5);
+    let bump = |i: usize| -> Vec<f64> {
+        let at = |q: &f64| (-0.5 * ((q - center(i)) / (0.5 * spacing).max(1e-6)).powi(2)).exp();
+        angle.iter().map(at).collect()
+    };
+    (0..BUMPS).map(bump).collect()
+}
+
+/// Directions along an axis, of about unit size: a line and a parabola, or bumps.
 pub(crate) fn directions(forward: &ForwardModel, trial: usize, prepared: &PreparedTrial, axis: usize) -> Vec<Vec<f64>> {
     let values = series(forward, trial, prepared, axis);
+    if AXES[axis] == LOCAL {
+        return bumps(forward, &values);
+    }
     let scale = match AXES[axis] {
         "angle" | "history" => 0.5,
         "velocity" => 1.0,
@@ -113,6 +135,7 @@ pub(crate) fn directions(forward: &ForwardModel, trial: usize, prepared: &Prepar
 /// - `left`: what the score test found
 pub fn along_axes(forward: &ForwardModel, residuals: &[(usize, Vec<f64>)], left: &Omnibus) -> Vec<AxisResult> {
     let mut out: Vec<AxisResult> = (1..AXES.len())
+        .filter(|axis| AXES[*axis] != LOCAL)
         .map(|axis| {
             let name = format!("axis:{}", AXES[axis]);
             let p_value = left.blocks.iter().find(|b| b.name == name).map_or(1.0, |b| b.p_value);
