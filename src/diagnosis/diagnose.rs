@@ -400,10 +400,10 @@ impl Judge<'_> {
             for i in 0..found.len().min(TRIED_AGAIN) {
                 let mut anew = self.analysis.nominal_point();
                 anew.effects.extend(found[i].0.point.effects.iter().map(|s| Setting::absent(s.effect)));
-                if let Some(other) = self.explain(anew, NoiseLevels::default(), &found)? {
-                    if other.0.deviance < found[i].0.deviance {
-                        found[i] = other;
-                    }
+                if let Some(other) = self.explain(anew, NoiseLevels::default(), &found)?
+                    && other.0.deviance < found[i].0.deviance
+                {
+                    found[i] = other;
                 }
             }
         }

@@ -31,7 +31,7 @@ pub fn steadied(time: &[f64], angle: &[f64], noise: f64) -> Vec<f64> {
     let width = 2.0 * STILL * noise;
     let n = angle.len();
     // The longest hold first: found from one end, a hold would begin in the last of a movement and end too soon.
-    let mut parts = vec![0..n];
+    let mut parts: Vec<Range<usize>> = std::iter::once(0..n).collect();
     while let Some(part) = parts.pop() {
         let found = longest_within(&angle[part.clone()], width);
         let (start, end) = (part.start + found.start, part.start + found.end);

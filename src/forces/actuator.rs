@@ -1,7 +1,7 @@
 //! Actuators: forces that follow a control.
 
 use super::{AppliedForces, ForceError, check_finite, check_index};
-use crate::multibody::{BaseIndex, Cache, Model};
+use crate::multibody::{Cache, Model};
 use crate::osim::spec::{ActuatorKind, ActuatorSpec, CoordinateIndex, FrameIndex, Location};
 use crate::spatial::SpatialForce;
 use nalgebra::Vector3;
@@ -100,7 +100,7 @@ impl Actuator {
             Target::Torque { bodies: [a, b], .. } => {
                 let moment = force * self.direction(model, cache);
                 let mut add = |frame, moment| {
-                    applied.bodies[BaseIndex::from(base(frame)).0] += SpatialForce { moment, force: Vector3::zeros() };
+                    applied.bodies[base(frame).0] += SpatialForce { moment, force: Vector3::zeros() };
                 };
                 add(a, moment);
                 add(b, -moment);

