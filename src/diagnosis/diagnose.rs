@@ -91,6 +91,8 @@ pub struct Explanation {
     pub effects: Vec<&'static str>,
     /// p-value of "nothing is left".
     pub p_value: f64,
+    /// How much less −2 log posterior it leaves than the model without effects.
+    pub deviance_fall: f64,
     /// RMSE over held-out trials / session MVC moment.
     pub held_out_error: Option<f64>,
     /// Every interval overlaps its plausible range.
@@ -125,6 +127,8 @@ pub struct Candidate {
     pub score: f64,
     /// Share of its signature that fitting the muscles leaves.
     pub kept: f64,
+    /// Once fitted: how much less −2 log posterior it leaves than the model without effects.
+    pub deviance_fall: Option<f64>,
     /// Smallest size that would be found, per amplitude, in the parameter's unit (for changes of a muscle's property: as
     /// a share of it).
     pub detectable_size: BTreeMap<&'static str, f64>,
@@ -471,7 +475,9 @@ impl Judge<'_> {
         let plausible = parameters.values().all(|p| p.ci95[1] >= p.plausible[0] && p.ci95[0] <= p.plausible[1]);
         let held_out_error = self.error_of(&fit, TrialUse::Test)?;
         let (p_value, left) = (with.p_value, left_over(&with));
-        Ok(Some((fit, Explanation { effects, p_value, held_out_error, plausible, parameters, left })))
+        let deviance_fall = self.null.deviance - fit.deviance;
+        let explanation = Explanation { effects, p_value, deviance_fall, held_out_error, plausible, parameters, left };
+        Ok(Some((fit, explanation)))
     }
 
     /// Whether the model without effects is so far off that its muscles may have gone astray.
@@ -543,6 +549,7 @@ impl Judge<'_> {
                     score_p_value: score.p_value,
                     score: score.statistic,
                     kept: score.kept,
+                    deviance_fall: fitted.map(|f| f.deviance_fall),
                     detectable_size,
                     held_out_error: fitted.and_then(|f| f.held_out_error),
                     parameters: fitted.map(|f| f.parameters.clone()).unwrap_or_default(),
