@@ -8,7 +8,7 @@ use std::sync::Arc;
 use super::effect::{Role, Stage};
 use super::fit::{Account, Analysis, Fit, LARGEST_MEAN, Linear, Noise, Point, corrected};
 use super::forward_model::FITTED_PER_MUSCLE;
-use super::noise::{self, NoiseLevels};
+use super::noise::{self, COMPONENTS, NoiseLevels};
 use crate::simulation::SimulationError;
 
 /// Steps while the noise is only guessed.
@@ -33,6 +33,8 @@ pub(super) struct Descent {
     pub(super) point: Point,
     pub(super) linear: Vec<Linear>,
     pub(super) noise: Noise,
+    /// Last step of the noise's variances: see [`NoiseLevels::towards`].
+    last_step: [[f64; 2]; COMPONENTS],
     at: Account,
 }
 
@@ -83,7 +85,7 @@ impl Analysis<'_> {
         let mut linear = self.linearize(&point, &[])?;
         let noise = self.noise(&mut linear, &point, levels);
         let at = self.account(&linear, &point, &noise);
-        Ok(Descent { point, linear, noise, at })
+        Ok(Descent { point, linear, noise, last_step: [[0.0; 2]; COMPONENTS], at })
     }
 
     /// Takes sensitivities where the EMG is expected without its noise, and goes on.
@@ -94,8 +96,9 @@ impl Analysis<'_> {
         descent.noise = self.noise(&mut descent.linear, &descent.point, descent.noise.levels);
         descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
         if estimate {
-            let Descent { point, linear, noise, .. } = &mut descent;
-            noise.levels = self.estimate_noise(linear, &noise.structure, point, noise.levels);
+            let Descent { point, linear, noise, last_step, .. } = &mut descent;
+            let estimated = self.estimate_noise(linear, &noise.structure, point, noise.levels);
+            noise.levels = noise.levels.towards(&estimated, last_step);
             noise.factors = factors(noise);
             descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
         }
@@ -116,7 +119,7 @@ impl Analysis<'_> {
         descent.noise = self.noise(&mut descent.linear, &descent.point, descent.noise.levels);
         descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
         let deviance = descent.deviance();
-        let Descent { point, linear, noise, at } = descent;
+        let Descent { point, linear, noise, at, .. } = descent;
         let directions = Arc::new(self.calc_directions(&linear, &point)?.0);
         let (p, n) = (at.precision.len(), self.n_nuisance());
         let inverse = at.information.try_inverse().unwrap_or_else(|| DMatrix::zeros(p, p));

@@ -43,6 +43,23 @@ impl Default for NoiseLevels {
 }
 
 impl NoiseLevels {
+    /// The step from these variances to those estimated next, in logarithms, shortened where it turns back: variances and the
+    /// EMG that is expected with them, taken in turns, otherwise swing between two answers.
+    ///
+    /// - `last`: what was asked for and what was taken the time before, per variance; 0 at first; becomes this step
+    pub fn towards(&self, estimated: &NoiseLevels, last: &mut [[f64; 2]; COMPONENTS]) -> NoiseLevels {
+        let mut out = *self;
+        for ((level, to), last) in out.0.iter_mut().zip(&estimated.0).zip(last) {
+            let asked = (to / *level).ln();
+            // Where the secant through both requests is 0, but no further than was asked for.
+            let share = last[1] / (last[0] - asked);
+            let taken = if share > 0.0 { asked * share.clamp(0.3, 1.0) } else { asked };
+            *last = [asked, taken];
+            *level *= taken.exp();
+        }
+        out
+    }
+
     /// Geometric means of both.
     pub fn between(&self, other: &NoiseLevels) -> NoiseLevels {
         let mut out = *self;
