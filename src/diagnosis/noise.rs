@@ -460,27 +460,30 @@ const LENGTHS: [f64; 2] = [0.02, 1.5];
 /// Ratio of neighbouring lengths that are compared.
 const LENGTH_RATIO: f64 = 1.4;
 
-/// The kernel of least `deviance`: of every family the best length, found by steps from the length at hand.
+/// The kernel of least `deviance`: of every family the best length, found by steps from the length at hand and then where the
+/// parabola through the best and its neighbours is least.
 pub fn best_kernel(start: &Kernel, mut deviance: impl FnMut(&Kernel) -> f64) -> Kernel {
     let mut best = (f64::INFINITY, *start);
     let mut length = start.length;
     for family in FAMILIES {
-        let mut at = |i: i32| {
-            let length = (length * LENGTH_RATIO.powi(i)).clamp(LENGTHS[0], LENGTHS[1]);
+        let mut at = |steps: f64| {
+            let length = (length * LENGTH_RATIO.powf(steps)).clamp(LENGTHS[0], LENGTHS[1]);
             let kernel = Kernel { family, length };
             (deviance(&kernel), kernel)
         };
-        let (mut here, mut i) = (at(0), 0);
-        let (up, down) = (at(1), at(-1));
-        let direction = if up.0 < here.0 && up.0 <= down.0 { 1 } else { -1 };
-        let mut next = if direction == 1 { up } else { down };
-        while next.0 < here.0 && (LENGTHS[0]..=LENGTHS[1]).contains(&next.1.length) {
-            i += direction;
-            here = next;
-            if here.1.length == LENGTHS[0] || here.1.length == LENGTHS[1] {
-                break;
-            }
-            next = at(i + direction);
+        let (mut here, mut steps) = (at(0.0), 0.0);
+        let (up, down) = (at(1.0), at(-1.0));
+        let direction = if up.0 < here.0 && up.0 <= down.0 { 1.0 } else { -1.0 };
+        let (mut before, mut next) = if direction > 0.0 { (down, up) } else { (up, down) };
+        while next.0 < here.0 && next.1.length != here.1.length {
+            steps += direction;
+            (before, here) = (here, next);
+            next = at(steps + direction);
+        }
+        let bend = before.0 - 2.0 * here.0 + next.0;
+        if bend > 0.0 && bend.is_finite() {
+            let vertex = at(steps + direction * 0.5 * (before.0 - next.0) / bend);
+            here = if vertex.0 < here.0 { vertex } else { here };
         }
         if here.0 < best.0 {
             best = here;
