@@ -3,12 +3,14 @@
 //! State: free coordinates, their speeds, and of every muscle the activation (unless it ignores activation dynamics) and
 //! the fibre length (unless its tendon is rigid).
 
+mod linearize;
+
 use super::constraints::Constraints;
 use super::error::PlantError;
 use super::reduction::{Reduction, Relation};
 use super::solve::DynamicsError;
 use crate::forces::{AppliedForces, Forces, PathForce};
-use crate::multibody::{Cache, DynamicsBuffers, Model};
+use crate::multibody::{BodySubset, Cache, DynamicsBuffers, Model};
 use crate::muscles::{MuscleModel, MuscleState};
 use crate::numerics::StiffSystem;
 use crate::osim::spec::{CoordinateIndex, ModelSpec};
@@ -19,8 +21,6 @@ use std::sync::Arc;
 
 /// Classes of forces that do nothing without a control.
 const WITHOUT_CONTROL: [&str; 2] = ["BodyActuator", "ActivationCoordinateActuator"];
-/// Step of differences of coordinates [rad or m] and speeds.
-const STEP: f64 = 1e-7;
 /// Constraints between bodies whose response is smaller than this share of the largest are redundant.
 const REDUNDANT: f64 = 1e-10;
 
@@ -79,6 +79,10 @@ pub struct Plant {
     pub muscles: Vec<PlantMuscle>,
     forces: Forces,
     path_forces: Vec<(Path, PathForce)>,
+    /// For the path of every muscle, then of every other force along a path: its bodies and those inboard of them.
+    bodies_of_paths: Vec<BodySubset>,
+    /// For the same: the free coordinates that it depends on, by their positions.
+    coordinates_of_paths: Vec<Vec<bool>>,
     loads: Loads,
     /// Positions of dissipated energies in the state.
     energies: std::ops::Range<usize>,
@@ -108,11 +112,8 @@ pub struct Work {
     buffers: DynamicsBuffers,
     relation: Relation,
     applied: AppliedForces,
+    /// Paths of muscles, then of other forces along paths.
     paths: Vec<PathGeometry>,
-    path_forces: Vec<PathGeometry>,
-    /// Moment arms of every muscle for all speeds, not reduced.
-    unit_forces: Vec<Vec<f64>>,
-    unit_path_forces: Vec<Vec<f64>>,
     body_forces: Vec<SpatialForce>,
     q: Vec<f64>,
     u: Vec<f64>,
@@ -194,7 +195,7 @@ impl Plant {
             .collect::<Result<_, PlantError>>()?;
         let energies = n_states..n_states + forces.dampers().count();
         let (model, loads, n_states) = (model.clone(), Loads::default(), energies.end);
-        Ok(Plant {
+        let mut plant = Plant {
             model,
             reduction,
             joining,
@@ -202,10 +203,22 @@ impl Plant {
             muscles,
             forces,
             path_forces,
+            bodies_of_paths: Vec::new(),
+            coordinates_of_paths: Vec::new(),
             loads,
             energies,
             n_states,
-        })
+        };
+        plant.bodies_of_paths = plant.paths().map(|path| plant.model.body_subset(&path.bodies())).collect();
+        let free = plant.reduction.free.iter().map(|i| CoordinateIndex(*i));
+        let depends = |path: &Path| free.clone().map(|c| path.depends_on(&plant.model, c)).collect();
+        plant.coordinates_of_paths = plant.paths().map(depends).collect();
+        Ok(plant)
+    }
+
+    /// Paths of muscles, then of other forces along paths.
+    fn paths(&self) -> impl Iterator<Item = &Path> {
+        self.muscles.iter().map(|m| &m.path).chain(self.path_forces.iter().map(|(path, _)| path))
     }
 
     /// The same with a force from outside.
@@ -227,10 +240,7 @@ impl Plant {
             buffers: self.model.new_dynamics_buffers(),
             relation: self.reduction.new_relation(&self.model),
             applied: AppliedForces::new(&self.model),
-            paths: self.muscles.iter().map(|m| m.path.new_geometry()).collect(),
-            path_forces: self.path_forces.iter().map(|(path, _)| path.new_geometry()).collect(),
-            unit_forces: vec![vec![0.0; n]; self.muscles.len()],
-            unit_path_forces: vec![vec![0.0; n]; self.path_forces.len()],
+            paths: self.paths().map(Path::new_geometry).collect(),
             body_forces: vec![SpatialForce::default(); self.model.n_bases()],
             q: self.model.default_coordinates(),
             u: vec![0.0; n],
@@ -330,74 +340,119 @@ impl Plant {
         self.model.rates_of_speeds(cache, u, qdot);
     }
 
-    /// Lengths of all paths and what unit tension does.
+    /// Lengths of all paths.
     fn update_paths(&self, work: &mut Work) {
-        let Work { q, cache, paths, path_forces, unit_forces, unit_path_forces, body_forces, .. } = work;
-        let muscles = self.muscles.iter().map(|m| &m.path).zip(paths.iter_mut()).zip(unit_forces.iter_mut());
-        let others = self.path_forces.iter().map(|p| &p.0).zip(path_forces.iter_mut()).zip(unit_path_forces.iter_mut());
-        for ((path, geometry), unit) in muscles.chain(others) {
-            path.update(q, cache, geometry);
-            body_forces.fill(SpatialForce::default());
-            unit.fill(0.0);
-            path.unit_tension(
-                q,
-                cache,
-                geometry,
-                |base, point, force| {
-                    let offset = point - cache.X_GB(base).p;
-                    body_forces[base.0] += SpatialForce::from_force_at(&offset, force);
-                },
-                |c: CoordinateIndex, force| unit[c.0] += force,
-            );
-            self.model.gather(cache, body_forces, unit);
+        let Work { q, cache, paths, .. } = work;
+        self.paths().zip(paths).for_each(|(path, geometry)| path.update(q, cache, geometry));
+    }
+
+    /// Moment arms of one path for all speeds, not reduced.
+    fn arms(&self, number: usize, path: &Path, work: &mut Work, arms: &mut [f64]) {
+        let Work { q, cache, paths, body_forces, .. } = work;
+        body_forces.fill(SpatialForce::default());
+        arms.fill(0.0);
+        path.unit_tension(
+            q,
+            cache,
+            &paths[number],
+            |base, point, force| {
+                let offset = point - cache.X_GB(base).p;
+                body_forces[base.0] += SpatialForce::from_force_at(&offset, force);
+            },
+            |c: CoordinateIndex, force| arms[c.0] += force,
+        );
+        self.model.gather_in(&self.bodies_of_paths[number], cache, body_forces, arms);
+    }
+
+    /// Adds what a tension does to bodies and coordinates.
+    fn pull(path: &Path, geometry: &PathGeometry, tension: f64, q: &[f64], cache: &Cache, applied: &mut AppliedForces) {
+        if tension == 0.0 {
+            return;
+        }
+        let AppliedForces { mobility, bodies } = applied;
+        path.unit_tension(
+            q,
+            cache,
+            geometry,
+            |base, point, force| {
+                let offset = point - cache.X_GB(base).p;
+                bodies[base.0] += SpatialForce::from_force_at(&offset, &(tension * force));
+            },
+            |c, force| mobility[c.0] += tension * force,
+        );
+    }
+
+    /// Tension of a force along a path that is no muscle.
+    fn tension(&self, number: usize, work: &Work) -> f64 {
+        let ((path, law), geometry) = (&self.path_forces[number], &work.paths[self.muscles.len() + number]);
+        law.tension(geometry.length(), path.lengthening_speed(&work.q, &work.qdot, &work.cache, geometry))
+    }
+
+    /// Rates of the states of one muscle, and its tendon force into `work`.
+    fn muscle_rate(&self, k: usize, x: &[f64], excitation: &[f64], work: &mut Work, rates: &mut [f64]) {
+        let m = &self.muscles[k];
+        let length = work.paths[k].length();
+        let speed = match m.muscle.depends_on_path_speed() {
+            true => m.path.lengthening_speed(&work.q, &work.qdot, &work.cache, &work.paths[k]),
+            false => 0.0,
+        };
+        let state = m.state(x, excitation[k]);
+        let found = m.muscle.rates(state, length, speed);
+        work.tendon_force[k] = found.tendon_force;
+        if let Some(i) = m.activation {
+            rates[i] = m.muscle.activation_rate(state.activation, excitation[k]);
+        }
+        if let Some(i) = m.fiber_length {
+            rates[i] = found.fiber_length;
+        }
+        if let Some(i) = m.fiber_velocity {
+            rates[i] = found.fiber_velocity;
         }
     }
 
-    /// Rates of muscle states, and tendon forces into `work`.
+    /// Rates of muscle states and dissipated energies, and tendon forces into `work`.
     fn muscle_rates(&self, x: &[f64], excitation: &[f64], work: &mut Work, rates: &mut [f64]) {
-        for (k, m) in self.muscles.iter().enumerate() {
-            let length = work.paths[k].length();
-            let speed = m.path.lengthening_speed(&work.q, &work.qdot, &work.cache, &work.paths[k]);
-            let state = m.state(x, excitation[k]);
-            let found = m.muscle.rates(state, length, speed);
-            work.tendon_force[k] = found.tendon_force;
-            if let Some(i) = m.activation {
-                rates[i] = m.muscle.activation_rate(state.activation, excitation[k]);
-            }
-            if let Some(i) = m.fiber_length {
-                rates[i] = found.fiber_length;
-            }
-            if let Some(i) = m.fiber_velocity {
-                rates[i] = found.fiber_velocity;
-            }
-        }
+        (0..self.muscles.len()).for_each(|k| self.muscle_rate(k, x, excitation, work, rates));
+        self.energy_rates(work, rates);
+    }
+
+    fn energy_rates(&self, work: &Work, rates: &mut [f64]) {
         for (i, bushing) in self.energies.clone().zip(self.forces.dampers()) {
             rates[i] = bushing.dissipated_power(&self.model, &work.cache);
         }
     }
 
-    /// Forces of springs, bushings, limits and everything along paths.
+    /// How far the nearest bushing with a pole is from it: |cos θy| (1 without any), at the positions in `work`.
+    fn pole_margin(&self, work: &Work) -> f64 {
+        let margins = self.forces.bushings().filter(|b| b.has_pole()).map(|b| b.pole_margin(&self.model, &work.cache));
+        margins.fold(1.0, f64::min)
+    }
+
+    /// Forces of springs, bushings, limits and loads.
     fn collect_forces(&self, work: &mut Work) {
         let Work { q, qdot, cache, applied, time, .. } = work;
         applied.clear();
         self.forces.apply(&self.model, q, qdot, cache, applied);
         self.forces.over_time.iter().for_each(|force| force.apply(&self.model, *time, cache, applied));
         self.loads.0.iter().for_each(|load| load(&self.model, q, cache, *time, applied));
-        let muscles = work.unit_forces.iter().zip(work.tendon_force.iter().copied());
-        for (unit, tension) in muscles {
-            applied.mobility.iter_mut().zip(unit).for_each(|(f, r)| *f += r * tension);
-        }
-        for ((path, law), (geometry, unit)) in
-            self.path_forces.iter().zip(work.path_forces.iter().zip(&work.unit_path_forces))
-        {
-            let tension = law.tension(geometry.length(), path.lengthening_speed(q, qdot, cache, geometry));
-            applied.mobility.iter_mut().zip(unit).for_each(|(f, r)| *f += r * tension);
+    }
+
+    /// Forces along paths, added to those collected.
+    fn collect_tensions(&self, work: &mut Work) {
+        for k in 0..work.paths.len() {
+            let muscles = self.muscles.len();
+            let (path, tension) = match k.checked_sub(muscles) {
+                None => (&self.muscles[k].path, work.tendon_force[k]),
+                Some(other) => (&self.path_forces[other].0, self.tension(other, work)),
+            };
+            Self::pull(path, &work.paths[k], tension, &work.q, &work.cache, &mut work.applied);
         }
     }
 
     /// Accelerations of the free coordinates from the forces in `work`.
     fn accelerate(&self, work: &mut Work, rates: &mut [f64]) -> Result<(), DynamicsError> {
         self.collect_forces(work);
+        self.collect_tensions(work);
         let Work {
             relation,
             q,
@@ -452,6 +507,18 @@ impl Plant {
         Ok(())
     }
 
+    /// How far the nearest bushing with a pole is from it at a state: |cos θy|, 1 without any.
+    pub fn pole_margin_at(&self, time: f64, x: &[f64], work: &mut Work) -> f64 {
+        if !self.forces.bushings().any(|bushing| bushing.has_pole()) {
+            return 1.0;
+        }
+        let free = self.reduction.n_free();
+        let Work { relation, q, u, cache, .. } = work;
+        self.reduction.expand(time, (&x[..free], &x[free..2 * free]), (q, u), relation);
+        self.model.update_positions(q, cache);
+        self.pole_margin(work)
+    }
+
     /// Rates of all states.
     ///
     /// - `excitation`: of every muscle
@@ -475,82 +542,15 @@ impl Plant {
         self.accelerate(work, rates)
     }
 
-    /// All forces of the model at a state, muscles among those along speeds; gravity is not among them.
+    /// All forces of the model at a state, muscles too; gravity is not among them.
     ///
     /// - `x`, `excitation`, `work`: as last given to [`Plant::rates`]
     pub fn applied_forces(&self, x: &[f64], excitation: &[f64], work: &mut Work) -> AppliedForces {
         let mut rates = vec![0.0; self.n_states];
         self.muscle_rates(x, excitation, work, &mut rates);
         self.collect_forces(work);
+        self.collect_tensions(work);
         work.applied.clone()
-    }
-
-    /// Derivatives of the rates by the states: muscles exactly, coordinates and speeds by differences.
-    ///
-    /// # Errors
-    /// As [`Plant::rates`].
-    pub fn jacobian(
-        &self,
-        time: f64,
-        x: &[f64],
-        excitation: &[f64],
-        work: &mut Work,
-        jacobian: &mut DMatrix<f64>,
-    ) -> Result<(), DynamicsError> {
-        let free = self.reduction.n_free();
-        jacobian.fill(0.0);
-        let (mut base, mut moved) = (vec![0.0; self.n_states], vec![0.0; self.n_states]);
-        let mut at = x.to_vec();
-        for j in 0..free {
-            at[j] = x[j] + STEP;
-            self.rates(time, &at, excitation, work, &mut moved)?;
-            at[j] = x[j] - STEP;
-            self.rates(time, &at, excitation, work, &mut base)?;
-            at[j] = x[j];
-            for i in 0..self.n_states {
-                jacobian[(i, j)] = (moved[i] - base[i]) / (2.0 * STEP);
-            }
-        }
-        self.rates(time, x, excitation, work, &mut base)?;
-        let solver = work.reduced_mass.clone().cholesky().ok_or(DynamicsError::NotFinite)?;
-        let mut column = DVector::zeros(free);
-        for (k, m) in self.muscles.iter().enumerate() {
-            let length = work.paths[k].length();
-            let speed = m.path.lengthening_speed(&work.q, &work.qdot, &work.cache, &work.paths[k]);
-            let state = m.state(x, excitation[k]);
-            let by = m.muscle.linearize(state, length, speed);
-            // Acceleration by tension.
-            work.relation.reduce(&work.unit_forces[k], &mut column);
-            solver.solve_mut(&mut column);
-            if let Some(joint) = &work.joint {
-                joint.correct(&mut column, None);
-            }
-            for (position, by) in [m.activation, m.fiber_length, m.fiber_velocity].into_iter().zip(by) {
-                let Some(j) = position else { continue };
-                (0..free).for_each(|i| jacobian[(free + i, j)] = column[i] * by.tendon_force);
-                if let Some(i) = m.fiber_length {
-                    jacobian[(i, j)] = by.fiber_length;
-                }
-                if let Some(i) = m.fiber_velocity {
-                    jacobian[(i, j)] = by.fiber_velocity;
-                }
-            }
-            if let Some(i) = m.activation {
-                jacobian[(i, i)] = m.muscle.activation_rate_slope(state.activation, excitation[k]);
-            }
-        }
-        // Speeds leave the paths as they are.
-        for j in free..2 * free {
-            at[j] = x[j] + STEP;
-            self.update_skeleton(time, &at, work);
-            self.muscle_rates(&at, excitation, work, &mut moved);
-            self.accelerate(work, &mut moved)?;
-            at[j] = x[j];
-            for i in 0..self.n_states {
-                jacobian[(i, j)] = (moved[i] - base[i]) / STEP;
-            }
-        }
-        Ok(())
     }
 }
 
@@ -580,6 +580,16 @@ impl<'a, E: FnMut(f64, &mut [f64])> DrivenPlant<'a, E> {
 
 impl<E: FnMut(f64, &mut [f64])> StiffSystem for DrivenPlant<'_, E> {
     type Error = DynamicsError;
+
+    fn groups(&self) -> Vec<std::ops::Range<usize>> {
+        let of_muscle = |m: &PlantMuscle| {
+            let states = [m.activation, m.fiber_length, m.fiber_velocity];
+            let first = states.iter().flatten().next().copied();
+            first.map(|first| first..first + states.iter().flatten().count())
+        };
+        let muscles = self.plant.muscles.iter().filter_map(of_muscle);
+        muscles.chain(self.plant.energies.clone().map(|i| i..i + 1)).collect()
+    }
 
     fn derivative(&mut self, time: f64, x: &[f64], derivative: &mut [f64]) -> Result<(), DynamicsError> {
         (self.excite)(time, &mut self.excitation);

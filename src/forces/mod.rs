@@ -216,6 +216,14 @@ impl Forces {
         })
     }
 
+    /// All bushings, in the order of the file.
+    pub fn bushings(&self) -> impl Iterator<Item = &BushingForce> {
+        self.forces.iter().filter_map(|force| match &force.law {
+            ForceLaw::Bushing(bushing) => Some(bushing.as_ref()),
+            _ => None,
+        })
+    }
+
     /// Those of [`Forces::forces`] that are affine in speed: all but formulas.
     pub fn affine_in_speed(&self) -> impl Iterator<Item = &Force> {
         self.forces.iter().filter(|force| !matches!(force.law, ForceLaw::ExpressionBasedCoordinate(_)))

@@ -7,6 +7,7 @@
 
 use super::cache::Cache;
 use super::model::{BaseIndex, Model};
+use super::subset::BodySubset;
 use crate::spatial::{SpatialAcceleration, SpatialForce};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
@@ -150,15 +151,24 @@ impl Model {
     /// - `cache`: after [`Model::update_positions`] and [`Model::update_joint_axes`]
     /// - `forces`: on every base at its origin, expressed in ground
     pub fn gather(&self, cache: &Cache, forces: &mut [SpatialForce], out: &mut [f64]) {
-        for node in self.nodes.iter().rev() {
-            let (inboard, outboard) = (node.inboard.0, node.outboard.0);
-            let force = forces[outboard];
-            for &c in &node.coordinates {
-                out[c] += force.power(&cache.joint_axes[c]);
-            }
-            let shift = cache.X_GB[outboard].p - cache.X_GB[inboard].p;
-            forces[inboard] += force.shift_to_origin(&shift);
+        (0..self.nodes.len()).rev().for_each(|i| self.gather_node(i, cache, forces, out));
+    }
+
+    /// The same for forces on some bodies only; bodies inboard of them must be in the subset.
+    pub fn gather_in(&self, subset: &BodySubset, cache: &Cache, forces: &mut [SpatialForce], out: &mut [f64]) {
+        subset.nodes().iter().rev().for_each(|i| self.gather_node(*i, cache, forces, out));
+    }
+
+    #[inline]
+    fn gather_node(&self, i: usize, cache: &Cache, forces: &mut [SpatialForce], out: &mut [f64]) {
+        let node = &self.nodes[i];
+        let (inboard, outboard) = (node.inboard.0, node.outboard.0);
+        let force = forces[outboard];
+        for &c in &node.coordinates {
+            out[c] += force.power(&cache.joint_axes[c]);
         }
+        let shift = cache.X_GB[outboard].p - cache.X_GB[inboard].p;
+        forces[inboard] += force.shift_to_origin(&shift);
     }
 
     /// Velocity of a base, at its origin and expressed in ground, for unit speed of every coordinate that moves it, no

@@ -172,6 +172,15 @@ impl MuscleModel {
         }
     }
 
+    /// Whether [`MuscleModel::rates`] depends on the path's speed.
+    pub fn depends_on_path_speed(&self) -> bool {
+        match self {
+            MuscleModel::Millard2012(m) => m.ignore_tendon_compliance(),
+            MuscleModel::Thelen2003(_) => false,
+            MuscleModel::DeGrooteFregly2016(_) | MuscleModel::RigidTendon(_) | MuscleModel::Deprecated(_) => true,
+        }
+    }
+
     /// Whether the fibre velocity is a state.
     pub fn has_velocity_state(&self) -> bool {
         matches!(self, MuscleModel::Deprecated(m) if m.has_velocity_state())

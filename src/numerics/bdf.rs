@@ -5,7 +5,9 @@
 //! Shampine LF, Reichelt MW (1997), The MATLAB ODE suite, doi:10.1137/S1064827594276424. Byrne GD, Hindmarsh AC (1975),
 //! A polyalgorithm for the numerical solution of ordinary differential equations, doi:10.1145/355626.355636.
 
-use nalgebra::{DMatrix, DVector, Dyn, LU};
+use super::grouped::Grouped;
+use nalgebra::{DMatrix, DVector};
+use std::ops::Range;
 
 const MAX_ORDER: usize = 5;
 const NEWTON_ITERATIONS: usize = 4;
@@ -24,6 +26,12 @@ pub trait StiffSystem {
     /// # Errors
     /// A state at which there is no derivative; the integrator then tries a smaller step.
     fn derivative(&mut self, time: f64, x: &[f64], derivative: &mut [f64]) -> Result<(), Self::Error>;
+
+    /// Trailing states in groups, ascending and without gaps, that act on the states before all groups and on their own
+    /// group, but not on one another: ∂ẋ_i/∂x_j is 0 for i and j of different groups.
+    fn groups(&self) -> Vec<Range<usize>> {
+        Vec::new()
+    }
 
     /// Computes ∂ẋ/∂x; an approximation only costs steps.
     ///
@@ -66,6 +74,17 @@ pub struct Cost {
     pub factorizations: usize,
 }
 
+impl Cost {
+    /// Adds what another integration cost.
+    pub fn add(&mut self, other: &Cost) {
+        self.steps += other.steps;
+        self.rejected += other.rejected;
+        self.derivatives += other.derivatives;
+        self.jacobians += other.jacobians;
+        self.factorizations += other.factorizations;
+    }
+}
+
 /// An integration under way.
 pub struct Bdf {
     /// Time [s].
@@ -83,7 +102,8 @@ pub struct Bdf {
     differences: Vec<DVector<f64>>,
     jacobian: DMatrix<f64>,
     jacobian_is_current: bool,
-    factors: Option<LU<f64, Dyn, Dyn>>,
+    groups: Vec<Range<usize>>,
+    factors: Option<Grouped>,
 }
 
 impl Bdf {
@@ -133,6 +153,7 @@ impl Bdf {
             differences,
             jacobian,
             jacobian_is_current: true,
+            groups: system.groups(),
             factors: None,
         })
     }
@@ -199,7 +220,7 @@ impl Bdf {
         let tolerance = (10.0 * f64::EPSILON / self.relative).max(self.relative.sqrt().min(0.03));
         loop {
             if self.factors.is_none() {
-                self.factors = Some((DMatrix::identity(n, n) - &self.jacobian * c).lu());
+                self.factors = Grouped::new(&self.jacobian, c, &self.groups);
                 self.cost.factorizations += 1;
             }
             let factors = self.factors.as_ref()?;
@@ -212,19 +233,20 @@ impl Bdf {
                     break;
                 }
                 let mut correction = &rate_of_change * c - psi - &change;
-                if !factors.solve_mut(&mut correction) {
-                    break;
-                }
+                factors.solve_mut(&mut correction);
                 let length = norm(&correction, size);
                 let rate = last.map(|last| length / last);
                 let remaining = (NEWTON_ITERATIONS - k) as i32;
-                let diverges = rate.is_some_and(|r| r >= 1.0 || r.powi(remaining) / (1.0 - r) * length > tolerance);
+                // One correction that a Jacobian by differences gets wrong, and the next puts right, is no divergence.
+                let is_first = k == 1 && self.jacobian_is_current && rate.is_some_and(|r| r < 2.0);
+                let diverges =
+                    !is_first && rate.is_some_and(|r| r >= 1.0 || r.powi(remaining) / (1.0 - r) * length > tolerance);
                 if !length.is_finite() || diverges {
                     break;
                 }
                 x += &correction;
                 change += &correction;
-                if length == 0.0 || rate.is_some_and(|r| r / (1.0 - r) * length < tolerance) {
+                if length == 0.0 || rate.is_some_and(|r| r < 1.0 && r / (1.0 - r) * length < tolerance) {
                     return Some((x, change, k + 1));
                 }
                 last = Some(length);
@@ -300,6 +322,11 @@ impl Bdf {
                 *x += product * d;
             }
         }
+    }
+
+    /// Rates of the states over the last step.
+    pub fn slope(&self) -> Vec<f64> {
+        self.differences[1].iter().map(|d| d / self.step).collect()
     }
 
     /// Length of the last step [s].

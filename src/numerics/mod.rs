@@ -3,12 +3,14 @@
 
 mod bdf;
 mod dual;
+mod grouped;
 mod root;
 mod scalar;
 mod smooth_segmented;
 
 pub use bdf::{Bdf, Cost, StepError, StiffSystem};
 pub use dual::Dual;
+pub use grouped::Grouped;
 pub use root::{BracketedRoot, RootError, newton_bisection};
 pub use scalar::Scalar;
 pub use smooth_segmented::{CornerError, QuinticCorner, SmoothSegmentedFunction, ValueAndDerivative};

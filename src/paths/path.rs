@@ -136,6 +136,15 @@ impl Path {
         coordinates
     }
 
+    /// Whether length and moment arms can change with coordinate `c`, couplers followed: whether it moves what the path
+    /// runs along against one another, or a point of it.
+    pub fn depends_on(&self, model: &Model, c: CoordinateIndex) -> bool {
+        let mut bases = self.points.iter().map(|p| p.base).chain(self.wraps.iter().map(|w| w.base));
+        let Some(first) = bases.next() else { return false };
+        bases.any(|base| model.moves_between(first, base, c))
+            || self.direct_coordinates().into_iter().any(|own| model.root_of(own) == model.root_of(c))
+    }
+
     /// Wrap objects of the path, in the order of its wraps.
     pub fn wrap_objects(&self) -> impl Iterator<Item = WrapObjectIndex> + '_ {
         self.wraps.iter().map(|wrap| wrap.object)

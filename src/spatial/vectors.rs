@@ -20,11 +20,13 @@ impl SpatialVelocity {
     }
 
     /// Velocity of the body's point at offset `p` [m] from the reference point: `v + w × p`.
+    #[inline]
     pub fn velocity_at(&self, p: &Vector3<f64>) -> Vector3<f64> {
         self.v + self.w.cross(p)
     }
 
     /// The same motion with the reference point moved by `p` [m].
+    #[inline]
     pub fn shift(&self, p: &Vector3<f64>) -> Self {
         Self { w: self.w, v: self.velocity_at(p) }
     }
@@ -42,6 +44,7 @@ pub struct SpatialAcceleration {
 impl SpatialAcceleration {
     /// Acceleration of the body's point at offset `p` when the body turns with angular velocity `w`:
     /// `a + α × p + w × (w × p)`.
+    #[inline]
     pub fn acceleration_at(&self, p: &Vector3<f64>, w: &Vector3<f64>) -> Vector3<f64> {
         self.a + self.alpha.cross(p) + w.cross(&w.cross(p))
     }
@@ -58,18 +61,21 @@ pub struct SpatialForce {
 
 impl SpatialForce {
     /// A force [N] that acts at offset `p` [m] from the reference point.
+    #[inline]
     pub fn from_force_at(p: &Vector3<f64>, force: &Vector3<f64>) -> Self {
         Self { moment: p.cross(force), force: *force }
     }
 
     /// The equivalent force with its reference point moved back by `p`: `self` acts at offset `p` from the new
     /// reference point.
+    #[inline]
     pub fn shift_to_origin(&self, p: &Vector3<f64>) -> Self {
         Self { moment: self.moment + p.cross(&self.force), force: self.force }
     }
 
     /// Power [W] on a body that moves with `velocity` at the same reference point. With the motion for unit speed of
     /// a coordinate this is the generalized force about that coordinate.
+    #[inline]
     pub fn power(&self, velocity: &SpatialVelocity) -> f64 {
         self.moment.dot(&velocity.w) + self.force.dot(&velocity.v)
     }
@@ -77,6 +83,7 @@ impl SpatialForce {
 
 impl Add for SpatialVelocity {
     type Output = Self;
+    #[inline]
     fn add(self, other: Self) -> Self {
         Self { w: self.w + other.w, v: self.v + other.v }
     }
@@ -84,6 +91,7 @@ impl Add for SpatialVelocity {
 
 impl Sub for SpatialVelocity {
     type Output = Self;
+    #[inline]
     fn sub(self, other: Self) -> Self {
         Self { w: self.w - other.w, v: self.v - other.v }
     }
@@ -91,6 +99,7 @@ impl Sub for SpatialVelocity {
 
 impl Mul<f64> for SpatialVelocity {
     type Output = Self;
+    #[inline]
     fn mul(self, factor: f64) -> Self {
         Self { w: self.w * factor, v: self.v * factor }
     }
@@ -98,12 +107,14 @@ impl Mul<f64> for SpatialVelocity {
 
 impl Add for SpatialForce {
     type Output = Self;
+    #[inline]
     fn add(self, other: Self) -> Self {
         Self { moment: self.moment + other.moment, force: self.force + other.force }
     }
 }
 
 impl AddAssign for SpatialForce {
+    #[inline]
     fn add_assign(&mut self, other: Self) {
         *self = *self + other;
     }
@@ -111,6 +122,7 @@ impl AddAssign for SpatialForce {
 
 impl Neg for SpatialForce {
     type Output = Self;
+    #[inline]
     fn neg(self) -> Self {
         Self { moment: -self.moment, force: -self.force }
     }

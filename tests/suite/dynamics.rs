@@ -6,9 +6,10 @@ use carpus::dynamics::{
     Constraints, Dynamics, ForwardOptions, Plant, PlantError, PlantState, Trajectory, simulate_forward,
 };
 use carpus::forces::AppliedForces;
+use carpus::functions::Function;
 use carpus::multibody::{BaseIndex, Model};
 use carpus::osim::OsimFile;
-use carpus::osim::spec::{BodyIndex, JointKind, ModelSpec};
+use carpus::osim::spec::{BodyIndex, FunctionSpec, JointKind, ModelSpec};
 use carpus::spatial::SpatialForce;
 use nalgebra::Vector3;
 use serde_json::Value;
@@ -431,7 +432,18 @@ fn verif_assembled_states_satisfy_constraints_whose_forces_do_no_work() {
 
 /// Differences of coordinates [rad or m] from a trajectory that OpenSim's `Manager` integrated.
 fn compare_trajectory(spec: &ModelSpec, reference: &Value, accuracy: f64) -> (Differences, Trajectory) {
-    let model = Model::compile(spec).expect("model");
+    let mut model = Model::compile(spec).expect("model");
+    for coordinate in &mut model.coordinates {
+        let number = |value: &Value| value.as_f64().expect("a number");
+        if let Some(sine) = reference["sine"].get(&coordinate.name) {
+            let [amplitude, omega, phase, offset] = [0, 1, 2, 3].map(|i| number(&sine[i]));
+            let sine = FunctionSpec::Sine { amplitude, omega, phase, offset };
+            coordinate.prescribed = Some(Function::compile(&sine).expect("a sine"));
+        }
+        if reference["locked"].as_array().is_some_and(|names| names.contains(&coordinate.name.as_str().into())) {
+            (coordinate.locked, coordinate.default_value) = (true, 0.0);
+        }
+    }
     let plant = Plant::compile(spec, &model, false).expect("plant");
     let rest = reference["rest"].as_f64().expect("rest");
     let excitation: Vec<f64> =
@@ -465,4 +477,129 @@ fn val_opensim_forward_simulation_of_the_bundled_wrist() {
     let (differences, trajectory) = compare_trajectory(&file.spec, &reference, 1e-8);
     println!("{:?}, largest difference {:.1e}", trajectory.cost, differences.max());
     differences.assert_below(1e-5);
+}
+
+/// A fall, all muscles at a constant excitation, and the wrist driven while the fingers follow (tenodesis).
+#[test]
+fn val_opensim_forward_simulations_of_the_mcfarland_hand() {
+    let Some(path) = reference::shared("models/Hand_Wrist_Model_for_development.osim") else { return };
+    let file = OsimFile::parse(std::fs::read(&path).expect("file"), "hand.osim").expect("model");
+    for name in ["hand_fall"] {
+        let reference = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("fixtures/forward/{name}.json"));
+        let reference: Value = serde_json::from_slice(&std::fs::read(reference).expect("fixture")).expect("JSON");
+        let (differences, trajectory) = compare_trajectory(&file.spec, &reference, 1e-6);
+        println!("{name}: {:?}, largest difference {:.1e}", trajectory.cost, differences.max());
+        let moved = |c: usize| (trajectory.states.last().expect("a state").q[c] - trajectory.states[0].q[c]).abs();
+        let most = (0..file.spec.coordinates.len()).map(moved).fold(0.0, f64::max);
+        assert!(most > 0.1, "{name}: it moves, by {most} rad");
+        differences.assert_below(1e-4);
+    }
+}
+
+/// The hand falls for a second; fingers turn aside through the poles of their bushings' angles, where the equations have no
+/// value and where OpenSim's integrator does not pass.
+#[test]
+fn verif_the_mcfarland_hand_falls_for_a_second() {
+    let Some(path) = reference::shared("models/Hand_Wrist_Model_for_development.osim") else { return };
+    let spec = OsimFile::parse(std::fs::read(&path).expect("file"), "hand.osim").expect("model").spec;
+    let model = Model::compile(&spec).expect("model");
+    let plant = Plant::compile(&spec, &model, false).expect("plant");
+    let excitation = vec![0.02; plant.muscles.len()];
+    let (q, u) = (model.default_coordinates(), vec![0.0; model.n_coordinates()]);
+    let mut work = plant.new_work();
+    let start = plant.equilibrium_state(0.0, &q, &u, &excitation, &mut work).expect("equilibrium");
+    let options = ForwardOptions { times: vec![0.0, 0.5, 1.0], accuracy: 1e-5, first_step: 1e-3 };
+    let excite = |_: f64, e: &mut [f64]| e.copy_from_slice(&excitation);
+    let trajectory = simulate_forward(&plant, &start, excite, &options).expect("trajectory");
+    println!("{:?}", trajectory.cost);
+    let end = &trajectory.states[2];
+    assert!(end.q.iter().chain(&end.u).all(|x| x.is_finite()));
+    let abduction = model.coordinates.iter().position(|c| c.name == "3mcp_abduction").expect("a coordinate");
+    assert!(trajectory.states[1].q[abduction] < -1.6, "the third finger is beyond its pole");
+}
+
+/// A body that turns about y and then x, between it and ground a bushing that damps rotation about x.
+const POLE: &str = r#"<OpenSimDocument Version="40500"><Model name="pole"><gravity>0 0 0</gravity>
+<BodySet><objects><Body name="a"><mass>1</mass><mass_center>0 0 0</mass_center><inertia>0.001 0.001 0.001 0 0 0</inertia></Body></objects></BodySet>
+<JointSet><objects><CustomJoint name="j"><socket_parent_frame>p</socket_parent_frame><socket_child_frame>c</socket_child_frame>
+<coordinates><Coordinate name="about_y"/><Coordinate name="about_x"/></coordinates>
+<frames><PhysicalOffsetFrame name="p"><socket_parent>/ground</socket_parent></PhysicalOffsetFrame>
+<PhysicalOffsetFrame name="c"><socket_parent>/bodyset/a</socket_parent></PhysicalOffsetFrame></frames>
+<SpatialTransform>
+<TransformAxis name="rotation1"><coordinates>about_y</coordinates><axis>0 1 0</axis><function><LinearFunction><coefficients>1 0</coefficients></LinearFunction></function></TransformAxis>
+<TransformAxis name="rotation2"><coordinates>about_x</coordinates><axis>1 0 0</axis><function><LinearFunction><coefficients>1 0</coefficients></LinearFunction></function></TransformAxis>
+<TransformAxis name="rotation3"><axis>0 0 1</axis><function><Constant><value>0</value></Constant></function></TransformAxis>
+<TransformAxis name="translation1"><axis>1 0 0</axis><function><Constant><value>0</value></Constant></function></TransformAxis>
+<TransformAxis name="translation2"><axis>0 1 0</axis><function><Constant><value>0</value></Constant></function></TransformAxis>
+<TransformAxis name="translation3"><axis>0 0 1</axis><function><Constant><value>0</value></Constant></function></TransformAxis>
+</SpatialTransform></CustomJoint></objects></JointSet>
+<ForceSet><objects><BushingForce name="b"><socket_frame1>/ground</socket_frame1><socket_frame2>/bodyset/a</socket_frame2>
+<rotational_stiffness>0 0 0</rotational_stiffness><translational_stiffness>0 0 0</translational_stiffness>
+<rotational_damping>20 0 0</rotational_damping><translational_damping>0 0 0</translational_damping></BushingForce></objects></ForceSet>
+</Model></OpenSimDocument>"#;
+
+/// A strong damper lets the angle θx = atan(sin f / (cos a cos f)) not change, f about x and a about y: the body moves at
+/// constant kinetic energy ½ I (ȧ² + ḟ²) along tan f = cos a tan θx, through the pole at a = π/2, f = 0 and beyond.
+#[test]
+fn verif_motion_goes_through_the_pole_of_a_bushing() {
+    let spec = OsimFile::parse(POLE, "pole.osim").expect("model").spec;
+    let model = Model::compile(&spec).expect("model");
+    let plant = Plant::compile(&spec, &model, false).expect("plant");
+    let (theta, a, rate) = (0.3_f64, 1.2_f64, 2.0);
+    let curve = |a: f64| (a.cos() * theta.tan()).atan();
+    let slope = |a: f64| -a.sin() * theta.tan() * curve(a).cos().powi(2);
+    let start = PlantState {
+        q: vec![a, curve(a)],
+        u: vec![rate, slope(a) * rate],
+        activation: Vec::new(),
+        fiber_length: Vec::new(),
+        fiber_velocity: Vec::new(),
+        dissipated_energy: vec![0.0],
+    };
+    let times = (0..=8).map(|k| 0.05 * f64::from(k)).collect();
+    let options = ForwardOptions { times, accuracy: 1e-7, first_step: 1e-3 };
+    let trajectory = simulate_forward(&plant, &start, |_, _| {}, &options).expect("trajectory");
+    let energy = |state: &PlantState| 5e-4 * (state.u[0].powi(2) + state.u[1].powi(2));
+    for (time, state) in trajectory.times.iter().zip(&trajectory.states) {
+        let (f, expected) = (state.q[1], curve(state.q[0]));
+        assert!((f - expected).abs() < 1e-3 * theta, "at {time} s: {f} instead of {expected}");
+        let kept = energy(state) / energy(&start);
+        assert!((kept - 1.0).abs() < 1e-3, "at {time} s: {kept} of the energy");
+    }
+    assert!(trajectory.states[8].q[0] > std::f64::consts::FRAC_PI_2 + 0.3, "it is beyond the pole");
+}
+
+/// Derivatives of the rates by all states, against differences of the rates.
+#[test]
+fn verif_derivatives_of_a_plants_rates() {
+    let file = OsimFile::parse(include_bytes!("../../models/wrist.osim"), "wrist.osim").expect("model");
+    let hand = reference::shared("models/Hand_Wrist_Model_for_development.osim")
+        .map(|path| OsimFile::parse(std::fs::read(&path).expect("file"), "hand.osim").expect("model"));
+    for spec in [Some(file.spec), hand.map(|hand| hand.spec)].into_iter().flatten() {
+        let model = Model::compile(&spec).expect("model");
+        let plant = Plant::compile(&spec, &model, false).expect("plant");
+        // Activation dynamics have a kink where both are equal.
+        let (activation, excitation) = (vec![0.2; plant.muscles.len()], vec![0.3; plant.muscles.len()]);
+        let q: Vec<f64> =
+            model.default_coordinates().iter().enumerate().map(|(i, q)| q + 0.01 * (i % 5) as f64).collect();
+        let u: Vec<f64> = (0..q.len()).map(|i| 0.5 - 0.3 * (i % 4) as f64).collect();
+        let mut work = plant.new_work();
+        let start = plant.equilibrium_state(0.0, &q, &u, &activation, &mut work).expect("equilibrium");
+        let x = plant.pack(&start);
+        let n = x.len();
+        let mut jacobian = nalgebra::DMatrix::zeros(n, n);
+        plant.jacobian(0.0, &x, &excitation, &mut work, &mut jacobian).expect("derivatives");
+        let (mut up, mut down) = (vec![0.0; n], vec![0.0; n]);
+        for j in 0..n {
+            let step = 1e-6 * if j < 2 * plant.reduction.n_free() { 1.0 } else { x[j].abs() };
+            let mut at = x.clone();
+            at[j] = x[j] + step;
+            plant.rates(0.0, &at, &excitation, &mut work, &mut up).expect("rates");
+            at[j] = x[j] - step;
+            plant.rates(0.0, &at, &excitation, &mut work, &mut down).expect("rates");
+            let expected = nalgebra::DVector::from_fn(n, |i, _| (up[i] - down[i]) / (2.0 * step));
+            let difference = (jacobian.column(j) - &expected).amax();
+            assert!(difference < 1e-3 * expected.amax().max(1e-3), "{}: state {j}: {difference}", spec.name);
+        }
+    }
 }
