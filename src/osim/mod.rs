@@ -9,6 +9,7 @@ pub mod diagnostics;
 pub mod document;
 pub mod edit;
 pub mod error;
+mod include;
 mod reader;
 pub mod scale;
 pub mod spec;
@@ -20,6 +21,7 @@ pub use diagnostics::{Diagnostic, Diagnostics, Severity};
 pub use document::{Document, ElementId};
 pub use edit::{ComponentSet, EditError};
 pub use error::{DocumentError, DocumentErrorKind, OsimError, Problem, ProblemKind, WriteError};
+pub use include::{IncludeError, include_files};
 pub use scale::{BodyFactors, ScaleError, ScaledBodies};
 use spec::{Location, ModelSpec};
 pub use write::{CURRENT_FORMAT, Upgraded};
@@ -36,13 +38,15 @@ pub struct OsimFile {
 }
 
 impl OsimFile {
-    /// Reads a model file.
+    /// Reads a model file, with the files of the same format version that its objects name by the attribute `file` in
+    /// their place: the model that is written is one file.
     ///
     /// # Errors
     /// [`OsimError`]: the file cannot be read, is not well-formed, is no OpenSim model, has a format version outside
     /// 10901 to 40600, or contains values or references that cannot be used (all of them are listed).
     pub fn read(path: impl AsRef<Path>) -> Result<OsimFile, OsimError> {
-        OsimFile::from_document(Document::read(path)?)
+        let path = path.as_ref();
+        OsimFile::from_document(include_files(Document::read(path)?, path, false).0)
     }
 
     /// Reads a model from bytes; `file` is the name used in messages.

@@ -8,10 +8,7 @@ use std::str::FromStr;
 use nalgebra::Vector3;
 
 use super::error::{ToolError, ToolProblem};
-use crate::osim::{Document, ElementId, OsimError};
-
-/// Files that a setup includes, at most: more include one another.
-const MOST_INCLUDES: usize = 50;
+use crate::osim::{Document, ElementId, IncludeError, OsimError, include_files};
 
 /// A setup file.
 #[derive(Debug)]
@@ -98,40 +95,21 @@ impl Setup {
     }
 }
 
-/// A document with the files that its objects name by the attribute `file` in their place, on the same line, so that
-/// lines stay what they are.
-fn included(mut document: Document, path: &Path) -> Result<Document, ToolError> {
-    for _ in 0..MOST_INCLUDES {
-        let named = |e: &ElementId| {
-            let file = document.attribute(*e, "file")?;
-            let is_file = !file.trim().is_empty() && file != "Unassigned" && document.children(*e).is_empty();
-            is_file.then_some((*e, file))
-        };
-        let Some((element, file)) = document.elements().find_map(|e| named(&e)) else { return Ok(document) };
-        let line = document.line(element);
-        let folder = path.parent().unwrap_or(Path::new(""));
-        let other = folder.join(file.replace('\\', "/"));
-        let found = Document::read(&other).map_err(|error| match error {
-            OsimError::Document(error) => ToolError::at(&other, error.line, ToolProblem::Document(error)),
-            OsimError::Read { source, .. } => {
-                let expected = format!("a file that can be read ({source})");
-                let property = format!("attribute file of <{}>", document.tag(element));
-                ToolError::at(path, line, ToolProblem::Value { property, expected, found: file.clone() })
-            }
-            error => ToolError::at(path, line, error),
-        })?;
-        let root = found.root();
-        let object = match found.children(root).first() {
-            Some(&child) if found.tag(root) == "OpenSimDocument" => child,
-            _ => root,
-        };
-        let text = String::from_utf8_lossy(&found.bytes()[found.range(object)]).replace(['\r', '\n'], " ");
-        let range = document.range(element);
-        let bytes = [&document.bytes()[..range.start], text.as_bytes(), &document.bytes()[range.end..]].concat();
-        let name = document.file().to_owned();
-        document = Document::parse(bytes, &name).map_err(|e| ToolError::at(path, e.line, ToolProblem::Document(e)))?;
-    }
-    Ok(document)
+/// A document with the files that its objects name in their place.
+fn included(document: Document, path: &Path) -> Result<Document, ToolError> {
+    let (document, failure) = include_files(document, path, true);
+    let Some(failure) = failure else { return Ok(document) };
+    let IncludeError { line, tag, file, path: other, source } = failure;
+    Err(match source {
+        Some(OsimError::Document(error)) => ToolError::at(&other, error.line, ToolProblem::Document(error)),
+        Some(OsimError::Read { source, .. }) => {
+            let expected = format!("a file that can be read ({source})");
+            let property = format!("attribute file of <{tag}>");
+            ToolError::at(path, line, ToolProblem::Value { property, expected, found: file })
+        }
+        Some(error) => ToolError::at(path, line, error),
+        None => return Ok(document),
+    })
 }
 
 impl<'a> Properties<'a> {

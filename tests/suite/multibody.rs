@@ -4,9 +4,9 @@ mod compile;
 
 use super::reference;
 use super::validation::{self, Differences, Judge, Row};
-use carpus::multibody::Model;
+use carpus::multibody::{BaseIndex, Model};
 use carpus::osim::OsimFile;
-use carpus::osim::spec::{CoordinateIndex, ModelSpec};
+use carpus::osim::spec::{BodyIndex, CoordinateIndex, ModelSpec};
 use carpus::spatial::{SpatialVelocity, Transform};
 use serde_json::Value;
 use std::path::Path;
@@ -266,4 +266,27 @@ fn verif_subset_update_equals_full_update() {
             }
         }
     }
+}
+
+/// Two bars that bend; poses only, since OpenSim's velocities of this joint contradict its poses.
+#[test]
+fn val_opensim_poses_behind_constant_curvature_joints() {
+    let osim = include_bytes!("../../fixtures/curvature/spine.osim");
+    let case = case(
+        "spine",
+        OsimFile::parse(osim, "spine.osim").expect("model").spec,
+        serde_json::from_str(include_str!("../../fixtures/curvature/spine.json")).expect("JSON"),
+    );
+    let mut cache = case.model.new_cache();
+    let mut differences = Differences::new("pose behind a ConstantCurvatureJoint", "1 or m");
+    for pose in &case.poses {
+        case.model.update_positions(&case.by_coordinate(&pose["q"]), &mut cache);
+        for (i, body) in case.model.bodies.iter().enumerate() {
+            let found = cache.X_GB(BaseIndex::from(BodyIndex(i)));
+            let difference = pose_difference(&found, &numbers(&pose["bodies"][&body.name]));
+            differences.push(difference, || format!("{} at {}", body.name, pose["q"]));
+        }
+    }
+    assert_eq!(differences.count(), 24);
+    differences.assert_below(POSE_TOLERANCE);
 }

@@ -200,7 +200,8 @@ impl Reader<'_> {
 
     fn refuse_external_file(&mut self, element: ElementId, path: &str, tag: &str) {
         if let Some(file) = self.document.attribute(element, "file").filter(|file| !file.is_empty()) {
-            let message = format!("<{tag}> stands in another file ({file}), which is not read");
+            let message =
+                format!("<{tag}> stands in another file ({file}), which is not here or of another format version");
             let hint = "paste its contents into this file".to_owned();
             self.diagnose(Severity::Unsupported, element, path, message, Some(hint));
         }

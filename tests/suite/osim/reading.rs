@@ -265,3 +265,38 @@ proptest! {
         }
     }
 }
+
+/// A set in a file of its own is read in its place (OpenSim: `Object::readObjectFromXMLNodeOrFile`), on the line that names it;
+/// one of another format version, or that is not there, is named.
+#[test]
+fn verif_sets_in_files_of_their_own() {
+    let text = include_str!("../../../fixtures/multibody/forces.osim");
+    let (start, end) = (text.find("<ForceSet").expect("a set"), text.find("</ForceSet>").expect("its end") + 11);
+    let version = text.split("Version=\"").nth(1).and_then(|rest| rest.split('"').next()).expect("a version");
+    let folder = tempfile::tempdir().expect("folder");
+    std::fs::create_dir(folder.path().join("sets")).expect("folder");
+    let model = folder.path().join("model.osim");
+    let outer = [&text[..start], "<ForceSet file=\"sets/forces.xml\"/>", &text[end..]].concat();
+    std::fs::write(&model, &outer).expect("written");
+    let write = |version: &str| {
+        let inner = format!("<OpenSimDocument Version=\"{version}\">\n{}\n</OpenSimDocument>", &text[start..end]);
+        std::fs::write(folder.path().join("sets/forces.xml"), inner).expect("written");
+    };
+    let names =
+        |file: &OsimFile| file.spec.forces.iter().map(|f| (f.name.clone(), f.applies_force)).collect::<Vec<_>>();
+    let refusals = |file: &OsimFile| {
+        let all = file.diagnostics.of(Severity::Unsupported).filter(|d| d.message.contains("stands in another file"));
+        all.map(|d| d.line).collect::<Vec<_>>()
+    };
+    write(version);
+    let expected = OsimFile::parse(text, "forces.osim").expect("model");
+    let found = OsimFile::read(&model).expect("model");
+    assert!(!names(&expected).is_empty());
+    assert_eq!((names(&found), refusals(&found)), (names(&expected), vec![]));
+    let line = outer[..outer.find("<ForceSet").expect("a set")].lines().count();
+    assert!(found.spec.forces.iter().all(|force| force.at.line == line), "lines stay what they are");
+    write("30000");
+    assert_eq!(refusals(&OsimFile::read(&model).expect("model")), vec![line]);
+    std::fs::remove_file(folder.path().join("sets/forces.xml")).expect("removed");
+    assert_eq!(refusals(&OsimFile::read(&model).expect("model")), vec![line]);
+}
