@@ -97,7 +97,7 @@ impl Analysis<'_> {
         descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
         if estimate {
             let Descent { point, linear, noise, last_step, .. } = &mut descent;
-            let estimated = self.estimate_noise(linear, &noise.structure, point, noise.levels);
+            let estimated = self.estimate_noise(linear, &noise.structure, point, noise.levels)?;
             noise.levels = noise.levels.towards(&estimated, last_step);
             noise.factors = factors(noise);
             descent.at = self.account(&descent.linear, &descent.point, &descent.noise);

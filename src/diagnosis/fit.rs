@@ -90,10 +90,8 @@ pub struct Analysis<'a> {
     pub candidates: Vec<&'static dyn Effect>,
     /// Prior standard deviation of log F_max, log l_opt, log l_slack.
     pub(super) prior_sd: [f64; FITTED_PER_MUSCLE],
-    /// Blocks of directions and their columns among `directions`.
+    /// Blocks of directions and their columns among all directions.
     pub blocks: Vec<Block>,
-    /// Per training trial: directions near the fit without effects, averaged over blocks: regressors of the noise's estimate.
-    pub(super) directions: Vec<DMatrix<f64>>,
     /// Per training trial.
     pub(super) times: Vec<Arc<TrialTimes>>,
     /// How the noise goes with itself in time.
@@ -200,10 +198,9 @@ impl<'a> Analysis<'a> {
         // Before the EMG's noise is allowed for, what it does would be taken for more of it.
         let mut descent = analysis.settle(rough, false)?;
         descent = analysis.settle(descent, false)?;
-        (analysis.directions, analysis.blocks) = analysis.calc_directions(&descent.linear, &descent.point)?;
-        // With all directions among the regressors, what an effect does is no longer taken for noise.
+        analysis.blocks = analysis.calc_directions(&descent.linear, &descent.point)?.1;
         descent = analysis.settle(descent, true)?;
-        analysis.choose_kernels(&mut descent);
+        analysis.choose_kernels(&mut descent)?;
         descent = analysis.follow(descent, f64::INFINITY)?;
         let fit = analysis.finish(descent, 2)?;
         Ok((analysis, fit))
@@ -383,15 +380,23 @@ impl<'a> Analysis<'a> {
         noise: &[TrialNoise],
         point: &Point,
         start: NoiseLevels,
-    ) -> NoiseLevels {
-        let (columns, precision) = self.regressors(linear, point);
+    ) -> Result<NoiseLevels, SimulationError> {
+        let (columns, precision) = self.regressors(linear, point)?;
         let trials: Vec<_> = noise.iter().zip(&columns).zip(linear).map(|((n, x), l)| (n, x, &l.residual)).collect();
-        noise::estimate(&trials, &precision, start)
+        Ok(noise::estimate(&trials, &precision, start))
     }
 
     /// Per trial all that a residual is regressed on while noise is estimated, and prior precisions.
-    fn regressors(&self, linear: &[Linear], point: &Point) -> (Vec<DMatrix<f64>>, DVector<f64>) {
-        let extra = self.directions.first().map_or(0, DMatrix::ncols);
+    ///
+    /// With all directions among them what an effect does is not taken for noise. They are those at the very point: others,
+    /// from another estimate of the EMG, go with what differs between the estimates, and take a tenth of the noise away.
+    fn regressors(
+        &self,
+        linear: &[Linear],
+        point: &Point,
+    ) -> Result<(Vec<DMatrix<f64>>, DVector<f64>), SimulationError> {
+        let (directions, _) = self.calc_directions(linear, point)?;
+        let extra = directions.first().map_or(0, DMatrix::ncols);
         let columns = linear
             .iter()
             .enumerate()
@@ -400,21 +405,19 @@ impl<'a> Analysis<'a> {
                 let mut x = DMatrix::zeros(l.residual.len(), n + e + extra);
                 x.columns_mut(0, n).copy_from(&l.nuisance);
                 x.columns_mut(n, e).copy_from(&l.effects);
-                if let Some(d) = self.directions.get(i) {
-                    x.columns_mut(n + e, extra).copy_from(d);
-                }
+                x.columns_mut(n + e, extra).copy_from(&directions[i]);
                 x
             })
             .collect();
         let (mut precision, _) = self.prior(point);
         // Directions are in units of their scale; ten times that is wide.
         precision.extend(std::iter::repeat_n(0.01, extra));
-        (columns, DVector::from_vec(precision))
+        Ok((columns, DVector::from_vec(precision)))
     }
 
     /// Chooses the correlations of the noise by restricted likelihood: of the EMG's, then of the moment's, then again.
-    fn choose_kernels(&mut self, descent: &mut Descent) {
-        let (columns, precision) = self.regressors(&descent.linear, &descent.point);
+    fn choose_kernels(&mut self, descent: &mut Descent) -> Result<(), SimulationError> {
+        let (columns, precision) = self.regressors(&descent.linear, &descent.point)?;
         let residuals: Vec<&DVector<f64>> = descent.linear.iter().map(|l| &l.residual).collect();
         let mut levels = descent.noise.levels;
         let mut structure = descent.noise.structure.clone();
@@ -452,6 +455,7 @@ impl<'a> Analysis<'a> {
         self.times =
             self.train.iter().map(|g| trial_times(&self.forward.trials[*g].time, &self.kernels.moment)).collect();
         descent.noise.levels = levels;
+        Ok(())
     }
 
     fn nuisance_precision(&self) -> Vec<f64> {

@@ -20,17 +20,7 @@ impl<'a> Analysis<'a> {
     ) -> Analysis<'a> {
         let kernels = Kernels::default();
         let times = train.iter().map(|g| trial_times(&forward.trials[*g].time, &kernels.moment)).collect();
-        Analysis {
-            forward,
-            train,
-            candidates,
-            prior_sd: prior_sd(bounds),
-            blocks: Vec::new(),
-            directions: Vec::new(),
-            times,
-            kernels,
-            seed,
-        }
+        Analysis { forward, train, candidates, prior_sd: prior_sd(bounds), blocks: Vec::new(), times, kernels, seed }
     }
 
     /// The same with noise that goes with itself in time as in another analysis.
@@ -50,11 +40,12 @@ impl<'a> Analysis<'a> {
         let rough = self.linearize(&point, &[])?;
         let noise = self.noise_structure(&rough, &point);
         let linear = self.linearize(&point, &noise)?;
-        (self.directions, self.blocks) = self.calc_directions(&linear, &point)?;
+        let directions;
+        (directions, self.blocks) = self.calc_directions(&linear, &point)?;
         let n = self.n_nuisance();
-        let columns = self.directions.first().map_or(0, DMatrix::ncols);
+        let columns = directions.first().map_or(0, DMatrix::ncols);
         let mut normal = DMatrix::zeros(n + columns, n + columns);
-        for ((linear, directions), noise) in linear.iter().zip(&self.directions).zip(&noise) {
+        for ((linear, directions), noise) in linear.iter().zip(&directions).zip(&noise) {
             let Some(factor) = noise::factor(noise, &at.levels) else { continue };
             let mut x = linear.nuisance.clone().resize_horizontally(n + columns, 0.0);
             x.columns_mut(n, columns).copy_from(directions);
