@@ -372,7 +372,7 @@ pub fn factor(noise: &TrialNoise, levels: &NoiseLevels) -> Option<Cholesky<f64, 
 }
 
 /// Restricted maximum likelihood of the variances, by Fisher scoring with the exact gradient. The EMG's have a prior, what
-/// laboratories usually see ([`NoiseLevels::default`], times or over [`USUAL_FACTOR`] squared in 95 of 100): of the gain per
+/// laboratories usually see ([`NoiseLevels::default`], times or over 2.25 in 95 of 100): of the gain per
 /// trial a session says little, because it takes few trials and many directions compete for what differs between them.
 ///
 /// ```text

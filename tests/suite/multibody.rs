@@ -283,7 +283,7 @@ fn val_opensim_poses_behind_constant_curvature_joints() {
         case.model.update_positions(&case.by_coordinate(&pose["q"]), &mut cache);
         for (i, body) in case.model.bodies.iter().enumerate() {
             let found = cache.X_GB(BaseIndex::from(BodyIndex(i)));
-            let difference = pose_difference(&found, &numbers(&pose["bodies"][&body.name]));
+            let difference = pose_difference(found, &numbers(&pose["bodies"][&body.name]));
             differences.push(difference, || format!("{} at {}", body.name, pose["q"]));
         }
     }
