@@ -22,4 +22,5 @@ pub mod plan;
 pub mod score_test;
 pub mod silent_muscles;
 pub mod synthesis;
+pub mod trial_record;
 pub mod where_it_fails;

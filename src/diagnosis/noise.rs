@@ -32,6 +32,8 @@ const ITERATIONS: usize = 6;
 pub const COMPONENTS: usize = 5;
 /// Those of the EMG.
 const EMG: Range<usize> = 2..COMPONENTS;
+/// A step of the variances is never shortened to less than this share: after a short step the secant says little.
+const LEAST_SHARE: f64 = 0.3;
 /// Standard deviation of the EMG's noise between laboratories and sessions, as a factor.
 const USUAL_FACTOR: f64 = 1.5;
 
@@ -57,7 +59,7 @@ impl NoiseLevels {
             let asked = (to / *level).ln();
             // Where the secant through both requests is 0, but no further than was asked for.
             let share = last[1] / (last[0] - asked);
-            let taken = if share > 0.0 { asked * share.clamp(0.3, 1.0) } else { asked };
+            let taken = if share > 0.0 { asked * share.clamp(LEAST_SHARE, 1.0) } else { asked };
             *last = [asked, taken];
             *level *= taken.exp();
         }
@@ -372,8 +374,8 @@ pub fn factor(noise: &TrialNoise, levels: &NoiseLevels) -> Option<Cholesky<f64, 
 }
 
 /// Restricted maximum likelihood of the variances, by Fisher scoring with the exact gradient. The EMG's have a prior, what
-/// laboratories usually see ([`NoiseLevels::default`], times or over 2.25 in 95 of 100): of the gain per
-/// trial a session says little, because it takes few trials and many directions compete for what differs between them.
+/// laboratories usually see ([`NoiseLevels::default`]; standard deviations times or over 2.25 in 95 of 100): of the gain per
+/// trial a session says little, because it has few trials and many directions compete for what differs between them.
 ///
 /// ```text
 /// ∂ℓ/∂σᵢ² = ½ (rᵀ P Vᵢ P r − tr(P Vᵢ)),   Iᵢⱼ ≈ ½ tr(V⁻¹ Vᵢ V⁻¹ Vⱼ)
@@ -610,6 +612,20 @@ mod tests {
             let expected = prior * g.tr_mul(&residual);
             assert!((found - &expected).amax() < 1e-12 * expected.amax());
         }
+    }
+
+    #[test]
+    fn verif_variances_that_swing_come_to_rest() {
+        // What is estimated next, of a variance whose logarithm is x: 0.3 - 2 x swings ever further when taken at its word.
+        let estimated = |levels: &NoiseLevels| NoiseLevels(levels.0.map(|v| (0.3 - 2.0 * v.ln()).exp()));
+        let mut plain = NoiseLevels([0.5; COMPONENTS]);
+        let (mut shortened, mut last) = (plain, [[0.0; 2]; COMPONENTS]);
+        for _ in 0..6 {
+            plain = estimated(&plain);
+            shortened = shortened.towards(&estimated(&shortened), &mut last);
+        }
+        assert!((plain.0[0].ln() - 0.1).abs() > 10.0);
+        assert!(shortened.0.iter().all(|v| (v.ln() - 0.1).abs() < 1e-3), "{shortened:?}");
     }
 
     #[test]
