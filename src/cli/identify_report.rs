@@ -251,7 +251,9 @@ fn soundness(all: &[IdentifiabilityResult]) -> TextTable {
     let rows = all.iter().map(|r| {
         let (n, s) = (&r.noise, &r.soundness);
         let mut row = vec![r.participant.clone()];
-        row.extend([n.white_n_m, n.slow_n_m, n.emg_percent, n.emg_gain_percent].map(|v| rounded(v, 3).to_string()));
+        let short = |v: f64| rounded(v, 3).to_string();
+        let slow: Vec<String> = n.slow_n_m.iter().map(|(direction, v)| format!("{} {direction}", short(*v))).collect();
+        row.extend([short(n.white_n_m), slow.join(", "), short(n.emg_percent), short(n.emg_gain_percent)]);
         row.extend([fixed(s.dispersion, 2), fixed(s.largest_deviance_error, 2), fixed(s.largest_r_hat, 3)]);
         row
     });

@@ -15,7 +15,7 @@ use super::score_test::{BlockScore, Omnibus};
 use super::where_it_fails::{AxisResult, along_axes};
 use crate::osim::spec::MuscleSpec;
 use crate::simulation::SimulationError;
-use crate::study::{ParameterBounds, TrialUse};
+use crate::study::{Direction, ParameterBounds, TrialUse};
 
 /// A null model with a smaller p-value is rejected.
 const REJECT_NULL: f64 = 0.05;
@@ -297,7 +297,6 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let not_fitted =
         ids().filter(|id| !fitted.contains(id) && !kept.contains(id) && !not_testable.contains(id)).collect();
     let residuals = judge.residuals(&null)?;
-    let [white, slow, envelope, gain, floor] = best.as_ref().unwrap_or(&null).levels.0.map(f64::sqrt);
     let diagnosis = Diagnosis {
         schema: "carpus.diagnosis/1",
         participant: request.participant.clone(),
@@ -312,17 +311,32 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         not_testable,
         error,
         where_it_fails: along_axes(forward, &residuals, &left),
-        noise: BTreeMap::from([
-            ("moment_white_n_m", white),
-            ("moment_slow_n_m", slow),
-            ("emg_envelope", envelope),
-            ("emg_gain_per_trial", gain),
-            ("emg_baseline", floor),
-        ]),
+        noise: named(&best.as_ref().unwrap_or(&null).levels, &analysis),
         noise_correlation: analysis.kernels,
     };
     let ingredients = Ingredients::of(&analysis, &null);
     Ok(Outcome { diagnosis, refit: null, best, ingredients })
+}
+
+/// Standard deviations by name; slow disturbances of the directions of effort that there are trials of.
+fn named(levels: &NoiseLevels, analysis: &Analysis) -> BTreeMap<&'static str, f64> {
+    let [envelope, gain, floor] = levels.of_emg();
+    let named = [
+        ("moment_white_n_m", levels.white()),
+        ("emg_envelope", envelope),
+        ("emg_gain_per_trial", gain),
+        ("emg_baseline", floor),
+    ];
+    let slow = analysis.train.iter().map(|g| {
+        let direction = analysis.forward.trials[*g].info.direction;
+        let name = match direction {
+            Direction::Flexion => "moment_slow_flexion_n_m",
+            Direction::Extension => "moment_slow_extension_n_m",
+            Direction::None => "moment_slow_no_direction_n_m",
+        };
+        (name, levels.slow(direction))
+    });
+    named.into_iter().chain(slow).map(|(name, variance)| (name, variance.sqrt())).collect()
 }
 
 fn test(analysis: &Analysis, fit: &Fit, skip: &[&str]) -> Result<Omnibus, SimulationError> {

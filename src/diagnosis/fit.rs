@@ -24,6 +24,7 @@ use super::forward_model::{Core, FITTED_PER_MUSCLE, ForwardModel, Setting, Trial
 use super::kernel::Kernel;
 use super::noise::{self, KNOT_SPACING, Kernels, NoiseLevels, Response, TrialNoise, TrialTimes};
 use super::score_test::{self, Block, Omnibus};
+use super::trial_record::TrialRecord;
 use crate::simulation::{MuscleParameters, SimulationError};
 use crate::study::ParameterBounds;
 
@@ -143,13 +144,14 @@ enum Kind {
     Moment,
 }
 
-/// What of a trial's noise depends on its times alone.
+/// What of a trial's noise depends on its times and direction alone.
 ///
 /// - `kernel`: of slow disturbances
-fn trial_times(time: &[f64], kernel: &Kernel) -> Arc<TrialTimes> {
-    let starts = block_starts(time.len());
+fn trial_times(trial: &TrialRecord, kernel: &Kernel) -> Arc<TrialTimes> {
+    let starts = block_starts(trial.time.len());
     let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
-    Arc::new(TrialTimes::correlated(block_means(time, &starts).as_slice(), &counts, kernel))
+    let times = block_means(&trial.time, &starts);
+    Arc::new(TrialTimes::correlated(trial.info.direction, times.as_slice(), &counts, kernel))
 }
 
 /// Start of every block of samples, and the end.
@@ -432,8 +434,7 @@ impl<'a> Analysis<'a> {
                     .par_iter()
                     .zip(&self.train)
                     .map(|(n, g)| {
-                        n.clone()
-                            .with_kernel(&trial_times(&self.forward.trials[*g].time, &kernels.moment), &kernels.emg)
+                        n.clone().with_kernel(&trial_times(&self.forward.trials[*g], &kernels.moment), &kernels.emg)
                     })
                     .collect()
             };
@@ -452,8 +453,7 @@ impl<'a> Analysis<'a> {
             let trials: Vec<_> = structure.iter().zip(&columns).zip(&residuals).map(|((n, x), r)| (n, x, *r)).collect();
             levels = noise::estimate(&trials, &precision, levels);
         }
-        self.times =
-            self.train.iter().map(|g| trial_times(&self.forward.trials[*g].time, &self.kernels.moment)).collect();
+        self.times = self.train.iter().map(|g| trial_times(&self.forward.trials[*g], &self.kernels.moment)).collect();
         descent.noise.levels = levels;
         Ok(())
     }

@@ -5,7 +5,8 @@
 //! V = σ_w² I + σ_s² C_s + σ_e² G K Gᵀ + σ_g² G 1 1ᵀ Gᵀ + σ_f² G D K D Gᵀ + C_q
 //! ```
 //! G: moment by the log excitation on knots; K, C_s: correlation over knots and over samples (EMG envelope and slow
-//! disturbances of the moment), of the family and length that the data prefer; the fourth term is a gain per trial and
+//! disturbances of the moment), of the family and length that the data prefer; σ_s differs between trials of flexion, of
+//! extension and of neither, because a harder push moves the limb more in its fixation; the fourth term is a gain per trial and
 //! muscle; D = 1/e turns the fifth into noise that adds to the EMG; C_q, of known size, is the noise of the angle as forces on
 //! the joint show it.
 //!
@@ -20,6 +21,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use super::kernel::{FAMILIES, Family, Kernel, correlated, root};
+use crate::study::Direction;
 
 /// Distance between knots of the EMG's noise [s].
 pub const KNOT_SPACING: f64 = 0.04;
@@ -29,23 +31,40 @@ const SMALLEST_EXCITATION: f64 = 0.005;
 const ITERATIONS: usize = 6;
 
 /// Number of variance components.
-pub const COMPONENTS: usize = 5;
+pub const COMPONENTS: usize = 7;
+/// Those of slow disturbances, by the direction of effort.
+const SLOW: Range<usize> = 1..4;
 /// Those of the EMG.
-const EMG: Range<usize> = 2..COMPONENTS;
+const EMG: Range<usize> = 4..COMPONENTS;
+/// Number of components that a trial has: white, slow, three of the EMG.
+const OF_TRIAL: usize = 5;
 /// A step of the variances is never shortened to less than this share: after a short step the secant says little.
 const LEAST_SHARE: f64 = 0.3;
 /// Standard deviation of the EMG's noise between laboratories and sessions, as a factor.
 const USUAL_FACTOR: f64 = 1.5;
+/// Standard deviation of slow disturbances between directions of effort, as a factor.
+const DIRECTION_FACTOR: f64 = 1.5;
 
-/// Variances: white [(N·m)²], slow [(N·m)²], relative EMG envelope, relative EMG gain per trial, additive EMG.
+/// Variances: white [(N·m)²], slow in flexion, in extension and without direction [(N·m)²], relative EMG envelope, relative EMG
+/// gain per trial, additive EMG.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NoiseLevels(pub [f64; COMPONENTS]);
 
 impl Default for NoiseLevels {
     /// Usual laboratory noise: 0.05 N·m white, 0.07 N·m slow, EMG 10 % envelope, 5 % gain, 0.002 additive.
     fn default() -> Self {
-        NoiseLevels([0.05, 0.07, 0.10, 0.05, 0.002].map(|sd: f64| sd * sd))
+        NoiseLevels([0.05, 0.07, 0.07, 0.07, 0.10, 0.05, 0.002].map(|sd: f64| sd * sd))
     }
+}
+
+/// Which component is that of slow disturbances in trials of a direction.
+fn slow_component(direction: Direction) -> usize {
+    SLOW.start
+        + match direction {
+            Direction::Flexion => 0,
+            Direction::Extension => 1,
+            Direction::None => 2,
+        }
 }
 
 impl NoiseLevels {
@@ -64,6 +83,22 @@ impl NoiseLevels {
             *level *= taken.exp();
         }
         out
+    }
+
+    /// Of slow disturbances in trials of a direction [(N·m)²].
+    pub fn slow(&self, direction: Direction) -> f64 {
+        self.0[slow_component(direction)]
+    }
+
+    /// Of white noise [(N·m)²].
+    pub fn white(&self) -> f64 {
+        self.0[0]
+    }
+
+    /// Of the EMG: relative envelope, relative gain per trial, additive.
+    pub fn of_emg(&self) -> [f64; 3] {
+        let [.., envelope, gain, floor] = self.0;
+        [envelope, gain, floor]
     }
 
     /// Geometric means of both.
@@ -141,9 +176,10 @@ impl Response {
     }
 }
 
-/// What of a trial's noise depends on its times alone.
+/// What of a trial's noise depends on its times and its direction alone.
 #[derive(Debug)]
 pub struct TrialTimes {
+    direction: Direction,
     /// Variance of white noise per block, relative to that of a sample.
     white: DVector<f64>,
     /// Correlation of slow disturbances.
@@ -153,15 +189,17 @@ pub struct TrialTimes {
 impl TrialTimes {
     /// With the usual correlation of slow disturbances.
     ///
+    /// - `direction`: of the effort
     /// - `times`: of the blocks [s]; `counts`: samples in each
-    pub fn new(times: &[f64], counts: &[usize]) -> TrialTimes {
-        Self::correlated(times, counts, &Kernels::default().moment)
+    pub fn new(direction: Direction, times: &[f64], counts: &[usize]) -> TrialTimes {
+        Self::correlated(direction, times, counts, &Kernels::default().moment)
     }
 
+    /// - `direction`: of the effort
     /// - `times`: of the blocks [s]; `counts`: samples in each; `kernel`: of slow disturbances
-    pub fn correlated(times: &[f64], counts: &[usize], kernel: &Kernel) -> TrialTimes {
+    pub fn correlated(direction: Direction, times: &[f64], counts: &[usize], kernel: &Kernel) -> TrialTimes {
         let white = DVector::from_iterator(times.len(), counts.iter().map(|c| 1.0 / *c as f64));
-        TrialTimes { white, slow: kernel.matrix(times) }
+        TrialTimes { direction, white, slow: kernel.matrix(times) }
     }
 }
 
@@ -240,13 +278,23 @@ impl TrialNoise {
         self
     }
 
-    fn shared(&self) -> [&DMatrix<f64>; COMPONENTS - 1] {
+    /// Of its components, in order, the places among all.
+    pub fn components(&self) -> [usize; OF_TRIAL] {
+        [0, slow_component(self.times.direction), EMG.start, EMG.start + 1, EMG.start + 2]
+    }
+
+    /// Of its components, in order, the variances.
+    fn levels(&self, levels: &NoiseLevels) -> [f64; OF_TRIAL] {
+        self.components().map(|i| levels.0[i])
+    }
+
+    fn shared(&self) -> [&DMatrix<f64>; OF_TRIAL - 1] {
         [&self.times.slow, &self.emg[0], &self.emg[1], &self.emg[2]]
     }
 
     /// V.
     pub fn covariance(&self, levels: &NoiseLevels) -> DMatrix<f64> {
-        let [white, slow, envelope, gain, floor] = levels.0;
+        let [white, slow, envelope, gain, floor] = self.levels(levels);
         let mut v = self.times.slow.clone();
         let [of_envelope, of_gain, of_floor] = &self.emg;
         for (((v, e), g), f) in v.iter_mut().zip(of_envelope.iter()).zip(of_gain.iter()).zip(of_floor.iter()) {
@@ -264,7 +312,7 @@ impl TrialNoise {
     /// The part of V that is noise of one muscle's EMG.
     pub fn covariance_of_muscle(&self, muscle: usize, levels: &NoiseLevels) -> DMatrix<f64> {
         let n = self.times.white.len();
-        let [_, _, envelope, gain, floor] = levels.0;
+        let [envelope, gain, floor] = levels.of_emg();
         let (mut by_envelope, mut by_floor) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
         let response = &self.response[muscle];
         response.add_covariance(&self.by_step, None, &mut by_envelope);
@@ -278,14 +326,15 @@ impl TrialNoise {
 
     /// Sum of V's diagonal for single samples instead of blocks [(N·m)²].
     pub fn variance_of_samples(&self, levels: &NoiseLevels) -> f64 {
-        let shared: f64 = self.shared().iter().zip(&levels.0[1..]).map(|(c, l)| l * c.trace()).sum();
+        let [white, rest @ ..] = self.levels(levels);
+        let shared: f64 = self.shared().iter().zip(rest).map(|(c, l)| l * c.trace()).sum();
         let of_angle = self.of_angle.as_ref().map_or(0.0, DMatrix::trace);
-        shared + of_angle + levels.0[0] * self.times.white.len() as f64
+        shared + of_angle + white * self.times.white.len() as f64
     }
 
     /// Expected noise of log excitation on knots, per muscle, given V⁻¹(residual).
     pub fn expected_noise(&self, levels: &NoiseLevels, weighted_residual: &DVector<f64>) -> Vec<DVector<f64>> {
-        let [_, _, envelope, gain, floor] = levels.0;
+        let [envelope, gain, floor] = levels.of_emg();
         self.response
             .iter()
             .zip(&self.reciprocal)
@@ -303,7 +352,7 @@ impl TrialNoise {
     ///
     /// - `normal`: standard normal numbers
     pub fn draw(&self, levels: &NoiseLevels, mut normal: impl FnMut() -> f64) -> Vec<DVector<f64>> {
-        let [_, _, envelope, gain, floor] = levels.0.map(f64::sqrt);
+        let [envelope, gain, floor] = levels.of_emg().map(f64::sqrt);
         let knots = self.reciprocal.first().map_or(0, |r| r.len());
         let correlation =
             DMatrix::from_fn(knots, knots, |i, j| self.by_step.get(i.abs_diff(j)).copied().unwrap_or(0.0));
@@ -328,7 +377,8 @@ impl TrialNoise {
         let mut draw = || DVector::from_fn(n, |_, _| normal());
         let slow = root(&self.times.slow) * draw();
         let of_angle = self.of_angle.as_ref().map_or_else(|| DVector::zeros(n), |c| root(c) * draw());
-        of_angle + slow * levels.0[1].sqrt() + draw().component_mul(&self.times.white.map(|w| (levels.0[0] * w).sqrt()))
+        let [of_white, of_slow, ..] = self.levels(levels);
+        of_angle + slow * of_slow.sqrt() + draw().component_mul(&self.times.white.map(|w| (of_white * w).sqrt()))
     }
 
     /// Moment that a change of log excitation on knots causes, to first order.
@@ -345,7 +395,7 @@ impl TrialNoise {
         &self.response[muscle].by_knots * &self.reciprocal[muscle]
     }
 
-    /// This component's covariance times a matrix.
+    /// Covariance of one of its components, for unit variance, times a matrix.
     fn times_component(&self, component: usize, right: &DMatrix<f64>) -> DMatrix<f64> {
         const GAIN: usize = 3;
         match component {
@@ -359,7 +409,7 @@ impl TrialNoise {
         }
     }
 
-    /// Trace of this component's covariance times a symmetric matrix.
+    /// Trace of the covariance of one of its components, for unit variance, times a symmetric matrix.
     fn trace_with(&self, component: usize, matrix: &DMatrix<f64>) -> f64 {
         match component.checked_sub(1) {
             Some(i) => self.shared()[i].dot(matrix),
@@ -375,7 +425,8 @@ pub fn factor(noise: &TrialNoise, levels: &NoiseLevels) -> Option<Cholesky<f64, 
 
 /// Restricted maximum likelihood of the variances, by Fisher scoring with the exact gradient. The EMG's have a prior, what
 /// laboratories usually see ([`NoiseLevels::default`]; standard deviations times or over 2.25 in 95 of 100): of the gain per
-/// trial a session says little, because it has few trials and many directions compete for what differs between them.
+/// trial a session says little, because it has few trials and many directions compete for what differs between them. Slow
+/// disturbances of one direction of effort are expected to be those of the others, times or over a factor.
 ///
 /// ```text
 /// ∂ℓ/∂σᵢ² = ½ (rᵀ P Vᵢ P r − tr(P Vᵢ)),   Iᵢⱼ ≈ ½ tr(V⁻¹ Vᵢ V⁻¹ Vⱼ)
@@ -400,10 +451,13 @@ pub fn estimate_within(
     let mut levels = start;
     for _ in 0..iterations {
         let Some((mut gradient, mut information)) = gradient(trials, precision, &levels) else { return levels };
-        for i in EMG {
-            let (level, usual) = (levels.0[i], NoiseLevels::default().0[i]);
-            let weight = 1.0 / (level * (2.0 * USUAL_FACTOR.ln()).powi(2));
-            gradient[i] += weight * (usual / level).ln();
+        let of_directions = SLOW.map(|i| levels.0[i].ln()).sum::<f64>() / SLOW.len() as f64;
+        let usual = NoiseLevels::default().0;
+        let priors = EMG.map(|i| (i, usual[i].ln(), USUAL_FACTOR));
+        for (i, mean, factor) in priors.chain(SLOW.map(|i| (i, of_directions, DIRECTION_FACTOR))) {
+            let level = levels.0[i];
+            let weight = 1.0 / (level * (2.0 * factor.ln()).powi(2));
+            gradient[i] += weight * (mean - level.ln());
             information[(i, i)] += weight / level;
         }
         let mut largest = 0.0_f64;
@@ -523,6 +577,7 @@ fn gradient(
     let information = information.cholesky()?;
     let coefficients = information.solve(&right);
     let covariance = information.inverse();
+    let nothing = || (DVector::zeros(COMPONENTS), DMatrix::zeros(COMPONENTS, COMPONENTS));
     let sums: Vec<_> = parts
         .par_iter()
         .zip(trials)
@@ -531,25 +586,21 @@ fn gradient(
             // The trial's own block of P.
             let projection = inverse - (ax * &covariance) * ax.transpose();
             let column = DMatrix::from_column_slice(residual.len(), 1, residual.as_slice());
-            let mut gradient = DVector::zeros(COMPONENTS);
-            for i in 0..COMPONENTS {
-                let found = noise.times_component(i, &column).dot(&column);
-                gradient[i] = 0.5 * (found - noise.trace_with(i, &projection));
-            }
-            let products: Vec<DMatrix<f64>> = (0..COMPONENTS).map(|i| noise.times_component(i, inverse)).collect();
+            let (mut gradient, mut information) = nothing();
+            let products: Vec<DMatrix<f64>> = (0..OF_TRIAL).map(|i| noise.times_component(i, inverse)).collect();
             let turned: Vec<DMatrix<f64>> = products.iter().map(DMatrix::transpose).collect();
-            let mut information = DMatrix::zeros(COMPONENTS, COMPONENTS);
-            for i in 0..COMPONENTS {
-                for j in 0..=i {
-                    information[(i, j)] = 0.5 * products[i].dot(&turned[j]);
-                    information[(j, i)] = information[(i, j)];
+            let places = noise.components();
+            for (i, place) in places.into_iter().enumerate() {
+                let found = noise.times_component(i, &column).dot(&column);
+                gradient[place] = 0.5 * (found - noise.trace_with(i, &projection));
+                for (j, other) in places.into_iter().enumerate() {
+                    information[(place, other)] = 0.5 * products[i.max(j)].dot(&turned[i.min(j)]);
                 }
             }
             (gradient, information)
         })
         .collect();
-    let mut gradient = DVector::zeros(COMPONENTS);
-    let mut information = DMatrix::zeros(COMPONENTS, COMPONENTS);
+    let (mut gradient, mut information) = nothing();
     for (g, i) in &sums {
         gradient += g;
         information += i;
@@ -558,10 +609,12 @@ fn gradient(
 }
 
 /// Least variances: what no laboratory goes below, so that a lucky fit does not make the rest look certain.
-const SMALLEST: [f64; COMPONENTS] = [0.005 * 0.005, 0.005 * 0.005, 0.01 * 0.01, 0.01 * 0.01, 0.0005 * 0.0005];
+const SMALLEST: [f64; COMPONENTS] =
+    [0.005 * 0.005, 0.005 * 0.005, 0.005 * 0.005, 0.005 * 0.005, 0.01 * 0.01, 0.01 * 0.01, 0.0005 * 0.0005];
 
 /// Largest variances: beyond these it is not noise of the EMG (30 % envelope, 15 % gain, 0.01 added), whatever it is.
-const LARGEST: [f64; COMPONENTS] = [f64::INFINITY, f64::INFINITY, 0.3 * 0.3, 0.15 * 0.15, 0.01 * 0.01];
+const LARGEST: [f64; COMPONENTS] =
+    [f64::INFINITY, f64::INFINITY, f64::INFINITY, f64::INFINITY, 0.3 * 0.3, 0.15 * 0.15, 0.01 * 0.01];
 
 #[cfg(test)]
 mod tests {
@@ -573,7 +626,7 @@ mod tests {
         let (blocks, knots) = (9, 14);
         let kernel = Kernels::default().emg;
         let times: Vec<f64> = (0..blocks).map(|b| 0.06 * b as f64).collect();
-        let times = Arc::new(TrialTimes::correlated(&times, &[6; 9], &kernel));
+        let times = Arc::new(TrialTimes::correlated(Direction::None, &times, &[6; 9], &kernel));
         let excitation: Vec<Vec<f64>> =
             (0..2).map(|m| (0..knots).map(|j| 0.02 + 0.3 * ((j + m) as f64).sin().powi(2)).collect()).collect();
         let mut dense = vec![DMatrix::zeros(blocks, knots); 2];
@@ -604,7 +657,7 @@ mod tests {
         let right = DMatrix::from_fn(blocks, 3, |i, j| (i as f64 + 2.0 * j as f64).sin());
         let gain = noise.times_component(3, &right);
         assert!((gain - &expected[1] * &right).amax() < 1e-10);
-        let levels = NoiseLevels([0.1, 0.2, 0.3, 0.4, 0.5]);
+        let levels = NoiseLevels([0.1, 0.2, 0.2, 0.2, 0.3, 0.4, 0.5]);
         let residual = DVector::from_fn(blocks, |i, _| (1.7 * i as f64).cos());
         for ((found, g), e) in noise.expected_noise(&levels, &residual).iter().zip(&dense).zip(&excitation) {
             let d = DMatrix::from_diagonal(&DVector::from_iterator(knots, e.iter().map(|e| 1.0 / e)));
@@ -635,10 +688,10 @@ mod tests {
             [Kernel { family: Family::Gaussian, length: 0.3 }, Kernel { family: Family::Exponential, length: 0.15 }]
         {
             let structure = |kernel: &Kernel| {
-                let times = Arc::new(TrialTimes::correlated(&times, &[4; 80], kernel));
+                let times = Arc::new(TrialTimes::correlated(Direction::None, &times, &[4; 80], kernel));
                 TrialNoise::correlated(&times, vec![Response::new(80, 3)], &[vec![0.1; 3]], kernel)
             };
-            let levels = NoiseLevels([0.0025, 0.005, 1e-4, 1e-4, 2.5e-7]);
+            let levels = NoiseLevels([0.0025, 0.005, 0.005, 0.005, 1e-4, 1e-4, 2.5e-7]);
             let mut rng = rand_chacha::ChaCha8Rng::from_seed([7; 32]);
             let drawn = structure(&truth);
             let draws: Vec<DVector<f64>> =
@@ -655,5 +708,29 @@ mod tests {
             assert!(rough(&best).abs_diff(rough(&truth)) <= 1, "{best:?} of {truth:?}");
             assert!((best.length / truth.length).ln().abs() < 0.5, "{best:?} of {truth:?}");
         }
+    }
+
+    #[test]
+    fn verif_every_direction_has_its_slow_noise_and_one_without_trials_that_of_the_others() {
+        let times: Vec<f64> = (0..80).map(|b| 0.044 * f64::from(b)).collect();
+        let Kernels { emg, moment } = Kernels::default();
+        let truth = NoiseLevels([0.0025, 0.04, 0.005, 0.0, 1e-4, 1e-4, 2.5e-7]);
+        let mut rng = rand_chacha::ChaCha8Rng::from_seed([8; 32]);
+        let drawn: Vec<(TrialNoise, DVector<f64>)> = (0..24)
+            .map(|k| {
+                let direction = if k % 2 == 0 { Direction::Flexion } else { Direction::Extension };
+                let times = Arc::new(TrialTimes::correlated(direction, &times, &[4; 80], &moment));
+                let noise = TrialNoise::correlated(&times, vec![Response::new(80, 3)], &[vec![0.1; 3]], &emg);
+                let draw = noise.draw_moment(&truth, || super::super::score_test::normal(&mut rng));
+                (noise, draw)
+            })
+            .collect();
+        let regressors = DMatrix::from_element(80, 1, 1.0);
+        let trials: Vec<_> = drawn.iter().map(|(noise, draw)| (noise, &regressors, draw)).collect();
+        let found = estimate_within(30, &trials, &DVector::from_element(1, 1e-6), NoiseLevels::default());
+        let off = |direction| (found.slow(direction) / truth.slow(direction)).ln().abs();
+        assert!(off(Direction::Flexion) < 0.3 && off(Direction::Extension) < 0.3, "{found:?}");
+        let between = (found.slow(Direction::Flexion) * found.slow(Direction::Extension)).sqrt();
+        assert!((found.slow(Direction::None) / between).ln().abs() < 0.05, "{found:?}");
     }
 }

@@ -26,6 +26,7 @@ struct Known<'a> {
 /// A candidate before it is prepared.
 struct Plan {
     name: String,
+    direction: Direction,
     angle: Vec<f64>,
     excitation: Vec<Vec<f64>>,
 }
@@ -59,7 +60,7 @@ pub fn usual_candidates(model: &MusculoskeletalModel, trials: &[Trial]) -> Resul
         .zip(recordings.iter().zip(&prepared))
         .map(|(plan, (recording, prepared))| Candidate {
             name: plan.name.clone(),
-            trial: RecordedTrial::new(&plan.name, coordinate, recording, &zeros, prepared),
+            trial: RecordedTrial::new(&plan.name, plan.direction, coordinate, recording, &zeros, prepared),
         })
         .collect())
 }
@@ -107,20 +108,26 @@ impl<'a> Known<'a> {
                 if let Some(excitation) = self.excitation(direction, effort, Contraction::Isometric) {
                     for &posture in &postures {
                         let name = format!("isometric, {how} at {:.0}°", posture.to_degrees()).replace('-', "−");
-                        plans.push(Plan { name, angle: vec![posture; steps], excitation: excitation.clone() });
+                        plans.push(Plan {
+                            name,
+                            direction,
+                            angle: vec![posture; steps],
+                            excitation: excitation.clone(),
+                        });
                     }
                 }
                 if let Some(excitation) = self.excitation(direction, effort, Contraction::Isotonic) {
                     let (from, to) = if direction == Direction::Flexion { (low, high) } else { (high, low) };
                     let angle = sweep(from, to, 0.8, 1.65, None);
-                    plans.push(Plan { name: format!("isotonic, {how}"), angle, excitation });
+                    plans.push(Plan { name: format!("isotonic, {how}"), direction, angle, excitation });
                 }
             }
         }
         for (words, duration) in [("slow", 1.7), ("fast", 0.8)] {
             let angle = sweep(low, high, 0.2, duration, Some(0.4 + duration));
             let excitation = self.rest.iter().map(|e| vec![*e; steps]).collect();
-            plans.push(Plan { name: format!("passive, {words} sweep"), angle, excitation });
+            let name = format!("passive, {words} sweep");
+            plans.push(Plan { name, direction: Direction::None, angle, excitation });
         }
         plans
     }

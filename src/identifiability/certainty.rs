@@ -37,7 +37,7 @@ pub(super) fn degrees_of_freedom(problem: &Problem, fit: &Fit, spread: &[f64]) -
     let (n, p) = (fit.at.len(), problem.layout.len());
     let levels = fit.held.levels;
     let columns = problem.columns(&fit.held, &fit.at)?;
-    let parts: Vec<(DMatrix<f64>, Vec<DMatrix<f64>>)> = fit
+    let parts: Vec<_> = fit
         .held
         .trials
         .par_iter()
@@ -45,23 +45,23 @@ pub(super) fn degrees_of_freedom(problem: &Problem, fit: &Fit, spread: &[f64]) -
         .filter_map(|(held, columns)| {
             let noise = held.noise.as_ref()?;
             let ax = held.factor.solve(&columns.columns(0, n).into_owned());
-            let mut products = Vec::with_capacity(COMPONENTS);
-            let mut by_variance = Vec::with_capacity(COMPONENTS);
-            for k in 0..COMPONENTS {
-                let own = noise.covariance(&only(k));
-                by_variance.push(ax.tr_mul(&(&own * &ax)));
-                products.push(held.factor.solve(&own));
-            }
-            let information =
-                DMatrix::from_fn(COMPONENTS, COMPONENTS, |k, l| 0.5 * products[k].dot(&products[l].transpose()));
-            Some((information, by_variance))
+            let places = noise.components();
+            let own = places.map(|k| noise.covariance(&only(k)));
+            let products: Vec<DMatrix<f64>> = own.iter().map(|own| held.factor.solve(own)).collect();
+            let by_variance: Vec<DMatrix<f64>> = own.iter().map(|own| ax.tr_mul(&(own * &ax))).collect();
+            let information = DMatrix::from_fn(products.len(), products.len(), |k, l| {
+                0.5 * products[k].dot(&products[l].transpose())
+            });
+            Some((places, information, by_variance))
         })
         .collect();
     let mut information = DMatrix::zeros(COMPONENTS, COMPONENTS);
     let mut by_variance = vec![DMatrix::zeros(n, n); COMPONENTS];
-    for (own, by) in &parts {
-        information += own;
-        by_variance.iter_mut().zip(by).for_each(|(sum, by)| *sum += by);
+    for (places, own, by) in &parts {
+        for (k, place) in places.iter().enumerate() {
+            places.iter().enumerate().for_each(|(l, other)| information[(*place, *other)] += own[(k, l)]);
+            by_variance[*place] += &by[k];
+        }
     }
     for k in 0..COMPONENTS {
         information[(k, k)] += (LOG_VARIANCE_SD * levels.0[k]).powi(-2);

@@ -572,7 +572,7 @@ impl Problem {
     }
 }
 
-/// What of a trial's noise depends on its times alone; slow disturbances of one channel are not those of another.
+/// What of a trial's noise depends on its times and direction alone; slow disturbances of one channel are not those of another.
 fn trial_times(trial: &RecordedTrial, starts: &[usize], kernel: &Kernel) -> Arc<TrialTimes> {
     let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
     let times = block_means(&trial.time, starts);
@@ -580,7 +580,7 @@ fn trial_times(trial: &RecordedTrial, starts: &[usize], kernel: &Kernel) -> Arc<
     let all_times: Vec<f64> =
         (0..channels).flat_map(|c| times.iter().map(move |t| t + CHANNEL_OFFSET * c as f64)).collect();
     let all_counts: Vec<usize> = (0..channels).flat_map(|_| counts.iter().copied()).collect();
-    Arc::new(TrialTimes::correlated(&all_times, &all_counts, kernel))
+    Arc::new(TrialTimes::correlated(trial.direction, &all_times, &all_counts, kernel))
 }
 
 /// What estimates of the noise are made from.

@@ -4,6 +4,7 @@ use nalgebra::DVector;
 
 use crate::diagnosis::fit::{block_means, block_starts};
 use crate::simulation::{PreparedTrial, Recording};
+use crate::study::Direction;
 
 /// Generalized force about one coordinate over a trial.
 #[derive(Clone, Debug)]
@@ -23,6 +24,8 @@ pub struct Channel {
 pub struct RecordedTrial {
     /// Name for messages.
     pub name: String,
+    /// Direction of the effort.
+    pub direction: Direction,
     /// Time [s].
     pub time: Vec<f64>,
     /// Angle of the moving coordinate [rad].
@@ -39,6 +42,7 @@ impl RecordedTrial {
     /// A trial with one measured moment, about the moving coordinate.
     pub fn new(
         name: &str,
+        direction: Direction,
         coordinate: &str,
         recording: &Recording,
         measured: &[f64],
@@ -47,6 +51,7 @@ impl RecordedTrial {
         let moment_arms = prepared.kinematics().muscles.iter().map(|m| m.moment_arm.clone()).collect();
         RecordedTrial {
             name: name.to_string(),
+            direction,
             time: recording.time.to_vec(),
             angle: recording.angle.to_vec(),
             excitation: recording.excitation.iter().map(|e| e.to_vec()).collect(),

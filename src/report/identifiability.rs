@@ -1,5 +1,6 @@
 //! What trials say about muscle parameters: the results file and its page.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use askama::Template;
@@ -126,13 +127,13 @@ pub struct NextTrialResult {
 }
 
 /// Standard deviations of the noise.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NoiseResult {
     /// From sample to sample [N·m].
     pub white_n_m: f64,
-    /// Slow disturbances [N·m].
-    pub slow_n_m: f64,
+    /// Slow disturbances, by the direction of effort (`flexion`, `extension`, `none`) [N·m].
+    pub slow_n_m: BTreeMap<String, f64>,
     /// EMG envelope, percent of itself.
     pub emg_percent: f64,
     /// EMG gain from trial to trial, percent.
@@ -199,6 +200,9 @@ pub fn render_identifiability(result: &IdentifiabilityResult) -> String {
     };
     let shown = result.combinations.len().min(6);
     let s = &result.soundness;
+    let slow: Vec<String> = (result.noise.slow_n_m.iter())
+        .map(|(direction, v)| format!("{} N·m (direction: {direction})", significant(*v, 2)))
+        .collect();
     let page = Page {
         policy: content_security_policy(),
         style: STYLE,
@@ -232,9 +236,9 @@ pub fn render_identifiability(result: &IdentifiabilityResult) -> String {
             .collect(),
         pairs: pairs(result),
         noise: format!(
-            "Moment {} N·m from sample to sample, {} N·m slowly; EMG {:.0} % of itself, {:.0} % from trial to trial.",
+            "Moment {} N·m from sample to sample, slowly {}; EMG {:.0} % of itself, {:.0} % from trial to trial.",
             significant(result.noise.white_n_m, 2),
-            significant(result.noise.slow_n_m, 2),
+            slow.join(", "),
             result.noise.emg_percent,
             result.noise.emg_gain_percent
         ),

@@ -267,7 +267,8 @@ fn request(
         .zip(&run.prepared)
         .filter(|(t, _)| t.info.usage == TrialUse::Train)
         .map(|(t, p)| {
-            let trial = RecordedTrial::new(&t.info.name(), coordinate, &Recording::from(t), &t.moment, p);
+            let trial =
+                RecordedTrial::new(&t.info.name(), t.info.direction, coordinate, &Recording::from(t), &t.moment, p);
             further.iter().zip(&t.further_moments).try_fold(trial, |trial, (about, measured)| {
                 let arms = run.model.moment_arms_about(&about.coordinate, &t.angle)?;
                 Ok(trial.with_channel(&about.coordinate, measured, arms))
@@ -295,7 +296,9 @@ fn result(
 ) -> IdentifiabilityResult {
     let round = |v: f64| rounded(v, DIGITS);
     let percent = |log_sd: f64| rounded(100.0 * log_sd, 4);
-    let levels = found.noise.0.map(|v| rounded(v.sqrt(), 4));
+    let deviation = |variance: f64| rounded(variance.sqrt(), 4);
+    let [envelope, gain, floor] = found.noise.of_emg().map(deviation);
+    let training = run.trials.iter().filter(|t| t.info.usage == TrialUse::Train).map(|t| t.info.direction);
     let s = &found.soundness;
     IdentifiabilityResult {
         schema: IDENTIFIABILITY_SCHEMA.to_string(),
@@ -333,11 +336,11 @@ fn result(
             })
             .collect(),
         noise: NoiseResult {
-            white_n_m: levels[0],
-            slow_n_m: levels[1],
-            emg_percent: rounded(100.0 * levels[2], 3),
-            emg_gain_percent: rounded(100.0 * levels[3], 3),
-            emg_floor: levels[4],
+            white_n_m: deviation(found.noise.white()),
+            slow_n_m: training.map(|d| (d.word().to_string(), deviation(found.noise.slow(d)))).collect(),
+            emg_percent: rounded(100.0 * envelope, 3),
+            emg_gain_percent: rounded(100.0 * gain, 3),
+            emg_floor: floor,
         },
         soundness: SoundnessResult {
             largest_deviance_error: round(s.largest_deviance_error),

@@ -19,14 +19,14 @@ impl<'a> Analysis<'a> {
         seed: u64,
     ) -> Analysis<'a> {
         let kernels = Kernels::default();
-        let times = train.iter().map(|g| trial_times(&forward.trials[*g].time, &kernels.moment)).collect();
+        let times = train.iter().map(|g| trial_times(&forward.trials[*g], &kernels.moment)).collect();
         Analysis { forward, train, candidates, prior_sd: prior_sd(bounds), blocks: Vec::new(), times, kernels, seed }
     }
 
     /// The same with noise that goes with itself in time as in another analysis.
     pub(crate) fn with_kernels_of(mut self, other: &Analysis) -> Self {
         self.kernels = other.kernels;
-        let time = |g: &usize| trial_times(&self.forward.trials[*g].time, &other.kernels.moment);
+        let time = |g: &usize| trial_times(&self.forward.trials[*g], &other.kernels.moment);
         self.times = self.train.iter().map(time).collect();
         self
     }
