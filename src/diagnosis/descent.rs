@@ -121,6 +121,7 @@ impl Analysis<'_> {
         let deviance = descent.deviance();
         let Descent { point, linear, noise, at, .. } = descent;
         let directions = Arc::new(self.calc_directions(&linear, &point)?.0);
+        let level_spread = self.level_spread(&linear, &noise, &point, &directions);
         let (p, n) = (at.precision.len(), self.n_nuisance());
         let inverse = at.information.try_inverse().unwrap_or_else(|| DMatrix::zeros(p, p));
         let covariance = inverse.view((n, n), (p - n, p - n)).into_owned();
@@ -135,6 +136,7 @@ impl Analysis<'_> {
             deviance,
             covariance,
             levels: noise.levels,
+            level_spread,
             noise: noise.structure,
             factors: noise.factors,
             whitened: at.whitened,

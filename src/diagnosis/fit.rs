@@ -22,8 +22,8 @@ use super::descent::Descent;
 use super::effect::{Effect, Role, Stage};
 use super::forward_model::{Core, FITTED_PER_MUSCLE, ForwardModel, Setting, TrialInput, matters};
 use super::kernel::Kernel;
-use super::noise::{self, KNOT_SPACING, Kernels, NoiseLevels, Response, TrialNoise, TrialTimes};
-use super::score_test::{self, Block, Omnibus};
+use super::noise::{self, COMPONENTS, KNOT_SPACING, Kernels, NoiseLevels, Response, TrialNoise, TrialTimes};
+use super::score_test::{self, Block, Nuisance, Omnibus, Variances};
 use super::trial_record::TrialRecord;
 use crate::simulation::{MuscleParameters, SimulationError};
 use crate::study::ParameterBounds;
@@ -68,6 +68,8 @@ pub struct Fit {
     pub covariance: DMatrix<f64>,
     /// Variances of the noise.
     pub levels: NoiseLevels,
+    /// Covariance of their logarithms.
+    pub(super) level_spread: DMatrix<f64>,
     pub(super) noise: Vec<TrialNoise>,
     pub(super) factors: Vec<Cholesky<f64, Dyn>>,
     /// Per training trial: whitened columns [nuisance | effects' parameters | residual].
@@ -398,6 +400,16 @@ impl<'a> Analysis<'a> {
         point: &Point,
     ) -> Result<(Vec<DMatrix<f64>>, DVector<f64>), SimulationError> {
         let (directions, _) = self.calc_directions(linear, point)?;
+        Ok(self.with_directions(linear, point, &directions))
+    }
+
+    /// Per trial nuisance, effects and directions, and prior precisions.
+    fn with_directions(
+        &self,
+        linear: &[Linear],
+        point: &Point,
+        directions: &[DMatrix<f64>],
+    ) -> (Vec<DMatrix<f64>>, DVector<f64>) {
         let extra = directions.first().map_or(0, DMatrix::ncols);
         let columns = linear
             .iter()
@@ -414,7 +426,21 @@ impl<'a> Analysis<'a> {
         let (mut precision, _) = self.prior(point);
         // Directions are in units of their scale; ten times that is wide.
         precision.extend(std::iter::repeat_n(0.01, extra));
-        Ok((columns, DVector::from_vec(precision)))
+        (columns, DVector::from_vec(precision))
+    }
+
+    /// Covariance of the logarithms of the noise's variances.
+    pub(super) fn level_spread(
+        &self,
+        linear: &[Linear],
+        noise: &Noise,
+        point: &Point,
+        directions: &[DMatrix<f64>],
+    ) -> DMatrix<f64> {
+        let (columns, precision) = self.with_directions(linear, point, directions);
+        let trials: Vec<_> =
+            noise.structure.iter().zip(&columns).zip(linear).map(|((n, x), l)| (n, x, &l.residual)).collect();
+        noise::spread(&trials, &precision, &noise.levels).unwrap_or_else(|| DMatrix::zeros(COMPONENTS, COMPONENTS))
     }
 
     /// Chooses the correlations of the noise by restricted likelihood: of the EMG's, then of the moment's, then again.
@@ -641,17 +667,24 @@ impl<'a> Analysis<'a> {
     fn scores_left(&self, fit: &Fit, skip: &[&str], centred: bool) -> Option<Omnibus> {
         let p = fit.precision.len();
         let columns = fit.directions.first()?.ncols();
-        let mut normal: Vec<DMatrix<f64>> = fit
+        let (mut normal, parts): (Vec<DMatrix<f64>>, Vec<Vec<DMatrix<f64>>>) = fit
             .whitened
             .par_iter()
             .zip(&*fit.directions)
-            .zip(&fit.factors)
-            .map(|((w, d), factor)| {
+            .zip(fit.factors.par_iter().zip(&fit.noise))
+            .map(|((w, d), (factor, noise))| {
                 let mut all = w.clone().resize_horizontally(p + 1 + columns, 0.0);
                 all.columns_mut(p + 1, columns).copy_from(&whiten(factor, d));
-                all.tr_mul(&all)
+                let normal = all.transpose() * &all;
+                // V⁻¹ X.
+                factor.l_dirty().tr_solve_lower_triangular_mut(&mut all);
+                (normal, noise.by_component(&fit.levels, &all))
             })
-            .collect();
+            .unzip();
+        let mut by_variance = vec![DMatrix::zeros(p + 1 + columns, p + 1 + columns); COMPONENTS];
+        for parts in &parts {
+            by_variance.iter_mut().zip(parts).for_each(|(sum, part)| *sum += part);
+        }
         let on = |name: &str| fit.point.effects.iter().any(|s| s.effect.description().id == name);
         let blocks: Vec<Block> = self
             .blocks
@@ -662,7 +695,8 @@ impl<'a> Analysis<'a> {
         let nuisance: Vec<usize> = (0..p).collect();
         if centred {
             let means = fit.bias.iter().fold(DVector::zeros(p + columns), |sum, bias| sum + bias).insert_row(p, 0.0);
-            let largest = score_test::largest_statistic(&normal, &nuisance, &fit.precision, &blocks, &means);
+            let profile = Nuisance { columns: &nuisance, precision: &fit.precision, offset: &vec![0.0; p] };
+            let largest = score_test::largest_statistic(&normal, &profile, &blocks, &means);
             let share = (LARGEST_MEAN / largest.max(1e-300).sqrt()).min(1.0);
             for (normal, bias) in normal.iter_mut().zip(&*fit.bias) {
                 for (i, mean) in bias.iter().enumerate() {
@@ -670,7 +704,9 @@ impl<'a> Analysis<'a> {
                 }
             }
         }
-        score_test::omnibus(&normal, &nuisance, &fit.precision, &fit.offset, &blocks, p, self.seed)
+        let nuisance = Nuisance { columns: &nuisance, precision: &fit.precision, offset: &fit.offset };
+        let variances = Variances { products: &by_variance, spread: &fit.level_spread };
+        score_test::omnibus(&normal, &nuisance, &variances, &blocks, p, self.seed)
     }
 
     /// Standard deviation of the noise of a sample of the training trials [N·m].

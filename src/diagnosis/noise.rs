@@ -416,6 +416,31 @@ impl TrialNoise {
             None => self.times.white.iter().enumerate().map(|(k, w)| w * matrix[(k, k)]).sum(),
         }
     }
+
+    /// ½ tr(A Vᵢ A Vⱼ) for all components.
+    ///
+    /// - `weight`: A, symmetric
+    fn information(&self, weight: &DMatrix<f64>) -> DMatrix<f64> {
+        let products: Vec<DMatrix<f64>> = (0..OF_TRIAL).map(|i| self.times_component(i, weight)).collect();
+        let turned: Vec<DMatrix<f64>> = products.iter().map(DMatrix::transpose).collect();
+        let mut information = DMatrix::zeros(COMPONENTS, COMPONENTS);
+        let places = self.components();
+        for (i, place) in places.into_iter().enumerate() {
+            for (j, other) in places.into_iter().enumerate() {
+                information[(place, other)] = 0.5 * products[i.max(j)].dot(&turned[i.min(j)]);
+            }
+        }
+        information
+    }
+
+    /// Xᵀ Vᵢ X for all components there are, each with its variance.
+    pub fn by_component(&self, levels: &NoiseLevels, x: &DMatrix<f64>) -> Vec<DMatrix<f64>> {
+        let mut out = vec![DMatrix::zeros(x.ncols(), x.ncols()); COMPONENTS];
+        for (i, place) in self.components().into_iter().enumerate() {
+            out[place] = x.transpose() * self.times_component(i, x) * levels.0[place];
+        }
+        out
+    }
 }
 
 /// Cholesky factor of V.
@@ -451,14 +476,10 @@ pub fn estimate_within(
     let mut levels = start;
     for _ in 0..iterations {
         let Some((mut gradient, mut information)) = gradient(trials, precision, &levels) else { return levels };
-        let of_directions = SLOW.map(|i| levels.0[i].ln()).sum::<f64>() / SLOW.len() as f64;
-        let usual = NoiseLevels::default().0;
-        let priors = EMG.map(|i| (i, usual[i].ln(), USUAL_FACTOR));
-        for (i, mean, factor) in priors.chain(SLOW.map(|i| (i, of_directions, DIRECTION_FACTOR))) {
+        for (i, mean, precision) in priors(&levels) {
             let level = levels.0[i];
-            let weight = 1.0 / (level * (2.0 * factor.ln()).powi(2));
-            gradient[i] += weight * (mean - level.ln());
-            information[(i, i)] += weight / level;
+            gradient[i] += precision * (mean - level.ln()) / level;
+            information[(i, i)] += precision / (level * level);
         }
         let mut largest = 0.0_f64;
         let Some(solver) = information.cholesky() else { return levels };
@@ -473,6 +494,42 @@ pub fn estimate_within(
         }
     }
     levels
+}
+
+/// What is expected of variances before the data: which, mean of the logarithm, precision of the logarithm.
+fn priors(levels: &NoiseLevels) -> impl Iterator<Item = (usize, f64, f64)> {
+    let of_directions = SLOW.map(|i| levels.0[i].ln()).sum::<f64>() / SLOW.len() as f64;
+    let usual = NoiseLevels::default().0;
+    let precision = |factor: f64| (2.0 * factor.ln()).powi(-2);
+    let of_emg = EMG.map(move |i| (i, usual[i].ln(), precision(USUAL_FACTOR)));
+    of_emg.chain(SLOW.map(move |i| (i, of_directions, precision(DIRECTION_FACTOR))))
+}
+
+/// How well the variances are known: covariance of their logarithms, from `½ tr(P Vᵢ P Vⱼ)` of the trials' own blocks of P and
+/// what is expected before the data.
+///
+/// - `trials`, `precision`: as for [`estimate`]
+pub fn spread(
+    trials: &[(&TrialNoise, &DMatrix<f64>, &DVector<f64>)],
+    precision: &DVector<f64>,
+    levels: &NoiseLevels,
+) -> Option<DMatrix<f64>> {
+    let parts: Vec<DMatrix<f64>> = projected(trials, precision, levels)?
+        .iter()
+        .zip(trials)
+        .map(|(p, (noise, ..))| noise.information(&p.projection))
+        .collect();
+    let mut of_logarithms = DMatrix::zeros(COMPONENTS, COMPONENTS);
+    parts.iter().for_each(|part| of_logarithms += part);
+    for ((i, j), v) in
+        (0..COMPONENTS * COMPONENTS).map(|k| (k / COMPONENTS, k % COMPONENTS)).zip(of_logarithms.as_mut_slice())
+    {
+        *v *= levels.0[i] * levels.0[j];
+    }
+    for (i, _, precision) in priors(levels) {
+        of_logarithms[(i, i)] += precision;
+    }
+    Some(of_logarithms.cholesky()?.inverse())
 }
 
 /// −2 log of the restricted likelihood, up to a constant; infinite where V cannot be factored.
@@ -550,12 +607,21 @@ pub fn best_kernel(start: &Kernel, mut deviance: impl FnMut(&Kernel) -> f64) -> 
     best.1
 }
 
-/// Gradient of the restricted log likelihood by the variances, and its approximate information.
-fn gradient(
+/// A trial's share of a regression.
+struct Projected {
+    /// V⁻¹.
+    inverse: DMatrix<f64>,
+    /// The trial's own block of P.
+    projection: DMatrix<f64>,
+    /// P r.
+    residual: DVector<f64>,
+}
+
+fn projected(
     trials: &[(&TrialNoise, &DMatrix<f64>, &DVector<f64>)],
     precision: &DVector<f64>,
     levels: &NoiseLevels,
-) -> Option<(DVector<f64>, DMatrix<f64>)> {
+) -> Option<Vec<Projected>> {
     let parts: Vec<_> = trials
         .par_iter()
         .filter_map(|(noise, x, r)| {
@@ -577,30 +643,35 @@ fn gradient(
     let information = information.cholesky()?;
     let coefficients = information.solve(&right);
     let covariance = information.inverse();
-    let nothing = || (DVector::zeros(COMPONENTS), DMatrix::zeros(COMPONENTS, COMPONENTS));
-    let sums: Vec<_> = parts
+    let of_trial = |(_, _, inverse, ax, ar): (_, _, DMatrix<f64>, DMatrix<f64>, DVector<f64>)| {
+        let residual = ar - &ax * &coefficients;
+        let projection = &inverse - (&ax * &covariance) * ax.transpose();
+        Projected { inverse, projection, residual }
+    };
+    Some(parts.into_par_iter().map(of_trial).collect())
+}
+
+/// Gradient of the restricted log likelihood by the variances, and its approximate information.
+fn gradient(
+    trials: &[(&TrialNoise, &DMatrix<f64>, &DVector<f64>)],
+    precision: &DVector<f64>,
+    levels: &NoiseLevels,
+) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    let sums: Vec<_> = projected(trials, precision, levels)?
         .par_iter()
         .zip(trials)
-        .map(|((_, _, inverse, ax, ar), (noise, _, _))| {
-            let residual = ar - ax * &coefficients;
-            // The trial's own block of P.
-            let projection = inverse - (ax * &covariance) * ax.transpose();
+        .map(|(Projected { inverse, projection, residual }, (noise, ..))| {
             let column = DMatrix::from_column_slice(residual.len(), 1, residual.as_slice());
-            let (mut gradient, mut information) = nothing();
-            let products: Vec<DMatrix<f64>> = (0..OF_TRIAL).map(|i| noise.times_component(i, inverse)).collect();
-            let turned: Vec<DMatrix<f64>> = products.iter().map(DMatrix::transpose).collect();
-            let places = noise.components();
-            for (i, place) in places.into_iter().enumerate() {
+            let mut gradient = DVector::zeros(COMPONENTS);
+            for (i, place) in noise.components().into_iter().enumerate() {
                 let found = noise.times_component(i, &column).dot(&column);
-                gradient[place] = 0.5 * (found - noise.trace_with(i, &projection));
-                for (j, other) in places.into_iter().enumerate() {
-                    information[(place, other)] = 0.5 * products[i.max(j)].dot(&turned[i.min(j)]);
-                }
+                gradient[place] = 0.5 * (found - noise.trace_with(i, projection));
             }
-            (gradient, information)
+            (gradient, noise.information(inverse))
         })
         .collect();
-    let (mut gradient, mut information) = nothing();
+    let mut gradient = DVector::zeros(COMPONENTS);
+    let mut information = DMatrix::zeros(COMPONENTS, COMPONENTS);
     for (g, i) in &sums {
         gradient += g;
         information += i;

@@ -4,22 +4,50 @@
 //! s⊥ = s − J (JᵀV⁻¹J + Λ)⁻¹ JᵀV⁻¹ s,   U = Σ_g s⊥_gᵀ V_g⁻¹ r_g,   I = Σ_g s⊥_gᵀ V_g⁻¹ s⊥_g,   T = Uᵀ I⁻¹ U
 //! ```
 //! All of it follows from the normal matrix of the whitened columns [nuisance | directions | residual]. The smallest of
-//! the blocks' p-values is judged against its distribution under the joint normal law of all scores (family-wise) and under
+//! the blocks' p-values is judged against its distribution under the joint law of all scores (family-wise) and under
 //! sign flips of whole trials' scores, which need no variances.
+//!
+//! The variances in V are estimates. What a score's variance would be with others is known, I = Σ_k σ_k² I_k, so that T / rank is
+//! judged by F with Satterthwaite's degrees of freedom, and the joint law is a mixture over the variances' logarithms:
+//!
+//! ```text
+//! ν = 2 / (gᵀ S g),   g_k = σ_k² tr(I⁻¹ I_k) / rank,   U = Σ_k exp(δ_k / 2) (σ_k² I_k)^½ z_k,   δ ~ N(0, S)
+//! ```
 //!
 //! # References
 //! Hemerik, Goeman & Finos (2020), Robust testing in generalized linear models by sign flipping score contributions,
-//! doi:10.1111/rssb.12369.
+//! doi:10.1111/rssb.12369. Giesbrecht & Burns (1985), doi:10.2307/2530872 (degrees of freedom in mixed models).
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use statrs::distribution::{ChiSquared, ContinuousCDF};
+use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 /// Draws of the null distribution of the smallest p-value.
 const DRAWS: usize = 2000;
 /// Eigenvalues of a block's information below this share of its largest one count as zero.
 const RANK_TOLERANCE: f64 = 1e-6;
+
+/// More degrees of freedom than this are as good as infinitely many.
+const MANY: f64 = 1e5;
+
+/// Columns that are profiled out.
+pub struct Nuisance<'a> {
+    /// In the normal matrix.
+    pub columns: &'a [usize],
+    /// Prior precision.
+    pub precision: &'a [f64],
+    /// Distance of their present values from the prior's mean.
+    pub offset: &'a [f64],
+}
+
+/// What estimated variances do to scores.
+pub struct Variances<'a> {
+    /// Per variance: `σ_k² Xᵀ V⁻¹ V_k V⁻¹ X`, all trials; columns as in the normal matrix.
+    pub products: &'a [DMatrix<f64>],
+    /// Covariance of the variances' logarithms.
+    pub spread: &'a DMatrix<f64>,
+}
 
 /// Directions that are tested together.
 #[derive(Clone, Debug)]
@@ -63,32 +91,21 @@ pub struct Omnibus {
 /// Tests blocks of directions.
 ///
 /// - `trials`: normal matrix of every trial
-/// - `nuisance`: columns that are profiled out; `precision`: their prior precision; `offset`: distance of their present
-///   values from the prior's mean
 /// - `residual`: the column of the residual
 pub fn omnibus(
     trials: &[DMatrix<f64>],
-    nuisance: &[usize],
-    precision: &[f64],
-    offset: &[f64],
+    nuisance: &Nuisance,
+    variances: &Variances,
     blocks: &[Block],
     residual: usize,
     seed: u64,
 ) -> Option<Omnibus> {
     let tested: Vec<usize> = blocks.iter().flat_map(|b| b.columns.iter().copied()).collect();
-    let Profiled { carry, step, raw, information, score } =
-        profiled(trials, nuisance, precision, offset, &tested, residual)?;
-    let at = |matrix: &DMatrix<f64>, rows: &[usize], columns: &[usize]| select(matrix, rows, columns);
-    // Contributions of trials.
-    let contributions: Vec<DVector<f64>> = trials
-        .iter()
-        .map(|n| {
-            let own = at(n, &tested, &[residual]) - at(n, &tested, nuisance) * &step;
-            let through = at(n, nuisance, &[residual]) - at(n, nuisance, nuisance) * &step;
-            let u = own - carry.tr_mul(&through);
-            DVector::from_column_slice(u.as_slice())
-        })
-        .collect();
+    let profiled = profiled(trials, nuisance, &tested, residual)?;
+    let contributions = contributions(trials, nuisance.columns, &tested, residual, &profiled);
+    let parts: Vec<DMatrix<f64>> =
+        variances.products.iter().map(|all| of_directions(all, nuisance.columns, &tested, &profiled.carry)).collect();
+    let Profiled { raw, information, score, .. } = profiled;
     let mut first = 0;
     let mut solvers = Vec::new();
     let mut results = Vec::new();
@@ -98,52 +115,92 @@ pub fn omnibus(
         let u = score.view((first, 0), (n, 1)).into_owned();
         let (inverse, rank) = pseudo_inverse(&own);
         let statistic = u.dot(&(&inverse * &u));
+        let shares = parts.iter().map(|all| inverse.dot(&all.view((first, first), (n, n))) / rank.max(1) as f64);
+        let shares = DVector::from_iterator(parts.len(), shares);
+        let freedom = 2.0 / shares.dot(&(variances.spread * &shares)).max(1.0 / MANY);
         let kept = (0..n).map(|i| own[(i, i)].max(0.0) / raw[(first + i, first + i)].max(1e-300)).fold(0.0, f64::max);
         results.push(BlockScore {
             name: block.name.clone(),
             statistic,
             rank,
-            p_value: tail(rank, statistic),
+            p_value: tail(rank, freedom, statistic),
             one_step: DVector::from_column_slice((&inverse * &u).as_slice()),
             information: own,
             kept: kept.sqrt(),
         });
-        solvers.push((first, n, inverse, rank));
+        solvers.push((first, n, inverse, rank, freedom));
         first += n;
     }
-    let smallest = |u: &DVector<f64>| {
-        solvers
-            .iter()
-            .map(|(first, n, inverse, rank)| {
-                let u = u.rows(*first, *n);
-                tail(*rank, u.dot(&(inverse * u)))
-            })
-            .fold(1.0, f64::min)
-    };
     let found = results.iter().map(|b| b.p_value).fold(1.0, f64::min);
+    let critical: Vec<f64> = solvers.iter().map(|(.., rank, freedom)| quantile(*rank, *freedom, found)).collect();
+    // Whether any block of these scores has as small a p-value.
+    let as_small = |u: &DVector<f64>| {
+        solvers.iter().zip(&critical).any(|((first, n, inverse, ..), critical)| {
+            let u = u.rows(*first, *n);
+            u.dot(&(inverse * u)) >= *critical
+        })
+    };
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let root = root(&information);
-    let (mut by_law, mut by_flips) = (1, 1);
-    for _ in 0..DRAWS {
-        let z = DVector::from_fn(root.ncols(), |_, _| normal(&mut rng));
-        if smallest(&(&root * z)) <= found {
-            by_law += 1;
-        }
+    let law = Law::new(&information, &parts, variances.spread);
+    let by_law = (0..DRAWS).filter(|_| as_small(&law.draw(&mut rng))).count();
+    let flipped = |rng: &mut ChaCha8Rng| {
+        contributions.iter().fold(DVector::zeros(tested.len()), |u, c| if rng.random() { u + c } else { u - c })
+    };
+    let by_flips = (0..DRAWS).filter(|_| as_small(&flipped(&mut rng))).count();
+    let share = |count: usize| (count + 1) as f64 / (DRAWS + 1) as f64;
+    Some(Omnibus { blocks: results, p_value: share(by_law), sign_flip_p_value: share(by_flips) })
+}
+
+/// What every trial contributes to the scores.
+fn contributions(
+    trials: &[DMatrix<f64>],
+    nuisance: &[usize],
+    tested: &[usize],
+    residual: usize,
+    Profiled { carry, step, .. }: &Profiled,
+) -> Vec<DVector<f64>> {
+    let of_trial = |n: &DMatrix<f64>| {
+        let own = select(n, tested, &[residual]) - select(n, tested, nuisance) * step;
+        let through = select(n, nuisance, &[residual]) - select(n, nuisance, nuisance) * step;
+        (own - carry.tr_mul(&through)).column(0).into_owned()
+    };
+    trials.iter().map(of_trial).collect()
+}
+
+/// A matrix of products of all columns, as that of directions from which the nuisance is taken.
+fn of_directions(all: &DMatrix<f64>, nuisance: &[usize], tested: &[usize], carry: &DMatrix<f64>) -> DMatrix<f64> {
+    let cross = select(all, nuisance, tested);
+    let own = select(all, tested, tested) - cross.tr_mul(carry) - carry.tr_mul(&cross);
+    own + carry.tr_mul(&(select(all, nuisance, nuisance) * carry))
+}
+
+/// Joint law of the scores where nothing is missing.
+struct Law {
+    /// Roots of what the variances contribute to the scores' covariance.
+    parts: Vec<DMatrix<f64>>,
+    /// Root of what is known.
+    known: DMatrix<f64>,
+    /// Root of the covariance of the variances' logarithms.
+    spread: DMatrix<f64>,
+}
+
+impl Law {
+    /// - `information`: covariance of the scores; `parts`: of it, what each variance contributes
+    /// - `spread`: covariance of the variances' logarithms
+    fn new(information: &DMatrix<f64>, parts: &[DMatrix<f64>], spread: &DMatrix<f64>) -> Law {
+        let known = parts.iter().fold(information.clone(), |rest, part| rest - part);
+        Law { parts: parts.iter().map(root).collect(), known: root(&known), spread: root(spread) }
     }
-    for _ in 0..DRAWS {
-        let mut u = DVector::zeros(tested.len());
-        for contribution in &contributions {
-            if rng.random::<bool>() { u += contribution } else { u -= contribution }
+
+    fn draw(&self, rng: &mut ChaCha8Rng) -> DVector<f64> {
+        let mut standard = |n: usize| DVector::from_fn(n, |_, _| normal(rng));
+        let logarithms = &self.spread * standard(self.spread.ncols());
+        let mut u = &self.known * standard(self.known.ncols());
+        for (root, log) in self.parts.iter().zip(logarithms.iter()) {
+            u.gemv((0.5 * log).exp(), root, &standard(root.ncols()), 1.0);
         }
-        if smallest(&u) <= found {
-            by_flips += 1;
-        }
+        u
     }
-    Some(Omnibus {
-        blocks: results,
-        p_value: f64::from(by_law) / (DRAWS + 1) as f64,
-        sign_flip_p_value: f64::from(by_flips) / (DRAWS + 1) as f64,
-    })
 }
 
 /// Scores with nuisance profiled out.
@@ -165,9 +222,7 @@ fn select(matrix: &DMatrix<f64>, rows: &[usize], columns: &[usize]) -> DMatrix<f
 
 fn profiled(
     trials: &[DMatrix<f64>],
-    nuisance: &[usize],
-    precision: &[f64],
-    offset: &[f64],
+    Nuisance { columns: nuisance, precision, offset }: &Nuisance,
     tested: &[usize],
     residual: usize,
 ) -> Option<Profiled> {
@@ -191,18 +246,15 @@ fn profiled(
 /// - `products`: in place of the residual's column, summed over trials
 pub fn largest_statistic(
     trials: &[DMatrix<f64>],
-    nuisance: &[usize],
-    precision: &[f64],
+    nuisance: &Nuisance,
     blocks: &[Block],
     products: &DVector<f64>,
 ) -> f64 {
     let tested: Vec<usize> = blocks.iter().flat_map(|b| b.columns.iter().copied()).collect();
-    let Some(Profiled { carry, information, .. }) =
-        profiled(trials, nuisance, precision, &vec![0.0; precision.len()], &tested, 0)
-    else {
+    let Some(Profiled { carry, information, .. }) = profiled(trials, nuisance, &tested, 0) else {
         return 0.0;
     };
-    let score = products.select_rows(&tested) - carry.tr_mul(&products.select_rows(nuisance));
+    let score = products.select_rows(&tested) - carry.tr_mul(&products.select_rows(nuisance.columns));
     let mut first = 0;
     let mut largest = 0.0_f64;
     for block in blocks {
@@ -215,18 +267,36 @@ pub fn largest_statistic(
     largest
 }
 
-/// P(χ²_rank > statistic).
-pub fn tail(rank: usize, statistic: f64) -> f64 {
+/// P(rank F > statistic), F with `rank` and `freedom` degrees of freedom.
+pub fn tail(rank: usize, freedom: f64, statistic: f64) -> f64 {
     if rank == 0 || !statistic.is_finite() {
         return 1.0;
     }
-    if rank == 1 {
-        return libm_erfc((0.5 * statistic.max(0.0)).sqrt());
+    let statistic = statistic.max(0.0);
+    if freedom < MANY {
+        return FisherSnedecor::new(rank as f64, freedom).map_or(1.0, |law| law.sf(statistic / rank as f64));
     }
-    if rank == 2 {
-        return (-0.5 * statistic.max(0.0)).exp();
+    match rank {
+        1 => libm_erfc((0.5 * statistic).sqrt()),
+        2 => (-0.5 * statistic).exp(),
+        _ => ChiSquared::new(rank as f64).map_or(1.0, |law| law.sf(statistic)),
     }
-    ChiSquared::new(rank as f64).map_or(1.0, |law| law.sf(statistic.max(0.0)))
+}
+
+/// The statistic of which [`tail`] is `p_value`, or just below it.
+fn quantile(rank: usize, freedom: f64, p_value: f64) -> f64 {
+    if rank == 0 {
+        return f64::INFINITY;
+    }
+    let (mut low, mut high) = (0.0, 1.0);
+    while tail(rank, freedom, high) > p_value && high < 1e12 {
+        (low, high) = (high, 2.0 * high);
+    }
+    while high - low > 1e-10 * high {
+        let middle = 0.5 * (low + high);
+        if tail(rank, freedom, middle) > p_value { low = middle } else { high = middle }
+    }
+    low
 }
 
 fn libm_erfc(x: f64) -> f64 {
@@ -262,4 +332,53 @@ fn root(matrix: &DMatrix<f64>) -> DMatrix<f64> {
         column *= value.max(0.0).sqrt();
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn verif_tails_are_those_of_tables() {
+        // t, 10 degrees of freedom: 2.228 at 5 %; F(3, 20): 3.098 at 5 %; chi-square, 3: 7.815 at 5 %.
+        for (rank, freedom, statistic) in
+            [(1, 10.0, 2.228_f64.powi(2)), (3, 20.0, 3.0 * 3.098), (3, f64::INFINITY, 7.815), (1, 1e9, 3.841)]
+        {
+            let p = tail(rank, freedom, statistic);
+            assert!((p - 0.05).abs() < 1e-4, "{rank} {freedom}: {p}");
+            assert!((quantile(rank, freedom, p) / statistic - 1.0).abs() < 1e-8);
+        }
+    }
+
+    /// Trials with one direction each and noise of unknown variance, which is estimated from as many residuals.
+    #[test]
+    fn verif_false_alarms_are_as_frequent_as_said_where_the_variance_is_an_estimate() {
+        let freedom = 12;
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let nobody = Nuisance { columns: &[], precision: &[], offset: &[] };
+        let blocks: Vec<Block> = (0..4).map(|i| Block { name: i.to_string(), columns: vec![i] }).collect();
+        let sets = 600;
+        let mut alarms = [0, 0];
+        for seed in 0..sets {
+            let variance = (0..freedom).map(|_| normal(&mut rng).powi(2)).sum::<f64>() / f64::from(freedom);
+            // Directions of unit length, whitened by the estimate; the last column is the residual.
+            let trials: Vec<DMatrix<f64>> = (0..4)
+                .map(|i| {
+                    let mut x = DVector::zeros(5);
+                    (x[i], x[4]) = (1.0 / variance.sqrt(), normal(&mut rng) / variance.sqrt());
+                    &x * x.transpose()
+                })
+                .collect();
+            let products = [DMatrix::from_fn(5, 5, |i, j| if i == j && i < 4 { 1.0 / variance } else { 0.0 })];
+            for (spread, alarms) in [0.0, 2.0 / f64::from(freedom)].into_iter().zip(&mut alarms) {
+                let variances = Variances { products: &products, spread: &DMatrix::from_element(1, 1, spread) };
+                let found = omnibus(&trials, &nobody, &variances, &blocks, 4, seed).expect("no nuisance to fail at");
+                *alarms += usize::from(found.p_value <= 0.05);
+            }
+        }
+        // As if known: about 10 %.
+        let share = |alarms: usize| alarms as f64 / sets as f64;
+        assert!(share(alarms[0]) > 0.08, "{alarms:?}");
+        assert!((share(alarms[1]) - 0.05).abs() < 0.02, "{alarms:?}");
+    }
 }
