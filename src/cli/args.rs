@@ -88,6 +88,8 @@ pub enum Command {
     /// Run a setup file of an OpenSim tool, as opensim-cmd run-tool does
     #[command(name = "run-tool")]
     RunTool(RunToolArgs),
+    /// Markers and analog channels of a motion capture file, as .trc and CSV
+    C3d(C3dArgs),
     /// Write a model of an old format in that of OpenSim 4.6
     Upgrade(UpgradeArgs),
     /// Scale muscle forces so that flexors and extensors reach the maximum voluntary moments
@@ -469,6 +471,20 @@ pub struct RunToolArgs {
     /// Go on without forces that are not computed
     #[arg(long)]
     pub allow_unsupported: bool,
+}
+
+/// `carpus c3d`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus c3d grasp_03.c3d --out grasp_03\n\nWrites FILE_markers.trc (in metres, for inverse kinematics and scaling; run-tool reads .c3d as marker file too) and\nFILE_analog.csv (time_s and every channel, scaled to its unit). Time begins at 0 with the first frame, as in OpenSim."
+)]
+pub struct C3dArgs {
+    /// The motion capture file
+    #[arg(value_name = "FILE.c3d")]
+    pub file: PathBuf,
+    /// Folder to write into
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    pub out: PathBuf,
 }
 
 /// `carpus upgrade`

@@ -31,6 +31,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use clap::error::ErrorKind;
 
+use crate::storage::reading_motion_capture;
 use args::{Cli, Command, Global};
 use failure::{Failure, Message};
 
@@ -92,6 +93,7 @@ fn execute(cli: &Cli) -> Result<(), Failure> {
         Command::RunTool(args) => commands::run_tool::run(args, global),
         Command::StrengthScale(args) => commands::strength_scale::run(args, global),
         Command::Power(args) => commands::power::run(args, global),
+        Command::C3d(args) => commands::c3d::run(args, global),
         Command::Upgrade(args) => commands::upgrade::run(args, global),
         Command::Effects(args) => commands::effects::run(args, global),
         Command::Evaluate(args) => commands::evaluate::run(args, global),
@@ -119,6 +121,9 @@ fn defect(what: &str) -> String {
 }
 
 fn report_panic(panic: &std::panic::PanicHookInfo<'_>) {
+    if reading_motion_capture() {
+        return;
+    }
     let payload = panic.payload();
     let text = payload
         .downcast_ref::<&str>()

@@ -101,6 +101,15 @@ pub enum StorageProblem {
         /// What stands there.
         found: String,
     },
+    /// Not a motion capture file, or a broken one.
+    #[error("not a .c3d file that can be read: {what}")]
+    MotionCapture {
+        /// What is wrong.
+        what: String,
+    },
+    /// A motion capture file without markers.
+    #[error("expected markers, found none")]
+    NoMarkers,
     /// No marker trajectories.
     #[error(
         "expected a header of five lines as .trc files have it: PathFileType, names, values, markers, X1 Y1 Z1; {what}"

@@ -5,9 +5,9 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
-use super::Storage;
 use super::error::{StorageError, StorageProblem};
 use super::read::number;
+use super::{MotionCapture, Storage};
 
 /// Where markers are over time.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -23,7 +23,7 @@ pub struct Markers {
 }
 
 /// Metres of a unit of length.
-fn metres(unit: &str) -> Option<f64> {
+pub(super) fn metres(unit: &str) -> Option<f64> {
     match unit.trim().to_lowercase().as_str() {
         "m" | "meters" | "meter" | "metres" => Some(1.0),
         "cm" | "centimeters" => Some(0.01),
@@ -33,7 +33,7 @@ fn metres(unit: &str) -> Option<f64> {
 }
 
 impl Markers {
-    /// Reads a `.trc` file, or a `.sto` file of vectors.
+    /// Reads a `.trc` or `.c3d` file, or a `.sto` file of vectors.
     ///
     /// # Errors
     /// [`StorageError`] with the line.
@@ -45,8 +45,13 @@ impl Markers {
                 Markers::parse(&std::fs::read(path).map_err(fail)?, path)
             }
             "sto" => Ok(Markers::from_storage(&Storage::read(path)?)),
+            "c3d" => {
+                let markers = MotionCapture::read(path)?.markers;
+                let none = || StorageError { file: path.to_owned(), line: 0, problem: StorageProblem::NoMarkers };
+                if markers.time.is_empty() { Err(none()) } else { Ok(markers) }
+            }
             found => {
-                let problem = StorageProblem::Extension { expected: ".trc or .sto", found: found.to_owned() };
+                let problem = StorageProblem::Extension { expected: ".trc, .c3d or .sto", found: found.to_owned() };
                 Err(StorageError { file: path.to_owned(), line: 0, problem })
             }
         }

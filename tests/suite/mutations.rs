@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use carpus::osim::OsimFile;
-use carpus::storage::{Markers, Storage};
+use carpus::storage::{Markers, MotionCapture, Storage};
 use carpus::tools::{System, run_tool};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -117,6 +117,15 @@ fn verif_mutated_storages_and_markers_never_panic() {
     for _ in 0..500 {
         let _ = Markers::parse(&mutated(markers.as_bytes(), &mut rng), Path::new("m.trc"));
     }
+}
+
+#[test]
+fn verif_mutated_motion_capture_files_never_panic() {
+    let mut refused = 0;
+    for file in ["fixtures/motion_capture/float.c3d", "fixtures/motion_capture/integer.c3d"] {
+        for_each_mutation(file, 400, |bytes| refused += usize::from(MotionCapture::parse(&bytes).is_err()));
+    }
+    assert!(refused > 20, "{refused} refused");
 }
 
 #[test]

@@ -2,5 +2,6 @@
 
 mod components;
 mod files;
+mod motion_capture;
 mod opensim;
 mod setups;

@@ -1,0 +1,74 @@
+//! `carpus c3d`: what a motion capture file holds, as text files.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+
+use crate::cli::account::csv_text;
+use crate::cli::args::{C3dArgs, Global};
+use crate::cli::failure::{self, Failure, Message};
+use crate::cli::output::OutputFolder;
+use crate::cli::print_result;
+use crate::storage::{MotionCapture, StorageError};
+
+/// Runs the command.
+///
+/// # Errors
+/// A file that cannot be read, or the disk.
+pub fn run(args: &C3dArgs, global: &Global) -> Result<(), Failure> {
+    let found = MotionCapture::read(&args.file).map_err(|e| unreadable(&e))?;
+    let warnings: Vec<Message> =
+        found.analog.warnings.iter().map(|text| Message::warning(text.as_str()).in_file(&args.file)).collect();
+    failure::print(&warnings);
+    let folder = OutputFolder::create(&args.out, std::slice::from_ref(&args.file))?;
+    let stem = args.file.file_stem().map_or_else(|| "c3d".to_owned(), |s| s.to_string_lossy().into_owned());
+    let MotionCapture { markers, analog, units } = &found;
+    let mut written: Vec<PathBuf> = Vec::new();
+    if !markers.time.is_empty() {
+        let name = format!("{stem}_markers.trc");
+        written.push(folder.write(Path::new(&name), markers.text(&name).as_bytes())?);
+    }
+    if !analog.is_empty() {
+        let header: Vec<&str> = std::iter::once("time_s").chain(analog.labels.iter().map(String::as_str)).collect();
+        let row = |(time, row): (&f64, &Vec<f64>)| std::iter::once(time).chain(row).map(f64::to_string).collect();
+        let text = csv_text(header.iter(), analog.time.iter().zip(&analog.rows).map(row))?;
+        written.push(folder.write(format!("{stem}_analog.csv"), text.as_bytes())?);
+    }
+    let rate = |time: &[f64]| time.get(1).map_or(f64::NAN, |second| 1.0 / (second - time[0]));
+    if global.json {
+        let files: Vec<String> = written.iter().map(|f| f.display().to_string()).collect();
+        let channels: Vec<_> =
+            analog.labels.iter().zip(units).map(|(label, unit)| json!({ "label": label, "unit": unit })).collect();
+        let value = json!({
+            "schema": "carpus.c3d/1", "files": files,
+            "markers": markers.names, "frames": markers.time.len(), "frame_rate_hz": markers.data_rate,
+            "channels": channels, "samples": analog.len(), "sample_rate_hz": rate(&analog.time),
+        });
+        return print_result(&value.to_string());
+    }
+    let mut lines = vec![format!(
+        "{} markers, {} frames at {} Hz: {}",
+        markers.names.len(),
+        markers.time.len(),
+        markers.data_rate,
+        markers.names.join(", ")
+    )];
+    let channels: Vec<String> = analog.labels.iter().zip(units).map(|(l, u)| format!("{l} [{u}]")).collect();
+    lines.push(format!(
+        "{} analog channels, {} samples at {:.6} Hz: {}",
+        channels.len(),
+        analog.len(),
+        rate(&analog.time),
+        channels.join(", ")
+    ));
+    lines.extend(written.iter().map(|f| f.display().to_string()));
+    print_result(&lines.join("\n"))
+}
+
+fn unreadable(error: &StorageError) -> Failure {
+    let message = Message::error(error.problem.to_string()).in_file(&error.file).at_line(error.line);
+    match error.hint() {
+        Some(hint) => message.hint(hint).into(),
+        None => message.into(),
+    }
+}

@@ -1,0 +1,178 @@
+//! Motion capture files, `.c3d`: marker trajectories and analog channels.
+//!
+//! In: bytes. Out: [`Markers`] and a [`Storage`] of the analog channels. The format is read by the crate `c3dio`; what it lets
+//! pass is looked for here: files that are cut off, frames without a count, broken sections on which it gives up.
+//!
+//! # References
+//! The C3D File Format, User Guide (Motion Lab Systems, 2021), <https://www.c3d.org>; OpenSim `C3DFileAdapter`: time begins at 0
+//! with the first frame, a marker that is exactly at the origin or whose residual is −1 was not seen.
+
+use std::cell::Cell;
+use std::path::Path;
+
+use nalgebra::Vector3;
+
+use super::error::{StorageError, StorageProblem};
+use super::trc::metres;
+use super::{Markers, Storage};
+
+/// Bytes of a block, in which sections of the file are counted.
+const BLOCK: usize = 512;
+/// Second byte of every file.
+const KEY: u8 = 0x50;
+
+/// What a motion capture file holds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MotionCapture {
+    /// Marker trajectories; none if there are none.
+    pub markers: Markers,
+    /// Analog channels, scaled to their units; none if there are none. A label that was there before gets a number.
+    pub analog: Storage,
+    /// Unit of every analog channel, as the file has it.
+    pub units: Vec<String>,
+}
+
+thread_local! {
+    static READING: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Whether this thread is reading a motion capture file: a panic then is a fault of the file, and will be reported as one.
+pub fn reading_motion_capture() -> bool {
+    READING.get()
+}
+
+impl MotionCapture {
+    /// Reads a `.c3d` file.
+    ///
+    /// # Errors
+    /// [`StorageError`]; the format has no lines.
+    pub fn read(path: impl AsRef<Path>) -> Result<MotionCapture, StorageError> {
+        let path = path.as_ref();
+        let at = |problem| StorageError { file: path.to_owned(), line: 0, problem };
+        let bytes = std::fs::read(path).map_err(|e| at(StorageProblem::Read(e)))?;
+        MotionCapture::parse(&bytes).map_err(at)
+    }
+
+    /// Reads the bytes of a `.c3d` file.
+    ///
+    /// # Errors
+    /// [`StorageProblem`].
+    pub fn parse(bytes: &[u8]) -> Result<MotionCapture, StorageProblem> {
+        let broken = |what: &str| StorageProblem::MotionCapture { what: what.to_owned() };
+        if bytes.len() < 2 * BLOCK {
+            return Err(broken("expected at least two blocks of 512 bytes"));
+        }
+        if bytes[1] != KEY {
+            return Err(broken("expected the byte 0x50 in second place"));
+        }
+        READING.set(true);
+        let read = std::panic::catch_unwind(|| c3dio::C3d::from_bytes(bytes));
+        READING.set(false);
+        let file = read
+            .map_err(|_| {
+                broken("sections point to places outside the file, or hold something other than what they say")
+            })?
+            .map_err(|e| broken(&words(&e)))?;
+        MotionCapture::of(&file)
+    }
+
+    fn of(file: &c3dio::C3d) -> Result<MotionCapture, StorageProblem> {
+        let frames = usize::from(file.points.last_frame).saturating_sub(usize::from(file.points.first_frame)) + 1;
+        let per_frame = usize::from(file.analog.samples_per_channel_per_frame);
+        let found = if file.points.cols() > 0 {
+            file.points.rows()
+        } else {
+            file.analog.rows().checked_div(per_frame).unwrap_or_default()
+        };
+        // The header counts to 65535; longer recordings have their count in the parameters.
+        if found < frames {
+            return Err(StorageProblem::RowCount { expected: frames, found });
+        }
+        let out = MotionCapture { markers: markers(&file.points)?, ..analog(&file.analog)? };
+        if out.markers.time.is_empty() && out.analog.is_empty() {
+            return Err(StorageProblem::NoRows);
+        }
+        Ok(out)
+    }
+}
+
+fn rate_of(rate: f32, what: &str) -> Result<f64, StorageProblem> {
+    let rate = f64::from(rate);
+    let what = format!("expected a positive rate of {what}, found {rate}");
+    if rate.is_finite() && rate > 0.0 { Ok(rate) } else { Err(StorageProblem::MotionCapture { what }) }
+}
+
+fn markers(points: &c3dio::Points) -> Result<Markers, StorageProblem> {
+    if points.cols() == 0 || points.rows() == 0 {
+        return Ok(Markers::default());
+    }
+    let data_rate = rate_of(points.frame_rate, "markers")?;
+    let unit: String = points.units.iter().collect();
+    let unit = unit.trim_matches(|c: char| c.is_whitespace() || c == '\0').to_owned();
+    let factor = metres(&unit).ok_or(StorageProblem::Units { found: unit })?;
+    let names: Vec<String> = (0..points.cols()).map(|i| label(&points.labels, i, "marker")).collect();
+    if let Some((i, name)) = names.iter().enumerate().find(|(i, n)| names[..*i].contains(n)) {
+        debug_assert!(i > 0);
+        return Err(StorageProblem::SameLabel { label: name.clone() });
+    }
+    let place = |p: &c3dio::MarkerPoint| {
+        let seen = p.residual >= 0.0 && p.point != [0.0; 3] && p.point.iter().all(|v| v.is_finite());
+        if seen { Vector3::from(p.point.map(f64::from)) * factor } else { Vector3::from_element(f64::NAN) }
+    };
+    let rows = (0..points.rows()).map(|i| points.iter_row(i).map(place).collect()).collect();
+    let time = (0..points.rows()).map(|i| i as f64 / data_rate).collect();
+    Ok(Markers { names, time, rows, data_rate })
+}
+
+fn analog(analog: &c3dio::Analog) -> Result<MotionCapture, StorageProblem> {
+    if analog.cols() == 0 || analog.rows() == 0 {
+        return Ok(MotionCapture::default());
+    }
+    let rate = rate_of(analog.rate, "analog channels")?;
+    let mut storage = Storage::new("analog channels", Vec::new());
+    for i in 0..analog.cols() {
+        let given = label(&analog.labels, i, "channel");
+        let taken = |name: &String| storage.labels.contains(name);
+        let name = std::iter::once(given.clone()).chain((2..).map(|k| format!("{given}_{k}"))).find(|n| !taken(n));
+        let name = name.unwrap_or_default();
+        if name != given {
+            storage.warnings.push(format!("a further channel `{given}` is called `{name}`"));
+        }
+        storage.labels.push(name);
+    }
+    for i in 0..analog.rows() {
+        storage.push(i as f64 / rate, analog.iter_row(i).copied().collect());
+    }
+    let unit = |i: usize| analog.units.get(i).map_or("", |u| u.trim()).trim_matches('\0').to_owned();
+    Ok(MotionCapture { units: (0..analog.cols()).map(unit).collect(), analog: storage, ..MotionCapture::default() })
+}
+
+/// A label without its padding; with its number where there is none.
+fn label(labels: &[String], i: usize, what: &str) -> String {
+    let text = labels.get(i).map_or("", |l| l.trim_matches(|c: char| c.is_whitespace() || c == '\0'));
+    if text.is_empty() { format!("{what}_{}", i + 1) } else { text.to_owned() }
+}
+
+/// What the library says, in words.
+fn words(error: &c3dio::C3dParseError) -> String {
+    use c3dio::C3dParseError as E;
+    match error {
+        E::InsufficientBlocks(section) => format!("the file ends before its section of {section}"),
+        E::InvalidProcessorType => "expected processor type 84 (Intel), 85 (DEC) or 86 (MIPS)".to_owned(),
+        E::RequiredParameterNotFound(name) => format!("no parameter {name}"),
+        E::ParameterNotFound(group, name) => format!("no parameter {group}:{name}"),
+        E::AnalogOffsetScaleMismatch | E::InsufficientAnalogOffsets => {
+            "ANALOG:OFFSET and ANALOG:SCALE do not have one number per channel".to_owned()
+        }
+        E::AnalogBytesPerFrameMismatch => {
+            "analog samples per frame are not channels (ANALOG:USED) times samples per channel".to_owned()
+        }
+        E::FrameRateMismatch(header, parameter) => {
+            format!("the header says {header} frames per second, POINT:RATE {parameter}")
+        }
+        E::ScaleFactorMismatch(header, parameter) => {
+            format!("the header says a scale of {header}, POINT:SCALE {parameter}")
+        }
+        other => format!("{other:?}"),
+    }
+}
