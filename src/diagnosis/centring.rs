@@ -16,7 +16,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::fit::{Analysis, Linear, Noise, Point, block_means, block_starts, corrected, whiten};
+use super::fit::{Analysis, Linear, Noise, Point, between_knots, block_means, block_starts, corrected, whiten};
 use super::noise::{self, TrialNoise};
 use super::score_test::normal;
 use crate::simulation::SimulationError;
@@ -83,10 +83,11 @@ impl Analysis<'_> {
         let mut recorded = Vec::new();
         for (position, structure) in noise.structure.iter().enumerate() {
             let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ ((position as u64) << 20) ^ ((pair as u64) << 40));
-            let w = structure.draw(&noise.levels, || normal(&mut rng)).iter().map(|w| w * sign).collect::<Vec<_>>();
+            let drawn = structure.draw(&noise.levels, || normal(&mut rng));
+            let [w, added] = [0, 1].map(|part| drawn.iter().map(|d| &d[part] * sign).collect::<Vec<_>>());
             moments.push(&truth[position] + structure.draw_moment(&noise.levels, || normal(&mut rng)) * sign);
             let time = &self.forward.trials[self.train[position]].time;
-            recorded.push(corrected(time, &point.inputs[position].excitation, &w));
+            recorded.push(raised(time, &corrected(time, &point.inputs[position].excitation, &w), &added));
         }
         let mut at = Point { baseline: vec![0.0; self.n_muscles()], correction: self.no_correction(), ..point.clone() };
         self.set_inputs(&mut at, &recorded)?;
@@ -149,4 +150,12 @@ impl Analysis<'_> {
         }
         Ok((linear, structure))
     }
+}
+
+/// An excitation and what is added to it on knots; no recording is negative.
+fn raised(time: &[f64], excitation: &[Vec<f64>], added: &[DVector<f64>]) -> Vec<Vec<f64>> {
+    let of_muscle = |(e, added): (&Vec<f64>, &DVector<f64>)| {
+        e.iter().zip(time).map(|(e, t)| (e + between_knots(added, t - time[0])).clamp(0.0, 1.0)).collect()
+    };
+    excitation.iter().zip(added).map(of_muscle).collect()
 }

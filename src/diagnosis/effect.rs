@@ -180,6 +180,11 @@ pub trait Effect: Sync {
         false
     }
 
+    /// Whether the moment that it reads is the one that there is with the effect, and not without it.
+    fn feeds_back(&self) -> bool {
+        false
+    }
+
     /// Recorded EMG to excitation, per muscle and sample.
     fn excite(&self, values: &[f64], trial: &TrialContext, excitation: &mut [Vec<f64>]) {
         let _ = (values, trial, excitation);

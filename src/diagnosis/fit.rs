@@ -22,7 +22,9 @@ use super::descent::Descent;
 use super::effect::{Effect, Role, Stage};
 use super::forward_model::{Core, FITTED_PER_MUSCLE, ForwardModel, Setting, TrialInput, matters};
 use super::kernel::Kernel;
-use super::noise::{self, COMPONENTS, KNOT_SPACING, Kernels, NoiseLevels, Response, TrialNoise, TrialTimes};
+use super::noise::{
+    self, BASELINE_SD, COMPONENTS, KNOT_SPACING, Kernels, NoiseLevels, Response, TrialNoise, TrialTimes,
+};
 use super::score_test::{self, Block, Nuisance, Omnibus, Variances};
 use super::trial_record::TrialRecord;
 use crate::simulation::{MuscleParameters, SimulationError};
@@ -30,8 +32,6 @@ use crate::study::ParameterBounds;
 
 /// Most blocks that the samples of a trial are averaged to.
 const MOST_BLOCKS: usize = 80;
-/// Standard deviation expected of an EMG channel's baseline.
-const BASELINE_SD: f64 = 0.004;
 /// Largest mean of a score [standard deviations]: noise of the EMG causes 1 to 3; beyond that an EMG was bent to make up for a
 /// model that is far off.
 pub(super) const LARGEST_MEAN: f64 = 4.0;
@@ -173,15 +173,20 @@ pub(super) fn knot_count(time: &[f64]) -> usize {
     ((time[time.len() - 1] - time[0]) / KNOT_SPACING).ceil() as usize + 1
 }
 
+/// A value between knots.
+///
+/// - `t`: time since the first [s]
+pub(super) fn between_knots(values: &DVector<f64>, t: f64) -> f64 {
+    let x = t / KNOT_SPACING;
+    let i = (x as usize).min(values.len() - 2);
+    values[i] + (x - i as f64) * (values[i + 1] - values[i])
+}
+
 /// Recorded excitation times exp(correction).
 pub(super) fn corrected(time: &[f64], excitation: &[Vec<f64>], correction: &[DVector<f64>]) -> Vec<Vec<f64>> {
-    let at = |w: &DVector<f64>, t: f64| {
-        let x = (t - time[0]) / KNOT_SPACING;
-        let i = (x as usize).min(w.len() - 2);
-        w[i] + (x - i as f64) * (w[i + 1] - w[i])
+    let corrected = |(e, w): (&Vec<f64>, &DVector<f64>)| {
+        e.iter().zip(time).map(|(e, t)| (e * between_knots(w, t - time[0]).exp()).min(1.0)).collect()
     };
-    let corrected =
-        |(e, w): (&Vec<f64>, &DVector<f64>)| e.iter().zip(time).map(|(e, t)| (e * at(w, *t).exp()).min(1.0)).collect();
     excitation.iter().zip(correction).map(corrected).collect()
 }
 

@@ -90,7 +90,7 @@ pub struct Core {
     pub by_parameters: Vec<Vec<f64>>,
     /// Of every muscle; empty unless derivatives were asked for.
     pub solutions: Vec<MuscleSolution>,
-    /// The trial without the effects that ask for the moment; `None` if none does.
+    /// The trial whose moment effects are shown ([`shown_effects`]); `None` if none asks for it.
     without: Option<Box<Core>>,
 }
 
@@ -99,6 +99,10 @@ pub const DIAGNOSIS_ACCURACY: FiberAccuracy = FiberAccuracy { tolerance: 5e-5, m
 
 /// Change of the muscles' moment for differences of what is recorded [N·m].
 const SMALL_MOMENT: f64 = 1e-5;
+
+/// Times that the moment of the muscles is computed anew where it acts back on the joint's angle: what is missing is then 1 to
+/// 2 % of the effect at the most compliant joint, and would be 10 to 15 % without.
+const FEEDBACK_ROUNDS: usize = 1;
 
 /// Muscle parameters whose logarithms are fitted, per muscle.
 pub const FITTED_PER_MUSCLE: usize = 3;
@@ -316,23 +320,22 @@ impl ForwardModel {
         effects: &[Setting],
         derivatives: bool,
     ) -> Result<Core, SimulationError> {
-        self.core_with(variant, trial, input, parameters, &self.acting(effects), derivatives)
+        self.core_with(variant, trial, input, parameters, (&self.acting(effects), FEEDBACK_ROUNDS), derivatives)
     }
 
-    /// As [`ForwardModel::core`], with these effects and no others.
+    /// As [`ForwardModel::core`], with these effects and no others, and so many rounds of feedback.
     fn core_with(
         &self,
         variant: &MusculoskeletalModel,
         trial: usize,
         input: &TrialInput,
         parameters: &[MuscleParameters],
-        effects: &[Setting],
+        (effects, rounds): (&[Setting], usize),
         derivatives: bool,
     ) -> Result<Core, SimulationError> {
-        let asks = |s: &Setting| s.effect.needs_moment();
-        let without = if effects.iter().any(asks) {
-            let without: Vec<Setting> = effects.iter().filter(|s| !asks(s)).cloned().collect();
-            Some(Box::new(self.core_with(variant, trial, input, parameters, &without, derivatives)?))
+        let without = if effects.iter().any(|s| s.effect.needs_moment()) {
+            let (shown, rounds) = shown_effects(effects, rounds);
+            Some(Box::new(self.core_with(variant, trial, input, parameters, (&shown, rounds), derivatives)?))
         } else {
             None
         };
@@ -530,7 +533,8 @@ impl ForwardModel {
         } else {
             let variants = variants[parameter].each_ref().map(|v| &**v);
             let acting = sides.each_ref().map(|effects| self.acting(effects).into_owned());
-            let [up, down] = self.beside(trial, core, input, parameters, &acting, variants, 2.0 * step)?;
+            let acting = (&acting, FEEDBACK_ROUNDS);
+            let [up, down] = self.beside(trial, core, input, parameters, acting, variants, 2.0 * step)?;
             [self.recorded_moment(trial, &up, &sides[0]), self.recorded_moment(trial, &down, &sides[1])]
         };
         Ok(up.iter().zip(&down).map(|(a, b)| (a - b) / (2.0 * step)).collect())
@@ -538,21 +542,23 @@ impl ForwardModel {
 
     /// A trial's core a little way in a direction and against it.
     ///
-    /// - `sides`: the effects there; `distance`: between them
+    /// - `sides`: the effects there, and rounds of feedback; `distance`: between them
     fn beside(
         &self,
         trial: usize,
         core: &Core,
         input: &TrialInput,
         parameters: &[MuscleParameters],
-        sides: &[Vec<Setting>; 2],
+        (sides, rounds): (&[Vec<Setting>; 2], usize),
         variants: [&MusculoskeletalModel; 2],
         distance: f64,
     ) -> Result<[Core; 2], SimulationError> {
         let without = match &core.without {
             Some(without) => {
-                let sides = sides.each_ref().map(|s| s.iter().filter(|s| !s.effect.needs_moment()).cloned().collect());
-                let [up, down] = self.beside(trial, without, input, parameters, &sides, variants, distance)?;
+                let [(above, rounds), (below, _)] = sides.each_ref().map(|s| shown_effects(s, rounds));
+                let sides = [above, below];
+                let [up, down] =
+                    self.beside(trial, without, input, parameters, (&sides, rounds), variants, distance)?;
                 [Some(Box::new(up)), Some(Box::new(down))]
             }
             None => [None, None],
@@ -658,6 +664,13 @@ fn muscle_factor(
         setting.effect.scale_muscle(&setting.values, &state, &mut factor);
     }
     factor
+}
+
+/// The effects with which the trial is simulated whose moment these effects are shown, and the rounds of feedback left: those
+/// that do not ask for it, and for as many rounds as there are those that feed back on themselves.
+fn shown_effects(effects: &[Setting], rounds: usize) -> (Vec<Setting>, usize) {
+    let stays = |s: &&Setting| !s.effect.needs_moment() || (rounds > 0 && s.effect.feeds_back());
+    (effects.iter().filter(stays).cloned().collect(), rounds.saturating_sub(1))
 }
 
 fn changes_excitation(setting: &Setting) -> bool {

@@ -25,6 +25,9 @@ use crate::study::Direction;
 
 /// Distance between knots of the EMG's noise [s].
 pub const KNOT_SPACING: f64 = 0.04;
+/// Standard deviation expected of an EMG channel's baseline: what a channel at rest shows of its maximum is 0 to 2 %. Narrower, and
+/// baselines that are there are taken for passive forces, drag or reflexes.
+pub const BASELINE_SD: f64 = 0.01;
 /// EMG below this counts as this when additive noise is expressed relative to it.
 const SMALLEST_EXCITATION: f64 = 0.005;
 /// Iterations of the variance estimate.
@@ -348,10 +351,10 @@ impl TrialNoise {
             .collect()
     }
 
-    /// A draw of the noise of the log EMG on knots, per muscle.
+    /// A draw of the noise of the EMG on knots, per muscle: of its logarithm, and what adds to it.
     ///
     /// - `normal`: standard normal numbers
-    pub fn draw(&self, levels: &NoiseLevels, mut normal: impl FnMut() -> f64) -> Vec<DVector<f64>> {
+    pub fn draw(&self, levels: &NoiseLevels, mut normal: impl FnMut() -> f64) -> Vec<[DVector<f64>; 2]> {
         let [envelope, gain, floor] = levels.of_emg().map(f64::sqrt);
         let knots = self.reciprocal.first().map_or(0, |r| r.len());
         let correlation =
@@ -360,11 +363,11 @@ impl TrialNoise {
         let mut draw = |n: usize| DVector::from_fn(n, |_, _| normal());
         self.reciprocal
             .iter()
-            .map(|d| {
+            .map(|_| {
                 let mut w = &root * draw(knots) * envelope;
-                w += (&root * draw(knots)).component_mul(d) * floor;
+                let added = &root * draw(knots) * floor;
                 w.add_scalar_mut(gain * draw(1)[0]);
-                w
+                [w, added]
             })
             .collect()
     }

@@ -22,12 +22,12 @@ use super::parameters::{Layout, MuscleProperty};
 use super::recorded::RecordedTrial;
 use crate::diagnosis::fit::block_means;
 use crate::diagnosis::kernel::Kernel;
-use crate::diagnosis::noise::{self, KNOT_SPACING, Kernels, NoiseLevels, Response, TrialNoise, TrialTimes};
+use crate::diagnosis::noise::{
+    self, BASELINE_SD, KNOT_SPACING, Kernels, NoiseLevels, Response, TrialNoise, TrialTimes,
+};
 use crate::osim::spec::MuscleSpec;
 use crate::simulation::{MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, SimulationError};
 
-/// Standard deviation expected of an EMG channel's baseline.
-const BASELINE_SD: f64 = 0.004;
 /// Evaluations of the first descent, with usual noise, and of those after each estimate of the noise.
 const EVALUATIONS: [usize; 6] = [12, 6, 5, 4, 4, 4];
 /// Pass after which correlations of the noise in time are chosen.

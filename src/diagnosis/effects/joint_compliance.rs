@@ -2,14 +2,14 @@
 
 use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude};
 
-/// Compliance between the joint and the machine: `q + c τ, τ the moment of the muscles at the recorded angle`.
+/// Compliance between the joint and the machine: `q + c τ, τ the moment of the muscles`.
 pub struct JointCompliance;
 
 static DESCRIPTION: Description = Description {
     id: "joint_compliance",
     name: "Compliance between the joint and the machine",
     stage: Stage::Geometry,
-    equation: "q + c τ, τ the moment of the muscles at the recorded angle",
+    equation: "q + c τ, τ the moment of the muscles",
     parameters: &[amplitude(
         "compliance",
         "rad/(N·m)",
@@ -30,6 +30,10 @@ impl Effect for JointCompliance {
     }
 
     fn needs_moment(&self) -> bool {
+        true
+    }
+
+    fn feeds_back(&self) -> bool {
         true
     }
 
