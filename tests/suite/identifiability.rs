@@ -9,7 +9,7 @@ use carpus::identifiability::{
 use carpus::osim::OsimFile;
 use carpus::osim::spec::MuscleSpec;
 use carpus::simulation::{MuscleParameters, MusculoskeletalModel, Options, Recording, Setup};
-use carpus::study::{Study, Trial, TrialUse};
+use carpus::study::{Direction, Study, Trial, TrialUse};
 use predicates::str::contains;
 
 /// Trials of the demo study that these tests use: both directions, held and moving, at rest.
@@ -75,7 +75,9 @@ fn known() -> Known {
     let trials = recordings
         .iter()
         .zip(&prepared)
-        .map(|(r, p)| RecordedTrial::new(&r.name, "flexion", r, &p.simulate(&truth).unwrap().moment, p))
+        .map(|(r, p)| {
+            RecordedTrial::new(&r.name, Direction::None, "flexion", r, &p.simulate(&truth).unwrap().moment, p)
+        })
         .collect();
     let muscles = active.map(|m| file.spec.muscles.iter().find(|s| s.name == m).unwrap().clone()).to_vec();
     Known { model, muscles, truth, trials, bounds: study.settings.bounds }
