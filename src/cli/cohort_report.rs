@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::account::{csv_text, digits};
+use super::anova::{EFFECT_COLUMNS, EFFECT_HEADER, effect_cells, effect_columns};
 use super::commands::evaluate::{ReportParts, errors_csv};
 use super::failure::Failure;
 use super::study_run::ParticipantRun;
@@ -271,21 +272,11 @@ fn anova(cohort: &Cohort, parts: &mut ReportParts) -> Result<(), Failure> {
                 continue;
             }
         };
-        let cells = effects.iter().map(|e| {
-            vec![
-                e.name(),
-                fixed(e.f, 2),
-                format!("{}, {}", e.df_effect, e.df_error),
-                p_text(e.p_value),
-                e.sphericity.p_value.map_or("–".to_string(), p_text),
-                fixed(e.sphericity.greenhouse_geisser, 3),
-                p_text(e.p_greenhouse_geisser),
-            ]
-        });
-        let header = ["comparison", "F", "df", "p", "p (Mauchly)", "ε (Greenhouse–Geisser)", "p corrected"];
+        let cells = effects.iter().map(|e| [e.name()].into_iter().chain(effect_cells(e, 2)).collect());
+        let header: Vec<&str> = ["comparison"].into_iter().chain(EFFECT_HEADER).collect();
         parts.blocks.push(Block::Table(TextTable {
             title: format!("Table {number}: {}, analysis of variance with repeated measures", measure.label()),
-            header: header.map(String::from).to_vec(),
+            header: header.into_iter().map(String::from).collect(),
             left_columns: 1,
             rows: cells.collect(),
             note: "Within participants; where Mauchly's test rejects sphericity or cannot be made, the corrected p counts."
@@ -294,28 +285,13 @@ fn anova(cohort: &Cohort, parts: &mut ReportParts) -> Result<(), Failure> {
         json.insert(measure.id().to_string(), super::units::value(&effects)?);
         rows.extend(effects.iter().map(|e| {
             let mut row = vec![measure.id().to_string(), e.name()];
-            row.extend([digits(e.f), e.df_effect.to_string(), e.df_error.to_string(), digits(e.p_value)]);
-            row.push(e.sphericity.mauchly_w.map(digits).unwrap_or_default());
-            row.push(e.sphericity.p_value.map(digits).unwrap_or_default());
-            row.extend([e.sphericity.greenhouse_geisser, e.p_greenhouse_geisser, e.partial_eta_squared].map(digits));
+            row.extend(effect_columns(e));
             row
         }));
     }
-    let header = [
-        "measure",
-        "effect",
-        "f",
-        "df_effect",
-        "df_error",
-        "p",
-        "mauchly_w",
-        "p_mauchly",
-        "greenhouse_geisser_epsilon",
-        "p_greenhouse_geisser",
-        "partial_eta_squared",
-    ];
+    let header = ["measure", "effect"].iter().chain(&EFFECT_COLUMNS);
     if !rows.is_empty() {
-        parts.tables.push(("evaluation_anova.csv".to_string(), csv_text(header.iter(), rows.into_iter())?));
+        parts.tables.push(("evaluation_anova.csv".to_string(), csv_text(header, rows.into_iter())?));
     }
     parts.anova = json.into();
     Ok(())

@@ -4,6 +4,7 @@
 //! fault, 2 carpus is at fault.
 
 mod account;
+mod anova;
 mod args;
 mod args_diagnosis;
 mod cohort_report;

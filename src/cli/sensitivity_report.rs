@@ -1,6 +1,7 @@
 //! Tables and figures of sensitivity over participants: chapter 2 of the dissertation.
 
 use super::account::{csv_text, digits};
+use super::anova::{EFFECT_COLUMNS, EFFECT_HEADER, effect_cells, effect_columns};
 use super::commands::evaluate::ReportParts;
 use super::failure::Failure;
 use super::screening::{ConditionSensitivity, condition_name};
@@ -9,7 +10,7 @@ use crate::report::article::{Block, TextTable, p_text};
 use crate::report::bars::{BarFigure, heat_map, legend};
 use crate::report::convergence::{convergence_figure, convergence_legend};
 use crate::sensitivity::{Cell, ScreenedProperty, SensitivityCohort};
-use crate::statistics::{Comparison, Effect};
+use crate::statistics::Comparison;
 use crate::study::Contraction;
 
 /// The whole account of a screening.
@@ -59,15 +60,7 @@ fn words(property: ScreenedProperty) -> String {
 }
 
 fn lead(cohort: &SensitivityCohort) -> String {
-    let cells = cohort.cells();
-    let overall = |property| {
-        let found: Vec<f64> =
-            cells.iter().filter_map(|c| cohort.mean_index(property, *c, None)).map(|m| m.mu_star).collect();
-        (!found.is_empty()).then(|| found.iter().sum::<f64>() / found.len() as f64)
-    };
-    let mut ranked: Vec<(ScreenedProperty, f64)> =
-        ScreenedProperty::ALL.into_iter().filter_map(|p| Some((p, overall(p)?))).collect();
-    ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let ranked = cohort.ranked();
     match ranked.as_slice() {
         [first, second, ..] => format!(
             "The error responds most to {} (μ* {}), then to {} (μ* {}).",
@@ -150,38 +143,6 @@ fn muscles_figure(cohort: &SensitivityCohort) -> Vec<Block> {
     }]
 }
 
-fn effect_cells(e: &Effect) -> [String; 6] {
-    [
-        fixed(e.f, 3),
-        format!("{}, {}", e.df_effect, e.df_error),
-        p_text(e.p_value),
-        e.sphericity.p_value.map_or("–".to_string(), p_text),
-        fixed(e.sphericity.greenhouse_geisser, 3),
-        p_text(e.p_greenhouse_geisser),
-    ]
-}
-
-const EFFECT_HEADER: [&str; 6] = ["F", "df", "p", "p (Mauchly)", "ε (Greenhouse–Geisser)", "p corrected"];
-const EFFECT_COLUMNS: [&str; 9] = [
-    "f",
-    "df_effect",
-    "df_error",
-    "p",
-    "mauchly_w",
-    "p_mauchly",
-    "greenhouse_geisser_epsilon",
-    "p_greenhouse_geisser",
-    "partial_eta_squared",
-];
-
-fn effect_columns(e: &Effect) -> Vec<String> {
-    let mut row = vec![digits(e.f), e.df_effect.to_string(), e.df_error.to_string(), digits(e.p_value)];
-    row.push(e.sphericity.mauchly_w.map(digits).unwrap_or_default());
-    row.push(e.sphericity.p_value.map(digits).unwrap_or_default());
-    row.extend([e.sphericity.greenhouse_geisser, e.p_greenhouse_geisser, e.partial_eta_squared].map(digits));
-    row
-}
-
 fn anova_of_conditions(cohort: &SensitivityCohort, parts: &mut ReportParts) -> Result<(), Failure> {
     let (mut shown, mut rows, mut json) = (Vec::new(), Vec::new(), Vec::new());
     let mut reason = None;
@@ -195,7 +156,7 @@ fn anova_of_conditions(cohort: &SensitivityCohort, parts: &mut ReportParts) -> R
         };
         for e in &effects {
             let mut row = vec![words(property), e.name()];
-            row.extend(effect_cells(e));
+            row.extend(effect_cells(e, 3));
             shown.push(row);
             let mut row = vec![property.name().to_string(), e.name()];
             row.extend(effect_columns(e));
@@ -295,7 +256,7 @@ fn anova_of_muscles(cohort: &SensitivityCohort, parts: &mut ReportParts) -> Resu
         for cell in cohort.cells() {
             let Ok(e) = cohort.anova_of_muscles(property, cell) else { continue };
             let mut row = vec![words(property), cell_name(cell)];
-            row.extend(effect_cells(&e));
+            row.extend(effect_cells(&e, 3));
             shown.push(row);
             let mut row = vec![property.name().to_string(), cell.0.word().to_string(), cell.1.to_string()];
             row.extend(effect_columns(&e));

@@ -121,6 +121,19 @@ impl SensitivityCohort {
         self.participants.iter().filter_map(row).collect()
     }
 
+    /// Properties and their mean μ* over conditions, the most influential first.
+    pub fn ranked(&self) -> Vec<(ScreenedProperty, f64)> {
+        let overall = |property| {
+            let found: Vec<f64> =
+                self.cells().iter().filter_map(|c| self.mean_index(property, *c, None)).map(|m| m.mu_star).collect();
+            (!found.is_empty()).then(|| found.iter().sum::<f64>() / found.len() as f64)
+        };
+        let mut ranked: Vec<(ScreenedProperty, f64)> =
+            ScreenedProperty::ALL.into_iter().filter_map(|p| Some((p, overall(p)?))).collect();
+        ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
+        ranked
+    }
+
     /// Mean μ* and σ of a condition (table 2.2, figure 2.3), or of one muscle in it (figure 2.4).
     pub fn mean_index(&self, property: ScreenedProperty, cell: Cell, muscle: Option<&str>) -> Option<MeanIndex> {
         let chosen = |i: &CohortIndex| {

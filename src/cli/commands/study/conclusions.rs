@@ -141,15 +141,7 @@ fn difference(test: &PairedT, scale: f64, decimals: usize, unit: &str) -> String
 /// Chapter 2.
 fn of_sensitivity(cohort: &SensitivityCohort) -> Vec<Conclusion> {
     let mut all = Vec::new();
-    let cells = cohort.cells();
-    let overall = |property| {
-        let found: Vec<f64> =
-            cells.iter().filter_map(|c| cohort.mean_index(property, *c, None)).map(|m| m.mu_star).collect();
-        (!found.is_empty()).then(|| found.iter().sum::<f64>() / found.len() as f64)
-    };
-    let mut ranked: Vec<(ScreenedProperty, f64)> =
-        ScreenedProperty::ALL.into_iter().filter_map(|p| Some((p, overall(p)?))).collect();
-    ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let ranked = cohort.ranked();
     if let [first, second, ..] = ranked.as_slice() {
         let most = first.0 == ScreenedProperty::TendonSlackLength;
         all.push(Conclusion {
