@@ -18,12 +18,12 @@ use crate::simulation::SimulationError;
 use crate::study::{Direction, ParameterBounds, TrialUse};
 
 /// A null model with a smaller p-value is rejected.
-const REJECT_NULL: f64 = 0.05;
+pub const REJECT_NULL: f64 = 0.05;
 /// A direction with a smaller p-value (that knows the variances to be estimates, times the number of directions) is no matter of
 /// misjudged variances.
 const BEYOND_DOUBT: f64 = 1e-4;
 /// An explanation with a smaller p-value is rejected: laxer than 0.05, so that the true one stays in at least 95 of 100 times.
-const REJECT_EXPLANATION: f64 = 0.02;
+pub const REJECT_EXPLANATION: f64 = 0.02;
 /// An explanation with a smaller p-value is rejected although it cannot be told from one that is not.
 const REJECT_IN_ANY_CASE: f64 = 0.002;
 /// Where the model without effects leaves a larger score than this, fits start from the model as given too.

@@ -10,13 +10,12 @@ use super::results::{Kind, Results, WarningResult};
 use super::story_figures::{WaterfallStep, interval, p_bar, separation, waterfall};
 use super::view::{Fact, Group, Pair, ParameterGroup, facts, groups, maybe, parameter_groups};
 use crate::diagnosis::catalogue::effect;
+use crate::diagnosis::diagnose::{REJECT_EXPLANATION, REJECT_NULL};
 
 /// z from which two explanations count as told apart.
 const ENOUGH_Z: f64 = 4.5;
 /// Candidates that the ranking shows in full.
 const SHOWN_CANDIDATES: usize = 14;
-/// Level drawn in the ranking.
-const LEVEL: f64 = 0.05;
 
 /// The page.
 pub struct Story {
@@ -335,8 +334,8 @@ fn cards(diagnosis: &DiagnosisResult, steps: &[WaterfallStep], floor: Option<f64
         cards.push(StoryCard { label: "Noise floor", value: percent(floor), note, tone: "" });
     }
     if let Some(p) = diagnosis.null_p_value {
-        let (value, tone) = (p_words(p), if p < LEVEL { "bad" } else { "good" });
-        let note = if p < LEVEL { "something is left" } else { "nothing is left but noise" }.to_owned();
+        let (value, tone) = (p_words(p), if p < REJECT_NULL { "bad" } else { "good" });
+        let note = if p < REJECT_NULL { "something is left" } else { "nothing is left but noise" }.to_owned();
         cards.push(StoryCard { label: "Muscles refitted, no effect", value, note, tone });
     }
     cards
@@ -415,7 +414,7 @@ fn candidates(diagnosis: &DiagnosisResult) -> Vec<CandidateRow> {
             id: c.effect.clone(),
             status,
             survives: survives(&c.effect) || in_pair(&c.effect),
-            svg: c.p_value.map(|p| p_bar(p, LEVEL)).unwrap_or_default(),
+            svg: c.p_value.map(|p| p_bar(p, REJECT_EXPLANATION)).unwrap_or_default(),
             p_value: c.p_value.map(p_words).unwrap_or_default(),
             score: c.score.map(|s| significant(s, 3)).unwrap_or_default(),
             kept: c.kept.map(|k| format!("{:.0}\u{202f}%", 100.0 * k)).unwrap_or_default(),
