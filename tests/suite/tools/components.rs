@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use carpus::storage::Storage;
 use carpus::tools::run_tool;
 
+use crate::validation::{self, Differences, Judge};
+
 /// Largest difference, relative to what is above 1.
 const TOLERANCE: f64 = 1e-9;
 /// The same where there are constraints: OpenSim's assembly, which made the states, leaves violations of up to 1e-9, which
@@ -18,13 +20,18 @@ fn folder() -> PathBuf {
 /// Muscles of which OpenSim leaves some quantities undefined; of Delp's it reports none but the actuation.
 const PARTLY_UNDEFINED: [&str; 4] = ["rigid", "schutte", "schutte_passive", "delp"];
 
+/// What the rows of the table are about.
+const MODEL: &str = "forces, actuators and muscles of many classes";
+/// What differences are divided by.
+const UNIT: &str = "value, at least 1";
+
 fn compare(setup: &str, results: &str, tolerance: f64) {
     let outcome = run_tool(&folder().join(setup), None, false).unwrap_or_else(|e| panic!("{e}"));
-    let mut files = 0;
-    let mut worst: f64 = 0.0;
-    let mut failures = Vec::new();
-    for entry in std::fs::read_dir(folder().join(results)).unwrap() {
-        let path = entry.unwrap().path();
+    let mut rows = Vec::new();
+    let mut paths: Vec<PathBuf> =
+        std::fs::read_dir(folder().join(results)).unwrap().map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    for path in paths {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
         let ours = outcome.files.iter().find(|f| f.path.file_name().is_some_and(|n| n.to_string_lossy() == name));
         let Some(ours) = ours else { panic!("OpenSim writes {name}, carpus does not") };
@@ -34,22 +41,21 @@ fn compare(setup: &str, results: &str, tolerance: f64) {
         let (theirs, ours) = (Storage::read(&path).unwrap(), Storage::read(&own).unwrap());
         assert_eq!(theirs.labels, ours.labels, "{name}");
         assert_eq!(theirs.time, ours.time, "{name}");
-        files += 1;
+        let quantity = format!("{results}: {}", name.trim_start_matches("run_").trim_end_matches(".sto"));
+        let mut differences = Differences::listing_above(quantity, UNIT, tolerance);
         for (row, (a, b)) in theirs.rows.iter().zip(&ours.rows).enumerate() {
             for ((a, b), label) in a.iter().zip(b).zip(&theirs.labels) {
                 if a.is_nan() && (b.is_nan() || PARTLY_UNDEFINED.contains(&label.as_str())) {
                     continue;
                 }
-                let difference = (a - b).abs() / a.abs().max(1.0);
-                worst = if difference.is_nan() { f64::INFINITY } else { worst.max(difference) };
-                if !(difference <= tolerance) {
-                    failures.push(format!("{name}, {label}, row {row}: {b} instead of {a}"));
-                }
+                differences
+                    .push((a - b).abs() / a.abs().max(1.0), || format!("{label}, row {row}: {b} instead of {a}"));
             }
         }
+        rows.push(differences.row("components", MODEL, tolerance, Judge::Max));
     }
-    println!("{setup}: {files} files, largest difference {worst:.2e}");
-    assert!(failures.is_empty(), "{} values differ:\n{}", failures.len(), failures.join("\n"));
+    validation::write(&format!("components_{results}"), &rows);
+    validation::assert_passed(&rows);
 }
 
 #[test]
@@ -74,15 +80,15 @@ fn compare_forward(name: &str, tolerance: f64) {
     let ours = Storage::parse(&states.bytes, &states.path).unwrap();
     let theirs = Storage::read(folder().join(format!("{name}.sto"))).unwrap();
     assert_eq!((&ours.labels, &ours.time), (&theirs.labels, &theirs.time));
-    let mut worst: f64 = 0.0;
+    let mut differences = Differences::listing_above(format!("{name}: states"), UNIT, tolerance);
     for (row, (a, b)) in ours.rows.iter().zip(&theirs.rows).enumerate() {
         for ((a, b), label) in a.iter().zip(b).zip(&ours.labels) {
-            let difference = (a - b).abs() / b.abs().max(1.0);
-            assert!(difference <= tolerance, "{label}, row {row}: {a} instead of {b}");
-            worst = worst.max(difference);
+            differences.push((a - b).abs() / b.abs().max(1.0), || format!("{label}, row {row}: {a} instead of {b}"));
         }
     }
-    println!("{name}: largest difference {worst:.2e}");
+    let rows = [differences.row("components", MODEL, tolerance, Judge::Max)];
+    validation::write(&format!("components_{name}"), &rows);
+    validation::assert_passed(&rows);
 }
 
 #[test]

@@ -11,6 +11,7 @@ use carpus::storage::Storage;
 use carpus::tools::run_tool;
 
 use crate::reference::{opensim_python, run_script, shared};
+use crate::validation::{self, Differences, Judge, Row};
 
 /// Numbers are printed with this many digits behind the point.
 const PRECISION: usize = 12;
@@ -34,8 +35,8 @@ impl Bench {
         std::fs::write(self.path(name), text).unwrap();
     }
 
-    /// Runs a setup whose results go to the folder `RESULTS`; returns the largest difference of every file.
-    fn compare(&self, setup: &str, tolerance: &dyn Fn(&str) -> f64) -> Vec<(String, f64)> {
+    /// Runs a setup whose results go to the folder `RESULTS`; returns a row of the validation table for every file.
+    fn compare(&self, tool: &str, model: &Path, setup: &str, tolerance: &dyn Fn(&str) -> f64) -> Vec<Row> {
         for (name, results) in [("opensim.xml", "opensim"), ("carpus.xml", "carpus")] {
             self.write(name, &setup.replace("RESULTS", results));
         }
@@ -51,22 +52,27 @@ impl Bench {
             .collect();
         names.sort();
         assert!(!names.is_empty());
-        let mut differences = Vec::new();
+        let mut rows = Vec::new();
         for name in names.iter().filter(|n| n.ends_with("sto") || n.ends_with("mot")) {
             let (theirs, ours) = (self.path("opensim").join(name), self.path("carpus").join(name));
             assert!(ours.exists(), "OpenSim writes {name}, carpus does not");
-            let difference = difference(&theirs, &ours);
-            println!("{name}: largest difference {difference:.2e}");
-            assert!(difference <= tolerance(name), "{name}: {difference:e} > {:e}", tolerance(name));
-            differences.push((name.clone(), difference));
+            let quantity = format!("{tool}: {}", name.trim_start_matches("run_").trim_end_matches(".sto"));
+            let mut differences = Differences::listing_above(quantity, "value, at least 1", tolerance(name));
+            compare_files(&theirs, &ours, &mut differences);
+            rows.push(differences.row("tools", &stem(model), tolerance(name), Judge::Max));
         }
-        differences
+        validation::write(&format!("tools_{tool}_{}", stem(model)), &rows);
+        validation::assert_passed(&rows);
+        rows
     }
 }
 
-/// Everything of the header but numbers has to be the same; returns the largest difference, relative to what is
-/// above 1.
-fn difference(theirs: &Path, ours: &Path) -> f64 {
+fn stem(model: &Path) -> String {
+    model.file_stem().unwrap().to_string_lossy().into_owned()
+}
+
+/// Everything of the header but numbers has to be the same; differences are relative to what is above 1.
+fn compare_files(theirs: &Path, ours: &Path, differences: &mut Differences) {
     let header = |path: &Path| {
         let text = std::fs::read_to_string(path).unwrap();
         text.split("endheader").next().unwrap().to_owned()
@@ -75,16 +81,14 @@ fn difference(theirs: &Path, ours: &Path) -> f64 {
     let (theirs, ours) = (Storage::read(theirs).unwrap(), Storage::read(ours).unwrap());
     assert_eq!(theirs.labels, ours.labels);
     assert_eq!(theirs.time, ours.time);
-    let mut largest: f64 = 0.0;
     for (k, (a, b)) in theirs.rows.iter().zip(&ours.rows).enumerate() {
         for ((a, b), label) in a.iter().zip(b).zip(&theirs.labels) {
             assert_eq!(a.is_nan(), b.is_nan(), "{label}, row {k}: {a} and {b}");
             if !a.is_nan() {
-                largest = largest.max((a - b).abs() / a.abs().max(1.0));
+                differences.push((a - b).abs() / a.abs().max(1.0), || format!("{label}, row {k}: {b} instead of {a}"));
             }
         }
     }
-    largest
 }
 
 /// A motion of all free coordinates inside their ranges that satisfies the couplers, in degrees where OpenSim has
@@ -140,7 +144,7 @@ fn val_opensim_inverse_dynamics() {
         bench.write("loads.xml", &format!("<?xml version=\"1.0\"?>\n<OpenSimDocument Version=\"40000\"><ExternalLoads name=\"l\"><objects><ExternalForce name=\"push\"><applied_to_body>{body}</applied_to_body><force_expressed_in_body>{body}</force_expressed_in_body><point_expressed_in_body>ground</point_expressed_in_body><force_identifier>f_v</force_identifier><point_identifier>f_p</point_identifier><torque_identifier>m_</torque_identifier></ExternalForce></objects><groups/><datafile>loads.mot</datafile></ExternalLoads></OpenSimDocument>"));
         let inner = "<time_range>0.05 0.31</time_range><forces_to_exclude>Muscles</forces_to_exclude><external_loads_file>loads.xml</external_loads_file><coordinates_file>motion.mot</coordinates_file><lowpass_cutoff_frequency_for_coordinates>6</lowpass_cutoff_frequency_for_coordinates><output_gen_force_file>id.sto</output_gen_force_file><joints_to_report_body_forces>ALL</joints_to_report_body_forces><output_body_forces_file>joints.sto</output_body_forces_file>";
         // Printed with 8 digits.
-        let found = bench.compare(&setup("InverseDynamicsTool", &model, inner), &|_| 1e-6);
+        let found = bench.compare("inverse dynamics", &model, &setup("InverseDynamicsTool", &model, inner), &|_| 1e-6);
         assert_eq!(found.len(), 2);
     }
 }
@@ -169,7 +173,7 @@ fn val_opensim_analyses() {
             name if name.contains("dudt") || name.contains("acc") || name.contains("Reaction") => 1e-4,
             _ => 1e-5,
         };
-        bench.compare(&setup("AnalyzeTool", &model, &inner), &tolerance);
+        bench.compare("analyses", &model, &setup("AnalyzeTool", &model, &inner), &tolerance);
     }
 }
 
@@ -189,8 +193,8 @@ fn val_opensim_static_optimization() {
     let reserves: String = spec.coordinates.iter().map(reserve).collect();
     bench.write("reserves.xml", &format!("<OpenSimDocument Version=\"40000\"><ForceSet name=\"r\"><objects>{reserves}</objects></ForceSet></OpenSimDocument>"));
     let inner = "<force_set_files>reserves.xml</force_set_files><initial_time>0</initial_time><final_time>0.2</final_time><coordinates_file>motion.mot</coordinates_file><AnalysisSet name=\"Analyses\"><objects><StaticOptimization name=\"SO\"><activation_exponent>2</activation_exponent></StaticOptimization></objects></AnalysisSet>";
-    let found =
-        bench.compare(&setup("AnalyzeTool", model, inner), &|name| if name.contains("force") { 5e-2 } else { 2e-3 });
+    let tolerance = |name: &str| if name.contains("force") { 5e-2 } else { 2e-3 };
+    let found = bench.compare("static optimization", model, &setup("AnalyzeTool", model, inner), &tolerance);
     assert_eq!(found.len(), 2);
 }
 
