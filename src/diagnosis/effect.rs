@@ -100,7 +100,8 @@ pub struct TrialContext<'a> {
     pub exposure: &'a [f64],
     /// Recorded angle of the coordinate [rad].
     pub recorded_angle: &'a [f64],
-    /// Simulated moment of the muscles [N·m] without the effects that ask for it ([`Effect::needs_moment`]); empty if none does.
+    /// Simulated moment of the muscles [N·m] without the effects that ask for it ([`Effect::needs_moment`]), but with those that
+    /// act back on it ([`Effect::feeds_back`]); empty if none asks.
     pub muscle_moment: &'a [f64],
     /// Sign of each muscle's moment arm in the middle of the recorded angles.
     pub directions: &'a [f64],

@@ -111,8 +111,7 @@ fn markers(points: &c3dio::Points) -> Result<Markers, StorageProblem> {
     let unit = unit.trim_matches(|c: char| c.is_whitespace() || c == '\0').to_owned();
     let factor = metres(&unit).ok_or(StorageProblem::Units { found: unit })?;
     let names: Vec<String> = (0..points.cols()).map(|i| label(&points.labels, i, "marker")).collect();
-    if let Some((i, name)) = names.iter().enumerate().find(|(i, n)| names[..*i].contains(n)) {
-        debug_assert!(i > 0);
+    if let Some((_, name)) = names.iter().enumerate().find(|(i, n)| names[..*i].contains(n)) {
         return Err(StorageProblem::SameLabel { label: name.clone() });
     }
     let place = |p: &c3dio::MarkerPoint| {
