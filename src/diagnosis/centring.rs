@@ -7,22 +7,22 @@
 //! e* = ê exp(∓w),   y* = τ(ê) ± ε,   ŵ* ← K G*ᵀ V*⁻¹ (y* − τ(e* exp ŵ*) + G* ŵ*),   bias = mean of X*ᵀ V*⁻¹ r*
 //! ```
 //! (a parametric bootstrap through EMG and moment). Draws come in pairs of opposite sign: all that is linear in them
-//! cancels, so that few pairs do.
+//! cancels. They are roots of covariances times signs, not normal numbers: the mean of what is quadratic in them is the same, and
+//! what is quadratic in one of them, as in a trial's gain, is the same in every draw. Few pairs do.
+//!
+//! # References
+//! Hutchinson (1990), A stochastic estimator of the trace of the influence matrix, doi:10.1080/03610919008812866.
 
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::fit::{Analysis, Linear, Noise, Point, between_knots, block_means, block_starts, corrected, whiten};
 use super::noise::{self, TrialNoise};
-use super::score_test::normal;
 use crate::simulation::SimulationError;
-
-/// Rounds in which the EMG's noise is estimated.
-const ROUNDS: usize = 2;
 
 impl Analysis<'_> {
     /// Mean score of nuisance, effects that are on and directions, per training trial.
@@ -77,33 +77,34 @@ impl Analysis<'_> {
         noise: &Noise,
         truth: &[DVector<f64>],
         pair: usize,
-        sign: f64,
+        side: f64,
     ) -> Result<Vec<DVector<f64>>, SimulationError> {
         let mut moments = Vec::new();
         let mut recorded = Vec::new();
+        let mut correction = Vec::new();
         for (position, structure) in noise.structure.iter().enumerate() {
             let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ ((position as u64) << 20) ^ ((pair as u64) << 40));
-            let drawn = structure.draw(&noise.levels, || normal(&mut rng));
-            let [w, added] = [0, 1].map(|part| drawn.iter().map(|d| &d[part] * sign).collect::<Vec<_>>());
-            moments.push(&truth[position] + structure.draw_moment(&noise.levels, || normal(&mut rng)) * sign);
-            let time = &self.forward.trials[self.train[position]].time;
-            recorded.push(raised(time, &corrected(time, &point.inputs[position].excitation, &w), &added));
+            let drawn = structure.draw(&noise.levels, || side * sign(&mut rng));
+            let of_moment = structure.draw_moment(&noise.levels, || side * sign(&mut rng));
+            // To first order; then without a simulation.
+            let shown = &of_moment - structure.respond(&structure.relative(&drawn));
+            correction.push(structure.expected_noise(&noise.levels, &noise.factors[position].solve(&shown)));
+            moments.push(&truth[position] + of_moment);
+            recorded.push(self.disturbed(position, &point.inputs[position].excitation, &drawn));
         }
-        let mut at = Point { baseline: vec![0.0; self.n_muscles()], correction: self.no_correction(), ..point.clone() };
+        let mut at = Point { baseline: vec![0.0; self.n_muscles()], correction, ..point.clone() };
         self.set_inputs(&mut at, &recorded)?;
-        let (mut linear, mut structure) = self.against(&at, &moments)?;
-        for _ in 0..ROUNDS {
-            at.correction = structure
-                .par_iter()
-                .zip(&linear)
-                .map(|(s, l)| {
-                    let weighted = noise::factor(s, &noise.levels).map(|f| f.solve(&l.residual));
-                    weighted.map_or_else(Vec::new, |weighted| s.expected_noise(&noise.levels, &weighted))
-                })
-                .collect();
-            self.set_inputs(&mut at, &recorded)?;
-            (linear, structure) = self.against(&at, &moments)?;
-        }
+        let (linear, structure) = self.against(&at, &moments)?;
+        at.correction = structure
+            .par_iter()
+            .zip(&linear)
+            .map(|(s, l)| {
+                let weighted = noise::factor(s, &noise.levels).map(|f| f.solve(&l.residual));
+                weighted.map_or_else(Vec::new, |weighted| s.expected_noise(&noise.levels, &weighted))
+            })
+            .collect();
+        self.set_inputs(&mut at, &recorded)?;
+        let (linear, structure) = self.against(&at, &moments)?;
         let directions = self.calc_directions(&linear, &at)?.0;
         let scores = linear.par_iter().zip(&directions).zip(&structure).map(|((l, d), s)| {
             let (own, on, extra) = (l.nuisance.ncols(), l.effects.ncols(), d.ncols());
@@ -118,6 +119,19 @@ impl Analysis<'_> {
             all.columns(0, n + extra).tr_mul(&all.column(n + extra))
         });
         Ok(scores.collect())
+    }
+
+    /// An excitation with noise; no recording is negative.
+    fn disturbed(&self, position: usize, excitation: &[Vec<f64>], drawn: &[[DVector<f64>; 2]]) -> Vec<Vec<f64>> {
+        let time = &self.forward.trials[self.train[position]].time;
+        let of_muscle = |(e, [w, added]): (&Vec<f64>, &[DVector<f64>; 2])| {
+            let at = |(e, t): (&f64, &f64)| {
+                let t = t - time[0];
+                (e * between_knots(w, t).exp() + between_knots(added, t)).clamp(0.0, 1.0)
+            };
+            e.iter().zip(time).map(at).collect()
+        };
+        excitation.iter().zip(drawn).map(of_muscle).collect()
     }
 
     /// The excitation of a point: as recorded, times what is expected of its noise.
@@ -152,10 +166,7 @@ impl Analysis<'_> {
     }
 }
 
-/// An excitation and what is added to it on knots; no recording is negative.
-fn raised(time: &[f64], excitation: &[Vec<f64>], added: &[DVector<f64>]) -> Vec<Vec<f64>> {
-    let of_muscle = |(e, added): (&Vec<f64>, &DVector<f64>)| {
-        e.iter().zip(time).map(|(e, t)| (e + between_knots(added, t - time[0])).clamp(0.0, 1.0)).collect()
-    };
-    excitation.iter().zip(added).map(of_muscle).collect()
+/// 1 or −1.
+fn sign(rng: &mut ChaCha8Rng) -> f64 {
+    if rng.random() { 1.0 } else { -1.0 }
 }

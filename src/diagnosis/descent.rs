@@ -11,6 +11,8 @@ use super::forward_model::FITTED_PER_MUSCLE;
 use super::noise::{self, COMPONENTS, NoiseLevels};
 use crate::simulation::SimulationError;
 
+/// Pairs of draws for the mean of scores.
+const PAIRS: usize = 2;
 /// Steps while the noise is only guessed.
 const ROUGH_STEPS: usize = 7;
 /// Steps after each estimate of the noise.
@@ -56,7 +58,7 @@ impl Analysis<'_> {
         let mut descent = self.descend(descent, ROUGH_STEPS, ROUGHLY)?;
         descent = self.settle(descent, false)?;
         descent = self.follow(descent, enough)?;
-        let pairs = usize::from(descent.deviance() <= enough);
+        let pairs = if descent.deviance() <= enough { PAIRS } else { 0 };
         self.finish(descent, pairs)
     }
 

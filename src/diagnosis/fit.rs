@@ -35,6 +35,8 @@ const MOST_BLOCKS: usize = 80;
 /// Largest mean of a score [standard deviations]: noise of the EMG causes 1 to 3; beyond that an EMG was bent to make up for a
 /// model that is far off.
 pub(super) const LARGEST_MEAN: f64 = 4.0;
+/// Pairs of draws for the mean of scores where nothing is known to be missing yet: there it decides on false alarms.
+const MOST_PAIRS: usize = 4;
 /// Moments per unit of log excitation below this are nothing [N·m].
 const SMALLEST_RESPONSE: f64 = 1e-9;
 /// Size of disturbances of the log excitation that are passed through effects.
@@ -211,7 +213,7 @@ impl<'a> Analysis<'a> {
         descent = analysis.settle(descent, true)?;
         analysis.choose_kernels(&mut descent)?;
         descent = analysis.follow(descent, f64::INFINITY)?;
-        let fit = analysis.finish(descent, 2)?;
+        let fit = analysis.finish(descent, MOST_PAIRS)?;
         Ok((analysis, fit))
     }
 

@@ -8,6 +8,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::numerics::symmetric_root;
+
 /// Smoothness of the noise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -78,16 +80,35 @@ pub fn correlated(by_step: &[f64], values: &DVector<f64>) -> DVector<f64> {
 }
 
 /// A matrix L with L Lᵀ the given covariance, also where that is singular.
+///
+/// Smooth correlations, cut off where they are negligible, have eigenvalues a little below 0: as little as is needed is added to
+/// the diagonal.
 pub fn root(covariance: &DMatrix<f64>) -> DMatrix<f64> {
-    let small = 1e-9 * (0..covariance.nrows()).map(|i| covariance[(i, i)]).fold(0.0, f64::max);
-    let mut regular = covariance.clone();
-    (0..regular.nrows()).for_each(|i| regular[(i, i)] += small);
-    regular.cholesky().map_or_else(|| DMatrix::zeros(covariance.nrows(), covariance.nrows()), |c| c.l())
+    let largest = covariance.diagonal().iter().copied().fold(0.0, f64::max);
+    let with_more = |exponent: i32| {
+        let more =
+            DMatrix::from_diagonal_element(covariance.nrows(), covariance.ncols(), 10f64.powi(exponent) * largest);
+        (covariance + more).cholesky()
+    };
+    (-9..-3).find_map(with_more).map_or_else(|| symmetric_root(covariance), |factor| factor.l())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn verif_roots_are_those_of_smooth_correlations_that_are_cut_off() {
+        for family in FAMILIES {
+            for length in [0.05, 0.1, 0.4] {
+                let by_step = Kernel { family, length }.by_step(0.04);
+                let n = 100;
+                let matrix = DMatrix::from_fn(n, n, |i, j| by_step.get(i.abs_diff(j)).copied().unwrap_or(0.0));
+                let root = root(&matrix);
+                assert!((&root * root.transpose() - &matrix).amax() < 1e-4, "{family:?} {length}");
+            }
+        }
+    }
 
     #[test]
     fn verif_half_integer_kernels_are_those_of_their_closed_forms() {

@@ -365,6 +365,13 @@ impl TrialNoise {
             .collect()
     }
 
+    /// Noise of the EMG relative to it, on knots per muscle.
+    ///
+    /// - `drawn`: from [`TrialNoise::draw`]
+    pub fn relative(&self, drawn: &[[DVector<f64>; 2]]) -> Vec<DVector<f64>> {
+        drawn.iter().zip(&self.reciprocal).map(|([w, added], d)| w + added.component_mul(d)).collect()
+    }
+
     /// A draw of the noise of the moment, averaged over blocks [N·m].
     ///
     /// - `normal`: standard normal numbers

@@ -23,6 +23,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
+use crate::numerics::symmetric_root;
+
 /// Draws of the null distribution of the smallest p-value.
 const DRAWS: usize = 2000;
 /// Eigenvalues of a block's information below this share of its largest one count as zero.
@@ -189,7 +191,11 @@ impl Law {
     /// - `spread`: covariance of the variances' logarithms
     fn new(information: &DMatrix<f64>, parts: &[DMatrix<f64>], spread: &DMatrix<f64>) -> Law {
         let known = parts.iter().fold(information.clone(), |rest, part| rest - part);
-        Law { parts: parts.iter().map(root).collect(), known: root(&known), spread: root(spread) }
+        Law {
+            parts: parts.iter().map(symmetric_root).collect(),
+            known: symmetric_root(&known),
+            spread: symmetric_root(spread),
+        }
     }
 
     fn draw(&self, rng: &mut ChaCha8Rng) -> DVector<f64> {
@@ -323,15 +329,6 @@ fn pseudo_inverse(matrix: &DMatrix<f64>) -> (DMatrix<f64>, usize) {
         }
     }
     (out, rank)
-}
-
-fn root(matrix: &DMatrix<f64>) -> DMatrix<f64> {
-    let eigen = SymmetricEigen::new(matrix.clone());
-    let mut out = eigen.eigenvectors;
-    for (mut column, value) in out.column_iter_mut().zip(eigen.eigenvalues.iter()) {
-        column *= value.max(0.0).sqrt();
-    }
-    out
 }
 
 #[cfg(test)]
