@@ -61,8 +61,8 @@ fn start(analysis: &Analysis, refit: &Fit, before: &Fit, effects: &[&'static dyn
     let left = analysis.anything_left(from, &[]);
     if let Some(score) = left.iter().flat_map(|l| &l.blocks).find(|b| b.name == description.id) {
         for (i, p) in description.amplitudes().enumerate() {
-            setting.values[p] =
-                score.one_step[i].clamp(-LARGEST_START, LARGEST_START) * description.parameters[p].scale;
+            setting.values[p] = score.one_step[i].clamp(-LARGEST_START, LARGEST_START)
+                * analysis.forward.strength.scale(&description.parameters[p]);
         }
     }
     point.effects.push(setting);
@@ -78,7 +78,7 @@ fn step(analysis: &Analysis, request: &Request, fit: Fit) -> FittedStep {
         .map(|d| d.id)
         .collect();
     FittedStep {
-        estimates: estimates(&fit, &request.forward.muscles),
+        estimates: estimates(&fit, request.forward),
         p_value: analysis.anything_left(&fit, &unidentifiable).map(|left| left.p_value),
         noise_floor: analysis.noise_floor(&fit),
         parameters: fit.point.parameters,

@@ -79,7 +79,7 @@ impl Analysis<'_> {
 
     /// A fit with usual noise: while the model is far off, its errors would be taken for noise.
     pub(super) fn rough_fit(&self, start: Point) -> Result<Descent, SimulationError> {
-        let descent = self.begin(start, NoiseLevels::default())?;
+        let descent = self.begin(start, NoiseLevels::usual(self.forward.strength.0))?;
         self.descend(descent, ROUGH_STEPS, ROUGHLY)
     }
 

@@ -13,7 +13,6 @@ use super::forward_model::{ForwardModel, Setting};
 use super::noise::{Kernels, NoiseLevels};
 use super::score_test::{BlockScore, Omnibus};
 use super::where_it_fails::{AxisResult, along_axes};
-use crate::osim::spec::MuscleSpec;
 use crate::simulation::SimulationError;
 use crate::study::{Direction, ParameterBounds, TrialUse};
 
@@ -418,7 +417,7 @@ impl Judge<'_> {
             for i in 0..found.len().min(TRIED_AGAIN) {
                 let mut anew = self.analysis.nominal_point();
                 anew.effects.extend(found[i].0.point.effects.iter().map(|s| Setting::absent(s.effect)));
-                if let Some(other) = self.explain(anew, NoiseLevels::default(), &found)?
+                if let Some(other) = self.explain(anew, NoiseLevels::usual(self.request.forward.strength.0), &found)?
                     && other.0.deviance < found[i].0.deviance
                 {
                     found[i] = other;
@@ -434,7 +433,8 @@ impl Judge<'_> {
         let description = effect.description();
         if let Some(score) = block(left, description.id) {
             for (i, p) in description.amplitudes().enumerate() {
-                setting.values[p] = score.one_step[i].clamp(-5.0, 5.0) * description.parameters[p].scale;
+                setting.values[p] = score.one_step[i].clamp(-5.0, 5.0)
+                    * self.request.forward.strength.scale(&description.parameters[p]);
             }
         }
         let mut start = point.clone();
@@ -485,7 +485,7 @@ impl Judge<'_> {
         // Sizes at which a muscle cannot be simulated explain nothing.
         let Ok(fit) = self.analysis.refit(start, levels, best + FAR) else { return Ok(None) };
         let with = test(self.analysis, &fit, self.not_testable)?;
-        let parameters = estimates(&fit, &self.request.forward.muscles);
+        let parameters = estimates(&fit, self.request.forward);
         let plausible = parameters.values().all(|p| p.ci95[1] >= p.plausible[0] && p.ci95[0] <= p.plausible[1]);
         let held_out_error = self.error_of(&fit, TrialUse::Test)?;
         let (p_value, left) = (with.p_value, left_over(&with));
@@ -554,7 +554,10 @@ impl Judge<'_> {
                     .filter(|(i, _)| score.information[(*i, *i)] > 1e-9)
                     .map(|(i, p)| {
                         let p = &description.parameters[p];
-                        (p.name, DETECTABLE_Z * p.scale / score.information[(i, i)].sqrt())
+                        (
+                            p.name,
+                            DETECTABLE_Z * self.request.forward.strength.scale(p) / score.information[(i, i)].sqrt(),
+                        )
                     })
                     .collect();
                 Some(Candidate {
@@ -601,19 +604,19 @@ impl Judge<'_> {
 
 /// The effects' parameters after a fit, by `effect.parameter`, with 95 % intervals.
 ///
-/// - `muscles`: of the model, for parameters that are properties of muscles
-pub fn estimates(fit: &Fit, muscles: &[MuscleSpec]) -> BTreeMap<String, ParameterEstimate> {
+/// - `forward`: the model that was fitted
+pub fn estimates(fit: &Fit, forward: &ForwardModel) -> BTreeMap<String, ParameterEstimate> {
     let mut out = BTreeMap::new();
     let mut column = 0;
     for setting in &fit.point.effects {
         let description = setting.effect.description();
-        let reported = setting.effect.reported(&setting.values, muscles);
+        let reported = setting.effect.reported(&setting.values, &forward.muscles);
         for (i, p) in description.parameters.iter().enumerate() {
-            let half = 1.96 * fit.covariance[(column, column)].max(0.0).sqrt() * p.scale;
+            let half = 1.96 * fit.covariance[(column, column)].max(0.0).sqrt() * forward.strength.scale(p);
             let side = |sign: f64| {
                 let mut values = setting.values.clone();
                 values[i] += sign * half;
-                setting.effect.reported(&values, muscles)[i]
+                setting.effect.reported(&values, &forward.muscles)[i]
             };
             let (a, b) = (side(-1.0), side(1.0));
             out.insert(
@@ -622,7 +625,7 @@ pub fn estimates(fit: &Fit, muscles: &[MuscleSpec]) -> BTreeMap<String, Paramete
                     value: reported[i],
                     unit: p.unit,
                     ci95: [a.min(b), a.max(b)],
-                    plausible: p.plausible,
+                    plausible: forward.strength.plausible(p),
                 },
             );
             column += 1;

@@ -56,9 +56,9 @@ pub struct Parameter {
     pub role: Role,
     /// Value without the effect (amplitudes: 0), or the usual shape.
     pub start: f64,
-    /// A typical size: the scale of the amplitude, the standard deviation that a shape is expected to have.
+    /// A typical size at a wrist: the scale of the amplitude, the standard deviation that a shape is expected to have.
     pub scale: f64,
-    /// Plausible range as reported.
+    /// Plausible range at a wrist, as reported.
     pub plausible: [f64; 2],
     /// Where the range comes from.
     pub source: &'static str,

@@ -41,7 +41,7 @@ const MOST_PAIRS: usize = 4;
 const SMALLEST_RESPONSE: f64 = 1e-9;
 /// Size of disturbances of the log excitation that are passed through effects.
 const DISTURBANCE: f64 = 1e-3;
-/// Scale of lack-of-fit directions [N·m].
+/// Scale of lack-of-fit directions at a wrist [N·m].
 const LACK_SCALE: f64 = 0.1;
 
 /// Where a fit stands.
@@ -514,7 +514,7 @@ impl<'a> Analysis<'a> {
         for setting in &point.effects {
             for (p, value) in setting.effect.description().parameters.iter().zip(&setting.values) {
                 precision.push(if p.role == Role::Shape { 1.0 } else { AMPLITUDE_PRECISION });
-                offset.push((value - p.start) / p.scale);
+                offset.push((value - p.start) / self.forward.strength.scale(p));
             }
         }
         (precision, offset)
@@ -556,14 +556,15 @@ impl<'a> Analysis<'a> {
         for setting in &mut point.effects {
             let stage = setting.effect.description().stage;
             for (p, value) in setting.effect.description().parameters.iter().zip(&mut setting.values) {
-                let limit = p.scale
+                let scale = self.forward.strength.scale(p);
+                let limit = scale
                     * match (p.role, stage) {
                         (Role::Shape, _) => 3.0,
                         // Logarithms of ratios of a muscle's property.
                         (_, Stage::Muscle | Stage::Activation) => 5.0,
                         _ => 30.0,
                     };
-                *value = (*value + step[column] * p.scale).clamp(p.start - limit, p.start + limit);
+                *value = (*value + step[column] * scale).clamp(p.start - limit, p.start + limit);
                 column += 1;
             }
         }
@@ -650,7 +651,7 @@ impl<'a> Analysis<'a> {
                 let columns =
                     super::where_it_fails::directions(self.forward, g, &linear[position].core.prepared, series);
                 count = columns.len();
-                all.extend(columns.iter().map(|c| block_means(c, &starts) * LACK_SCALE));
+                all.extend(columns.iter().map(|c| block_means(c, &starts) * LACK_SCALE * self.forward.strength.0));
             }
             blocks.push(Block { name: format!("axis:{axis}"), columns: (next..next + count).collect() });
             next += count;

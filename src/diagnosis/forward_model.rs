@@ -7,6 +7,7 @@ use super::catalogue::position;
 use super::effect::{Effect, JointState, MuscleState, Role, Stage, TrialContext};
 use super::holds::steadied_trials;
 use super::silent_muscles::SilentMuscles;
+use super::strength::Strength;
 use super::trial_record::{TrialRecord, records};
 use nalgebra::DMatrix;
 
@@ -63,6 +64,8 @@ pub struct ForwardModel {
     /// Noise of the recorded angle, and draws of it per trial; none: the angle is exact.
     angle_noise: Option<(AngleNoise, Vec<Vec<Disturbance>>)>,
     silent_muscles: SilentMuscles,
+    /// How strong the joint is beside a wrist.
+    pub strength: Strength,
     model: MusculoskeletalModel,
     base: Vec<PreparedTrial>,
     options: Options,
@@ -159,6 +162,7 @@ impl ForwardModel {
             given: Vec::new(),
             angle_noise: None,
             silent_muscles: SilentMuscles::of(spec, model, &base),
+            strength: Strength::of(trials),
             model: model.clone(),
             base,
             options,
@@ -201,6 +205,14 @@ impl ForwardModel {
             true => Cow::Borrowed(effects),
             false => Cow::Owned(self.given.iter().chain(effects).cloned().collect()),
         }
+    }
+
+    /// Effects, a parameter of one of them moved by so many of its scales.
+    fn moved(&self, effects: &[Setting], which: usize, parameter: usize, step: f64) -> Vec<Setting> {
+        let mut effects = effects.to_vec();
+        let moved = &effects[which].effect.description().parameters[parameter];
+        effects[which].values[parameter] += step * self.strength.scale(moved);
+        effects
     }
 
     /// Positions of the trials of a use.
@@ -527,7 +539,7 @@ impl ForwardModel {
         parameter: usize,
     ) -> Result<Vec<f64>, SimulationError> {
         let step = step(effects[which].effect);
-        let sides = [1.0, -1.0].map(|sign| moved(effects, which, parameter, sign * step));
+        let sides = [1.0, -1.0].map(|sign| self.moved(effects, which, parameter, sign * step));
         let [up, down] = if effects[which].effect.description().stage >= Stage::Joint {
             sides.map(|effects| self.recorded_moment(trial, core, &effects))
         } else {
@@ -615,8 +627,8 @@ impl ForwardModel {
         (0..effects[which].values.len())
             .map(|parameter| {
                 let step = step(effects[which].effect);
-                let up = self.variant(&moved(effects, which, parameter, step))?;
-                let down = self.variant(&moved(effects, which, parameter, -step))?;
+                let up = self.variant(&self.moved(effects, which, parameter, step))?;
+                let down = self.variant(&self.moved(effects, which, parameter, -step))?;
                 Ok([up, down])
             })
             .collect()
@@ -683,12 +695,6 @@ fn in_order(effects: &[Setting]) -> Vec<&Setting> {
     let mut ordered: Vec<&Setting> = effects.iter().collect();
     ordered.sort_by_key(|s| position(s.effect));
     ordered
-}
-
-fn moved(effects: &[Setting], which: usize, parameter: usize, step: f64) -> Vec<Setting> {
-    let mut effects = effects.to_vec();
-    effects[which].values[parameter] += step * effects[which].effect.description().parameters[parameter].scale;
-    effects
 }
 
 /// Whether a parameter can matter at these values: shapes do not while the effect is absent.

@@ -21,6 +21,7 @@ pub mod noise;
 pub mod plan;
 pub mod score_test;
 pub mod silent_muscles;
+mod strength;
 pub mod synthesis;
 pub mod trial_record;
 pub mod where_it_fails;

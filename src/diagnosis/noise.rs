@@ -53,6 +53,15 @@ impl Default for NoiseLevels {
     }
 }
 
+impl NoiseLevels {
+    /// Usual noise at a joint so many times as strong as a wrist.
+    pub fn usual(strength: f64) -> NoiseLevels {
+        let mut levels = NoiseLevels::default();
+        levels.0[..EMG.start].iter_mut().for_each(|v| *v *= strength * strength);
+        levels
+    }
+}
+
 /// Which component is that of slow disturbances in trials of a direction.
 fn slow_component(direction: Direction) -> usize {
     SLOW.start
