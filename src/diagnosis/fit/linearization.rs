@@ -1,0 +1,255 @@
+//! A trial around a point: what moments do when parameters, effects, excitations and everything that is tested change.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::super::effect::interpolate;
+use super::super::forward_model::{Core, FITTED_PER_MUSCLE, Setting, matters};
+use super::super::noise::{BASELINE_SD, KNOT_SPACING, Response, TrialNoise};
+use super::super::score_test::Block;
+use super::super::where_it_fails;
+use super::{Analysis, Point, block_means, block_starts, knot_count};
+use crate::simulation::SimulationError;
+
+/// Moments per unit of log excitation below this are nothing [N·m].
+const SMALLEST_RESPONSE: f64 = 1e-9;
+/// Size of disturbances of the log excitation that are passed through effects.
+const DISTURBANCE: f64 = 1e-3;
+/// Scale of lack-of-fit directions at a wrist [N·m].
+const LACK_SCALE: f64 = 0.1;
+
+/// One trial at a point, averaged over blocks of samples.
+pub(in crate::diagnosis) struct Linear {
+    pub(in crate::diagnosis) nuisance: DMatrix<f64>,
+    pub(in crate::diagnosis) effects: DMatrix<f64>,
+    /// Measured minus simulated moment.
+    pub(in crate::diagnosis) bare: DVector<f64>,
+    /// The same, expected EMG noise and baselines taken into account.
+    pub(in crate::diagnosis) residual: DVector<f64>,
+    /// The trial's core, for directions.
+    pub(in crate::diagnosis) core: Core,
+}
+
+impl Analysis<'_> {
+    pub(in crate::diagnosis) fn linearize(
+        &self,
+        point: &Point,
+        noise: &[TrialNoise],
+    ) -> Result<Vec<Linear>, SimulationError> {
+        let variant = self.forward.variant(&point.effects)?;
+        let variants = (0..point.effects.len())
+            .map(|i| self.forward.difference_variants(&point.effects, i))
+            .collect::<Result<Vec<_>, _>>()?;
+        (0..self.train.len())
+            .into_par_iter()
+            .map(|position| {
+                let g = self.train[position];
+                let record = &self.forward.trials[g];
+                let starts = block_starts(record.time.len());
+                let input = &*point.inputs[position];
+                let core = self.forward.core(&variant, g, input, &point.parameters, &point.effects, true)?;
+                let simulated = self.forward.recorded_moment(g, &core, &point.effects);
+                let difference: Vec<f64> = record.moment.iter().zip(&simulated).map(|(y, s)| y - s).collect();
+                let bare = block_means(&difference, &starts);
+                let blocks = bare.len();
+                let mut nuisance = DMatrix::zeros(blocks, self.n_nuisance());
+                for (j, by) in self.forward.sensed_derivatives(g, &core, &point.effects).iter().enumerate() {
+                    nuisance.set_column(j, &block_means(by, &starts));
+                }
+                let count: usize = point.effects.iter().map(|s| s.values.len()).sum();
+                let mut effects = DMatrix::zeros(blocks, count);
+                let mut column = 0;
+                for (i, setting) in point.effects.iter().enumerate() {
+                    for p in 0..setting.values.len() {
+                        if matters(setting, p) {
+                            let by = self.forward.effect_derivative(
+                                g,
+                                &core,
+                                input,
+                                &point.parameters,
+                                &point.effects,
+                                i,
+                                &variants[i],
+                                p,
+                            )?;
+                            effects.set_column(column, &block_means(&by, &starts));
+                        }
+                        column += 1;
+                    }
+                }
+                let mut linear = Linear { nuisance, effects, residual: bare.clone(), bare, core };
+                if let Some(noise) = noise.get(position) {
+                    self.attach(&mut linear, position, point, noise);
+                }
+                Ok(linear)
+            })
+            .collect::<Vec<_>>()
+            .into_iter()
+            .collect()
+    }
+
+    /// Takes the noise of a trial into account in a linearization.
+    pub(in crate::diagnosis) fn attach(&self, linear: &mut Linear, position: usize, point: &Point, noise: &TrialNoise) {
+        linear.residual = &linear.bare + noise.respond(&point.correction[position]);
+        for m in 0..self.n_muscles() {
+            let column = noise.respond_to_baseline(m) * BASELINE_SD;
+            linear.residual -= &column * point.baseline[m];
+            linear.nuisance.set_column(self.n_muscles() * FITTED_PER_MUSCLE + m, &column);
+        }
+    }
+
+    pub(in crate::diagnosis) fn noise_structure(&self, linear: &[Linear], point: &Point) -> Vec<TrialNoise> {
+        let of_trial = |(position, l): (usize, &Linear)| self.trial_noise(position, &l.core, point);
+        linear.par_iter().enumerate().map(of_trial).collect()
+    }
+
+    /// How noise enters a trial.
+    ///
+    /// - `core`: at the point, with derivatives
+    fn trial_noise(&self, position: usize, core: &Core, point: &Point) -> TrialNoise {
+        let g = self.train[position];
+        let record = &self.forward.trials[g];
+        let starts = block_starts(record.time.len());
+        let blocks = starts.len() - 1;
+        let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
+        let knots = knot_count(&record.time);
+        let block_of: Vec<usize> = counts.iter().enumerate().flat_map(|(b, c)| std::iter::repeat_n(b, *c)).collect();
+        let response = |m: usize| {
+            let factor = self.forward.moment_factor(g, core, &point.inputs[position], &point.effects, m);
+            core.prepared.scaled_excitation_response(m, &core.solutions[m], &core.excitation[m], &factor)
+        };
+        let muscles: Vec<_> = (0..self.n_muscles()).map(response).collect();
+        // Forces may have moved since the muscles were followed.
+        let scale =
+            |m: usize| point.parameters[m].max_isometric_force / core.solutions[m].parameters.max_isometric_force;
+        let before = &point.inputs[position].excitation;
+        let changed = self.forward.excitation_changes(&point.effects);
+        let reshaped = self.forward.reshapes_moment(&point.effects);
+        let mut responses = Vec::new();
+        for (m, e) in before.iter().enumerate() {
+            let mut g_of_muscle = Response::new(blocks, knots);
+            let mut by_knots = vec![vec![0.0; if reshaped { record.time.len() } else { 0 }]; knots];
+            for (j, by_knot) in by_knots.iter_mut().enumerate() {
+                let (first, disturbance) = hat(&record.time, e, j);
+                let mut show = |m: usize, first: usize, disturbance: &[f64]| {
+                    muscles[m].respond(first, disturbance, |k, moment| match by_knot.get_mut(k) {
+                        Some(to) => *to += scale(m) * moment,
+                        None => g_of_muscle.add(block_of[k], j, scale(m) * moment / counts[block_of[k]] as f64),
+                    });
+                };
+                if !changed {
+                    show(m, first, &disturbance);
+                    continue;
+                }
+                // Through the effects on excitation: later, bent, or into a neighbour.
+                let mut disturbed = before.clone();
+                disturbed[m][first..].iter_mut().zip(&disturbance).for_each(|(e, d)| *e += DISTURBANCE * d);
+                let after = self.forward.excited(g, &disturbed, &point.effects);
+                for (other, (after, was)) in after.iter().zip(&core.excitation).enumerate() {
+                    let differs = |k: &usize| after[*k] != was[*k];
+                    let (Some(first), Some(last)) = ((0..was.len()).find(differs), (0..was.len()).rfind(differs))
+                    else {
+                        continue;
+                    };
+                    let change: Vec<f64> = (first..=last).map(|k| (after[k] - was[k]) / DISTURBANCE).collect();
+                    show(other, first, &change);
+                }
+            }
+            if reshaped {
+                // Through the sensor, and what on the joint depends on the muscles' moment.
+                let recorded = self.forward.recorded_changes(g, core, &point.effects, &by_knots);
+                for (j, by_knot) in recorded.iter().enumerate() {
+                    for (k, moment) in by_knot.iter().enumerate().filter(|(_, moment)| moment.abs() > SMALLEST_RESPONSE)
+                    {
+                        g_of_muscle.add(block_of[k], j, moment / counts[block_of[k]] as f64);
+                    }
+                }
+            }
+            responses.push(g_of_muscle);
+        }
+        let start = record.time[0];
+        let at_knot = |e: &[f64], j: usize| interpolate(&record.time, e, start + KNOT_SPACING * j as f64);
+        let at_knots: Vec<Vec<f64>> = before.iter().map(|e| (0..knots).map(|j| at_knot(e, j)).collect()).collect();
+        let average = |series: &[f64]| block_means(series, &starts).as_slice().to_vec();
+        let of_angle = self.forward.angle_covariance(g, core, &point.effects, average, &average(&record.time));
+        TrialNoise::correlated(&self.times[position], responses, &at_knots, &self.kernels.emg).with_angle(of_angle)
+    }
+
+    /// Directions of all candidates' amplitudes and of lack of fit, in units of their scales, and the blocks that they form;
+    /// 0 for an effect that is on.
+    pub(in crate::diagnosis) fn calc_directions(
+        &self,
+        linear: &[Linear],
+        point: &Point,
+    ) -> Result<(Vec<DMatrix<f64>>, Vec<Block>), SimulationError> {
+        let mut per_trial: Vec<Vec<DVector<f64>>> = vec![Vec::new(); self.train.len()];
+        let mut blocks = Vec::new();
+        let mut next = 0;
+        for effect in &self.candidates {
+            let amplitudes: Vec<usize> = effect.description().amplitudes().collect();
+            let columns = (next..next + amplitudes.len()).collect();
+            blocks.push(Block { name: effect.description().id.to_string(), columns });
+            next += amplitudes.len();
+            if point.effects.iter().any(|s| s.effect.description().id == effect.description().id) {
+                for (all, l) in per_trial.iter_mut().zip(linear) {
+                    all.extend(amplitudes.iter().map(|_| DVector::zeros(l.residual.len())));
+                }
+                continue;
+            }
+            let mut settings = point.effects.clone();
+            settings.push(Setting::absent(*effect));
+            let which = settings.len() - 1;
+            let variants = self.forward.difference_variants(&settings, which)?;
+            let columns = self
+                .train
+                .par_iter()
+                .zip(linear)
+                .zip(&point.inputs)
+                .map(|((g, l), input)| {
+                    let starts = block_starts(self.forward.trials[*g].time.len());
+                    amplitudes
+                        .iter()
+                        .map(|p| {
+                            let by = self.forward.effect_derivative(
+                                *g,
+                                &l.core,
+                                input,
+                                &point.parameters,
+                                &settings,
+                                which,
+                                &variants,
+                                *p,
+                            )?;
+                            Ok(block_means(&by, &starts))
+                        })
+                        .collect::<Result<Vec<_>, SimulationError>>()
+                })
+                .collect::<Vec<_>>();
+            for (all, new) in per_trial.iter_mut().zip(columns) {
+                all.extend(new?);
+            }
+        }
+        for (axis, series) in where_it_fails::AXES.iter().zip(0..) {
+            let mut count = 0;
+            for (position, all) in per_trial.iter_mut().enumerate() {
+                let g = self.train[position];
+                let starts = block_starts(self.forward.trials[g].time.len());
+                let columns = where_it_fails::directions(self.forward, g, &linear[position].core.prepared, series);
+                count = columns.len();
+                all.extend(columns.iter().map(|c| block_means(c, &starts) * LACK_SCALE * self.forward.strength.0));
+            }
+            blocks.push(Block { name: format!("axis:{axis}"), columns: (next..next + count).collect() });
+            next += count;
+        }
+        Ok((per_trial.into_iter().map(|columns| DMatrix::from_columns(&columns)).collect(), blocks))
+    }
+}
+
+/// Disturbance of an excitation by one unit of its logarithm on a knot: first sample and values.
+fn hat(time: &[f64], excitation: &[f64], knot: usize) -> (usize, Vec<f64>) {
+    let center = time[0] + KNOT_SPACING * knot as f64;
+    let first = time.partition_point(|t| *t <= center - KNOT_SPACING);
+    let end = time.partition_point(|t| *t < center + KNOT_SPACING);
+    let weight = |t: f64| (1.0 - (t - center).abs() / KNOT_SPACING).max(0.0);
+    (first.min(time.len()), (first..end).map(|k| excitation[k] * weight(time[k])).collect())
+}
