@@ -1,5 +1,7 @@
 //! A participant's trials, simulated with any set of effects.
 
+mod derivatives;
+
 use std::borrow::Cow;
 
 use super::angle_noise::{AngleNoise, Disturbance};
@@ -99,9 +101,6 @@ pub struct Core {
 
 /// Accuracy that a diagnosis needs: moments within about 10⁻³ N·m, far below any sensor's noise, in half the time.
 pub const DIAGNOSIS_ACCURACY: FiberAccuracy = FiberAccuracy { tolerance: 5e-5, max_step: 0.04 };
-
-/// Change of the muscles' moment for differences of what is recorded [N·m].
-const SMALL_MOMENT: f64 = 1e-5;
 
 /// Times that the moment of the muscles is computed anew where it acts back on the joint's angle: what is missing is then 1 to
 /// 2 % of the effect at the most compliant joint, and would be 10 to 15 % without.
@@ -205,14 +204,6 @@ impl ForwardModel {
             true => Cow::Borrowed(effects),
             false => Cow::Owned(self.given.iter().chain(effects).cloned().collect()),
         }
-    }
-
-    /// Effects, a parameter of one of them moved by so many of its scales.
-    fn moved(&self, effects: &[Setting], which: usize, parameter: usize, step: f64) -> Vec<Setting> {
-        let mut effects = effects.to_vec();
-        let moved = &effects[which].effect.description().parameters[parameter];
-        effects[which].values[parameter] += step * self.strength.scale(moved);
-        effects
     }
 
     /// Positions of the trials of a use.
@@ -459,47 +450,6 @@ impl ForwardModel {
         (!draws.is_empty()).then(|| noise.covariance(&draws, times))
     }
 
-    /// Whether the recorded moment changes otherwise than the muscles' moment does: through the sensor, or through an effect on
-    /// the joint that depends on the muscles' moment.
-    pub fn reshapes_moment(&self, effects: &[Setting]) -> bool {
-        let reshapes = |s: &Setting| s.effect.description().stage == Stage::Sensor || s.effect.needs_moment();
-        self.acting(effects).iter().any(reshapes)
-    }
-
-    /// Changes of the recorded moment when the muscles' moment changes, to first order.
-    ///
-    /// - `changes`: of the muscles' moment, per sample
-    pub fn recorded_changes<'c>(
-        &self,
-        trial: usize,
-        core: &Core,
-        effects: &[Setting],
-        changes: impl IntoIterator<Item = &'c Vec<f64>>,
-    ) -> Vec<Vec<f64>> {
-        let base = self.recorded_moment(trial, core, effects);
-        let add =
-            |to: &[f64], by: &[f64], step: f64| -> Vec<f64> { to.iter().zip(by).map(|(m, d)| m + step * d).collect() };
-        let recorded = |by: &Vec<f64>| {
-            let largest = by.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-            if largest == 0.0 {
-                return vec![0.0; by.len()];
-            }
-            // Small, because the direction of a moment may matter, and its share of the largest.
-            let step = SMALL_MOMENT / largest;
-            let moved = self.recorded(trial, core, add(&core.moment, by, step), &add(core.shown(), by, step), effects);
-            moved.iter().zip(&base).map(|(a, b)| (a - b) / step).collect()
-        };
-        changes.into_iter().map(recorded).collect()
-    }
-
-    /// Derivatives of the recorded moment by the fitted muscle parameters: those of the core as the sensor shows them.
-    pub fn sensed_derivatives(&self, trial: usize, core: &Core, effects: &[Setting]) -> Vec<Vec<f64>> {
-        match self.reshapes_moment(effects) {
-            true => self.recorded_changes(trial, core, effects, &core.by_parameters),
-            false => core.by_parameters.clone(),
-        }
-    }
-
     /// What effects multiply a muscle's moment by, per sample.
     pub fn moment_factor(
         &self,
@@ -513,134 +463,6 @@ impl ForwardModel {
         let context = self.context(trial, &input.excitation, muscle_moment);
         let effects = self.acting(effects);
         muscle_factor(&in_order(&effects), &context, &core.prepared, muscle, &core.prepared.kinematics().angle)
-    }
-
-    /// Derivative of the recorded moment by a parameter of an effect [N·m per unit of the parameter's scale].
-    ///
-    /// What the muscles' dynamics make of the effect is the exact derivative of the simulation
-    /// ([`PreparedTrial::force_derivative`]); closed formulas before and after them are differentiated by central
-    /// differences of a ten-thousandth of the scale, which at a kink give the mean of both sides.
-    ///
-    /// - `effects`: the effects that are on, the one in question at position `which`
-    /// - `core`: of the same trial, input, parameters and effects, with derivatives
-    /// - `variants`: from [`ForwardModel::difference_variants`]
-    ///
-    /// # Errors
-    /// A property that is not allowed.
-    pub fn effect_derivative(
-        &self,
-        trial: usize,
-        core: &Core,
-        input: &TrialInput,
-        parameters: &[MuscleParameters],
-        effects: &[Setting],
-        which: usize,
-        variants: &[[Cow<'_, MusculoskeletalModel>; 2]],
-        parameter: usize,
-    ) -> Result<Vec<f64>, SimulationError> {
-        let step = step(effects[which].effect);
-        let sides = [1.0, -1.0].map(|sign| self.moved(effects, which, parameter, sign * step));
-        let [up, down] = if effects[which].effect.description().stage >= Stage::Joint {
-            sides.map(|effects| self.recorded_moment(trial, core, &effects))
-        } else {
-            let variants = variants[parameter].each_ref().map(|v| &**v);
-            let acting = sides.each_ref().map(|effects| self.acting(effects).into_owned());
-            let acting = (&acting, FEEDBACK_ROUNDS);
-            let [up, down] = self.beside(trial, core, input, parameters, acting, variants, 2.0 * step)?;
-            [self.recorded_moment(trial, &up, &sides[0]), self.recorded_moment(trial, &down, &sides[1])]
-        };
-        Ok(up.iter().zip(&down).map(|(a, b)| (a - b) / (2.0 * step)).collect())
-    }
-
-    /// A trial's core a little way in a direction and against it.
-    ///
-    /// - `sides`: the effects there, and rounds of feedback; `distance`: between them
-    fn beside(
-        &self,
-        trial: usize,
-        core: &Core,
-        input: &TrialInput,
-        parameters: &[MuscleParameters],
-        (sides, rounds): (&[Vec<Setting>; 2], usize),
-        variants: [&MusculoskeletalModel; 2],
-        distance: f64,
-    ) -> Result<[Core; 2], SimulationError> {
-        let without = match &core.without {
-            Some(without) => {
-                let [(above, rounds), (below, _)] = sides.each_ref().map(|s| shown_effects(s, rounds));
-                let sides = [above, below];
-                let [up, down] =
-                    self.beside(trial, without, input, parameters, (&sides, rounds), variants, distance)?;
-                [Some(Box::new(up)), Some(Box::new(down))]
-            }
-            None => [None, None],
-        };
-        let moments = without.each_ref().map(|w| w.as_ref().map_or(&core.muscle_moment, |w| &w.muscle_moment));
-        let contexts = moments.map(|moment| self.context(trial, &input.excitation, moment));
-        let ordered = sides.each_ref().map(|s| in_order(s));
-        let driven = [0, 1].map(|i| self.driven(trial, &ordered[i], &contexts[i]));
-        let prepared = [0, 1].map(|i| {
-            let recording = self.recording(trial, &driven[i].0, &driven[i].1);
-            variants[i].prepare_beside(&recording, &core.prepared, &self.options)
-        });
-        let [up, down] = prepared;
-        let prepared = [up?, down?];
-        let mut moments = prepared.each_ref().map(PreparedTrial::moment_without_muscles);
-        for (i, p) in parameters.iter().enumerate() {
-            let solution = match core.solutions.get(i) {
-                Some(known) => Cow::Borrowed(known),
-                None => Cow::Owned(core.prepared.solve(i, p)?),
-            };
-            let by = core.prepared.force_derivative(i, &solution, prepared.each_ref(), distance);
-            for (side, sign) in [(0, 0.5), (1, -0.5)] {
-                let factor = muscle_factor(&ordered[side], &contexts[side], &prepared[side], i, &driven[side].0);
-                let arm = &prepared[side].kinematics().muscles[i].moment_arm;
-                for (k, moment) in moments[side].iter_mut().enumerate() {
-                    let force = solution.force[k] + by.as_ref().map_or(0.0, |by| sign * distance * by[k]);
-                    *moment += p.max_isometric_force * factor[k] * (arm[k] * force);
-                }
-            }
-        }
-        let core = |prepared, excitation, moment: Vec<f64>, without| Core {
-            muscle_moment: of_muscles(&moment, &prepared),
-            prepared,
-            excitation,
-            moment,
-            by_parameters: Vec::new(),
-            solutions: Vec::new(),
-            without,
-        };
-        let ([(_, above), (_, below)], [m_up, m_down], [w_up, w_down]) = (driven, moments, without);
-        let [up, down] = prepared;
-        Ok([core(up, above, m_up, w_up), core(down, below, m_down, w_down)])
-    }
-
-    /// The models on both sides of the difference, per parameter of an effect.
-    ///
-    /// # Errors
-    /// A property that is not allowed.
-    pub fn difference_variants(
-        &self,
-        effects: &[Setting],
-        which: usize,
-    ) -> Result<Vec<[Cow<'_, MusculoskeletalModel>; 2]>, SimulationError> {
-        (0..effects[which].values.len())
-            .map(|parameter| {
-                let step = step(effects[which].effect);
-                let up = self.variant(&self.moved(effects, which, parameter, step))?;
-                let down = self.variant(&self.moved(effects, which, parameter, -step))?;
-                Ok([up, down])
-            })
-            .collect()
-    }
-}
-
-/// Step of differences of closed formulas, in units of a parameter's scale: errors of rounding and of the step squared are
-/// both near 10⁻⁸. Curves of muscles are tables with an error of 10⁻⁸, and take a wider one.
-fn step(effect: &dyn Effect) -> f64 {
-    match effect.description().stage {
-        Stage::Muscle | Stage::Activation => 1e-2,
-        _ => 1e-4,
     }
 }
 
