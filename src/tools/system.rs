@@ -1,15 +1,17 @@
 //! A model with all that acts in it, evaluated at given states.
 
+mod actor;
+mod states;
+
 use std::path::{Path, PathBuf};
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::controls::Controls;
 use super::error::{ToolError, ToolProblem};
-use super::external_loads::ExternalForce;
 use super::setup::{Properties, Setup};
 use crate::dynamics::{Accelerations, Constraints, Dynamics};
-use crate::forces::{Actuator, AppliedForces, Force, Forces, PathForce, PrescribedForce};
+use crate::forces::{AppliedForces, Forces};
 use crate::multibody::{Cache, Model};
 use crate::muscles::{MuscleDynamics, MuscleModel, MuscleState};
 use crate::osim::spec::{ActuatorKind, BodyIndex, CoordinateIndex, ForceKind, FrameIndex, ModelSpec, MotionType};
@@ -17,104 +19,10 @@ use crate::osim::{Document, OsimFile};
 use crate::paths::{Path as MusclePath, PathGeometry};
 use crate::spatial::SpatialForce;
 
+pub use actor::{Actor, PathActuator, SystemMuscle};
+
 /// Generalized forces up to this are none (Simbody's `SignificantReal`).
 const SIGNIFICANT: f64 = 2.008_771_736_785_476_6e-14;
-
-/// A muscle with its path.
-#[derive(Clone, Debug)]
-pub struct SystemMuscle {
-    /// Name.
-    pub name: String,
-    /// Component path.
-    pub path_name: String,
-    /// Path.
-    pub path: MusclePath,
-    /// Its law; `None`: a class whose force is not computed.
-    pub law: Option<MuscleModel>,
-    /// Class and line, for messages.
-    pub class: (String, usize),
-    /// Whether it applies its force.
-    pub applies_force: bool,
-}
-
-/// What acts, in the order of the force set.
-#[derive(Clone, Debug)]
-pub enum Actor {
-    /// A muscle (index).
-    Muscle(usize),
-    /// A force that needs only coordinates and poses.
-    Law(Box<Force>),
-    /// A force along a path.
-    Along {
-        /// Name.
-        name: String,
-        /// Path.
-        path: Box<MusclePath>,
-        /// Tension.
-        law: Box<PathForce>,
-    },
-    /// An actuator that follows a control.
-    Actuator(Box<Actuator>),
-    /// A `PathActuator`.
-    PathActuator(Box<PathActuator>),
-    /// A force given over time.
-    OverTime(Box<PrescribedForce>),
-    /// A force from data.
-    External(Box<ExternalForce>),
-}
-
-impl Actor {
-    /// Name.
-    pub fn name<'a>(&'a self, muscles: &'a [SystemMuscle]) -> &'a str {
-        match self {
-            Actor::Muscle(i) => &muscles[*i].name,
-            Actor::Law(force) => &force.name,
-            Actor::Along { name, .. } => name,
-            Actor::Actuator(actuator) => &actuator.name,
-            Actor::PathActuator(actuator) => &actuator.name,
-            Actor::OverTime(force) => &force.name,
-            Actor::External(force) => &force.name,
-        }
-    }
-
-    /// Whether it is a muscle or another actuator.
-    pub fn is_actuator(&self) -> bool {
-        matches!(self, Actor::Muscle(_) | Actor::Actuator(_) | Actor::PathActuator(_))
-    }
-
-    /// Force for a control of 1 and the range of controls, of actuators that are not muscles.
-    pub fn control(&self) -> Option<(f64, [f64; 2])> {
-        match self {
-            Actor::Actuator(actuator) => Some((actuator.optimal_force, actuator.control_range)),
-            Actor::PathActuator(actuator) => Some((actuator.optimal_force, actuator.control_range)),
-            _ => None,
-        }
-    }
-
-    /// Force of an actuator that is no muscle at a time; without a control, none [N or N·m].
-    pub fn controlled_force(&self, controls: &Controls, time: f64) -> Option<f64> {
-        let name = match self {
-            Actor::Actuator(actuator) => &actuator.name,
-            Actor::PathActuator(actuator) => &actuator.name,
-            _ => return None,
-        };
-        // OpenSim keeps controls within their bounds only where it looks for them.
-        Some(controls.at(name, time).unwrap_or(0.0) * self.control()?.0)
-    }
-}
-
-/// OpenSim's `PathActuator`: control times optimal force, a tension along a path.
-#[derive(Clone, Debug)]
-pub struct PathActuator {
-    /// Name.
-    pub name: String,
-    /// Path.
-    pub path: MusclePath,
-    /// Tension for a control of 1 [N].
-    pub optimal_force: f64,
-    /// Lowest and highest control.
-    pub control_range: [f64; 2],
-}
 
 /// A model with all that acts in it.
 #[derive(Debug)]
@@ -619,89 +527,6 @@ impl System {
     fn dampers(&self) -> impl Iterator<Item = usize> + '_ {
         let forces = self.spec.forces.iter().enumerate();
         forces.filter(|(_, f)| f.applies_force && matches!(f.kind, ForceKind::Bushing { .. })).map(|(i, _)| i)
-    }
-
-    /// What of the force set has states, in its order: lines, and a muscle or the number of a bushing.
-    fn with_states(&self) -> Vec<(usize, Result<usize, usize>)> {
-        let muscles = self.muscles.iter().enumerate().map(|(i, m)| (m.class.1, Ok(i)));
-        let bushings = self.dampers().enumerate().map(|(k, i)| (self.spec.forces[i].at.line, Err(k)));
-        let mut all: Vec<_> = muscles.chain(bushings).collect();
-        all.sort_by_key(|(line, _)| *line);
-        all
-    }
-
-    /// Names of the states in OpenSim's order: value and speed of every coordinate, then what muscles and bushings have.
-    pub fn state_names(&self) -> Vec<String> {
-        let coordinates = self.spec.coordinates.iter();
-        let mut names: Vec<String> =
-            coordinates.flat_map(|c| [format!("{}/value", c.at.path), format!("{}/speed", c.at.path)]).collect();
-        let bushings: Vec<usize> = self.dampers().collect();
-        for (_, owner) in self.with_states() {
-            match owner {
-                Ok(i) => {
-                    self.for_each_muscle_state(i, |name| names.push(format!("{}/{name}", self.muscles[i].path_name)))
-                }
-                Err(k) => names.push(format!("{}/dissipated_energy", self.spec.forces[bushings[k]].at.path)),
-            }
-        }
-        names
-    }
-
-    fn for_each_muscle_state(&self, i: usize, mut visit: impl FnMut(&'static str)) {
-        let Some(law) = &self.muscles[i].law else { return };
-        if !law.ignore_activation_dynamics() {
-            visit("activation");
-        }
-        if !law.ignore_tendon_compliance() {
-            visit(law.length_state_name());
-        }
-        if law.has_velocity_state() {
-            visit("fiber_velocity");
-        }
-    }
-
-    /// Values of the states in the order of [`System::state_names`].
-    pub fn state_values(&self, state: &SystemState) -> Vec<f64> {
-        let mut values: Vec<f64> = state.q.iter().zip(&state.u).flat_map(|(q, u)| [*q, *u]).collect();
-        for (_, owner) in self.with_states() {
-            match owner {
-                Ok(i) => self.for_each_muscle_state(i, |name| {
-                    values.push(match name {
-                        "activation" => state.activation[i],
-                        "fiber_velocity" => state.fiber_velocity[i],
-                        _ => state.fiber_length[i],
-                    });
-                }),
-                Err(k) => values.push(state.dissipated_energy[k]),
-            }
-        }
-        values
-    }
-
-    /// Sets one state by its name; `false` if there is none.
-    pub fn set_state(&self, state: &mut SystemState, name: &str, value: f64) -> bool {
-        let Some((owner, variable)) = name.rsplit_once('/') else { return false };
-        let coordinate = || self.spec.coordinates.iter().position(|c| c.at.path == owner);
-        let muscle = || self.muscles.iter().position(|m| m.path_name == owner);
-        let place = match variable {
-            "value" => coordinate().map(|i| &mut state.q[i]),
-            "speed" => coordinate().map(|i| &mut state.u[i]),
-            "activation" => muscle().map(|i| &mut state.activation[i]),
-            "fiber_length" | "normalized_tendon_force" => muscle().map(|i| &mut state.fiber_length[i]),
-            "fiber_velocity" => muscle().map(|i| &mut state.fiber_velocity[i]),
-            "dissipated_energy" => {
-                let bushing = self.dampers().position(|i| self.spec.forces[i].at.path == owner);
-                bushing.map(|k| &mut state.dissipated_energy[k])
-            }
-            _ => None,
-        };
-        match place {
-            Some(place) => {
-                *place = value;
-                true
-            }
-            None => false,
-        }
     }
 
     /// Whether a coordinate is an angle in OpenSim's files.

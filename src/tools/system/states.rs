@@ -1,0 +1,88 @@
+//! States by the names that OpenSim gives them.
+
+use super::{System, SystemState};
+
+impl System {
+    /// What of the force set has states, in its order: lines, and a muscle or the number of a bushing.
+    fn with_states(&self) -> Vec<(usize, Result<usize, usize>)> {
+        let muscles = self.muscles.iter().enumerate().map(|(i, m)| (m.class.1, Ok(i)));
+        let bushings = self.dampers().enumerate().map(|(k, i)| (self.spec.forces[i].at.line, Err(k)));
+        let mut all: Vec<_> = muscles.chain(bushings).collect();
+        all.sort_by_key(|(line, _)| *line);
+        all
+    }
+
+    /// Names of the states in OpenSim's order: value and speed of every coordinate, then what muscles and bushings have.
+    pub fn state_names(&self) -> Vec<String> {
+        let coordinates = self.spec.coordinates.iter();
+        let mut names: Vec<String> =
+            coordinates.flat_map(|c| [format!("{}/value", c.at.path), format!("{}/speed", c.at.path)]).collect();
+        let bushings: Vec<usize> = self.dampers().collect();
+        for (_, owner) in self.with_states() {
+            match owner {
+                Ok(i) => {
+                    self.for_each_muscle_state(i, |name| names.push(format!("{}/{name}", self.muscles[i].path_name)))
+                }
+                Err(k) => names.push(format!("{}/dissipated_energy", self.spec.forces[bushings[k]].at.path)),
+            }
+        }
+        names
+    }
+
+    fn for_each_muscle_state(&self, i: usize, mut visit: impl FnMut(&'static str)) {
+        let Some(law) = &self.muscles[i].law else { return };
+        if !law.ignore_activation_dynamics() {
+            visit("activation");
+        }
+        if !law.ignore_tendon_compliance() {
+            visit(law.length_state_name());
+        }
+        if law.has_velocity_state() {
+            visit("fiber_velocity");
+        }
+    }
+
+    /// Values of the states in the order of [`System::state_names`].
+    pub fn state_values(&self, state: &SystemState) -> Vec<f64> {
+        let mut values: Vec<f64> = state.q.iter().zip(&state.u).flat_map(|(q, u)| [*q, *u]).collect();
+        for (_, owner) in self.with_states() {
+            match owner {
+                Ok(i) => self.for_each_muscle_state(i, |name| {
+                    values.push(match name {
+                        "activation" => state.activation[i],
+                        "fiber_velocity" => state.fiber_velocity[i],
+                        _ => state.fiber_length[i],
+                    });
+                }),
+                Err(k) => values.push(state.dissipated_energy[k]),
+            }
+        }
+        values
+    }
+
+    /// Sets one state by its name; `false` if there is none.
+    pub fn set_state(&self, state: &mut SystemState, name: &str, value: f64) -> bool {
+        let Some((owner, variable)) = name.rsplit_once('/') else { return false };
+        let coordinate = || self.spec.coordinates.iter().position(|c| c.at.path == owner);
+        let muscle = || self.muscles.iter().position(|m| m.path_name == owner);
+        let place = match variable {
+            "value" => coordinate().map(|i| &mut state.q[i]),
+            "speed" => coordinate().map(|i| &mut state.u[i]),
+            "activation" => muscle().map(|i| &mut state.activation[i]),
+            "fiber_length" | "normalized_tendon_force" => muscle().map(|i| &mut state.fiber_length[i]),
+            "fiber_velocity" => muscle().map(|i| &mut state.fiber_velocity[i]),
+            "dissipated_energy" => {
+                let bushing = self.dampers().position(|i| self.spec.forces[i].at.path == owner);
+                bushing.map(|k| &mut state.dissipated_energy[k])
+            }
+            _ => None,
+        };
+        match place {
+            Some(place) => {
+                *place = value;
+                true
+            }
+            None => false,
+        }
+    }
+}
