@@ -11,9 +11,6 @@ use crate::reference::{lab_models, opensim_python, run_script, stem};
 
 /// Relative to the largest number of its kind; format numbers go through decimal text.
 const TOLERANCE: f64 = 1e-9;
-/// The same for lab models. One of format 10905 differs by 1e-7 in lengths and 2e-6 in accelerations, of which the cause is
-/// not known; most do not differ at all.
-const LAB_TOLERANCE: f64 = 1e-5;
 
 fn shipped() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/upgrade");
@@ -95,7 +92,7 @@ fn val_opensim_upgraded_lab_models() {
     for path in lab_models() {
         let old = OsimFile::read(&path).is_ok_and(|file| file.spec.document_version < 40600);
         if old {
-            compare_in_opensim(&path, LAB_TOLERANCE);
+            compare_in_opensim(&path, TOLERANCE);
         }
     }
 }
