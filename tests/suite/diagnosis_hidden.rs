@@ -13,13 +13,21 @@ use serde_json::Value;
 
 /// Diagnoses a study among a few candidates; also what was hidden.
 fn diagnosed(name: &str, candidates: &[&str]) -> (Diagnosis, Value) {
+    diagnosed_at(1.0, name, candidates)
+}
+
+/// The same, model and participant being so many times as strong.
+fn diagnosed_at(strength: f64, name: &str, candidates: &[&str]) -> (Diagnosis, Value) {
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
     let folder = root.join("fixtures/hidden_effects").join(name);
-    let study = Study::read_tables(&folder).unwrap();
-    let trials = study.load_trials("P01").unwrap();
-    let file = OsimFile::read(root.join("models/wrist.osim")).unwrap();
-    let model = MusculoskeletalModel::compile(&file.spec, &Setup::from_settings(&study.settings)).unwrap();
-    let forward = ForwardModel::for_diagnosis(&file.spec, &model, &trials).unwrap();
+    let mut study = Study::read_tables(&folder).unwrap();
+    let mut trials = study.load_trials("P01").unwrap();
+    let mut spec = OsimFile::read(root.join("models/wrist.osim")).unwrap().spec;
+    study.settings.dynamometer.damping *= strength;
+    trials.iter_mut().flat_map(|t| &mut t.moment).for_each(|m| *m *= strength);
+    spec.muscles.iter_mut().for_each(|m| m.max_isometric_force *= strength);
+    let model = MusculoskeletalModel::compile(&spec, &Setup::from_settings(&study.settings)).unwrap();
+    let forward = ForwardModel::for_diagnosis(&spec, &model, &trials).unwrap();
     let known = |id: &&str| CATALOGUE.iter().copied().find(|e| e.description().id == *id).unwrap();
     let request = Request {
         participant: "P01".to_string(),
@@ -74,6 +82,22 @@ fn val_opensim_hidden_stiffness_is_among_the_explanations() {
     assert!(matches!(found.verdict, Verdict::Identified | Verdict::CannotTell), "{:?}", found.verdict);
     assert!(sets(&found).contains(&["joint_stiffness"].as_slice()), "{:?}", sets(&found));
     assert_found(&found, &truth, "joint_stiffness", "stiffness", 0.25);
+}
+
+/// Sizes in the catalogue are a wrist's; those of a joint eight times as strong are in proportion.
+#[test]
+fn verif_a_joint_eight_times_as_strong_has_the_same_diagnosis() {
+    let candidates = ["joint_stiffness", "gravity", "torque_drift", "electromechanical_delay"];
+    let stiffness = |found: &Diagnosis| {
+        let explanation = found.explanations.iter().find(|e| e.effects == ["joint_stiffness"]).unwrap();
+        (explanation.plausible, explanation.parameters["joint_stiffness.stiffness"].value)
+    };
+    let (found, strong) =
+        (diagnosed("joint_stiffness", &candidates).0, diagnosed_at(8.0, "joint_stiffness", &candidates).0);
+    assert_eq!((found.verdict, sets(&found)), (strong.verdict, sets(&strong)));
+    let ((plausible, value), (plausible_there, value_there)) = (stiffness(&found), stiffness(&strong));
+    assert!(plausible && plausible_there);
+    assert!((value_there / (8.0 * value) - 1.0).abs() < 0.05, "{value_there} and {value}");
 }
 
 #[test]

@@ -446,9 +446,23 @@ fn compare_trajectory(spec: &ModelSpec, reference: &Value, accuracy: f64) -> (Di
     }
     let plant = Plant::compile(spec, &model, false).expect("plant");
     let rest = reference["rest"].as_f64().expect("rest");
-    let excitation: Vec<f64> =
-        plant.muscles.iter().map(|m| reference["excitation"][m.muscle.name()].as_f64().unwrap_or(rest)).collect();
     let rows = reference["rows"].as_array().expect("rows");
+    let end = rows.last().and_then(|row| row["time"].as_f64()).expect("time");
+    // Constant, or sampled at equal steps and linear in between.
+    let excitation_at = |t: f64, muscle: &str| match reference["emg"][muscle].as_array() {
+        Some(samples) => {
+            let x = (t / end).clamp(0.0, 1.0) * (samples.len() - 1) as f64;
+            let i = (x as usize).min(samples.len() - 2);
+            let [a, b] = [i, i + 1].map(|k| samples[k].as_f64().expect("a number"));
+            a + (x - i as f64) * (b - a)
+        }
+        None => reference["excitation"][muscle].as_f64().unwrap_or(rest),
+    };
+    let excite = |t: f64, e: &mut [f64]| {
+        e.iter_mut().zip(&plant.muscles).for_each(|(e, m)| *e = excitation_at(t, m.muscle.name()));
+    };
+    let mut excitation = vec![0.0; plant.muscles.len()];
+    excite(0.0, &mut excitation);
     let of = |row: &Value, what: &str| -> Vec<f64> {
         model.coordinates.iter().map(|c| row[what][&c.name].as_f64().expect("a number")).collect()
     };
@@ -458,7 +472,6 @@ fn compare_trajectory(spec: &ModelSpec, reference: &Value, accuracy: f64) -> (Di
         .expect("equilibrium");
     let times = rows.iter().map(|row| row["time"].as_f64().expect("time")).collect();
     let options = ForwardOptions { times, accuracy, first_step: 1e-3 };
-    let excite = |_: f64, e: &mut [f64]| e.copy_from_slice(&excitation);
     let trajectory = simulate_forward(&plant, &start, excite, &options).expect("trajectory");
     let mut differences = Differences::new("coordinate along a forward simulation", "rad or m");
     for (state, row) in trajectory.states.iter().zip(rows) {
@@ -479,12 +492,12 @@ fn val_opensim_forward_simulation_of_the_bundled_wrist() {
     differences.assert_below(1e-5);
 }
 
-/// A fall, and the wrist driven while the fingers follow (tenodesis).
+/// A fall, the wrist extended by EMG, and the wrist driven while the fingers follow (tenodesis).
 #[test]
 fn val_opensim_forward_simulations_of_the_mcfarland_hand() {
     let Some(path) = reference::shared("models/Hand_Wrist_Model_for_development.osim") else { return };
     let file = OsimFile::parse(std::fs::read(&path).expect("file"), "hand.osim").expect("model");
-    for name in ["hand_fall", "hand_tenodesis"] {
+    for name in ["hand_fall", "hand_emg", "hand_tenodesis"] {
         let reference = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("fixtures/forward/{name}.json"));
         let reference: Value = serde_json::from_slice(&std::fs::read(reference).expect("fixture")).expect("JSON");
         let (differences, trajectory) = compare_trajectory(&file.spec, &reference, 1e-6);

@@ -248,9 +248,9 @@ fn gradient(
     Some((gradient, information))
 }
 
-/// Least variances: what no laboratory goes below, so that a lucky fit does not make the rest look certain.
+/// Least variances (0.001 N·m, 0.2 % of the EMG): below, simulations differ by their numerical errors.
 const SMALLEST: [f64; COMPONENTS] =
-    [0.005 * 0.005, 0.005 * 0.005, 0.005 * 0.005, 0.005 * 0.005, 0.01 * 0.01, 0.01 * 0.01, 0.0005 * 0.0005];
+    [0.001 * 0.001, 0.001 * 0.001, 0.001 * 0.001, 0.001 * 0.001, 0.002 * 0.002, 0.002 * 0.002, 0.0001 * 0.0001];
 
 /// Largest variances: beyond these it is not noise of the EMG (30 % envelope, 15 % gain, 0.01 added), whatever it is.
 const LARGEST: [f64; COMPONENTS] =
