@@ -3,8 +3,8 @@
 use super::effect::Parameter;
 use crate::study::Trial;
 
-/// Largest moments of wrists, of weak and of strong people [N·m].
-const WRIST: [f64; 2] = [4.0, 20.0];
+/// Largest moments that trials of wrists show, of weak efforts and of strong people [N·m].
+const WRIST: [f64; 2] = [1.0, 20.0];
 
 /// How many times as strong as a wrist a joint is: 1 within what wrists reach.
 #[derive(Clone, Copy, Debug, PartialEq)]
