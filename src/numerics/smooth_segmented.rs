@@ -4,6 +4,8 @@
 //! expansions of u(x) gives u to within [`GUESS_TOLERANCE`]; one Newton step, done as a Taylor expansion so that every
 //! polynomial is evaluated once, then reaches machine precision.
 
+use std::sync::OnceLock;
+
 use super::Scalar;
 use thiserror::Error;
 
@@ -146,57 +148,73 @@ struct Segment {
     x: Quintic,
     /// y(u).
     y: Quintic,
+    /// Guesses of u(x), made when the first is asked for: many curves are only ever read through tables of their own.
+    guesses: OnceLock<Guesses>,
+}
+
+/// Local cubic expansions of u(x) on cells of equal width.
+#[derive(Clone, Debug)]
+struct Guesses {
     /// Reciprocal of the width of a cell.
     cells_per_x: f64,
     /// Half the width of a cell.
     half_cell: f64,
     /// Per cell: u and its derivatives (Taylor coefficients) at the cell's middle.
-    guess: Vec<[f64; 4]>,
+    cells: Vec<[f64; 4]>,
 }
 
 impl Segment {
     fn new(corner: &QuinticCorner) -> Segment {
         let x_start = corner.x[0];
-        let mut segment = Segment {
+        Segment {
             x_start,
             x_end: corner.x[5],
             x: Quintic::from_bezier(&corner.x.map(|x| x - x_start)),
             y: Quintic::from_bezier(&corner.y),
-            cells_per_x: 0.0,
-            half_cell: 0.0,
-            guess: Vec::new(),
-        };
-        let mut cells = *CELLS.start();
-        while segment.tabulate(cells) > GUESS_TOLERANCE && cells < *CELLS.end() {
-            cells *= 2;
+            guesses: OnceLock::new(),
         }
-        segment
     }
 
-    /// Fills the table of guesses; returns the largest error found at the edges of cells.
-    fn tabulate(&mut self, cells: usize) -> f64 {
+    #[cold]
+    fn tabulate(&self) -> Guesses {
+        let mut count = *CELLS.start();
+        loop {
+            let last = count >= *CELLS.end();
+            if let Some(guesses) = self.tabulated(count, if last { f64::INFINITY } else { GUESS_TOLERANCE }) {
+                return guesses;
+            }
+            count *= 2;
+        }
+    }
+
+    /// Guesses in `count` cells; `None` if one is farther off than `tolerance` at an edge of its cell.
+    fn tabulated(&self, count: usize, tolerance: f64) -> Option<Guesses> {
         let width = self.x_end - self.x_start;
-        let cell = width / cells as f64;
-        self.cells_per_x = cells as f64 / width;
-        self.half_cell = 0.5 * cell;
-        self.guess.clear();
-        let mut error = 0.0_f64;
-        for i in 0..cells {
-            let u = self.solve_slowly((i as f64 + 0.5) * cell);
+        let cell = width / count as f64;
+        let mut cells = Vec::with_capacity(count);
+        let mut left = self.solve_slowly(0.0);
+        for i in 0..count {
+            let middle = (i as f64 + 0.5) * cell;
+            let u = self.solve_slowly(middle);
             let [_, x1, half_x2] = self.x.expand(u);
             let third_x3 = self.x.third(u);
             // Series reversion of dx = x1 du + half_x2 du² + third_x3 du³.
             let t1 = 1.0 / x1;
             let t2 = -half_x2 * t1 * t1 * t1;
             let t3 = (2.0 * half_x2 * half_x2 - x1 * third_x3) * t1.powi(5);
-            self.guess.push([u, t1, t2, t3]);
-            for edge in [i as f64 * cell, (i as f64 + 1.0) * cell] {
-                let d = edge - (i as f64 + 0.5) * cell;
+            cells.push([u, t1, t2, t3]);
+            let edge = (i as f64 + 1.0) * cell;
+            let right = self.solve_slowly(edge);
+            for (edge, exact) in [(i as f64 * cell, left), (edge, right)] {
+                let d = edge - middle;
                 let guess = (u + d * (t1 + d * (t2 + d * t3))).clamp(0.0, 1.0);
-                error = error.max((guess - self.solve_slowly(edge)).abs());
+                if (guess - exact).abs() > tolerance {
+                    return None;
+                }
             }
+            left = right;
         }
-        error
+        Some(Guesses { cells_per_x: count as f64 / width, half_cell: 0.5 * cell, cells })
     }
 
     /// u where x(u) = `x_start` + `dx`, by bisection and Newton's method.
@@ -234,10 +252,11 @@ impl Segment {
     /// u within [`GUESS_TOLERANCE`] of the solution of x(u) = x, and the Newton step that remains.
     #[inline]
     fn locate(&self, x: f64) -> Located {
+        let guesses = self.guesses.get_or_init(|| self.tabulate());
         let dx = x - self.x_start;
-        let index = ((dx * self.cells_per_x) as i32 as usize).min(self.guess.len() - 1);
-        let d = dx - (2.0 * index as f64 + 1.0) * self.half_cell;
-        let [t0, t1, t2, t3] = self.guess[index];
+        let index = ((dx * guesses.cells_per_x) as i32 as usize).min(guesses.cells.len() - 1);
+        let d = dx - (2.0 * index as f64 + 1.0) * guesses.half_cell;
+        let [t0, t1, t2, t3] = guesses.cells[index];
         let u = t0 + (d * t1 + (d * d) * (t2 + d * t3));
         let [at, x1, half_x2] = self.x.expand(u);
         let du_dx = 1.0 / x1;
