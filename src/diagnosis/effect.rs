@@ -174,6 +174,11 @@ pub trait Effect: Sync {
     /// What people should know of it.
     fn description(&self) -> &'static Description;
 
+    /// Whether what [`Effect::excite`] makes of a sample depends on that sample alone, so that a few of them may be given.
+    fn is_instantaneous(&self) -> bool {
+        false
+    }
+
     /// Whether [`Effect::change_angle`] or [`Effect::add_moment`] read the muscles' moment.
     ///
     /// The recorded moment must not be used in its place: its noise would look like an effect.

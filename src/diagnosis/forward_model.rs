@@ -3,6 +3,7 @@
 mod derivatives;
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use super::angle_noise::{AngleNoise, Disturbance};
 use super::catalogue::position;
@@ -263,17 +264,34 @@ impl ForwardModel {
         (angle, excitation)
     }
 
-    /// Excitations after the effects on them.
+    /// Excitations after the effects on them, of some samples of a trial: of all, unless
+    /// [`ForwardModel::excites_instantaneously`].
     ///
-    /// - `excitation`: of each muscle, before effects
-    pub fn excited(&self, trial: usize, excitation: &[Vec<f64>], effects: &[Setting]) -> Vec<Vec<f64>> {
+    /// - `excitation`: of each muscle at these samples, before effects
+    pub fn excited(
+        &self,
+        trial: usize,
+        samples: Range<usize>,
+        excitation: &[Vec<f64>],
+        effects: &[Setting],
+    ) -> Vec<Vec<f64>> {
         let acting = self.acting(effects);
         let mut out = excitation.to_vec();
-        let context = self.context(trial, excitation, &[]);
+        let record = &self.trials[trial];
+        let context = TrialContext {
+            time: &record.time[samples.clone()],
+            recorded_angle: &record.angle[samples],
+            ..self.context(trial, excitation, &[])
+        };
         for setting in in_order(&acting).into_iter().filter(|s| changes_excitation(s)) {
             setting.effect.excite(&setting.values, &context, &mut out);
         }
         out
+    }
+
+    /// Whether what effects make of an excitation depends, sample by sample, on that sample alone.
+    pub fn excites_instantaneously(&self, effects: &[Setting]) -> bool {
+        self.acting(effects).iter().filter(|s| changes_excitation(s)).all(|s| s.effect.is_instantaneous())
     }
 
     /// Whether effects change excitations.

@@ -104,25 +104,52 @@ impl ActivationDynamics {
     /// A Dormand–Prince step of order 5 within one branch, where ȧ is `k1`; returns the new activation, the error
     /// estimate and ȧ at the end.
     fn step(&self, a: f64, e: f64, slope: f64, h: f64, k1: f64, branch: Branch) -> (f64, f64, f64) {
-        let f = |da: f64, c: f64| self.rate(a + h * da, e + slope * c * h, branch);
-        let k2 = f(k1 / 5.0, 0.2);
-        let k3 = f(3.0 / 40.0 * k1 + 9.0 / 40.0 * k2, 0.3);
-        let k4 = f(44.0 / 45.0 * k1 - 56.0 / 15.0 * k2 + 32.0 / 9.0 * k3, 0.8);
-        let k5 =
-            f(19372.0 / 6561.0 * k1 - 25360.0 / 2187.0 * k2 + 64448.0 / 6561.0 * k3 - 212.0 / 729.0 * k4, 8.0 / 9.0);
-        let k6 = f(
-            9017.0 / 3168.0 * k1 - 355.0 / 33.0 * k2 + 46732.0 / 5247.0 * k3 + 49.0 / 176.0 * k4
-                - 5103.0 / 18656.0 * k5,
-            1.0,
-        );
-        let increment =
-            35.0 / 384.0 * k1 + 500.0 / 1113.0 * k3 + 125.0 / 192.0 * k4 - 2187.0 / 6784.0 * k5 + 11.0 / 84.0 * k6;
-        let k7 = f(increment, 1.0);
-        let error = 71.0 / 57600.0 * k1 - 71.0 / 16695.0 * k3 + 71.0 / 1920.0 * k4 - 17253.0 / 339200.0 * k5
-            + 22.0 / 525.0 * k6
-            - k7 / 40.0;
-        (a + h * increment, (h * error).abs(), k7)
+        let ([a], [error], [k7]) = steps([self], [a], [e], [slope], h, [k1], branch);
+        (a, error, k7)
     }
+}
+
+/// [`ActivationDynamics::step`] for several activations at once: a step is a chain of divisions that wait for each other, so
+/// that two side by side take hardly longer than one.
+#[inline(always)]
+fn steps<const N: usize>(
+    dynamics: [&ActivationDynamics; N],
+    a: [f64; N],
+    e: [f64; N],
+    slope: [f64; N],
+    h: f64,
+    k1: [f64; N],
+    branch: Branch,
+) -> ([f64; N], [f64; N], [f64; N]) {
+    let f = |da: [f64; N], c: f64| each(|i| dynamics[i].rate(a[i] + h * da[i], e[i] + slope[i] * c * h, branch));
+    let k2 = f(each(|i| k1[i] / 5.0), 0.2);
+    let k3 = f(each(|i| 3.0 / 40.0 * k1[i] + 9.0 / 40.0 * k2[i]), 0.3);
+    let k4 = f(each(|i| 44.0 / 45.0 * k1[i] - 56.0 / 15.0 * k2[i] + 32.0 / 9.0 * k3[i]), 0.8);
+    let by_k4 = |i: usize| {
+        19372.0 / 6561.0 * k1[i] - 25360.0 / 2187.0 * k2[i] + 64448.0 / 6561.0 * k3[i] - 212.0 / 729.0 * k4[i]
+    };
+    let k5 = f(each(by_k4), 8.0 / 9.0);
+    let by_k5 = |i: usize| {
+        9017.0 / 3168.0 * k1[i] - 355.0 / 33.0 * k2[i] + 46732.0 / 5247.0 * k3[i] + 49.0 / 176.0 * k4[i]
+            - 5103.0 / 18656.0 * k5[i]
+    };
+    let k6 = f(each(by_k5), 1.0);
+    let increment = each(|i| {
+        35.0 / 384.0 * k1[i] + 500.0 / 1113.0 * k3[i] + 125.0 / 192.0 * k4[i] - 2187.0 / 6784.0 * k5[i]
+            + 11.0 / 84.0 * k6[i]
+    });
+    let k7 = f(increment, 1.0);
+    let error = |i: usize| {
+        71.0 / 57600.0 * k1[i] - 71.0 / 16695.0 * k3[i] + 71.0 / 1920.0 * k4[i] - 17253.0 / 339200.0 * k5[i]
+            + 22.0 / 525.0 * k6[i]
+            - k7[i] / 40.0
+    };
+    (each(|i| a[i] + h * increment[i]), each(|i| (h * error(i)).abs()), k7)
+}
+
+#[inline(always)]
+fn each<const N: usize>(of: impl Fn(usize) -> f64) -> [f64; N] {
+    std::array::from_fn(of)
 }
 
 impl ActivationTrajectory {
@@ -223,39 +250,46 @@ impl ActivationTrajectory {
         self.pieces.push(Piece { start, per_second: 1.0 / (end - start), coefficients, branch });
     }
 
-    /// Activation for nearly the same excitation or time constants, in exactly the same steps: differences of such
-    /// trajectories are differences of one smooth function. Where the excitation meets the activation, both sides' rates
-    /// are zero, so that the moment at which a step changes sides matters to second order only.
+    /// Activations for two excitations or time constants near those of this trajectory, in exactly the same steps:
+    /// differences of such trajectories are differences of one smooth function. Where the excitation meets the activation,
+    /// both sides' rates are zero, so that the moment at which a step changes sides matters to second order only.
     ///
     /// - `time`: the samples of this trajectory
-    pub(crate) fn beside(&self, dynamics: &ActivationDynamics, time: &[f64], excitation: &[f64]) -> Self {
-        let mut beside = ActivationTrajectory {
+    pub(crate) fn beside(
+        &self,
+        dynamics: [&ActivationDynamics; 2],
+        time: &[f64],
+        excitation: [&[f64]; 2],
+    ) -> [ActivationTrajectory; 2] {
+        let mut beside = dynamics.map(|d| ActivationTrajectory {
             pieces: Vec::with_capacity(self.pieces.len()),
-            bounds: [dynamics.minimum_activation, 1.0],
-        };
-        let mut a = dynamics.clamp(excitation[0]);
+            bounds: [d.minimum_activation, 1.0],
+        });
+        let mut a = [0, 1].map(|i| dynamics[i].clamp(excitation[i][0]));
         let (mut k, mut known) = (0, None);
-        for (i, piece) in self.pieces.iter().enumerate() {
+        for (j, piece) in self.pieces.iter().enumerate() {
             let start = piece.start;
-            let end = self.pieces.get(i + 1).map_or(time[time.len() - 1], |next| next.start);
+            let end = self.pieces.get(j + 1).map_or(time[time.len() - 1], |next| next.start);
             while k + 2 < time.len() && start >= time[k + 1] {
                 k += 1;
             }
-            let slope = (excitation[k + 1] - excitation[k]) / (time[k + 1] - time[k]);
-            let e = excitation[k] + slope * (start - time[k]);
+            let slope = excitation.map(|e| (e[k + 1] - e[k]) / (time[k + 1] - time[k]));
+            let e = [0, 1].map(|i| excitation[i][k] + slope[i] * (start - time[k]));
             let h = end - start;
-            if dynamics.ignored {
-                beside.push(start, end, [e, slope * h, 0.0, 0.0, 0.0, 0.0], piece.branch);
-                continue;
-            }
             // The rate at the end of a step is that at the start of the next on the same side.
             let rate = match known {
                 Some((branch, rate)) if branch == piece.branch => rate,
-                _ => dynamics.rate(a, e, piece.branch),
+                _ => [0, 1].map(|i| dynamics[i].rate(a[i], e[i], piece.branch)),
             };
-            let (next, _, end_rate) = dynamics.step(a, e, slope, h, rate, piece.branch);
-            let coefficients = hermite(dynamics, [a, next], [rate, end_rate], e, slope, h, piece.branch);
-            beside.push(start, end, coefficients, piece.branch);
+            let (next, _, end_rate) = steps(dynamics, a, e, slope, h, rate, piece.branch);
+            for (i, beside) in beside.iter_mut().enumerate() {
+                let coefficients = if dynamics[i].ignored {
+                    [e[i], slope[i] * h, 0.0, 0.0, 0.0, 0.0]
+                } else {
+                    hermite(dynamics[i], [a[i], next[i]], [rate[i], end_rate[i]], e[i], slope[i], h, piece.branch)
+                };
+                beside.push(start, end, coefficients, piece.branch);
+            }
             (a, known) = (next, Some((piece.branch, end_rate)));
         }
         beside

@@ -85,29 +85,50 @@ impl MusculoskeletalModel {
         like: &PreparedTrial,
         options: &Options,
     ) -> Result<PreparedTrial, SimulationError> {
-        self.prepare_from(recording, like, options, false)
+        self.prepare_from(recording, like, options, None)
     }
 
-    /// As [`MusculoskeletalModel::prepare_like`] for a variation so small that differences from others like it give
-    /// derivatives: activation is integrated in the steps of `like`. It is not to be simulated.
+    /// As [`MusculoskeletalModel::prepare_like`] for two variations so small that their difference gives a derivative:
+    /// activation is integrated in the steps of `like`. They are not to be simulated.
+    ///
+    /// - `models`: of each variation
     ///
     /// # Errors
     /// As there.
     pub fn prepare_beside(
-        &self,
-        recording: &Recording,
+        models: [&MusculoskeletalModel; 2],
+        recordings: [&Recording; 2],
         like: &PreparedTrial,
         options: &Options,
-    ) -> Result<PreparedTrial, SimulationError> {
-        self.prepare_from(recording, like, options, true)
+    ) -> Result<[PreparedTrial; 2], SimulationError> {
+        let same_time = recordings.iter().all(|r| r.time == &*like.time);
+        let mut activations: [Vec<Option<Arc<ActivationTrajectory>>>; 2] = [Vec::new(), Vec::new()];
+        for (i, known) in like.muscles.iter().enumerate() {
+            let dynamics = models.map(|m| &m.muscles[i].activation);
+            let excitation = recordings.map(|r| r.excitation[i]);
+            let differs =
+                [0, 1].map(|side| *dynamics[side] != known.muscle.activation || excitation[side] != &*known.excitation);
+            let long_enough = excitation.iter().all(|e| e.len() == like.time.len());
+            let both = if same_time && long_enough && differs.contains(&true) {
+                known.activation.beside(dynamics, &like.time, excitation).map(|a| Some(Arc::new(a)))
+            } else {
+                [None, None]
+            };
+            for (to, found) in activations.iter_mut().zip(both) {
+                to.push(found);
+            }
+        }
+        let [up, down] = [0, 1].map(|i| models[i].prepare_from(recordings[i], like, options, Some(&activations[i])));
+        Ok([up?, down?])
     }
 
+    /// - `beside`: activations in the steps of `like`, for muscles that are activated otherwise
     fn prepare_from(
         &self,
         recording: &Recording,
         like: &PreparedTrial,
         options: &Options,
-        beside: bool,
+        beside: Option<&[Option<Arc<ActivationTrajectory>>]>,
     ) -> Result<PreparedTrial, SimulationError> {
         let known = like.muscles.iter().map(|m| m.muscle.rigid_tendon);
         let same_tendons = self.muscles.iter().map(|m| m.rigid_tendon).eq(known);
@@ -136,14 +157,14 @@ impl MusculoskeletalModel {
             muscle.check(&muscle.nominal)?;
             let activation = if same_activation {
                 Arc::clone(&known.activation)
-            } else if beside {
-                Arc::new(known.activation.beside(&muscle.activation, recording.time, excitation))
+            } else if let Some(found) = beside.and_then(|b| b[i].as_ref()) {
+                Arc::clone(found)
             } else {
                 Arc::new(ActivationTrajectory::integrate(&muscle.activation, recording.time, excitation))
             };
             let source = Source { activation: &activation, motion: &out.motion, path: &out.tables.muscles[i] };
             let plan = match &known.plan {
-                Some(plan) if beside || same_activation && !moves_otherwise => Some(Arc::clone(plan)),
+                Some(plan) if beside.is_some() || same_activation && !moves_otherwise => Some(Arc::clone(plan)),
                 Some(plan) => Some(Arc::new(plan.driven_by(&source))),
                 None => None,
             };

@@ -30,6 +30,10 @@ impl Effect for EmgCrosstalk {
         &DESCRIPTION
     }
 
+    fn is_instantaneous(&self) -> bool {
+        true
+    }
+
     fn excite(&self, values: &[f64], trial: &TrialContext, excitation: &mut [Vec<f64>]) {
         let [c] = *values else { return };
         if c == 0.0 {
@@ -48,9 +52,12 @@ impl Effect for EmgCrosstalk {
             }
         });
         let Some(unmixing) = mixing.try_inverse() else { return };
+        let (mut recorded, mut pure) = (DVector::zeros(n), DVector::zeros(n));
         for k in 0..trial.time.len() {
-            let recorded = DVector::from_fn(n, |i, _| excitation[i][k]);
-            let pure = &unmixing * recorded;
+            for i in 0..n {
+                recorded[i] = excitation[i][k];
+            }
+            unmixing.mul_to(&recorded, &mut pure);
             for i in 0..n {
                 excitation[i][k] = pure[i].max(0.0);
             }

@@ -29,6 +29,10 @@ impl Effect for EmgFloor {
         &DESCRIPTION
     }
 
+    fn is_instantaneous(&self) -> bool {
+        true
+    }
+
     fn excite(&self, values: &[f64], _: &TrialContext, excitation: &mut [Vec<f64>]) {
         let [b] = *values else { return };
         if b == 0.0 {

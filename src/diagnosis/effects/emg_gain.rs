@@ -31,6 +31,10 @@ impl Effect for EmgGain {
         &DESCRIPTION
     }
 
+    fn is_instantaneous(&self) -> bool {
+        true
+    }
+
     fn excite(&self, values: &[f64], _: &TrialContext, excitation: &mut [Vec<f64>]) {
         let [gain] = *values else { return };
         if gain == 0.0 {

@@ -29,6 +29,10 @@ impl Effect for EmgGainDrift {
         &DESCRIPTION
     }
 
+    fn is_instantaneous(&self) -> bool {
+        true
+    }
+
     fn excite(&self, values: &[f64], trial: &TrialContext, excitation: &mut [Vec<f64>]) {
         let [drift] = *values else { return };
         if drift == 0.0 {

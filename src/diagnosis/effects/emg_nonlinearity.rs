@@ -29,13 +29,18 @@ impl Effect for EmgNonlinearity {
         &DESCRIPTION
     }
 
+    fn is_instantaneous(&self) -> bool {
+        true
+    }
+
     fn excite(&self, values: &[f64], _: &TrialContext, excitation: &mut [Vec<f64>]) {
         let [a] = *values else { return };
         if a == 0.0 {
             return;
         }
+        let greatest = a.exp_m1();
         for e in excitation.iter_mut().flatten() {
-            *e = (a * *e).exp_m1() / a.exp_m1();
+            *e = (a * *e).exp_m1() / greatest;
         }
     }
 }

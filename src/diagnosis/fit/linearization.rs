@@ -124,6 +124,7 @@ impl Analysis<'_> {
             |m: usize| point.parameters[m].max_isometric_force / core.solutions[m].parameters.max_isometric_force;
         let before = &point.inputs[position].excitation;
         let changed = self.forward.excitation_changes(&point.effects);
+        let instantaneous = self.forward.excites_instantaneously(&point.effects);
         let reshaped = self.forward.reshapes_moment(&point.effects);
         let mut responses = Vec::new();
         for (m, e) in before.iter().enumerate() {
@@ -142,17 +143,20 @@ impl Analysis<'_> {
                     continue;
                 }
                 // Through the effects on excitation: later, bent, or into a neighbour.
-                let mut disturbed = before.clone();
-                disturbed[m][first..].iter_mut().zip(&disturbance).for_each(|(e, d)| *e += DISTURBANCE * d);
-                let after = self.forward.excited(g, &disturbed, &point.effects);
+                let samples = if instantaneous { first..first + disturbance.len() } else { 0..e.len() };
+                let mut disturbed: Vec<Vec<f64>> = before.iter().map(|e| e[samples.clone()].to_vec()).collect();
+                let own = disturbed[m][first - samples.start..].iter_mut();
+                own.zip(&disturbance).for_each(|(e, d)| *e += DISTURBANCE * d);
+                let after = self.forward.excited(g, samples.clone(), &disturbed, &point.effects);
                 for (other, (after, was)) in after.iter().zip(&core.excitation).enumerate() {
+                    let was = &was[samples.clone()];
                     let differs = |k: &usize| after[*k] != was[*k];
                     let (Some(first), Some(last)) = ((0..was.len()).find(differs), (0..was.len()).rfind(differs))
                     else {
                         continue;
                     };
                     let change: Vec<f64> = (first..=last).map(|k| (after[k] - was[k]) / DISTURBANCE).collect();
-                    show(other, first, &change);
+                    show(other, samples.start + first, &change);
                 }
             }
             if reshaped {

@@ -117,12 +117,9 @@ impl ForwardModel {
         let contexts = moments.map(|moment| self.context(trial, &input.excitation, moment));
         let ordered = sides.each_ref().map(|s| in_order(s));
         let driven = [0, 1].map(|i| self.driven(trial, &ordered[i], &contexts[i]));
-        let prepared = [0, 1].map(|i| {
-            let recording = self.recording(trial, &driven[i].0, &driven[i].1);
-            variants[i].prepare_beside(&recording, &core.prepared, &self.options)
-        });
-        let [up, down] = prepared;
-        let prepared = [up?, down?];
+        let recordings = driven.each_ref().map(|(angle, excitation)| self.recording(trial, angle, excitation));
+        let prepared =
+            MusculoskeletalModel::prepare_beside(variants, recordings.each_ref(), &core.prepared, &self.options)?;
         let mut moments = prepared.each_ref().map(PreparedTrial::moment_without_muscles);
         for (i, p) in parameters.iter().enumerate() {
             let solution = match core.solutions.get(i) {
