@@ -73,6 +73,8 @@ pub enum Command {
     Diagnose(DiagnoseArgs),
     /// Intervals of muscle parameters, what the data leave open, and which trial would narrow it down
     Identify(IdentifyArgs),
+    /// Earlier fits to prior knowledge: what a population's intervals say about the next participant
+    Priors(PriorsArgs),
     /// Resting muscles of models beside ultrasound images: correlations, limits of agreement
     Ultrasound(UltrasoundArgs),
     /// Which muscle parameters the study's trials respond to: Morris screening, Sobol' indices
@@ -316,7 +318,8 @@ pub struct IdentifyOptions {
     /// One factor for several muscles, per property; may be given several times
     #[arg(long, value_name = "GROUP=MUSCLE,…", value_parser = tied)]
     pub tie: Vec<TiedMuscles>,
-    /// Prior knowledge: a CSV with muscle, property, mean, sd (in the file's unit) and perhaps source
+    /// Prior knowledge: a CSV with muscle, property, mean, sd (in the file's unit; with unit = model, multiples of the
+    /// model's value) and perhaps source; `carpus priors` writes one from earlier fits
     #[arg(long, value_name = "FILE")]
     pub priors: Option<PathBuf>,
     /// Level of intervals
@@ -331,6 +334,20 @@ impl Default for IdentifyOptions {
     fn default() -> Self {
         IdentifyOptions { properties: Vec::new(), tie: Vec::new(), priors: None, level: 0.9, draws: 2000 }
     }
+}
+
+/// `carpus priors`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus identify earlier/study.toml --out identified\n  carpus priors identified --out priors.csv\n  carpus identify new/study.toml --priors priors.csv --out with_priors\n\nMean and standard deviation are multiples of the value in each participant's model (unit = model), so that models scaled to different persons go together."
+)]
+pub struct PriorsArgs {
+    /// Folders of carpus identify or carpus study (searched for identifiability.json), or such files
+    #[arg(value_name = "FOLDER", required = true)]
+    pub fits: Vec<PathBuf>,
+    /// The table to write
+    #[arg(long, short, value_name = "FILE")]
+    pub out: PathBuf,
 }
 
 /// `carpus ultrasound`

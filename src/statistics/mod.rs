@@ -11,6 +11,7 @@
 //! | which conditions differ? | [`paired_t_test`], [`pairwise_comparisons`] with Bonferroni's correction |
 //! | do two quantities go together? | [`pearson`], [`linear_regression`] |
 //! | do two methods agree? | [`bland_altman`] |
+//! | what do fits of some persons say about the next? | [`population`] |
 //! | could this many participants have shown it? | [`PowerAnalysis`] |
 
 mod agreement;
@@ -19,6 +20,7 @@ mod correlation;
 mod distributions;
 mod error;
 mod pairwise;
+mod population;
 mod power;
 mod quadrature;
 mod sphericity;
@@ -31,5 +33,6 @@ pub use distributions::{
 };
 pub use error::StatisticsError;
 pub use pairwise::{Comparison, PairedT, bonferroni, paired_t_test, pairwise_comparisons};
+pub use population::{Evidence, Population, population};
 pub use power::{PowerAnalysis, Tails, TestDesign};
 pub use sphericity::Sphericity;

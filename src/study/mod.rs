@@ -41,7 +41,7 @@ use rayon::prelude::*;
 
 pub use imaging_settings::{FascicleUse, ImagingSettings};
 pub use participants::{Participant, Sex, Side};
-pub use priors::{PriorKnowledge, read_priors};
+pub use priors::{PriorKnowledge, PriorUnit, read_priors};
 pub(crate) use problem::nearest;
 pub use problem::{Fault, MAX_LISTED, Problem, Severity, StudyErrors};
 pub use processed_emg::{ParticipantEmg, ProcessedEmg};

@@ -5,13 +5,24 @@ use std::path::Path;
 use super::problem::{Fault, Problem, StudyErrors};
 use super::table::Table;
 
-const COLUMNS: [&str; 5] = ["muscle", "property", "mean", "sd", "source"];
+const COLUMNS: [&str; 6] = ["muscle", "property", "mean", "sd", "unit", "source"];
 const REQUIRED: [(&str, &str); 4] = [
     ("muscle", "OpenSim muscle"),
     ("property", "OpenSim property, e.g. tendon_slack_length"),
-    ("mean", "its mean, in the model file's unit"),
+    ("mean", "its mean, in the model file's unit or, with unit = model, as a multiple of the model's value"),
     ("sd", "its standard deviation between persons, in the same unit"),
 ];
+/// Words of the column `unit`.
+const UNITS: [(&str, PriorUnit); 2] = [("file", PriorUnit::File), ("model", PriorUnit::Model)];
+
+/// What mean and standard deviation of a prior are given in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PriorUnit {
+    /// The unit of the model file.
+    File,
+    /// Multiples of the value in the participant's model.
+    Model,
+}
 
 /// One row: what is known of a parameter before this participant was measured.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,10 +31,12 @@ pub struct PriorKnowledge {
     pub muscle: String,
     /// OpenSim property.
     pub property: String,
-    /// Mean, in the model file's unit.
+    /// Mean.
     pub mean: f64,
     /// Standard deviation between persons.
     pub sd: f64,
+    /// What both are given in; the file's unit where the table does not say.
+    pub unit: PriorUnit,
     /// Where it is from.
     pub source: Option<String>,
     /// Line of the row.
@@ -65,6 +78,7 @@ fn read(path: &Path, problems: &mut Vec<Problem>) -> Vec<PriorKnowledge> {
             property: property.to_owned(),
             mean,
             sd,
+            unit: row.word("unit", "unit of a prior", &UNITS, problems).unwrap_or(PriorUnit::File),
             source: row.text("source").map(str::to_owned),
             line: row.line,
         });

@@ -10,6 +10,7 @@ use carpus::osim::OsimFile;
 use carpus::osim::spec::MuscleSpec;
 use carpus::simulation::{MuscleParameters, MusculoskeletalModel, Options, Recording, Setup};
 use carpus::study::{Direction, Study, Trial, TrialUse};
+use predicates::prelude::PredicateBooleanExt;
 use predicates::str::contains;
 
 /// Trials of the demo study that these tests use: both directions, held and moving, at rest.
@@ -348,12 +349,48 @@ fn verif_identify_writes_its_account_and_bad_input_is_answered() {
     for file in files.iter().chain(&["report.html"]) {
         assert!(out.join("P01").join(file).metadata().unwrap().len() > 100, "{file}");
     }
+    let table = study.path().join("population.csv");
+    let priors_of = |fits: &std::path::Path| {
+        let mut command = carpus();
+        command.arg("priors").arg(fits).arg("--out").arg(&table).arg("--json");
+        command.assert()
+    };
+    let run = priors_of(&out).success().stderr(contains("1 earlier fits"));
+    let printed: serde_json::Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
+    let learnt = |property: &str| {
+        let of = |p: &&serde_json::Value| p["muscle"] == "FCU" && p["property"] == property;
+        printed["priors"].as_array().unwrap().iter().find(of).unwrap().clone()
+    };
+    // One person tells where the mean may be, hardly how persons differ.
+    let strength = learnt("max_isometric_force");
+    assert!(strength["log_sd"].as_f64() > strength["between_log_sd"].as_f64());
+    let run = identify(&["--priors", table.to_str().unwrap(), "--tie", "extensors=ECRL,ECRB,ECU", "--json"]).success();
+    let again: serde_json::Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
+    let slack = again[0]["parameters"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|p| p["muscle"] == "FCU" && p["property"] == "tendon_slack_length");
+    let slack = slack.unwrap();
+    let factor = learnt("tendon_slack_length")["factor"].as_f64().unwrap();
+    let model = slack["model"].as_f64().unwrap();
+    assert!((slack["prior_value"].as_f64().unwrap() / model / factor - 1.0).abs() < 1e-6);
+    assert!(slack["prior_source"].as_str().unwrap().contains("earlier fits"));
+    std::fs::create_dir(out.join("copy")).unwrap();
+    std::fs::copy(out.join("P01/identifiability.json"), out.join("copy/identifiability.json")).unwrap();
+    priors_of(&out).code(1).stderr(contains("P01").and(contains("already")));
+    std::fs::write(out.join("copy/identifiability.json"), "{}").unwrap();
+    priors_of(&out).code(1).stderr(contains("not a result of carpus identify"));
+    std::fs::remove_dir_all(out.join("copy")).unwrap();
+    priors_of(&study.path().join("data")).code(1).stderr(contains("identifiability.json"));
     identify(&["--properties", "tendon_slack"]).code(1).stderr(contains("tendon_slack_length"));
     identify(&["--tie", "flexors=FCR,FCQ"]).code(1).stderr(contains("FCQ"));
     identify(&["--tie", "flexors"]).code(1).stderr(contains("GROUP=MUSCLE"));
     identify(&["--level", "90"]).code(1).stderr(contains("0.5 to 0.999"));
     std::fs::write(&priors, "muscle,property,mean,sd\nFCR,optimal_fiber_length,63,4\n").unwrap();
     identify(&["--priors", priors.to_str().unwrap()]).code(1).stderr(contains("unit of the model file"));
+    std::fs::write(&priors, "muscle,property,mean,sd,unit\nFCR,optimal_fiber_length,63,4,mm\n").unwrap();
+    identify(&["--priors", priors.to_str().unwrap()]).code(1).stderr(contains("mm").and(contains("model")));
     std::fs::write(&priors, "muscle,property,mean,std\nFCR,optimal_fiber_length,63,4\n").unwrap();
     identify(&["--priors", priors.to_str().unwrap()]).code(1).stderr(contains("`sd`"));
     let toml = study.path().join("study.toml");

@@ -20,7 +20,7 @@ use crate::report::identifiability::{
 };
 use crate::report::results::{Provenance, rounded};
 use crate::simulation::{Recording, SimulationError};
-use crate::study::{FurtherMoment, PriorKnowledge, TrialUse, read_priors};
+use crate::study::{FurtherMoment, PriorKnowledge, PriorUnit, TrialUse, read_priors};
 
 /// Said in every report that gives intervals of strength, until these hold the truth as often as their level says
 /// (`fixtures/identifiability`).
@@ -164,7 +164,10 @@ fn parameters(
             warnings.push(at(Message::warning(format!("{name} is not in question: this prior is not used"))));
             continue;
         };
-        let factor = prior.mean / parameter.nominal;
+        let factor = match prior.unit {
+            PriorUnit::File => prior.mean / parameter.nominal,
+            PriorUnit::Model => prior.mean,
+        };
         if !(parameter.lower..=parameter.upper).contains(&factor) {
             let text = format!(
                 "{}: the prior's mean is {:.3} times the model's value, outside the bounds {} to {}",
@@ -173,7 +176,9 @@ fn parameters(
                 parameter.lower,
                 parameter.upper
             );
-            return Err(at(Message::error(text)).hint("is the mean in the unit of the model file?").into());
+            return Err(at(Message::error(text))
+                .hint("is the mean in the unit of the model file, or in multiples of its value with unit = model?")
+                .into());
         }
         let source = prior.source.clone().unwrap_or_else(|| file.display().to_string());
         let log_sd = (1.0 + (prior.sd / prior.mean).powi(2)).ln().sqrt();

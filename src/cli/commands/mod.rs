@@ -17,6 +17,7 @@ pub mod paths;
 pub mod personalize;
 pub mod plan;
 pub mod power;
+pub mod priors;
 pub mod run_tool;
 pub mod scale;
 pub mod sensitivity;
