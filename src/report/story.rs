@@ -132,15 +132,21 @@ fn name(id: &str) -> String {
 }
 
 fn in_sentence(id: &str) -> String {
-    let name = name(id);
-    let mut letters = name.chars();
-    let first = letters.next();
-    // Abbreviations keep their capitals.
-    let abbreviation = letters.clone().next().is_some_and(char::is_uppercase);
-    match first {
-        Some(c) if !abbreviation => c.to_lowercase().collect::<String>() + letters.as_str(),
-        _ => name,
-    }
+    within_sentence(&name(id))
+}
+
+/// Names joined by ` + ` as they stand within a sentence: abbreviations keep their capitals.
+pub(super) fn within_sentence(names: &str) -> String {
+    let lowered = |name: &str| {
+        let mut letters = name.chars();
+        let first = letters.next();
+        let abbreviation = letters.clone().next().is_some_and(char::is_uppercase);
+        match first {
+            Some(c) if !abbreviation => c.to_lowercase().collect::<String>() + letters.as_str(),
+            _ => name.to_string(),
+        }
+    };
+    names.split(" + ").map(lowered).collect::<Vec<_>>().join(" + ")
 }
 
 fn names(ids: &[String]) -> String {
@@ -187,8 +193,8 @@ impl Story {
             experiments: experiments(diagnosis),
             axes: axis_panels(old, new, &diagnosis.where_it_fails),
             has_before: before.is_some(),
-            before_label: before.map(|m| m.label.to_lowercase()).unwrap_or_default(),
-            after_label: after.map(|m| m.label.trim_start_matches("+ ").to_lowercase()).unwrap_or_default(),
+            before_label: before.map(|m| within_sentence(&m.label)).unwrap_or_default(),
+            after_label: after.map(|m| within_sentence(m.label.trim_start_matches("+ "))).unwrap_or_default(),
             repetition_noise: repetition_words(new),
             bands: bands(old, new),
             groups: groups(results, &pair),

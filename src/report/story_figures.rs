@@ -17,6 +17,9 @@ const WIDTH: f64 = 860.0;
 const LABEL: f64 = 230.0;
 const RIGHT: f64 = 70.0;
 const ROW: f64 = 50.0;
+/// Height of a line of a label, and letters that fit into one.
+const LINE: f64 = 16.0;
+const LETTERS: usize = 30;
 
 /// The error after every step, training above held out, with the noise floor as a line.
 pub fn waterfall(steps: &[WaterfallStep], floor: Option<f64>) -> String {
@@ -44,7 +47,12 @@ pub fn waterfall(steps: &[WaterfallStep], floor: Option<f64>) -> String {
     for (i, one) in steps.iter().enumerate() {
         let top = 30.0 + ROW * i as f64;
         let class = if one.current { "step current" } else { "step" };
-        let _ = write!(w, r#"<text class="{class}" x="0" y="{}">{}</text>"#, top + 22.0, escape(&one.label));
+        let lines = lines(&one.label);
+        let first = top + 22.0 - 0.5 * LINE * (lines.len() - 1) as f64;
+        for (k, line) in lines.iter().enumerate() {
+            let y = first + LINE * k as f64;
+            let _ = write!(w, r#"<text class="{class}" x="0" y="{y}">{}</text>"#, escape(line));
+        }
         let mut bar = |value: f64, before: Option<f64>, y: f64, class: &str| {
             // What fell since the step before stays visible as a ghost.
             if let Some(before) = before.filter(|b| *b > value) {
@@ -81,6 +89,27 @@ pub fn waterfall(steps: &[WaterfallStep], floor: Option<f64>) -> String {
     }
     w.push_str("</svg>");
     w
+}
+
+/// A step's label in lines that fit: every effect of several on its own, long names at blanks.
+fn lines(label: &str) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for (i, part) in label.trim_start_matches("+ ").split(" + ").enumerate() {
+        let lead = if i > 0 || label.starts_with("+ ") { "+ " } else { "" };
+        lines.push(lead.to_string());
+        for (k, word) in part.split(' ').enumerate() {
+            let last = lines.len() - 1;
+            if k > 0 && lines[last].chars().count() + 1 + word.chars().count() > LETTERS {
+                lines.push(word.to_string());
+                continue;
+            }
+            if k > 0 {
+                lines[last].push(' ');
+            }
+            lines[last].push_str(word);
+        }
+    }
+    lines
 }
 
 /// Styles of a figure that stands alone, in light and dark.
@@ -167,4 +196,17 @@ pub fn p_bar(p: f64, level: f64) -> String {
         class = class,
         at = at
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::lines;
+
+    #[test]
+    fn verif_labels_are_broken_where_they_would_run_into_the_bars() {
+        assert_eq!(lines("Muscles refitted"), ["Muscles refitted"]);
+        assert_eq!(lines("+ Nonlinear EMG + Weight of the hand"), ["+ Nonlinear EMG", "+ Weight of the hand"]);
+        let long = lines("+ Optimal fibre length that depends on activation");
+        assert_eq!(long, ["+ Optimal fibre length that", "depends on activation"]);
+    }
 }

@@ -6,6 +6,7 @@ use super::plot::{self, Curve, CurveFigure};
 use super::results::{
     Condition, Errors, Kind, ModelResult, ParameterResult, Results, StageResult, TrialResult, Use, WarningResult,
 };
+use super::story::within_sentence;
 
 /// A number of the summary.
 pub struct Card {
@@ -487,7 +488,7 @@ fn panel(trial: &TrialResult, pair: &Pair, ranges: &PanelRanges) -> Panel {
     for (model, class) in [(pair.before, "before"), (pair.after, "after")] {
         let Some(model) = model else { continue };
         if let Some(values) = trial.series.simulated_n_m.get(&model.id) {
-            curves.push(Curve { class: class.to_string(), name: model.label.to_lowercase(), values });
+            curves.push(Curve { class: class.to_string(), name: within_sentence(&model.label), values });
         }
     }
     let figure = CurveFigure {
