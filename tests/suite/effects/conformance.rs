@@ -335,3 +335,29 @@ fn verif_moments_of_the_joint_are_linear_in_their_amplitudes() {
         }
     }
 }
+
+/// What an instantaneous effect makes of a few samples is what it makes of them within the whole trial; the others reach
+/// further, or need not say so.
+#[test]
+fn verif_instantaneous_effects_need_the_samples_in_question_alone() {
+    let forward = forward();
+    let mut instantaneous = 0;
+    for effect in CATALOGUE.iter().filter(|e| e.is_instantaneous()) {
+        instantaneous += 1;
+        for setting in extremes(*effect) {
+            let (trial, settings) = (0, [setting]);
+            assert!(forward.excites_instantaneously(&settings));
+            let recorded = &forward.trials[trial].excitation;
+            let whole = forward.excited(trial, 0..recorded[0].len(), recorded, &settings);
+            let (id, samples) = (effect.description().id, 120..171);
+            assert!(whole.iter().zip(recorded).any(|(after, before)| after != before), "{id} does nothing");
+            let some: Vec<Vec<f64>> = recorded.iter().map(|e| e[samples.clone()].to_vec()).collect();
+            let found = forward.excited(trial, samples.clone(), &some, &settings);
+            let expected: Vec<Vec<f64>> = whole.iter().map(|e| e[samples.clone()].to_vec()).collect();
+            assert_eq!(found, expected, "{id}");
+        }
+    }
+    assert!(instantaneous >= 5);
+    let delay = Setting { values: vec![0.05], ..Setting::absent(effect("electromechanical_delay").unwrap()) };
+    assert!(!forward.excites_instantaneously(&[delay]));
+}
