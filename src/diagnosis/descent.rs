@@ -62,6 +62,16 @@ impl Analysis<'_> {
         self.finish(descent, pairs)
     }
 
+    /// −2 log posterior of a fit with the noise as it is, its variances not estimated anew: to choose what to fit.
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub(super) fn rough_deviance(&self, start: Point, levels: NoiseLevels) -> Result<f64, SimulationError> {
+        let descent = self.begin(start, levels)?;
+        let descent = self.descend(descent, ROUGH_STEPS, ROUGHLY)?;
+        Ok(self.settle(descent, false)?.deviance())
+    }
+
     /// Estimates the noise and goes on until it has settled.
     ///
     /// - `enough`: a deviance that stays above this is not followed

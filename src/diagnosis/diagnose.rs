@@ -49,6 +49,9 @@ const FITTED_PAIRS: usize = 4;
 const SHOWN: usize = 3;
 /// Single effects that are fitted, those of the highest scores.
 const FITTED_SINGLES: usize = 8;
+/// Where all of these are rejected the model without effects is far off, and its scores say little about which effect is
+/// missing: all others are fitted roughly, and so many of them, of the least deviance, to the end.
+const SECOND_CHOICE: usize = 5;
 
 /// What the data say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -391,25 +394,48 @@ impl Judge<'_> {
         };
         let score = |e: &&'static dyn Effect| of(left, e).max(of(&self.uncentred, e));
         let best = self.testable().map(|e| score(&e)).fold(0.0, f64::max);
-        let mut hopeful: Vec<_> = self.testable().filter(|e| score(e) >= HOPELESS * best - 30.0).collect();
-        hopeful.sort_by(|a, b| score(b).total_cmp(&score(a)));
-        hopeful.truncate(FITTED_SINGLES);
-        let wanted = hopeful.iter().map(|e| (&self.null.point, left, *e)).collect();
-        self.explain_all(wanted, self.far_off(left))
+        let mut ordered: Vec<_> = self.testable().collect();
+        ordered.sort_by(|a, b| score(b).total_cmp(&score(a)));
+        let hopeful = ordered.iter().take_while(|e| score(e) >= HOPELESS * best - 30.0).count().min(FITTED_SINGLES);
+        let far_off = self.far_off(left);
+        let fitted = |some: &[&'static dyn Effect], before: &[(Fit, Explanation)]| {
+            let wanted = some.iter().map(|e| (&self.null.point, left, *e)).collect();
+            self.explain_all(wanted, far_off, before)
+        };
+        let mut found = fitted(&ordered[..hopeful], &[])?;
+        if found.iter().all(|f| f.1.p_value <= REJECT_EXPLANATION) {
+            let mut others: Vec<(f64, &'static dyn Effect)> = Vec::new();
+            for effect in &ordered[hopeful..] {
+                let start = self.beside(&self.null.point, left, *effect);
+                // Sizes at which a muscle cannot be simulated explain nothing.
+                let Ok(deviance) = self.analysis.rough_deviance(start, self.null.levels) else { continue };
+                others.push((deviance, *effect));
+            }
+            others.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let second: Vec<_> = others.iter().take(SECOND_CHOICE).map(|o| o.1).collect();
+            let more = fitted(&second, &found)?;
+            found.extend(more);
+        }
+        Ok(found)
     }
 
     /// Explanations by an effect beside those at a point each, fitted on from there; where all fail and the model without
     /// effects is far off, the best again from the model as given.
     ///
     /// - `wanted`: point, what is left there, effect
+    /// - `before`: explanations that others are measured against
     fn explain_all(
         &self,
         wanted: Vec<(&Point, &Omnibus, &'static dyn Effect)>,
         far_off: bool,
+        before: &[(Fit, Explanation)],
     ) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
+        let least = |found: &[(Fit, Explanation)]| {
+            before.iter().chain(found).map(|f| f.0.deviance).fold(f64::INFINITY, f64::min)
+        };
         let mut found: Vec<(Fit, Explanation)> = Vec::new();
         for (point, left, effect) in wanted {
-            found.extend(self.explain(self.beside(point, left, effect), self.null.levels, &found)?);
+            found.extend(self.explain(self.beside(point, left, effect), self.null.levels, least(&found))?);
         }
         if far_off && found.iter().all(|f| f.1.p_value <= REJECT_EXPLANATION) {
             // Without the effect the muscles went far to make up for it, perhaps into another valley.
@@ -417,7 +443,8 @@ impl Judge<'_> {
             for i in 0..found.len().min(TRIED_AGAIN) {
                 let mut anew = self.analysis.nominal_point();
                 anew.effects.extend(found[i].0.point.effects.iter().map(|s| Setting::absent(s.effect)));
-                if let Some(other) = self.explain(anew, NoiseLevels::usual(self.request.forward.strength.0), &found)?
+                if let Some(other) =
+                    self.explain(anew, NoiseLevels::usual(self.request.forward.strength.0), least(&found))?
                     && other.0.deviance < found[i].0.deviance
                 {
                     found[i] = other;
@@ -468,19 +495,18 @@ impl Judge<'_> {
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
         pairs.truncate(FITTED_PAIRS);
         let wanted = pairs.iter().map(|(_, fit, second, with)| (&fit.point, with, *second)).collect();
-        self.explain_all(wanted, false)
+        self.explain_all(wanted, false, &[])
     }
 
     /// Fits the effects at a point jointly with the muscles and asks what is left; `None` if they cannot be fitted.
     ///
-    /// - `found`: explanations so far; one that stays far behind them is not followed to its end
+    /// - `best`: least deviance of an explanation so far; one that stays far behind it is not followed to its end
     fn explain(
         &self,
         start: Point,
         levels: NoiseLevels,
-        found: &[(Fit, Explanation)],
+        best: f64,
     ) -> Result<Option<(Fit, Explanation)>, SimulationError> {
-        let best = found.iter().map(|f| f.0.deviance).fold(f64::INFINITY, f64::min);
         let effects = start.effects.iter().map(|s| s.effect.description().id).collect();
         // Sizes at which a muscle cannot be simulated explain nothing.
         let Ok(fit) = self.analysis.refit(start, levels, best + FAR) else { return Ok(None) };
