@@ -11,7 +11,7 @@
 //! what all persons' data leave open together is not mistaken for something that they all tell. Drawn by Gibbs' sampler
 //! (Gelman et al. 2013, Bayesian Data Analysis, 3rd ed., sections 5.4 and 11.1).
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -60,23 +60,26 @@ pub fn population(persons: &[Evidence], before: &DVector<f64>, seed: u64) -> Res
     let (mut mean, mut spread) = (DVector::<f64>::zeros(n), before.clone());
     let mut sums = vec![[0.0; 4]; n];
     for round in 0..WARM_UP + DRAWS {
-        for (value, person) in values.iter_mut().zip(persons) {
-            let own = spread.map(|t| t.powi(-2));
-            let precision = &person.information + DMatrix::from_diagonal(&own);
-            // Semidefinite plus a positive diagonal.
-            let Some(factor) = precision.cholesky() else { continue };
-            let center = factor.solve(&(&person.weighted + own.component_mul(&mean)));
-            let mut by = DVector::from_fn(n, |_, _| normal(&mut rng));
-            factor.l_dirty().tr_solve_lower_triangular_mut(&mut by);
-            *value = center + by;
+        let own = spread.map(|t| t.powi(-2));
+        let scaled = DMatrix::from_diagonal(&own);
+        // Semidefinite plus a positive diagonal: factors exist.
+        let factors: Vec<_> = persons.iter().filter_map(|person| (&person.information + &scaled).cholesky()).collect();
+        // The mean with all persons' values integrated out: beside given values it would hardly move.
+        let mut precision = DMatrix::from_diagonal(&before.map(|s| s.powi(-2)));
+        let mut weighted = DVector::zeros(n);
+        for (factor, person) in factors.iter().zip(persons) {
+            precision += &scaled - &scaled * factor.solve(&scaled);
+            weighted += own.component_mul(&factor.solve(&person.weighted));
+        }
+        if let Some(factor) = (0.5 * (&precision + precision.transpose())).cholesky() {
+            mean = drawn(&factor, &weighted, &mut rng);
+        }
+        for ((value, person), factor) in values.iter_mut().zip(persons).zip(&factors) {
+            *value = drawn(factor, &(&person.weighted + own.component_mul(&mean)), &mut rng);
         }
         for k in 0..n {
-            let count = persons.len() as f64;
-            let [total, squares] =
-                values.iter().fold([0.0; 2], |[a, b], v| [a + v[k], b + (v[k] - mean[k]) * (v[k] - mean[k])]);
-            spread[k] = draw_spread(squares, count, before[k], &mut rng);
-            let precision = count / spread[k].powi(2) + before[k].powi(-2);
-            mean[k] = total / spread[k].powi(2) / precision + normal(&mut rng) / precision.sqrt();
+            let squares = values.iter().map(|v| (v[k] - mean[k]).powi(2)).sum();
+            spread[k] = draw_spread(squares, persons.len() as f64, before[k], &mut rng);
         }
         if round >= WARM_UP {
             for (k, sum) in sums.iter_mut().enumerate() {
@@ -114,6 +117,13 @@ fn check(persons: &[Evidence], before: &DVector<f64>) -> Result<(), StatisticsEr
         }
     }
     Ok(())
+}
+
+/// A draw from the normal law of a precision (its factor) and precision times mean.
+fn drawn(factor: &Cholesky<f64, Dyn>, weighted: &DVector<f64>, rng: &mut ChaCha8Rng) -> DVector<f64> {
+    let mut by = DVector::from_fn(weighted.len(), |_, _| normal(rng));
+    factor.l_dirty().tr_solve_lower_triangular_mut(&mut by);
+    factor.solve(weighted) + by
 }
 
 fn normal(rng: &mut ChaCha8Rng) -> f64 {
