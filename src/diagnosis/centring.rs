@@ -20,7 +20,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::fit::{Analysis, Linear, Noise, Point, between_knots, block_means, block_starts, corrected, whiten};
+use super::effect::Role;
+use super::fit::{Analysis, Fit, Linear, Noise, Point, between_knots, block_means, block_starts, corrected, whiten};
 use super::noise::{self, TrialNoise};
 use crate::simulation::SimulationError;
 
@@ -52,6 +53,28 @@ impl Analysis<'_> {
             }
         }
         Ok(bias)
+    }
+
+    /// The mean scores of a fit without effects, in the order of a point with effects: what is the mean of an effect's direction
+    /// there is that of its amplitude here.
+    pub(super) fn means_with_effects(&self, without: &Fit, point: &Point) -> Vec<DVector<f64>> {
+        let n = self.n_nuisance();
+        let of_trial = |bias: &DVector<f64>| {
+            let mut directions = bias.rows_range(n..).into_owned();
+            let mut own = Vec::new();
+            for setting in &point.effects {
+                let description = setting.effect.description();
+                let mut columns =
+                    self.blocks.iter().filter(|b| b.name == description.id).flat_map(|b| b.columns.iter());
+                for p in description.parameters {
+                    let column = if p.role == Role::Amplitude { columns.next() } else { None };
+                    own.push(column.map_or(0.0, |c| std::mem::take(&mut directions[*c])));
+                }
+            }
+            let all = bias.rows(0, n).iter().chain(&own).chain(directions.iter()).copied().collect();
+            DVector::from_vec(all)
+        };
+        without.bias.iter().map(of_trial).collect()
     }
 
     /// Nuisance, effects' parameters and directions.

@@ -30,6 +30,14 @@ const LARGEST_CHANGE: f64 = 0.5;
 /// Expected noise of the logarithm of the EMG stays below this.
 const LARGEST_NOISE: f64 = 0.7;
 
+/// Mean scores of a fit.
+pub(super) enum Means {
+    /// From so many pairs of draws; 0: they are left out.
+    Drawn(usize),
+    /// Per training trial.
+    Known(Vec<DVector<f64>>),
+}
+
 /// A fit under way.
 pub(super) struct Descent {
     pub(super) point: Point,
@@ -50,16 +58,32 @@ impl Analysis<'_> {
     /// Fits jointly from a point, the EMG as that point has it, with the variances of the noise near `levels`.
     ///
     /// - `enough`: a fit whose deviance stays above this is not followed to its end
+    /// - `near`: a fit without effects that is near enough for its scores to have the same mean; `None`: it is computed
     ///
     /// # Errors
     /// A trial that cannot be simulated.
-    pub fn refit(&self, start: Point, levels: NoiseLevels, enough: f64) -> Result<Fit, SimulationError> {
+    pub fn refit(
+        &self,
+        start: Point,
+        levels: NoiseLevels,
+        enough: f64,
+        near: Option<&Fit>,
+    ) -> Result<Fit, SimulationError> {
+        let descent = self.rough_descent(start, levels)?;
+        let from = descent.deviance();
+        let descent = self.follow(descent, from, enough)?;
+        let followed = descent.deviance() <= enough;
+        let means = match near {
+            Some(near) if followed => Means::Known(self.means_with_effects(near, &descent.point)),
+            _ => Means::Drawn(if followed { PAIRS } else { 0 }),
+        };
+        self.finish(descent, means)
+    }
+
+    fn rough_descent(&self, start: Point, levels: NoiseLevels) -> Result<Descent, SimulationError> {
         let descent = self.begin(start, levels)?;
-        let mut descent = self.descend(descent, ROUGH_STEPS, ROUGHLY)?;
-        descent = self.settle(descent, false)?;
-        descent = self.follow(descent, enough)?;
-        let pairs = if descent.deviance() <= enough { PAIRS } else { 0 };
-        self.finish(descent, pairs)
+        let descent = self.descend(descent, ROUGH_STEPS, ROUGHLY)?;
+        self.settle(descent, false)
     }
 
     /// −2 log posterior of a fit with the noise as it is, its variances not estimated anew: to choose what to fit.
@@ -67,20 +91,19 @@ impl Analysis<'_> {
     /// # Errors
     /// A trial that cannot be simulated.
     pub(super) fn rough_deviance(&self, start: Point, levels: NoiseLevels) -> Result<f64, SimulationError> {
-        let descent = self.begin(start, levels)?;
-        let descent = self.descend(descent, ROUGH_STEPS, ROUGHLY)?;
-        Ok(self.settle(descent, false)?.deviance())
+        Ok(self.rough_descent(start, levels)?.deviance())
     }
 
     /// Estimates the noise and goes on until it has settled.
     ///
+    /// - `from`: the deviance with the noise as it is; infinite: it is only guessed
     /// - `enough`: a deviance that stays above this is not followed
-    pub(super) fn follow(&self, mut descent: Descent, enough: f64) -> Result<Descent, SimulationError> {
-        let mut deviance = f64::INFINITY;
+    pub(super) fn follow(&self, mut descent: Descent, from: f64, enough: f64) -> Result<Descent, SimulationError> {
+        let mut deviance = from;
         for round in 0..MOST_ROUNDS {
             descent = self.settle(descent, true)?;
             let before = std::mem::replace(&mut deviance, descent.deviance());
-            if round > 0 && ((before - deviance).abs() < SETTLED || deviance > enough) {
+            if (before - deviance).abs() < SETTLED || (round > 0 && deviance > enough) {
                 break;
             }
         }
@@ -126,8 +149,8 @@ impl Analysis<'_> {
 
     /// The fit that a descent has come to, its V brought up to date.
     ///
-    /// - `pairs`: of draws for the mean of scores; 0: it is left out
-    pub(super) fn finish(&self, mut descent: Descent, pairs: usize) -> Result<Fit, SimulationError> {
+    /// - `means`: of its scores
+    pub(super) fn finish(&self, mut descent: Descent, means: Means) -> Result<Fit, SimulationError> {
         descent.noise = self.noise(&mut descent.linear, &descent.point, descent.noise.levels);
         descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
         let deviance = descent.deviance();
@@ -138,7 +161,10 @@ impl Analysis<'_> {
         let inverse = at.information.try_inverse().unwrap_or_else(|| DMatrix::zeros(p, p));
         let covariance = inverse.view((n, n), (p - n, p - n)).into_owned();
         // The gradient is 0 where its mean is not.
-        let bias = self.calc_bias(&point, &noise, pairs)?;
+        let bias = match means {
+            Means::Drawn(pairs) => self.calc_bias(&point, &noise, pairs)?,
+            Means::Known(means) => means,
+        };
         let mean = bias.iter().fold(DVector::zeros(p), |sum, b| sum + b.rows(0, p));
         let step = inverse * -&mean;
         let share = (LARGEST_MEAN / (-step.dot(&mean)).max(1e-300).sqrt()).min(1.0);

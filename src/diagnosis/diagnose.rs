@@ -47,8 +47,12 @@ const PAIRED: usize = 6;
 const FITTED_PAIRS: usize = 4;
 /// Directions that are reported as left over.
 const SHOWN: usize = 3;
-/// Single effects that are fitted, those of the highest scores.
+/// Single effects that are fitted in any case, those of the highest scores.
 const FITTED_SINGLES: usize = 8;
+/// So are those whose own score has a smaller p-value …
+const CALLED_FOR: f64 = 0.05;
+/// … and beside which, to first order, what is left has a larger one: half of what an explanation is rejected at.
+const MAY_SURVIVE: f64 = 0.5 * REJECT_EXPLANATION;
 /// Where all of these are rejected the model without effects is far off, and its scores say little about which effect is
 /// missing: all others are fitted roughly, and so many of them, of the least deviance, to the end.
 const SECOND_CHOICE: usize = 5;
@@ -69,7 +73,7 @@ pub enum Verdict {
     Negligible,
     /// Nothing in the catalogue explains the data.
     Unknown,
-    /// Only with implausible sizes do effects explain the data.
+    /// Only with implausible sizes do single effects explain the data.
     Implausible,
 }
 
@@ -273,7 +277,9 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let survivors: Vec<&'static str> = explanations.iter().map(|e| e.1.effects[0]).collect();
     explanations.extend(singles.iter().filter(|s| judge.goes_with(&left, &survivors, &s.1)).cloned());
     if rejected && explanations.is_empty() {
-        explanations = judge.pairs(&singles)?.into_iter().filter(|s| s.1.p_value > REJECT_EXPLANATION).collect();
+        // Two effects of any size bend to much that is neither: a pair of implausible sizes explains nothing.
+        let explains = |s: &(Fit, Explanation)| s.1.p_value > REJECT_EXPLANATION && s.1.plausible;
+        explanations = judge.pairs(&singles)?.into_iter().filter(explains).collect();
     }
     let implausible = !explanations.is_empty() && explanations.iter().all(|e| !e.1.plausible);
     if !implausible {
@@ -403,16 +409,30 @@ impl Judge<'_> {
             self.explain_all(wanted, far_off, before)
         };
         let mut found = fitted(&ordered[..hopeful], &[])?;
+        // Of the others, those that are called for and beside which to first order nothing is left: where little is missing, much
+        // explains it.
+        let survives = |e: &&'static dyn Effect| {
+            let id = e.description().id;
+            let beside = || self.analysis.anything_left_beside(self.null, id, self.not_testable);
+            block(left, id).is_some_and(|b| b.p_value < CALLED_FOR)
+                && beside().is_some_and(|left| left.p_value > MAY_SURVIVE)
+        };
+        let (chosen, others): (Vec<_>, Vec<_>) = ordered[hopeful..].par_iter().copied().partition(survives);
+        let near = (!far_off).then_some(self.null);
+        for effect in chosen {
+            let start = self.beside(&self.null.point, left, effect);
+            found.extend(self.explain(start, self.null.levels, f64::INFINITY, near)?);
+        }
         if found.iter().all(|f| f.1.p_value <= REJECT_EXPLANATION) {
-            let mut others: Vec<(f64, &'static dyn Effect)> = Vec::new();
-            for effect in &ordered[hopeful..] {
+            let mut rough: Vec<(f64, &'static dyn Effect)> = Vec::new();
+            for effect in &others {
                 let start = self.beside(&self.null.point, left, *effect);
                 // Sizes at which a muscle cannot be simulated explain nothing.
                 let Ok(deviance) = self.analysis.rough_deviance(start, self.null.levels) else { continue };
-                others.push((deviance, *effect));
+                rough.push((deviance, *effect));
             }
-            others.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let second: Vec<_> = others.iter().take(SECOND_CHOICE).map(|o| o.1).collect();
+            rough.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let second: Vec<_> = rough.iter().take(SECOND_CHOICE).map(|o| o.1).collect();
             let more = fitted(&second, &found)?;
             found.extend(more);
         }
@@ -435,7 +455,7 @@ impl Judge<'_> {
         };
         let mut found: Vec<(Fit, Explanation)> = Vec::new();
         for (point, left, effect) in wanted {
-            found.extend(self.explain(self.beside(point, left, effect), self.null.levels, least(&found))?);
+            found.extend(self.explain(self.beside(point, left, effect), self.null.levels, least(&found), None)?);
         }
         if far_off && found.iter().all(|f| f.1.p_value <= REJECT_EXPLANATION) {
             // Without the effect the muscles went far to make up for it, perhaps into another valley.
@@ -444,7 +464,7 @@ impl Judge<'_> {
                 let mut anew = self.analysis.nominal_point();
                 anew.effects.extend(found[i].0.point.effects.iter().map(|s| Setting::absent(s.effect)));
                 if let Some(other) =
-                    self.explain(anew, NoiseLevels::usual(self.request.forward.strength.0), least(&found))?
+                    self.explain(anew, NoiseLevels::usual(self.request.forward.strength.0), least(&found), None)?
                     && other.0.deviance < found[i].0.deviance
                 {
                     found[i] = other;
@@ -501,15 +521,17 @@ impl Judge<'_> {
     /// Fits the effects at a point jointly with the muscles and asks what is left; `None` if they cannot be fitted.
     ///
     /// - `best`: least deviance of an explanation so far; one that stays far behind it is not followed to its end
+    /// - `near`: as for [`Analysis::refit`]
     fn explain(
         &self,
         start: Point,
         levels: NoiseLevels,
         best: f64,
+        near: Option<&Fit>,
     ) -> Result<Option<(Fit, Explanation)>, SimulationError> {
         let effects = start.effects.iter().map(|s| s.effect.description().id).collect();
         // Sizes at which a muscle cannot be simulated explain nothing.
-        let Ok(fit) = self.analysis.refit(start, levels, best + FAR) else { return Ok(None) };
+        let Ok(fit) = self.analysis.refit(start, levels, best + FAR, near) else { return Ok(None) };
         let with = test(self.analysis, &fit, self.not_testable)?;
         let parameters = estimates(&fit, self.request.forward);
         let plausible = parameters.values().all(|p| p.ci95[1] >= p.plausible[0] && p.ci95[0] <= p.plausible[1]);

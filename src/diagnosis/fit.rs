@@ -21,6 +21,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 use std::sync::Arc;
 
+use super::descent::Means;
 use super::effect::{Effect, Role, Stage};
 use super::forward_model::{FITTED_PER_MUSCLE, ForwardModel, Setting, TrialInput};
 use super::kernel::Kernel;
@@ -156,8 +157,8 @@ impl<'a> Analysis<'a> {
         analysis.blocks = analysis.calc_directions(&descent.linear, &descent.point)?.1;
         descent = analysis.settle(descent, true)?;
         analysis.choose_kernels(&mut descent)?;
-        descent = analysis.follow(descent, f64::INFINITY)?;
-        let fit = analysis.finish(descent, MOST_PAIRS)?;
+        descent = analysis.follow(descent, f64::INFINITY, f64::INFINITY)?;
+        let fit = analysis.finish(descent, Means::Drawn(MOST_PAIRS))?;
         Ok((analysis, fit))
     }
 
@@ -289,16 +290,23 @@ impl<'a> Analysis<'a> {
     ///
     /// - `skip`: names of further blocks to leave out
     pub fn anything_left(&self, fit: &Fit, skip: &[&str]) -> Option<Omnibus> {
-        self.scores_left(fit, skip, true)
+        self.scores_left(fit, skip, true, None)
+    }
+
+    /// What would be left beside an effect that is not on, to first order: nothing is fitted.
+    ///
+    /// - `effect`: its name; `skip`: as for [`Analysis::anything_left`]
+    pub fn anything_left_beside(&self, fit: &Fit, effect: &str, skip: &[&str]) -> Option<Omnibus> {
+        self.scores_left(fit, skip, true, Some(effect))
     }
 
     /// As [`Analysis::anything_left`], with scores as they are: where a model is far off, their means would be those of an
     /// EMG that was bent to make up for it.
     pub fn anything_left_uncentred(&self, fit: &Fit, skip: &[&str]) -> Option<Omnibus> {
-        self.scores_left(fit, skip, false)
+        self.scores_left(fit, skip, false, None)
     }
 
-    fn scores_left(&self, fit: &Fit, skip: &[&str], centred: bool) -> Option<Omnibus> {
+    fn scores_left(&self, fit: &Fit, skip: &[&str], centred: bool, beside: Option<&str>) -> Option<Omnibus> {
         let p = fit.precision.len();
         let columns = fit.directions.first()?.ncols();
         let (mut normal, parts): (Vec<DMatrix<f64>>, Vec<Vec<DMatrix<f64>>>) = fit
@@ -320,16 +328,22 @@ impl<'a> Analysis<'a> {
             by_variance.iter_mut().zip(parts).for_each(|(sum, part)| *sum += part);
         }
         let on = |name: &str| fit.point.effects.iter().any(|s| s.effect.description().id == name);
+        let columns_of = |b: &Block| b.columns.iter().map(|c| c + p + 1).collect::<Vec<usize>>();
         let blocks: Vec<Block> = self
             .blocks
             .iter()
-            .filter(|b| !on(&b.name) && !skip.contains(&b.name.as_str()))
-            .map(|b| Block { name: b.name.clone(), columns: b.columns.iter().map(|c| c + p + 1).collect() })
+            .filter(|b| !on(&b.name) && !skip.contains(&b.name.as_str()) && beside != Some(&*b.name))
+            .map(|b| Block { name: b.name.clone(), columns: columns_of(b) })
             .collect();
-        let nuisance: Vec<usize> = (0..p).collect();
+        let mut nuisance: Vec<usize> = (0..p).collect();
+        nuisance.extend(self.blocks.iter().filter(|b| beside == Some(&*b.name)).flat_map(columns_of));
+        let mut precision = fit.precision.clone();
+        precision.resize(nuisance.len(), AMPLITUDE_PRECISION);
+        let mut offset = fit.offset.clone();
+        offset.resize(nuisance.len(), 0.0);
         if centred {
             let means = fit.bias.iter().fold(DVector::zeros(p + columns), |sum, bias| sum + bias).insert_row(p, 0.0);
-            let profile = Nuisance { columns: &nuisance, precision: &fit.precision, offset: &vec![0.0; p] };
+            let profile = Nuisance { columns: &nuisance, precision: &precision, offset: &vec![0.0; nuisance.len()] };
             let largest = score_test::largest_statistic(&normal, &profile, &blocks, &means);
             let share = (LARGEST_MEAN / largest.max(1e-300).sqrt()).min(1.0);
             for (normal, bias) in normal.iter_mut().zip(&*fit.bias) {
@@ -338,7 +352,7 @@ impl<'a> Analysis<'a> {
                 }
             }
         }
-        let nuisance = Nuisance { columns: &nuisance, precision: &fit.precision, offset: &fit.offset };
+        let nuisance = Nuisance { columns: &nuisance, precision: &precision, offset: &offset };
         let variances = Variances { products: &by_variance, spread: &fit.level_spread };
         score_test::omnibus(&normal, &nuisance, &variances, &blocks, p, self.seed)
     }

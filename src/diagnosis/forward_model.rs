@@ -399,10 +399,11 @@ impl ForwardModel {
 
     /// The moment that the sensor records [N·m]: what effects on joint, inertia and sensor make of a trial's core.
     pub fn recorded_moment(&self, trial: usize, core: &Core, effects: &[Setting]) -> Vec<f64> {
-        self.recorded(trial, core, core.moment.clone(), core.shown(), effects)
+        self.recorded(trial, core, core.moment.clone(), core.shown(), effects, true)
     }
 
     /// - `moment`: of muscles, passive forces and drag, with all effects; `muscle_moment`: that effects are shown
+    /// - `expected`: as expected with noise in the recorded angle; otherwise as were the angle free of noise
     fn recorded(
         &self,
         trial: usize,
@@ -410,11 +411,13 @@ impl ForwardModel {
         mut moment: Vec<f64>,
         muscle_moment: &[f64],
         effects: &[Setting],
+        expected: bool,
     ) -> Vec<f64> {
         let context = self.context(trial, &core.excitation, muscle_moment);
         let effects = self.acting(effects);
         let effects = in_order(&effects);
-        match self.drawn_moments(trial, core, &context, &effects).as_slice() {
+        let drawn = if expected { self.drawn_moments(trial, core, &context, &effects) } else { Vec::new() };
+        match drawn.as_slice() {
             [] => joint_state(core, &context, |joint| add_moments(&effects, joint, &mut moment)),
             draws => {
                 for draw in draws {

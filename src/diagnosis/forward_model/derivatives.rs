@@ -19,7 +19,8 @@ impl ForwardModel {
         self.acting(effects).iter().any(reshapes)
     }
 
-    /// Changes of the recorded moment when the muscles' moment changes, to first order.
+    /// Changes of the recorded moment when the muscles' moment changes, to first order; the noise of the angle hardly matters to
+    /// them and is left out.
     ///
     /// - `changes`: of the muscles' moment, per sample
     pub fn recorded_changes<'c>(
@@ -29,7 +30,7 @@ impl ForwardModel {
         effects: &[Setting],
         changes: impl IntoIterator<Item = &'c Vec<f64>>,
     ) -> Vec<Vec<f64>> {
-        let base = self.recorded_moment(trial, core, effects);
+        let base = self.recorded(trial, core, core.moment.clone(), core.shown(), effects, false);
         let add =
             |to: &[f64], by: &[f64], step: f64| -> Vec<f64> { to.iter().zip(by).map(|(m, d)| m + step * d).collect() };
         let recorded = |by: &Vec<f64>| {
@@ -39,7 +40,8 @@ impl ForwardModel {
             }
             // Small, because the direction of a moment may matter, and its share of the largest.
             let step = SMALL_MOMENT / largest;
-            let moved = self.recorded(trial, core, add(&core.moment, by, step), &add(core.shown(), by, step), effects);
+            let shown = add(core.shown(), by, step);
+            let moved = self.recorded(trial, core, add(&core.moment, by, step), &shown, effects, false);
             moved.iter().zip(&base).map(|(a, b)| (a - b) / step).collect()
         };
         changes.into_iter().map(recorded).collect()
