@@ -5,10 +5,11 @@ use std::path::PathBuf;
 
 use carpus::diagnosis::catalogue::CATALOGUE;
 use carpus::diagnosis::diagnose::{Diagnosis, Request, Verdict, diagnose};
-use carpus::diagnosis::forward_model::ForwardModel;
+use carpus::diagnosis::fit::Analysis;
+use carpus::diagnosis::forward_model::{ForwardModel, Setting};
 use carpus::osim::OsimFile;
 use carpus::simulation::{MusculoskeletalModel, Setup};
-use carpus::study::Study;
+use carpus::study::{Study, TrialUse};
 use serde_json::Value;
 
 /// Diagnoses a study among a few candidates; also what was hidden.
@@ -18,9 +19,21 @@ fn diagnosed(name: &str, candidates: &[&str]) -> (Diagnosis, Value) {
 
 /// The same, model and participant being so many times as strong.
 fn diagnosed_at(strength: f64, name: &str, candidates: &[&str]) -> (Diagnosis, Value) {
+    let found = asked(strength, name, candidates, |request| diagnose(request).unwrap().diagnosis);
+    let sets: Vec<_> = found.explanations.iter().map(|e| (&e.effects, e.p_value)).collect();
+    println!("{name}: {:?}, p of no effect {:.4}, {sets:?}", found.verdict, found.null_p_value);
+    let truth = std::fs::read_to_string(folder(name).join("truth.json")).unwrap();
+    (found, serde_json::from_str(&truth).unwrap())
+}
+
+fn folder(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("fixtures/hidden_effects").join(name)
+}
+
+/// What is asked of a study, model and participant being so many times as strong.
+fn asked<T>(strength: f64, name: &str, candidates: &[&str], ask: impl FnOnce(&Request) -> T) -> T {
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
-    let folder = root.join("fixtures/hidden_effects").join(name);
-    let mut study = Study::read_tables(&folder).unwrap();
+    let mut study = Study::read_tables(folder(name)).unwrap();
     let mut trials = study.load_trials("P01").unwrap();
     let mut spec = OsimFile::read(root.join("models/wrist.osim")).unwrap().spec;
     study.settings.dynamometer.damping *= strength;
@@ -37,11 +50,7 @@ fn diagnosed_at(strength: f64, name: &str, candidates: &[&str]) -> (Diagnosis, V
         mvc: trials.iter().map(|t| t.max_abs_moment()).fold(0.0, f64::max),
         seed: 1,
     };
-    let found = diagnose(&request).unwrap().diagnosis;
-    let sets: Vec<_> = found.explanations.iter().map(|e| (&e.effects, e.p_value)).collect();
-    println!("{name}: {:?}, p of no effect {:.4}, {sets:?}", found.verdict, found.null_p_value);
-    let truth = std::fs::read_to_string(folder.join("truth.json")).unwrap();
-    (found, serde_json::from_str(&truth).unwrap())
+    ask(&request)
 }
 
 /// The estimate of a hidden parameter covers what was hidden, and is right within a share.
@@ -107,4 +116,35 @@ fn val_opensim_what_the_catalogue_lacks_is_called_unknown() {
     let candidates = ["joint_stiffness", "end_range_spring", "joint_damping", "torque_drift"];
     let (found, _) = diagnosed("snapping_tendon", &candidates);
     assert_eq!(found.verdict, Verdict::Unknown);
+}
+
+/// What is left beside an effect is foreseen from the fit without it: as the fit with it finds, and so is the mean of its scores.
+#[test]
+fn val_opensim_what_an_effect_leaves_is_foreseen_before_it_is_fitted() {
+    let candidates = ["electromechanical_delay", "joint_damping", "torque_drift", "joint_stiffness"];
+    asked(1.0, "electromechanical_delay", &candidates, |request| {
+        let train = request.forward.trials_for(TrialUse::Train);
+        let all = request.candidates.clone();
+        let (analysis, null) = Analysis::new(request.forward, train, all, &request.bounds, request.seed).unwrap();
+        for effect in &request.candidates {
+            let id = effect.description().id;
+            let foreseen = analysis.anything_left_beside(&null, id, &[]).unwrap();
+            let mut start = null.point.clone();
+            start.effects.push(Setting::absent(*effect));
+            let [drawn, near] = [None, Some(&null)].map(|near| {
+                let fit = analysis.refit(start.clone(), null.levels, f64::INFINITY, near).unwrap();
+                let left = analysis.anything_left(&fit, &[]).unwrap();
+                (left.p_value, fit.point.effects[0].values[0])
+            });
+            println!("{id}: p foreseen {:.4}, found {:.4}, {:.4}", foreseen.p_value, drawn.0, near.0);
+            let hidden = id == "electromechanical_delay";
+            assert!(foreseen.blocks.iter().all(|b| b.name != id), "{id} is left beside itself");
+            for p in [foreseen.p_value, drawn.0, near.0] {
+                assert_eq!(p > 0.05, hidden, "{id}: p {p}");
+            }
+            if hidden {
+                assert!((near.1 / drawn.1 - 1.0).abs() < 0.05, "{id}: {} and {}", near.1, drawn.1);
+            }
+        }
+    });
 }
