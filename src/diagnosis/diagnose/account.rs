@@ -1,0 +1,168 @@
+//! What a diagnosis reports: `diagnosis.json`.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::super::noise::Kernels;
+use super::super::where_it_fails::AxisResult;
+
+/// What the data say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// One effect explains the data.
+    Identified,
+    /// No single effect does; one pair does.
+    TwoEffects,
+    /// Several explanations survive.
+    CannotTell,
+    /// The muscle parameters alone explain the data.
+    NothingDetectable,
+    /// Something is there but hardly matters.
+    Negligible,
+    /// Nothing in the catalogue explains the data.
+    Unknown,
+    /// Only with implausible sizes do single effects explain the data.
+    Implausible,
+}
+
+/// A parameter of an explanation.
+#[derive(Clone, Debug, Serialize)]
+pub struct ParameterEstimate {
+    /// Estimate.
+    pub value: f64,
+    /// Unit.
+    pub unit: &'static str,
+    /// 95 % interval.
+    pub ci95: [f64; 2],
+    /// Plausible range.
+    pub plausible: [f64; 2],
+}
+
+/// Effects that, fitted jointly with the muscles, leave nothing.
+#[derive(Clone, Debug, Serialize)]
+pub struct Explanation {
+    /// Effects.
+    pub effects: Vec<&'static str>,
+    /// p-value of "nothing is left".
+    pub p_value: f64,
+    /// How much less −2 log posterior it leaves than the model without effects.
+    pub deviance_fall: f64,
+    /// RMSE over held-out trials / session MVC moment.
+    pub held_out_error: Option<f64>,
+    /// Every interval overlaps its plausible range.
+    pub plausible: bool,
+    /// Parameters by `effect.parameter`.
+    pub parameters: BTreeMap<String, ParameterEstimate>,
+    /// What the data would rather have beside it: the directions of smallest p-value.
+    pub left: Vec<Left>,
+}
+
+/// A direction in which something may be left after a fit.
+#[derive(Clone, Debug, Serialize)]
+pub struct Left {
+    /// Effect, or axis of lack of fit.
+    pub direction: String,
+    /// p-value of this direction alone.
+    pub p_value: f64,
+    /// Its one-step sizes, in units of its scales.
+    pub size: Vec<f64>,
+}
+
+/// A candidate of the catalogue.
+#[derive(Clone, Debug, Serialize)]
+pub struct Candidate {
+    /// Effect.
+    pub effect: &'static str,
+    /// p-value that nothing is left once it is fitted; `None` if it was not fitted.
+    pub p_value: Option<f64>,
+    /// p-value of its own score test on the model without effects.
+    pub score_p_value: f64,
+    /// Its score statistic T.
+    pub score: f64,
+    /// Share of its signature that fitting the muscles leaves.
+    pub kept: f64,
+    /// Once fitted: how much less −2 log posterior it leaves than the model without effects.
+    pub deviance_fall: Option<f64>,
+    /// Smallest size that would be found, per amplitude, in the parameter's unit (for changes of a muscle's property: as
+    /// a share of it).
+    pub detectable_size: BTreeMap<&'static str, f64>,
+    /// RMSE over held-out trials / session MVC moment, once fitted.
+    pub held_out_error: Option<f64>,
+    /// Parameters, once fitted.
+    pub parameters: BTreeMap<String, ParameterEstimate>,
+    /// Once fitted: what the data would rather have beside it.
+    pub left: Vec<Left>,
+}
+
+/// Errors step by step.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Steps {
+    /// The model as given.
+    pub base: f64,
+    /// Muscle parameters fitted.
+    pub refit_only: f64,
+    /// With the best explanation, if there is one.
+    pub with_effect: Option<f64>,
+}
+
+/// Errors.
+#[derive(Clone, Debug, Serialize)]
+pub struct Errors {
+    /// Training trials.
+    pub train: Steps,
+    /// Held-out trials.
+    pub held_out: Option<Steps>,
+    /// What noise alone would leave.
+    pub noise_floor: f64,
+    /// What is measured.
+    pub measure: &'static str,
+}
+
+/// How well two effects can be told apart.
+#[derive(Clone, Debug, Serialize)]
+pub struct Confusion {
+    /// The effect taken to be true.
+    pub truth: &'static str,
+    /// Its rival.
+    pub rival: &'static str,
+    /// |effect| · length of its signature once muscles and the rival are fitted, in standard deviations.
+    pub z: f64,
+}
+
+/// The diagnosis of one participant.
+#[derive(Clone, Debug, Serialize)]
+pub struct Diagnosis {
+    /// Version of this format.
+    pub schema: &'static str,
+    /// Participant.
+    pub participant: String,
+    /// What the data say.
+    pub verdict: Verdict,
+    /// p-value of the model without effects: the larger of those by the normal law and by sign flips of whole trials; that by
+    /// the normal law alone where a direction is beyond doubt.
+    pub null_p_value: f64,
+    /// That by sign flips of whole trials alone.
+    pub null_sign_flip_p_value: f64,
+    /// The confidence set.
+    pub explanations: Vec<Explanation>,
+    /// Effects that were fitted jointly with the muscles and rejected.
+    pub ruled_out: Vec<&'static str>,
+    /// Effects that can be tested and were not fitted: nothing was rejected, or their scores leave them no chance.
+    pub not_fitted: Vec<&'static str>,
+    /// Effects that these data cannot test.
+    pub not_testable: Vec<&'static str>,
+    /// Errors.
+    pub error: Errors,
+    /// All candidates.
+    pub candidates: Vec<Candidate>,
+    /// Pairwise separability of the leading candidates.
+    pub confusion: Vec<Confusion>,
+    /// Residual of the refitted model along every axis.
+    pub where_it_fails: Vec<AxisResult>,
+    /// Standard deviations of the noise: white and slow moment [N·m], EMG envelope, gain per trial (relative), baseline.
+    pub noise: BTreeMap<&'static str, f64>,
+    /// How noise of the EMG's envelope and of the moment goes with itself in time.
+    pub noise_correlation: Kernels,
+}

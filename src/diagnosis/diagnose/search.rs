@@ -1,0 +1,204 @@
+//! The search for explanations: which effects, and which pairs, are fitted, and what that leaves.
+
+use rayon::prelude::*;
+
+use super::super::effect::Effect;
+use super::super::fit::{Fit, Point};
+use super::super::forward_model::Setting;
+use super::super::noise::NoiseLevels;
+use super::super::score_test::Omnibus;
+use super::{Explanation, Judge, PAIRED, REJECT_EXPLANATION, block, estimates, left_over, test};
+use crate::simulation::SimulationError;
+use crate::study::TrialUse;
+
+/// An explanation with a smaller p-value is rejected although it cannot be told from one that is not.
+const REJECT_IN_ANY_CASE: f64 = 0.002;
+/// Where the model without effects leaves a larger score than this, fits start from the model as given too.
+const LARGE: f64 = 40.0;
+/// A fit whose deviance is this much larger than the best is not followed to its end.
+const FAR: f64 = 150.0;
+/// Explanations that are fitted again from the model as given.
+const TRIED_AGAIN: usize = 3;
+/// Below this pairwise z two effects cannot be told apart.
+const INSEPARABLE: f64 = 2.0;
+/// Candidates whose one-step fit leaves this much more deviance than the best are not fitted.
+const HOPELESS: f64 = 0.4;
+/// Pairs that are fitted.
+const FITTED_PAIRS: usize = 4;
+/// Single effects that are fitted in any case, those of the highest scores.
+const FITTED_SINGLES: usize = 8;
+/// So are those whose own score has a smaller p-value …
+const CALLED_FOR: f64 = 0.05;
+/// … and beside which, to first order, what is left has a larger one: half of what an explanation is rejected at.
+const MAY_SURVIVE: f64 = 0.5 * REJECT_EXPLANATION;
+/// Where all of these are rejected the model without effects is far off, and its scores say little about which effect is
+/// missing: all others are fitted roughly, and so many of them, of the least deviance, to the end.
+const SECOND_CHOICE: usize = 5;
+
+impl Judge<'_> {
+    /// Whether a rejected explanation cannot be told from one that survived: chance must not come between them.
+    pub(super) fn goes_with(&self, left: &Omnibus, survivors: &[&'static str], rejected: &Explanation) -> bool {
+        let rival = rejected.effects[0];
+        rejected.p_value > REJECT_IN_ANY_CASE
+            && !survivors.contains(&rival)
+            && survivors.iter().any(|survivor| {
+                let size = block(left, survivor).map(|b| &b.one_step);
+                let z = size.and_then(|size| self.analysis.pairwise_z(self.null, survivor, size, rival));
+                z.is_some_and(|z| z < INSEPARABLE)
+            })
+    }
+
+    /// Every single effect that has a chance, fitted.
+    pub(super) fn singles(&self, left: &Omnibus) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
+        let of = |omnibus: &Omnibus, e: &&'static dyn Effect| {
+            block(omnibus, e.description().id).map_or(0.0, |b| b.statistic)
+        };
+        let score = |e: &&'static dyn Effect| of(left, e).max(of(&self.uncentred, e));
+        let best = self.testable().map(|e| score(&e)).fold(0.0, f64::max);
+        let mut ordered: Vec<_> = self.testable().collect();
+        ordered.sort_by(|a, b| score(b).total_cmp(&score(a)));
+        let hopeful = ordered.iter().take_while(|e| score(e) >= HOPELESS * best - 30.0).count().min(FITTED_SINGLES);
+        let far_off = self.far_off(left);
+        let fitted = |some: &[&'static dyn Effect], before: &[(Fit, Explanation)]| {
+            let wanted = some.iter().map(|e| (&self.null.point, left, *e)).collect();
+            self.explain_all(wanted, far_off, before)
+        };
+        let mut found = fitted(&ordered[..hopeful], &[])?;
+        // Of the others, those that are called for and beside which to first order nothing is left: where little is missing, much
+        // explains it.
+        let survives = |e: &&'static dyn Effect| {
+            let id = e.description().id;
+            let beside = || self.analysis.anything_left_beside(self.null, id, self.not_testable);
+            block(left, id).is_some_and(|b| b.p_value < CALLED_FOR)
+                && beside().is_some_and(|left| left.p_value > MAY_SURVIVE)
+        };
+        let (chosen, others): (Vec<_>, Vec<_>) = ordered[hopeful..].par_iter().copied().partition(survives);
+        let near = (!far_off).then_some(self.null);
+        for effect in chosen {
+            let start = self.beside(&self.null.point, left, effect);
+            found.extend(self.explain(start, self.null.levels, f64::INFINITY, near)?);
+        }
+        if found.iter().all(|f| f.1.p_value <= REJECT_EXPLANATION) {
+            let mut rough: Vec<(f64, &'static dyn Effect)> = Vec::new();
+            for effect in &others {
+                let start = self.beside(&self.null.point, left, *effect);
+                // Sizes at which a muscle cannot be simulated explain nothing.
+                let Ok(deviance) = self.analysis.rough_deviance(start, self.null.levels) else { continue };
+                rough.push((deviance, *effect));
+            }
+            rough.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let second: Vec<_> = rough.iter().take(SECOND_CHOICE).map(|o| o.1).collect();
+            let more = fitted(&second, &found)?;
+            found.extend(more);
+        }
+        Ok(found)
+    }
+
+    /// Explanations by an effect beside those at a point each, fitted on from there; where all fail and the model without
+    /// effects is far off, the best again from the model as given.
+    ///
+    /// - `wanted`: point, what is left there, effect
+    /// - `before`: explanations that others are measured against
+    fn explain_all(
+        &self,
+        wanted: Vec<(&Point, &Omnibus, &'static dyn Effect)>,
+        far_off: bool,
+        before: &[(Fit, Explanation)],
+    ) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
+        let least = |found: &[(Fit, Explanation)]| {
+            before.iter().chain(found).map(|f| f.0.deviance).fold(f64::INFINITY, f64::min)
+        };
+        let mut found: Vec<(Fit, Explanation)> = Vec::new();
+        for (point, left, effect) in wanted {
+            found.extend(self.explain(self.beside(point, left, effect), self.null.levels, least(&found), None)?);
+        }
+        if far_off && found.iter().all(|f| f.1.p_value <= REJECT_EXPLANATION) {
+            // Without the effect the muscles went far to make up for it, perhaps into another valley.
+            found.sort_by(|a, b| a.0.deviance.total_cmp(&b.0.deviance));
+            for i in 0..found.len().min(TRIED_AGAIN) {
+                let mut anew = self.analysis.nominal_point();
+                anew.effects.extend(found[i].0.point.effects.iter().map(|s| Setting::absent(s.effect)));
+                if let Some(other) =
+                    self.explain(anew, NoiseLevels::usual(self.request.forward.strength.0), least(&found), None)?
+                    && other.0.deviance < found[i].0.deviance
+                {
+                    found[i] = other;
+                }
+            }
+        }
+        Ok(found)
+    }
+
+    /// A point with a further effect, of the size that its score asks for.
+    fn beside(&self, point: &Point, left: &Omnibus, effect: &'static dyn Effect) -> Point {
+        let mut setting = Setting::absent(effect);
+        let description = effect.description();
+        if let Some(score) = block(left, description.id) {
+            for (i, p) in description.amplitudes().enumerate() {
+                setting.values[p] = score.one_step[i].clamp(-5.0, 5.0)
+                    * self.request.forward.strength.scale(&description.parameters[p]);
+            }
+        }
+        let mut start = point.clone();
+        start.effects.push(setting);
+        start
+    }
+
+    /// Pairs of the leading candidates: the best by the score of the second after the first was fitted.
+    pub(super) fn pairs(&self, singles: &[(Fit, Explanation)]) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
+        let mut leaders: Vec<&(Fit, Explanation)> = singles.iter().collect();
+        leaders.sort_by(|a, b| a.0.deviance.total_cmp(&b.0.deviance));
+        leaders.truncate(PAIRED);
+        let mut pairs: Vec<(f64, &Fit, &'static dyn Effect, Omnibus)> = Vec::new();
+        for (fit, _) in &leaders {
+            let with = test(self.analysis, fit, self.not_testable)?;
+            let first = fit.point.effects[0].effect.description().id;
+            for second in self.testable().filter(|e| e.description().id != first) {
+                let id = second.description().id;
+                let same = |p: &(f64, &Fit, &'static dyn Effect, Omnibus)| {
+                    p.1.point.effects[0].effect.description().id == id && p.2.description().id == first
+                };
+                let gain = block(&with, id).map_or(0.0, |b| b.statistic);
+                let deviance = fit.deviance - gain;
+                match pairs.iter_mut().find(|p| same(p)) {
+                    Some(known) if known.0 <= deviance => {}
+                    Some(known) => *known = (deviance, fit, second, with.clone()),
+                    None => pairs.push((deviance, fit, second, with.clone())),
+                }
+            }
+        }
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        pairs.truncate(FITTED_PAIRS);
+        let wanted = pairs.iter().map(|(_, fit, second, with)| (&fit.point, with, *second)).collect();
+        self.explain_all(wanted, false, &[])
+    }
+
+    /// Fits the effects at a point jointly with the muscles and asks what is left; `None` if they cannot be fitted.
+    ///
+    /// - `best`: least deviance of an explanation so far; one that stays far behind it is not followed to its end
+    /// - `near`: as for [`Analysis::refit`]
+    fn explain(
+        &self,
+        start: Point,
+        levels: NoiseLevels,
+        best: f64,
+        near: Option<&Fit>,
+    ) -> Result<Option<(Fit, Explanation)>, SimulationError> {
+        let effects = start.effects.iter().map(|s| s.effect.description().id).collect();
+        // Sizes at which a muscle cannot be simulated explain nothing.
+        let Ok(fit) = self.analysis.refit(start, levels, best + FAR, near) else { return Ok(None) };
+        let with = test(self.analysis, &fit, self.not_testable)?;
+        let parameters = estimates(&fit, self.request.forward);
+        let plausible = parameters.values().all(|p| p.ci95[1] >= p.plausible[0] && p.ci95[0] <= p.plausible[1]);
+        let held_out_error = self.error_of(&fit, TrialUse::Test)?;
+        let (p_value, left) = (with.p_value, left_over(&with));
+        let deviance_fall = self.null.deviance - fit.deviance;
+        let explanation = Explanation { effects, p_value, deviance_fall, held_out_error, plausible, parameters, left };
+        Ok(Some((fit, explanation)))
+    }
+
+    /// Whether the model without effects is so far off that its muscles may have gone astray.
+    fn far_off(&self, left: &Omnibus) -> bool {
+        left.blocks.iter().chain(&self.uncentred.blocks).any(|b| b.statistic > LARGE)
+    }
+}
