@@ -312,8 +312,26 @@ pub(crate) fn scaled_mean(muscles: &[MuscleSpec], r: f64, property: impl Fn(&Mil
     known.iter().sum::<f64>() / known.len().max(1) as f64 * r.exp()
 }
 
+/// A series as it was so much earlier, at the same times; linear between samples and constant outside.
+pub(crate) fn delayed(time: &[f64], series: &[f64], delay: f64) -> Vec<f64> {
+    let mut after = 0;
+    let at = |t: &f64| {
+        let at = t - delay;
+        while after < time.len() && time[after] <= at {
+            after += 1;
+        }
+        between(time, series, after, at)
+    };
+    time.iter().map(at).collect()
+}
+
 /// Value of a series at a time, linear between samples and constant outside.
 pub(crate) fn interpolate(time: &[f64], series: &[f64], at: f64) -> f64 {
+    between(time, series, time.partition_point(|t| *t <= at), at)
+}
+
+/// - `after`: the first sample after `at`
+fn between(time: &[f64], series: &[f64], after: usize, at: f64) -> f64 {
     let last = time.len() - 1;
     if at <= time[0] {
         return series[0];
@@ -321,7 +339,7 @@ pub(crate) fn interpolate(time: &[f64], series: &[f64], at: f64) -> f64 {
     if at >= time[last] {
         return series[last];
     }
-    let i = time.partition_point(|t| *t <= at).clamp(1, last) - 1;
+    let i = after.clamp(1, last) - 1;
     let part = (at - time[i]) / (time[i + 1] - time[i]);
     series[i] + part * (series[i + 1] - series[i])
 }

@@ -4,6 +4,7 @@ mod derivatives;
 
 use std::borrow::Cow;
 use std::ops::Range;
+use std::sync::OnceLock;
 
 use super::angle_noise::{AngleNoise, Disturbance};
 use super::catalogue::position;
@@ -16,8 +17,8 @@ use nalgebra::DMatrix;
 
 use crate::osim::spec::{ModelSpec, MuscleSpec};
 use crate::simulation::{
-    FiberAccuracy, MuscleParameters, MuscleSolution, MusculoskeletalModel, Options, PreparedTrial, Recording,
-    SimulationError,
+    ExcitationTangent, FiberAccuracy, MuscleParameters, MuscleSolution, MusculoskeletalModel, Options, PreparedTrial,
+    Recording, SimulationError,
 };
 use crate::study::{Trial, TrialUse};
 
@@ -96,8 +97,11 @@ pub struct Core {
     pub by_parameters: Vec<Vec<f64>>,
     /// Of every muscle; empty unless derivatives were asked for.
     pub solutions: Vec<MuscleSolution>,
-    /// The trial whose moment effects are shown ([`shown_effects`]); `None` if none asks for it.
+    /// The trial whose moment effects are shown ([`shown_effects`]), where one of them changes what drives the muscles; `None`:
+    /// they are shown this one's.
     without: Option<Box<Core>>,
+    /// Of every muscle, once asked for ([`Core::tangents`]).
+    tangents: OnceLock<Option<Vec<ExcitationTangent>>>,
 }
 
 /// Accuracy that a diagnosis needs: moments within about 10⁻³ N·m, far below any sensor's noise, in half the time.
@@ -113,7 +117,6 @@ pub const FITTED_PER_MUSCLE: usize = 3;
 impl Core {
     /// The muscles' moment that effects are shown: without those that ask for it.
     fn shown(&self) -> &[f64] {
-        // Differences of an effect that is off start from a core that was not asked for the moment.
         self.without.as_ref().map_or(&self.muscle_moment, |without| &without.muscle_moment)
     }
 }
@@ -354,7 +357,9 @@ impl ForwardModel {
         (effects, rounds): (&[Setting], usize),
         derivatives: bool,
     ) -> Result<Core, SimulationError> {
-        let without = if effects.iter().any(|s| s.effect.needs_moment()) {
+        let drives = |s: &Setting| s.effect.needs_moment() && s.effect.description().stage < Stage::Joint;
+        // What only adds at the joint leaves the muscles' moment as it is.
+        let without = if effects.iter().any(drives) {
             let (shown, rounds) = shown_effects(effects, rounds);
             Some(Box::new(self.core_with(variant, trial, input, parameters, (&shown, rounds), derivatives)?))
         } else {
@@ -394,7 +399,8 @@ impl ForwardModel {
             }
         }
         let muscle_moment = of_muscles(&moment, &prepared);
-        Ok(Core { prepared, excitation, moment, muscle_moment, by_parameters, solutions, without })
+        let tangents = OnceLock::new();
+        Ok(Core { prepared, excitation, moment, muscle_moment, by_parameters, solutions, without, tangents })
     }
 
     /// The moment that the sensor records [N·m]: what effects on joint, inertia and sensor make of a trial's core.
@@ -513,10 +519,14 @@ fn muscle_factor(
     angle: &[f64],
 ) -> Vec<f64> {
     let path = &prepared.kinematics().muscles[muscle];
-    let state = MuscleState { trial, muscle, angle, moment_arm: &path.moment_arm, activation: &path.activation };
-    let mut factor = vec![1.0; angle.len()];
+    let arm = &path.moment_arm;
+    factor_at(ordered, &MuscleState { trial, muscle, angle, moment_arm: arm, activation: &path.activation })
+}
+
+fn factor_at(ordered: &[&Setting], state: &MuscleState) -> Vec<f64> {
+    let mut factor = vec![1.0; state.angle.len()];
     for setting in ordered {
-        setting.effect.scale_muscle(&setting.values, &state, &mut factor);
+        setting.effect.scale_muscle(&setting.values, state, &mut factor);
     }
     factor
 }

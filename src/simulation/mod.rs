@@ -13,6 +13,7 @@
 
 mod activation_trajectory;
 mod error;
+mod excitation_tangent;
 mod fiber;
 mod model;
 mod moment_arms;
@@ -26,6 +27,7 @@ mod trial;
 mod variation;
 
 pub use error::SimulationError;
+pub use excitation_tangent::{ExcitationTangent, ForceChange};
 pub use fiber::integrate::FiberAccuracy;
 pub use fiber::radau::Work;
 pub use model::{HeldCoordinate, MuscleParameters, MusculoskeletalModel, Setup, posture};

@@ -30,7 +30,7 @@ pub struct MuscleSolution {
     /// Normalized fibre length, and its rate [1/s].
     pub(crate) fiber_length: Vec<f64>,
     pub(crate) fiber_rate: Vec<f64>,
-    steps: Vec<StepTaken>,
+    pub(super) steps: Vec<StepTaken>,
 }
 
 /// One side of a difference.

@@ -1,6 +1,6 @@
 //! Electromechanical delay.
 
-use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude, interpolate};
+use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude, delayed};
 
 /// Electromechanical delay: `e(t - d)`.
 pub struct ElectromechanicalDelay;
@@ -35,7 +35,7 @@ impl Effect for ElectromechanicalDelay {
             return;
         }
         for e in excitation {
-            *e = trial.time.iter().map(|t| interpolate(trial.time, e, t - delay)).collect();
+            *e = delayed(trial.time, e, delay);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Stretch reflex.
 
-use crate::diagnosis::effect::{Description, Effect, JointState, OsimForm, Stage, amplitude, interpolate};
+use crate::diagnosis::effect::{Description, Effect, JointState, OsimForm, Stage, amplitude, delayed};
 
 /// Stretch reflex: `-b q̇(t - 40 ms) m(t), m = |moment of the muscles| / its largest in the trial (at least 1 N·m)`.
 pub struct StretchReflex;
@@ -39,10 +39,9 @@ impl Effect for StretchReflex {
             return;
         }
         let peak = joint.trial.muscle_moment.iter().fold(0.0_f64, |m, v| m.max(v.abs())).max(1.0);
-        for k in 0..moment.len() {
-            let delayed = interpolate(joint.trial.time, joint.speed, joint.trial.time[k] - 0.04);
-            let active = (joint.trial.muscle_moment[k].abs() / peak).min(1.0);
-            moment[k] += -gain * delayed * active;
+        let speed = delayed(joint.trial.time, joint.speed, 0.04);
+        for ((moment, speed), of_muscles) in moment.iter_mut().zip(speed).zip(joint.trial.muscle_moment) {
+            *moment += -gain * speed * (of_muscles.abs() / peak).min(1.0);
         }
     }
 }

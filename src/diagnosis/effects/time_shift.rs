@@ -1,6 +1,6 @@
 //! Clock difference between moment and EMG.
 
-use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude, interpolate};
+use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude, delayed};
 
 /// Clock difference between moment and EMG: `τ(t - d)`.
 pub struct TimeShift;
@@ -32,7 +32,7 @@ impl Effect for TimeShift {
     fn sense(&self, values: &[f64], trial: &TrialContext, moment: &mut Vec<f64>) {
         let [shift] = *values else { return };
         if shift != 0.0 {
-            *moment = trial.time.iter().map(|t| interpolate(trial.time, moment, t - shift)).collect();
+            *moment = delayed(trial.time, moment, shift);
         }
     }
 }

@@ -1,15 +1,30 @@
 //! Derivatives of the recorded moment: by muscle parameters as the sensor shows them, and by parameters of effects.
 
 use std::borrow::Cow;
+use std::sync::OnceLock;
 
-use super::super::effect::{Effect, Stage};
+use super::super::effect::{Effect, MuscleState, Stage};
 use super::{
-    Core, FEEDBACK_ROUNDS, ForwardModel, Setting, TrialInput, in_order, muscle_factor, of_muscles, shown_effects,
+    Core, FEEDBACK_ROUNDS, ForwardModel, Setting, TrialInput, factor_at, in_order, muscle_factor, of_muscles,
+    shown_effects,
 };
-use crate::simulation::{MuscleParameters, MusculoskeletalModel, PreparedTrial, SimulationError};
+use crate::simulation::{ExcitationTangent, MuscleParameters, MusculoskeletalModel, PreparedTrial, SimulationError};
 
 /// Change of the muscles' moment for differences of what is recorded [N·m].
 const SMALL_MOMENT: f64 = 1e-5;
+
+impl Core {
+    /// How forces follow changes of excitation; `None` where these change the joint's angle too, where a tendon is rigid, and for
+    /// a core without derivatives.
+    fn tangents(&self) -> Option<&[ExcitationTangent]> {
+        let calc = || {
+            let of = |(i, solution)| self.prepared.excitation_tangent(i, solution);
+            let known = self.without.is_none() && !self.solutions.is_empty();
+            known.then(|| self.solutions.iter().enumerate().map(of).collect()).flatten()
+        };
+        self.tangents.get_or_init(calc).as_deref()
+    }
+}
 
 impl ForwardModel {
     /// Whether the recorded moment changes otherwise than the muscles' moment does: through the sensor, or through an effect on
@@ -80,7 +95,17 @@ impl ForwardModel {
     ) -> Result<Vec<f64>, SimulationError> {
         let step = step(effects[which].effect);
         let sides = [1.0, -1.0].map(|sign| self.moved(effects, which, parameter, sign * step));
-        let [up, down] = if effects[which].effect.description().stage >= Stage::Joint {
+        let stage = effects[which].effect.description().stage;
+        if stage == Stage::Excitation
+            && let Some(tangents) = core.tangents()
+        {
+            let by = self.excitation_derivative(trial, core, tangents, input, parameters, effects, &sides, 2.0 * step);
+            return Ok(match self.reshapes_moment(effects) {
+                true => self.recorded_changes(trial, core, effects, [&by]).swap_remove(0),
+                false => by,
+            });
+        }
+        let [up, down] = if stage >= Stage::Joint {
             sides.map(|effects| self.recorded_moment(trial, core, &effects))
         } else {
             let variants = variants[parameter].each_ref().map(|v| &**v);
@@ -90,6 +115,57 @@ impl ForwardModel {
             [self.recorded_moment(trial, &up, &sides[0]), self.recorded_moment(trial, &down, &sides[1])]
         };
         Ok(up.iter().zip(&down).map(|(a, b)| (a - b) / (2.0 * step)).collect())
+    }
+
+    /// Derivative of the muscles' moment by what changes the excitation alone.
+    ///
+    /// - `sides`, `distance`: as for [`ForwardModel::beside`]
+    fn excitation_derivative(
+        &self,
+        trial: usize,
+        core: &Core,
+        tangents: &[ExcitationTangent],
+        input: &TrialInput,
+        parameters: &[MuscleParameters],
+        effects: &[Setting],
+        sides: &[Vec<Setting>; 2],
+        distance: f64,
+    ) -> Vec<f64> {
+        let context = self.context(trial, &input.excitation, core.shown());
+        let [up, down] = sides.each_ref().map(|side| self.driven(trial, &in_order(&self.acting(side)), &context).1);
+        let acting = self.acting(effects);
+        let ordered = in_order(&acting);
+        let kinematics = core.prepared.kinematics();
+        let mut out = vec![0.0; kinematics.angle.len()];
+        for (i, (tangent, p)) in tangents.iter().zip(parameters).enumerate() {
+            if up[i] == down[i] {
+                continue;
+            }
+            let change: Vec<f64> = up[i].iter().zip(&down[i]).map(|(a, b)| (a - b) / distance).collect();
+            let follows = tangent.follow(&change);
+            let path = &kinematics.muscles[i];
+            let factor = |by: f64| {
+                let activation = path.activation.iter().zip(&follows.activation).map(|(a, d)| a + by * d);
+                let activation: Vec<f64> = activation.collect();
+                let arm = &path.moment_arm;
+                let state = MuscleState {
+                    trial: &context,
+                    muscle: i,
+                    angle: &kinematics.angle,
+                    moment_arm: arm,
+                    activation: &activation,
+                };
+                factor_at(&ordered, &state)
+            };
+            let [more, less] = [0.5 * distance, -0.5 * distance].map(factor);
+            let force = &core.solutions[i].force;
+            for (k, out) in out.iter_mut().enumerate() {
+                let by_force = 0.5 * (more[k] + less[k]) * follows.force[k];
+                let by_factor = (more[k] - less[k]) / distance * force[k];
+                *out += p.max_isometric_force * path.moment_arm[k] * (by_force + by_factor);
+            }
+        }
+        out
     }
 
     /// A trial's core a little way in a direction and against it.
@@ -146,6 +222,7 @@ impl ForwardModel {
             by_parameters: Vec::new(),
             solutions: Vec::new(),
             without,
+            tangents: OnceLock::new(),
         };
         let ([(_, above), (_, below)], [m_up, m_down], [w_up, w_down]) = (driven, moments, without);
         let [up, down] = prepared;

@@ -148,6 +148,7 @@ pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 /// ∂Rᵢ/∂zⱼ, inverted: row i is sᵢ times that of B + diag(d), with sᵢ = ∂Rᵢ/∂u/(h v_max) and dᵢ = ∂Rᵢ/∂x / sᵢ.
+#[derive(Clone, Debug)]
 pub(crate) struct NewtonMatrix {
     /// Adjugate of B + diag(d).
     adjugate: [[f64; 3]; 3],
