@@ -44,7 +44,7 @@ pub fn fit_steps(
     for count in 1..=effects.len() {
         let before = &fits[count - 1];
         let start = start(&analysis, &fits[0], before, &effects[..count]);
-        fits.push(analysis.refit(start, fits[0].levels, f64::INFINITY, None)?);
+        fits.push(analysis.refit(start, fits[0].levels, None, None)?);
         progress(1 + count);
     }
     Ok(fits.into_iter().map(|fit| step(&analysis, request, fit)).collect())

@@ -21,7 +21,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::effect::Role;
-use super::fit::{Analysis, Fit, Linear, Noise, Point, between_knots, block_means, block_starts, corrected, whiten};
+use super::fit::{Analysis, Fit, Linear, Point, between_knots, block_means, block_starts, corrected, whiten};
 use super::noise::{self, TrialNoise};
 use crate::simulation::SimulationError;
 
@@ -32,27 +32,22 @@ impl Analysis<'_> {
     ///
     /// # Errors
     /// A trial that cannot be simulated.
-    pub(super) fn calc_bias(
-        &self,
-        point: &Point,
-        noise: &Noise,
-        pairs: usize,
-    ) -> Result<Vec<DVector<f64>>, SimulationError> {
-        if pairs == 0 {
-            return Ok(vec![DVector::zeros(self.n_scores(point)); self.train.len()]);
-        }
+    pub(super) fn calc_bias(&self, fit: &Fit, pairs: usize) -> Result<Vec<DVector<f64>>, SimulationError> {
+        let point = &fit.point;
         let truth = self.simulated(&Point { baseline: vec![0.0; self.n_muscles()], ..point.clone() })?;
-        let mut bias = Vec::new();
+        let mut bias = self.no_bias(point);
         for pair in 0..pairs {
             for sign in [1.0, -1.0] {
-                let scores = self.scores_of_draw(point, noise, &truth, pair, sign)?;
-                if bias.is_empty() {
-                    bias = scores.iter().map(|s| DVector::zeros(s.len())).collect();
-                }
+                let scores = self.scores_of_draw(fit, &truth, pair, sign)?;
                 bias.iter_mut().zip(&scores).for_each(|(b, s): (&mut DVector<f64>, _)| *b += s / (2 * pairs) as f64);
             }
         }
         Ok(bias)
+    }
+
+    /// Scores at a point whose means are 0, or not computed.
+    pub(super) fn no_bias(&self, point: &Point) -> Vec<DVector<f64>> {
+        vec![DVector::zeros(self.n_scores(point)); self.train.len()]
     }
 
     /// The mean scores of a fit without effects, in the order of a point with effects: what is the mean of an effect's direction
@@ -96,22 +91,22 @@ impl Analysis<'_> {
     /// Scores of a recording that is drawn.
     fn scores_of_draw(
         &self,
-        point: &Point,
-        noise: &Noise,
+        fit: &Fit,
         truth: &[DVector<f64>],
         pair: usize,
         side: f64,
     ) -> Result<Vec<DVector<f64>>, SimulationError> {
+        let Fit { point, noise, factors, levels, .. } = fit;
         let mut moments = Vec::new();
         let mut recorded = Vec::new();
         let mut correction = Vec::new();
-        for (position, structure) in noise.structure.iter().enumerate() {
+        for (position, structure) in noise.iter().enumerate() {
             let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ ((position as u64) << 20) ^ ((pair as u64) << 40));
-            let drawn = structure.draw(&noise.levels, || side * sign(&mut rng));
-            let of_moment = structure.draw_moment(&noise.levels, || side * sign(&mut rng));
+            let drawn = structure.draw(levels, || side * sign(&mut rng));
+            let of_moment = structure.draw_moment(levels, || side * sign(&mut rng));
             // To first order; then without a simulation.
             let shown = &of_moment - structure.respond(&structure.relative(&drawn));
-            correction.push(structure.expected_noise(&noise.levels, &noise.factors[position].solve(&shown)));
+            correction.push(structure.expected_noise(levels, &factors[position].solve(&shown)));
             moments.push(&truth[position] + of_moment);
             recorded.push(self.disturbed(position, &point.inputs[position].excitation, &drawn));
         }
@@ -122,8 +117,8 @@ impl Analysis<'_> {
             .par_iter()
             .zip(&linear)
             .map(|(s, l)| {
-                let weighted = noise::factor(s, &noise.levels).map(|f| f.solve(&l.residual));
-                weighted.map_or_else(Vec::new, |weighted| s.expected_noise(&noise.levels, &weighted))
+                let weighted = noise::factor(s, levels).map(|f| f.solve(&l.residual));
+                weighted.map_or_else(Vec::new, |weighted| s.expected_noise(levels, &weighted))
             })
             .collect();
         self.set_inputs(&mut at, &recorded)?;
@@ -137,7 +132,7 @@ impl Analysis<'_> {
             all.columns_mut(own, on).copy_from(&l.effects);
             all.columns_mut(n, extra).copy_from(d);
             all.set_column(n + extra, &l.residual);
-            let Some(factor) = noise::factor(s, &noise.levels) else { return DVector::zeros(n + extra) };
+            let Some(factor) = noise::factor(s, levels) else { return DVector::zeros(n + extra) };
             let all = whiten(&factor, &all);
             all.columns(0, n + extra).tr_mul(&all.column(n + extra))
         });

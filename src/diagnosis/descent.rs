@@ -9,6 +9,7 @@ use super::effect::{Role, Stage};
 use super::fit::{Account, Analysis, Fit, LARGEST_MEAN, Linear, Noise, Point, corrected};
 use super::forward_model::FITTED_PER_MUSCLE;
 use super::noise::{self, COMPONENTS, NoiseLevels};
+use super::score_test::tail;
 use crate::simulation::SimulationError;
 
 /// Pairs of draws for the mean of scores.
@@ -23,6 +24,12 @@ const ROUGHLY: f64 = 1.0;
 const CONVERGED: f64 = 0.1;
 /// Rounds of estimating the noise, at most.
 const MOST_ROUNDS: usize = 8;
+/// Rounds before a fit may be given up.
+const ROUNDS_AT_LEAST: usize = 2;
+/// Such a fit leaves something of which the p-value, whatever its mean, is smaller than this.
+const BEYOND_DOUBT: f64 = 1e-3;
+/// Pairs of draws for the mean of scores where nothing is known to be missing yet: there it decides on false alarms.
+const MOST_PAIRS: usize = 4;
 /// The noise has settled when a round changes the deviance by less than this.
 const SETTLED: f64 = 2.0;
 /// Largest relative change of a force that is made without a simulation.
@@ -30,9 +37,19 @@ const LARGEST_CHANGE: f64 = 0.5;
 /// Expected noise of the logarithm of the EMG stays below this.
 const LARGEST_NOISE: f64 = 0.7;
 
+/// Fits that are not followed to their end; their scores stay as they are, their means not taken out.
+#[derive(Clone, Copy)]
+pub struct Hopeless<'a> {
+    /// Those whose deviance stays above this.
+    pub above: f64,
+    /// Those that leave what no noise explains, whatever its score's mean; these blocks are not asked (as for
+    /// [`Analysis::anything_left`]).
+    pub skip: &'a [&'static str],
+}
+
 /// Mean scores of a fit.
 pub(super) enum Means {
-    /// From so many pairs of draws; 0: they are left out.
+    /// From so many pairs of draws.
     Drawn(usize),
     /// Per training trial.
     Known(Vec<DVector<f64>>),
@@ -57,8 +74,8 @@ impl Descent {
 impl Analysis<'_> {
     /// Fits jointly from a point, the EMG as that point has it, with the variances of the noise near `levels`.
     ///
-    /// - `enough`: a fit whose deviance stays above this is not followed to its end
     /// - `near`: a fit without effects that is near enough for its scores to have the same mean; `None`: it is computed
+    /// - `hopeless`: which fits are not followed to their end; `None`: all are
     ///
     /// # Errors
     /// A trial that cannot be simulated.
@@ -66,24 +83,33 @@ impl Analysis<'_> {
         &self,
         start: Point,
         levels: NoiseLevels,
-        enough: f64,
         near: Option<&Fit>,
+        hopeless: Option<Hopeless>,
     ) -> Result<Fit, SimulationError> {
-        let descent = self.rough_descent(start, levels)?;
-        let from = descent.deviance();
-        let descent = self.follow(descent, from, enough)?;
-        let followed = descent.deviance() <= enough;
-        let means = match near {
-            Some(near) if followed => Means::Known(self.means_with_effects(near, &descent.point)),
-            _ => Means::Drawn(if followed { PAIRS } else { 0 }),
-        };
-        self.finish(descent, means)
+        let mut descent = self.rough_descent(start, levels)?;
+        let mut rounds = ROUNDS_AT_LEAST;
+        loop {
+            let settled = self.follow(&mut descent, rounds)?;
+            let (fit, inverse) = self.uncentred(&mut descent)?;
+            if hopeless.is_some_and(|h| fit.deviance > h.above || self.leaves_beyond_doubt(&fit, h.skip)) {
+                return Ok(fit);
+            }
+            if settled || rounds > ROUNDS_AT_LEAST {
+                let means = match near {
+                    Some(near) => Means::Known(self.means_with_effects(near, &fit.point)),
+                    None => Means::Drawn(PAIRS),
+                };
+                return self.centre(fit, inverse, means);
+            }
+            rounds = MOST_ROUNDS - ROUNDS_AT_LEAST;
+        }
     }
 
     fn rough_descent(&self, start: Point, levels: NoiseLevels) -> Result<Descent, SimulationError> {
-        let descent = self.begin(start, levels)?;
-        let descent = self.descend(descent, ROUGH_STEPS, ROUGHLY)?;
-        self.settle(descent, false)
+        let mut descent = self.begin(start, levels)?;
+        self.descend(&mut descent, ROUGH_STEPS, ROUGHLY)?;
+        self.settle(&mut descent, false)?;
+        Ok(descent)
     }
 
     /// −2 log posterior of a fit with the noise as it is, its variances not estimated anew: to choose what to fit.
@@ -94,26 +120,43 @@ impl Analysis<'_> {
         Ok(self.rough_descent(start, levels)?.deviance())
     }
 
-    /// Estimates the noise and goes on until it has settled.
+    /// Whether a fit leaves what is too much for noise even if its score's mean were as large as any.
+    fn leaves_beyond_doubt(&self, fit: &Fit, skip: &[&str]) -> bool {
+        let Some(left) = self.anything_left_uncentred(fit, skip) else { return false };
+        let count = left.blocks.len() as f64;
+        left.blocks.iter().any(|b| {
+            let least = (b.statistic.max(0.0).sqrt() - LARGEST_MEAN).max(0.0);
+            tail(b.rank, b.freedom, least * least) * count < BEYOND_DOUBT
+        })
+    }
+
+    /// Estimates the noise and goes on until it has settled; returns whether it has.
     ///
-    /// - `from`: the deviance with the noise as it is; infinite: it is only guessed
-    /// - `enough`: a deviance that stays above this is not followed
-    pub(super) fn follow(&self, mut descent: Descent, from: f64, enough: f64) -> Result<Descent, SimulationError> {
-        let mut deviance = from;
-        for round in 0..MOST_ROUNDS {
-            descent = self.settle(descent, true)?;
-            let before = std::mem::replace(&mut deviance, descent.deviance());
-            if (before - deviance).abs() < SETTLED || (round > 0 && deviance > enough) {
-                break;
+    /// - `rounds`: at most
+    fn follow(&self, descent: &mut Descent, rounds: usize) -> Result<bool, SimulationError> {
+        for _ in 0..rounds {
+            let before = descent.deviance();
+            self.settle(descent, true)?;
+            if (before - descent.deviance()).abs() < SETTLED {
+                return Ok(true);
             }
         }
-        Ok(descent)
+        Ok(false)
+    }
+
+    /// The fit without effects, from where the noise is only guessed.
+    pub(super) fn followed(&self, mut descent: Descent) -> Result<Fit, SimulationError> {
+        self.settle(&mut descent, true)?;
+        self.follow(&mut descent, MOST_ROUNDS - 1)?;
+        let (fit, inverse) = self.uncentred(&mut descent)?;
+        self.centre(fit, inverse, Means::Drawn(MOST_PAIRS))
     }
 
     /// A fit with usual noise: while the model is far off, its errors would be taken for noise.
     pub(super) fn rough_fit(&self, start: Point) -> Result<Descent, SimulationError> {
-        let descent = self.begin(start, NoiseLevels::usual(self.forward.strength.0))?;
-        self.descend(descent, ROUGH_STEPS, ROUGHLY)
+        let mut descent = self.begin(start, NoiseLevels::usual(self.forward.strength.0))?;
+        self.descend(&mut descent, ROUGH_STEPS, ROUGHLY)?;
+        Ok(descent)
     }
 
     fn begin(&self, point: Point, levels: NoiseLevels) -> Result<Descent, SimulationError> {
@@ -126,12 +169,12 @@ impl Analysis<'_> {
     /// Takes sensitivities where the EMG is expected without its noise, and goes on.
     ///
     /// - `estimate`: the variances of the noise before
-    pub(super) fn settle(&self, mut descent: Descent, estimate: bool) -> Result<Descent, SimulationError> {
+    pub(super) fn settle(&self, descent: &mut Descent, estimate: bool) -> Result<(), SimulationError> {
         // Forces have moved since the EMG's noise was last passed through the muscles.
         descent.noise = self.noise(&mut descent.linear, &descent.point, descent.noise.levels);
         descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
         if estimate {
-            let Descent { point, linear, noise, last_step, .. } = &mut descent;
+            let Descent { point, linear, noise, last_step, .. } = descent;
             let estimated = self.estimate_noise(linear, &noise.structure, point, noise.levels)?;
             noise.levels = noise.levels.towards(&estimated, last_step);
             noise.factors = factors(noise);
@@ -139,7 +182,7 @@ impl Analysis<'_> {
         }
         let step = descent.at.information.clone().cholesky().map(|c| c.solve(&descent.at.gradient));
         let mut point = descent.point.clone();
-        self.correct(&mut point, &descent, &step.unwrap_or_else(|| descent.at.gradient.clone() * 0.0))?;
+        self.correct(&mut point, descent, &step.unwrap_or_else(|| descent.at.gradient.clone() * 0.0))?;
         descent.point = point;
         descent.linear = self.linearize(&descent.point, &[])?;
         descent.noise = self.noise(&mut descent.linear, &descent.point, descent.noise.levels);
@@ -147,49 +190,54 @@ impl Analysis<'_> {
         self.descend(descent, FINE_STEPS, CONVERGED)
     }
 
-    /// The fit that a descent has come to, its V brought up to date.
-    ///
-    /// - `means`: of its scores
-    pub(super) fn finish(&self, mut descent: Descent, means: Means) -> Result<Fit, SimulationError> {
+    /// The fit that a descent has come to, its V brought up to date and its scores as they are; and the inverse of its information.
+    fn uncentred(&self, descent: &mut Descent) -> Result<(Fit, DMatrix<f64>), SimulationError> {
         descent.noise = self.noise(&mut descent.linear, &descent.point, descent.noise.levels);
         descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
-        let deviance = descent.deviance();
-        let Descent { point, linear, noise, at, .. } = descent;
-        let directions = Arc::new(self.calc_directions(&linear, &point)?.0);
-        let level_spread = self.level_spread(&linear, &noise, &point, &directions);
+        let Descent { point, linear, noise, at, .. } = &*descent;
+        let directions = Arc::new(self.calc_directions(linear, point)?.0);
+        let level_spread = self.level_spread(linear, noise, point, &directions);
         let (p, n) = (at.precision.len(), self.n_nuisance());
-        let inverse = at.information.try_inverse().unwrap_or_else(|| DMatrix::zeros(p, p));
-        let covariance = inverse.view((n, n), (p - n, p - n)).into_owned();
-        // The gradient is 0 where its mean is not.
+        let inverse = at.information.clone().try_inverse().unwrap_or_else(|| DMatrix::zeros(p, p));
+        let fit = Fit {
+            point: point.clone(),
+            deviance: descent.deviance(),
+            covariance: inverse.view((n, n), (p - n, p - n)).into_owned(),
+            levels: noise.levels,
+            level_spread,
+            noise: noise.structure.clone(),
+            factors: noise.factors.clone(),
+            whitened: at.whitened.clone(),
+            offset: at.offset.clone(),
+            precision: at.precision.clone(),
+            directions,
+            bias: Arc::new(self.no_bias(point)),
+        };
+        Ok((fit, inverse))
+    }
+
+    /// A fit with the mean of its scores, and its parameters where the gradient is that mean instead of 0.
+    ///
+    /// - `inverse`: of its information
+    fn centre(&self, mut fit: Fit, inverse: DMatrix<f64>, means: Means) -> Result<Fit, SimulationError> {
         let bias = match means {
-            Means::Drawn(pairs) => self.calc_bias(&point, &noise, pairs)?,
+            Means::Drawn(pairs) => self.calc_bias(&fit, pairs)?,
             Means::Known(means) => means,
         };
+        let p = fit.precision.len();
         let mean = bias.iter().fold(DVector::zeros(p), |sum, b| sum + b.rows(0, p));
         let step = inverse * -&mean;
         let share = (LARGEST_MEAN / (-step.dot(&mean)).max(1e-300).sqrt()).min(1.0);
-        let point = self.moved(&point, &(step * share));
-        Ok(Fit {
-            point,
-            deviance,
-            covariance,
-            levels: noise.levels,
-            level_spread,
-            noise: noise.structure,
-            factors: noise.factors,
-            whitened: at.whitened,
-            offset: at.offset,
-            precision: at.precision,
-            directions,
-            bias: Arc::new(bias),
-        })
+        fit.point = self.moved(&fit.point, &(step * share));
+        fit.bias = Arc::new(bias);
+        Ok(fit)
     }
 
     /// Steps with the noise held.
     ///
     /// The lengths and forces of muscles form a curved valley, whose walls are steep: steps are shortened as a whole
     /// while they promise what does not come.
-    fn descend(&self, mut now: Descent, steps: usize, enough: f64) -> Result<Descent, SimulationError> {
+    fn descend(&self, now: &mut Descent, steps: usize, enough: f64) -> Result<(), SimulationError> {
         // Longest step, in standard deviations.
         let mut radius = f64::INFINITY;
         for _ in 0..steps {
@@ -213,7 +261,7 @@ impl Analysis<'_> {
                 _ => radius = 0.4 * part * length,
             }
         }
-        Ok(now)
+        Ok(())
     }
 
     /// A point simulated, with the noise as it was.

@@ -21,7 +21,6 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-use super::descent::Means;
 use super::effect::{Effect, Role, Stage};
 use super::forward_model::{FITTED_PER_MUSCLE, ForwardModel, Setting, TrialInput};
 use super::kernel::Kernel;
@@ -38,8 +37,6 @@ pub(super) use linearization::Linear;
 /// Largest mean of a score [standard deviations]: noise of the EMG causes 1 to 3; beyond that an EMG was bent to make up for a
 /// model that is far off.
 pub(super) const LARGEST_MEAN: f64 = 4.0;
-/// Pairs of draws for the mean of scores where nothing is known to be missing yet: there it decides on false alarms.
-const MOST_PAIRS: usize = 4;
 
 /// Where a fit stands.
 #[derive(Clone)]
@@ -150,15 +147,14 @@ impl<'a> Analysis<'a> {
         seed: u64,
     ) -> Result<(Analysis<'a>, Fit), SimulationError> {
         let mut analysis = Analysis::without_data(forward, train, candidates, bounds, seed);
-        let rough = analysis.rough_fit(analysis.nominal_point())?;
+        let mut descent = analysis.rough_fit(analysis.nominal_point())?;
         // Before the EMG's noise is allowed for, what it does would be taken for more of it.
-        let mut descent = analysis.settle(rough, false)?;
-        descent = analysis.settle(descent, false)?;
+        analysis.settle(&mut descent, false)?;
+        analysis.settle(&mut descent, false)?;
         analysis.blocks = analysis.calc_directions(&descent.linear, &descent.point)?.1;
-        descent = analysis.settle(descent, true)?;
+        analysis.settle(&mut descent, true)?;
         analysis.choose_kernels(&mut descent)?;
-        descent = analysis.follow(descent, f64::INFINITY, f64::INFINITY)?;
-        let fit = analysis.finish(descent, Means::Drawn(MOST_PAIRS))?;
+        let fit = analysis.followed(descent)?;
         Ok((analysis, fit))
     }
 

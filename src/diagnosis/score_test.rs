@@ -69,6 +69,8 @@ pub struct BlockScore {
     pub statistic: f64,
     /// Degrees of freedom.
     pub rank: usize,
+    /// Degrees of freedom of the variances in it.
+    pub freedom: f64,
     /// p-value of this block alone.
     pub p_value: f64,
     /// One-step estimate I⁻¹U, in units of the columns.
@@ -125,6 +127,7 @@ pub fn omnibus(
             name: block.name.clone(),
             statistic,
             rank,
+            freedom,
             p_value: tail(rank, freedom, statistic),
             one_step: DVector::from_column_slice((&inverse * &u).as_slice()),
             information: own,

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::super::descent::Hopeless;
 use super::super::effect::Effect;
 use super::super::fit::{Fit, Point};
 use super::super::forward_model::Setting;
@@ -186,7 +187,8 @@ impl Judge<'_> {
     ) -> Result<Option<(Fit, Explanation)>, SimulationError> {
         let effects = start.effects.iter().map(|s| s.effect.description().id).collect();
         // Sizes at which a muscle cannot be simulated explain nothing.
-        let Ok(fit) = self.analysis.refit(start, levels, best + FAR, near) else { return Ok(None) };
+        let hopeless = Hopeless { above: best + FAR, skip: self.not_testable };
+        let Ok(fit) = self.analysis.refit(start, levels, near, Some(hopeless)) else { return Ok(None) };
         let with = test(self.analysis, &fit, self.not_testable)?;
         let parameters = estimates(&fit, self.request.forward);
         let plausible = parameters.values().all(|p| p.ci95[1] >= p.plausible[0] && p.ci95[0] <= p.plausible[1]);
