@@ -33,8 +33,8 @@ const TESTABLE: f64 = 0.01;
 const DETECTABLE_Z: f64 = 4.2;
 /// A detected effect that lowers the training error by less than this share is negligible.
 const NEGLIGIBLE: f64 = 0.02;
-/// Candidates for pairs.
-const PAIRED: usize = 6;
+/// Candidates that are held against each other.
+const CONFUSED: usize = 6;
 /// Directions that are reported as left over.
 const SHOWN: usize = 3;
 
@@ -288,7 +288,7 @@ impl Judge<'_> {
         let mut leaders: Vec<&BlockScore> =
             left.blocks.iter().filter(|b| !b.name.starts_with("axis:") && b.rank > 0).collect();
         leaders.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));
-        leaders.truncate(PAIRED);
+        leaders.truncate(CONFUSED);
         let mut out = Vec::new();
         for truth in &leaders {
             for rival in leaders.iter().filter(|r| r.name != truth.name) {

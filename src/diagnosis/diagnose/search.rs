@@ -8,7 +8,7 @@ use super::super::fit::{Fit, Point};
 use super::super::forward_model::Setting;
 use super::super::noise::NoiseLevels;
 use super::super::score_test::Omnibus;
-use super::{Explanation, Judge, PAIRED, REJECT_EXPLANATION, block, estimates, left_over, test};
+use super::{Explanation, Judge, REJECT_EXPLANATION, block, estimates, left_over, test};
 use crate::simulation::SimulationError;
 use crate::study::TrialUse;
 
@@ -24,8 +24,16 @@ const TRIED_AGAIN: usize = 3;
 const INSEPARABLE: f64 = 2.0;
 /// Candidates whose one-step fit leaves this much more deviance than the best are not fitted.
 const HOPELESS: f64 = 0.4;
-/// Pairs that are fitted.
-const FITTED_PAIRS: usize = 4;
+/// Single effects that pairs are made with: those of least deviance.
+const PAIRED: usize = 10;
+/// Pairs of which is foreseen what they leave: those of least deviance.
+const FORESEEN_PAIRS: usize = 24;
+/// Pairs that are fitted in any case: those of least deviance.
+const FITTED_PAIRS: usize = 2;
+/// So are so many of those that are foreseen to leave least …
+const PROMISING_PAIRS: usize = 3;
+/// … if they leave no direction of a smaller p-value.
+const PAIR_MAY_SURVIVE: f64 = 1e-7;
 /// Single effects that are fitted in any case, those of the highest scores.
 const FITTED_SINGLES: usize = 8;
 /// So are those whose own score has a smaller p-value …
@@ -145,12 +153,16 @@ impl Judge<'_> {
         start
     }
 
-    /// Pairs of the leading candidates: the best by the score of the second after the first was fitted.
-    pub(super) fn pairs(&self, singles: &[(Fit, Explanation)]) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
+    /// Pairs of the leading candidates, where the first was fitted and the second is asked for by its score: those beside which to
+    /// first order least is left.
+    pub(super) fn pairs<'a>(
+        &self,
+        singles: &'a [(Fit, Explanation)],
+    ) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
         let mut leaders: Vec<&(Fit, Explanation)> = singles.iter().collect();
         leaders.sort_by(|a, b| a.0.deviance.total_cmp(&b.0.deviance));
         leaders.truncate(PAIRED);
-        let mut pairs: Vec<(f64, &Fit, &'static dyn Effect, Omnibus)> = Vec::new();
+        let mut pairs: Vec<(f64, &'a Fit, &'static dyn Effect, Omnibus)> = Vec::new();
         for (fit, _) in &leaders {
             let with = test(self.analysis, fit, self.not_testable)?;
             let first = fit.point.effects[0].effect.description().id;
@@ -169,8 +181,18 @@ impl Judge<'_> {
             }
         }
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-        pairs.truncate(FITTED_PAIRS);
-        let wanted = pairs.iter().map(|(_, fit, second, with)| (&fit.point, with, *second)).collect();
+        pairs.truncate(FORESEEN_PAIRS);
+        let foreseen = |(_, fit, second, with): (f64, &'a Fit, &'static dyn Effect, Omnibus)| {
+            let left = self.analysis.anything_left_beside(fit, second.description().id, self.not_testable);
+            let least = |left: Omnibus| left.blocks.iter().map(|b| b.p_value).fold(1.0, f64::min);
+            (left.map_or(0.0, least), fit, second, with)
+        };
+        let mut pairs: Vec<_> = pairs.into_par_iter().map(foreseen).collect();
+        let mut others = pairs.split_off(FITTED_PAIRS.min(pairs.len()));
+        others.retain(|p| p.0 > PAIR_MAY_SURVIVE);
+        others.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let wanted = pairs.iter().chain(others.iter().take(PROMISING_PAIRS));
+        let wanted = wanted.map(|(_, fit, second, with)| (&fit.point, with, *second)).collect();
         self.explain_all(wanted, false, &[])
     }
 
