@@ -27,6 +27,25 @@ pub struct Evidence {
     pub weighted: DVector<f64>,
 }
 
+impl Evidence {
+    /// What the data add to a standard normal prior, from a normal posterior: nothing along axes on which it is not narrower.
+    ///
+    /// - `covariance`, `mean`: of the posterior; finite
+    pub fn of_posterior(covariance: DMatrix<f64>, mean: &DVector<f64>) -> Evidence {
+        let eigen = covariance.symmetric_eigen();
+        let along = eigen.eigenvectors.tr_mul(mean);
+        let information = eigen.eigenvalues.map(|v| (1.0 / v.max(LEAST_VARIANCE) - 1.0).max(0.0));
+        let weighted = along.zip_map(
+            &information,
+            |along, information| if information > 0.0 { along * (information + 1.0) } else { 0.0 },
+        );
+        Evidence {
+            information: &eigen.eigenvectors * DMatrix::from_diagonal(&information) * eigen.eigenvectors.transpose(),
+            weighted: &eigen.eigenvectors * weighted,
+        }
+    }
+}
+
 /// What is known of a quantity of the next person.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Population {
@@ -44,6 +63,8 @@ const DRAWS: usize = 4000;
 const SPREADS: usize = 120;
 const LEAST_SHARE: f64 = 0.01;
 const GREATEST_SHARE: f64 = 5.0;
+/// Variance that data leave of a prior's 1, at least.
+const LEAST_VARIANCE: f64 = 1e-9;
 
 /// What persons' data say about the next person, per quantity.
 ///
@@ -170,6 +191,19 @@ mod tests {
             information: DMatrix::from_element(1, 1, information),
             weighted: DVector::from_element(1, information * value),
         }
+    }
+
+    #[test]
+    fn verif_evidence_is_what_a_posterior_has_beyond_its_prior() {
+        // Data: two combinations of three quantities. The posterior's precision is 1 + AᵀA, its mean solves (1 + AᵀA) m = Aᵀ y.
+        let a = DMatrix::from_row_slice(2, 3, &[2.0, 1.0, 0.0, -1.0, 3.0, 0.5]);
+        let y = DVector::from_column_slice(&[1.5, -0.7]);
+        let information = a.tr_mul(&a);
+        let covariance = (&information + DMatrix::identity(3, 3)).try_inverse().unwrap();
+        let mean = &covariance * a.tr_mul(&y);
+        let found = Evidence::of_posterior(covariance, &mean);
+        assert!((found.information - information).amax() < 1e-10);
+        assert!((found.weighted - a.tr_mul(&y)).amax() < 1e-10);
     }
 
     #[test]

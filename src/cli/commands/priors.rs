@@ -222,16 +222,7 @@ fn evidence(fit: &IdentifiabilityResult, names: &[(&str, &str)], priors: &[[f64;
     if !covariance.iter().chain(moved.iter()).all(|v| v.is_finite()) {
         return Err(faulty());
     }
-    let eigen = covariance.symmetric_eigen();
-    let along = eigen.eigenvectors.tr_mul(&moved);
-    // Along every axis of the posterior: its precision less the prior's, which is 1; none where the data say nothing.
-    let information = eigen.eigenvalues.map(|v| (1.0 / v.max(1.0 - GREATEST_SHARE) - 1.0).max(0.0));
-    let weighted = DVector::from_fn(n, |i, _| match information[i] > 0.0 {
-        true => along[i] * (information[i] + 1.0),
-        false => 0.0,
-    });
-    let own = &eigen.eigenvectors * DMatrix::from_diagonal(&information) * eigen.eigenvectors.transpose();
-    let weighted = &eigen.eigenvectors * weighted;
+    let Evidence { information: own, weighted } = Evidence::of_posterior(covariance, &moved);
     let mut all =
         Evidence { information: DMatrix::zeros(names.len(), names.len()), weighted: DVector::zeros(names.len()) };
     let place: Vec<usize> =

@@ -40,6 +40,14 @@ pub struct ParameterEstimate {
     pub plausible: [f64; 2],
 }
 
+impl ParameterEstimate {
+    /// Whether the interval, this many times as wide, reaches the plausible range.
+    pub fn reaches_plausible(&self, times: f64) -> bool {
+        let [low, high] = self.ci95.map(|end| self.value + times * (end - self.value));
+        high >= self.plausible[0] && low <= self.plausible[1]
+    }
+}
+
 /// Effects that, fitted jointly with the muscles, leave nothing.
 #[derive(Clone, Debug, Serialize)]
 pub struct Explanation {

@@ -8,7 +8,7 @@ use super::super::fit::{Fit, Point};
 use super::super::forward_model::Setting;
 use super::super::noise::NoiseLevels;
 use super::super::score_test::Omnibus;
-use super::{Explanation, Judge, REJECT_EXPLANATION, block, estimates, left_over, test};
+use super::{Explanation, Judge, REJECT_EXPLANATION, WIDENED, block, estimates, left_over, test};
 use crate::simulation::SimulationError;
 use crate::study::TrialUse;
 
@@ -213,7 +213,8 @@ impl Judge<'_> {
         let Ok(fit) = self.analysis.refit(start, levels, near, Some(hopeless)) else { return Ok(None) };
         let with = test(self.analysis, &fit, self.not_testable)?;
         let parameters = estimates(&fit, self.request.forward);
-        let plausible = parameters.values().all(|p| p.ci95[1] >= p.plausible[0] && p.ci95[0] <= p.plausible[1]);
+        // An implausible size is not excused by what makes intervals wide.
+        let plausible = parameters.values().all(|p| p.reaches_plausible(1.0 / WIDENED));
         let held_out_error = self.error_of(&fit, TrialUse::Test)?;
         let (p_value, left) = (with.p_value, left_over(&with));
         let deviance_fall = self.null.deviance - fit.deviance;
