@@ -21,25 +21,22 @@ pub struct ExcitationTangent {
     at_samples: Vec<Interpolation>,
     /// Change of the fibre's length at the first sample per change of activation.
     initial: f64,
-    steps: Vec<Step>,
+    /// `None` where the fibre rests at its shortest length.
+    steps: Vec<Option<Step>>,
     /// Per sample: the step that it falls into, and weights of the change of length at its start and of the rises within it.
     samples: Vec<Sample>,
 }
 
 /// One step of the fibre.
 #[derive(Clone, Debug)]
-enum Step {
-    /// The fibre rests at its shortest length.
-    Resting,
-    Moving {
-        /// Of activation, at the stages.
-        stages: [Interpolation; 3],
-        /// ∂R/∂x and ∂R/∂a at the stages.
-        by_x: [f64; 3],
-        by_activation: [f64; 3],
-        matrix: Option<NewtonMatrix>,
-        ends_shortest: bool,
-    },
+struct Step {
+    /// Of activation, at the stages.
+    stages: [Interpolation; 3],
+    /// ∂R/∂x and ∂R/∂a at the stages.
+    by_x: [f64; 3],
+    by_activation: [f64; 3],
+    matrix: Option<NewtonMatrix>,
+    ends_shortest: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -77,7 +74,7 @@ impl PreparedTrial {
         let mut steps = Vec::with_capacity(solution.steps.len());
         for step in &solution.steps {
             let Some((from, z)) = step.path else {
-                steps.push(Step::Resting);
+                steps.push(None);
                 continue;
             };
             let h = step.input.h;
@@ -94,7 +91,8 @@ impl PreparedTrial {
                 by_activation[i] = slope_by_activation(drive, |drive| fiber.residual(x, u, drive).r);
             }
             let matrix = NewtonMatrix::new(by_x, by_u, 1.0 / (h * fiber.curves.max_velocity));
-            steps.push(Step::Moving { stages, by_x, by_activation, matrix, ends_shortest: step.ends_shortest });
+            let ends_shortest = step.ends_shortest;
+            steps.push(Some(Step { stages, by_x, by_activation, matrix, ends_shortest }));
         }
         let x = solution.fiber_length[0];
         let initial = if x > fiber.shortest {
@@ -147,16 +145,15 @@ impl ExcitationTangent {
         force.extend(samples.next().map(|first| first.force * s));
         for (i, step) in self.steps.iter().enumerate() {
             let (end, rises) = match step {
-                Step::Resting => (0.0, [0.0; 3]),
-                Step::Moving { stages, by_x, by_activation, matrix, ends_shortest } => {
+                None => (0.0, [0.0; 3]),
+                Some(Step { stages, by_x, by_activation, matrix, ends_shortest }) => {
                     let right = [0, 1, 2].map(|i| -(by_x[i] * s + by_activation[i] * stages[i].of(&pieces)));
                     let rises = matrix.as_ref().map_or([0.0; 3], |matrix| matrix.solve(right));
                     (if *ends_shortest { 0.0 } else { s + rises[2] }, rises)
                 }
             };
-            let resting = matches!(step, Step::Resting);
             while let Some(sample) = samples.next_if(|sample| sample.step == Some(i)) {
-                let here = if sample.at_end || resting { end } else { s + dot(sample.rises, rises) };
+                let here = if sample.at_end || step.is_none() { end } else { s + dot(sample.rises, rises) };
                 force.push(sample.force * here);
             }
             s = end;
