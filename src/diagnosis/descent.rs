@@ -14,6 +14,8 @@ use crate::simulation::SimulationError;
 
 /// Pairs of draws for the mean of scores.
 const PAIRS: usize = 2;
+/// Of many points that are fitted roughly, so many are looked at more closely.
+const SCREENED: usize = 10;
 /// Steps while the noise is only guessed.
 const ROUGH_STEPS: usize = 7;
 /// Steps after each estimate of the noise.
@@ -28,6 +30,8 @@ const MOST_ROUNDS: usize = 8;
 const ROUNDS_AT_LEAST: usize = 2;
 /// Such a fit leaves something of which the p-value, whatever its mean, is smaller than this.
 const BEYOND_DOUBT: f64 = 1e-3;
+/// A rough fit, of noise that is only guessed, is given up if it leaves something of a smaller one still.
+const BEYOND_HOPE: f64 = 1e-9;
 /// Pairs of draws for the mean of scores where nothing is known to be missing yet: there it decides on false alarms.
 const MOST_PAIRS: usize = 4;
 /// The noise has settled when a round changes the deviance by less than this.
@@ -86,12 +90,20 @@ impl Analysis<'_> {
         near: Option<&Fit>,
         hopeless: Option<Hopeless>,
     ) -> Result<Fit, SimulationError> {
-        let mut descent = self.rough_descent(start, levels)?;
+        let mut descent = self.begin(start, levels)?;
+        self.descend(&mut descent, ROUGH_STEPS, ROUGHLY)?;
+        self.settle(&mut descent, false)?;
+        if let Some(h) = hopeless {
+            let (rough, _) = self.uncentred(&mut descent)?;
+            if self.leaves_less_than(BEYOND_HOPE, &rough, h.skip) {
+                return Ok(rough);
+            }
+        }
         let mut rounds = ROUNDS_AT_LEAST;
         loop {
             let settled = self.follow(&mut descent, rounds)?;
             let (fit, inverse) = self.uncentred(&mut descent)?;
-            if hopeless.is_some_and(|h| fit.deviance > h.above || self.leaves_beyond_doubt(&fit, h.skip)) {
+            if hopeless.is_some_and(|h| fit.deviance > h.above || self.leaves_less_than(BEYOND_DOUBT, &fit, h.skip)) {
                 return Ok(fit);
             }
             if settled || rounds > ROUNDS_AT_LEAST {
@@ -105,28 +117,27 @@ impl Analysis<'_> {
         }
     }
 
-    fn rough_descent(&self, start: Point, levels: NoiseLevels) -> Result<Descent, SimulationError> {
-        let mut descent = self.begin(start, levels)?;
-        self.descend(&mut descent, ROUGH_STEPS, ROUGHLY)?;
-        self.settle(&mut descent, false)?;
-        Ok(descent)
-    }
-
-    /// −2 log posterior of a fit with the noise as it is, its variances not estimated anew: to choose what to fit.
+    /// Points fitted roughly, with usual noise, from where a model has not yet gone astray to make up for what it lacks; the most
+    /// promising first. Those that cannot be simulated are left out.
     ///
-    /// # Errors
-    /// A trial that cannot be simulated.
-    pub(super) fn rough_deviance(&self, start: Point, levels: NoiseLevels) -> Result<f64, SimulationError> {
-        Ok(self.rough_descent(start, levels)?.deviance())
+    /// - `starts`: the model as given, with effects
+    pub(super) fn screened(&self, starts: Vec<Point>) -> Vec<Point> {
+        let mut fitted: Vec<Descent> = starts.into_par_iter().filter_map(|start| self.rough_fit(start).ok()).collect();
+        fitted.sort_by(|a, b| a.deviance().total_cmp(&b.deviance()));
+        fitted.truncate(SCREENED);
+        let settled = |mut descent: Descent| self.settle(&mut descent, false).is_ok().then_some(descent);
+        let mut fitted: Vec<Descent> = fitted.into_par_iter().filter_map(settled).collect();
+        fitted.sort_by(|a, b| a.deviance().total_cmp(&b.deviance()));
+        fitted.into_iter().map(|descent| descent.point).collect()
     }
 
-    /// Whether a fit leaves what is too much for noise even if its score's mean were as large as any.
-    fn leaves_beyond_doubt(&self, fit: &Fit, skip: &[&str]) -> bool {
+    /// Whether a fit leaves something of a smaller p-value even if its score's mean were as large as any.
+    fn leaves_less_than(&self, p_value: f64, fit: &Fit, skip: &[&str]) -> bool {
         let Some(left) = self.anything_left_uncentred(fit, skip) else { return false };
         let count = left.blocks.len() as f64;
         left.blocks.iter().any(|b| {
             let least = (b.statistic.max(0.0).sqrt() - LARGEST_MEAN).max(0.0);
-            tail(b.rank, b.freedom, least * least) * count < BEYOND_DOUBT
+            tail(b.rank, b.freedom, least * least) * count < p_value
         })
     }
 

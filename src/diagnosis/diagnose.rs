@@ -102,9 +102,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let survivors: Vec<&'static str> = explanations.iter().map(|e| e.1.effects[0]).collect();
     explanations.extend(singles.iter().filter(|s| judge.goes_with(&left, &survivors, &s.1)).cloned());
     if rejected && explanations.is_empty() {
-        // Two effects of any size bend to much that is neither: a pair of implausible sizes explains nothing.
-        let explains = |s: &(Fit, Explanation)| s.1.p_value > REJECT_EXPLANATION && s.1.plausible;
-        explanations = judge.pairs(&singles)?.into_iter().filter(explains).collect();
+        explanations = judge.pairs(&left, &singles)?.into_iter().filter(|s| s.1.explains()).collect();
     }
     let implausible = !explanations.is_empty() && explanations.iter().all(|e| !e.1.plausible);
     if !implausible {

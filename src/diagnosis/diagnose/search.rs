@@ -14,12 +14,10 @@ use crate::study::TrialUse;
 
 /// An explanation with a smaller p-value is rejected although it cannot be told from one that is not.
 const REJECT_IN_ANY_CASE: f64 = 0.002;
-/// Where the model without effects leaves a larger score than this, fits start from the model as given too.
+/// Where the model without effects leaves a larger score than this, its muscles may have gone astray to make up for it.
 const LARGE: f64 = 40.0;
 /// A fit whose deviance is this much larger than the best is not followed to its end.
 const FAR: f64 = 150.0;
-/// Explanations that are fitted again from the model as given.
-const TRIED_AGAIN: usize = 3;
 /// Below this pairwise z two effects cannot be told apart.
 const INSEPARABLE: f64 = 2.0;
 /// Candidates whose one-step fit leaves this much more deviance than the best are not fitted.
@@ -33,16 +31,38 @@ const FITTED_PAIRS: usize = 2;
 /// So are so many of those that are foreseen to leave least …
 const PROMISING_PAIRS: usize = 3;
 /// … if they leave no direction of a smaller p-value.
-const PAIR_MAY_SURVIVE: f64 = 1e-7;
-/// Single effects that are fitted in any case, those of the highest scores.
-const FITTED_SINGLES: usize = 8;
+const PROMISING: f64 = 1e-7;
+/// Single effects that are fitted in any case, those of the highest scores …
+const FITTED_SINGLES: usize = 4;
+/// … and of so many those beside which, to first order, nothing of a p-value below `PROMISING` is left.
+const PROMISING_SINGLES: usize = 8;
 /// So are those whose own score has a smaller p-value …
 const CALLED_FOR: f64 = 0.05;
 /// … and beside which, to first order, what is left has a larger one: half of what an explanation is rejected at.
 const MAY_SURVIVE: f64 = 0.5 * REJECT_EXPLANATION;
 /// Where all of these are rejected the model without effects is far off, and its scores say little about which effect is
-/// missing: all others are fitted roughly, and so many of them, of the least deviance, to the end.
+/// missing: all are fitted roughly from the model as given, and so many of them, of the least deviance, to the end.
 const SECOND_CHOICE: usize = 5;
+/// The same of seconds of a pair.
+const SECOND_CHOICE_OF_PAIRS: usize = 2;
+
+/// Least deviance of explanations.
+fn least_deviance(found: &[(Fit, Explanation)]) -> f64 {
+    found.iter().map(|f| f.0.deviance).fold(f64::INFINITY, f64::min)
+}
+
+/// Least p-value of directions, each taken by itself.
+fn least_p_value(left: &Omnibus) -> f64 {
+    left.blocks.iter().map(|b| b.p_value).fold(1.0, f64::min)
+}
+
+impl Explanation {
+    /// Whether a pair explains what was missing: two effects of any size bend to much that is neither, so that one of implausible
+    /// sizes explains nothing.
+    pub(super) fn explains(&self) -> bool {
+        self.p_value > REJECT_EXPLANATION && self.plausible
+    }
+}
 
 impl Judge<'_> {
     /// Whether a rejected explanation cannot be told from one that survived: chance must not come between them.
@@ -66,76 +86,81 @@ impl Judge<'_> {
         let best = self.testable().map(|e| score(&e)).fold(0.0, f64::max);
         let mut ordered: Vec<_> = self.testable().collect();
         ordered.sort_by(|a, b| score(b).total_cmp(&score(a)));
-        let hopeful = ordered.iter().take_while(|e| score(e) >= HOPELESS * best - 30.0).count().min(FITTED_SINGLES);
-        let far_off = self.far_off(left);
-        let fitted = |some: &[&'static dyn Effect], before: &[(Fit, Explanation)]| {
-            let wanted = some.iter().map(|e| (&self.null.point, left, *e)).collect();
-            self.explain_all(wanted, far_off, before)
+        let hopeful = ordered.iter().take_while(|e| score(e) >= HOPELESS * best - 30.0).count().min(PROMISING_SINGLES);
+        let beside = |e: &&'static dyn Effect| {
+            self.analysis.anything_left_beside(self.null, e.description().id, self.not_testable)
         };
-        let mut found = fitted(&ordered[..hopeful], &[])?;
+        let promising = |e: &&'static dyn Effect| beside(e).is_some_and(|left| least_p_value(&left) > PROMISING);
+        let (certain, others) = ordered[..hopeful].split_at(hopeful.min(FITTED_SINGLES));
+        let others: Vec<_> = others.par_iter().copied().filter(promising).collect();
+        let wanted = certain.iter().chain(&others).map(|e| (&self.null.point, left, *e)).collect();
+        let mut found = self.explain_all(wanted)?;
         // Of the others, those that are called for and beside which to first order nothing is left: where little is missing, much
         // explains it.
         let survives = |e: &&'static dyn Effect| {
-            let id = e.description().id;
-            let beside = || self.analysis.anything_left_beside(self.null, id, self.not_testable);
-            block(left, id).is_some_and(|b| b.p_value < CALLED_FOR)
-                && beside().is_some_and(|left| left.p_value > MAY_SURVIVE)
+            block(left, e.description().id).is_some_and(|b| b.p_value < CALLED_FOR)
+                && beside(e).is_some_and(|left| left.p_value > MAY_SURVIVE)
         };
-        let (chosen, others): (Vec<_>, Vec<_>) = ordered[hopeful..].par_iter().copied().partition(survives);
-        let near = (!far_off).then_some(self.null);
+        let chosen: Vec<_> = ordered[hopeful..].par_iter().copied().filter(survives).collect();
+        let near = (!self.far_off(left)).then_some(self.null);
         for effect in chosen {
             let start = self.beside(&self.null.point, left, effect);
             found.extend(self.explain(start, self.null.levels, f64::INFINITY, near)?);
         }
         if found.iter().all(|f| f.1.p_value <= REJECT_EXPLANATION) {
-            let mut rough: Vec<(f64, &'static dyn Effect)> = Vec::new();
-            for effect in &others {
-                let start = self.beside(&self.null.point, left, *effect);
-                // Sizes at which a muscle cannot be simulated explain nothing.
-                let Ok(deviance) = self.analysis.rough_deviance(start, self.null.levels) else { continue };
-                rough.push((deviance, *effect));
-            }
-            rough.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let second: Vec<_> = rough.iter().take(SECOND_CHOICE).map(|o| o.1).collect();
-            let more = fitted(&second, &found)?;
-            found.extend(more);
+            self.explain_anew(&[], SECOND_CHOICE, &mut found)?;
         }
         Ok(found)
     }
 
-    /// Explanations by an effect beside those at a point each, fitted on from there; where all fail and the model without
-    /// effects is far off, the best again from the model as given.
+    /// Explanations by an effect beside those at a point each, fitted on from there.
     ///
     /// - `wanted`: point, what is left there, effect
-    /// - `before`: explanations that others are measured against
     fn explain_all(
         &self,
         wanted: Vec<(&Point, &Omnibus, &'static dyn Effect)>,
-        far_off: bool,
-        before: &[(Fit, Explanation)],
     ) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
-        let least = |found: &[(Fit, Explanation)]| {
-            before.iter().chain(found).map(|f| f.0.deviance).fold(f64::INFINITY, f64::min)
-        };
         let mut found: Vec<(Fit, Explanation)> = Vec::new();
         for (point, left, effect) in wanted {
-            found.extend(self.explain(self.beside(point, left, effect), self.null.levels, least(&found), None)?);
-        }
-        if far_off && found.iter().all(|f| f.1.p_value <= REJECT_EXPLANATION) {
-            // Without the effect the muscles went far to make up for it, perhaps into another valley.
-            found.sort_by(|a, b| a.0.deviance.total_cmp(&b.0.deviance));
-            for i in 0..found.len().min(TRIED_AGAIN) {
-                let mut anew = self.analysis.nominal_point();
-                anew.effects.extend(found[i].0.point.effects.iter().map(|s| Setting::absent(s.effect)));
-                if let Some(other) =
-                    self.explain(anew, NoiseLevels::usual(self.request.forward.strength.0), least(&found), None)?
-                    && other.0.deviance < found[i].0.deviance
-                {
-                    found[i] = other;
-                }
-            }
+            let start = self.beside(point, left, effect);
+            found.extend(self.explain(start, self.null.levels, least_deviance(&found), None)?);
         }
         Ok(found)
+    }
+
+    /// Explanations by any effect beside others, fitted from the model as given: without the effect the muscles went far to make
+    /// up for it, perhaps into another valley, where its score says little.
+    ///
+    /// - `others`: effects that are on, at sizes to start from
+    /// - `count`: explanations to fit to their end
+    /// - `found`: explanations so far; of two by the same effects that of less deviance stays
+    fn explain_anew(
+        &self,
+        others: &[Setting],
+        count: usize,
+        found: &mut Vec<(Fit, Explanation)>,
+    ) -> Result<(), SimulationError> {
+        let is_on = |e: &&'static dyn Effect| others.iter().any(|s| s.effect.description().id == e.description().id);
+        let start = |effect: &'static dyn Effect| {
+            let mut start = self.analysis.nominal_point();
+            start.effects = others.to_vec();
+            start.effects.push(Setting::absent(effect));
+            start
+        };
+        let starts = self.testable().filter(|e| !is_on(e)).map(start).collect();
+        let levels = NoiseLevels::usual(self.request.forward.strength.0);
+        for point in self.analysis.screened(starts).into_iter().take(count) {
+            let Some(anew) = self.explain(point, levels, least_deviance(found), None)? else { continue };
+            let same = |f: &&mut (Fit, Explanation)| {
+                f.1.effects.len() == anew.1.effects.len() && f.1.effects.iter().all(|e| anew.1.effects.contains(e))
+            };
+            match found.iter_mut().find(same) {
+                Some(known) if known.0.deviance <= anew.0.deviance => {}
+                Some(known) => *known = anew,
+                None => found.push(anew),
+            }
+        }
+        Ok(())
     }
 
     /// A point with a further effect, of the size that its score asks for.
@@ -157,6 +182,7 @@ impl Judge<'_> {
     /// first order least is left.
     pub(super) fn pairs<'a>(
         &self,
+        left: &Omnibus,
         singles: &'a [(Fit, Explanation)],
     ) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
         let mut leaders: Vec<&(Fit, Explanation)> = singles.iter().collect();
@@ -184,16 +210,22 @@ impl Judge<'_> {
         pairs.truncate(FORESEEN_PAIRS);
         let foreseen = |(_, fit, second, with): (f64, &'a Fit, &'static dyn Effect, Omnibus)| {
             let left = self.analysis.anything_left_beside(fit, second.description().id, self.not_testable);
-            let least = |left: Omnibus| left.blocks.iter().map(|b| b.p_value).fold(1.0, f64::min);
-            (left.map_or(0.0, least), fit, second, with)
+            (left.map_or(0.0, |left| least_p_value(&left)), fit, second, with)
         };
         let mut pairs: Vec<_> = pairs.into_par_iter().map(foreseen).collect();
         let mut others = pairs.split_off(FITTED_PAIRS.min(pairs.len()));
-        others.retain(|p| p.0 > PAIR_MAY_SURVIVE);
+        others.retain(|p| p.0 > PROMISING);
         others.sort_by(|a, b| b.0.total_cmp(&a.0));
         let wanted = pairs.iter().chain(others.iter().take(PROMISING_PAIRS));
         let wanted = wanted.map(|(_, fit, second, with)| (&fit.point, with, *second)).collect();
-        self.explain_all(wanted, false, &[])
+        let mut found = self.explain_all(wanted)?;
+        if let Some((leader, _)) = leaders.first()
+            && self.far_off(left)
+            && !found.iter().any(|f| f.1.explains())
+        {
+            self.explain_anew(&leader.point.effects, SECOND_CHOICE_OF_PAIRS, &mut found)?;
+        }
+        Ok(found)
     }
 
     /// Fits the effects at a point jointly with the muscles and asks what is left; `None` if they cannot be fitted.
