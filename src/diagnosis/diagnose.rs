@@ -97,8 +97,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let null_p_value = if surely { left.p_value } else { left.p_value.max(left.sign_flip_p_value) };
     let rejected = null_p_value < REJECT_NULL;
     let singles = if rejected { judge.singles(&left)? } else { Vec::new() };
-    let mut explanations: Vec<(Fit, Explanation)> =
-        singles.iter().filter(|s| s.1.p_value > REJECT_EXPLANATION).cloned().collect();
+    let mut explanations: Vec<(Fit, Explanation)> = singles.iter().filter(|s| s.1.survives()).cloned().collect();
     let survivors: Vec<&'static str> = explanations.iter().map(|e| e.1.effects[0]).collect();
     explanations.extend(singles.iter().filter(|s| judge.goes_with(&left, &survivors, &s.1)).cloned());
     if rejected && explanations.is_empty() {

@@ -40,8 +40,9 @@ const PROMISING_SINGLES: usize = 8;
 const CALLED_FOR: f64 = 0.05;
 /// … and beside which, to first order, what is left has a larger one: half of what an explanation is rejected at.
 const MAY_SURVIVE: f64 = 0.5 * REJECT_EXPLANATION;
-/// Where all of these are rejected the model without effects is far off, and its scores say little about which effect is
-/// missing: all are fitted roughly from the model as given, and so many of them, of the least deviance, to the end.
+/// Where all of these are rejected, or the model without effects is far off, its scores say little about which effect is missing:
+/// all are fitted roughly from the model as given, and of so many, those of the least deviance, what promises more than those that
+/// survived is fitted to the end.
 const SECOND_CHOICE: usize = 5;
 /// The same of seconds of a pair.
 const SECOND_CHOICE_OF_PAIRS: usize = 2;
@@ -57,10 +58,15 @@ fn least_p_value(left: &Omnibus) -> f64 {
 }
 
 impl Explanation {
+    /// Whether nothing is left.
+    pub(super) fn survives(&self) -> bool {
+        self.p_value > REJECT_EXPLANATION
+    }
+
     /// Whether a pair explains what was missing: two effects of any size bend to much that is neither, so that one of implausible
     /// sizes explains nothing.
     pub(super) fn explains(&self) -> bool {
-        self.p_value > REJECT_EXPLANATION && self.plausible
+        self.survives() && self.plausible
     }
 }
 
@@ -107,7 +113,7 @@ impl Judge<'_> {
             let start = self.beside(&self.null.point, left, effect);
             found.extend(self.explain(start, self.null.levels, f64::INFINITY, near)?);
         }
-        if found.iter().all(|f| f.1.p_value <= REJECT_EXPLANATION) {
+        if self.far_off(left) || !found.iter().any(|f| f.1.survives()) {
             self.explain_anew(&[], SECOND_CHOICE, &mut found)?;
         }
         Ok(found)
@@ -129,10 +135,10 @@ impl Judge<'_> {
     }
 
     /// Explanations by any effect beside others, fitted from the model as given: without the effect the muscles went far to make
-    /// up for it, perhaps into another valley, where its score says little.
+    /// up for it, perhaps into another valley, where its score says little. Those that promise more than what survived so far.
     ///
     /// - `others`: effects that are on, at sizes to start from
-    /// - `count`: explanations to fit to their end
+    /// - `count`: explanations to fit to their end, at most
     /// - `found`: explanations so far; of two by the same effects that of less deviance stays
     fn explain_anew(
         &self,
@@ -149,11 +155,18 @@ impl Judge<'_> {
         };
         let starts = self.testable().filter(|e| !is_on(e)).map(start).collect();
         let levels = NoiseLevels::usual(self.request.forward.strength.0);
+        let same = |f: &Explanation, point: &Point| {
+            let has = |s: &Setting| f.effects.contains(&s.effect.description().id);
+            f.effects.len() == point.effects.len() && point.effects.iter().all(has)
+        };
+        let survived =
+            |found: &[(Fit, Explanation)], point: &Point| found.iter().any(|f| f.1.survives() && same(&f.1, point));
         for point in self.analysis.screened(starts).into_iter().take(count) {
+            if survived(found, &point) {
+                break;
+            }
             let Some(anew) = self.explain(point, levels, least_deviance(found), None)? else { continue };
-            let same = |f: &&mut (Fit, Explanation)| {
-                f.1.effects.len() == anew.1.effects.len() && f.1.effects.iter().all(|e| anew.1.effects.contains(e))
-            };
+            let same = |f: &&mut (Fit, Explanation)| same(&f.1, &anew.0.point);
             match found.iter_mut().find(same) {
                 Some(known) if known.0.deviance <= anew.0.deviance => {}
                 Some(known) => *known = anew,
