@@ -118,6 +118,15 @@ fn val_opensim_what_the_catalogue_lacks_is_called_unknown() {
     assert_eq!(found.verdict, Verdict::Unknown);
 }
 
+/// Without the effect the muscles go so far to make up for it that its score there is nothing: it is found from the model as given.
+#[test]
+fn val_opensim_an_effect_that_the_muscles_hide_is_found() {
+    let candidates: Vec<&str> = CATALOGUE.iter().map(|e| e.description().id).collect();
+    let (found, truth) = diagnosed("emg_nonlinearity", &candidates);
+    assert_eq!(sets(&found).first(), Some(&["emg_nonlinearity"].as_slice()), "{:?}", sets(&found));
+    assert_found(&found, &truth, "emg_nonlinearity", "curvature", 0.2);
+}
+
 /// What is left beside an effect is foreseen from the fit without it: as the fit with it finds, and so is the mean of its scores.
 #[test]
 fn val_opensim_what_an_effect_leaves_is_foreseen_before_it_is_fitted() {
