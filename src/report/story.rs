@@ -273,7 +273,7 @@ fn told(
             sets.join(""),
             diagnosis.candidates.len()
         ),
-        "two_effects" => format!("No single effect leaves nothing systematic; {} do, fitted together with the muscles.", sets.join("")),
+        "two_effects" => format!("Whatever single effect is fitted together with the muscles, something systematic is left; with {} nothing is.", sets.join("")),
         "cannot_tell" => format!("Each of these leaves nothing systematic when it is fitted together with the muscles: {}. The table of experiments says what would tell.", sets.join("; ")),
         "nothing_detectable" => "With the muscles' strengths and lengths fitted, what is left looks like noise of EMG, angle and moment. An effect smaller than the sizes listed below would have gone unnoticed.".to_owned(),
         "negligible" => format!("The trials are consistent with {}, but the error falls by very little.", sets.join("; or with ")),
@@ -413,7 +413,7 @@ fn candidates(diagnosis: &DiagnosisResult) -> Vec<CandidateRow> {
             () if !testable => "not testable",
             () if !rejected => "not needed",
             () if c.p_value.is_some() => "ruled out",
-            () => "ruled out early",
+            () => "not fitted",
         };
         CandidateRow {
             name: name(&c.effect),
@@ -440,7 +440,10 @@ fn candidates(diagnosis: &DiagnosisResult) -> Vec<CandidateRow> {
                 .unwrap_or_default(),
         }
     };
-    diagnosis.candidates.iter().take(SHOWN_CANDIDATES).map(row).collect()
+    // What explains the data is shown whatever its score.
+    let explains = |c: &&CandidateResult| survives(&c.effect) || in_pair(&c.effect);
+    let (first, others): (Vec<_>, Vec<_>) = diagnosis.candidates.iter().partition(explains);
+    first.into_iter().chain(others).take(SHOWN_CANDIDATES).map(row).collect()
 }
 
 /// Pairs of effects, the least separable first; each pair once, at its smaller z.

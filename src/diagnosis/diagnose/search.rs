@@ -40,9 +40,8 @@ const PROMISING_SINGLES: usize = 8;
 const CALLED_FOR: f64 = 0.05;
 /// … and beside which, to first order, what is left has a larger one: half of what an explanation is rejected at.
 const MAY_SURVIVE: f64 = 0.5 * REJECT_EXPLANATION;
-/// Where all of these are rejected, or the model without effects is far off, its scores say little about which effect is missing:
-/// all are fitted roughly from the model as given, and of so many, those of the least deviance, what promises more than those that
-/// survived is fitted to the end.
+/// What the muscles or the noise have taken up of an effect its score does not show: all effects are fitted roughly from the model as
+/// given, and of so many, those of the least deviance, what promises more than those that survived is fitted to the end.
 const SECOND_CHOICE: usize = 5;
 /// The same of seconds of a pair.
 const SECOND_CHOICE_OF_PAIRS: usize = 2;
@@ -113,9 +112,7 @@ impl Judge<'_> {
             let start = self.beside(&self.null.point, left, effect);
             found.extend(self.explain(start, self.null.levels, f64::INFINITY, near)?);
         }
-        if self.far_off(left) || !found.iter().any(|f| f.1.survives()) {
-            self.explain_anew(&[], SECOND_CHOICE, &mut found)?;
-        }
+        self.explain_anew(&[], SECOND_CHOICE, &mut found)?;
         Ok(found)
     }
 
@@ -134,8 +131,9 @@ impl Judge<'_> {
         Ok(found)
     }
 
-    /// Explanations by any effect beside others, fitted from the model as given: without the effect the muscles went far to make
-    /// up for it, perhaps into another valley, where its score says little. Those that promise more than what survived so far.
+    /// Explanations by any effect beside others, fitted from the model as given: without the effect the muscles may have gone far to
+    /// make up for it, or what it does was taken for noise, and its score says little. Those that promise more than what survived
+    /// so far.
     ///
     /// - `others`: effects that are on, at sizes to start from
     /// - `count`: explanations to fit to their end, at most
