@@ -249,6 +249,49 @@ impl OsimFile {
         result
     }
 
+    /// Sets several properties of components, given by path, property and text; all or none.
+    ///
+    /// # Errors
+    /// As [`OsimFile::set_property`].
+    pub fn set_properties(&mut self, changes: &[(&str, &str, String)]) -> Result<(), EditError> {
+        let before = self.clone();
+        let result = self.change_properties(changes);
+        if result.is_err() {
+            *self = before;
+        }
+        result
+    }
+
+    fn change_properties(&mut self, changes: &[(&str, &str, String)]) -> Result<(), EditError> {
+        // Values that the file gives are replaced first, all at once: that keeps element handles valid.
+        let (mut edits, mut absent) = (Vec::new(), Vec::new());
+        for (path, property, text) in changes {
+            match self.existing(self.component(path)?, property) {
+                Some(element) => edits.push(value_edit(&self.document, element, property, text)?),
+                None => absent.push((path, property, text)),
+            }
+        }
+        self.apply(edits)?;
+        for (path, property, text) in absent {
+            self.set_in(self.component(path)?, property, text)?;
+        }
+        Ok(())
+    }
+
+    /// Removes the components at absolute paths, each with the line on which it begins.
+    ///
+    /// # Errors
+    /// [`EditError`]: unknown component, or something that the model cannot be without. The file is then unchanged.
+    pub fn remove_components(&mut self, paths: &[&str]) -> Result<(), EditError> {
+        let mut edits = Vec::new();
+        for path in paths {
+            let range = self.document.range(self.component(path)?);
+            let before = &self.document.bytes()[..range.start];
+            edits.push((before.trim_ascii_end().len()..range.end, String::new()));
+        }
+        self.apply(edits)
+    }
+
     /// Adds a force, given as one element (`<CoordinateLimitForce name="…">…`), at the end of the force set.
     ///
     /// # Errors
@@ -278,7 +321,21 @@ impl OsimFile {
     /// # Errors
     /// [`EditError`]: the fragment is not one element, or the model would become invalid. The file is then unchanged.
     pub fn add_component(&mut self, set: ComponentSet, fragment: &str) -> Result<(), EditError> {
-        Document::parse(fragment.trim().as_bytes().to_vec(), "fragment").map_err(EditError::Fragment)?;
+        self.add_components(set, &[fragment.to_owned()])
+    }
+
+    /// Adds components at the end of a set; all or none.
+    ///
+    /// # Errors
+    /// As [`OsimFile::add_component`].
+    pub fn add_components(&mut self, set: ComponentSet, fragments: &[String]) -> Result<(), EditError> {
+        if fragments.is_empty() {
+            return Ok(());
+        }
+        for fragment in fragments {
+            Document::parse(fragment.trim().as_bytes().to_vec(), "fragment").map_err(EditError::Fragment)?;
+        }
+        let fragment = &fragments.iter().map(|f| f.trim()).collect::<Vec<_>>().join("\n");
         let tag = set.tag();
         let Some(&model) = self.document.children(self.document.root()).first() else {
             return Err(EditError::UnknownComponent {

@@ -80,8 +80,9 @@ pub fn add_force_set(path: &Path, system: &mut System) -> Result<Vec<(usize, Str
     for force in set.objects("") {
         match force.class() {
             "CoordinateActuator" | "GeneralizedForce" | "TorqueActuator" | "PointActuator" | "PointToPointActuator" => {
-                if let Some(actuator) = read(&force, system)? {
-                    system.actors.push(Actor::Actuator(Box::new(actuator)));
+                match read(&force, system)? {
+                    Some(actuator) => system.actors.push(Actor::Actuator(Box::new(actuator))),
+                    None => system.inactive.push(force.name()),
                 }
             }
             class => {

@@ -1,6 +1,6 @@
 //! Controls over time: `PrescribedController` of a model or setup, `ControlSetController` with linear controls.
 
-use super::error::ToolError;
+use super::error::{ToolError, ToolProblem};
 use super::setup::{Properties, Setup};
 use crate::functions::Function;
 use crate::osim::spec::FunctionSpec;
@@ -8,34 +8,66 @@ use crate::storage::Storage;
 
 /// Controls by the names of actuators.
 #[derive(Clone, Debug, Default)]
-pub struct Controls(Vec<(String, Function)>);
+pub struct Controls(Vec<(String, Control)>);
+
+/// A control over time.
+#[derive(Clone, Debug)]
+enum Control {
+    Function(Function),
+    /// A function that goes on after its last and before its first node as there.
+    Held {
+        function: Function,
+        from: f64,
+        to: f64,
+    },
+    /// The value of every node holds from the node before it, exclusive, to its own time.
+    Steps {
+        time: Vec<f64>,
+        value: Vec<f64>,
+    },
+}
+
+impl Control {
+    fn at(&self, time: f64) -> f64 {
+        match self {
+            Control::Function(function) => function.value(time),
+            Control::Held { function, from, to } => function.value(time.clamp(*from, *to)),
+            Control::Steps { time: nodes, value } => {
+                value[nodes.partition_point(|node| *node < time).min(nodes.len() - 1)]
+            }
+        }
+    }
+}
 
 impl Controls {
     /// Control of an actuator at a time, if it is controlled; those of several controllers add up.
     pub fn at(&self, actuator: &str, time: f64) -> Option<f64> {
         let own = self.0.iter().filter(|(name, _)| name == actuator);
-        own.map(|(_, function)| function.value(time)).reduce(|sum, value| sum + value)
+        own.map(|(_, control)| control.at(time)).reduce(|sum, value| sum + value)
     }
 
     /// Reads a `ControllerSet`.
     ///
+    /// A `ControlSetController` is enabled by its file, whatever it says itself.
+    ///
     /// - `actuators`: names of all actuators, in order
     ///
     /// # Errors
-    /// A class that is not supported, functions that cannot be built.
+    /// A class that is not supported, functions that cannot be built, controls of actuators that there are not.
     pub fn read(&mut self, controllers: &[Properties], actuators: &[String]) -> Result<(), ToolError> {
         for controller in controllers {
+            controller.ignore_all(&["enable_controller"]);
             let enabled = match controller.text("isDisabled") {
                 Some(_) => !controller.boolean("isDisabled", false)?,
                 None => controller.boolean("enabled", true)?,
             };
-            if !enabled {
+            if !enabled && controller.class() != "ControlSetController" {
                 controller.ignore();
                 continue;
             }
             match controller.class() {
                 "PrescribedController" => self.prescribed(controller, actuators)?,
-                "ControlSetController" => self.control_set(controller)?,
+                "ControlSetController" => self.control_set(controller, actuators)?,
                 class => {
                     return Err(
                         controller.unsupported(class, "controllers are PrescribedController and ControlSetController")
@@ -56,74 +88,112 @@ impl Controls {
         }
         if let Some(file) = controller.file("controls_file") {
             let storage = Storage::read(&file)?;
+            let method = controller.integer("interpolation_method", 1)?;
             for (i, label) in storage.labels.iter().enumerate() {
-                let spec = FunctionSpec::PiecewiseLinear { x: storage.time.clone(), y: storage.column(i) };
+                let actuator = last(label);
+                if list.contains(&actuator) {
+                    continue;
+                }
+                require(&actuator, actuators, controller)?;
+                let (x, y) = (storage.time.clone(), storage.column(i));
+                let spec = match method {
+                    0 => FunctionSpec::PiecewiseConstant { x, y },
+                    1 | 3 | 5 | 7 => FunctionSpec::GcvSpline {
+                        half_order: (method as usize).div_ceil(2),
+                        error_variance: 0.0,
+                        weights: vec![1.0; x.len()],
+                        x,
+                        y,
+                    },
+                    other => {
+                        let expected = "0 (constant) or the degree of a spline: 1, 3, 5 or 7";
+                        return Err(controller.bad_value("interpolation_method", expected, &other.to_string()));
+                    }
+                };
                 let function = Function::compile(&spec).map_err(|e| controller.error_at("controls_file", e))?;
-                self.0.push((last(label), function));
+                self.0.push((actuator, Control::Function(function)));
             }
         }
-        controller.ignore_all(&["interpolation_method"]);
         let functions = controller.objects("ControlFunctions");
-        for (i, function) in functions.iter().enumerate() {
-            let own = function.name();
-            // By name, else by position.
-            let actuator = if list.contains(&own) { own } else { list.get(i).cloned().unwrap_or(own) };
-            self.0.push((actuator, read_function(function)?));
+        if functions.len() != list.len() {
+            let expected = format!("one function for each of {} actuators (actuator_list)", list.len());
+            return Err(controller.bad_value("ControlFunctions", &expected, &functions.len().to_string()));
+        }
+        // By position, whatever the functions are called.
+        for (function, actuator) in functions.iter().zip(list) {
+            require(&actuator, actuators, controller)?;
+            self.0.push((actuator, Control::Function(read_function(function)?)));
         }
         Ok(())
     }
 
-    fn control_set(&mut self, controller: &Properties) -> Result<(), ToolError> {
-        controller.ignore_all(&["actuator_list", "socket_actuators"]);
+    fn control_set(&mut self, controller: &Properties, actuators: &[String]) -> Result<(), ToolError> {
+        controller.ignore_all(&["actuator_list", "socket_actuators", "enabled", "isDisabled"]);
         let Some(file) = controller.file("controls_file") else {
             return Err(controller.missing("controls_file", "a file of controls (.xml or .sto)"));
         };
         if !file.extension().is_some_and(|e| e.eq_ignore_ascii_case("xml")) {
             let storage = Storage::read(&file)?;
             for (i, label) in storage.labels.iter().enumerate() {
+                let actuator = label.strip_suffix(".excitation").unwrap_or(label);
+                require(actuator, actuators, controller)?;
                 let spec = FunctionSpec::PiecewiseLinear { x: storage.time.clone(), y: storage.column(i) };
                 let function = Function::compile(&spec).map_err(|e| controller.error_at("controls_file", e))?;
-                self.0.push((label.trim_end_matches(".excitation").to_owned(), function));
+                self.0.push((actuator.to_owned(), Control::Function(function)));
             }
             return Ok(());
         }
         let setup = Setup::read(&file)?;
         for control in setup.object().objects("") {
-            match control.class() {
-                "ControlLinear" | "ControlConstant" => {}
-                class => return Err(control.unsupported(class, "controls are ControlLinear and ControlConstant")),
-            }
             let name = control.name();
-            let name = name.trim_end_matches(".excitation").to_owned();
-            if control.class() == "ControlConstant" {
-                self.0.push((name, Function::constant(control.number("value", 0.0)?)));
-                continue;
-            }
-            let (mut x, mut y) = (Vec::new(), Vec::new());
-            let nodes = match control.objects("x_nodes") {
-                nodes if nodes.is_empty() => control.objects("nodes"),
-                nodes => nodes,
+            let name = name.strip_suffix(".excitation").unwrap_or(&name);
+            require(name, actuators, &control)?;
+            let read = match control.class() {
+                "ControlLinear" => control_linear(&control)?,
+                "ControlConstant" => Control::Function(Function::constant(control.number("value", 0.0)?)),
+                class => return Err(control.unsupported(class, "controls are ControlLinear and ControlConstant")),
             };
-            for node in nodes {
-                x.push(node.number("t", 0.0)?);
-                y.push(node.number("value", 0.0)?);
-            }
-            let function = match x.len() {
-                0 => continue,
-                1 => Function::constant(y[0]),
-                _ if control.boolean("use_steps", false)? => {
-                    // The value of a node holds until its time.
-                    let (x, y) = (x[..x.len() - 1].to_vec(), y[1..].to_vec());
-                    Function::compile(&FunctionSpec::PiecewiseConstant { x, y })
-                        .map_err(|e| control.error_at("x_nodes", e))?
-                }
-                _ => Function::compile(&FunctionSpec::PiecewiseLinear { x, y })
-                    .map_err(|e| control.error_at("x_nodes", e))?,
-            };
-            self.0.push((name, function));
+            self.0.push((name.to_owned(), read));
         }
         Ok(())
     }
+}
+
+/// A `ControlLinear`: straight or in steps between its nodes.
+fn control_linear(control: &Properties) -> Result<Control, ToolError> {
+    let (mut time, mut value) = (Vec::new(), Vec::new());
+    for node in ["x_nodes", "nodes"].iter().flat_map(|list| control.members(list)) {
+        time.push(node.number("t", 0.0)?);
+        value.push(node.number("value", 0.0)?);
+    }
+    let (Some(&from), Some(&to)) = (time.first(), time.last()) else {
+        return Err(control.missing("x_nodes", "nodes: <ControlLinearNode> with <t> and <value>"));
+    };
+    if time.windows(2).any(|pair| pair[0] > pair[1]) {
+        return Err(control.bad_value("x_nodes", "nodes of ascending times", &format!("{time:?}")));
+    }
+    if control.boolean("use_steps", false)? {
+        return Ok(Control::Steps { time, value });
+    }
+    let extrapolate = control.boolean("extrapolate", true)?;
+    if value.len() == 1 {
+        return Ok(Control::Function(Function::constant(value[0])));
+    }
+    let spec = FunctionSpec::PiecewiseLinear { x: time, y: value };
+    let function = Function::compile(&spec).map_err(|e| control.error_at("x_nodes", e))?;
+    Ok(if extrapolate { Control::Function(function) } else { Control::Held { function, from, to } })
+}
+
+/// Fails if there is no actuator of this name, as OpenSim does.
+///
+/// - `whose`: the controller or control that names it
+fn require(name: &str, actuators: &[String], whose: &Properties) -> Result<(), ToolError> {
+    if actuators.iter().any(|a| a == name) {
+        return Ok(());
+    }
+    let nearest = crate::osim::error::nearest(name, actuators.iter().map(String::as_str));
+    let problem = ToolProblem::Unknown { kind: "actuator", name: name.to_owned(), nearest };
+    Err(whose.error_at("controls_file", problem))
 }
 
 /// Reads a function object.

@@ -10,7 +10,7 @@ use super::inverse_kinematics::{marker_goals, read_tasks};
 use super::result::{Outcome, ResultFile};
 use super::setup::{Properties, Setup};
 use super::system::System;
-use crate::osim::spec::ModelSpec;
+use crate::osim::spec::{MarkerSpec, ModelSpec};
 use crate::osim::{ComponentSet, OsimFile};
 use crate::scaling::{ScaleRequest, scale};
 use crate::storage::{Markers, Storage};
@@ -51,12 +51,12 @@ pub fn run(tool: &Properties, path: PathBuf, mut file: OsimFile, outcome: &mut O
     }
 }
 
-/// Adds the markers of a file to a model; those that it has already get the file's locations.
+/// Adds the markers of a file to a model; those that it has already get the file's body and location.
 fn add_markers(path: &std::path::Path, file: &mut OsimFile) -> Result<usize, ToolError> {
     let setup = Setup::read(path)?;
-    let mut count = 0;
-    let fail = |line: usize, e: crate::osim::EditError| ToolError::at(path, line, e);
-    for marker in setup.object().objects("") {
+    let markers = setup.object().objects("");
+    let (mut moved, mut removed, mut added) = (Vec::new(), Vec::new(), Vec::new());
+    for marker in &markers {
         let name = marker.name();
         let location = marker.vector("location")?;
         let location = format!("{} {} {}", location.x, location.y, location.z);
@@ -67,29 +67,33 @@ fn add_markers(path: &std::path::Path, file: &mut OsimFile) -> Result<usize, Too
         };
         let body = frame.rsplit('/').next().unwrap_or_default();
         let there = file.spec.markers.iter().find(|m| m.name == name);
-        let same_body = |m: &crate::osim::spec::MarkerSpec| file.spec.frames[m.frame.0].name == body;
-        if let Some(path_of) = there.filter(|m| same_body(m)).map(|m| m.at.path.clone()) {
-            file.set_property(&path_of, "location", &location).map_err(|e| fail(marker.line(), e))?;
-        } else if there.is_some() {
-            let what = format!("marker `{name}` of the model is fixed to another body than `{body}`");
-            return Err(marker.error_at("body", ToolProblem::Data { what }));
-        } else {
-            let socket = match file.spec.document_version {
-                ..30505 => format!("<body>{body}</body>"),
-                30505..40000 => {
-                    format!("<socket_parent_frame_connectee_name>{body}</socket_parent_frame_connectee_name>")
+        if let Some(there) = there {
+            if file.spec.frames[there.frame.0].name == body {
+                moved.push((there.at.path.clone(), "location", location));
+                if there.fixed != fixed {
+                    moved.push((there.at.path.clone(), "fixed", fixed.to_string()));
                 }
-                _ if body == "ground" => "<socket_parent_frame>/ground</socket_parent_frame>".to_owned(),
-                _ => format!("<socket_parent_frame>/bodyset/{body}</socket_parent_frame>"),
-            };
-            let fragment = format!(
-                "<Marker name=\"{name}\">\n\t{socket}\n\t<location>{location}</location>\n\t<fixed>{fixed}</fixed>\n</Marker>"
-            );
-            file.add_component(ComponentSet::Markers, &fragment).map_err(|e| fail(marker.line(), e))?;
+                continue;
+            }
+            removed.push(there.at.path.clone());
         }
-        count += 1;
+        let socket = match file.spec.document_version {
+            ..30505 => format!("<body>{body}</body>"),
+            30505..40000 => format!("<socket_parent_frame_connectee_name>{body}</socket_parent_frame_connectee_name>"),
+            _ if body == "ground" => "<socket_parent_frame>/ground</socket_parent_frame>".to_owned(),
+            _ => format!("<socket_parent_frame>/bodyset/{body}</socket_parent_frame>"),
+        };
+        added.push(format!(
+            "<Marker name=\"{name}\">\n\t{socket}\n\t<location>{location}</location>\n\t<fixed>{fixed}</fixed>\n</Marker>"
+        ));
     }
-    Ok(count)
+    let moved: Vec<_> = moved.iter().map(|(path, property, text)| (path.as_str(), *property, text.clone())).collect();
+    let removed: Vec<&str> = removed.iter().map(String::as_str).collect();
+    file.set_properties(&moved)
+        .and_then(|()| file.remove_components(&removed))
+        .and_then(|()| file.add_components(ComponentSet::Markers, &added))
+        .map_err(|e| ToolError::new(path, e))?;
+    Ok(markers.len())
 }
 
 /// A marker set as a file.
@@ -202,6 +206,18 @@ fn scale_model(scaler: &Properties, mass: f64, file: &mut OsimFile, outcome: &mu
         }
     }
     measurements.iter().chain(&scales).for_each(Properties::ignore);
+    // As in OpenSim, factors of bodies that the model does not have scale nothing.
+    factors.retain(|(name, _)| {
+        let known = name == "ground" || file.spec.bodies.iter().any(|b| b.name == *name);
+        if !known {
+            outcome.warn(
+                &setup,
+                scaler.line(),
+                format!("the model has no body `{name}`: its scale factors are not used"),
+            );
+        }
+        known
+    });
     let request = ScaleRequest {
         factors: factors.clone(),
         preserve_mass_distribution: preserve,
@@ -300,6 +316,11 @@ fn place_markers(
     let system = System::of_spec(path, file.spec.clone())?;
     let tasks = read_tasks(placer, &system)?;
     let (goals, columns, _) = marker_goals(&system, &data, &tasks);
+    if goals.is_empty() {
+        let found = format!("{} markers of the model", system.spec.markers.len());
+        let expected = format!("tasks of markers that the model and {} have", marker_file.display());
+        return Err(placer.bad_value("IKTaskSet", &expected, &found));
+    }
     let rows: Vec<usize> = {
         let within = |i: &usize| data.time[*i] >= range[0] - 1e-9 && data.time[*i] <= range[1] + 1e-9;
         (0..data.time.len()).filter(within).collect()
@@ -322,7 +343,7 @@ fn place_markers(
     state.time = range[0];
     let seen: Vec<Vector3<f64>> = columns.iter().map(|c| means[*c]).collect();
     let values: Vec<f64> = tasks.coordinates.iter().map(|(_, _, f)| f.value(range[0])).collect();
-    if !solver.markers.is_empty() && !solver.solve_from_afar(range[0], &mut state.q, &seen, &values) {
+    if !solver.solve_from_afar(range[0], &mut state.q, &seen, &values) {
         outcome.warn(&marker_file, 0, "the static pose did not converge");
     }
     let found = solver.marker_places(&state.q);
@@ -335,7 +356,7 @@ fn place_markers(
     let mut work = system.new_work();
     let cache = work.dynamics.update(&state.q, &state.u);
     if move_markers {
-        let mut moved = 0;
+        let mut moved = Vec::new();
         for marker in &system.spec.markers {
             let Some(column) = data.names.iter().position(|n| *n == marker.name) else { continue };
             if marker.fixed || !means[column].iter().all(|x| x.is_finite()) {
@@ -343,16 +364,20 @@ fn place_markers(
             }
             let place = cache.X_GF(&system.model, marker.frame).inverse_transform_point(&means[column]);
             let text = format!("{} {} {}", place.x, place.y, place.z);
-            file.set_property(&marker.at.path, "location", &text).map_err(|e| ToolError::new(path, e))?;
-            moved += 1;
+            moved.push((marker.at.path.as_str(), "location", text));
         }
-        outcome.summary.push(format!("{moved} markers moved"));
+        file.set_properties(&moved).map_err(|e| ToolError::new(path, e))?;
+        outcome.summary.push(format!("{} markers moved", moved.len()));
     }
-    let unused: Vec<&str> =
-        system.spec.markers.iter().map(|m| m.name.as_str()).filter(|n| !data.names.iter().any(|d| d == n)).collect();
+    // As `Model::deleteUnusedMarkers` does.
+    let is_unused = |m: &&MarkerSpec| !data.names.contains(&m.name);
+    let unused: Vec<&MarkerSpec> = system.spec.markers.iter().filter(is_unused).collect();
     if !unused.is_empty() {
-        let text = format!("markers of the model that are not in the marker file stay: {}", unused.join(", "));
+        let names: Vec<&str> = unused.iter().map(|m| m.name.as_str()).collect();
+        let text = format!("markers of the model that are not in the marker file are removed: {}", names.join(", "));
         outcome.warn(&marker_file, 0, text);
+        let paths: Vec<&str> = unused.iter().map(|m| m.at.path.as_str()).collect();
+        file.remove_components(&paths).map_err(|e| ToolError::new(path, e))?;
     }
     if let Some(output) = placer.file("output_motion_file") {
         let mut pose = Storage::new("static pose", system.state_names());

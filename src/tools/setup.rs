@@ -55,6 +55,11 @@ impl Setup {
         Properties { setup: self, element: ElementId(element) }
     }
 
+    fn at(&self, element: ElementId) -> Properties<'_> {
+        self.mark(element);
+        Properties { setup: self, element }
+    }
+
     /// Where it was read from.
     pub fn path(&self) -> &Path {
         &self.path
@@ -79,6 +84,18 @@ impl Setup {
         self.mark(root);
         self.mark(element);
         Properties { setup: self, element }
+    }
+
+    /// What objects of a class have in place of properties that they lack: the object of that class in `<defaults>` of
+    /// the file's object, as in `Object::updateDefaultObjectsFromXMLNode`.
+    fn default_of(&self, class: &str) -> Option<ElementId> {
+        let root = self.document.root();
+        let file_has = |e: ElementId| self.document.child(e, "defaults");
+        let defaults = file_has(root).or_else(|| file_has(*self.document.children(root).first()?))?;
+        if !self.used.borrow()[defaults.0] {
+            Properties { setup: self, element: defaults }.ignore();
+        }
+        self.document.child(defaults, class)
     }
 
     fn mark(&self, element: ElementId) {
@@ -134,7 +151,9 @@ impl<'a> Properties<'a> {
     }
 
     fn element(&self, property: &str) -> Option<ElementId> {
-        let found = self.setup.document.child(self.element, property)?;
+        let document = &self.setup.document;
+        let default = || document.child(self.setup.default_of(self.class())?, property);
+        let found = document.child(self.element, property).or_else(default)?;
         self.setup.mark(found);
         Some(found)
     }
@@ -152,14 +171,16 @@ impl<'a> Properties<'a> {
             groups.ignore();
         }
         let Some(objects) = set.child("objects") else { return Vec::new() };
-        let children = self.setup.document.children(objects.element);
-        children
-            .iter()
-            .map(|&element| {
-                self.setup.mark(element);
-                Properties { setup: self.setup, element }
-            })
-            .collect()
+        let children = self.setup.document.children(objects.element).iter();
+        children.map(|&element| self.setup.at(element)).collect()
+    }
+
+    /// Objects of a list: those of a set, or the list's own children.
+    pub fn members(&self, list: &str) -> Vec<Properties<'a>> {
+        let Some(list) = self.child(list) else { return Vec::new() };
+        let parent = list.child("objects").unwrap_or(list);
+        let children = self.setup.document.children(parent.element).iter();
+        children.map(|&element| self.setup.at(element)).collect()
     }
 
     /// The object that is a property by its name: `<FunctionSet name="ControlFunctions">`.

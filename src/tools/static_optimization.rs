@@ -172,6 +172,15 @@ impl Analysis for StaticOptimization {
     }
 }
 
+/// xᵉ, without the general power where that is not needed.
+fn raised(x: f64, exponent: f64) -> f64 {
+    match exponent {
+        1.0 => x,
+        2.0 => x * x,
+        _ => x.powf(exponent),
+    }
+}
+
 /// Solves the problem; returns x and the largest violation of A x = b.
 fn least_powers(a: &DMatrix<f64>, b: &DVector<f64>, ranges: &[[f64; 2]], power: f64) -> (DVector<f64>, f64) {
     let (m, n) = a.shape();
@@ -185,9 +194,9 @@ fn least_powers(a: &DMatrix<f64>, b: &DVector<f64>, ranges: &[[f64; 2]], power: 
         let (mut x, mut slope) = (DVector::zeros(n), DVector::zeros(n));
         let mut value = multipliers.dot(&b);
         for i in 0..n {
-            let free = (s[i].abs() / power).powf(1.0 / (power - 1.0)).copysign(s[i]);
+            let free = raised(s[i].abs() / power, 1.0 / (power - 1.0)).copysign(s[i]);
             x[i] = free.max(ranges[i][0]).min(ranges[i][1]);
-            value += x[i].abs().powf(power) - s[i] * x[i];
+            value += raised(x[i].abs(), power) - s[i] * x[i];
             if x[i] == free {
                 slope[i] = if power == 2.0 {
                     0.5

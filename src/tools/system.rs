@@ -14,7 +14,9 @@ use crate::dynamics::{Accelerations, Constraints, Dynamics};
 use crate::forces::{AppliedForces, Forces};
 use crate::multibody::{Cache, Model};
 use crate::muscles::{MuscleDynamics, MuscleModel, MuscleState};
-use crate::osim::spec::{ActuatorKind, BodyIndex, CoordinateIndex, ForceKind, FrameIndex, ModelSpec, MotionType};
+use crate::osim::spec::{
+    ActuatorKind, BodyIndex, CoordinateIndex, ForceKind, ForceSpec, FrameIndex, ModelSpec, MotionType,
+};
 use crate::osim::{Document, OsimFile};
 use crate::paths::{Path as MusclePath, PathGeometry};
 use crate::spatial::SpatialForce;
@@ -41,6 +43,8 @@ pub struct System {
     pub actors: Vec<Actor>,
     /// Forces of classes that are not computed: name and class.
     pub unsupported: Vec<(String, String)>,
+    /// Actuators of force set files that apply no force.
+    pub inactive: Vec<String>,
     /// Controls of actuators.
     pub controls: Controls,
     /// Whether results without such forces are wanted.
@@ -181,6 +185,7 @@ impl System {
             muscles,
             actors,
             unsupported,
+            inactive: Vec::new(),
             controls,
             allow_unsupported,
             tree_order,
@@ -308,7 +313,7 @@ impl System {
     /// # Errors
     /// A class that is not supported, functions that cannot be built.
     pub fn read_controllers(&mut self, document: Document, tool: &Properties) -> Result<(), ToolError> {
-        let names: Vec<String> = self.actuator_names();
+        let names = self.all_actuator_names();
         let mut controls = Controls::default();
         let own = Setup::of_document(&self.path, document);
         controls.read(&own.object().objects("ControllerSet"), &names)?;
@@ -329,6 +334,19 @@ impl System {
     /// Names of muscles and other actuators that apply force.
     pub fn actuator_names(&self) -> Vec<String> {
         self.actors.iter().filter(|a| a.is_actuator()).map(|a| a.name(&self.muscles).to_owned()).collect()
+    }
+
+    /// Names of all muscles and other actuators, also of those that apply no force.
+    fn all_actuator_names(&self) -> Vec<String> {
+        let mut names = self.actuator_names();
+        let is_actuator = |f: &&ForceSpec| matches!(f.kind, ForceKind::Actuator(_));
+        let others = self.spec.forces.iter().filter(is_actuator).map(|f| &f.name);
+        for name in others.chain(self.muscles.iter().map(|m| &m.name)).chain(&self.inactive) {
+            if !names.contains(name) {
+                names.push(name.clone());
+            }
+        }
+        names
     }
 
     /// Everything at a state but accelerations.

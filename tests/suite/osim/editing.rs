@@ -96,6 +96,30 @@ fn verif_forces_can_be_added() {
 }
 
 #[test]
+fn verif_components_come_and_go_together() {
+    let marker = |name: &str| {
+        format!(
+            "<Marker name=\"{name}\">\n\t<socket_parent_frame>/ground</socket_parent_frame>\n\t<location>0 0 0</location>\n</Marker>"
+        )
+    };
+    let (mut one, mut two) = (small(), small());
+    one.add_components(ComponentSet::Markers, &[marker("b")]).expect("added");
+    two.add_components(ComponentSet::Markers, &[marker("a"), marker("b"), marker("c")]).expect("added");
+    let changes = [("/markerset/a", "location", "1 0 0".to_owned()), ("/markerset/b", "fixed", "true".to_owned())];
+    two.set_properties(&changes).expect("set");
+    assert_eq!((two.spec.markers[0].location.x, two.spec.markers[1].fixed), (1.0, true));
+    two.remove_components(&["/markerset/c", "/markerset/a"]).expect("removed");
+    one.set_property("/markerset/b", "fixed", "true").expect("set");
+    assert_eq!(String::from_utf8_lossy(two.document.bytes()), String::from_utf8_lossy(one.document.bytes()));
+    let before = two.document.bytes().to_vec();
+    let changes = [("/markerset/b", "location", "9 9 9".to_owned()), ("/markerset/gone", "fixed", "true".to_owned())];
+    assert!(two.set_properties(&changes).is_err(), "all or none");
+    assert!(two.remove_components(&["/markerset/b", "/markerset/gone"]).is_err());
+    assert!(two.remove_components(&["/bodyset/forearm"]).is_err(), "a joint needs it");
+    assert_eq!(two.document.bytes(), before);
+}
+
+#[test]
 fn verif_refused_edits_leave_the_file_as_it_was() {
     let mut file = small();
     let before = file.document.bytes().to_vec();

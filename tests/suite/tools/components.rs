@@ -64,6 +64,11 @@ fn val_opensim_forces_actuators_and_muscles_of_many_classes() {
 }
 
 #[test]
+fn val_opensim_actuators_with_defaults_and_controllers_of_many_kinds() {
+    compare("controllers.xml", "controllers", TOLERANCE);
+}
+
+#[test]
 fn val_opensim_equilibrium_of_muscles_of_many_classes() {
     compare("equilibrate.xml", "equilibrate", TOLERANCE);
 }

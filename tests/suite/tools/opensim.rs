@@ -5,8 +5,8 @@
 use std::path::{Path, PathBuf};
 
 use carpus::multibody::Model;
-use carpus::osim::OsimFile;
 use carpus::osim::spec::{ModelSpec, MotionType};
+use carpus::osim::{ComponentSet, OsimFile};
 use carpus::storage::Storage;
 use carpus::tools::run_tool;
 
@@ -302,6 +302,8 @@ fn val_opensim_mobl_arms_scale() {
         // The published run had OpenSim 3.3's wrapping.
         assert!(fiber < 2e-3 && tendon < 2e-3, "{}: {fiber:.1e}, {tendon:.1e}", a.name);
     }
+    // Markers that the static trial lacks are removed, as by OpenSim.
+    assert_eq!(ours.markers.len(), theirs.markers.len());
     let mut largest: f64 = 0.0;
     for marker in &ours.markers {
         let published = theirs.markers.iter().find(|m| m.name == marker.name).unwrap();
@@ -311,24 +313,28 @@ fn val_opensim_mobl_arms_scale() {
     assert!(largest < 3e-3);
 }
 
-/// Markers of a file, and scale factors given by hand.
+/// Markers of a file, one of them moved to another body, and scale factors given by hand, some of a body that there is not.
 #[test]
 fn val_opensim_manual_scale_with_a_marker_set_file() {
     let Some(bench) = Bench::new() else { return };
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/wrist.osim");
     let body = OsimFile::read(&model).unwrap().spec.bodies.last().unwrap().name.clone();
     // OpenSim looks for the model beside the setup, whatever its path.
-    bench.write("generic.osim", &std::fs::read_to_string(&model).unwrap());
+    let mut generic = OsimFile::read(&model).unwrap();
+    let marker = "<Marker name=\"knuckle\"><socket_parent_frame>/ground</socket_parent_frame><location>1 2 3</location><fixed>true</fixed></Marker>";
+    generic.add_component(ComponentSet::Markers, marker).unwrap();
+    bench.write("generic.osim", std::str::from_utf8(generic.document.bytes()).unwrap());
     bench.write("markers.xml", &format!("<?xml version=\"1.0\"?>\n<OpenSimDocument Version=\"40000\"><MarkerSet name=\"m\"><objects><Marker name=\"knuckle\"><socket_parent_frame>/bodyset/{body}</socket_parent_frame><location>0.01 -0.07 0.02</location><fixed>false</fixed></Marker></objects><groups/></MarkerSet></OpenSimDocument>"));
     let setup = |output: &str| {
         format!(
-            "<?xml version=\"1.0\"?>\n<OpenSimDocument Version=\"40000\"><ScaleTool name=\"scaled\"><mass>-1</mass><GenericModelMaker><model_file>generic.osim</model_file><marker_set_file>markers.xml</marker_set_file></GenericModelMaker><ModelScaler><apply>true</apply><scaling_order>manualScale</scaling_order><ScaleSet><objects><Scale><scales>1.1 1.05 0.9</scales><segment>{body}</segment><apply>true</apply></Scale></objects><groups/></ScaleSet><preserve_mass_distribution>false</preserve_mass_distribution><output_model_file>{output}</output_model_file></ModelScaler><MarkerPlacer><apply>false</apply></MarkerPlacer></ScaleTool></OpenSimDocument>"
+            "<?xml version=\"1.0\"?>\n<OpenSimDocument Version=\"40000\"><ScaleTool name=\"scaled\"><mass>-1</mass><GenericModelMaker><model_file>generic.osim</model_file><marker_set_file>markers.xml</marker_set_file></GenericModelMaker><ModelScaler><apply>true</apply><scaling_order>manualScale</scaling_order><ScaleSet><objects><Scale><scales>1.1 1.05 0.9</scales><segment>{body}</segment><apply>true</apply></Scale><Scale><scales>2 2 2</scales><segment>patella_r</segment><apply>true</apply></Scale></objects><groups/></ScaleSet><preserve_mass_distribution>false</preserve_mass_distribution><output_model_file>{output}</output_model_file></ModelScaler><MarkerPlacer><apply>false</apply></MarkerPlacer></ScaleTool></OpenSimDocument>"
         )
     };
     bench.write("theirs.xml", &setup("theirs.osim"));
     bench.write("ours.xml", &setup("ours.osim"));
     run_script(&bench.python, "scripts/run_tool.py", &[bench.path("theirs.xml").as_os_str()]);
     let outcome = run_tool(&bench.path("ours.xml"), None, false).unwrap_or_else(|e| panic!("{e}"));
+    assert!(outcome.warnings.iter().any(|(_, _, text)| text.contains("no body `patella_r`")), "{:?}", outcome.warnings);
     let ours = outcome.files.iter().find(|f| f.path.ends_with("ours.osim")).expect("a model");
     let ours = OsimFile::parse(ours.bytes.clone(), "ours.osim").unwrap().spec;
     let theirs = OsimFile::read(bench.path("theirs.osim")).unwrap().spec;
@@ -341,7 +347,13 @@ fn val_opensim_manual_scale_with_a_marker_set_file() {
         assert!(close(a.optimal_fiber_length, b.optimal_fiber_length), "{}", a.name);
         assert!(close(a.tendon_slack_length, b.tendon_slack_length), "{}", a.name);
     }
-    let [a, b] = [&ours, &theirs].map(|s| s.markers.iter().find(|m| m.name == "knuckle").expect("the marker").location);
+    let of = |s: &ModelSpec| {
+        let found: Vec<_> = s.markers.iter().filter(|m| m.name == "knuckle").collect();
+        let [marker] = found[..] else { panic!("{found:?}") };
+        (marker.location, s.frames[marker.frame.0].name.clone(), marker.fixed)
+    };
+    let ((a, body_a, fixed_a), (b, body_b, fixed_b)) = (of(&ours), of(&theirs));
+    assert_eq!((body_a, fixed_a), (body_b, fixed_b));
     assert!((a - b).norm() < 1e-9, "{a} and {b}");
     assert!((a - nalgebra::Vector3::new(0.011, -0.0735, 0.018)).norm() < 1e-9);
 }
