@@ -4,7 +4,7 @@ use carpus::functions::{Function, FunctionError};
 use carpus::osim::spec::FunctionSpec;
 use serde_json::Value;
 
-use crate::validation::{self, Differences, Judge};
+use crate::validation::{self, Classes, Differences, Judge};
 
 /// Rounding only: both programs evaluate the same polynomials. Relative to the largest magnitude of the function (or
 /// of its derivative) on the tested points, because OpenSim evaluates GCV splines by another, equivalent recursion.
@@ -65,7 +65,9 @@ fn reference() -> Vec<(String, Function, Value)> {
 
 #[test]
 fn val_opensim_values_and_derivatives() {
-    let mut differences = ["value", "first", "second"].map(|order| Differences::new(order, "largest magnitude, or 1"));
+    const UNIT: &str = "largest magnitude, or 1";
+    let mut differences = ["value", "first", "second"].map(|order| Differences::new(order, UNIT));
+    let mut classes = Classes::new("value and two derivatives", UNIT, RELATIVE_TOLERANCE, Judge::Max);
     for (name, function, row) in reference() {
         let x = numbers(&row["x"]);
         let evaluations: [fn(&Function, f64) -> f64; 3] =
@@ -74,16 +76,18 @@ fn val_opensim_values_and_derivatives() {
             let expected = numbers(&row[differences.quantity.as_str()]);
             let scale = expected.iter().fold(1.0_f64, |scale, value| scale.max(value.abs()));
             for (&x, &expected) in x.iter().zip(&expected) {
-                differences.push((evaluate(&function, x) - expected) / scale, || format!("{name} at {x}"));
+                let difference = (evaluate(&function, x) - expected) / scale;
+                differences.push(difference, || format!("{name} at {x}"));
+                classes.push(row["class"].as_str().expect("class"), difference, || format!("{name} at {x}"));
             }
         }
     }
     for (differences, name) in differences.iter_mut().zip(["value", "first derivative", "second derivative"]) {
         differences.quantity = name.into();
     }
-    let rows =
-        differences.map(|d| d.row("functions", "all classes (fixtures/functions)", RELATIVE_TOLERANCE, Judge::Max));
-    validation::write("functions", &rows);
+    const MODEL: &str = "all classes (fixtures/functions)";
+    let rows = differences.map(|d| d.row("functions", MODEL, RELATIVE_TOLERANCE, Judge::Max));
+    validation::write("functions", &[&rows[..], &classes.rows(MODEL)].concat());
     validation::assert_passed(&rows);
 }
 

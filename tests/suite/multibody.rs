@@ -3,12 +3,13 @@
 mod compile;
 
 use super::reference;
-use super::validation::{self, Differences, Judge, Row};
+use super::validation::{self, Classes, Differences, Judge, Row};
 use carpus::multibody::{BaseIndex, Model};
-use carpus::osim::OsimFile;
-use carpus::osim::spec::{BodyIndex, CoordinateIndex, ModelSpec};
+use carpus::osim::spec::{BodyIndex, CoordinateIndex, JointSpec, ModelSpec};
+use carpus::osim::{ElementId, OsimFile};
 use carpus::spatial::{SpatialVelocity, Transform};
 use serde_json::Value;
+use std::collections::HashMap;
 use std::path::Path;
 
 /// Largest difference in any element of a rotation matrix or position [m]: rounding along a chain of joints.
@@ -37,6 +38,8 @@ pub struct Case {
     pub spec: ModelSpec,
     pub model: Model,
     pub poses: Vec<Value>,
+    /// Class of the joint that carries each body.
+    joints: HashMap<BaseIndex, String>,
 }
 
 pub fn fixture_cases() -> Vec<Case> {
@@ -44,14 +47,20 @@ pub fn fixture_cases() -> Vec<Case> {
         .iter()
         .map(|(name, osim, json)| {
             let file = OsimFile::parse(osim.as_bytes(), name).unwrap_or_else(|error| panic!("{name}: {error}"));
-            case(name, file.spec, serde_json::from_str(json).expect("JSON"))
+            case(name, file, serde_json::from_str(json).expect("JSON"))
         })
         .collect()
 }
 
-fn case(name: &str, spec: ModelSpec, reference: Value) -> Case {
-    let model = Model::compile(&spec).unwrap_or_else(|error| panic!("{name}: {error}"));
-    Case { name: name.into(), spec, model, poses: reference["poses"].as_array().expect("poses").clone() }
+fn case(name: &str, file: OsimFile, reference: Value) -> Case {
+    let model = Model::compile(&file.spec).unwrap_or_else(|error| panic!("{name}: {error}"));
+    let class = |joint: &JointSpec| {
+        let tag = joint.at.element.map_or("FreeJoint", |element| file.document.tag(ElementId(element)));
+        (model.frame(joint.child_frame).base, tag.to_owned())
+    };
+    let joints = file.spec.joints.iter().map(class).collect();
+    let poses = reference["poses"].as_array().expect("poses").clone();
+    Case { name: name.into(), spec: file.spec, model, poses, joints }
 }
 
 /// All lab models, with reference numbers computed by OpenSim; empty, after saying so, without them.
@@ -75,7 +84,7 @@ pub fn shared_cases(n_poses: usize) -> Vec<Case> {
         }
         let file = OsimFile::read(&path).unwrap_or_else(|error| panic!("{name}: {error}"));
         let text = std::fs::read_to_string(&out).expect("reference written");
-        cases.push(case(&name, file.spec, serde_json::from_str(&text).expect("JSON")));
+        cases.push(case(&name, file, serde_json::from_str(&text).expect("JSON")));
     }
     cases
 }
@@ -108,7 +117,9 @@ fn velocity_difference(velocity: &SpatialVelocity, expected: &[f64]) -> f64 {
 }
 
 /// Differences from OpenSim over all poses: body poses, velocities, unit motions, coupling.
-fn compare_kinematics(case: &Case) -> [Differences; 4] {
+///
+/// - `classes`: poses and velocities of bodies by the joints that carry them
+fn compare_kinematics(case: &Case, classes: &mut Classes) -> [Differences; 4] {
     let model = &case.model;
     let mut cache = model.new_cache();
     let mut differences = [
@@ -130,8 +141,15 @@ fn compare_kinematics(case: &Case) -> [Differences; 4] {
             let body = model.body(name).unwrap_or_else(|| panic!("{}: no body {name}", case.name));
             let expected = numbers(expected);
             let at = || format!("{name} at pose {number}");
-            differences[0].push(pose_difference(cache.X_GB(body), &expected[..12]), at);
-            differences[1].push(velocity_difference(cache.V_GB(body), &expected[12..]), at);
+            let (pose, velocity) = (
+                pose_difference(cache.X_GB(body), &expected[..12]),
+                velocity_difference(cache.V_GB(body), &expected[12..]),
+            );
+            differences[0].push(pose, at);
+            differences[1].push(velocity, at);
+            if let Some(class) = case.joints.get(&body.into()) {
+                classes.push(class, pose.max(velocity), || format!("{}: {}", case.name, at()));
+            }
         }
         for (name, unit) in pose["unit"].as_object().expect("unit motions") {
             model.update_unit_motion(&q, case.coordinate(name), &mut cache);
@@ -151,9 +169,13 @@ fn compare_kinematics(case: &Case) -> [Differences; 4] {
     differences
 }
 
-fn kinematics_rows(case: &Case) -> Vec<Row> {
+fn joint_classes() -> Classes {
+    Classes::new("pose and velocity of the body behind it", "1, m, rad/s or m/s", VELOCITY_TOLERANCE, Judge::Max)
+}
+
+fn kinematics_rows(case: &Case, classes: &mut Classes) -> Vec<Row> {
     let tolerances = [POSE_TOLERANCE, VELOCITY_TOLERANCE, VELOCITY_TOLERANCE, VELOCITY_TOLERANCE];
-    let differences = compare_kinematics(case);
+    let differences = compare_kinematics(case, classes);
     let compared = differences.iter().zip(tolerances).filter(|(differences, _)| differences.count() > 0);
     let name = case.name.trim_end_matches(".osim");
     compared.map(|(differences, tolerance)| differences.row("kinematics", name, tolerance, Judge::Max)).collect()
@@ -161,16 +183,25 @@ fn kinematics_rows(case: &Case) -> Vec<Row> {
 
 #[test]
 fn val_opensim_kinematics_of_every_joint() {
+    let mut classes = joint_classes();
     for case in fixture_cases() {
-        let rows = kinematics_rows(&case);
+        let rows = kinematics_rows(&case, &mut classes);
         assert_eq!(rows.len(), 4);
         validation::assert_passed(&rows);
     }
+    let rows = classes.rows("fixtures/multibody");
+    validation::write("joints", &rows);
+    validation::assert_passed(&rows);
 }
 
 #[test]
 fn val_opensim_kinematics_of_shared_models() {
-    let rows: Vec<Row> = shared_cases(20).iter().flat_map(kinematics_rows).collect();
+    let mut classes = joint_classes();
+    let mut rows: Vec<Row> = Vec::new();
+    for case in shared_cases(20) {
+        rows.extend(kinematics_rows(&case, &mut classes));
+    }
+    rows.extend(classes.rows("lab models"));
     validation::write("kinematics", &rows);
     validation::assert_passed(&rows);
 }
@@ -274,7 +305,7 @@ fn val_opensim_poses_behind_constant_curvature_joints() {
     let osim = include_bytes!("../../fixtures/curvature/spine.osim");
     let case = case(
         "spine",
-        OsimFile::parse(osim, "spine.osim").expect("model").spec,
+        OsimFile::parse(osim, "spine.osim").expect("model"),
         serde_json::from_str(include_str!("../../fixtures/curvature/spine.json")).expect("JSON"),
     );
     let mut cache = case.model.new_cache();

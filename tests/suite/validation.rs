@@ -7,6 +7,7 @@
 mod postures;
 
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Outliers that a row lists one by one; the others are only counted.
@@ -36,7 +37,8 @@ pub struct Outlier {
 /// One line of the validation table.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// Part of the program: reading, functions, kinematics, paths, muscles, passive forces, simulation, written model.
+    /// Part of the program: reading, functions, kinematics, paths, muscles, passive forces, simulation, written model;
+    /// `classes` for rows of one class of OpenSim's each.
     pub component: String,
     /// The model, or what stands in its place.
     pub model: String,
@@ -179,6 +181,39 @@ impl Differences {
         assert!(self.count() > 0, "{}: nothing was compared", self.quantity);
         let row = self.row("", "", tolerance, Judge::Max);
         assert!(row.passed, "{row}");
+    }
+}
+
+/// Differences of one quantity, gathered by the class of what they belong to.
+pub struct Classes {
+    quantity: &'static str,
+    unit: &'static str,
+    tolerance: f64,
+    judged_by: Judge,
+    found: BTreeMap<String, Differences>,
+}
+
+impl Classes {
+    pub fn new(quantity: &'static str, unit: &'static str, tolerance: f64, judged_by: Judge) -> Classes {
+        Classes { quantity, unit, tolerance, judged_by, found: BTreeMap::new() }
+    }
+
+    /// As [`Differences::push`], for a class.
+    pub fn push(&mut self, class: &str, difference: f64, case: impl FnOnce() -> String) {
+        if !self.found.contains_key(class) {
+            let quantity = format!("{class}: {}", self.quantity);
+            self.found.insert(class.to_owned(), Differences::new(quantity, self.unit));
+        }
+        if let Some(differences) = self.found.get_mut(class) {
+            differences.push(difference, case);
+        }
+    }
+
+    /// A row of the table for each class.
+    ///
+    /// - `model`: the models, or what stands in their place
+    pub fn rows(&self, model: &str) -> Vec<Row> {
+        self.found.values().map(|found| found.row("classes", model, self.tolerance, self.judged_by)).collect()
     }
 }
 

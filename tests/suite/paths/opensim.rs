@@ -4,12 +4,13 @@
 //! output is kept until the model or the script changes).
 
 use crate::reference::{digest, lab_models, opensim_python, run_script, stem};
-use crate::validation::{self, Differences, Judge};
+use crate::validation::{self, Classes, Differences, Judge};
 use carpus::multibody::Model;
-use carpus::osim::OsimFile;
-use carpus::osim::spec::CoordinateIndex;
+use carpus::osim::spec::{CoordinateIndex, PathSpec};
+use carpus::osim::{ElementId, OsimFile};
 use carpus::paths::{Path, PathGeometry};
 use serde_json::Value;
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 /// Pose sets: name, argument of the reference script.
@@ -51,7 +52,9 @@ fn opensim_numbers(model: &std::path::Path, poses: Option<&str>) -> Option<Value
 }
 
 /// Lengths and moment arms of all muscles at the reference's poses, beside OpenSim's.
-fn compare(file: &std::path::Path, reference: &Value, poses: &str) -> [Differences; 2] {
+///
+/// - `classes`: lengths by what a path meets
+fn compare(file: &std::path::Path, reference: &Value, poses: &str, classes: &mut Classes) -> [Differences; 2] {
     let osim = OsimFile::read(file).unwrap_or_else(|error| panic!("{error}"));
     let model = Model::compile(&osim.spec).unwrap_or_else(|error| panic!("{error}"));
     let names = reference["coordinates"].as_array().expect("coordinates");
@@ -75,23 +78,29 @@ fn compare(file: &std::path::Path, reference: &Value, poses: &str) -> [Differenc
         .collect();
     let mut cache = model.new_cache();
     let mut paths: Vec<(&Value, Path, PathGeometry)> = Vec::new();
+    let mut met = Vec::new();
     for muscle in reference["muscles"].as_array().expect("muscles") {
         let spec = osim.spec.muscles.iter().find(|m| m.name == muscle["name"]).expect("the model has the muscle");
         let path = Path::compile(&spec.path, &osim.spec, &model).unwrap_or_else(|error| panic!("{error}"));
         let geometry = path.new_geometry();
         paths.push((muscle, path, geometry));
+        met.push(classes_of(&osim, &spec.path));
     }
     let mut lengths = Differences::listing_above(format!("length, {poses}"), "m", LENGTH_TOLERANCE);
     let mut arms = Differences::listing_above(format!("moment arm, {poses}"), "m", MOMENT_ARM_TOLERANCE);
     for (pose, q) in pose_values.iter().enumerate() {
         model.update_positions(q, &mut cache);
-        for (muscle, path, geometry) in &mut paths {
+        for ((muscle, path, geometry), met) in paths.iter_mut().zip(&met) {
             path.update(q, &cache, geometry);
             let mut fresh = path.new_geometry();
             path.update(q, &cache, &mut fresh);
             assert_eq!(fresh.length().to_bits(), geometry.length().to_bits(), "the buffer's history must not matter");
             let opensim = muscle["length"][pose].as_f64();
             push(&mut lengths, geometry.length(), opensim, || format!("{} at pose {pose}", muscle["name"]));
+            for class in met {
+                let case = || format!("{}: {} at pose {pose}", stem(file), muscle["name"]);
+                classes.push(class, geometry.length() - opensim.unwrap_or(f64::NAN), case);
+            }
         }
         for (&coordinate, name) in coordinates.iter().zip(names) {
             model.update_unit_motion(q, coordinate, &mut cache);
@@ -106,11 +115,24 @@ fn compare(file: &std::path::Path, reference: &Value, poses: &str) -> [Differenc
     [lengths, arms]
 }
 
+/// Classes of the points and surfaces of a path; `PathPoint` only where there is nothing else.
+fn classes_of(osim: &OsimFile, path: &PathSpec) -> BTreeSet<String> {
+    let points = path.points.iter().map(|point| &point.at);
+    let wraps = path.wraps.iter().map(|wrap| &osim.spec.wrap_objects[wrap.wrap_object.0].at);
+    let elements = points.chain(wraps).filter_map(|at| at.element);
+    let mut found: BTreeSet<String> = elements.map(|e| osim.document.tag(ElementId(e)).to_owned()).collect();
+    if found.len() > 1 {
+        found.remove("PathPoint");
+    }
+    found
+}
+
 /// Lengths within 1e-6 m and moment arms within 1e-5 m of OpenSim's at the 99th percentile, for every muscle of every
 /// model at 100 poses of each set.
 #[test]
 fn val_opensim_lengths_and_moment_arms_of_lab_models() {
     let mut rows = Vec::new();
+    let mut classes = Classes::new("length of paths", "m", LENGTH_TOLERANCE, Judge::Q99);
     for file in lab_models() {
         for (set, argument) in POSE_SETS {
             let Some(reference) = opensim_numbers(&file, argument) else { return };
@@ -119,7 +141,7 @@ fn val_opensim_lengths_and_moment_arms_of_lab_models() {
                 continue;
             }
             let history = muscles.iter().filter_map(|muscle| muscle["history_difference"].as_f64()).fold(0.0, f64::max);
-            let [mut lengths, arms] = compare(&file, &reference, set);
+            let [mut lengths, arms] = compare(&file, &reference, set, &mut classes);
             let absurd = muscles.iter().flat_map(|muscle| muscle["length"].as_array().into_iter().flatten());
             let absurd = absurd.filter(|length| length.as_f64().is_some_and(|length| length > ABSURD_LENGTH)).count();
             if absurd > 0 {
@@ -137,6 +159,7 @@ fn val_opensim_lengths_and_moment_arms_of_lab_models() {
             rows.push(arms.row("paths", &stem(&file), MOMENT_ARM_TOLERANCE, Judge::Q99));
         }
     }
+    rows.extend(classes.rows("lab models"));
     validation::write("paths", &rows);
     validation::assert_passed(&rows);
 }

@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use carpus::osim::{Document, ElementId};
 use carpus::storage::Storage;
 use carpus::tools::run_tool;
 
-use crate::validation::{self, Differences, Judge};
+use crate::validation::{self, Classes, Differences, Judge};
 
 /// Largest difference, relative to what is above 1.
 const TOLERANCE: f64 = 1e-9;
@@ -28,6 +29,8 @@ const UNIT: &str = "value, at least 1";
 fn compare(setup: &str, results: &str, tolerance: f64) {
     let outcome = run_tool(&folder().join(setup), None, false).unwrap_or_else(|e| panic!("{e}"));
     let mut rows = Vec::new();
+    let names = classes_by_name();
+    let mut classes = Classes::new("all that analyses report", UNIT, tolerance, Judge::Max);
     let mut paths: Vec<PathBuf> =
         std::fs::read_dir(folder().join(results)).unwrap().map(|entry| entry.unwrap().path()).collect();
     paths.sort();
@@ -43,19 +46,50 @@ fn compare(setup: &str, results: &str, tolerance: f64) {
         assert_eq!(theirs.time, ours.time, "{name}");
         let quantity = format!("{results}: {}", name.trim_start_matches("run_").trim_end_matches(".sto"));
         let mut differences = Differences::listing_above(quantity, UNIT, tolerance);
+        let of_label: Vec<Option<&str>> = theirs.labels.iter().map(|label| class_of(label, &names)).collect();
         for (row, (a, b)) in theirs.rows.iter().zip(&ours.rows).enumerate() {
-            for ((a, b), label) in a.iter().zip(b).zip(&theirs.labels) {
+            for (((a, b), label), class) in a.iter().zip(b).zip(&theirs.labels).zip(&of_label) {
                 if a.is_nan() && (b.is_nan() || PARTLY_UNDEFINED.contains(&label.as_str())) {
                     continue;
                 }
-                differences
-                    .push((a - b).abs() / a.abs().max(1.0), || format!("{label}, row {row}: {b} instead of {a}"));
+                let difference = (a - b).abs() / a.abs().max(1.0);
+                differences.push(difference, || format!("{label}, row {row}: {b} instead of {a}"));
+                if let Some(class) = class {
+                    classes.push(class, difference, || format!("{name}, {label}, row {row}: {b} instead of {a}"));
+                }
             }
         }
         rows.push(differences.row("components", MODEL, tolerance, Judge::Max));
     }
+    rows.extend(classes.rows(&format!("fixtures/components/{setup}")));
     validation::write(&format!("components_{results}"), &rows);
     validation::assert_passed(&rows);
+}
+
+/// Classes of the forces, joints and constraints of the files that the setups use, by name.
+fn classes_by_name() -> Vec<(String, String)> {
+    let files = ["forces.osim", "extra_actuators.xml", "../dynamics/constraints.osim"];
+    let of_file = |file: &str| {
+        let document = Document::read(folder().join(file)).unwrap();
+        let sets = ["ForceSet", "JointSet", "ConstraintSet"];
+        let is_in_set = |e: &ElementId| {
+            let set = document.parent(*e).filter(|objects| document.tag(*objects) == "objects");
+            set.and_then(|objects| document.parent(objects)).is_some_and(|set| sets.contains(&document.tag(set)))
+        };
+        let named = |e: ElementId| Some((document.attribute(e, "name")?, document.tag(e).to_owned()));
+        document.elements().filter(is_in_set).filter_map(named).collect::<Vec<_>>()
+    };
+    files.iter().flat_map(|file| of_file(file)).collect()
+}
+
+/// The class of what a column is about: its label is the name, begins with it (`slot_a_Fz`), or is a path through it.
+fn class_of<'c>(label: &str, names: &'c [(String, String)]) -> Option<&'c str> {
+    let is_about = |name: &str| {
+        let rest = label.strip_prefix(name);
+        rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['_', '.'])) || label.contains(&format!("/{name}/"))
+    };
+    let found = names.iter().filter(|(name, _)| is_about(name)).max_by_key(|(name, _)| name.len());
+    found.map(|(_, class)| class.as_str())
 }
 
 #[test]
