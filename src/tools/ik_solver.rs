@@ -58,7 +58,14 @@ pub struct InverseKinematics<'a> {
     pub constraint_weight: f64,
 }
 
-/// Residuals and their derivatives at one place.
+/// How far a [`Linearization`] goes.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Order {
+    Gradient,
+    Hessian,
+}
+
+/// Residuals and their derivatives at one place; without `hessian` where only the gradient was asked for.
 struct Linearization {
     cost: f64,
     gradient: DVector<f64>,
@@ -81,11 +88,19 @@ impl<'a> InverseKinematics<'a> {
         self.markers.iter().map(|m| cache.X_GB(m.base) * m.station).collect()
     }
 
-    fn linearize(&mut self, time: f64, q: &[f64], seen: &[Vector3<f64>], values: &[f64]) -> Linearization {
+    fn linearize(
+        &mut self,
+        time: f64,
+        q: &[f64],
+        seen: &[Vector3<f64>],
+        values: &[f64],
+        order: Order,
+    ) -> Linearization {
         let n = q.len();
         let (violation, jacobian) = self.dynamics.constraint_jacobian(time, q);
         let cache = self.dynamics.cache();
-        let (mut gradient, mut hessian) = (DVector::zeros(n), DMatrix::zeros(n, n));
+        let size = if order == Order::Hessian { n } else { 0 };
+        let (mut gradient, mut hessian) = (DVector::zeros(n), DMatrix::zeros(size, size));
         let mut cost = 0.0;
         let is_seen = |p: &Vector3<f64>| p.iter().all(|x| x.is_finite());
         let total: f64 = self.markers.iter().zip(seen).filter(|(_, p)| is_seen(p)).map(|(m, _)| m.weight).sum();
@@ -102,8 +117,10 @@ impl<'a> InverseKinematics<'a> {
             });
             for (c, v) in &columns {
                 gradient[*c] += weight * v.dot(&residual);
-                for (d, w) in &columns {
-                    hessian[(*c, *d)] += weight * v.dot(w);
+                if order == Order::Hessian {
+                    for (d, w) in &columns {
+                        hessian[(*c, *d)] += weight * v.dot(w);
+                    }
                 }
             }
         }
@@ -111,13 +128,17 @@ impl<'a> InverseKinematics<'a> {
             let c = goal.coordinate.0;
             cost += 0.5 * goal.weight * (q[c] - value).powi(2);
             gradient[c] += goal.weight * (q[c] - value);
-            hessian[(c, c)] += goal.weight;
+            if order == Order::Hessian {
+                hessian[(c, c)] += goal.weight;
+            }
         }
         if self.constraint_weight.is_finite() {
             let weight = self.constraint_weight;
             cost += 0.5 * weight * violation.norm_squared();
             gradient += weight * jacobian.tr_mul(&violation);
-            hessian += weight * jacobian.tr_mul(&jacobian);
+            if order == Order::Hessian {
+                hessian += weight * jacobian.tr_mul(&jacobian);
+            }
             return Linearization {
                 cost,
                 gradient,
@@ -131,7 +152,7 @@ impl<'a> InverseKinematics<'a> {
 
     /// Cost and largest violation of constraints.
     fn merit(&mut self, time: f64, q: &[f64], seen: &[Vector3<f64>], values: &[f64]) -> (f64, f64) {
-        let at = self.linearize(time, q, seen, values);
+        let at = self.linearize(time, q, seen, values, Order::Gradient);
         (at.cost, if at.violation.is_empty() { 0.0 } else { at.violation.amax() })
     }
 
@@ -150,7 +171,7 @@ impl<'a> InverseKinematics<'a> {
         for j in 0..n {
             let [up, down] = [0, 1].map(|side| {
                 moved[j] = q[j] + if side == 0 { DIFFERENCE } else { -DIFFERENCE };
-                let at = self.linearize(time, &moved, seen, values);
+                let at = self.linearize(time, &moved, seen, values, Order::Gradient);
                 let forces = if multipliers.is_empty() { DVector::zeros(n) } else { at.jacobian.tr_mul(multipliers) };
                 at.gradient + forces
             });
@@ -226,7 +247,7 @@ impl<'a> InverseKinematics<'a> {
         // Gauss-Newton first; where it gets slow, the true curvature.
         let (mut last_size, mut slow) = (f64::INFINITY, 0);
         for _ in 0..ITERATIONS {
-            let mut at = self.linearize(time, q, seen, values);
+            let mut at = self.linearize(time, q, seen, values, Order::Hessian);
             let violation = if at.violation.is_empty() { 0.0 } else { at.violation.amax() };
             let scale = at.hessian.diagonal().amax().max(1e-12);
             if slow >= 2 && violation < 1e-6 {
