@@ -267,7 +267,11 @@ impl OsimFile {
         let (mut edits, mut absent) = (Vec::new(), Vec::new());
         for (path, property, text) in changes {
             match self.existing(self.component(path)?, property) {
-                Some(element) => edits.push(value_edit(&self.document, element, property, text)?),
+                Some(element) => {
+                    let edit = value_edit(&self.document, element, property, text)?;
+                    edits.retain(|(range, _): &Splice| *range != edit.0);
+                    edits.push(edit);
+                }
                 None => absent.push((path, property, text)),
             }
         }
@@ -283,12 +287,14 @@ impl OsimFile {
     /// # Errors
     /// [`EditError`]: unknown component, or something that the model cannot be without. The file is then unchanged.
     pub fn remove_components(&mut self, paths: &[&str]) -> Result<(), EditError> {
-        let mut edits = Vec::new();
+        let mut edits: Vec<Splice> = Vec::new();
         for path in paths {
             let range = self.document.range(self.component(path)?);
             let before = &self.document.bytes()[..range.start];
             edits.push((before.trim_ascii_end().len()..range.end, String::new()));
         }
+        edits.sort_by_key(|(range, _)| range.start);
+        edits.dedup();
         self.apply(edits)
     }
 

@@ -169,7 +169,7 @@ fn control_linear(control: &Properties) -> Result<Control, ToolError> {
     let (Some(&from), Some(&to)) = (time.first(), time.last()) else {
         return Err(control.missing("x_nodes", "nodes: <ControlLinearNode> with <t> and <value>"));
     };
-    if time.windows(2).any(|pair| pair[0] > pair[1]) {
+    if !time.is_sorted() || !from.is_finite() || !to.is_finite() {
         return Err(control.bad_value("x_nodes", "nodes of ascending times", &format!("{time:?}")));
     }
     if control.boolean("use_steps", false)? {

@@ -108,7 +108,10 @@ fn verif_components_come_and_go_together() {
     let changes = [("/markerset/a", "location", "1 0 0".to_owned()), ("/markerset/b", "fixed", "true".to_owned())];
     two.set_properties(&changes).expect("set");
     assert_eq!((two.spec.markers[0].location.x, two.spec.markers[1].fixed), (1.0, true));
-    two.remove_components(&["/markerset/c", "/markerset/a"]).expect("removed");
+    let changes = [("/markerset/c", "location", "3 0 0".to_owned()), ("/markerset/c", "location", "4 0 0".to_owned())];
+    two.set_properties(&changes).expect("the last one counts");
+    assert_eq!(two.spec.markers[2].location.x, 4.0);
+    two.remove_components(&["/markerset/c", "/markerset/a", "/markerset/c"]).expect("removed");
     one.set_property("/markerset/b", "fixed", "true").expect("set");
     assert_eq!(String::from_utf8_lossy(two.document.bytes()), String::from_utf8_lossy(one.document.bytes()));
     let before = two.document.bytes().to_vec();
