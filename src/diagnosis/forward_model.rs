@@ -17,8 +17,8 @@ use nalgebra::DMatrix;
 
 use crate::osim::spec::{ModelSpec, MuscleSpec};
 use crate::simulation::{
-    ExcitationTangent, FiberAccuracy, MuscleParameters, MuscleSolution, MusculoskeletalModel, Options, PreparedTrial,
-    Recording, SimulationError,
+    AngleResponse, ExcitationTangent, FiberAccuracy, MuscleParameters, MuscleSolution, MusculoskeletalModel, Options,
+    PreparedTrial, Recording, SimulationError,
 };
 use crate::study::{Trial, TrialUse};
 
@@ -93,6 +93,8 @@ pub struct Core {
     pub moment: Vec<f64>,
     /// Moment of the muscles alone [N·m].
     muscle_moment: Vec<f64>,
+    /// What effects multiply the moment of every muscle by, per sample.
+    pub factors: Vec<Vec<f64>>,
     /// Derivatives of the moment by log F_max, log l_opt and log l_slack of every muscle, in this order; empty unless asked for.
     pub by_parameters: Vec<Vec<f64>>,
     /// Of every muscle; empty unless derivatives were asked for.
@@ -102,6 +104,8 @@ pub struct Core {
     without: Option<Box<Core>>,
     /// Of every muscle, once asked for ([`Core::tangents`]).
     tangents: OnceLock<Option<Vec<ExcitationTangent>>>,
+    /// Of all muscles, once asked for.
+    by_angle: OnceLock<AngleResponse>,
 }
 
 /// Accuracy that a diagnosis needs: moments within about 10⁻³ N·m, far below any sensor's noise, in half the time.
@@ -115,6 +119,22 @@ const FEEDBACK_ROUNDS: usize = 1;
 pub const FITTED_PER_MUSCLE: usize = 3;
 
 impl Core {
+    /// Without derivatives.
+    fn bare(prepared: PreparedTrial, excitation: Vec<Vec<f64>>, moment: Vec<f64>) -> Core {
+        Core {
+            muscle_moment: of_muscles(&moment, &prepared),
+            prepared,
+            excitation,
+            moment,
+            factors: Vec::new(),
+            by_parameters: Vec::new(),
+            solutions: Vec::new(),
+            without: None,
+            tangents: OnceLock::new(),
+            by_angle: OnceLock::new(),
+        }
+    }
+
     /// The muscles' moment that effects are shown: without those that ask for it.
     fn shown(&self) -> &[f64] {
         self.without.as_ref().map_or(&self.muscle_moment, |without| &without.muscle_moment)
@@ -373,8 +393,9 @@ impl ForwardModel {
         let prepared = variant.prepare_like(&recording, &input.prepared, &self.options)?;
         let mut moment = prepared.moment_without_muscles();
         let (mut by_parameters, mut solutions) = (Vec::new(), Vec::new());
-        for (i, p) in parameters.iter().enumerate() {
-            let factor = muscle_factor(&effects, &context, &prepared, i, &angle);
+        let factor = |i| muscle_factor(&effects, &context, &prepared, i, &angle);
+        let factors: Vec<Vec<f64>> = (0..parameters.len()).map(factor).collect();
+        for (i, (p, factor)) in parameters.iter().zip(&factors).enumerate() {
             let force = p.max_isometric_force;
             if derivatives {
                 let solution = prepared.solve(i, p)?;
@@ -398,9 +419,7 @@ impl ForwardModel {
                 }
             }
         }
-        let muscle_moment = of_muscles(&moment, &prepared);
-        let tangents = OnceLock::new();
-        Ok(Core { prepared, excitation, moment, muscle_moment, by_parameters, solutions, without, tangents })
+        Ok(Core { factors, by_parameters, solutions, without, ..Core::bare(prepared, excitation, moment) })
     }
 
     /// The moment that the sensor records [N·m]: what effects on joint, inertia and sensor make of a trial's core.
@@ -475,21 +494,6 @@ impl ForwardModel {
         let (noise, _) = self.angle_noise.as_ref()?;
         let draws: Vec<Vec<f64>> = draws.iter().map(|d| average(d)).collect();
         (!draws.is_empty()).then(|| noise.covariance(&draws, times))
-    }
-
-    /// What effects multiply a muscle's moment by, per sample.
-    pub fn moment_factor(
-        &self,
-        trial: usize,
-        core: &Core,
-        input: &TrialInput,
-        effects: &[Setting],
-        muscle: usize,
-    ) -> Vec<f64> {
-        let muscle_moment = core.without.as_ref().map_or(&[][..], |core| &core.muscle_moment);
-        let context = self.context(trial, &input.excitation, muscle_moment);
-        let effects = self.acting(effects);
-        muscle_factor(&in_order(&effects), &context, &core.prepared, muscle, &core.prepared.kinematics().angle)
     }
 }
 

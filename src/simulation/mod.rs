@@ -20,6 +20,7 @@ mod moment_arms;
 mod motion;
 mod path_table;
 mod piecewise;
+mod response;
 mod sensitivity;
 mod single_jump;
 mod tables;
@@ -32,9 +33,9 @@ pub use fiber::integrate::FiberAccuracy;
 pub use fiber::radau::Work;
 pub use model::{HeldCoordinate, MuscleParameters, MusculoskeletalModel, Setup, posture};
 pub use motion::MotionInterpolation;
+pub use response::{AngleResponse, ExcitationResponse};
 pub use sensitivity::MuscleSolution;
 pub use trial::{
     MIN_RECORDING_SAMPLES, MuscleKinematics, MuscleSimulation, Options, PreparedTrial, Recording, TrialKinematics,
     TrialSimulation, UnitMoment, simulate_all,
 };
-pub use variation::ExcitationResponse;

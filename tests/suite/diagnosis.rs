@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use carpus::diagnosis::catalogue::CATALOGUE;
 use carpus::diagnosis::diagnose::{Request, Verdict, diagnose};
-use carpus::diagnosis::effect::{OsimForm, Role};
+use carpus::diagnosis::effect::{Effect, OsimForm, Role};
 use carpus::diagnosis::forward_model::{ForwardModel, Setting};
 use carpus::osim::OsimFile;
 use carpus::simulation::{MusculoskeletalModel, Setup};
@@ -115,21 +115,30 @@ fn verif_effects_are_described_in_full() {
 fn verif_sensitivity_to_muscle_parameters_matches_differences_with_effects_on() {
     let (study, trials, file) = demo();
     let forward = forward(&study, &few(trials), &file);
-    let ids = ["joint_stiffness", "stretch_reflex", "emg_crosstalk", "moment_arm_slope", "sensor_bandwidth"];
-    let effects: Vec<Setting> = CATALOGUE
-        .iter()
-        .filter(|e| ids.contains(&e.description().id))
-        .map(|e| {
-            let mut setting = Setting::absent(*e);
-            setting.values[0] = e.description().parameters[0].scale;
-            setting
-        })
-        .collect();
-    let variant = forward.variant(&effects).unwrap();
+    for ids in [
+        &["joint_stiffness", "stretch_reflex", "emg_crosstalk", "moment_arm_slope", "sensor_bandwidth"][..],
+        &["joint_compliance", "moment_arm_shift", "time_shift"],
+    ] {
+        check_sensitivity_to_muscles(&forward, &one_scale_of(ids));
+    }
+}
+
+/// Effects, the first parameter of each one scale away from none.
+fn one_scale_of(ids: &[&str]) -> Vec<Setting> {
+    let setting = |e: &&'static dyn Effect| {
+        let mut setting = Setting::absent(*e);
+        setting.values[0] = e.description().parameters[0].scale;
+        setting
+    };
+    CATALOGUE.iter().filter(|e| ids.contains(&e.description().id)).map(setting).collect()
+}
+
+fn check_sensitivity_to_muscles(forward: &ForwardModel, effects: &[Setting]) {
+    let variant = forward.variant(effects).unwrap();
     let parameters = forward.nominal_parameters();
     let input = forward.recorded_input(1);
-    let core = forward.core(&variant, 1, &input, &parameters, &effects, true).unwrap();
-    let by = forward.sensed_derivatives(1, &core, &effects);
+    let core = forward.core(&variant, 1, &input, &parameters, effects, true).unwrap();
+    let by = forward.sensed_derivatives(1, &core, effects);
     for (column, by) in by.iter().enumerate() {
         let step = 1e-4;
         let side = |sign: f64| {
@@ -141,13 +150,51 @@ fn verif_sensitivity_to_muscle_parameters_matches_differences_with_effects_on() 
                 1 => p.optimal_fiber_length *= factor,
                 _ => p.tendon_slack_length *= factor,
             }
-            let core = forward.core(&variant, 1, &input, &moved, &effects, false).unwrap();
-            forward.recorded_moment(1, &core, &effects)
+            let core = forward.core(&variant, 1, &input, &moved, effects, false).unwrap();
+            forward.recorded_moment(1, &core, effects)
         };
         let (up, down) = (side(1.0), side(-1.0));
         let scale = by.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         let worst = (0..by.len()).map(|k| ((up[k] - down[k]) / (2.0 * step) - by[k]).abs()).fold(0.0, f64::max);
         assert!(worst < 2e-3 * scale.max(0.1), "column {column}: {worst:e} of {scale:e}");
+    }
+}
+
+/// Noise of the EMG turns a compliant joint: half of a fast disturbance, or more, is gone.
+#[test]
+fn verif_response_to_excitation_of_a_compliant_joint_matches_differences() {
+    let (study, trials, file) = demo();
+    let forward = forward(&study, &few(trials), &file);
+    let mut effects = one_scale_of(&["joint_compliance"]);
+    effects[0].values[0] = 0.05;
+    let parameters = forward.nominal_parameters();
+    let model = forward.variant(&effects).unwrap();
+    let recorded = forward.recorded_input(1);
+    let core = forward.core(&model, 1, &recorded, &parameters, &effects, true).unwrap();
+    let n = core.moment.len();
+    let (first, width) = (n / 3, 9);
+    let disturbance: Vec<f64> = (1..2 * width).map(|k| 1.0 - (k as f64 - width as f64).abs() / width as f64).collect();
+    for (muscle, factor) in core.factors.iter().enumerate() {
+        let (solution, excitation) = (&core.solutions[muscle], &core.excitation[muscle]);
+        let response = core.prepared.scaled_excitation_response(muscle, solution, excitation, factor);
+        let mut held = vec![0.0; n];
+        response.respond(first, &disturbance, |k, moment| held[k] += moment);
+        let found = forward.recorded_changes(1, &core, &effects, [&held]).swap_remove(0);
+        let side = |step: f64| {
+            let mut excitation = recorded.excitation.clone();
+            disturbance.iter().zip(&mut excitation[muscle][first..]).for_each(|(d, e)| *e += step * d);
+            let input = forward.input(1, excitation).unwrap();
+            let core = forward.core(&model, 1, &input, &parameters, &effects, false).unwrap();
+            forward.recorded_moment(1, &core, &effects)
+        };
+        let step = 1e-3;
+        let (up, down) = (side(step), side(-step));
+        let largest = found.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let off = |k: usize| ((up[k] - down[k]) / (2.0 * step) - found[k]).abs();
+        let worst = (0..n).map(off).fold(0.0, f64::max);
+        let without = held.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        println!("muscle {muscle}: {worst:.2e} of {largest:.2e}, held {without:.2e}");
+        assert!(worst < 0.05 * largest, "muscle {muscle}: {worst:e} of {largest:e}");
     }
 }
 

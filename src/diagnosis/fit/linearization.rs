@@ -115,8 +115,7 @@ impl Analysis<'_> {
         let knots = knot_count(&record.time);
         let block_of: Vec<usize> = counts.iter().enumerate().flat_map(|(b, c)| std::iter::repeat_n(b, *c)).collect();
         let response = |m: usize| {
-            let factor = self.forward.moment_factor(g, core, &point.inputs[position], &point.effects, m);
-            core.prepared.scaled_excitation_response(m, &core.solutions[m], &core.excitation[m], &factor)
+            core.prepared.scaled_excitation_response(m, &core.solutions[m], &core.excitation[m], &core.factors[m])
         };
         let muscles: Vec<_> = (0..self.n_muscles()).map(response).collect();
         // Forces may have moved since the muscles were followed.
@@ -160,7 +159,7 @@ impl Analysis<'_> {
                 }
             }
             if reshaped {
-                // Through the sensor, and what on the joint depends on the muscles' moment.
+                // Through the sensor, and what at the joint depends on the muscles' moment.
                 let recorded = self.forward.recorded_changes(g, core, &point.effects, &by_knots);
                 for (j, by_knot) in recorded.iter().enumerate() {
                     for (k, moment) in by_knot.iter().enumerate().filter(|(_, moment)| moment.abs() > SMALLEST_RESPONSE)

@@ -1,28 +1,32 @@
 //! Derivatives of the recorded moment: by muscle parameters as the sensor shows them, and by parameters of effects.
 
 use std::borrow::Cow;
-use std::sync::OnceLock;
 
 use super::super::effect::{Effect, MuscleState, Stage};
 use super::{
-    Core, FEEDBACK_ROUNDS, ForwardModel, Setting, TrialInput, factor_at, in_order, muscle_factor, of_muscles,
-    shown_effects,
+    Core, FEEDBACK_ROUNDS, ForwardModel, Setting, TrialInput, factor_at, in_order, muscle_factor, shown_effects,
 };
-use crate::simulation::{ExcitationTangent, MuscleParameters, MusculoskeletalModel, PreparedTrial, SimulationError};
+use crate::simulation::{
+    AngleResponse, ExcitationTangent, MuscleParameters, MusculoskeletalModel, PreparedTrial, SimulationError,
+};
 
 /// Change of the muscles' moment for differences of what is recorded [N·m].
 const SMALL_MOMENT: f64 = 1e-5;
 
 impl Core {
-    /// How forces follow changes of excitation; `None` where these change the joint's angle too, where a tendon is rigid, and for
-    /// a core without derivatives.
+    /// How forces follow changes of excitation, the joint's angle held; `None` where a tendon is rigid, and for a core without
+    /// derivatives.
     fn tangents(&self) -> Option<&[ExcitationTangent]> {
         let calc = || {
             let of = |(i, solution)| self.prepared.excitation_tangent(i, solution);
-            let known = self.without.is_none() && !self.solutions.is_empty();
-            known.then(|| self.solutions.iter().enumerate().map(of).collect()).flatten()
+            (!self.solutions.is_empty()).then(|| self.solutions.iter().enumerate().map(of).collect()).flatten()
         };
         self.tangents.get_or_init(calc).as_deref()
+    }
+
+    /// How the muscles' moment follows changes of the joint's angle.
+    fn by_angle(&self) -> &AngleResponse {
+        self.by_angle.get_or_init(|| self.prepared.angle_response(&self.solutions, &self.factors))
     }
 }
 
@@ -34,10 +38,11 @@ impl ForwardModel {
         self.acting(effects).iter().any(reshapes)
     }
 
-    /// Changes of the recorded moment when the muscles' moment changes, to first order; the noise of the angle hardly matters to
-    /// them and is left out.
+    /// Changes of the recorded moment when the muscles' moment changes, to first order: through its feedback on the joint's angle
+    /// and through the sensor. The noise of the angle hardly matters to them and is left out.
     ///
-    /// - `changes`: of the muscles' moment, per sample
+    /// - `core`: with derivatives
+    /// - `changes`: of the muscles' moment at the angle as it is, per sample
     pub fn recorded_changes<'c>(
         &self,
         trial: usize,
@@ -48,11 +53,14 @@ impl ForwardModel {
         let base = self.recorded(trial, core, core.moment.clone(), core.shown(), effects, false);
         let add =
             |to: &[f64], by: &[f64], step: f64| -> Vec<f64> { to.iter().zip(by).map(|(m, d)| m + step * d).collect() };
+        let acting = self.acting(effects);
+        let feeding_back: Vec<&Setting> = in_order(&acting).into_iter().filter(|s| s.effect.feeds_back()).collect();
         let recorded = |by: &Vec<f64>| {
             let largest = by.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
             if largest == 0.0 {
                 return vec![0.0; by.len()];
             }
+            let by = &self.fed_back(trial, core, &feeding_back, by);
             // Small, because the direction of a moment may matter, and its share of the largest.
             let step = SMALL_MOMENT / largest;
             let shown = add(core.shown(), by, step);
@@ -60,6 +68,31 @@ impl ForwardModel {
             moved.iter().zip(&base).map(|(a, b)| (a - b) / step).collect()
         };
         changes.into_iter().map(recorded).collect()
+    }
+
+    /// A change of the muscles' moment once it has turned the joint, in as many rounds as in the simulation.
+    ///
+    /// - `feeding_back`: effects through which it does
+    /// - `by`: the change at the angle as it is
+    fn fed_back<'b>(&self, trial: usize, core: &Core, feeding_back: &[&Setting], by: &'b [f64]) -> Cow<'b, [f64]> {
+        let mut found = Cow::Borrowed(by);
+        if feeding_back.is_empty() {
+            return found;
+        }
+        let angle = |moment: &[f64]| {
+            let context = self.context(trial, &core.excitation, moment);
+            let mut angle = vec![0.0; moment.len()];
+            feeding_back.iter().for_each(|s| s.effect.change_angle(&s.values, &context, &mut angle));
+            angle
+        };
+        // A joint turns in proportion to the moment.
+        let still = angle(&vec![0.0; by.len()]);
+        for _ in 0..=FEEDBACK_ROUNDS {
+            let turned: Vec<f64> = angle(&found).iter().zip(&still).map(|(moved, still)| moved - still).collect();
+            let through = core.by_angle().moment(&turned);
+            found = by.iter().zip(&through).map(|(by, through)| by + through).collect();
+        }
+        found
     }
 
     /// Derivatives of the recorded moment by the fitted muscle parameters: those of the core as the sensor shows them.
@@ -214,16 +247,7 @@ impl ForwardModel {
                 }
             }
         }
-        let core = |prepared, excitation, moment: Vec<f64>, without| Core {
-            muscle_moment: of_muscles(&moment, &prepared),
-            prepared,
-            excitation,
-            moment,
-            by_parameters: Vec::new(),
-            solutions: Vec::new(),
-            without,
-            tangents: OnceLock::new(),
-        };
+        let core = |prepared, excitation, moment, without| Core { without, ..Core::bare(prepared, excitation, moment) };
         let ([(_, above), (_, below)], [m_up, m_down], [w_up, w_down]) = (driven, moments, without);
         let [up, down] = prepared;
         Ok([core(up, above, m_up, w_up), core(down, below, m_down, w_down)])
