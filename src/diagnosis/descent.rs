@@ -279,7 +279,10 @@ impl Analysis<'_> {
     fn evaluate(&self, mut point: Point, noise: &Noise) -> Result<(Point, Vec<Linear>, Account), SimulationError> {
         let mut linear = self.linearize(&point, &noise.structure)?;
         let mut at = self.account(&linear, &point, noise);
-        at = self.solve_linear(&mut point, &mut linear, noise, at);
+        // Where it turns the joint the moment is not linear in forces.
+        if !point.effects.iter().any(|s| s.effect.feeds_back()) {
+            at = self.solve_linear(&mut point, &mut linear, noise, at);
+        }
         Ok((point, linear, at))
     }
 

@@ -13,6 +13,7 @@ use super::holds::steadied_trials;
 use super::silent_muscles::SilentMuscles;
 use super::strength::Strength;
 use super::trial_record::{TrialRecord, records};
+pub use derivatives::Change;
 use nalgebra::DMatrix;
 
 use crate::osim::spec::{ModelSpec, MuscleSpec};

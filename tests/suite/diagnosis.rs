@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use carpus::diagnosis::catalogue::CATALOGUE;
 use carpus::diagnosis::diagnose::{Request, Verdict, diagnose};
 use carpus::diagnosis::effect::{Effect, OsimForm, Role};
-use carpus::diagnosis::forward_model::{ForwardModel, Setting};
+use carpus::diagnosis::forward_model::{Change, ForwardModel, Setting};
 use carpus::osim::OsimFile;
 use carpus::simulation::{MusculoskeletalModel, Setup};
 use carpus::study::{Study, Trial};
@@ -179,7 +179,7 @@ fn verif_response_to_excitation_of_a_compliant_joint_matches_differences() {
         let response = core.prepared.scaled_excitation_response(muscle, solution, excitation, factor);
         let mut held = vec![0.0; n];
         response.respond(first, &disturbance, |k, moment| held[k] += moment);
-        let found = forward.recorded_changes(1, &core, &effects, [&held]).swap_remove(0);
+        let found = forward.recorded_changes(1, &core, &effects, [Change::Moment(&held)]).swap_remove(0);
         let side = |step: f64| {
             let mut excitation = recorded.excitation.clone();
             disturbance.iter().zip(&mut excitation[muscle][first..]).for_each(|(d, e)| *e += step * d);

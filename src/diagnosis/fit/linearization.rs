@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::super::effect::interpolate;
-use super::super::forward_model::{Core, FITTED_PER_MUSCLE, Setting, matters};
+use super::super::forward_model::{Change, Core, FITTED_PER_MUSCLE, Setting, matters};
 use super::super::noise::{BASELINE_SD, KNOT_SPACING, Response, TrialNoise};
 use super::super::score_test::Block;
 use super::super::where_it_fails;
@@ -160,7 +160,8 @@ impl Analysis<'_> {
             }
             if reshaped {
                 // Through the sensor, and what at the joint depends on the muscles' moment.
-                let recorded = self.forward.recorded_changes(g, core, &point.effects, &by_knots);
+                let changes = by_knots.iter().map(|by| Change::Moment(by));
+                let recorded = self.forward.recorded_changes(g, core, &point.effects, changes);
                 for (j, by_knot) in recorded.iter().enumerate() {
                     for (k, moment) in by_knot.iter().enumerate().filter(|(_, moment)| moment.abs() > SMALLEST_RESPONSE)
                     {

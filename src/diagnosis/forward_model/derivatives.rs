@@ -13,6 +13,24 @@ use crate::simulation::{
 /// Change of the muscles' moment for differences of what is recorded [N·m].
 const SMALL_MOMENT: f64 = 1e-5;
 
+/// A change of the muscles' moment at the angle as it is, per sample.
+#[derive(Clone, Copy, Debug)]
+pub enum Change<'c> {
+    /// By the parameter at this place of [`Core::by_parameters`].
+    Parameter(usize),
+    /// The same whatever the angle [N·m per unit of what changes].
+    Moment(&'c [f64]),
+}
+
+impl<'c> Change<'c> {
+    fn at(self, core: &'c Core) -> &'c [f64] {
+        match self {
+            Change::Parameter(column) => &core.by_parameters[column],
+            Change::Moment(by) => by,
+        }
+    }
+}
+
 impl Core {
     /// How forces follow changes of excitation, the joint's angle held; `None` where a tendon is rigid, and for a core without
     /// derivatives.
@@ -42,25 +60,24 @@ impl ForwardModel {
     /// and through the sensor. The noise of the angle hardly matters to them and is left out.
     ///
     /// - `core`: with derivatives
-    /// - `changes`: of the muscles' moment at the angle as it is, per sample
     pub fn recorded_changes<'c>(
         &self,
         trial: usize,
         core: &Core,
         effects: &[Setting],
-        changes: impl IntoIterator<Item = &'c Vec<f64>>,
+        changes: impl IntoIterator<Item = Change<'c>>,
     ) -> Vec<Vec<f64>> {
         let base = self.recorded(trial, core, core.moment.clone(), core.shown(), effects, false);
         let add =
             |to: &[f64], by: &[f64], step: f64| -> Vec<f64> { to.iter().zip(by).map(|(m, d)| m + step * d).collect() };
         let acting = self.acting(effects);
         let feeding_back: Vec<&Setting> = in_order(&acting).into_iter().filter(|s| s.effect.feeds_back()).collect();
-        let recorded = |by: &Vec<f64>| {
+        let recorded = |by: Change<'c>| {
+            let by = &*self.fed_back(trial, core, &feeding_back, by);
             let largest = by.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
             if largest == 0.0 {
                 return vec![0.0; by.len()];
             }
-            let by = &self.fed_back(trial, core, &feeding_back, by);
             // Small, because the direction of a moment may matter, and its share of the largest.
             let step = SMALL_MOMENT / largest;
             let shown = add(core.shown(), by, step);
@@ -73,12 +90,17 @@ impl ForwardModel {
     /// A change of the muscles' moment once it has turned the joint, in as many rounds as in the simulation.
     ///
     /// - `feeding_back`: effects through which it does
-    /// - `by`: the change at the angle as it is
-    fn fed_back<'b>(&self, trial: usize, core: &Core, feeding_back: &[&Setting], by: &'b [f64]) -> Cow<'b, [f64]> {
-        let mut found = Cow::Borrowed(by);
-        if feeding_back.is_empty() {
-            return found;
-        }
+    fn fed_back<'c>(
+        &self,
+        trial: usize,
+        core: &'c Core,
+        feeding_back: &[&Setting],
+        change: Change<'c>,
+    ) -> Cow<'c, [f64]> {
+        let by = change.at(core);
+        let Some(without) = core.without.as_ref().filter(|_| !feeding_back.is_empty()) else {
+            return Cow::Borrowed(by);
+        };
         let angle = |moment: &[f64]| {
             let context = self.context(trial, &core.excitation, moment);
             let mut angle = vec![0.0; moment.len()];
@@ -87,18 +109,19 @@ impl ForwardModel {
         };
         // A joint turns in proportion to the moment.
         let still = angle(&vec![0.0; by.len()]);
-        for _ in 0..=FEEDBACK_ROUNDS {
-            let turned: Vec<f64> = angle(&found).iter().zip(&still).map(|(moved, still)| moved - still).collect();
-            let through = core.by_angle().moment(&turned);
-            found = by.iter().zip(&through).map(|(by, through)| by + through).collect();
-        }
-        found
+        let moved = angle(&self.fed_back(trial, without, feeding_back, change));
+        let turned: Vec<f64> = moved.iter().zip(&still).map(|(moved, still)| moved - still).collect();
+        let through = core.by_angle().moment(&turned);
+        Cow::Owned(by.iter().zip(&through).map(|(by, through)| by + through).collect())
     }
 
     /// Derivatives of the recorded moment by the fitted muscle parameters: those of the core as the sensor shows them.
     pub fn sensed_derivatives(&self, trial: usize, core: &Core, effects: &[Setting]) -> Vec<Vec<f64>> {
         match self.reshapes_moment(effects) {
-            true => self.recorded_changes(trial, core, effects, &core.by_parameters),
+            true => {
+                let columns = (0..core.by_parameters.len()).map(Change::Parameter);
+                self.recorded_changes(trial, core, effects, columns)
+            }
             false => core.by_parameters.clone(),
         }
     }
@@ -134,7 +157,7 @@ impl ForwardModel {
         {
             let by = self.excitation_derivative(trial, core, tangents, input, parameters, effects, &sides, 2.0 * step);
             return Ok(match self.reshapes_moment(effects) {
-                true => self.recorded_changes(trial, core, effects, [&by]).swap_remove(0),
+                true => self.recorded_changes(trial, core, effects, [Change::Moment(&by)]).swap_remove(0),
                 false => by,
             });
         }
