@@ -9,7 +9,7 @@ use super::super::noise::{BASELINE_SD, KNOT_SPACING, Response, TrialNoise};
 use super::super::score_test::Block;
 use super::super::where_it_fails;
 use super::{Analysis, Point, block_means, block_starts, knot_count};
-use crate::simulation::SimulationError;
+use crate::simulation::{ExcitationResponse, SimulationError};
 
 /// Moments per unit of log excitation below this are nothing [N·m].
 const SMALLEST_RESPONSE: f64 = 1e-9;
@@ -114,10 +114,14 @@ impl Analysis<'_> {
         let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
         let knots = knot_count(&record.time);
         let block_of: Vec<usize> = counts.iter().enumerate().flat_map(|(b, c)| std::iter::repeat_n(b, *c)).collect();
-        let response = |m: usize| {
-            core.prepared.scaled_excitation_response(m, &core.solutions[m], &core.excitation[m], &core.factors[m])
+        let rounds = core.rounds();
+        let muscles_of = |core: &&Core| -> Vec<ExcitationResponse> {
+            let response = |m: usize| {
+                core.prepared.scaled_excitation_response(m, &core.solutions[m], &core.excitation[m], &core.factors[m])
+            };
+            (0..self.n_muscles()).map(response).collect()
         };
-        let muscles: Vec<_> = (0..self.n_muscles()).map(response).collect();
+        let muscles: Vec<_> = rounds.iter().map(muscles_of).collect();
         // Forces may have moved since the muscles were followed.
         let scale =
             |m: usize| point.parameters[m].max_isometric_force / core.solutions[m].parameters.max_isometric_force;
@@ -128,14 +132,18 @@ impl Analysis<'_> {
         let mut responses = Vec::new();
         for (m, e) in before.iter().enumerate() {
             let mut g_of_muscle = Response::new(blocks, knots);
-            let mut by_knots = vec![vec![0.0; if reshaped { record.time.len() } else { 0 }]; knots];
+            // Per knot and round of the moment's feedback.
+            let series = vec![0.0; if reshaped { record.time.len() } else { 0 }];
+            let mut by_knots = vec![vec![series; rounds.len()]; knots];
             for (j, by_knot) in by_knots.iter_mut().enumerate() {
                 let (first, disturbance) = hat(&record.time, e, j);
                 let mut show = |m: usize, first: usize, disturbance: &[f64]| {
-                    muscles[m].respond(first, disturbance, |k, moment| match by_knot.get_mut(k) {
-                        Some(to) => *to += scale(m) * moment,
-                        None => g_of_muscle.add(block_of[k], j, scale(m) * moment / counts[block_of[k]] as f64),
-                    });
+                    for (muscles, by_knot) in muscles.iter().zip(by_knot.iter_mut()) {
+                        muscles[m].respond(first, disturbance, |k, moment| match by_knot.get_mut(k) {
+                            Some(to) => *to += scale(m) * moment,
+                            None => g_of_muscle.add(block_of[k], j, scale(m) * moment / counts[block_of[k]] as f64),
+                        });
+                    }
                 };
                 if !changed {
                     show(m, first, &disturbance);
@@ -160,7 +168,7 @@ impl Analysis<'_> {
             }
             if reshaped {
                 // Through the sensor, and what at the joint depends on the muscles' moment.
-                let changes = by_knots.iter().map(|by| Change::Moment(by));
+                let changes = by_knots.iter().map(|rounds| Change::OfRounds(rounds));
                 let recorded = self.forward.recorded_changes(g, core, &point.effects, changes);
                 for (j, by_knot) in recorded.iter().enumerate() {
                     for (k, moment) in by_knot.iter().enumerate().filter(|(_, moment)| moment.abs() > SMALLEST_RESPONSE)

@@ -18,20 +18,29 @@ const SMALL_MOMENT: f64 = 1e-5;
 pub enum Change<'c> {
     /// By the parameter at this place of [`Core::by_parameters`].
     Parameter(usize),
-    /// The same whatever the angle [N·m per unit of what changes].
+    /// The same in all rounds of the moment's feedback [N·m per unit of what changes].
     Moment(&'c [f64]),
+    /// In every round, as of [`Core::rounds`].
+    OfRounds(&'c [Vec<f64>]),
 }
 
 impl<'c> Change<'c> {
-    fn at(self, core: &'c Core) -> &'c [f64] {
+    /// - `core`: of the round in question; `round`: its place
+    fn at(self, core: &'c Core, round: usize) -> &'c [f64] {
         match self {
             Change::Parameter(column) => &core.by_parameters[column],
             Change::Moment(by) => by,
+            Change::OfRounds(rounds) => &rounds[round],
         }
     }
 }
 
 impl Core {
+    /// This core, then the one whose moment turned its joint, and so on.
+    pub fn rounds(&self) -> Vec<&Core> {
+        std::iter::successors(Some(self), |core| core.without.as_deref()).collect()
+    }
+
     /// How forces follow changes of excitation, the joint's angle held; `None` where a tendon is rigid, and for a core without
     /// derivatives.
     fn tangents(&self) -> Option<&[ExcitationTangent]> {
@@ -97,10 +106,9 @@ impl ForwardModel {
         feeding_back: &[&Setting],
         change: Change<'c>,
     ) -> Cow<'c, [f64]> {
-        let by = change.at(core);
-        let Some(without) = core.without.as_ref().filter(|_| !feeding_back.is_empty()) else {
-            return Cow::Borrowed(by);
-        };
+        if feeding_back.is_empty() {
+            return Cow::Borrowed(change.at(core, 0));
+        }
         let angle = |moment: &[f64]| {
             let context = self.context(trial, &core.excitation, moment);
             let mut angle = vec![0.0; moment.len()];
@@ -108,11 +116,21 @@ impl ForwardModel {
             angle
         };
         // A joint turns in proportion to the moment.
-        let still = angle(&vec![0.0; by.len()]);
-        let moved = angle(&self.fed_back(trial, without, feeding_back, change));
-        let turned: Vec<f64> = moved.iter().zip(&still).map(|(moved, still)| moved - still).collect();
-        let through = core.by_angle().moment(&turned);
-        Cow::Owned(by.iter().zip(&through).map(|(by, through)| by + through).collect())
+        let still = angle(&vec![0.0; core.moment.len()]);
+        let mut found: Option<Cow<[f64]>> = None;
+        for (round, core) in core.rounds().into_iter().enumerate().rev() {
+            let by = change.at(core, round);
+            found = Some(match found {
+                None => Cow::Borrowed(by),
+                Some(before) => {
+                    let turned: Vec<f64> =
+                        angle(&before).iter().zip(&still).map(|(angle, still)| angle - still).collect();
+                    let through = core.by_angle().moment(&turned);
+                    Cow::Owned(by.iter().zip(&through).map(|(by, through)| by + through).collect())
+                }
+            });
+        }
+        found.unwrap_or_default()
     }
 
     /// Derivatives of the recorded moment by the fitted muscle parameters: those of the core as the sensor shows them.
