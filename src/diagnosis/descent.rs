@@ -3,6 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use super::effect::{Role, Stage};
@@ -124,6 +125,10 @@ impl Analysis<'_> {
     pub(super) fn screened(&self, starts: Vec<Point>) -> Vec<Point> {
         let mut fitted: Vec<Descent> = starts.into_par_iter().filter_map(|start| self.rough_fit(start).ok()).collect();
         fitted.sort_by(|a, b| a.deviance().total_cmp(&b.deviance()));
+        // Of several sizes of the same effects the best.
+        let ids = |d: &Descent| -> Vec<&str> { d.point.effects.iter().map(|s| s.effect.description().id).collect() };
+        let mut seen = HashSet::new();
+        fitted.retain(|descent| seen.insert(ids(descent)));
         fitted.truncate(SCREENED);
         let settled = |mut descent: Descent| self.settle(&mut descent, false).is_ok().then_some(descent);
         let mut fitted: Vec<Descent> = fitted.into_par_iter().filter_map(settled).collect();

@@ -43,6 +43,8 @@ const MAY_SURVIVE: f64 = 0.5 * REJECT_EXPLANATION;
 /// What the muscles or the noise have taken up of an effect its score does not show: all effects are fitted roughly from the model as
 /// given, and of so many, those of the least deviance, what promises more than those that survived is fitted to the end.
 const SECOND_CHOICE: usize = 5;
+/// A large size of an effect, as a share of the largest plausible one.
+const LARGE_SIZE: f64 = 0.75;
 /// The same of seconds of a pair.
 const SECOND_CHOICE_OF_PAIRS: usize = 2;
 
@@ -145,13 +147,14 @@ impl Judge<'_> {
         found: &mut Vec<(Fit, Explanation)>,
     ) -> Result<(), SimulationError> {
         let is_on = |e: &&'static dyn Effect| others.iter().any(|s| s.effect.description().id == e.description().id);
-        let start = |effect: &'static dyn Effect| {
+        let start = |setting: Setting| {
             let mut start = self.analysis.nominal_point();
             start.effects = others.to_vec();
-            start.effects.push(Setting::absent(effect));
+            start.effects.push(setting);
             start
         };
-        let starts = self.testable().filter(|e| !is_on(e)).map(start).collect();
+        let starts =
+            self.testable().filter(|e| !is_on(e)).flat_map(|e| self.sizes_to_start_from(e)).map(start).collect();
         let levels = NoiseLevels::usual(self.request.forward.strength.0);
         let same = |f: &Explanation, point: &Point| {
             let has = |s: &Setting| f.effects.contains(&s.effect.description().id);
@@ -163,6 +166,9 @@ impl Judge<'_> {
             if survived(found, &point) {
                 break;
             }
+            if found.iter().any(|f| same(&f.1, &point) && self.is_near(&f.0, &point)) {
+                continue;
+            }
             let Some(anew) = self.explain(point, levels, least_deviance(found), None)? else { continue };
             let same = |f: &&mut (Fit, Explanation)| same(&f.1, &anew.0.point);
             match found.iter_mut().find(same) {
@@ -172,6 +178,32 @@ impl Judge<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Sizes of an effect that fits start from: none; and where the moment acts back on itself a large one, too, because what is
+    /// fitted from none may end in another valley.
+    fn sizes_to_start_from(&self, effect: &'static dyn Effect) -> Vec<Setting> {
+        let mut sizes = vec![Setting::absent(effect)];
+        if effect.feeds_back() {
+            let mut large = Setting::absent(effect);
+            let description = effect.description();
+            for i in description.amplitudes() {
+                large.values[i] = LARGE_SIZE * self.request.forward.strength.plausible(&description.parameters[i])[1];
+            }
+            sizes.push(large);
+        }
+        sizes
+    }
+
+    /// Whether a point's effects, the same as a fit's, are of the sizes that the fit found, to within its standard errors.
+    fn is_near(&self, fit: &Fit, point: &Point) -> bool {
+        let scale = |p| self.request.forward.strength.scale(p);
+        let errors = fit.covariance.diagonal().map(|variance| variance.max(0.0).sqrt());
+        let parameters = |s: &Setting| s.effect.description().parameters.iter();
+        let scales = fit.point.effects.iter().flat_map(parameters).map(scale);
+        let values = |point: &Point| point.effects.iter().flat_map(|s| s.values.clone()).collect::<Vec<f64>>();
+        let distances = values(&fit.point).into_iter().zip(values(point)).map(|(a, b)| (a - b).abs());
+        distances.zip(scales).zip(errors.iter()).all(|((distance, scale), error)| distance <= error * scale)
     }
 
     /// A point with a further effect, of the size that its score asks for.
