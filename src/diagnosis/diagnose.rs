@@ -90,7 +90,10 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         .collect();
     let left = test(&analysis, &null, &not_testable)?;
     let uncentred = analysis.anything_left_uncentred(&null, &not_testable).unwrap_or_else(|| left.clone());
-    let judge = Judge { request, analysis: &analysis, null: &null, not_testable: &not_testable, uncentred };
+    let refitted = simulate(forward, &null.point.parameters, &[], TrialUse::Train)?;
+    let refit_error = rmse(forward, &refitted).unwrap_or(0.0).max(f64::MIN_POSITIVE) / request.mvc;
+    let judge =
+        Judge { request, analysis: &analysis, null: &null, not_testable: &not_testable, uncentred, refit_error };
     // To say that something is missing both laws of the scores must agree: where variances are misjudged one of them cries wolf.
     // Flips of few trials cannot give small p-values, though: what no misjudged variance explains needs them not.
     let surely = left.blocks.iter().any(|b| b.p_value * (left.blocks.len() as f64) < BEYOND_DOUBT);
@@ -109,8 +112,8 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     }
     explanations.sort_by(|a, b| a.0.deviance.total_cmp(&b.0.deviance));
     let best = explanations.first().map(|e| e.0.clone());
+    let fall = explanations.first().map_or(0.0, |e| e.1.error_fall);
     let error = judge.errors(&null, best.as_ref())?;
-    let fall = error.train.with_effect.map_or(0.0, |with| 1.0 - with / error.train.refit_only);
     let verdict = match explanations.as_slice() {
         _ if !rejected => Verdict::NothingDetectable,
         [] => Verdict::Unknown,
@@ -196,6 +199,8 @@ struct Judge<'a> {
     not_testable: &'a [&'static str],
     /// Scores of the null, their means left in.
     uncentred: Omnibus,
+    /// Training error of the null: RMSE / session MVC moment.
+    refit_error: f64,
 }
 
 impl Judge<'_> {

@@ -57,6 +57,8 @@ pub struct Explanation {
     pub p_value: f64,
     /// How much less −2 log posterior it leaves than the model without effects.
     pub deviance_fall: f64,
+    /// Share by which it lowers the training error of the model without effects.
+    pub error_fall: f64,
     /// RMSE over held-out trials / session MVC moment.
     pub held_out_error: Option<f64>,
     /// Every interval overlaps its plausible range.

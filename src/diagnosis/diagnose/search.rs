@@ -8,7 +8,7 @@ use super::super::fit::{Fit, Point};
 use super::super::forward_model::Setting;
 use super::super::noise::NoiseLevels;
 use super::super::score_test::Omnibus;
-use super::{Explanation, Judge, REJECT_EXPLANATION, WIDENED, block, estimates, left_over, test};
+use super::{Explanation, Judge, NEGLIGIBLE, REJECT_EXPLANATION, WIDENED, block, estimates, left_over, test};
 use crate::simulation::SimulationError;
 use crate::study::TrialUse;
 
@@ -65,9 +65,9 @@ impl Explanation {
     }
 
     /// Whether a pair explains what was missing: two effects of any size bend to much that is neither, so that one of implausible
-    /// sizes explains nothing.
+    /// sizes, or one that hardly lowers the error, explains nothing.
     pub(super) fn explains(&self) -> bool {
-        self.survives() && self.plausible
+        self.survives() && self.plausible && self.error_fall >= NEGLIGIBLE
     }
 }
 
@@ -293,7 +293,10 @@ impl Judge<'_> {
         let held_out_error = self.error_of(&fit, TrialUse::Test)?;
         let (p_value, left) = (with.p_value, left_over(&with));
         let deviance_fall = self.null.deviance - fit.deviance;
-        let explanation = Explanation { effects, p_value, deviance_fall, held_out_error, plausible, parameters, left };
+        let train_error = self.error_of(&fit, TrialUse::Train)?.unwrap_or(self.refit_error);
+        let error_fall = 1.0 - train_error / self.refit_error;
+        let explanation =
+            Explanation { effects, p_value, deviance_fall, error_fall, held_out_error, plausible, parameters, left };
         Ok(Some((fit, explanation)))
     }
 
