@@ -6,6 +6,7 @@
 mod actuators;
 mod bodies;
 mod constraints;
+mod force_sets;
 mod forces;
 mod functions;
 mod joints;
@@ -28,6 +29,8 @@ use upgrade::Version;
 
 /// Oldest format that is read, as in OpenSim 4.6.
 const OLDEST_VERSION: u32 = 10901;
+/// Oldest format of files of forces, that of a file that states none (`XMLDocument::updateDocumentVersion`).
+const OLDEST_FORCE_SET: u32 = 10500;
 /// Newest format that is read, that of OpenSim 4.6.
 const NEWEST_VERSION: u32 = 40600;
 
@@ -47,6 +50,8 @@ struct Object {
 /// State of one reading.
 struct Reader<'a> {
     document: &'a Document,
+    /// What [`Location::source`] is for components of the document.
+    source: usize,
     version: Version,
     /// `<defaults>` by class.
     defaults: HashMap<String, ElementId>,
@@ -73,9 +78,22 @@ struct Reader<'a> {
 
 /// Reads the model of a document.
 pub(super) fn read_model(document: &Document) -> Result<(ModelSpec, Diagnostics), OsimError> {
+    let (spec, diagnostics, _) = read_model_and_forces(document, &[], false)?;
+    Ok((spec, diagnostics))
+}
+
+/// Reads the model of a document and adds the forces of others: with what was found in the model, and in each of those.
+///
+/// - `replace`: whether the forces of the model's own force set are left out
+pub(super) fn read_model_and_forces(
+    document: &Document,
+    force_sets: &[Document],
+    replace: bool,
+) -> Result<(ModelSpec, Diagnostics, Vec<Diagnostics>), OsimError> {
     let (model, version) = model_element(document)?;
     let mut reader = Reader {
         document,
+        source: 0,
         version,
         defaults: HashMap::new(),
         used: vec![false; document.n_elements()],
@@ -92,12 +110,16 @@ pub(super) fn read_model(document: &Document) -> Result<(ModelSpec, Diagnostics)
         pending_joints: Vec::new(),
     };
     reader.read(model);
-    let Reader { problems, mut diagnostics, spec, .. } = reader;
+    let diagnostics = reader.take_diagnostics();
+    if replace {
+        reader.remove_force_set();
+    }
+    let of_force_sets = reader.add_force_sets(force_sets)?;
+    let Reader { problems, spec, .. } = reader;
     if !problems.is_empty() {
         return Err(OsimError::Invalid { problems });
     }
-    diagnostics.sort();
-    Ok((spec, diagnostics))
+    Ok((spec, diagnostics, of_force_sets))
 }
 
 /// The `<Model>` element and the format version.
@@ -111,22 +133,24 @@ fn model_element(document: &Document) -> Result<(ElementId, Version), OsimError>
     if document.tag(root) != "OpenSimDocument" {
         return Err(not_a_model(root, format!("<{}>", document.tag(root))));
     }
-    let found = document.attribute(root, "Version").unwrap_or_default();
-    let version: u32 = found.trim().parse().unwrap_or(0);
-    if !(OLDEST_VERSION..=NEWEST_VERSION).contains(&version) {
-        return Err(OsimError::UnsupportedVersion {
-            file: document.file().to_owned(),
-            line: document.line(root),
-            found,
-            oldest: OLDEST_VERSION,
-            newest: NEWEST_VERSION,
-        });
-    }
+    let version = format_version(document, OLDEST_VERSION)?;
     match document.children(root).first() {
-        Some(&model) if document.tag(model) == "Model" => Ok((model, Version(version))),
+        Some(&model) if document.tag(model) == "Model" => Ok((model, version)),
         Some(&other) => Err(not_a_model(other, format!("<{}>", document.tag(other)))),
         None => Err(not_a_model(root, "an empty <OpenSimDocument>".to_owned())),
     }
+}
+
+/// The format version that a root element gives, of those from `oldest` on.
+fn format_version(document: &Document, oldest: u32) -> Result<Version, OsimError> {
+    let root = document.root();
+    let found = document.attribute(root, "Version").unwrap_or_default();
+    let version: u32 = found.trim().parse().unwrap_or(0);
+    if (oldest..=NEWEST_VERSION).contains(&version) {
+        return Ok(Version(version));
+    }
+    let (file, line) = (document.file().to_owned(), document.line(root));
+    Err(OsimError::UnsupportedVersion { file, line, found, oldest, newest: NEWEST_VERSION })
 }
 
 impl Reader<'_> {
@@ -150,11 +174,18 @@ impl Reader<'_> {
         self.read_constraints(&object, &components);
         self.read_forces(&object, &components);
         self.read_markers(&object);
-        self.report_leftovers(model);
+        self.report_leftovers(model, "");
     }
 
-    fn read_defaults(&mut self, model: ElementId) {
-        let Some(defaults) = self.document.child(model, "defaults") else { return };
+    /// What was found so far, in the order of the file.
+    fn take_diagnostics(&mut self) -> Diagnostics {
+        let mut diagnostics = std::mem::take(&mut self.diagnostics);
+        diagnostics.sort();
+        diagnostics
+    }
+
+    fn read_defaults(&mut self, owner: ElementId) {
+        let Some(defaults) = self.document.child(owner, "defaults") else { return };
         self.mark(defaults);
         for &child in self.document.children(defaults) {
             let class = self.document.tag(child).to_owned();
@@ -222,7 +253,8 @@ impl Reader<'_> {
     }
 
     fn location(&self, object: &Object) -> Location {
-        Location { line: object.line, path: object.path.clone(), element: object.element.map(|element| element.0) }
+        let element = object.element.map(|element| element.0);
+        Location { source: self.source, line: object.line, path: object.path.clone(), element }
     }
 
     /// Name of a component as OpenSim 4.6 gives it: without white space in old files, the class in lower case if
