@@ -65,7 +65,8 @@ impl OsimFile {
     /// What the model is with the forces of files added at the end of its force set, as OpenSim's tools do it
     /// (`AbstractTool::updateModelForces`), and what of each of the files was not understood.
     ///
-    /// Every file has its own format version and `<defaults>`. A force whose name the set has already is left out, with
+    /// Every file has its own format version. `<defaults>` of the model and of each file hold for the files behind it too,
+    /// property by property, as OpenSim keeps them from file to file. A force whose name the set has already is left out, with
     /// a warning. The file itself stays as it is: elements of [`Location::source`] 1 and above are not in its document.
     ///
     /// - `force_sets`: documents with a `<ForceSet>` (before 2.0 `<ActuatorSet>`)
@@ -79,7 +80,8 @@ impl OsimFile {
         force_sets: &[Document],
         replace: bool,
     ) -> Result<(ModelSpec, Vec<Diagnostics>), OsimError> {
-        let (spec, _, diagnostics) = reader::read_model_and_forces(&self.document, force_sets, replace)?;
+        let force_sets = reader::with_earlier_defaults(&self.document, force_sets)?;
+        let (spec, _, diagnostics) = reader::read_model_and_forces(&self.document, &force_sets, replace)?;
         Ok((spec, diagnostics))
     }
 

@@ -133,7 +133,7 @@ fn verif_mutated_files_of_forces_never_panic() {
     let model = OsimFile::read(fixture("fixtures/components/forces.osim")).unwrap();
     let mut read = 0;
     for file in ["fixtures/force_sets/forces.xml", "fixtures/force_sets/old_forces.xml"] {
-        for_each_mutation(file, 120, |bytes| {
+        for_each_mutation(file, 240, |bytes| {
             let Ok(document) = Document::parse(bytes, file) else { return };
             if let Ok((spec, _)) = model.with_force_sets(&[document], false) {
                 read += 1;

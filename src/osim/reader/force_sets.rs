@@ -16,7 +16,7 @@ fn is_in_force_set(path: &str) -> bool {
 }
 
 /// The `<ForceSet>` of a document, under its root or, in the oldest files, the root itself; and the format version.
-fn force_set_element(document: &Document) -> Result<(ElementId, Version), OsimError> {
+pub(super) fn force_set_element(document: &Document) -> Result<(ElementId, Version), OsimError> {
     let root = document.root();
     let (set, version) = match document.children(root).first() {
         Some(&child) if document.tag(root) == "OpenSimDocument" => (child, format_version(document, OLDEST_FORCE_SET)?),

@@ -6,6 +6,7 @@
 mod actuators;
 mod bodies;
 mod constraints;
+mod defaults;
 mod force_sets;
 mod forces;
 mod functions;
@@ -25,6 +26,7 @@ use super::diagnostics::{Diagnostic, Diagnostics, Severity};
 use super::document::{Document, ElementId};
 use super::error::{OsimError, Problem, ProblemKind};
 use super::spec::{CoordinateIndex, FrameIndex, Location, ModelSpec};
+pub(super) use defaults::with_earlier_defaults;
 use upgrade::Version;
 
 /// Oldest format that is read, as in OpenSim 4.6.
@@ -53,7 +55,7 @@ struct Reader<'a> {
     /// What [`Location::source`] is for components of the document.
     source: usize,
     version: Version,
-    /// `<defaults>` by class.
+    /// `<defaults>` by class, under its present name.
     defaults: HashMap<String, ElementId>,
     /// Elements that have been read.
     used: Vec<bool>,
@@ -84,6 +86,7 @@ pub(super) fn read_model(document: &Document) -> Result<(ModelSpec, Diagnostics)
 
 /// Reads the model of a document and adds the forces of others: with what was found in the model, and in each of those.
 ///
+/// - `force_sets`: with the defaults of files before them ([`with_earlier_defaults`])
 /// - `replace`: whether the forces of the model's own force set are left out
 pub(super) fn read_model_and_forces(
     document: &Document,
@@ -188,8 +191,11 @@ impl Reader<'_> {
         let Some(defaults) = self.document.child(owner, "defaults") else { return };
         self.mark(defaults);
         for &child in self.document.children(defaults) {
-            let class = self.document.tag(child).to_owned();
-            self.defaults.entry(class).or_insert(child);
+            // OpenSim looks for present names only, and applies them to objects of old names too.
+            let class = self.document.tag(child);
+            if upgrade::present_class(class) == class {
+                self.defaults.entry(class.to_owned()).or_insert(child);
+            }
         }
     }
 
@@ -247,7 +253,7 @@ impl Reader<'_> {
     /// The object at an element: marks it as read and finds its class' defaults.
     fn object(&mut self, element: ElementId, owner: &str, name: &str) -> Object {
         self.mark(element);
-        let default = self.defaults.get(self.document.tag(element)).copied();
+        let default = self.defaults.get(upgrade::present_class(self.document.tag(element))).copied();
         let path = if owner == "/" { format!("/{name}") } else { format!("{owner}/{name}") };
         Object { element: Some(element), default, path, line: self.document.line(element) }
     }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use carpus::osim::spec::ForceKind;
 use carpus::osim::{Document, OsimFile};
 use carpus::storage::Storage;
 use carpus::tools::{Outcome, ToolError, run_tool};
@@ -35,16 +36,13 @@ fn val_opensim_static_optimization_with_forces_of_a_file() {
 
 #[test]
 fn val_opensim_forward_with_forces_of_files() {
-    FORCE_SETS.compare_forward("forward", &[], FORWARD);
+    FORCE_SETS.compare_forward("forward", &[], 1e-5);
 }
 
 #[test]
 fn val_opensim_correction_controller() {
-    FORCE_SETS.compare_forward("correction", &["ForceReporter_forces"], FORWARD);
+    FORCE_SETS.compare_forward("correction", &["ForceReporter_forces"], 1e-6);
 }
-
-/// Largest difference of simulations.
-const FORWARD: f64 = 1e-6;
 
 /// Controls of the file that OpenSim writes stand in the same order; it lacks the labels of the first ones.
 #[test]
@@ -197,9 +195,43 @@ fn verif_added_forces_are_told_apart_by_their_source() {
         let muscles = spec.muscles.iter().map(|m| &m.at);
         muscles.chain(spec.forces.iter().map(|f| &f.at)).filter(|at| at.source == source).count()
     };
-    assert_eq!([sources(0), sources(1), sources(2)], [file.spec.muscles.len() + file.spec.forces.len(), 18, 6]);
+    assert_eq!([sources(0), sources(1), sources(2)], [file.spec.muscles.len() + file.spec.forces.len(), 18, 9]);
     assert_eq!(diagnostics.len(), 2);
     let (only, _) = file.with_force_sets(&documents, true).unwrap();
-    assert_eq!(only.muscles.len() + only.forces.len(), 19 + 6, "without the model's forces one name is free");
+    assert_eq!(only.muscles.len() + only.forces.len(), 19 + 9, "without the model's forces one name is free");
     assert!(only.muscles.iter().all(|m| m.at.source > 0));
+}
+
+/// As in OpenSim 4.6, which keeps them from file to file: a default of the model, and one of a file that the next one's
+/// default of the same class changes in another property.
+#[test]
+fn verif_defaults_hold_for_the_files_behind() {
+    let model = std::fs::read_to_string(FORCE_SETS.path("../components/forces.osim")).unwrap();
+    let spring = "<SpringGeneralizedForce name=\"default\">\n<stiffness>123</stiffness>\n</SpringGeneralizedForce>";
+    let model = model.replacen("<gravity>", &format!("<defaults>{spring}</defaults><gravity>"), 1);
+    let file = OsimFile::parse(model, "model.osim").unwrap();
+    let document = |inner: &str| {
+        let text = format!("<OpenSimDocument Version=\"40000\">\n<ForceSet>{inner}</ForceSet></OpenSimDocument>");
+        Document::parse(text.into_bytes(), "forces.xml").unwrap()
+    };
+    let actuator = |class: &str, name: &str| format!("<{class} name=\"{name}\"><coordinate>q2</coordinate></{class}>");
+    let default = |class: &str, property: &str| format!("<defaults><{class}>\n{property}</{class}></defaults>");
+    let documents = [
+        default("CoordinateActuator", "<optimal_force>6</optimal_force>") + "<objects/>",
+        default("CoordinateActuator", "<max_control>0.7</max_control>")
+            + &format!("<objects>{}</objects>", actuator("GeneralizedForce", "a")),
+        default("GeneralizedForce", "<optimal_force>9</optimal_force>")
+            + &format!("<objects>{}{}</objects>", actuator("CoordinateActuator", "b"), actuator("GeneralizedForce", "c")),
+        "<defaults/><objects><SpringGeneralizedForce name=\"d\"><coordinate>q1</coordinate></SpringGeneralizedForce></objects>"
+            .to_owned(),
+    ];
+    let (spec, _) = file.with_force_sets(&documents.map(|text| document(&text)), false).unwrap();
+    let kind = |name: &str| &spec.forces.iter().find(|force| force.name == name).unwrap().kind;
+    for name in ["a", "b", "c"] {
+        let ForceKind::Actuator(actuator) = kind(name) else { panic!("{:?}", kind(name)) };
+        assert_eq!((actuator.optimal_force, actuator.max_control), (6.0, 0.7), "{name}");
+    }
+    assert!(matches!(kind("d"), ForceKind::SpringGeneralized { stiffness: 123.0, .. }), "{:?}", kind("d"));
+    let at = &spec.forces.iter().find(|force| force.name == "a").unwrap().at;
+    assert_eq!((at.source, at.line), (2, 3), "lines stay");
 }
