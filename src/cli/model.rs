@@ -88,10 +88,11 @@ pub fn finding(path: &Path, diagnostic: &Diagnostic, gravity: Gravity) -> Messag
 
 /// Why a model file cannot be read, one message per problem.
 pub fn osim_failure(path: &Path, error: &OsimError) -> Failure {
-    let message = |text: String, line: usize, hint: Option<String>| {
-        let message = Message::error(text).in_file(path).at_line(line);
+    let message_in = |file: &Path, text: String, line: usize, hint: Option<String>| {
+        let message = Message::error(text).in_file(file).at_line(line);
         Message { hint, ..message }
     };
+    let message = |text: String, line: usize, hint: Option<String>| message_in(path, text, line, hint);
     let messages = match error {
         OsimError::Read { source, .. } => vec![message(format!("cannot be read: {source}"), 0, error.hint())],
         OsimError::Document(e) => vec![message(e.kind.to_string(), e.line, e.hint())],
@@ -100,13 +101,17 @@ pub fn osim_failure(path: &Path, error: &OsimError) -> Failure {
                 format!("not an OpenSim model: expected <OpenSimDocument Version=\"…\"> with a <Model>, found {found}");
             vec![message(text, *line, error.hint())]
         }
+        OsimError::NotAForceSet { line, found, .. } => {
+            vec![message(format!("not a set of forces: expected <ForceSet>, found {found}"), *line, error.hint())]
+        }
         OsimError::UnsupportedVersion { line, found, oldest, newest, .. } => {
             let text = format!("file format version {found} is not supported; expected {oldest} to {newest}");
             vec![message(text, *line, error.hint())]
         }
-        OsimError::Invalid { problems } => {
-            problems.iter().map(|p| message(format!("{}: {}", p.path, p.kind), p.line, p.hint())).collect()
-        }
+        OsimError::Invalid { problems } => problems
+            .iter()
+            .map(|p| message_in(Path::new(&p.file), format!("{}: {}", p.path, p.kind), p.line, p.hint()))
+            .collect(),
     };
     Failure::Input(messages)
 }

@@ -50,8 +50,8 @@ impl PlantMuscle {
     }
 }
 
-/// A force from outside: of coordinates, kinematics and time.
-pub type Load = Arc<dyn Fn(&Model, &[f64], &Cache, f64, &mut AppliedForces) + Send + Sync>;
+/// A force from outside: of coordinates and speeds, kinematics and time.
+pub type Load = Arc<dyn Fn(&Model, [&[f64]; 2], &Cache, f64, &mut AppliedForces) + Send + Sync>;
 
 /// Forces from outside.
 #[derive(Clone, Default)]
@@ -430,11 +430,11 @@ impl Plant {
 
     /// Forces of springs, bushings, limits and loads.
     fn collect_forces(&self, work: &mut Work) {
-        let Work { q, qdot, cache, applied, time, .. } = work;
+        let Work { q, u, qdot, cache, applied, time, .. } = work;
         applied.clear();
         self.forces.apply(&self.model, q, qdot, cache, applied);
         self.forces.over_time.iter().for_each(|force| force.apply(&self.model, *time, cache, applied));
-        self.loads.0.iter().for_each(|load| load(&self.model, q, cache, *time, applied));
+        self.loads.0.iter().for_each(|load| load(&self.model, [q, u], cache, *time, applied));
     }
 
     /// Forces along paths, added to those collected.

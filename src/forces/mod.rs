@@ -86,6 +86,19 @@ pub enum ForceError {
     },
 }
 
+impl ForceError {
+    /// The force that it is about.
+    pub fn at(&self) -> &Location {
+        match self {
+            ForceError::Function { at, .. }
+            | ForceError::Expression { at, .. }
+            | ForceError::NotFinite { at, .. }
+            | ForceError::NotPositive { at, .. }
+            | ForceError::BadReference { at, .. } => at,
+        }
+    }
+}
+
 /// A force law that needs only coordinates and poses.
 #[derive(Clone, Debug)]
 pub enum ForceLaw {

@@ -532,7 +532,7 @@ fn locations(file: &OsimFile) -> Vec<&Location> {
 }
 
 /// A self-closing start tag as an opening one.
-fn opened(document: &Document, start_tag: Range<usize>) -> String {
+pub(super) fn opened(document: &Document, start_tag: Range<usize>) -> String {
     let text = String::from_utf8_lossy(&document.bytes()[start_tag]).into_owned();
     format!("{}>", text.trim_end_matches('>').trim_end_matches('/').trim_end())
 }

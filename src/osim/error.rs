@@ -30,7 +30,17 @@ pub enum OsimError {
         /// What was found.
         found: String,
     },
-    /// An OpenSim model of a format that is not understood.
+    /// Well-formed, but something else than a file of forces.
+    #[error("{file}:{line}: not a set of forces: expected <ForceSet>, found {found}")]
+    NotAForceSet {
+        /// File name.
+        file: String,
+        /// Line of the element found instead.
+        line: usize,
+        /// What was found.
+        found: String,
+    },
+    /// A file of a format that is not understood.
     #[error("{file}:{line}: file format version {found} is not supported; expected {oldest} to {newest}")]
     UnsupportedVersion {
         /// File name.
@@ -65,6 +75,9 @@ impl OsimError {
         match self {
             OsimError::Read { .. } => None,
             OsimError::Document(error) => error.hint(),
+            OsimError::NotAForceSet { .. } => {
+                Some("force_set_files names files with <OpenSimDocument><ForceSet><objects>…".to_owned())
+            }
             OsimError::NotAModel { .. } => {
                 Some("give the path of a model (.osim), not of a setup file, motion or geometry".to_owned())
             }
@@ -75,6 +88,18 @@ impl OsimError {
                 _ => "save the model with OpenSim 4.6 or older".to_owned(),
             }),
             OsimError::Invalid { problems } => problems.first().and_then(|problem| problem.hint()),
+        }
+    }
+
+    /// The file that it is about; of several, the first.
+    pub fn file(&self) -> &str {
+        match self {
+            OsimError::Read { file, .. }
+            | OsimError::NotAModel { file, .. }
+            | OsimError::NotAForceSet { file, .. }
+            | OsimError::UnsupportedVersion { file, .. } => file,
+            OsimError::Document(error) => &error.file,
+            OsimError::Invalid { problems } => problems.first().map_or("", |problem| &problem.file),
         }
     }
 

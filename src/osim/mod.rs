@@ -62,6 +62,29 @@ impl OsimFile {
         Ok(OsimFile { document, spec, diagnostics })
     }
 
+    /// What the model is with the forces of files added at the end of its force set, as OpenSim's tools do it
+    /// (`AbstractTool::updateModelForces`), and what of each of the files was not understood.
+    ///
+    /// Every file has its own format version. `<defaults>` of the model and of each file hold for the files behind it too,
+    /// property by property, as OpenSim keeps them from file to file. A force whose name the set has already is left out, with
+    /// a warning. The file itself stays as it is: elements of [`Location::source`] 1 and above are not in its document.
+    ///
+    /// - `force_sets`: documents with a `<ForceSet>` (before 2.0 `<ActuatorSet>`)
+    /// - `replace`: leave out the forces of the model's own set; those among its `<components>` stay
+    ///
+    /// # Errors
+    /// [`OsimError`], with the file of forces that it is about: no force set, a format version that is not read, values
+    /// or references that cannot be used.
+    pub fn with_force_sets(
+        &self,
+        force_sets: &[Document],
+        replace: bool,
+    ) -> Result<(ModelSpec, Vec<Diagnostics>), OsimError> {
+        let force_sets = reader::with_earlier_defaults(&self.document, force_sets)?;
+        let (spec, _, diagnostics) = reader::read_model_and_forces(&self.document, &force_sets, replace)?;
+        Ok((spec, diagnostics))
+    }
+
     /// Writes the file; bytes that were not edited are those that were read.
     ///
     /// # Errors

@@ -435,7 +435,7 @@ fn unread_points(file: &OsimFile, factors: &BodyFactors, edits: &mut Edits, left
             match (frame, numbers) {
                 (Some(frame), Some(Ok(numbers))) if is_point && numbers.len() == 3 => {
                     let of_body = factors.of_frame(spec, FrameIndex(frame));
-                    let at = Location { line: document.line(at), path, element: Some(at.0) };
+                    let at = Location { line: document.line(at), path, element: Some(at.0), ..Location::default() };
                     edits.scale_vector(&at, &["location"], Vector3::from_column_slice(&numbers), of_body);
                 }
                 _ => left.push((path, format!("{tag} of a {class}: its frame or location is not understood"))),

@@ -1,6 +1,5 @@
 //! Analyses along a given motion: OpenSim's `AnalyzeTool`.
 
-use super::actuators::add_force_set;
 use super::analysis::{Analysis, Instant, add_results};
 use super::error::{ToolError, ToolProblem};
 use super::external_loads::add_external_loads;
@@ -34,34 +33,17 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Reads them and adds forces and loads to the system.
+    /// Reads them and adds external loads to the system.
     ///
     /// # Errors
     /// Values or files that cannot be used.
     pub fn read(tool: &Properties, system: &mut System, outcome: &mut Outcome) -> Result<Frame, ToolError> {
-        if tool.boolean("replace_force_set", false)? {
-            system.actors.clear();
-            system.muscles.clear();
-            system.spec.muscles.clear();
-            system.spec.forces.clear();
-            system.unsupported.clear();
-        }
-        let files = match tool.words("force_set_files") {
-            Some(files) if !files.is_empty() => files,
-            _ => tool.words("actuator_set_files").unwrap_or_default(),
-        };
-        for file in files.iter().filter(|file| *file != "Unassigned") {
-            let path = tool.setup().resolve(file);
-            for (line, tag) in add_force_set(&path, system)? {
-                outcome.warn(&path, line, format!("<{tag}> was not used"));
-            }
-        }
         if let Some(loads) = tool.file("external_loads_file") {
             for text in add_external_loads(&loads, system)? {
                 outcome.warn(&loads, 0, text);
             }
         }
-        tool.ignore_all(&["model_file", "replace_force_set", "force_set_files", "actuator_set_files"]);
+        tool.ignore_all(&["model_file"]);
         let precision = tool.integer("output_precision", 8)?.clamp(0, 40) as usize;
         Ok(Frame {
             name: tool.name(),

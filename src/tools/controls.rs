@@ -1,10 +1,15 @@
 //! Controls over time: `PrescribedController` of a model or setup, `ControlSetController` with linear controls.
 
+use super::correction::ELSEWHERE;
 use super::error::{ToolError, ToolProblem};
 use super::setup::{Properties, Setup};
 use crate::functions::Function;
 use crate::osim::spec::FunctionSpec;
 use crate::storage::Storage;
+
+/// Controllers that are read.
+const CONTROLLERS: &str = "controllers are PrescribedController, ControlSetController and, in a ForwardTool's setup, \
+                           CorrectionController";
 
 /// Controls by the names of actuators.
 #[derive(Clone, Debug, Default)]
@@ -57,22 +62,15 @@ impl Controls {
     pub fn read(&mut self, controllers: &[Properties], actuators: &[String]) -> Result<(), ToolError> {
         for controller in controllers {
             controller.ignore_all(&["enable_controller"]);
-            let enabled = match controller.text("isDisabled") {
-                Some(_) => !controller.boolean("isDisabled", false)?,
-                None => controller.boolean("enabled", true)?,
-            };
-            if !enabled && controller.class() != "ControlSetController" {
+            if !controller.is_enabled()? && controller.class() != "ControlSetController" {
                 controller.ignore();
                 continue;
             }
             match controller.class() {
                 "PrescribedController" => self.prescribed(controller, actuators)?,
                 "ControlSetController" => self.control_set(controller, actuators)?,
-                class => {
-                    return Err(
-                        controller.unsupported(class, "controllers are PrescribedController and ControlSetController")
-                    );
-                }
+                class @ "CorrectionController" => return Err(controller.unsupported(class, ELSEWHERE)),
+                class => return Err(controller.unsupported(class, CONTROLLERS)),
             }
         }
         Ok(())

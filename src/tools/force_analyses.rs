@@ -48,6 +48,7 @@ pub fn record_labels(system: &System, actor: &Actor) -> Vec<String> {
             }
         },
         Actor::External(force) => force.labels(),
+        Actor::Correction(correction) => correction.labels.clone(),
         Actor::OverTime(force) => {
             let frame = &system.spec.frames[force.frame.0].name;
             let of = if force.force_is_global { "ground" } else { frame };
@@ -89,6 +90,7 @@ pub fn record_values(instant: &Instant, position: usize, control: &dyn Fn(usize)
             [pull, point, torque].into_iter().flatten().flat_map(|v| [v.x, v.y, v.z]).collect()
         }
         Actor::External(force) => force.record(&system.model, cache, instant.state.time),
+        Actor::Correction(correction) => correction.forces(instant.state.time, &instant.state.q, &instant.state.u),
         Actor::Law(force) => {
             let qdot = instant.work.dynamics.qdot();
             let q = &instant.state.q;

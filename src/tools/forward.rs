@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use super::analysis::add_results;
 use super::analyze::{Frame, read_analyses, record, states_from_file};
-use super::controls::Controls;
+use super::correction::Correction;
 use super::error::{ToolError, ToolProblem};
 use super::result::{Outcome, ResultFile};
 use super::setup::Properties;
@@ -40,13 +40,13 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
     let specified = tool.boolean("use_specified_dt", false)?;
     system.require_all_forces(&|_| false)?;
     system.read_controllers(document, tool)?;
-    let (names, controls) = (system.actuator_names(), system.controls.clone());
 
     let [mut start, end] = frame.time;
     let mut state = system.default_state()?;
     let mut times_of_file = None;
+    let mut states = Vec::new();
     if let Some(file) = tool.file("states_file") {
-        let states = states_from_file(&file, &system, outcome)?;
+        states = states_from_file(&file, &system, outcome)?;
         let index = states.partition_point(|s| s.time <= start).saturating_sub(1);
         if states[index].time != start {
             start = states[index].time;
@@ -59,6 +59,10 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         times_of_file = Some(states.iter().map(|s| s.time).filter(|t| *t >= start && *t <= end).collect::<Vec<_>>());
         state = states[index].clone();
     }
+    if let Some((correction, second)) = Correction::read(tool, &system, &states)? {
+        second.into_iter().for_each(|text| outcome.warn(tool.setup().path(), tool.line(), text));
+        system.actors.insert(0, Actor::Correction(Box::new(correction)));
+    }
     if !(end > start) {
         return Err(tool.bad_value("final_time", "a time after initial_time", &end.to_string()));
     }
@@ -70,7 +74,7 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         let failed = system.equilibrate(&mut work, &mut state);
         failed.into_iter().for_each(|text| outcome.warn(&system.path, 0, format!("not balanced: {text}")));
     }
-    let plant = plant_of(&system, &controls).map_err(|e| ToolError::new(&system.path, e))?;
+    let plant = plant_of(&system).map_err(|e| ToolError::new(&system.path, e))?;
     let times = match times_of_file.filter(|times| specified && times.len() > 1) {
         Some(times) => times,
         None => even_times(start, end),
@@ -88,7 +92,10 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
     };
     let options = ForwardOptions { times, accuracy: accuracy.min(1e-5), first_step: 1e-3 };
     let excite = |time: f64, values: &mut [f64]| {
-        values.iter_mut().zip(&muscles).for_each(|(value, name)| *value = controls.at(name, time).unwrap_or(0.0));
+        values
+            .iter_mut()
+            .zip(&muscles)
+            .for_each(|(value, name)| *value = system.controls.at(name, time).unwrap_or(0.0));
     };
     let trajectory = simulate_forward(&plant, &first, excite, &options).map_err(|e| ToolError::new(&system.path, e))?;
 
@@ -113,13 +120,14 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         analysis.warnings().into_iter().for_each(|text| outcome.warn(tool.setup().path(), 0, text));
         add_results(analysis.as_ref(), &frame.name, &frame.results, frame.precision, outcome);
     }
-    write(&frame, &states, &controls, &names, &system, outcome);
+    write(&frame, &states, &system, outcome);
     outcome.summary.push(format!("simulated {start} to {end} s: {:?}", trajectory.cost));
     Ok(())
 }
 
 /// The system as a plant: its skeleton, muscles, forces and loads.
-fn plant_of(system: &System, controls: &Controls) -> Result<Plant, ToolProblem> {
+fn plant_of(system: &System) -> Result<Plant, ToolProblem> {
+    let controls = &system.controls;
     let mut plant = Plant::compile(&system.spec, &system.model, true)?;
     plant.stabilization = STABILIZATION;
     for actor in &system.actors {
@@ -141,7 +149,7 @@ fn plant_of(system: &System, controls: &Controls) -> Result<Plant, ToolProblem> 
             }
             Actor::PathActuator(actuator) => {
                 let (actor, actuator, controls) = (actor.clone(), actuator.clone(), controls.clone());
-                plant = plant.with_load(Arc::new(move |_, q, cache, time, applied| {
+                plant = plant.with_load(Arc::new(move |_, [q, _], cache, time, applied| {
                     let tension = actor.controlled_force(&controls, time).unwrap_or(0.0);
                     if tension != 0.0 {
                         let mut geometry = actuator.path.new_geometry();
@@ -149,6 +157,11 @@ fn plant_of(system: &System, controls: &Controls) -> Result<Plant, ToolProblem> 
                         apply_tension(&actuator.path, q, cache, &geometry, tension, applied);
                     }
                 }));
+            }
+            Actor::Correction(correction) => {
+                let correction = correction.clone();
+                plant =
+                    plant.with_load(Arc::new(move |_, [q, u], _, time, applied| correction.apply(time, q, u, applied)));
             }
             _ => {}
         }
@@ -161,20 +174,31 @@ fn even_times(start: f64, end: f64) -> Vec<f64> {
     (0..=rows).map(|i| if i == rows { end } else { start + (end - start) * i as f64 / rows as f64 }).collect()
 }
 
-fn write(
-    frame: &Frame,
-    states: &Storage,
-    controls: &Controls,
-    actuators: &[String],
-    system: &System,
-    outcome: &mut Outcome,
-) {
-    let mut storage = Storage::new("controls", actuators.to_vec());
-    if !actuators.is_empty() {
-        for time in &states.time {
-            storage.push(*time, actuators.iter().map(|a| controls.at(a, *time).unwrap_or(0.0)).collect());
-        }
+/// Controls of all actuators over time; those of a `CorrectionController` first, as in the rows (not the labels) that
+/// OpenSim writes.
+fn controls_of(states: &Storage, system: &System) -> Storage {
+    let correction = system.actors.iter().find_map(|actor| match actor {
+        Actor::Correction(correction) => Some(correction),
+        _ => None,
+    });
+    let actuators = system.actuator_names();
+    let labels = correction.iter().flat_map(|c| c.labels.clone()).chain(actuators.iter().cloned());
+    let mut storage = Storage::new("controls", labels.collect());
+    if storage.labels.is_empty() {
+        return storage;
     }
+    let n = system.model.n_coordinates();
+    for (&time, row) in states.time.iter().zip(&states.rows) {
+        let [q, u]: [Vec<f64>; 2] = [0, 1].map(|of| (0..n).map(|i| row[2 * i + of]).collect());
+        let mut values = correction.map_or_else(Vec::new, |c| c.forces(time, &q, &u));
+        values.extend(actuators.iter().map(|a| system.controls.at(a, time).unwrap_or(0.0)));
+        storage.push(time, values);
+    }
+    storage
+}
+
+fn write(frame: &Frame, states: &Storage, system: &System, outcome: &mut Outcome) {
+    let storage = controls_of(states, system);
     let name = &frame.name;
     outcome.add_storage(&frame.results, &format!("{name}_controls.sto"), &storage, frame.precision);
     outcome.add_storage(&frame.results, &format!("{name}_states.sto"), states, frame.precision);

@@ -3,13 +3,14 @@
 //! In: a setup file and what it names. Out: an [`Outcome`]: files to be written, warnings, a summary. Nothing is written
 //! or printed here. Each tool is one file; all evaluate a [`System`], a model with everything that acts in it.
 
-mod actuators;
 mod analysis;
 mod analyze;
 mod controls;
+mod correction;
 mod error;
 mod external_loads;
 mod force_analyses;
+mod force_sets;
 mod forward;
 mod ik_solver;
 mod inverse_dynamics;
@@ -48,10 +49,12 @@ pub fn run_tool(setup: &Path, model: Option<&Path>, allow_unsupported: bool) -> 
     let setup = Setup::read(setup)?;
     let tool = setup.object();
     let mut outcome = Outcome::default();
-    let system_of = |outcome: &mut Outcome| {
+    let system_of = |outcome: &mut Outcome, takes_forces: bool| {
         let (path, file) = model_of(&tool, model, outcome)?;
-        let document = file.document.clone();
-        let mut system = System::new(&path, file)?;
+        let mut system = match takes_forces {
+            true => force_sets::system_with(&tool, &path, &file, outcome)?,
+            false => System::of_spec(&path, file.spec)?,
+        };
         system.allow_unsupported = allow_unsupported;
         if allow_unsupported {
             let left_out = system.forces_not_computed(&|_| false);
@@ -59,15 +62,15 @@ pub fn run_tool(setup: &Path, model: Option<&Path>, allow_unsupported: bool) -> 
                 outcome.warn(&path, 0, format!("forces that are not computed are left out: {}", left_out.join(", ")));
             }
         }
-        Ok::<_, ToolError>((system, document))
+        Ok::<_, ToolError>((system, file.document))
     };
     match tool.class() {
         "AnalyzeTool" => {
-            let (system, document) = system_of(&mut outcome)?;
+            let (system, document) = system_of(&mut outcome, true)?;
             analyze::run(&tool, system, document, &mut outcome)?;
         }
         "ForwardTool" => {
-            let (system, document) = system_of(&mut outcome)?;
+            let (system, document) = system_of(&mut outcome, true)?;
             forward::run(&tool, system, document, &mut outcome)?;
         }
         "ScaleTool" => {
@@ -75,9 +78,9 @@ pub fn run_tool(setup: &Path, model: Option<&Path>, allow_unsupported: bool) -> 
             let (path, file) = model_of(&maker, model, &mut outcome)?;
             scale::run(&tool, path, file, &mut outcome)?;
         }
-        "InverseDynamicsTool" => inverse_dynamics::run(&tool, system_of(&mut outcome)?.0, &mut outcome)?,
+        "InverseDynamicsTool" => inverse_dynamics::run(&tool, system_of(&mut outcome, false)?.0, &mut outcome)?,
         "InverseKinematicsTool" => {
-            inverse_kinematics::run(&tool, system_of(&mut outcome)?.0, &mut outcome)?;
+            inverse_kinematics::run(&tool, system_of(&mut outcome, false)?.0, &mut outcome)?;
         }
         other => {
             let problem = ToolProblem::NotATool { expected: TOOLS.join(", "), found: other.to_owned() };
@@ -103,8 +106,6 @@ fn model_of(
         (None, None) => return Err(tool.missing("model_file", "a model (.osim)")),
     };
     let file = OsimFile::read(&path).map_err(|e| ToolError::new(&path, e))?;
-    for found in file.diagnostics.of(crate::osim::Severity::Warning) {
-        outcome.warn(&path, found.line, format!("{}: {}", found.path, found.message));
-    }
+    outcome.warn_of_diagnostics(&path, &file.diagnostics);
     Ok((path, file))
 }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::osim::{Diagnostics, Severity};
 use crate::storage::Storage;
 
 /// A file that a tool writes.
@@ -32,6 +33,13 @@ impl Outcome {
         let has_extension = name.rsplit_once('.').is_some_and(|(stem, end)| !stem.is_empty() && !end.is_empty());
         let name = if has_extension { name.to_owned() } else { format!("{name}.sto") };
         self.files.push(ResultFile { path: folder.join(name), bytes: storage.text(precision).into_bytes() });
+    }
+
+    /// Adds the warnings among what was found in a file.
+    pub fn warn_of_diagnostics(&mut self, file: &Path, diagnostics: &Diagnostics) {
+        for found in diagnostics.of(Severity::Warning) {
+            self.warn(file, found.line, format!("{}: {}", found.path, found.message));
+        }
     }
 
     /// Adds a warning about a file.

@@ -50,6 +50,11 @@ impl Setup {
         Setup { document, path: path.to_owned(), used }
     }
 
+    /// The text, with the files that its objects name in their place.
+    pub fn into_document(self) -> Document {
+        self.document
+    }
+
     /// The object at an element.
     pub fn at_element(&self, element: usize) -> Properties<'_> {
         Properties { setup: self, element: ElementId(element) }
@@ -264,6 +269,17 @@ impl<'a> Properties<'a> {
                 "false" | "0" => Ok(false),
                 _ => Err(self.bad_value(property, "true or false", &text)),
             },
+        }
+    }
+
+    /// Whether a controller acts (`enabled`, before 4.0 `isDisabled`).
+    ///
+    /// # Errors
+    /// Something else than a truth value stands there.
+    pub fn is_enabled(&self) -> Result<bool, ToolError> {
+        match self.text("isDisabled") {
+            Some(_) => Ok(!self.boolean("isDisabled", false)?),
+            None => self.boolean("enabled", true),
         }
     }
 

@@ -69,11 +69,8 @@ impl StaticOptimization {
             ranges.push(range);
             labels.push(actor.name(&system.muscles).to_owned());
         }
-        let held = |i: &usize| {
-            let c = &system.model.coordinates[*i];
-            c.locked || c.prescribed.is_some() || system.model.is_dependent(crate::osim::spec::CoordinateIndex(*i))
-        };
-        let coordinates: Vec<usize> = system.tree_order.iter().map(|c| c.0).filter(|i| !held(i)).collect();
+        let coordinates: Vec<usize> =
+            system.tree_order.iter().map(|c| c.0).filter(|i| !system.is_constrained(*i)).collect();
         if actuators.len() < coordinates.len() {
             let what = format!(
                 "{} free coordinates and only {} actuators: reserve actuators may be added by force_set_files",

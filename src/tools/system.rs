@@ -8,16 +8,17 @@ use std::path::{Path, PathBuf};
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::controls::Controls;
+use super::correction::Correction;
 use super::error::{ToolError, ToolProblem};
 use super::setup::{Properties, Setup};
 use crate::dynamics::{Accelerations, Constraints, Dynamics};
 use crate::forces::{AppliedForces, Forces};
 use crate::multibody::{Cache, Model};
 use crate::muscles::{MuscleDynamics, MuscleModel, MuscleState};
+use crate::osim::Document;
 use crate::osim::spec::{
-    ActuatorKind, BodyIndex, CoordinateIndex, ForceKind, ForceSpec, FrameIndex, ModelSpec, MotionType,
+    ActuatorKind, BodyIndex, CoordinateIndex, ForceKind, ForceSpec, FrameIndex, Location, ModelSpec, MotionType,
 };
-use crate::osim::{Document, OsimFile};
 use crate::paths::{Path as MusclePath, PathGeometry};
 use crate::spatial::SpatialForce;
 
@@ -43,8 +44,6 @@ pub struct System {
     pub actors: Vec<Actor>,
     /// Forces of classes that are not computed: name and class.
     pub unsupported: Vec<(String, String)>,
-    /// Actuators of force set files that apply no force.
-    pub inactive: Vec<String>,
     /// Controls of actuators.
     pub controls: Controls,
     /// Whether results without such forces are wanted.
@@ -101,78 +100,80 @@ pub struct SystemWork<'a> {
 }
 
 impl System {
-    /// Compiles a model that was read.
-    ///
-    /// # Errors
-    /// Anything of it that cannot be built.
-    pub fn new(path: &Path, file: OsimFile) -> Result<System, ToolError> {
-        System::of_spec(path, file.spec)
-    }
-
     /// Compiles a specification.
     ///
     /// # Errors
     /// Anything of it that cannot be built.
     pub fn of_spec(path: &Path, spec: ModelSpec) -> Result<System, ToolError> {
-        let model = Model::compile(&spec).map_err(|e| {
-            let line = e.at().line;
-            ToolError::at(path, line, e)
-        })?;
-        let fail = |line: usize, problem: ToolProblem| ToolError::at(path, line, problem);
-        let constraints = Constraints::compile(&spec, &model, true, true).map_err(|e| fail(0, e.into()))?;
-        let forces = Forces::compile(&spec, &model).map_err(|e| fail(0, e.into()))?;
+        System::of_files(path, &[], spec)
+    }
+
+    /// Compiles a specification that was read from several files.
+    ///
+    /// - `force_sets`: those after the model's, by [`Location::source`] from 1 on
+    ///
+    /// # Errors
+    /// Anything of it that cannot be built, with the file in which it stands.
+    pub fn of_files(path: &Path, force_sets: &[PathBuf], spec: ModelSpec) -> Result<System, ToolError> {
+        let fail = |at: &Location, problem: ToolProblem| {
+            let file = at.source.checked_sub(1).and_then(|i| force_sets.get(i));
+            ToolError::at(file.map_or(path, PathBuf::as_path), at.line, problem)
+        };
+        let model = Model::compile(&spec).map_err(|e| fail(&e.at().clone(), e.into()))?;
+        let constraints = Constraints::compile(&spec, &model, true, true).map_err(|e| ToolError::new(path, e))?;
+        let forces = Forces::compile(&spec, &model).map_err(|e| fail(&e.at().clone(), e.into()))?;
         let mut muscles = Vec::new();
-        let mut actors: Vec<(usize, Actor)> = Vec::new();
+        let mut actors = Vec::new();
         for muscle in &spec.muscles {
-            let line = muscle.at.line;
-            let compiled = MusclePath::compile(&muscle.path, &spec, &model).map_err(|e| fail(line, e.into()))?;
+            let compiled = MusclePath::compile(&muscle.path, &spec, &model).map_err(|e| fail(&muscle.at, e.into()))?;
             let law = match MuscleModel::from_spec(muscle) {
                 Ok(law) => Some(law),
                 Err(crate::muscles::MuscleError::NotMillard2012 { .. }) => None,
-                Err(error) => return Err(fail(line, error.into())),
+                Err(error) => return Err(fail(&muscle.at, error.into())),
             };
             let class = match &muscle.kind {
                 crate::osim::spec::MuscleKind::PathOnly { class, .. } => class.clone(),
                 _ => "Millard2012EquilibriumMuscle".to_owned(),
             };
             if muscle.applies_force {
-                actors.push((line, Actor::Muscle(muscles.len())));
+                actors.push((muscle.at.order(), Actor::Muscle(muscles.len())));
             }
             muscles.push(SystemMuscle {
                 name: muscle.name.clone(),
                 path_name: muscle.at.path.clone(),
                 path: compiled,
                 law,
-                class: (class, line),
+                class,
                 applies_force: muscle.applies_force,
             });
         }
-        let line_of = |name: &str| spec.forces.iter().find(|f| f.name == name).map_or(0, |f| f.at.line);
+        let nowhere = Location::default();
+        let at = |name: &str| spec.forces.iter().find(|f| f.name == name).map_or(&nowhere, |f| &f.at);
         for force in forces.forces {
-            actors.push((line_of(&force.name), Actor::Law(Box::new(force))));
+            actors.push((at(&force.name).order(), Actor::Law(Box::new(force))));
         }
         for force in forces.along_paths {
-            let line = line_of(&force.name);
-            let path = MusclePath::compile(&force.path, &spec, &model).map_err(|e| fail(line, e.into()))?;
-            actors.push((line, Actor::Along { name: force.name, path: Box::new(path), law: Box::new(force.law) }));
+            let at = at(&force.name);
+            let path = MusclePath::compile(&force.path, &spec, &model).map_err(|e| fail(at, e.into()))?;
+            actors
+                .push((at.order(), Actor::Along { name: force.name, path: Box::new(path), law: Box::new(force.law) }));
         }
         for force in spec.forces.iter().filter(|f| f.applies_force) {
             let ForceKind::Actuator(actuator) = &force.kind else { continue };
             let ActuatorKind::Path { path } = &actuator.kind else { continue };
-            let line = force.at.line;
-            let path = MusclePath::compile(path, &spec, &model).map_err(|e| fail(line, e.into()))?;
+            let path = MusclePath::compile(path, &spec, &model).map_err(|e| fail(&force.at, e.into()))?;
             let (name, optimal_force) = (force.name.clone(), actuator.optimal_force);
             let control_range = [actuator.min_control, actuator.max_control];
-            actors
-                .push((line, Actor::PathActuator(Box::new(PathActuator { name, path, optimal_force, control_range }))));
+            let actuator = PathActuator { name, path, optimal_force, control_range };
+            actors.push((force.at.order(), Actor::PathActuator(Box::new(actuator))));
         }
         for force in forces.over_time {
-            actors.push((line_of(&force.name), Actor::OverTime(Box::new(force))));
+            actors.push((at(&force.name).order(), Actor::OverTime(Box::new(force))));
         }
         for actuator in forces.actuators {
-            actors.push((line_of(&actuator.name), Actor::Actuator(Box::new(actuator))));
+            actors.push((at(&actuator.name).order(), Actor::Actuator(Box::new(actuator))));
         }
-        actors.sort_by_key(|(line, _)| *line);
+        actors.sort_by_key(|(order, _)| *order);
         let actors = actors.into_iter().map(|(_, actor)| actor).collect();
         let tree_order = tree_order(&spec, &model);
         let (path, unsupported) = (path.to_owned(), forces.unsupported);
@@ -185,7 +186,6 @@ impl System {
             muscles,
             actors,
             unsupported,
-            inactive: Vec::new(),
             controls,
             allow_unsupported,
             tree_order,
@@ -258,7 +258,7 @@ impl System {
     /// Names and classes of forces that act and are not computed.
     pub fn forces_not_computed(&self, excluded: &dyn Fn(&str) -> bool) -> Vec<String> {
         let muscles = self.muscles.iter().filter(|m| m.applies_force && m.law.is_none());
-        let muscles = muscles.map(|m| (m.name.clone(), m.class.0.clone()));
+        let muscles = muscles.map(|m| (m.name.clone(), m.class.clone()));
         let all = self.unsupported.iter().cloned().chain(muscles).filter(|(name, _)| !excluded(name));
         all.map(|(name, class)| format!("{name} ({class})")).collect()
     }
@@ -317,7 +317,8 @@ impl System {
         let mut controls = Controls::default();
         let own = Setup::of_document(&self.path, document);
         controls.read(&own.object().objects("ControllerSet"), &names)?;
-        controls.read(&tool.objects("ControllerSet"), &names)?;
+        let of_tool = tool.objects("ControllerSet").into_iter().filter(|c| !Correction::acts_in(tool, c));
+        controls.read(&of_tool.collect::<Vec<_>>(), &names)?;
         self.controls = controls;
         Ok(())
     }
@@ -341,7 +342,7 @@ impl System {
         let mut names = self.actuator_names();
         let is_actuator = |f: &&ForceSpec| matches!(f.kind, ForceKind::Actuator(_));
         let others = self.spec.forces.iter().filter(is_actuator).map(|f| &f.name);
-        for name in others.chain(self.muscles.iter().map(|m| &m.name)).chain(&self.inactive) {
+        for name in others.chain(self.muscles.iter().map(|m| &m.name)) {
             if !names.contains(name) {
                 names.push(name.clone());
             }
@@ -424,6 +425,11 @@ impl System {
                 Actor::External(force) => {
                     if acts(k) {
                         force.apply(&self.model, cache, state.time, applied);
+                    }
+                }
+                Actor::Correction(correction) => {
+                    if acts(k) {
+                        correction.apply(state.time, &state.q, &state.u, applied);
                     }
                 }
             }
@@ -545,6 +551,12 @@ impl System {
     fn dampers(&self) -> impl Iterator<Item = usize> + '_ {
         let forces = self.spec.forces.iter().enumerate();
         forces.filter(|(_, f)| f.applies_force && matches!(f.kind, ForceKind::Bushing { .. })).map(|(i, _)| i)
+    }
+
+    /// Whether a coordinate cannot be moved by a force: locked, prescribed or dependent (`Coordinate::isConstrained`).
+    pub fn is_constrained(&self, coordinate: usize) -> bool {
+        let c = &self.model.coordinates[coordinate];
+        c.locked || c.prescribed.is_some() || self.model.is_dependent(CoordinateIndex(coordinate))
     }
 
     /// Whether a coordinate is an angle in OpenSim's files.

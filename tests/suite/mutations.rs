@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use carpus::osim::OsimFile;
+use carpus::osim::{Document, OsimFile};
 use carpus::storage::{Markers, MotionCapture, Storage};
 use carpus::tools::{System, run_tool};
 use rand::{RngExt, SeedableRng};
@@ -126,6 +126,22 @@ fn verif_mutated_motion_capture_files_never_panic() {
         for_each_mutation(file, 400, |bytes| refused += usize::from(MotionCapture::parse(&bytes).is_err()));
     }
     assert!(refused > 20, "{refused} refused");
+}
+
+#[test]
+fn verif_mutated_files_of_forces_never_panic() {
+    let model = OsimFile::read(fixture("fixtures/components/forces.osim")).unwrap();
+    let mut read = 0;
+    for file in ["fixtures/force_sets/forces.xml", "fixtures/force_sets/old_forces.xml"] {
+        for_each_mutation(file, 240, |bytes| {
+            let Ok(document) = Document::parse(bytes, file) else { return };
+            if let Ok((spec, _)) = model.with_force_sets(&[document], false) {
+                read += 1;
+                let _ = System::of_files(Path::new("forces.osim"), &[PathBuf::from(file)], spec);
+            }
+        });
+    }
+    assert!(read > 20, "{read} read");
 }
 
 #[test]

@@ -2,6 +2,8 @@
 
 mod components;
 mod files;
+mod force_sets;
 mod motion_capture;
 mod opensim;
+mod references;
 mod setups;

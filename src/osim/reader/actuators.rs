@@ -27,11 +27,15 @@ impl Reader<'_> {
         }))
     }
 
-    /// Before 10905 the torque acts on the other body, and about the opposite axis (`TorqueActuator::updateFromXMLNode`).
+    /// Before 10905 the torque acts on the other body, and about the opposite axis, also where today's names stand
+    /// (`TorqueActuator::updateFromXMLNode`).
     fn torque_actuator(&mut self, object: &Object) -> Option<ActuatorKind> {
         let swapped = self.version.has_forces_on_body_b();
-        let names: [&[&'static str]; 3] =
-            if swapped { [&["body_B"], &["body_A"], &["direction_A"]] } else { [&["bodyA"], &["bodyB"], &["axis"]] };
+        let names: [&[&'static str]; 3] = if swapped {
+            [&["body_B", "bodyA"], &["body_A", "bodyB"], &["direction_A", "axis"]]
+        } else {
+            [&["bodyA"], &["bodyB"], &["axis"]]
+        };
         let sign = if swapped { -1.0 } else { 1.0 };
         let (body_a, body_b) = (self.named_body(object, names[0]), self.named_body(object, names[1]));
         Some(ActuatorKind::Torque {
@@ -53,11 +57,15 @@ impl Reader<'_> {
         })
     }
 
-    /// Before 10905 the direction is that of the force on the other body (`PointActuator::updateFromXMLNode`).
+    /// Before 10905 the direction is that of the force on the other body, also where today's names stand
+    /// (`PointActuator::updateFromXMLNode`).
     fn point_actuator(&mut self, object: &Object) -> Option<ActuatorKind> {
         let old = self.version.has_forces_on_body_b();
-        let names: [&[&'static str]; 3] =
-            if old { [&["body_B"], &["point_B"], &["direction_A"]] } else { [&["body"], &["point"], &["direction"]] };
+        let names: [&[&'static str]; 3] = if old {
+            [&["body_B", "body"], &["point_B", "point"], &["direction_A", "direction"]]
+        } else {
+            [&["body"], &["point"], &["direction"]]
+        };
         let sign = if old { -1.0 } else { 1.0 };
         Some(ActuatorKind::Point {
             body: self.named_body(object, names[0])?,

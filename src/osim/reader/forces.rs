@@ -49,17 +49,24 @@ impl Reader<'_> {
         let elements = self.set_and_components(model, &["ForceSet", "ActuatorSet"], "/forceset", components, is_force);
         let mut names = Names::default();
         for (element, owner) in elements {
-            let name = self.component_name(element, &mut names, owner);
-            let object = self.object(element, owner, &name);
-            if is_muscle(self.document.tag(element)) {
-                self.read_muscle(element, &object, name);
-            } else {
-                self.read_force(element, &object, name);
-            }
+            self.read_force(element, owner, &mut names);
         }
     }
 
-    fn read_force(&mut self, element: ElementId, object: &Object, name: String) {
+    /// A muscle or another force.
+    ///
+    /// - `names`: those of the forces that were read before
+    pub(super) fn read_force(&mut self, element: ElementId, owner: &str, names: &mut Names) {
+        let name = self.component_name(element, names, owner);
+        let object = self.object(element, owner, &name);
+        if is_muscle(self.document.tag(element)) {
+            self.read_muscle(element, &object, name);
+        } else {
+            self.read_other_force(element, &object, name);
+        }
+    }
+
+    fn read_other_force(&mut self, element: ElementId, object: &Object, name: String) {
         let class = self.document.tag(element).to_owned();
         let applies_force = self.enabled(object, "appliesForce");
         let at = self.location(object);
@@ -268,7 +275,7 @@ impl Reader<'_> {
         }
         let name = format!("{}_offset", self.reference(&name));
         let path = format!("{}/{name}", object.path);
-        let at = Location { line: object.line, path, element: object.element.map(|element| element.0) };
+        let at = Location { path, ..self.location(object) };
         let frame = self.add_frame(&name, at, FrameKind::Offset { parent: base, translation, orientation });
         let parent = Some((None, self.spec.frames[base.0].at.path.clone()));
         self.unresolved.push(UnresolvedOffset { frame, object: object.clone(), parent });

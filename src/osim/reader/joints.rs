@@ -384,7 +384,7 @@ impl Reader<'_> {
             let Some((element, body)) = body else { continue };
             let name = format!("{}_offset", self.reference(&body));
             let path = format!("{}/{name}", object.path);
-            let at = Location { line: object.line, path, element: object.element.map(|element| element.0) };
+            let at = Location { path, ..self.location(object) };
             let kind = FrameKind::Offset { parent: FrameIndex(0), translation, orientation };
             let frame = self.add_frame(&name, at, kind);
             self.search_order.push(frame);
@@ -469,7 +469,7 @@ impl Reader<'_> {
             let coordinates = self.read_fixed_coordinates(&object, joint, Vec::new(), &types);
             self.spec.joints.push(JointSpec {
                 name,
-                at: Location { line: at.line, path, element: None },
+                at: Location { path, element: None, ..at },
                 parent_frame: FrameIndex(0),
                 child_frame: frame,
                 coordinates,

@@ -56,10 +56,10 @@ fn only_reports(tag: &str) -> bool {
 }
 
 impl Reader<'_> {
-    /// Reports what was not read below `model`.
-    pub(super) fn report_leftovers(&mut self, model: ElementId) {
+    /// Reports what was not read below `owner`, the component at `path` (empty for the model).
+    pub(super) fn report_leftovers(&mut self, owner: ElementId, path: &str) {
         let mut once: HashMap<String, usize> = HashMap::new();
-        let mut stack: Vec<(ElementId, String)> = vec![(model, String::new())];
+        let mut stack: Vec<(ElementId, String)> = vec![(owner, path.to_owned())];
         while let Some((element, path)) = stack.pop() {
             for &child in self.document.children(element).iter().rev() {
                 let tag = self.document.tag(child).to_owned();

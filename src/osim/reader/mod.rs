@@ -6,6 +6,8 @@
 mod actuators;
 mod bodies;
 mod constraints;
+mod defaults;
+mod force_sets;
 mod forces;
 mod functions;
 mod joints;
@@ -24,10 +26,13 @@ use super::diagnostics::{Diagnostic, Diagnostics, Severity};
 use super::document::{Document, ElementId};
 use super::error::{OsimError, Problem, ProblemKind};
 use super::spec::{CoordinateIndex, FrameIndex, Location, ModelSpec};
+pub(super) use defaults::with_earlier_defaults;
 use upgrade::Version;
 
 /// Oldest format that is read, as in OpenSim 4.6.
 const OLDEST_VERSION: u32 = 10901;
+/// Oldest format of files of forces, that of a file that states none (`XMLDocument::updateDocumentVersion`).
+const OLDEST_FORCE_SET: u32 = 10500;
 /// Newest format that is read, that of OpenSim 4.6.
 const NEWEST_VERSION: u32 = 40600;
 
@@ -47,8 +52,10 @@ struct Object {
 /// State of one reading.
 struct Reader<'a> {
     document: &'a Document,
+    /// What [`Location::source`] is for components of the document.
+    source: usize,
     version: Version,
-    /// `<defaults>` by class.
+    /// `<defaults>` by class, under its present name.
     defaults: HashMap<String, ElementId>,
     /// Elements that have been read.
     used: Vec<bool>,
@@ -73,9 +80,23 @@ struct Reader<'a> {
 
 /// Reads the model of a document.
 pub(super) fn read_model(document: &Document) -> Result<(ModelSpec, Diagnostics), OsimError> {
+    let (spec, diagnostics, _) = read_model_and_forces(document, &[], false)?;
+    Ok((spec, diagnostics))
+}
+
+/// Reads the model of a document and adds the forces of others: with what was found in the model, and in each of those.
+///
+/// - `force_sets`: with the defaults of files before them ([`with_earlier_defaults`])
+/// - `replace`: whether the forces of the model's own force set are left out
+pub(super) fn read_model_and_forces(
+    document: &Document,
+    force_sets: &[Document],
+    replace: bool,
+) -> Result<(ModelSpec, Diagnostics, Vec<Diagnostics>), OsimError> {
     let (model, version) = model_element(document)?;
     let mut reader = Reader {
         document,
+        source: 0,
         version,
         defaults: HashMap::new(),
         used: vec![false; document.n_elements()],
@@ -92,12 +113,16 @@ pub(super) fn read_model(document: &Document) -> Result<(ModelSpec, Diagnostics)
         pending_joints: Vec::new(),
     };
     reader.read(model);
-    let Reader { problems, mut diagnostics, spec, .. } = reader;
+    let diagnostics = reader.take_diagnostics();
+    if replace {
+        reader.remove_force_set();
+    }
+    let of_force_sets = reader.add_force_sets(force_sets)?;
+    let Reader { problems, spec, .. } = reader;
     if !problems.is_empty() {
         return Err(OsimError::Invalid { problems });
     }
-    diagnostics.sort();
-    Ok((spec, diagnostics))
+    Ok((spec, diagnostics, of_force_sets))
 }
 
 /// The `<Model>` element and the format version.
@@ -111,22 +136,24 @@ fn model_element(document: &Document) -> Result<(ElementId, Version), OsimError>
     if document.tag(root) != "OpenSimDocument" {
         return Err(not_a_model(root, format!("<{}>", document.tag(root))));
     }
-    let found = document.attribute(root, "Version").unwrap_or_default();
-    let version: u32 = found.trim().parse().unwrap_or(0);
-    if !(OLDEST_VERSION..=NEWEST_VERSION).contains(&version) {
-        return Err(OsimError::UnsupportedVersion {
-            file: document.file().to_owned(),
-            line: document.line(root),
-            found,
-            oldest: OLDEST_VERSION,
-            newest: NEWEST_VERSION,
-        });
-    }
+    let version = format_version(document, OLDEST_VERSION)?;
     match document.children(root).first() {
-        Some(&model) if document.tag(model) == "Model" => Ok((model, Version(version))),
+        Some(&model) if document.tag(model) == "Model" => Ok((model, version)),
         Some(&other) => Err(not_a_model(other, format!("<{}>", document.tag(other)))),
         None => Err(not_a_model(root, "an empty <OpenSimDocument>".to_owned())),
     }
+}
+
+/// The format version that a root element gives, of those from `oldest` on.
+fn format_version(document: &Document, oldest: u32) -> Result<Version, OsimError> {
+    let root = document.root();
+    let found = document.attribute(root, "Version").unwrap_or_default();
+    let version: u32 = found.trim().parse().unwrap_or(0);
+    if (oldest..=NEWEST_VERSION).contains(&version) {
+        return Ok(Version(version));
+    }
+    let (file, line) = (document.file().to_owned(), document.line(root));
+    Err(OsimError::UnsupportedVersion { file, line, found, oldest, newest: NEWEST_VERSION })
 }
 
 impl Reader<'_> {
@@ -150,15 +177,25 @@ impl Reader<'_> {
         self.read_constraints(&object, &components);
         self.read_forces(&object, &components);
         self.read_markers(&object);
-        self.report_leftovers(model);
+        self.report_leftovers(model, "");
     }
 
-    fn read_defaults(&mut self, model: ElementId) {
-        let Some(defaults) = self.document.child(model, "defaults") else { return };
+    /// What was found so far, in the order of the file.
+    fn take_diagnostics(&mut self) -> Diagnostics {
+        let mut diagnostics = std::mem::take(&mut self.diagnostics);
+        diagnostics.sort();
+        diagnostics
+    }
+
+    fn read_defaults(&mut self, owner: ElementId) {
+        let Some(defaults) = self.document.child(owner, "defaults") else { return };
         self.mark(defaults);
         for &child in self.document.children(defaults) {
-            let class = self.document.tag(child).to_owned();
-            self.defaults.entry(class).or_insert(child);
+            // OpenSim looks for present names only, and applies them to objects of old names too.
+            let class = self.document.tag(child);
+            if upgrade::present_class(class) == class {
+                self.defaults.entry(class.to_owned()).or_insert(child);
+            }
         }
     }
 
@@ -216,13 +253,14 @@ impl Reader<'_> {
     /// The object at an element: marks it as read and finds its class' defaults.
     fn object(&mut self, element: ElementId, owner: &str, name: &str) -> Object {
         self.mark(element);
-        let default = self.defaults.get(self.document.tag(element)).copied();
+        let default = self.defaults.get(upgrade::present_class(self.document.tag(element))).copied();
         let path = if owner == "/" { format!("/{name}") } else { format!("{owner}/{name}") };
         Object { element: Some(element), default, path, line: self.document.line(element) }
     }
 
     fn location(&self, object: &Object) -> Location {
-        Location { line: object.line, path: object.path.clone(), element: object.element.map(|element| element.0) }
+        let element = object.element.map(|element| element.0);
+        Location { source: self.source, line: object.line, path: object.path.clone(), element }
     }
 
     /// Name of a component as OpenSim 4.6 gives it: without white space in old files, the class in lower case if

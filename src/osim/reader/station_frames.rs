@@ -38,7 +38,7 @@ impl Reader<'_> {
                     let object = self.object(element, owner, &name);
                     self.diagnostics.understood("StationDefinedFrame");
                     // Its place follows from the stations: there is nothing of its own to edit.
-                    let at = Location { line: object.line, path: object.path.clone(), element: None };
+                    let at = Location { element: None, ..self.location(&object) };
                     let (translation, orientation) = (Vector3::zeros(), Vector3::zeros());
                     let frame = self.add_frame(
                         &name,

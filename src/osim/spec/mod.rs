@@ -58,15 +58,25 @@ index_type!(
     MuscleIndex
 );
 
-/// Where in the source file something stands.
+/// Where in its source file something stands.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Location {
+    /// The file: 0 for the model's own, otherwise the place, counted from 1, among the files of forces that were added
+    /// to it ([`crate::osim::OsimFile::with_force_sets`]).
+    pub source: usize,
     /// Line of the element's start tag, counted from 1; 0 if the component was not read from a file.
     pub line: usize,
     /// Absolute component path, e.g. `/forceset/ECRL`.
     pub path: String,
     /// The document element (handle used for edits); `None` if the component was not read from a file.
     pub element: Option<usize>,
+}
+
+impl Location {
+    /// Key that sorts components in the order in which they were read.
+    pub fn order(&self) -> (usize, Option<usize>, usize) {
+        (self.source, self.element, self.line)
+    }
 }
 
 /// A model as its file states it.

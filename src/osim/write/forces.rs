@@ -10,8 +10,8 @@ impl Writer<'_> {
     pub(super) fn forces(&mut self) {
         let spec = self.spec;
         // In the order of the file.
-        let muscles = spec.muscles.iter().enumerate().map(|(i, m)| ((m.at.element, m.at.line), Ok(i)));
-        let forces = spec.forces.iter().enumerate().map(|(i, f)| ((f.at.element, f.at.line), Err(i)));
+        let muscles = spec.muscles.iter().enumerate().map(|(i, m)| (m.at.order(), Ok(i)));
+        let forces = spec.forces.iter().enumerate().map(|(i, f)| (f.at.order(), Err(i)));
         let mut all: Vec<_> = muscles.chain(forces).collect();
         all.sort_by_key(|(at, _)| *at);
         if all.is_empty() {

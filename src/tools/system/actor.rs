@@ -1,6 +1,7 @@
 //! What acts in a model.
 
 use super::super::controls::Controls;
+use super::super::correction::Correction;
 use super::super::external_loads::ExternalForce;
 use crate::forces::{Actuator, Force, PathForce, PrescribedForce};
 use crate::muscles::MuscleModel;
@@ -17,8 +18,8 @@ pub struct SystemMuscle {
     pub path: MusclePath,
     /// Its law; `None`: a class whose force is not computed.
     pub law: Option<MuscleModel>,
-    /// Class and line, for messages.
-    pub class: (String, usize),
+    /// Class, for messages.
+    pub class: String,
     /// Whether it applies its force.
     pub applies_force: bool,
 }
@@ -47,6 +48,8 @@ pub enum Actor {
     OverTime(Box<PrescribedForce>),
     /// A force from data.
     External(Box<ExternalForce>),
+    /// Forces on all coordinates that draw them to a motion.
+    Correction(Box<Correction>),
 }
 
 impl Actor {
@@ -60,6 +63,7 @@ impl Actor {
             Actor::PathActuator(actuator) => &actuator.name,
             Actor::OverTime(force) => &force.name,
             Actor::External(force) => &force.name,
+            Actor::Correction(correction) => &correction.name,
         }
     }
 

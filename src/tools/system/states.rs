@@ -3,13 +3,13 @@
 use super::{System, SystemState};
 
 impl System {
-    /// What of the force set has states, in its order: lines, and a muscle or the number of a bushing.
-    fn with_states(&self) -> Vec<(usize, Result<usize, usize>)> {
-        let muscles = self.muscles.iter().enumerate().map(|(i, m)| (m.class.1, Ok(i)));
-        let bushings = self.dampers().enumerate().map(|(k, i)| (self.spec.forces[i].at.line, Err(k)));
+    /// What of the force set has states, in its order: a muscle or the number of a bushing.
+    fn with_states(&self) -> Vec<Result<usize, usize>> {
+        let muscles = self.spec.muscles.iter().enumerate().map(|(i, m)| (m.at.order(), Ok(i)));
+        let bushings = self.dampers().enumerate().map(|(k, i)| (self.spec.forces[i].at.order(), Err(k)));
         let mut all: Vec<_> = muscles.chain(bushings).collect();
-        all.sort_by_key(|(line, _)| *line);
-        all
+        all.sort_by_key(|(order, _)| *order);
+        all.into_iter().map(|(_, owner)| owner).collect()
     }
 
     /// Names of the states in OpenSim's order: value and speed of every coordinate, then what muscles and bushings have.
@@ -18,7 +18,7 @@ impl System {
         let mut names: Vec<String> =
             coordinates.flat_map(|c| [format!("{}/value", c.at.path), format!("{}/speed", c.at.path)]).collect();
         let bushings: Vec<usize> = self.dampers().collect();
-        for (_, owner) in self.with_states() {
+        for owner in self.with_states() {
             match owner {
                 Ok(i) => {
                     self.for_each_muscle_state(i, |name| names.push(format!("{}/{name}", self.muscles[i].path_name)))
@@ -45,7 +45,7 @@ impl System {
     /// Values of the states in the order of [`System::state_names`].
     pub fn state_values(&self, state: &SystemState) -> Vec<f64> {
         let mut values: Vec<f64> = state.q.iter().zip(&state.u).flat_map(|(q, u)| [*q, *u]).collect();
-        for (_, owner) in self.with_states() {
+        for owner in self.with_states() {
             match owner {
                 Ok(i) => self.for_each_muscle_state(i, |name| {
                     values.push(match name {
