@@ -24,6 +24,7 @@ mod story_figures;
 pub mod sweep;
 pub mod ultrasound;
 mod view;
+mod warnings;
 
 pub use article::render_article;
 pub use axis_figures::axis_name;

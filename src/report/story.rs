@@ -6,9 +6,10 @@ use super::axis_figures::{AxisPanel, axis_panels, p_words, repetition_words};
 use super::diagnosis::{CandidateResult, DiagnosisResult, ExplanationResult};
 use super::ledger::Estimate;
 use super::number::{percent, plain, significant};
-use super::results::{Kind, Results, WarningResult};
+use super::results::{Kind, Results};
 use super::story_figures::{WaterfallStep, interval, p_bar, separation, waterfall};
 use super::view::{Fact, Group, Pair, ParameterGroup, facts, groups, maybe, parameter_groups};
+use super::warnings::{self, WarningGroup};
 use crate::diagnosis::catalogue::effect;
 use crate::diagnosis::diagnose::{REJECT_EXPLANATION, REJECT_NULL};
 
@@ -28,7 +29,7 @@ pub struct Story {
     pub tone: &'static str,
     pub cards: Vec<StoryCard>,
     pub facts: Vec<Fact>,
-    pub warnings: Vec<WarningResult>,
+    pub warnings: Vec<WarningGroup>,
     pub waterfall: String,
     pub measure: String,
     pub explanations: Vec<ExplanationView>,
@@ -183,7 +184,7 @@ impl Story {
             tone,
             cards: cards(diagnosis, &steps, floor),
             facts: facts(results),
-            warnings: results.warnings.clone(),
+            warnings: warnings::groups(&results.warnings),
             waterfall: waterfall(&steps, floor),
             measure: diagnosis.error.measure.clone(),
             explanations: explanations(results, diagnosis),

@@ -3,10 +3,9 @@
 use super::axis_figures::{AxisPanel, axis_panels, repetition_words};
 use super::number::{percent, plain, quantity, significant};
 use super::plot::{self, Curve, CurveFigure};
-use super::results::{
-    Condition, Errors, Kind, ModelResult, ParameterResult, Results, StageResult, TrialResult, Use, WarningResult,
-};
+use super::results::{Condition, Errors, Kind, ModelResult, ParameterResult, Results, StageResult, TrialResult, Use};
 use super::story::within_sentence;
+use super::warnings::{self, WarningGroup};
 
 /// A number of the summary.
 pub struct Card {
@@ -123,7 +122,7 @@ pub struct View {
     pub lead: String,
     pub facts: Vec<Fact>,
     pub cards: Vec<Card>,
-    pub warnings: Vec<WarningResult>,
+    pub warnings: Vec<WarningGroup>,
     pub has_before: bool,
     pub has_errors: bool,
     pub before_label: String,
@@ -164,7 +163,7 @@ impl View {
             lead: lead(results, &pair),
             facts: facts(results),
             cards: cards(results, &pair),
-            warnings: results.warnings.clone(),
+            warnings: warnings::groups(&results.warnings),
             has_before: pair.before.is_some(),
             has_errors,
             before_label: pair.before.map(|m| m.label.clone()).unwrap_or_default(),

@@ -160,11 +160,25 @@ fn check_sensitivity_to_muscles(forward: &ForwardModel, effects: &[Setting]) {
     }
 }
 
-/// Noise of the EMG turns a compliant joint: half of a fast disturbance, or more, is gone.
 #[test]
 fn verif_response_to_excitation_of_a_compliant_joint_matches_differences() {
     let (study, trials, file) = demo();
+    check_response_to_excitation(&forward(&study, &few(trials), &file));
+}
+
+#[test]
+fn verif_response_of_a_compliant_joint_with_rigid_tendons_matches_differences() {
+    let (study, trials, mut file) = demo();
+    for muscle in &mut file.spec.muscles {
+        muscle.ignore_tendon_compliance = true;
+    }
     let forward = forward(&study, &few(trials), &file);
+    check_response_to_excitation(&forward);
+    check_sensitivity_to_muscles(&forward, &one_scale_of(&["joint_compliance"]));
+}
+
+/// Noise of the EMG turns a compliant joint, which takes part of the noise's moment back.
+fn check_response_to_excitation(forward: &ForwardModel) {
     let mut effects = one_scale_of(&["joint_compliance"]);
     effects[0].values[0] = 0.05;
     let parameters = forward.nominal_parameters();
@@ -197,8 +211,8 @@ fn verif_response_to_excitation_of_a_compliant_joint_matches_differences() {
         let largest = found.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         let off = |k: usize| ((up[k] - down[k]) / (2.0 * step) - found[k]).abs();
         let worst = (0..n).map(off).fold(0.0, f64::max);
-        let without = rounds[0].iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        println!("muscle {muscle}: {worst:.2e} of {largest:.2e}, held {without:.2e}");
+        let held = rounds[0].iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        println!("muscle {muscle}: {worst:.2e} of {largest:.2e}, held {held:.2e}");
         assert!(worst < 0.05 * largest, "muscle {muscle}: {worst:e} of {largest:e}");
     }
 }
