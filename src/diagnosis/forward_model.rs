@@ -19,7 +19,7 @@ use nalgebra::DMatrix;
 use crate::osim::spec::{ModelSpec, MuscleSpec};
 use crate::simulation::{
     AngleResponse, ExcitationTangent, FiberAccuracy, MuscleParameters, MuscleSolution, MusculoskeletalModel, Options,
-    PreparedTrial, Recording, SimulationError,
+    PreparedTrial, Recording, RestResponse, SimulationError,
 };
 use crate::study::{Trial, TrialUse};
 
@@ -105,8 +105,9 @@ pub struct Core {
     without: Option<Box<Core>>,
     /// Of every muscle, once asked for ([`Core::tangents`]).
     tangents: OnceLock<Option<Vec<ExcitationTangent>>>,
-    /// Of all muscles, once asked for.
+    /// Of all muscles and of everything else, once asked for.
     by_angle: OnceLock<AngleResponse>,
+    rest_by_angle: OnceLock<RestResponse>,
 }
 
 /// Accuracy that a diagnosis needs: moments within about 10⁻³ N·m, far below any sensor's noise, in half the time.
@@ -133,6 +134,7 @@ impl Core {
             without: None,
             tangents: OnceLock::new(),
             by_angle: OnceLock::new(),
+            rest_by_angle: OnceLock::new(),
         }
     }
 

@@ -33,7 +33,7 @@ pub use fiber::integrate::FiberAccuracy;
 pub use fiber::radau::Work;
 pub use model::{HeldCoordinate, MuscleParameters, MusculoskeletalModel, Setup, posture};
 pub use motion::MotionInterpolation;
-pub use response::{AngleResponse, ExcitationResponse};
+pub use response::{AngleResponse, ExcitationResponse, RestResponse};
 pub use sensitivity::MuscleSolution;
 pub use trial::{
     MIN_RECORDING_SAMPLES, MuscleKinematics, MuscleSimulation, Options, PreparedTrial, Recording, TrialKinematics,

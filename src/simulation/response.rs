@@ -3,11 +3,12 @@
 use std::sync::Arc;
 
 use super::fiber::equation::{Drive, Fiber};
+use super::model::MusculoskeletalModel;
 use super::sensitivity::MuscleSolution;
 use super::tables::MOMENT_ARM;
-use super::trial::{MuscleKinematics, PreparedTrial};
+use super::trial::{MuscleKinematics, PreparedTrial, TrialKinematics};
 
-/// Differences of angle [rad], path length [m] and its speed [m/s] for derivatives of formulas and tables.
+/// Differences of angle [rad] and its rates [rad/s, rad/s²], path length [m] and its speed [m/s] for derivatives of formulas and tables.
 const SMALL_ANGLE: f64 = 1e-3;
 const SMALL_LENGTH: f64 = 1e-6;
 const SMALL_SPEED: f64 = 1e-4;
@@ -141,6 +142,28 @@ impl PreparedTrial {
         }
     }
 
+    /// Linearizes the moment of everything but the muscles by the joint's angle and its rates along the trial.
+    ///
+    /// - `model`: with the forces of this trial
+    pub fn rest_response(&self, model: &MusculoskeletalModel) -> RestResponse {
+        let side = |series: fn(&mut TrialKinematics) -> &mut Vec<f64>, step: f64| {
+            let mut moved = (*self.kinematics).clone();
+            series(&mut moved).iter_mut().for_each(|v| *v += step);
+            model.passive_moments(&mut moved, &self.tables);
+            moved.moment_without_muscles()
+        };
+        let by = |series, step: f64| -> Vec<f64> {
+            let (up, down) = (side(series, step), side(series, -step));
+            up.iter().zip(&down).map(|(up, down)| (up - down) / (2.0 * step)).collect()
+        };
+        RestResponse {
+            by_angle: by(|k| &mut k.angle, SMALL_ANGLE),
+            by_speed: by(|k| &mut k.speed, SMALL_ANGLE),
+            by_acceleration: by(|k| &mut k.acceleration, SMALL_ANGLE),
+            time: Arc::clone(&self.time),
+        }
+    }
+
     /// Linearizes the moment of all active muscles by the joint's angle along the trial, excitations held.
     ///
     /// ```text
@@ -171,26 +194,30 @@ impl PreparedTrial {
             let (arm, path) = (kinematics.moment_arm[k], kinematics.length[k]);
             let angle = self.kinematics.angle[k];
             let arm_slope = (arm_at(angle + SMALL_ANGLE) - arm_at(angle - SMALL_ANGLE)) / (2.0 * SMALL_ANGLE);
-            let scale = factor[k] * solution.parameters.max_isometric_force;
-            let (by_length, value);
+            let strength = factor[k] * solution.parameters.max_isometric_force;
+            let scale = strength * arm;
+            let (value, by_change_of_angle);
             if prepared.muscle.rigid_tendon {
                 let speed = kinematics.lengthening_speed[k];
                 let near = |length, speed| fiber.rigid_tendon(kinematics.activation[k], length, speed).force;
                 value = near(path, speed);
-                by_length = (near(path + SMALL_LENGTH, speed) - value) / SMALL_LENGTH;
-                by_speed[k] = -scale * arm * arm * (near(path, speed + SMALL_SPEED) - value) / SMALL_SPEED;
+                let by_length = (near(path + SMALL_LENGTH, speed) - value) / SMALL_LENGTH;
+                let by_lengthening = (near(path, speed + SMALL_SPEED) - value) / SMALL_SPEED;
+                // The path lengthens by −r q̇.
+                by_change_of_angle = -arm * by_length - arm_slope * self.kinematics.speed[k] * by_lengthening;
+                by_speed[k] = -scale * arm * by_lengthening;
             } else {
                 let at = At::sample(&fiber, solution, kinematics, k);
-                let force = |length: f64| fiber.tendon_force(at.x, length);
+                let force = |by: f64| fiber.tendon_force(at.x, path + by);
                 let residual = |by: f64| at.residual(&fiber, Drive { length: path + by, ..at.drive });
-                let by_path = (residual(SMALL_LENGTH) - residual(-SMALL_LENGTH)) / (2.0 * SMALL_LENGTH);
-                length[k] = [at.rate, -arm * at.gain(by_path)];
-                value = force(path).value;
-                by_length =
-                    (force(path + SMALL_LENGTH).value - force(path - SMALL_LENGTH).value) / (2.0 * SMALL_LENGTH);
-                by_fiber[k] = scale * arm * force(path).by_x;
+                let difference =
+                    |of: &dyn Fn(f64) -> f64| (of(SMALL_LENGTH) - of(-SMALL_LENGTH)) / (2.0 * SMALL_LENGTH);
+                length[k] = [at.rate, -arm * at.gain(difference(&residual))];
+                value = force(0.0).value;
+                by_change_of_angle = -arm * difference(&|by| force(by).value);
+                by_fiber[k] = scale * force(0.0).by_x;
             }
-            by_angle[k] = scale * (arm_slope * value - arm * arm * by_length);
+            by_angle[k] = scale * by_change_of_angle + strength * arm_slope * value;
         }
         let (fiber, start) = (self.relaxations(&length), equilibrium(length[0]));
         MuscleByAngle { fiber, start, by_fiber, by_angle, by_speed, time: self.time.clone() }
@@ -305,12 +332,44 @@ impl MuscleByAngle {
         let mut x = change[first] * self.start;
         for k in first..change.len() {
             out[k] += self.by_fiber[k] * x + self.by_angle[k] * change[k];
-            if self.by_speed[k] != 0.0 && k > 0 {
-                out[k] += self.by_speed[k] * (change[k] - change[k - 1]) / (self.time[k] - self.time[k - 1]);
+            if self.by_speed[k] != 0.0 {
+                out[k] += self.by_speed[k] * rates(&self.time, change, k)[0];
             }
             if let Some(interval) = self.fiber.get(k) {
                 x = interval.after(x, change[k], change[k + 1]);
             }
         }
     }
+}
+
+/// Linear response of everything but the muscles to the joint's angle, along a simulated trial.
+#[derive(Clone, Debug)]
+pub struct RestResponse {
+    /// Per sample [N·m/rad, N·m·s/rad, N·m·s²/rad].
+    by_angle: Vec<f64>,
+    by_speed: Vec<f64>,
+    by_acceleration: Vec<f64>,
+    time: Arc<[f64]>,
+}
+
+impl RestResponse {
+    /// Adds the change of moment [N·m] that a change of the angle causes; its rates are those of parabolas.
+    ///
+    /// - `change`: of the angle, at the samples [rad]
+    pub fn add_moment(&self, change: &[f64], moment: &mut [f64]) {
+        for (k, moment) in moment.iter_mut().enumerate() {
+            let [speed, acceleration] = rates(&self.time, change, k);
+            *moment += self.by_angle[k] * change[k] + self.by_speed[k] * speed + self.by_acceleration[k] * acceleration;
+        }
+    }
+}
+
+/// First and second derivative at a sample, by the parabola through three.
+fn rates(time: &[f64], values: &[f64], k: usize) -> [f64; 2] {
+    let middle = k.clamp(1, values.len() - 2);
+    let [a, b] = [time[middle] - time[middle - 1], time[middle + 1] - time[middle]];
+    let slopes = [(values[middle] - values[middle - 1]) / a, (values[middle + 1] - values[middle]) / b];
+    let second = 2.0 * (slopes[1] - slopes[0]) / (a + b);
+    let first = (slopes[0] * b + slopes[1] * a) / (a + b);
+    [first + second * (time[k] - time[middle]), second]
 }

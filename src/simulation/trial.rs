@@ -105,6 +105,15 @@ pub struct TrialKinematics {
     pub damping_moment: Vec<f64>,
 }
 
+impl TrialKinematics {
+    /// The part of the moment that does not depend on the muscles [N·m].
+    pub(crate) fn moment_without_muscles(&self) -> Vec<f64> {
+        (0..self.time.len())
+            .map(|i| self.passive_moment[i] + self.gravity_moment[i] + self.inertia_moment[i] + self.damping_moment[i])
+            .collect()
+    }
+}
+
 /// A muscle's path and activation over a trial.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MuscleKinematics {
@@ -362,7 +371,11 @@ impl MusculoskeletalModel {
         out
     }
 
-    fn passive_moments(&self, out: &mut TrialKinematics, tables: &CoordinateTables) {
+    /// The moments of everything but the muscles, at the motion that `out` has; those that it has are replaced.
+    pub(crate) fn passive_moments(&self, out: &mut TrialKinematics, tables: &CoordinateTables) {
+        let moments =
+            [&mut out.passive_moment, &mut out.gravity_moment, &mut out.inertia_moment, &mut out.damping_moment];
+        moments.into_iter().for_each(Vec::clear);
         let mut cursor = 0;
         let mut cursors = vec![0; tables.passive_paths.len()];
         let mut followers = vec![0; tables.expressions.len()];
@@ -430,10 +443,7 @@ impl PreparedTrial {
 
     /// The part of the moment that does not depend on the muscles [N·m]: passive, gravity, inertia, drag.
     pub fn moment_without_muscles(&self) -> Vec<f64> {
-        let k = &self.kinematics;
-        (0..self.len())
-            .map(|i| k.passive_moment[i] + k.gravity_moment[i] + k.inertia_moment[i] + k.damping_moment[i])
-            .collect()
+        self.kinematics.moment_without_muscles()
     }
 
     /// Steps that are planned for each muscle (0 for a rigid tendon).

@@ -208,12 +208,13 @@ fn check_response_to_excitation(forward: &ForwardModel) {
         };
         let step = 1e-3;
         let (up, down) = (side(step), side(-step));
-        let largest = found.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        let off = |k: usize| ((up[k] - down[k]) / (2.0 * step) - found[k]).abs();
-        let worst = (0..n).map(off).fold(0.0, f64::max);
-        let held = rounds[0].iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        println!("muscle {muscle}: {worst:.2e} of {largest:.2e}, held {held:.2e}");
-        assert!(worst < 0.05 * largest, "muscle {muscle}: {worst:e} of {largest:e}");
+        let norm = |of: &dyn Fn(usize) -> f64| (0..n).map(|k| of(k).powi(2)).sum::<f64>().sqrt();
+        let by_difference = |k: usize| (up[k] - down[k]) / (2.0 * step);
+        let error = norm(&|k| by_difference(k) - found[k]) / norm(&by_difference);
+        let feedback = norm(&|k| by_difference(k) - rounds[0][k]) / norm(&by_difference);
+        println!("muscle {muscle}: off by {error:.3}, without feedback by {feedback:.3}");
+        // Speeds are those of parabolas through samples, not of the motion's spline.
+        assert!(error < 0.15 * feedback, "muscle {muscle}: {error} of {feedback}");
     }
 }
 

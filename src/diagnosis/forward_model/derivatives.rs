@@ -96,7 +96,7 @@ impl ForwardModel {
         changes.into_iter().map(recorded).collect()
     }
 
-    /// A change of the muscles' moment once it has turned the joint, in as many rounds as in the simulation.
+    /// The change of the joint's moment when a change of the muscles' moment turns the joint, in as many rounds as in the simulation.
     ///
     /// - `feeding_back`: effects through which it does
     fn fed_back<'c>(
@@ -125,8 +125,14 @@ impl ForwardModel {
                 Some(before) => {
                     let turned: Vec<f64> =
                         angle(&before).iter().zip(&still).map(|(angle, still)| angle - still).collect();
-                    let through = core.by_angle().moment(&turned);
-                    Cow::Owned(by.iter().zip(&through).map(|(by, through)| by + through).collect())
+                    let mut through = core.by_angle().moment(&turned);
+                    through.iter_mut().zip(by).for_each(|(through, by)| *through += by);
+                    if round == 0 {
+                        // What effects are shown is the muscles' moment alone.
+                        let rest = || core.prepared.rest_response(&self.model);
+                        core.rest_by_angle.get_or_init(rest).add_moment(&turned, &mut through);
+                    }
+                    Cow::Owned(through)
                 }
             });
         }
