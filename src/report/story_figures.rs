@@ -19,7 +19,7 @@ const RIGHT: f64 = 70.0;
 const ROW: f64 = 50.0;
 /// Height of a line of a label, and letters that fit into one.
 const LINE: f64 = 16.0;
-const LETTERS: usize = 30;
+const LETTERS: usize = 28;
 
 /// The error after every step, training above held out, with the noise floor as a line.
 pub fn waterfall(steps: &[WaterfallStep], floor: Option<f64>) -> String {
