@@ -201,8 +201,10 @@ impl PreparedTrial {
                 let speed = kinematics.lengthening_speed[k];
                 let near = |length, speed| fiber.rigid_tendon(kinematics.activation[k], length, speed).force;
                 value = near(path, speed);
-                let by_length = (near(path + SMALL_LENGTH, speed) - value) / SMALL_LENGTH;
-                let by_lengthening = (near(path, speed + SMALL_SPEED) - value) / SMALL_SPEED;
+                let by_length =
+                    (near(path + SMALL_LENGTH, speed) - near(path - SMALL_LENGTH, speed)) / (2.0 * SMALL_LENGTH);
+                let by_lengthening =
+                    (near(path, speed + SMALL_SPEED) - near(path, speed - SMALL_SPEED)) / (2.0 * SMALL_SPEED);
                 // The path lengthens by −r q̇.
                 by_change_of_angle = -arm * by_length - arm_slope * self.kinematics.speed[k] * by_lengthening;
                 by_speed[k] = -scale * arm * by_lengthening;

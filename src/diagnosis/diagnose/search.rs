@@ -43,10 +43,10 @@ const MAY_SURVIVE: f64 = 0.5 * REJECT_EXPLANATION;
 /// What the muscles or the noise have taken up of an effect its score does not show: all effects are fitted roughly from the model as
 /// given, and of so many, those of the least deviance, what promises more than those that survived is fitted to the end.
 const SECOND_CHOICE: usize = 5;
-/// A large size of an effect, as a share of the largest plausible one.
-const LARGE_SIZE: f64 = 0.75;
 /// The same of seconds of a pair.
 const SECOND_CHOICE_OF_PAIRS: usize = 2;
+/// A large size of an effect, as a share of the largest plausible one.
+const LARGE_SIZE: f64 = 0.75;
 
 /// Least deviance of explanations.
 fn least_deviance(found: &[(Fit, Explanation)]) -> f64 {
@@ -197,13 +197,14 @@ impl Judge<'_> {
 
     /// Whether a point's effects, the same as a fit's, are of the sizes that the fit found, to within its standard errors.
     fn is_near(&self, fit: &Fit, point: &Point) -> bool {
-        let scale = |p| self.request.forward.strength.scale(p);
         let errors = fit.covariance.diagonal().map(|variance| variance.max(0.0).sqrt());
-        let parameters = |s: &Setting| s.effect.description().parameters.iter();
-        let scales = fit.point.effects.iter().flat_map(parameters).map(scale);
-        let values = |point: &Point| point.effects.iter().flat_map(|s| s.values.clone()).collect::<Vec<f64>>();
-        let distances = values(&fit.point).into_iter().zip(values(point)).map(|(a, b)| (a - b).abs());
-        distances.zip(scales).zip(errors.iter()).all(|((distance, scale), error)| distance <= error * scale)
+        let parameters = |s: &'_ Setting| s.effect.description().parameters.iter().enumerate();
+        let columns = fit.point.effects.iter().flat_map(|s| parameters(s).map(move |(i, p)| (s, i, p)));
+        columns.zip(errors.iter()).all(|((own, i, p), error)| {
+            let same = |s: &&Setting| s.effect.description().id == own.effect.description().id;
+            let reach = error * self.request.forward.strength.scale(p);
+            point.effects.iter().find(same).is_some_and(|other| (own.values[i] - other.values[i]).abs() <= reach)
+        })
     }
 
     /// A point with a further effect, of the size that its score asks for.

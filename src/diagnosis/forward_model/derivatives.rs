@@ -41,12 +41,13 @@ impl Core {
         std::iter::successors(Some(self), |core| core.without.as_deref()).collect()
     }
 
-    /// How forces follow changes of excitation, the joint's angle held; `None` where a tendon is rigid, and for a core without
-    /// derivatives.
+    /// How forces follow changes of excitation; `None` where these change the joint's angle too, where a tendon is rigid, and for
+    /// a core without derivatives.
     fn tangents(&self) -> Option<&[ExcitationTangent]> {
         let calc = || {
             let of = |(i, solution)| self.prepared.excitation_tangent(i, solution);
-            (!self.solutions.is_empty()).then(|| self.solutions.iter().enumerate().map(of).collect()).flatten()
+            let known = self.without.is_none() && !self.solutions.is_empty();
+            known.then(|| self.solutions.iter().enumerate().map(of).collect()).flatten()
         };
         self.tangents.get_or_init(calc).as_deref()
     }
