@@ -8,7 +8,8 @@ use super::sensitivity::MuscleSolution;
 use super::tables::MOMENT_ARM;
 use super::trial::{MuscleKinematics, PreparedTrial, TrialKinematics};
 
-/// Differences of angle [rad] and its rates [rad/s, rad/s²], path length [m] and its speed [m/s] for derivatives of formulas and tables.
+/// Differences of angle [rad] and its rates [rad/s, rad/s²], path length [m] and its speed [m/s], for derivatives of formulas
+/// and tables.
 const SMALL_ANGLE: f64 = 1e-3;
 const SMALL_LENGTH: f64 = 1e-6;
 const SMALL_SPEED: f64 = 1e-4;
@@ -63,7 +64,8 @@ impl PreparedTrial {
     /// ```text
     /// δȧ = (∂ȧ/∂a) δa + (∂ȧ/∂e) δe,   δẋ = (∂ẋ/∂x) δx + (∂ẋ/∂a) δa,   δM = F_max r (∂f_T/∂x) δx
     /// ```
-    /// with the mean coefficients of every interval between samples. Good to a few per mille at 100 Hz: for covariances, not for fits.
+    /// with the mean coefficients of every interval between samples. Of the response to a disturbance of 0.1 s at 100 Hz 0.5 to 4 % off
+    /// (root of squares over time): for covariances, not for fits.
     ///
     /// - `solution`: of this trial and muscle
     /// - `excitation`: of this muscle, at the samples
@@ -142,7 +144,8 @@ impl PreparedTrial {
         }
     }
 
-    /// Linearizes the moment of everything but the muscles by the joint's angle and its rates along the trial.
+    /// Linearizes the moment of everything but the muscles (passive forces, weight, inertia, drag) by the joint's angle and its
+    /// rates along the trial.
     ///
     /// - `model`: with the forces of this trial
     pub fn rest_response(&self, model: &MusculoskeletalModel) -> RestResponse {

@@ -97,7 +97,8 @@ impl ForwardModel {
         changes.into_iter().map(recorded).collect()
     }
 
-    /// The change of the joint's moment when a change of the muscles' moment turns the joint, in as many rounds as in the simulation.
+    /// The change of the joint's moment when a change of the muscles' moment turns the joint, in as many rounds as in the
+    /// simulation [N·m per unit of what changes].
     ///
     /// - `feeding_back`: effects through which it does
     fn fed_back<'c>(
