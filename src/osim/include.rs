@@ -69,10 +69,7 @@ pub fn include_files(mut document: Document, path: &Path, any_version: bool) -> 
             return (document, Some(failure));
         }
         let text = String::from_utf8_lossy(&found.bytes()[found.range(object)]).replace(['\r', '\n'], " ");
-        let range = document.range(element);
-        let bytes = [&document.bytes()[..range.start], text.as_bytes(), &document.bytes()[range.end..]].concat();
-        let name = document.file().to_owned();
-        match Document::parse(bytes, &name) {
+        match document.with_replaced(element, &text) {
             Ok(longer) => document = longer,
             Err(error) => {
                 let failure = failure(Some(OsimError::Document(error)));

@@ -143,7 +143,7 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         let text = "controls_file is not used along a given motion: activations are those of the states";
         outcome.warn(tool.setup().path(), tool.line(), text);
     }
-    match system.read_controllers(document, tool) {
+    match system.read_controllers(document, tool, outcome) {
         Err(error) if system.needs_controls() => return Err(error),
         Err(error) => outcome.warn(tool.setup().path(), tool.line(), format!("controllers are not used: {error}")),
         Ok(()) => {}

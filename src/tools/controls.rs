@@ -2,6 +2,7 @@
 
 use super::correction::ELSEWHERE;
 use super::error::{ToolError, ToolProblem};
+use super::result::Outcome;
 use super::setup::{Properties, Setup};
 use crate::functions::Function;
 use crate::osim::spec::FunctionSpec;
@@ -59,7 +60,12 @@ impl Controls {
     ///
     /// # Errors
     /// A class that is not supported, functions that cannot be built, controls of actuators that there are not.
-    pub fn read(&mut self, controllers: &[Properties], actuators: &[String]) -> Result<(), ToolError> {
+    pub fn read(
+        &mut self,
+        controllers: &[Properties],
+        actuators: &[String],
+        outcome: &mut Outcome,
+    ) -> Result<(), ToolError> {
         for controller in controllers {
             controller.ignore_all(&["enable_controller"]);
             if !controller.is_enabled()? && controller.class() != "ControlSetController" {
@@ -68,7 +74,7 @@ impl Controls {
             }
             match controller.class() {
                 "PrescribedController" => self.prescribed(controller, actuators)?,
-                "ControlSetController" => self.control_set(controller, actuators)?,
+                "ControlSetController" => self.control_set(controller, actuators, outcome)?,
                 class @ "CorrectionController" => return Err(controller.unsupported(class, ELSEWHERE)),
                 class => return Err(controller.unsupported(class, CONTROLLERS)),
             }
@@ -125,7 +131,12 @@ impl Controls {
         Ok(())
     }
 
-    fn control_set(&mut self, controller: &Properties, actuators: &[String]) -> Result<(), ToolError> {
+    fn control_set(
+        &mut self,
+        controller: &Properties,
+        actuators: &[String],
+        outcome: &mut Outcome,
+    ) -> Result<(), ToolError> {
         controller.ignore_all(&["actuator_list", "socket_actuators", "enabled", "isDisabled"]);
         let Some(file) = controller.file("controls_file") else {
             return Err(controller.missing("controls_file", "a file of controls (.xml or .sto)"));
@@ -142,12 +153,26 @@ impl Controls {
             return Ok(());
         }
         let setup = Setup::read(&file)?;
-        for control in setup.object().objects("") {
+        let controls = setup.object().objects("");
+        let mut model_controls = 0;
+        for control in &controls {
+            let is_one = control.boolean("is_model_control", control.class() != "ControlConstant")?;
+            model_controls += usize::from(is_one);
+        }
+        for (i, control) in controls.iter().enumerate() {
             let name = control.name();
             let name = name.strip_suffix(".excitation").unwrap_or(&name);
-            require(name, actuators, &control)?;
+            if i >= model_controls {
+                let text = format!(
+                    "the control of {name} is left out, as in OpenSim 4.6: it counts the controls with is_model_control \
+                     ({model_controls}; a ControlConstant has it only if it says so) and takes as many from the first on"
+                );
+                outcome.warn(&file, control.line(), text);
+                continue;
+            }
+            require(name, actuators, control)?;
             let read = match control.class() {
-                "ControlLinear" => control_linear(&control)?,
+                "ControlLinear" => control_linear(control)?,
                 "ControlConstant" => Control::Function(Function::constant(control.number("value", 0.0)?)),
                 class => return Err(control.unsupported(class, "controls are ControlLinear and ControlConstant")),
             };

@@ -39,7 +39,7 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
     ]);
     let specified = tool.boolean("use_specified_dt", false)?;
     system.require_all_forces(&|_| false)?;
-    system.read_controllers(document, tool)?;
+    system.read_controllers(document, tool, outcome)?;
 
     let [mut start, end] = frame.time;
     let mut state = system.default_state()?;

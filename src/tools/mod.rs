@@ -23,6 +23,7 @@ mod scale;
 mod setup;
 mod static_optimization;
 mod system;
+mod upgrade;
 
 use std::path::Path;
 
@@ -79,7 +80,7 @@ pub fn run_tool(setup: &Path, model: Option<&Path>, allow_unsupported: bool) -> 
             scale::run(&tool, path, file, &mut outcome)?;
         }
         "InverseDynamicsTool" => inverse_dynamics::run(&tool, system_of(&mut outcome, false)?.0, &mut outcome)?,
-        "InverseKinematicsTool" => {
+        "InverseKinematicsTool" | "IKTool" => {
             inverse_kinematics::run(&tool, system_of(&mut outcome, false)?.0, &mut outcome)?;
         }
         other => {

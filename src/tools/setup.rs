@@ -8,6 +8,7 @@ use std::str::FromStr;
 use nalgebra::Vector3;
 
 use super::error::{ToolError, ToolProblem};
+use super::upgrade::upgraded;
 use crate::osim::{Document, ElementId, IncludeError, OsimError, include_files};
 
 /// A setup file.
@@ -40,6 +41,7 @@ impl Setup {
             other => ToolError::new(path, other),
         })?;
         let document = included(document, path)?;
+        let document = upgraded(document).map_err(|error| ToolError::at(path, error.line, ToolProblem::Document(error)))?;
         let used = RefCell::new(vec![false; document.n_elements()]);
         Ok(Setup { document, path: path.to_owned(), used })
     }

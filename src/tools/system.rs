@@ -10,6 +10,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use super::controls::Controls;
 use super::correction::Correction;
 use super::error::{ToolError, ToolProblem};
+use super::result::Outcome;
 use super::setup::{Properties, Setup};
 use crate::dynamics::{Accelerations, Constraints, Dynamics};
 use crate::forces::{AppliedForces, Forces};
@@ -312,13 +313,18 @@ impl System {
     ///
     /// # Errors
     /// A class that is not supported, functions that cannot be built.
-    pub fn read_controllers(&mut self, document: Document, tool: &Properties) -> Result<(), ToolError> {
+    pub fn read_controllers(
+        &mut self,
+        document: Document,
+        tool: &Properties,
+        outcome: &mut Outcome,
+    ) -> Result<(), ToolError> {
         let names = self.all_actuator_names();
         let mut controls = Controls::default();
         let own = Setup::of_document(&self.path, document);
-        controls.read(&own.object().objects("ControllerSet"), &names)?;
+        controls.read(&own.object().objects("ControllerSet"), &names, outcome)?;
         let of_tool = tool.objects("ControllerSet").into_iter().filter(|c| !Correction::acts_in(tool, c));
-        controls.read(&of_tool.collect::<Vec<_>>(), &names)?;
+        controls.read(&of_tool.collect::<Vec<_>>(), &names, outcome)?;
         self.controls = controls;
         Ok(())
     }
