@@ -171,37 +171,6 @@ impl Document {
         }
     }
 
-    /// The document with other text in the place of an element.
-    ///
-    /// # Errors
-    /// Those of [`Document::parse`].
-    pub fn with_replaced(&self, element: ElementId, text: &str) -> Result<Document, DocumentError> {
-        let range = self.range(element);
-        let bytes = [&self.bytes[..range.start], text.as_bytes(), &self.bytes[range.end..]].concat();
-        Document::parse(bytes, &self.file)
-    }
-
-    /// The document with text at the end of an element's content.
-    ///
-    /// # Errors
-    /// Those of [`Document::parse`].
-    pub fn with_appended(&self, element: ElementId, text: &str) -> Result<Document, DocumentError> {
-        let Element { start_tag, inner, whole, self_closing, .. } = &self.elements[element.0];
-        let (before, after) = if *self_closing {
-            let slash = self.bytes[start_tag.clone()].iter().rposition(|b| *b == b'/').unwrap_or(0);
-            let (open, close) = (&self.bytes[..start_tag.start + slash], format!("</{}>", self.tag(element)));
-            ([open, b">"].concat(), [close.as_bytes(), &self.bytes[whole.end..]].concat())
-        } else {
-            (self.bytes[..inner.end].to_vec(), self.bytes[inner.end..].to_vec())
-        };
-        Document::parse([&before, text.as_bytes(), &after].concat(), &self.file)
-    }
-
-    /// Byte range of the content, between start tag and end tag; empty where there is no end tag.
-    pub fn content(&self, element: ElementId) -> Range<usize> {
-        self.elements[element.0].inner.clone()
-    }
-
     /// Writes the document: into a temporary file in the same folder that then takes the place of `path`, so that a
     /// failure leaves what was there.
     ///
@@ -243,7 +212,7 @@ impl Document {
     }
 
     /// Range between start and end tag.
-    pub(super) fn inner(&self, element: ElementId) -> Range<usize> {
+    pub(crate) fn inner(&self, element: ElementId) -> Range<usize> {
         self.elements[element.0].inner.clone()
     }
 
@@ -273,11 +242,22 @@ impl Document {
         start..start + trimmed
     }
 
+    /// The splice that puts text at the end of an element.
+    pub(crate) fn appended(&self, element: ElementId, text: &str) -> (Range<usize>, String) {
+        let Element { start_tag, inner, self_closing, .. } = &self.elements[element.0];
+        if *self_closing {
+            let opened = String::from_utf8_lossy(&self.bytes[start_tag.clone()]).into_owned();
+            let opened = opened.trim_end_matches('>').trim_end_matches('/').trim_end();
+            return (start_tag.clone(), format!("{opened}>{text}</{}>", self.tag(element)));
+        }
+        (inner.end..inner.end, text.to_owned())
+    }
+
     /// The document with some ranges replaced.
     ///
     /// # Errors
     /// As [`Document::parse`]; the document itself is untouched.
-    pub(super) fn spliced(&self, mut edits: Vec<(Range<usize>, String)>) -> Result<Document, DocumentError> {
+    pub(crate) fn spliced(&self, mut edits: Vec<(Range<usize>, String)>) -> Result<Document, DocumentError> {
         edits.sort_by_key(|(range, _)| range.start);
         let mut bytes = Vec::with_capacity(self.bytes.len() + edits.iter().map(|(_, text)| text.len()).sum::<usize>());
         let mut at = 0;

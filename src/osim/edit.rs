@@ -491,8 +491,7 @@ pub(super) fn value_edit(
     if !document.is_self_closing(element) {
         return Ok((document.value_range(element), text));
     }
-    let range = document.start_tag(element);
-    Ok((range.clone(), format!("{}{text}</{}>", opened(document, range), document.tag(element))))
+    Ok(document.appended(element, &text))
 }
 
 /// A number in its shortest form that reads back the same; infinities as OpenSim writes them.
@@ -531,12 +530,6 @@ fn locations(file: &OsimFile) -> Vec<&Location> {
     all
 }
 
-/// A self-closing start tag as an opening one.
-pub(super) fn opened(document: &Document, start_tag: Range<usize>) -> String {
-    let text = String::from_utf8_lossy(&document.bytes()[start_tag]).into_owned();
-    format!("{}>", text.trim_end_matches('>').trim_end_matches('/').trim_end())
-}
-
 fn lines(parts: &[&str]) -> String {
     let mut text = String::new();
     for (i, part) in parts.iter().enumerate() {
@@ -567,10 +560,7 @@ pub(super) fn insertion(document: &Document, parent: ElementId, fragment: &str) 
     let base = document.indentation(parent).unwrap_or_default().to_owned();
     let text = reindented(fragment, &format!("{base}{unit}"), &unit, newline);
     if document.is_self_closing(parent) {
-        let range = document.start_tag(parent);
-        let tag = document.tag(parent);
-        let open = opened(document, range.clone());
-        return vec![(range, format!("{open}{newline}{text}{newline}{base}</{tag}>"))];
+        return vec![document.appended(parent, &format!("{newline}{text}{newline}{base}"))];
     }
     // Comments may stand inside; the new child comes behind them, in place of the white space before the end tag.
     let inner = document.inner(parent);

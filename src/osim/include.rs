@@ -69,7 +69,7 @@ pub fn include_files(mut document: Document, path: &Path, any_version: bool) -> 
             return (document, Some(failure));
         }
         let text = String::from_utf8_lossy(&found.bytes()[found.range(object)]).replace(['\r', '\n'], " ");
-        match document.with_replaced(element, &text) {
+        match document.spliced(vec![(document.range(element), text)]) {
             Ok(longer) => document = longer,
             Err(error) => {
                 let failure = failure(Some(OsimError::Document(error)));

@@ -19,6 +19,8 @@ use crate::storage::{Storage, printed};
 /// Rows of results per second, at least this many rows in all.
 const ROWS_PER_SECOND: f64 = 100.0;
 const FEWEST_ROWS: f64 = 200.0;
+/// Longest simulation [s]: a million rows.
+const LONGEST: f64 = 1e6 / ROWS_PER_SECOND;
 /// Rate at which violations of constraints between bodies decay [1/s].
 const STABILIZATION: f64 = 50.0;
 
@@ -65,6 +67,10 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
     }
     if !(end > start) {
         return Err(tool.bad_value("final_time", "a time after initial_time", &end.to_string()));
+    }
+    if !(end - start <= LONGEST) {
+        let expected = format!("a time at most {LONGEST} s after initial_time");
+        return Err(tool.bad_value("final_time", &expected, &end.to_string()));
     }
     state.time = start;
     system.assemble(start, &mut state.q)?;

@@ -41,7 +41,8 @@ impl Setup {
             other => ToolError::new(path, other),
         })?;
         let document = included(document, path)?;
-        let document = upgraded(document).map_err(|error| ToolError::at(path, error.line, ToolProblem::Document(error)))?;
+        let document =
+            upgraded(document).map_err(|error| ToolError::at(path, error.line, ToolProblem::Document(error)))?;
         let used = RefCell::new(vec![false; document.n_elements()]);
         Ok(Setup { document, path: path.to_owned(), used })
     }

@@ -3,6 +3,8 @@
 //! Source: `updateFromXMLNode` of OpenSim's `AbstractTool`, `ForwardTool` and `InverseKinematicsTool`. What was only
 //! renamed is read under both names.
 
+use std::ops::Range;
+
 use crate::osim::{Document, DocumentError, ElementId};
 
 /// Format of files that do not say theirs (`XMLDocument::updateDocumentVersion`).
@@ -18,6 +20,11 @@ const CORRECTIVE_SPRINGS: [&str; 4] = [
     "body2_linear_corrective_spring_active",
     "body2_torsional_corrective_spring_active",
 ];
+/// What stands in their place.
+const CORRECTION: &str =
+    "<CorrectionController name=\"correctioncontroller\"><kp>16.0</kp><kv>8.0</kv></CorrectionController>";
+
+type Edits = Vec<(Range<usize>, String)>;
 
 /// The setup with everything where present tools look for it. Lines stay what they are.
 ///
@@ -32,73 +39,70 @@ pub fn upgraded(document: Document) -> Result<Document, DocumentError> {
     };
     let stated = document.attribute(root, "Version").filter(|_| has_root);
     let version = stated.map_or(Some(UNSTATED), |text| text.trim().parse().ok());
-    match (document.tag(tool), version) {
-        ("IKTool", Some(..=LAST_WITH_TRIALS)) => without_trials(document, tool, has_root),
-        ("AnalyzeTool" | "ForwardTool", Some(..HAS_CONTROLLERS)) => with_controllers(document, tool),
-        _ => Ok(document),
-    }
+    let edits = match (document.tag(tool), version) {
+        ("IKTool", Some(..=LAST_WITH_TRIALS)) => trial_opened(&document, tool, has_root),
+        ("AnalyzeTool" | "ForwardTool", Some(..HAS_CONTROLLERS)) => with_controllers(&document, tool),
+        _ => Vec::new(),
+    };
+    if edits.is_empty() { Ok(document) } else { document.spliced(edits) }
 }
 
-/// Properties of the first trial as those of the tool; the others are lost, as in OpenSim.
-fn without_trials(document: Document, tool: ElementId, has_root: bool) -> Result<Document, DocumentError> {
+/// Properties of the first trial become those of the tool; the other trials are lost, as in OpenSim.
+fn trial_opened(document: &Document, tool: ElementId, has_root: bool) -> Edits {
     let trials = document.child(tool, "IKTrialSet");
     let objects = trials.and_then(|set| document.child(set, "objects"));
-    let Some((trials, trial)) = trials.zip(objects.and_then(|objects| document.child(objects, "IKTrial"))) else {
-        return Ok(document);
-    };
-    let (around, content) = (document.range(trials), document.content(trial));
-    let text = |range| String::from_utf8_lossy(&document.bytes()[range]).into_owned();
-    let properties = [
-        line_ends(&text(around.start..content.start)),
-        text(content.clone()),
-        line_ends(&text(content.end..around.end)),
-    ];
+    let trial = objects.and_then(|objects| document.child(objects, "IKTrial"));
+    let Some((trials, trial)) = trials.zip(trial) else { return Vec::new() };
+    let (around, content) = (document.range(trials), document.inner(trial));
     let defaults = [("constraint_weight", "20.0"), ("accuracy", if has_root { "1e-4" } else { "1e-5" })];
     let absent = defaults.iter().filter(|(property, _)| document.child(tool, property).is_none());
     let added: String = absent.map(|(property, value)| format!("<{property}>{value}</{property}>")).collect();
-    let document = document.with_replaced(trials, &properties.concat())?.with_appended(tool, &added)?;
-    without(document, tool, "optimizer_algorithm")
+    let mut edits = vec![
+        removed(document, around.start..content.start),
+        removed(document, content.end..around.end),
+        document.appended(tool, &added),
+    ];
+    let algorithm = document.child(tool, "optimizer_algorithm");
+    edits.extend(algorithm.map(|element| removed(document, document.range(element))));
+    edits
 }
 
 /// A controller in place of a file of controls, and one in place of corrective springs.
-fn with_controllers(mut document: Document, tool: ElementId) -> Result<Document, DocumentError> {
-    let mut controllers = String::new();
+fn with_controllers(document: &Document, tool: ElementId) -> Edits {
+    let (mut edits, mut controllers) = (Vec::new(), String::new());
     if let Some(file) = document.child(tool, "controls_file") {
-        let name = document.text(file);
+        let (name, range) = (document.text(file), document.range(file));
         if !name.is_empty() && name != "Unassigned" {
-            let content = String::from_utf8_lossy(&document.bytes()[document.range(file)]).replace(['\r', '\n'], " ");
-            controllers = format!("<ControlSetController name=\"controlsetcontroller\">{content}</ControlSetController>");
+            let property = String::from_utf8_lossy(&document.bytes()[range.clone()]).replace(['\r', '\n'], " ");
+            let start = "<ControlSetController name=\"controlsetcontroller\">";
+            controllers = format!("{start}{property}</ControlSetController>");
         }
-        document = without(document, tool, "controls_file")?;
+        edits.push(removed(document, range));
     }
-    let is_forward = document.tag(tool) == "ForwardTool";
-    if is_forward && CORRECTIVE_SPRINGS.iter().any(|spring| document.child(tool, spring).is_some()) {
-        controllers += "<CorrectionController name=\"correctioncontroller\"><kp>16.0</kp><kv>8.0</kv></CorrectionController>";
-        for spring in CORRECTIVE_SPRINGS {
-            document = without(document, tool, spring)?;
-        }
+    let is_spring = |child: &&ElementId| CORRECTIVE_SPRINGS.contains(&document.tag(**child));
+    let springs: Vec<&ElementId> = document.children(tool).iter().filter(is_spring).collect();
+    if document.tag(tool) == "ForwardTool" && !springs.is_empty() {
+        controllers.push_str(CORRECTION);
+        edits.extend(springs.into_iter().map(|spring| removed(document, document.range(*spring))));
     }
     if controllers.is_empty() {
-        return Ok(document);
+        return edits;
     }
     let set = document.child(tool, "ControllerSet");
-    match set.map(|set| (set, document.child(set, "objects"))) {
-        Some((_, Some(objects))) => document.with_appended(objects, &controllers),
-        Some((set, None)) => document.with_appended(set, &format!("<objects>{controllers}</objects>")),
+    edits.push(match set.map(|set| (set, document.child(set, "objects"))) {
+        Some((_, Some(objects))) => document.appended(objects, &controllers),
+        Some((set, None)) => document.appended(set, &format!("<objects>{controllers}</objects>")),
         None => {
             let set = format!("<ControllerSet name=\"Controllers\"><objects>{controllers}</objects></ControllerSet>");
-            document.with_appended(tool, &set)
+            document.appended(tool, &set)
         }
-    }
+    });
+    edits
 }
 
-/// The document without a property.
-fn without(document: Document, tool: ElementId, property: &str) -> Result<Document, DocumentError> {
-    let Some(element) = document.child(tool, property) else { return Ok(document) };
-    let text = String::from_utf8_lossy(&document.bytes()[document.range(element)]).into_owned();
-    document.with_replaced(element, &line_ends(&text))
-}
-
-fn line_ends(text: &str) -> String {
-    text.chars().filter(|c| matches!(c, '\r' | '\n')).collect()
+/// The splice that takes text away, all but its line ends.
+fn removed(document: &Document, range: Range<usize>) -> (Range<usize>, String) {
+    let line_ends = document.bytes()[range.clone()].iter().filter(|b| matches!(b, b'\r' | b'\n'));
+    let line_ends = line_ends.map(|b| char::from(*b)).collect();
+    (range, line_ends)
 }

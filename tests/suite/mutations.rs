@@ -1,6 +1,10 @@
 //! Whatever a file of OpenSim's holds, reading it returns: shipped files with bytes changed, taken out, put in or cut off.
+//!
+//! `CARPUS_FUZZ_SECONDS=3600 cargo test --release --test suite mutations` goes on for so long with every file, with other changes
+//! each time; the file that was being read when a test fails is `target/mutations/` + the name of the file.
 
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use carpus::osim::{Document, OsimFile};
 use carpus::storage::{Markers, MotionCapture, Storage};
@@ -68,10 +72,31 @@ fn mutated(bytes: &[u8], rng: &mut ChaCha8Rng) -> Vec<u8> {
     out
 }
 
-fn for_each_mutation(file: &str, n: usize, mut visit: impl FnMut(Vec<u8>)) {
+/// Calls for changed texts of a file: `n` always the same ones, or as many as there is time for.
+fn for_each_mutation(file: &str, n: usize, visit: impl FnMut(Vec<u8>)) {
     let bytes = std::fs::read(fixture(file)).unwrap();
-    let mut rng = ChaCha8Rng::seed_from_u64(bytes.len() as u64);
-    (0..n).for_each(|_| visit(mutated(&bytes, &mut rng)));
+    mutations_of(&bytes, file, n, visit);
+}
+
+fn mutations_of(bytes: &[u8], name: &str, n: usize, mut visit: impl FnMut(Vec<u8>)) {
+    let seconds = std::env::var("CARPUS_FUZZ_SECONDS").ok().map(|text| text.parse().expect("seconds"));
+    let Some(seconds) = seconds else {
+        let mut rng = ChaCha8Rng::seed_from_u64(bytes.len() as u64);
+        return (0..n).for_each(|_| visit(mutated(bytes, &mut rng)));
+    };
+    let folder = fixture("target/mutations");
+    std::fs::create_dir_all(&folder).unwrap();
+    let place = folder.join(name.replace('/', "_"));
+    let seed = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64);
+    let (mut rng, started) = (ChaCha8Rng::seed_from_u64(seed), Instant::now());
+    let mut count = 0_usize;
+    while started.elapsed() < Duration::from_secs(seconds) {
+        let changed = mutated(bytes, &mut rng);
+        std::fs::write(&place, &changed).unwrap();
+        visit(changed);
+        count += 1;
+    }
+    println!("{name}: {count} texts in {seconds} s");
 }
 
 #[test]
@@ -113,10 +138,9 @@ fn verif_mutated_storages_and_markers_never_panic() {
         let _ = Markers::parse(&bytes, Path::new("states.trc"));
     });
     let markers = "PathFileType\t4\t(X/Y/Z)\tm.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n100\t100\t2\t2\tmm\t100\t1\t2\nFrame#\tTime\ta\t\t\tb\t\t\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n1\t0.0\t1\t2\t3\t4\t5\t6\n2\t0.01\t1\t2\t3\t\t\t\n";
-    let mut rng = ChaCha8Rng::seed_from_u64(7);
-    for _ in 0..500 {
-        let _ = Markers::parse(&mutated(markers.as_bytes(), &mut rng), Path::new("m.trc"));
-    }
+    mutations_of(markers.as_bytes(), "markers.trc", 500, |bytes| {
+        let _ = Markers::parse(&bytes, Path::new("m.trc"));
+    });
 }
 
 #[test]
@@ -146,13 +170,23 @@ fn verif_mutated_files_of_forces_never_panic() {
 
 #[test]
 fn verif_mutated_setups_never_panic() {
-    let folder = tempfile::tempdir().unwrap();
-    for name in ["forces.osim", "states.sto"] {
-        std::fs::copy(fixture("fixtures/components").join(name), folder.path().join(name)).unwrap();
+    let old = ["analyze.xml", "forward.xml", "inverse_kinematics.xml", "inverse_kinematics_20201.xml"];
+    run_mutations("components", &["forces.osim", "states.sto"], &["analyze.xml"], 60);
+    let inputs = ["arm.osim", "controls.xml", "extra_actuator.xml", "states.sto", "markers.trc"];
+    run_mutations("old_setups", &inputs, &old, 30);
+}
+
+/// Runs changed setups of a folder of `fixtures` in a copy of what they read.
+fn run_mutations(folder: &str, inputs: &[&str], setups: &[&str], n: usize) {
+    let place = tempfile::tempdir().unwrap();
+    for name in inputs {
+        std::fs::copy(fixture("fixtures").join(folder).join(name), place.path().join(name)).unwrap();
     }
-    let setup = folder.path().join("setup.xml");
-    for_each_mutation("fixtures/components/analyze.xml", 60, |bytes| {
-        std::fs::write(&setup, bytes).unwrap();
-        let _ = run_tool(&setup, None, false);
-    });
+    let changed = place.path().join("setup.xml");
+    for setup in setups {
+        for_each_mutation(&format!("fixtures/{folder}/{setup}"), n, |bytes| {
+            std::fs::write(&changed, bytes).unwrap();
+            let _ = run_tool(&changed, None, false);
+        });
+    }
 }

@@ -4,13 +4,11 @@
 //! later has them too, and its own default of the same class only changes the properties that it gives.
 
 use std::collections::BTreeMap;
-use std::ops::Range;
 
 use super::force_sets::force_set_element;
 use super::model_element;
 use super::upgrade::present_class;
 use crate::osim::document::{Document, ElementId};
-use crate::osim::edit::opened;
 use crate::osim::error::{DocumentError, OsimError};
 
 /// Texts of properties, by class and by property.
@@ -59,13 +57,13 @@ impl Defaults {
             let missing: String =
                 properties.iter().filter(|(property, _)| lacks(property)).map(|(_, text)| text.as_str()).collect();
             match own {
-                Some(own) => edits.push(appended(document, own, &missing)),
+                Some(own) => edits.push(document.appended(own, &missing)),
                 None => classes.push_str(&format!("<{class}>{missing}</{class}>")),
             }
         }
         edits.push(match defaults {
-            Some(defaults) => appended(document, defaults, &classes),
-            None => appended(document, owner, &format!("<defaults>{classes}</defaults>")),
+            Some(defaults) => document.appended(defaults, &classes),
+            None => document.appended(owner, &format!("<defaults>{classes}</defaults>")),
         });
         document.spliced(edits)
     }
@@ -75,14 +73,4 @@ impl Defaults {
 fn first_of_each_tag(document: &Document, parent: ElementId) -> impl Iterator<Item = (&str, ElementId)> {
     let children = document.children(parent).iter().map(|&child| (document.tag(child), child));
     children.filter(move |(tag, child)| document.child(parent, tag) == Some(*child))
-}
-
-/// The splice that puts text at the end of an element.
-fn appended(document: &Document, element: ElementId, text: &str) -> (Range<usize>, String) {
-    if document.is_self_closing(element) {
-        let range = document.start_tag(element);
-        return (range.clone(), format!("{}{text}</{}>", opened(document, range), document.tag(element)));
-    }
-    let end = document.inner(element).end;
-    (end..end, text.to_owned())
 }
