@@ -62,6 +62,18 @@ impl OsimFile {
         Ok(OsimFile { document, spec, diagnostics })
     }
 
+    /// The model as OpenSim builds it once another file was read: `<defaults>` of that one hold for it too, where it does not state
+    /// its own (`Object::updateDefaultObjectsFromXMLNode`).
+    ///
+    /// - `earlier`: such as a tool's setup
+    /// - `owner`: what has the `<defaults>` there
+    ///
+    /// # Errors
+    /// As [`OsimFile::read`].
+    pub fn with_defaults_of(&self, earlier: &Document, owner: ElementId) -> Result<OsimFile, OsimError> {
+        OsimFile::from_document(reader::with_defaults_of(earlier, owner, &self.document)?)
+    }
+
     /// What the model is with the forces of files added at the end of its force set, as OpenSim's tools do it
     /// (`AbstractTool::updateModelForces`), and what of each of the files was not understood.
     ///

@@ -114,8 +114,7 @@ impl Controls {
                         return Err(controller.bad_value("interpolation_method", expected, &other.to_string()));
                     }
                 };
-                let function = Function::compile(&spec).map_err(|e| controller.error_at("controls_file", e))?;
-                self.0.push((actuator, Control::Function(function)));
+                self.add_column(&actuator, &spec, controller)?;
             }
         }
         let functions = controller.objects("ControlFunctions");
@@ -128,6 +127,13 @@ impl Controls {
             require(&actuator, actuators, controller)?;
             self.0.push((actuator, Control::Function(read_function(function)?)));
         }
+        Ok(())
+    }
+
+    /// Adds what a column of a controller's file says over time.
+    fn add_column(&mut self, actuator: &str, spec: &FunctionSpec, controller: &Properties) -> Result<(), ToolError> {
+        let function = Function::compile(spec).map_err(|e| controller.error_at("controls_file", e))?;
+        self.0.push((actuator.to_owned(), Control::Function(function)));
         Ok(())
     }
 
@@ -147,8 +153,7 @@ impl Controls {
                 let actuator = label.strip_suffix(".excitation").unwrap_or(label);
                 require(actuator, actuators, controller)?;
                 let spec = FunctionSpec::PiecewiseLinear { x: storage.time.clone(), y: storage.column(i) };
-                let function = Function::compile(&spec).map_err(|e| controller.error_at("controls_file", e))?;
-                self.0.push((actuator.to_owned(), Control::Function(function)));
+                self.add_column(actuator, &spec, controller)?;
             }
             return Ok(());
         }

@@ -106,7 +106,10 @@ fn model_of(
         (None, Some(named)) => named,
         (None, None) => return Err(tool.missing("model_file", "a model (.osim)")),
     };
-    let file = OsimFile::read(&path).map_err(|e| ToolError::new(&path, e))?;
+    let mut file = OsimFile::read(&path).map_err(|e| ToolError::new(&path, e))?;
+    if let Some((setup, owner)) = tool.setup().with_defaults() {
+        file = file.with_defaults_of(setup, owner).map_err(|e| ToolError::new(&path, e))?;
+    }
     outcome.warn_of_diagnostics(&path, &file.diagnostics);
     Ok((path, file))
 }

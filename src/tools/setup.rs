@@ -94,16 +94,24 @@ impl Setup {
         Properties { setup: self, element }
     }
 
-    /// What objects of a class have in place of properties that they lack: the object of that class in `<defaults>` of
-    /// the file's object, as in `Object::updateDefaultObjectsFromXMLNode`.
-    fn default_of(&self, class: &str) -> Option<ElementId> {
+    /// The text, and what in it has the file's `<defaults>`, if anything.
+    pub fn with_defaults(&self) -> Option<(&Document, ElementId)> {
         let root = self.document.root();
-        let file_has = |e: ElementId| self.document.child(e, "defaults");
-        let defaults = file_has(root).or_else(|| file_has(*self.document.children(root).first()?))?;
+        let has_them = |e: &ElementId| self.document.child(*e, "defaults").is_some();
+        let owner = Some(root).filter(has_them);
+        let owner = owner.or_else(|| self.document.children(root).first().copied().filter(has_them))?;
+        let defaults = self.document.child(owner, "defaults")?;
         if !self.used.borrow()[defaults.0] {
             Properties { setup: self, element: defaults }.ignore();
         }
-        self.document.child(defaults, class)
+        Some((&self.document, owner))
+    }
+
+    /// What objects of a class have in place of properties that they lack: the object of that class in `<defaults>` of
+    /// the file's object, as in `Object::updateDefaultObjectsFromXMLNode`.
+    fn default_of(&self, class: &str) -> Option<ElementId> {
+        let (document, owner) = self.with_defaults()?;
+        document.child(document.child(owner, "defaults")?, class)
     }
 
     fn mark(&self, element: ElementId) {

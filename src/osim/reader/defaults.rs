@@ -34,6 +34,22 @@ pub(in crate::osim) fn with_earlier_defaults(
     Ok(completed)
 }
 
+/// A model with the defaults of a document that is read before it; lines stay what they are.
+///
+/// - `owner`: what has the `<defaults>` in the earlier document
+///
+/// # Errors
+/// A document that has no model.
+pub(in crate::osim) fn with_defaults_of(
+    earlier: &Document,
+    owner: ElementId,
+    model: &Document,
+) -> Result<Document, OsimError> {
+    let mut known = Defaults::default();
+    known.learn(earlier, owner);
+    Ok(known.complete(model, model_element(model)?.0)?)
+}
+
 impl Defaults {
     /// Takes over what a document states below `owner`.
     fn learn(&mut self, document: &Document, owner: ElementId) {

@@ -26,7 +26,7 @@ use super::diagnostics::{Diagnostic, Diagnostics, Severity};
 use super::document::{Document, ElementId};
 use super::error::{OsimError, Problem, ProblemKind};
 use super::spec::{CoordinateIndex, FrameIndex, Location, ModelSpec};
-pub(super) use defaults::with_earlier_defaults;
+pub(super) use defaults::{with_defaults_of, with_earlier_defaults};
 use upgrade::Version;
 
 /// Oldest format that is read, as in OpenSim 4.6.

@@ -1,4 +1,4 @@
-//! Setup files of formats before 10904 and 20300 (`fixtures/old_setups`).
+//! Setup files of formats before 10904 and 20300, and with `<defaults>` (`fixtures/old_setups`).
 
 use carpus::tools::{Outcome, run_tool};
 
@@ -20,6 +20,12 @@ fn val_opensim_forward_with_a_controls_file_and_corrective_springs() {
 #[test]
 fn val_opensim_analysis_with_a_controls_file() {
     OLD_SETUPS.compare("analyze.xml", "analyze", 1e-12);
+}
+
+/// They hold for what the model and the setup leave open.
+#[test]
+fn val_opensim_defaults_of_a_setup_hold_for_the_model() {
+    OLD_SETUPS.compare("defaults.xml", "defaults", 1e-12);
 }
 
 /// OpenSim stops at an accuracy of 1e-12.
