@@ -108,7 +108,13 @@ fn model_of(
     };
     let mut file = OsimFile::read(&path).map_err(|e| ToolError::new(&path, e))?;
     if let Some((setup, owner)) = tool.setup().with_defaults() {
-        file = file.with_defaults_of(setup, owner).map_err(|e| ToolError::new(&path, e))?;
+        match file.with_defaults_of(setup, owner) {
+            Ok(with) => file = with,
+            Err(error) => {
+                let text = format!("<defaults> do not hold for the model, which could not be read with them: {error}");
+                outcome.warn(tool.setup().path(), setup.line(owner), text);
+            }
+        }
     }
     outcome.warn_of_diagnostics(&path, &file.diagnostics);
     Ok((path, file))
