@@ -476,7 +476,7 @@ pub struct ScaleArgs {
 /// `carpus run-tool`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus run-tool inverse_dynamics_setup.xml\n  carpus run-tool reach_IK_Setup.xml --model scaled.osim\n\nTools: ScaleTool, InverseKinematicsTool, InverseDynamicsTool, ForwardTool, AnalyzeTool with Kinematics, BodyKinematics, PointKinematics, StatesReporter, MuscleAnalysis, ForceReporter, Actuation, JointReaction, StaticOptimization.\nControllers: PrescribedController, ControlSetController, CorrectionController (of a ForwardTool's setup). force_set_files: every force and muscle that a model may hold.\nFiles are named, read and written as OpenSim 4.6 does; paths in a setup are relative to its folder. What is not supported is refused, with its line."
+    after_help = "Example:\n  carpus run-tool inverse_dynamics_setup.xml\n  carpus run-tool reach_IK_Setup.xml --model scaled.osim\n\nTools: ScaleTool, InverseKinematicsTool, InverseDynamicsTool, ForwardTool, AnalyzeTool with Kinematics, BodyKinematics, PointKinematics, StatesReporter, MuscleAnalysis, ForceReporter, Actuation, JointReaction, StaticOptimization.\nControllers: PrescribedController, ControlSetController, CorrectionController (of a ForwardTool's setup). force_set_files: every force and muscle that a model may hold.\nSetup files of every age, IKTool and controls_file too.\nFiles are named, read and written as OpenSim 4.6 does; paths in a setup are relative to its folder. What is not supported is refused, with its line."
 )]
 pub struct RunToolArgs {
     /// Setup file of a tool
