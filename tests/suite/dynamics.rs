@@ -497,7 +497,7 @@ fn val_opensim_forward_simulation_of_the_bundled_wrist() {
 fn val_opensim_forward_simulations_of_the_mcfarland_hand() {
     let Some(path) = reference::shared("models/Hand_Wrist_Model_for_development.osim") else { return };
     let file = OsimFile::parse(std::fs::read(&path).expect("file"), "hand.osim").expect("model");
-    for name in ["hand_fall", "hand_emg", "hand_tenodesis"] {
+    for name in ["hand_fall", "hand_emg", "hand_weak_emg", "hand_tenodesis"] {
         let reference = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("fixtures/forward/{name}.json"));
         let reference: Value = serde_json::from_slice(&std::fs::read(reference).expect("fixture")).expect("JSON");
         let (differences, trajectory) = compare_trajectory(&file.spec, &reference, 1e-6);
