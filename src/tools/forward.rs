@@ -70,7 +70,7 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
     }
     if !(end - start <= LONGEST) {
         let expected = format!("a time at most {LONGEST} s after initial_time");
-        return Err(tool.bad_value("final_time", &expected, &end.to_string()));
+        return Err(tool.bad_value("final_time", &expected, &tool.string("final_time")));
     }
     state.time = start;
     system.assemble(start, &mut state.q)?;

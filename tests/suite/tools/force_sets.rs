@@ -127,7 +127,12 @@ fn verif_faults_of_files_of_forces_are_told_with_their_file_and_line() {
             "forces that are not computed: contact (HuntCrossleyForce)",
         ),
         ("forward.xml", "<replace_force_set>false<", "<replace_force_set>true<", "the model has no actuator `smooth`"),
-        ("forward.xml", "<final_time>0.15<", "<final_time>1e300<", "a time at most 10000 s after initial_time"),
+        (
+            "forward.xml",
+            "<final_time>0.15<",
+            "<final_time>1e300<",
+            "a time at most 10000 s after initial_time, found \"1e300\"",
+        ),
     ] {
         let error = refusal("forward.xml", file, from, to);
         assert!(error.contains(expected), "expected {expected}\n   found {error}");
