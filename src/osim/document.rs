@@ -101,6 +101,14 @@ impl Document {
         ElementId(0)
     }
 
+    /// What the file is about: the child of `<OpenSimDocument>`, in files of old the root itself.
+    pub fn object(&self) -> ElementId {
+        match self.children(self.root()).first() {
+            Some(&child) if self.tag(self.root()) == "OpenSimDocument" => child,
+            _ => self.root(),
+        }
+    }
+
     /// Number of elements.
     pub fn n_elements(&self) -> usize {
         self.elements.len()

@@ -84,11 +84,7 @@ impl Setup {
 
     /// The object of the file: the child of `<OpenSimDocument>`, or in files of old the root itself.
     pub fn object(&self) -> Properties<'_> {
-        let root = self.document.root();
-        let element = match self.document.children(root).first() {
-            Some(&child) if self.document.tag(root) == "OpenSimDocument" => child,
-            _ => root,
-        };
+        let (root, element) = (self.document.root(), self.document.object());
         self.mark(root);
         self.mark(element);
         Properties { setup: self, element }

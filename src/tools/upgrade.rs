@@ -31,12 +31,8 @@ type Edits = Vec<(Range<usize>, String)>;
 /// # Errors
 /// None that a document which was read would give.
 pub fn upgraded(document: Document) -> Result<Document, DocumentError> {
-    let root = document.root();
+    let (root, tool) = (document.root(), document.object());
     let has_root = document.tag(root) == "OpenSimDocument";
-    let tool = match document.children(root).first() {
-        Some(&child) if has_root => child,
-        _ => root,
-    };
     let stated = document.attribute(root, "Version").filter(|_| has_root);
     let version = stated.map_or(Some(UNSTATED), |text| text.trim().parse().ok());
     let edits = match (document.tag(tool), version) {
@@ -47,19 +43,21 @@ pub fn upgraded(document: Document) -> Result<Document, DocumentError> {
     if edits.is_empty() { Ok(document) } else { document.spliced(edits) }
 }
 
-/// Properties of the first trial become those of the tool; the other trials are lost, as in OpenSim.
+/// Properties of the first trial become those of the tool, which OpenSim runs alone; the other trials stay beside them, unread.
 fn trial_opened(document: &Document, tool: ElementId, has_root: bool) -> Edits {
     let trials = document.child(tool, "IKTrialSet");
-    let objects = trials.and_then(|set| document.child(set, "objects"));
-    let trial = objects.and_then(|objects| document.child(objects, "IKTrial"));
-    let Some((trials, trial)) = trials.zip(trial) else { return Vec::new() };
+    let Some((trials, objects)) = trials.and_then(|set| Some((set, document.child(set, "objects")?))) else {
+        return Vec::new();
+    };
+    let Some(trial) = document.child(objects, "IKTrial") else { return Vec::new() };
     let (around, content) = (document.range(trials), document.inner(trial));
     let defaults = [("constraint_weight", "20.0"), ("accuracy", if has_root { "1e-4" } else { "1e-5" })];
     let absent = defaults.iter().filter(|(property, _)| document.child(tool, property).is_none());
     let added: String = absent.map(|(property, value)| format!("<{property}>{value}</{property}>")).collect();
     let mut edits = vec![
         removed(document, around.start..content.start),
-        removed(document, content.end..around.end),
+        removed(document, content.end..document.range(trial).end),
+        removed(document, document.inner(objects).end..around.end),
         document.appended(tool, &added),
     ];
     let algorithm = document.child(tool, "optimizer_algorithm");

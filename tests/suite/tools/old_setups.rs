@@ -69,11 +69,15 @@ fn verif_a_control_that_opensim_does_not_connect_is_named() {
     assert!(found.iter().any(|(line, text)| *line == 22 && text.contains("motor2 is left out")), "{found:?}");
 }
 
-/// Lines of messages are those of the file, though properties have moved.
+/// Lines of messages are those of the file, though properties have moved; a trial that OpenSim does not run either is named.
 #[test]
 fn verif_moved_properties_keep_their_lines() {
     let outcome = changed("inverse_kinematics.xml", "<time_range>", "<frames>7</frames><time_range>");
     let text = std::fs::read_to_string(OLD_SETUPS.path("inverse_kinematics.xml")).unwrap();
-    let line = 1 + text.lines().position(|line| line.contains("<time_range>")).unwrap();
-    assert_eq!(warnings(&outcome), [(line, "<frames> is no property of IKTool and was not used")]);
+    let line = |what: &str| 1 + text.lines().position(|line| line.contains(what)).unwrap();
+    let expected = [
+        (line("<time_range>"), "<frames> is no property of IKTool and was not used"),
+        (line("never run"), "<IKTrial> is no property of IKTool and was not used"),
+    ];
+    assert_eq!(warnings(&outcome), expected);
 }
