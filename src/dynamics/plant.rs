@@ -174,6 +174,7 @@ impl Plant {
                 }
                 Err(error) => return Err(error.into()),
             };
+            muscle.require_rates()?;
             let mut next = |exists: bool| {
                 exists.then(|| {
                     n_states += 1;

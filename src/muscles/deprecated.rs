@@ -60,7 +60,6 @@ impl DeprecatedMuscle {
             Function::compile(function).map_err(|source| MuscleError::Function { property, source })
         };
         let require = MuscleError::require;
-        require(own.time_scale > 0.0, "time_scale", "a number above 0", own.time_scale)?;
         require(spec.optimal_fiber_length > 0.0, "optimal_fiber_length", "above 0 m", spec.optimal_fiber_length)?;
         for (ignored, property) in [
             (spec.ignore_tendon_compliance, "ignore_tendon_compliance"),
@@ -97,6 +96,11 @@ impl DeprecatedMuscle {
                 .transpose()?,
             contraction,
         })
+    }
+
+    /// As [`MuscleModel::require_rates`](super::MuscleModel::require_rates).
+    pub(super) fn require_rates(&self) -> Result<(), MuscleError> {
+        MuscleError::require(self.time_scale > 0.0, "time_scale", "a number above 0", self.time_scale)
     }
 
     /// Whether the fibre's velocity is a state.

@@ -86,6 +86,18 @@ impl MuscleModel {
         built.map_err(|source| MuscleError::InMuscle { muscle: spec.name.clone(), source: Box::new(source) })
     }
 
+    /// Whether its states have rates: old files give muscles of the oldest kinds a `time_scale` of 0, by which OpenSim divides.
+    ///
+    /// # Errors
+    /// [`MuscleError::InvalidProperty`], if not.
+    pub fn require_rates(&self) -> Result<(), MuscleError> {
+        let found = match self {
+            MuscleModel::Deprecated(m) => m.require_rates(),
+            _ => Ok(()),
+        };
+        found.map_err(|source| MuscleError::InMuscle { muscle: self.name().to_owned(), source: Box::new(source) })
+    }
+
     /// Name.
     pub fn name(&self) -> &str {
         match self {

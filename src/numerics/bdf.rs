@@ -11,8 +11,12 @@ use std::ops::Range;
 
 const MAX_ORDER: usize = 5;
 const NEWTON_ITERATIONS: usize = 4;
+/// Newton's method has converged when what is left is this share of the error allowed.
+const NEWTON_SHARE: f64 = 0.03;
 const LEAST_FACTOR: f64 = 0.2;
 const LARGEST_FACTOR: f64 = 10.0;
+/// Of the rate at which earlier iterations with the same factors converged, so much is expected of later ones at least.
+const RATE_KEPT: f64 = 0.9;
 /// κ of the formulas, by order.
 const KAPPA: [f64; MAX_ORDER + 1] = [0.0, -0.1850, -1.0 / 9.0, -0.0823, -0.0415, 0.0];
 
@@ -104,6 +108,8 @@ pub struct Bdf {
     jacobian_is_current: bool,
     groups: Vec<Range<usize>>,
     factors: Option<Grouped>,
+    /// By how much an iteration with these factors has shortened the corrections, if that is known.
+    convergence_rate: Option<f64>,
 }
 
 impl Bdf {
@@ -155,6 +161,7 @@ impl Bdf {
             jacobian_is_current: true,
             groups: system.groups(),
             factors: None,
+            convergence_rate: None,
         })
     }
 
@@ -217,10 +224,11 @@ impl Bdf {
         c: f64,
     ) -> Option<(DVector<f64>, DVector<f64>, usize)> {
         let n = predicted.len();
-        let tolerance = (10.0 * f64::EPSILON / self.relative).max(self.relative.sqrt().min(0.03));
+        let tolerance = (10.0 * f64::EPSILON / self.relative).max(NEWTON_SHARE);
         loop {
             if self.factors.is_none() {
                 self.factors = Grouped::new(&self.jacobian, c, &self.groups);
+                self.convergence_rate = None;
                 self.cost.factorizations += 1;
             }
             let factors = self.factors.as_ref()?;
@@ -235,12 +243,17 @@ impl Bdf {
                 let mut correction = &rate_of_change * c - psi - &change;
                 factors.solve_mut(&mut correction);
                 let length = norm(&correction, size);
-                let rate = last.map(|last| length / last);
+                if let Some(last) = last {
+                    let slowest = self.convergence_rate.map_or(0.0, |rate| RATE_KEPT * rate);
+                    self.convergence_rate = Some(slowest.max(length / last));
+                }
+                let rate = self.convergence_rate;
                 let remaining = (NEWTON_ITERATIONS - k) as i32;
                 // One correction that a Jacobian by differences gets wrong, and the next puts right, is no divergence.
                 let is_first = k == 1 && self.jacobian_is_current && rate.is_some_and(|r| r < 2.0);
-                let diverges =
-                    !is_first && rate.is_some_and(|r| r >= 1.0 || r.powi(remaining) / (1.0 - r) * length > tolerance);
+                let diverges = k > 0
+                    && !is_first
+                    && rate.is_some_and(|r| r >= 1.0 || r.powi(remaining) / (1.0 - r) * length > tolerance);
                 if !length.is_finite() || diverges {
                     break;
                 }
@@ -411,6 +424,7 @@ mod tests {
         }
         assert!(bdf.cost.steps < 1000, "{:?}", bdf.cost);
         assert!(bdf.cost.jacobians < bdf.cost.steps / 3, "Jacobians are kept: {:?}", bdf.cost);
+        assert!(bdf.cost.derivatives < 2 * bdf.cost.steps, "rates of convergence are kept: {:?}", bdf.cost);
     }
 
     /// sin and cos, between steps too.

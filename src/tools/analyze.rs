@@ -11,6 +11,7 @@ use super::result::Outcome;
 use super::setup::Properties;
 use super::static_optimization::StaticOptimization;
 use super::system::{System, SystemState, SystemWork};
+use crate::dynamics::DynamicsError;
 use crate::osim::Document;
 use crate::storage::{Storage, spline};
 
@@ -92,7 +93,8 @@ pub fn read_analyses(
     Ok(analyses)
 }
 
-/// Lets analyses record an instant.
+/// Lets analyses record an instant. Where the equations of motion have no solution accelerations are not numbers, as in OpenSim;
+/// why is returned.
 ///
 /// # Errors
 /// What cannot be computed.
@@ -102,25 +104,51 @@ pub fn record<'s>(
     work: &mut SystemWork<'s>,
     state: &SystemState,
     step: Option<usize>,
-) -> Result<(), ToolError> {
+) -> Result<Option<DynamicsError>, ToolError> {
     let proceeds = |a: &dyn Analysis| step.is_none_or(|step| step as i64 % a.options().step_interval == 0);
     if !analyses.iter().any(|a| proceeds(a.as_ref())) {
-        return Ok(());
+        return Ok(None);
     }
     let evaluation = system.evaluate(work, state, &|_| true);
-    let (mut udot, mut multipliers) = (None, None);
+    let (mut udot, mut multipliers, mut unknown) = (None, None, None);
     if analyses.iter().any(|a| a.needs_accelerations() && proceeds(a.as_ref())) {
-        let found = system.accelerations(work, state, &evaluation)?;
+        let (found, error) = system.accelerations(work, state, &evaluation.applied);
         // Accelerations of bodies into the buffers.
         work.dynamics.inverse_dynamics(&state.q, &state.u, found.udot.as_slice(), &evaluation.applied);
-        (udot, multipliers) = (Some(found.udot), Some(found.multipliers));
+        (udot, multipliers, unknown) = (Some(found.udot), Some(found.multipliers), error);
     }
     for analysis in analyses.iter_mut().filter(|a| proceeds(a.as_ref())) {
         let (udot, multipliers) = (udot.as_ref(), multipliers.as_ref());
         let mut instant = Instant { system, work, state, evaluation: &evaluation, udot, multipliers };
         analysis.record(&mut instant)?;
     }
-    Ok(())
+    Ok(unknown)
+}
+
+/// Times at which accelerations are not determined.
+#[derive(Default)]
+pub struct Unknown {
+    times: usize,
+    first: Option<(f64, DynamicsError)>,
+}
+
+impl Unknown {
+    /// Notes what [`record`] returned.
+    pub fn note(&mut self, time: f64, found: Option<DynamicsError>) {
+        if let Some(error) = found {
+            self.times += 1;
+            self.first.get_or_insert((time, error));
+        }
+    }
+
+    /// Warns of them.
+    pub fn warn(&self, system: &System, outcome: &mut Outcome) {
+        if let Some((time, error)) = &self.first {
+            let text =
+                format!("accelerations are not numbers at {} times, the first t = {time} s: {error}", self.times);
+            outcome.warn(&system.path, 0, text);
+        }
+    }
 }
 
 /// Runs the tool.
@@ -174,7 +202,7 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         system.require_all_forces(&|_| false)?;
     }
     let mut work = system.new_work();
-    let mut unbalanced = Vec::new();
+    let (mut unbalanced, mut unknown) = (Vec::new(), Unknown::default());
     for (i, state) in states.iter().enumerate().take(last + 1).skip(first) {
         let mut state = state.clone();
         system.assemble(state.time, &mut state.q)?;
@@ -183,8 +211,9 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
             unbalanced.extend(failed.into_iter().map(|text| format!("at t = {} s: {text}", state.time)));
         }
         let step = (i != first && i != last).then_some(i);
-        record(&mut analyses, &system, &mut work, &state, step)?;
+        unknown.note(state.time, record(&mut analyses, &system, &mut work, &state, step)?);
     }
+    unknown.warn(&system, outcome);
     if let Some(text) = unbalanced.first() {
         outcome.warn(&system.path, 0, format!("{} muscles could not be balanced, the first {text}", unbalanced.len()));
     }

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::analysis::{Analysis, Instant, Options, UNITS};
-use super::error::{ToolError, ToolProblem};
+use super::error::ToolError;
 use super::setup::Properties;
 use super::system::{Actor, System};
 use crate::forces::{BushingLaw, ForceLaw, PathForce};
@@ -443,9 +443,7 @@ impl Analysis for JointReaction {
             let values = forces.at(state.time);
             let control = |name: &str| forces.find(name).map(|i| values[i]);
             applied = system.with_actuator_forces(instant.work, state, &control);
-            let found = instant.work.dynamics.accelerations(state.time, &state.q, &state.u, &applied);
-            let fail = |source| ToolError::new(&system.path, ToolProblem::Dynamics { time: state.time, source });
-            let found = found.map_err(fail)?;
+            let (found, _) = system.accelerations(instant.work, state, &applied);
             (udot, multipliers) = (Some(found.udot), Some(found.multipliers));
         }
         let (Some(udot), Some(multipliers)) = (udot, multipliers) else { return Ok(()) };

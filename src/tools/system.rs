@@ -12,7 +12,7 @@ use super::correction::Correction;
 use super::error::{ToolError, ToolProblem};
 use super::result::Outcome;
 use super::setup::{Properties, Setup};
-use crate::dynamics::{Accelerations, Constraints, Dynamics};
+use crate::dynamics::{Accelerations, Constraints, Dynamics, DynamicsError};
 use crate::forces::{AppliedForces, Forces};
 use crate::multibody::{Cache, Model};
 use crate::muscles::{MuscleDynamics, MuscleModel, MuscleState};
@@ -27,6 +27,8 @@ pub use actor::{Actor, PathActuator, SystemMuscle};
 
 /// Generalized forces up to this are none (Simbody's `SignificantReal`).
 const SIGNIFICANT: f64 = 2.008_771_736_785_476_6e-14;
+/// Relative error of a velocity that is a difference of larger ones.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// A model with all that acts in it.
 #[derive(Debug)]
@@ -481,19 +483,25 @@ impl System {
         applied
     }
 
-    /// Accelerations at the state last evaluated.
+    /// Accelerations at the state last evaluated; where the equations of motion have no solution not numbers, as in OpenSim, and
+    /// why there is none.
     ///
-    /// # Errors
-    /// The equations of motion have no solution.
+    /// - `applied`: forces
     pub fn accelerations(
         &self,
         work: &mut SystemWork,
         state: &SystemState,
-        evaluation: &Evaluation,
-    ) -> Result<Accelerations, ToolError> {
-        work.dynamics
-            .accelerations(state.time, &state.q, &state.u, &evaluation.applied)
-            .map_err(|source| ToolError::new(&self.path, ToolProblem::Dynamics { time: state.time, source }))
+        applied: &AppliedForces,
+    ) -> (Accelerations, Option<DynamicsError>) {
+        match work.dynamics.accelerations(state.time, &state.q, &state.u, applied) {
+            Ok(found) => (found, None),
+            Err(error) => {
+                let nothing = |n: usize| DVector::from_element(n, f64::NAN);
+                let (udot, constraint_forces) = (nothing(state.u.len()), nothing(state.u.len()));
+                let multipliers = nothing(self.constraints.n_rows());
+                (Accelerations { udot, constraint_forces, multipliers }, Some(error))
+            }
+        }
     }
 
     /// Whether a force of this name is an actuator of a class that is not computed.
@@ -510,13 +518,17 @@ impl System {
         let joints = self.spec.joints.iter().map(|joint| {
             let columns: Vec<usize> = joint.coordinates.iter().map(|c| c.0).collect();
             let frame = self.model.frame(joint.child_frame);
-            let shift = cache.X_GF(&self.model, joint.child_frame).p - cache.X_GB(frame.base).p;
+            let at = cache.X_GF(&self.model, joint.child_frame).p;
+            let (shift, origin) = (at - cache.X_GB(frame.base).p, at.norm());
             let mut w = DMatrix::zeros(columns.len(), 3);
             let mut v = DMatrix::zeros(columns.len(), 3);
             self.model.for_each_partial_velocity(cache, frame.base, |c, velocity| {
                 if let Some(row) = columns.iter().position(|column| *column == c) {
                     let at = velocity.shift(&shift);
-                    (0..3).for_each(|k| (w[(row, k)], v[(row, k)]) = (at.w[k], at.v[k]));
+                    // A joint that only turns moves its own origin by no more than rounding.
+                    let rounding = ROUNDING * (velocity.v.norm() + velocity.w.norm() * origin);
+                    let moves = |v: f64| if v.abs() > rounding { v } else { 0.0 };
+                    (0..3).for_each(|k| (w[(row, k)], v[(row, k)]) = (at.w[k], moves(at.v[k])));
                 }
             });
             let f = DVector::from_iterator(columns.len(), columns.iter().map(|c| generalized[*c]));

@@ -492,7 +492,8 @@ fn val_opensim_forward_simulation_of_the_bundled_wrist() {
     differences.assert_below(1e-5);
 }
 
-/// A fall, the wrist extended by EMG, and the wrist driven while the fingers follow (tenodesis).
+/// A fall, the wrist extended by EMG, and the wrist driven while the fingers follow (tenodesis). There the path of EDCR is shorter by
+/// 42 µm from 0.0910 to 0.0913 s only: the steps of accuracy 1e-6 may pass over that, which makes 1.4e-4 rad.
 #[test]
 fn val_opensim_forward_simulations_of_the_mcfarland_hand() {
     let Some(path) = reference::shared("models/Hand_Wrist_Model_for_development.osim") else { return };
@@ -500,7 +501,7 @@ fn val_opensim_forward_simulations_of_the_mcfarland_hand() {
     for name in ["hand_fall", "hand_emg", "hand_weak_emg", "hand_tenodesis"] {
         let reference = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("fixtures/forward/{name}.json"));
         let reference: Value = serde_json::from_slice(&std::fs::read(reference).expect("fixture")).expect("JSON");
-        let (differences, trajectory) = compare_trajectory(&file.spec, &reference, 1e-6);
+        let (differences, trajectory) = compare_trajectory(&file.spec, &reference, 1e-7);
         println!("{name}: {:?}, largest difference {:.1e}", trajectory.cost, differences.max());
         let moved = |c: usize| (trajectory.states.last().expect("a state").q[c] - trajectory.states[0].q[c]).abs();
         let most = (0..file.spec.coordinates.len()).map(moved).fold(0.0, f64::max);

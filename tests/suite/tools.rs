@@ -4,6 +4,7 @@ mod components;
 mod files;
 mod force_sets;
 mod motion_capture;
+mod odd_models;
 mod old_setups;
 mod opensim;
 mod references;

@@ -164,7 +164,7 @@ impl Reader<'_> {
         let line = self.document.line(model);
         let object = Object { element: Some(model), default: None, path: "/".to_owned(), line };
         self.spec.document_version = self.version.0;
-        self.spec.name = self.document.attribute(model, "name").unwrap_or_default();
+        self.spec.name = self.component_name(model, &mut Names::default(), "/");
         self.spec.gravity = self.vector3(&object, &["gravity"], nalgebra::Vector3::new(0.0, -9.80665, 0.0));
         self.check_units(&object);
         let components = self.model_components(model);

@@ -54,7 +54,11 @@ fn verif_small_model_of_format_4() {
 fn verif_old_format_is_upgraded_as_in_opensim() {
     let file = read(&format_30000()).expect("valid");
     let spec = &file.spec;
-    assert_eq!(spec.bodies[0].name, "forearm", "white space is removed from names");
+    assert_eq!(
+        (spec.name.as_str(), spec.bodies[0].name.as_str()),
+        ("smallold", "forearm"),
+        "white space is removed from names"
+    );
     assert_eq!(spec.bodies[0].inertia[(0, 0)], 0.00123457, "six significant digits");
     let FrameKind::Offset { orientation, parent, .. } = spec.frames[spec.joints[0].parent_frame.0].kind else {
         panic!("the joint has an offset frame of its own")

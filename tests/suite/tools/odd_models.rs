@@ -1,0 +1,98 @@
+//! Models of which OpenSim computes a part: the tools give that part, and say what is missing.
+
+use carpus::storage::Storage;
+use carpus::tools::{Outcome, run_tool};
+
+/// Two links that turn about z; of the second one MASS is the mass. A muscle from ground to the first one.
+const MODEL: &str = r#"<OpenSimDocument Version="40000"><Model name="links">
+<gravity>0 -9.8 0</gravity>
+<BodySet><objects>
+<Body name="a"><mass>1</mass><mass_center>0.05 -0.2 0.01</mass_center><inertia>0.02 0.01 0.02 0 0 0</inertia></Body>
+<Body name="b"><mass>MASS</mass><mass_center>0 -0.2 0</mass_center><inertia>0 0 0 0 0 0</inertia></Body>
+</objects></BodySet>
+<JointSet><objects>
+<PinJoint name="first"><socket_parent_frame>base</socket_parent_frame><socket_child_frame>/bodyset/a</socket_child_frame>
+<coordinates><Coordinate name="q1"/></coordinates>
+<frames><PhysicalOffsetFrame name="base"><socket_parent>/ground</socket_parent><translation>0.7 0.3 -0.2</translation><orientation>0.3 0.2 0.1</orientation></PhysicalOffsetFrame></frames></PinJoint>
+<PinJoint name="second"><socket_parent_frame>end</socket_parent_frame><socket_child_frame>/bodyset/b</socket_child_frame>
+<coordinates><Coordinate name="q2"/></coordinates>
+<frames><PhysicalOffsetFrame name="end"><socket_parent>/bodyset/a</socket_parent><translation>0.03 -0.4 0.1</translation><orientation>0.1 0.5 -0.4</orientation></PhysicalOffsetFrame></frames></PinJoint>
+</objects></JointSet>
+<ForceSet><objects>
+<Schutte1993Muscle_Deprecated name="old"><GeometryPath><PathPointSet><objects>
+<PathPoint name="p1"><socket_parent_frame>/ground</socket_parent_frame><location>0.7 0.5 -0.2</location></PathPoint>
+<PathPoint name="p2"><socket_parent_frame>/bodyset/a</socket_parent_frame><location>0.05 -0.1 0</location></PathPoint>
+</objects></PathPointSet></GeometryPath>
+<max_isometric_force>30</max_isometric_force><optimal_fiber_length>0.1</optimal_fiber_length><tendon_slack_length>0.2</tendon_slack_length><time_scale>SCALE</time_scale></Schutte1993Muscle_Deprecated>
+</objects></ForceSet></Model></OpenSimDocument>"#;
+
+/// Runs a tool along a motion of both links.
+fn run(mass: &str, time_scale: &str, class: &str, inner: &str) -> Result<Outcome, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write("links.osim", &MODEL.replace("MASS", mass).replace("SCALE", time_scale));
+    let row = |i: i32| {
+        let t = 0.05 * f64::from(i);
+        format!("{t}\t{}\t{}\n", 0.4 * (3.0 * t).sin(), 0.9 * (2.0 * t + 0.3).cos())
+    };
+    let rows: String = (0..20).map(row).collect();
+    write("q.mot", &format!("q\nversion=1\nnRows=20\nnColumns=3\ninDegrees=no\nendheader\ntime\tq1\tq2\n{rows}"));
+    let text = format!(
+        "<OpenSimDocument Version=\"40000\"><{class} name=\"t\"><model_file>links.osim</model_file><results_directory>.</results_directory><initial_time>0.1</initial_time><final_time>0.8</final_time>{inner}</{class}></OpenSimDocument>"
+    );
+    write("setup.xml", &text);
+    run_tool(&folder.path().join("setup.xml"), None, false).map_err(|e| e.to_string())
+}
+
+fn table(outcome: &Outcome, end: &str) -> Storage {
+    let file = outcome.files.iter().find(|f| f.path.to_string_lossy().ends_with(end));
+    let file =
+        file.unwrap_or_else(|| panic!("no {end}: {:?}", outcome.files.iter().map(|f| &f.path).collect::<Vec<_>>()));
+    Storage::parse(&file.bytes, &file.path).unwrap()
+}
+
+const MOTION: &str = "<coordinates_file>q.mot</coordinates_file>";
+
+#[test]
+fn verif_without_mass_accelerations_alone_are_not_numbers() {
+    let analyses = "<AnalysisSet><objects><Kinematics/><BodyKinematics/><JointReaction/></objects></AnalysisSet>";
+    let outcome = run("0", "0.1", "AnalyzeTool", &format!("{MOTION}{analyses}")).unwrap();
+    let warned =
+        |w: &(std::path::PathBuf, usize, String)| w.2.contains("accelerations are not numbers") && w.2.contains("q2");
+    assert!(outcome.warnings.iter().any(warned), "{:?}", outcome.warnings);
+    assert!(table(&outcome, "_dudt.sto").rows.iter().flatten().all(|x| x.is_nan()));
+    assert!(table(&outcome, "_acc_global.sto").rows.iter().flatten().any(|x| x.is_nan()));
+    for end in ["_Kinematics_q.sto", "_Kinematics_u.sto", "_pos_global.sto", "_vel_global.sto"] {
+        assert!(table(&outcome, end).rows.iter().flatten().all(|x| x.is_finite()), "{end}");
+    }
+    let outcome = run("1", "0.1", "AnalyzeTool", &format!("{MOTION}{analyses}")).unwrap();
+    assert!(table(&outcome, "_dudt.sto").rows.iter().flatten().all(|x| x.is_finite()));
+    assert!(!outcome.warnings.iter().any(warned), "{:?}", outcome.warnings);
+}
+
+#[test]
+fn verif_a_joint_that_only_turns_carries_no_force() {
+    let inner = "<time_range>0.1 0.8</time_range><joints_to_report_body_forces>ALL</joints_to_report_body_forces><output_body_forces_file>joints.sto</output_body_forces_file>";
+    let outcome = run("1", "0.1", "InverseDynamicsTool", &format!("{MOTION}{inner}")).unwrap();
+    let joints = table(&outcome, "joints.sto");
+    for (label, i) in joints.labels.iter().zip(0..) {
+        let largest = joints.rows.iter().map(|row| row[i].abs()).fold(0.0, f64::max);
+        let is_force = ["_FX", "_FY", "_FZ"].iter().any(|end| label.ends_with(end));
+        assert_eq!(largest == 0.0, is_force, "{label}: {largest}");
+    }
+}
+
+/// Files of the nineties state a time scale of 0, by which OpenSim divides.
+#[test]
+fn verif_a_time_scale_of_0_leaves_what_needs_none() {
+    let analyses = "<solve_for_equilibrium_for_auxiliary_states>true</solve_for_equilibrium_for_auxiliary_states><AnalysisSet><objects><MuscleAnalysis/></objects></AnalysisSet>";
+    let inner = format!("{MOTION}{analyses}");
+    let [none, some] = ["0", "0.1"].map(|scale| run("1", scale, "AnalyzeTool", &inner).unwrap());
+    for end in ["_Length.sto", "_TendonForce.sto", "_FiberLength.sto"] {
+        assert_eq!(table(&none, end).rows, table(&some, end).rows, "{end}");
+    }
+    assert!(!table(&none, "_FiberVelocity.sto").rows.iter().flatten().any(|x| x.is_finite()));
+    assert!(table(&some, "_FiberVelocity.sto").rows.iter().flatten().all(|x| x.is_finite()));
+    let error = run("1", "0", "ForwardTool", "").err().expect("rates that are no numbers");
+    assert!(error.contains("old") && error.contains("time_scale is 0, expected a number above 0"), "{error}");
+}
