@@ -33,6 +33,8 @@ const SIGNIFICANT: f64 = 2.008_771_736_785_476_6e-14;
 pub struct System {
     /// Where the model was read from.
     pub path: PathBuf,
+    /// Files of forces after the model's, by [`Location::source`] from 1 on.
+    force_sets: Vec<PathBuf>,
     /// The specification.
     pub spec: ModelSpec,
     /// The skeleton.
@@ -129,8 +131,8 @@ impl System {
             let compiled = MusclePath::compile(&muscle.path, &spec, &model).map_err(|e| fail(&muscle.at, e.into()))?;
             let law = match MuscleModel::from_spec(muscle) {
                 Ok(law) => Some(law),
-                Err(crate::muscles::MuscleError::NotMillard2012 { .. }) => None,
-                Err(error) => return Err(fail(&muscle.at, error.into())),
+                // Said by `require_all_forces`, where the muscle acts: other tools do without its force, as OpenSim.
+                Err(_) => None,
             };
             let class = match &muscle.kind {
                 crate::osim::spec::MuscleKind::PathOnly { class, .. } => class.clone(),
@@ -178,9 +180,11 @@ impl System {
         let actors = actors.into_iter().map(|(_, actor)| actor).collect();
         let tree_order = tree_order(&spec, &model);
         let (path, unsupported) = (path.to_owned(), forces.unsupported);
+        let force_sets = force_sets.to_vec();
         let (allow_unsupported, controls) = (false, Controls::default());
         Ok(System {
             path,
+            force_sets,
             spec,
             model,
             constraints,
@@ -267,8 +271,21 @@ impl System {
     /// Fails if a force that acts is of a class that is not computed, unless that is allowed.
     ///
     /// # Errors
-    /// Names and classes of such forces.
+    /// Names and classes of such forces; a muscle with parameters that make no muscle.
     pub fn require_all_forces(&self, excluded: &dyn Fn(&str) -> bool) -> Result<(), ToolError> {
+        for (muscle, spec) in self.muscles.iter().zip(&self.spec.muscles) {
+            if !muscle.applies_force || muscle.law.is_some() || excluded(&muscle.name) {
+                continue;
+            }
+            match MuscleModel::from_spec(spec) {
+                Ok(_) | Err(crate::muscles::MuscleError::NotMillard2012 { .. }) => {}
+                Err(error) => {
+                    let file = spec.at.source.checked_sub(1).and_then(|i| self.force_sets.get(i));
+                    let file = file.map_or(self.path.as_path(), PathBuf::as_path);
+                    return Err(ToolError::at(file, spec.at.line, ToolProblem::from(error)));
+                }
+            }
+        }
         let names = self.forces_not_computed(excluded);
         if names.is_empty() || self.allow_unsupported {
             return Ok(());

@@ -8,3 +8,4 @@ mod old_setups;
 mod opensim;
 mod references;
 mod setups;
+mod unusual_models;

@@ -155,13 +155,14 @@ impl Reader<'_> {
         }
     }
 
-    /// Semi-axes of an ellipsoid, which have no default.
+    /// Semi-axes of an ellipsoid, which have no default. Negative ones turn it inside out: OpenSim takes them, and models
+    /// that were mirrored have them.
     fn radii(&mut self, object: &Object, property: &'static str) -> Vector3<f64> {
         if self.property(object, &[property]).is_none() {
             let kind = ProblemKind::Missing { property: property.to_owned(), expected: "three lengths in m" };
             self.problem(object.line, &object.path, kind);
         }
-        Vector3::from(self.numbers(object, &[property], [1.0; 3], Bound::Positive("lengths greater than 0 m")))
+        Vector3::from(self.numbers(object, &[property], [1.0; 3], Bound::Finite))
     }
 
     /// `<coordinates>`, or `<CoordinateSet><objects>` in old files.
@@ -225,15 +226,24 @@ impl Reader<'_> {
         for element in elements {
             named.push((self.component_name(element, &mut names, &object.path), element));
         }
-        for (name, element) in &named {
-            if !order.contains(&name) {
+        // OpenSim stops at coordinates that no axis uses, unless they come last and the others stand in the order of the axes.
+        let unused: Vec<&(String, ElementId)> = named.iter().filter(|(name, _)| !order.contains(&name)).collect();
+        let in_order = named.len() == order.len() + unused.len() && named.iter().zip(&order).all(|((a, _), &b)| a == b);
+        for (name, element) in &unused {
+            if in_order {
+                let message = format!("coordinate \"{name}\" is not used by any axis of the joint: it moves nothing");
+                self.diagnose(Severity::Warning, *element, &object.path, message, None);
+            } else {
                 let kind = ProblemKind::UnusedCoordinate { name: name.clone() };
                 self.problem(self.document.line(*element), &object.path, kind);
             }
         }
+        let idle = unused.iter().map(|(name, _)| name);
         let coordinates: Vec<CoordinateIndex> = order
             .iter()
-            .map(|&name| {
+            .copied()
+            .chain(idle)
+            .map(|name| {
                 let element = named.iter().find(|(known, _)| known == name).map(|&(_, element)| element);
                 self.read_coordinate(element, object, name.clone(), joint, motion_type(name, &axes))
             })

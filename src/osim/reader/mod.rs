@@ -165,6 +165,9 @@ impl Reader<'_> {
         let object = Object { element: Some(model), default: None, path: "/".to_owned(), line };
         self.spec.document_version = self.version.0;
         self.spec.name = self.document.attribute(model, "name").unwrap_or_default();
+        if self.version.strips_white_space_from_names() {
+            self.spec.name.retain(|c| !c.is_whitespace());
+        }
         self.spec.gravity = self.vector3(&object, &["gravity"], nalgebra::Vector3::new(0.0, -9.80665, 0.0));
         self.check_units(&object);
         let components = self.model_components(model);
