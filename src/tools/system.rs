@@ -302,7 +302,8 @@ impl System {
         work.dynamics.update(&state.q, &state.u);
         let mut failed = Vec::new();
         for (i, muscle) in self.muscles.iter().enumerate() {
-            let Some(law) = &muscle.law else { continue };
+            // OpenSim balances muscles that act.
+            let Some(law) = muscle.law.as_ref().filter(|_| muscle.applies_force) else { continue };
             muscle.path.update(&state.q, work.dynamics.cache(), &mut work.paths[i]);
             let (cache, qdot) = (work.dynamics.cache(), work.dynamics.qdot());
             let speed = muscle.path.lengthening_speed(&state.q, qdot, cache, &work.paths[i]);
@@ -358,6 +359,15 @@ impl System {
     /// Names of muscles and other actuators that apply force.
     pub fn actuator_names(&self) -> Vec<String> {
         self.actors.iter().filter(|a| a.is_actuator()).map(|a| a.name(&self.muscles).to_owned()).collect()
+    }
+
+    /// Names of all muscles and other actuators in the order of the file, also of those that apply no force.
+    pub fn actuators_in_order(&self) -> Vec<String> {
+        let is_actuator = |f: &&ForceSpec| matches!(f.kind, ForceKind::Actuator(_));
+        let others = self.spec.forces.iter().filter(is_actuator).map(|f| (f.at.order(), &f.name));
+        let mut all: Vec<_> = self.spec.muscles.iter().map(|m| (m.at.order(), &m.name)).chain(others).collect();
+        all.sort_by_key(|(order, _)| *order);
+        all.into_iter().map(|(_, name)| name.clone()).collect()
     }
 
     /// Names of all muscles and other actuators, also of those that apply no force.

@@ -121,7 +121,7 @@ impl Reader<'_> {
         self.diagnostics.understood(&tag);
         let elements = self.coordinate_elements(object);
         let (kind, coordinates) = match simple {
-            Some((kind, types)) => (kind, self.read_fixed_coordinates(object, joint, elements, types)),
+            Some((kind, types)) => (kind, self.read_fixed_coordinates(object, joint, elements, types, "")),
             None => self.read_custom(object, joint, elements),
         };
         let at = self.location(object);
@@ -187,6 +187,7 @@ impl Reader<'_> {
         joint: JointIndex,
         elements: Vec<ElementId>,
         types: &[MotionType],
+        of_joint: &str,
     ) -> Vec<CoordinateIndex> {
         if elements.len() != types.len() && !elements.is_empty() {
             let kind = ProblemKind::WrongCoordinateCount { expected: types.len(), found: elements.len() };
@@ -197,10 +198,10 @@ impl Reader<'_> {
         let mut coordinates = Vec::new();
         for (i, &motion_type) in types.iter().enumerate() {
             let element = elements.get(i).copied();
-            // The constructor names coordinates before the joint has a name.
+            // The constructor names coordinates; joints of files have no name then.
             let name = match element {
                 Some(element) => self.component_name(element, &mut names, &object.path),
-                None => format!("_coord_{i}"),
+                None => format!("{of_joint}_coord_{i}"),
             };
             coordinates.push(self.read_coordinate(element, object, name, joint, motion_type));
         }
@@ -476,7 +477,7 @@ impl Reader<'_> {
             let object = Object { element: None, default: None, path: path.clone(), line: at.line };
             let joint = JointIndex(self.spec.joints.len());
             let types = [Rotational, Rotational, Rotational, Translational, Translational, Translational];
-            let coordinates = self.read_fixed_coordinates(&object, joint, Vec::new(), &types);
+            let coordinates = self.read_fixed_coordinates(&object, joint, Vec::new(), &types, &name);
             self.spec.joints.push(JointSpec {
                 name,
                 at: Location { path, element: None, ..at },

@@ -66,10 +66,10 @@ fn verif_coordinates_that_no_axis_uses_are_kept_where_opensim_keeps_them() {
 
 #[test]
 fn verif_white_space_leaves_the_name_of_an_old_model() {
-    let name =
-        |text: &str| read(&text.replace("Model name=\"small\"", "Model name=\" sm all\"")).expect("valid").spec.name;
-    assert_eq!(name(&format_30000()), "small");
-    assert_eq!(name(FORMAT_40000), " sm all");
+    assert!(format_30000().contains("<Model name=\"small old\">"));
+    assert_eq!(read(&format_30000()).expect("valid").spec.name, "smallold");
+    let new = with("Model name=\"small\"", "Model name=\"small new\"").expect("valid");
+    assert_eq!(new.spec.name, "small new");
 }
 
 #[test]

@@ -118,10 +118,8 @@ fn verif_moment_arms_follow_constraints_between_bodies() {
 #[test]
 fn verif_muscles_of_no_use_refuse_only_what_needs_their_force() {
     let folder = tempfile::tempdir().unwrap();
-    let broken = MODEL.replace(
-        "<ignore_tendon_compliance>true",
-        "<minimum_activation>-1</minimum_activation><ignore_tendon_compliance>true",
-    );
+    let broken =
+        MODEL.replace("<ignore_tendon_compliance>true", "<min_control>0</min_control><ignore_tendon_compliance>true");
     let model = folder.path().join("unusual.osim");
     std::fs::write(&model, broken).unwrap();
     std::fs::write(folder.path().join("motion.mot"), crank_motion()).unwrap();
@@ -136,5 +134,44 @@ fn verif_muscles_of_no_use_refuse_only_what_needs_their_force() {
     let Err(error) = inverse("") else { panic!("the muscle is needed") };
     let line = MODEL.lines().position(|line| line.contains("name=\"rigid\"")).unwrap() + 1;
     let text = error.to_string();
-    assert!(text.contains(&format!("unusual.osim:{line}: rigid: minimum_activation")), "{text}");
+    assert!(text.contains(&format!("unusual.osim:{line}: rigid: min_control")), "{text}");
+}
+
+/// What a ForwardTool writes for a model with these bodies, joints and forces.
+fn simulated(bodies: &str, joints: &str, forces: &str) -> Outcome {
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("still.osim");
+    let text = format!(
+        "<OpenSimDocument Version=\"40500\"><Model name=\"still\"><BodySet><objects>{bodies}</objects></BodySet><JointSet><objects>{joints}</objects></JointSet><ForceSet><objects>{forces}</objects></ForceSet></Model></OpenSimDocument>"
+    );
+    std::fs::write(&model, text).unwrap();
+    let path = folder.path().join("setup.xml");
+    let inner = "<initial_time>0</initial_time><final_time>0.02</final_time>";
+    std::fs::write(&path, setup("ForwardTool", &model, inner)).unwrap();
+    run_tool(&path, None, false).unwrap_or_else(|e| panic!("{e}"))
+}
+
+const BODY: &str = "<Body name=\"b\"><mass>1</mass><inertia>1 1 1 0 0 0</inertia></Body>";
+
+#[test]
+fn verif_a_model_that_cannot_move_is_simulated() {
+    let weld = "<WeldJoint name=\"w\"><socket_parent_frame>/ground</socket_parent_frame><socket_child_frame>/bodyset/b</socket_child_frame></WeldJoint>";
+    let states = written(&simulated(BODY, weld, ""), "run_states.sto");
+    assert_eq!((states.labels.len(), states.time.first(), states.time.last()), (0, Some(&0.0), Some(&0.02)));
+}
+
+#[test]
+fn verif_a_body_without_joint_falls_and_idle_actuators_have_controls() {
+    let actuator = |name: &str, applies: bool| {
+        format!(
+            "<CoordinateActuator name=\"{name}\"><appliesForce>{applies}</appliesForce><coordinate>free_b_coord_0</coordinate></CoordinateActuator>"
+        )
+    };
+    let outcome = simulated(BODY, "", &(actuator("idle", false) + &actuator("acting", true)));
+    let states = written(&outcome, "run_states.sto");
+    let height = states.labels.iter().position(|l| l == "/jointset/free_b/free_b_coord_4/value").expect("its name");
+    let fallen = states.rows.last().unwrap()[height] + 9.80665 * 0.02 * 0.02 / 2.0;
+    // The tool integrates to 1e-5.
+    assert!(fallen.abs() < 1e-4, "{fallen}");
+    assert_eq!(written(&outcome, "run_controls.sto").labels, ["idle", "acting"]);
 }
