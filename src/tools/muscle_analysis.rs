@@ -139,7 +139,7 @@ impl Analysis for MuscleAnalysis {
                 let speeds = dynamics.unit_motion(state.time, &state.q, *coordinate);
                 dynamics.update(&state.q, &speeds);
                 let (cache, qdot) = (dynamics.cache(), dynamics.qdot());
-                let arm = |i: &usize| -system.muscles[*i].path.lengthening_speed(&state.q, qdot, cache, &paths[*i]);
+                let arm = |i: &usize| system.muscles[*i].path.moment_arm_of_motion(&state.q, qdot, cache, &paths[*i]);
                 self.muscles.iter().map(arm).collect()
             } else {
                 system.model.update_unit_motion(&state.q, *coordinate, &mut cache);
