@@ -56,6 +56,10 @@ enum Kind {
 }
 
 impl Kind {
+    fn joins_bodies(&self) -> bool {
+        !matches!(self, Kind::Coupler(_) | Kind::Locked { .. } | Kind::Prescribed { .. })
+    }
+
     fn rows(&self) -> usize {
         match self {
             Kind::Coupler(_) | Kind::Locked { .. } | Kind::Prescribed { .. } | Kind::Distance { .. } => 1,
@@ -195,14 +199,18 @@ impl Constraints {
 
     /// Those that join bodies: without couplers, locked and prescribed coordinates.
     pub fn between_bodies(mut self) -> Constraints {
-        let joins = |kind: &Kind| !matches!(kind, Kind::Coupler(_) | Kind::Locked { .. } | Kind::Prescribed { .. });
-        let keep: Vec<bool> = self.kinds.iter().map(joins).collect();
+        let keep: Vec<bool> = self.kinds.iter().map(Kind::joins_bodies).collect();
         let mut kept = keep.iter();
         self.kinds.retain(|_| kept.next().copied().unwrap_or(false));
         let mut kept = keep.iter();
         self.origins.retain(|_| kept.next().copied().unwrap_or(false));
         self.rows = self.kinds.iter().map(Kind::rows).sum();
         self
+    }
+
+    /// Whether any of them joins bodies, so that speeds depend on one another in other ways than by couplers.
+    pub fn join_bodies(&self) -> bool {
+        self.kinds.iter().any(Kind::joins_bodies)
     }
 
     /// Number of scalar equations.

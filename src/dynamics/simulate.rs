@@ -51,6 +51,10 @@ pub fn simulate_forward(
     };
     let mut system = DrivenPlant::new(plant, excite);
     let mut x = plant.pack(start);
+    if x.is_empty() {
+        let states = vec![start.clone(); options.times.len()];
+        return Ok(Trajectory { times: options.times.clone(), states, cost: Cost::default() });
+    }
     let absolute = tolerances(plant, options.accuracy);
     let begin = |system: &mut DrivenPlant<_>, time: f64, x: &[f64], first_step: f64| {
         Bdf::new(system, time, x, &absolute, options.accuracy, first_step)

@@ -3,6 +3,7 @@
 use super::constraints::{Constraints, Rows};
 use crate::forces::AppliedForces;
 use crate::multibody::{Cache, DynamicsBuffers, Model};
+use crate::osim::spec::CoordinateIndex;
 use nalgebra::{DMatrix, DVector};
 
 /// Singular values of the constraints' Jacobian below this share of the largest count as zero: redundant constraints.
@@ -184,6 +185,19 @@ impl<'a> Dynamics<'a> {
         let zero = vec![0.0; q.len()];
         let rows = self.rows_at(time, q, &zero);
         (rows.error, rows.G)
+    }
+
+    /// Speeds that go with unit speed of one coordinate: those nearest to that speed alone that the constraints allow, the
+    /// coordinate itself free, in proportion (OpenSim's `MomentArmSolver`).
+    pub fn unit_motion(&mut self, time: f64, q: &[f64], coordinate: CoordinateIndex) -> Vec<f64> {
+        let (_, jacobian) = self.constraint_jacobian(time, q);
+        let (n, c) = (q.len(), coordinate.0);
+        let holds_it = |row: &usize| jacobian[(*row, c)] != 0.0 && (0..n).all(|j| j == c || jacobian[(*row, j)] == 0.0);
+        let kept: Vec<usize> = (0..jacobian.nrows()).filter(|row| !holds_it(row)).collect();
+        let jacobian = jacobian.select_rows(&kept);
+        let change = Space::of(&jacobian, n).particular(&-jacobian.column(c));
+        let speed = |j: usize| f64::from(u8::from(j == c)) + change[j];
+        (0..n).map(|j| speed(j) / speed(c)).collect()
     }
 
     /// Moves coordinates as little as possible so that they satisfy the constraints.

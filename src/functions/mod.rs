@@ -188,6 +188,17 @@ impl Function {
         }
     }
 
+    /// The value that OpenSim computes where it passes no argument at all, as for an axis of a CustomJoint without
+    /// coordinates: a `LinearFunction` gives its first coefficient. `None` where OpenSim reads an argument all the same.
+    pub fn value_of_nothing(&self) -> Option<f64> {
+        match &self.kind {
+            Kind::Constant(value) => Some(*value),
+            Kind::Linear { slope, .. } => Some(*slope),
+            Kind::Multiplier { scale, function } => function.value_of_nothing().map(|value| scale * value),
+            _ => None,
+        }
+    }
+
     /// Slope and intercept, if the function is a `LinearFunction` (possibly scaled).
     pub fn linear_coefficients(&self) -> Option<(f64, f64)> {
         match &self.kind {

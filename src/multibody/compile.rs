@@ -327,6 +327,9 @@ fn compile_axis_motion(
     if let Some(value) = function.constant_value() {
         return Ok(AxisMotion::Fixed(value));
     }
+    if let (true, Some(value)) = (axis.coordinates.is_empty(), function.value_of_nothing()) {
+        return Ok(AxisMotion::Fixed(value));
+    }
     let &[coordinate] = axis.coordinates.as_slice() else {
         return Err(CompileError::ArgumentCount {
             at: joint.at.clone(),

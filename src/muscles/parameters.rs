@@ -192,7 +192,7 @@ impl<S: Scalar> Millard2012<S> {
         parameters: Millard2012Parameters<S>,
         structure: Arc<Structure>,
     ) -> Result<Millard2012<S>, MuscleError> {
-        check(&parameters, structure.damped)?;
+        check(&parameters, &structure)?;
         let length = parameters.optimal_fiber_length;
         let pennation =
             FixedWidthPennation::new(length, parameters.pennation_angle_at_optimal, structure.maximum_pennation_angle)?;
@@ -286,11 +286,17 @@ impl<S: Scalar> Millard2012<S> {
     }
 }
 
-fn check<S: Scalar>(parameters: &Millard2012Parameters<S>, damped: bool) -> Result<(), MuscleError> {
+fn check<S: Scalar>(parameters: &Millard2012Parameters<S>, structure: &Structure) -> Result<(), MuscleError> {
+    let damped = structure.damped;
+    let slack = parameters.tendon_slack_length.value();
+    let (ok, expected) = match structure.ignore_tendon_compliance {
+        true => (slack >= 0.0, "a number of 0 or more"),
+        false => (slack > 0.0, "a number above 0"),
+    };
+    MuscleError::require(ok && slack.is_finite(), "tendon_slack_length", expected, slack)?;
     let force = parameters.max_isometric_force.value();
     MuscleError::require(force >= 0.0 && force.is_finite(), "max_isometric_force", "at least 0 N", force)?;
     let positive = [
-        ("tendon_slack_length", parameters.tendon_slack_length),
         ("max_contraction_velocity", parameters.max_contraction_velocity),
         ("activation_time_constant", parameters.activation_time_constant),
         ("deactivation_time_constant", parameters.deactivation_time_constant),

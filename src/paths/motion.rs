@@ -30,20 +30,14 @@ impl Path {
     pub fn moment_arm(&self, q: &[f64], cache: &Cache, geometry: &PathGeometry) -> f64 {
         let velocity =
             |point: &CurrentPoint| self.velocity(point, q, cache, cache.partial_velocity(point.base), cache.coupling());
-        let mut moment_arm = 0.0;
-        for pair in geometry.points.windows(2) {
-            let (from, to) = (&pair[0], &pair[1]);
-            if from.base == to.base {
-                continue;
-            }
-            let along = to.measured_p_GS - from.measured_p_GS;
-            let distance = along.norm();
-            if distance < COINCIDENT {
-                continue;
-            }
-            moment_arm += along.dot(&(velocity(from) - velocity(to))) / distance;
-        }
-        moment_arm
+        moment_arm_of(geometry, velocity)
+    }
+
+    /// The same about a coordinate whose unit speed moves the others as `qdot` says.
+    ///
+    /// - `qdot`, `cache`: as for [`Path::lengthening_speed`]
+    pub fn moment_arm_of_motion(&self, q: &[f64], qdot: &[f64], cache: &Cache, geometry: &PathGeometry) -> f64 {
+        moment_arm_of(geometry, |point| self.velocity(point, q, cache, cache.V_GB(point.base), qdot))
     }
 
     /// Lengthening speed dL/dt [m/s]; positive when the path lengthens.
@@ -121,4 +115,22 @@ impl Path {
             PointOrigin::WrapStart(_) | PointOrigin::WrapEnd(_) => v,
         }
     }
+}
+
+/// Σ ê·(v_from − v_to) over segments between different bodies.
+fn moment_arm_of(geometry: &PathGeometry, velocity: impl Fn(&CurrentPoint) -> Vector3<f64>) -> f64 {
+    let mut moment_arm = 0.0;
+    for pair in geometry.points.windows(2) {
+        let (from, to) = (&pair[0], &pair[1]);
+        if from.base == to.base {
+            continue;
+        }
+        let along = to.measured_p_GS - from.measured_p_GS;
+        let distance = along.norm();
+        if distance < COINCIDENT {
+            continue;
+        }
+        moment_arm += along.dot(&(velocity(from) - velocity(to))) / distance;
+    }
+    moment_arm
 }

@@ -146,6 +146,10 @@ impl Storage {
         if header.vectors {
             labels = labels.iter().flat_map(|label| (1..=3).map(move |k| format!("{label}_{k}"))).collect();
         }
+        let (times, rows, repeated) = without_repeated_times(times, rows);
+        if repeated > 0 {
+            warnings.push(format!("{repeated} rows have the time of the row before: of such rows the last is taken"));
+        }
         if let Some(i) = (1..times.len()).find(|&i| !(times[i] >= times[i - 1])) {
             let problem = StorageProblem::TimeOrder { previous: times[i - 1], next: times[i] };
             return Err(at(label_line + i + 1, problem));
@@ -155,6 +159,17 @@ impl Storage {
         let (name, description) = (header.name, header.description);
         Ok(Storage { name, in_degrees, description, labels, time: times, rows, warnings })
     }
+}
+
+/// Rows without those that another one of the same time follows, as OpenSim's `Storage::append`; also their number.
+fn without_repeated_times(times: Vec<f64>, rows: Vec<Vec<f64>>) -> (Vec<f64>, Vec<Vec<f64>>, usize) {
+    let all = times.len();
+    let keep: Vec<bool> = (0..all).map(|i| times.get(i + 1) != Some(&times[i])).collect();
+    let kept = |i: &usize| keep[*i];
+    let rows: Vec<Vec<f64>> = rows.into_iter().enumerate().filter(|(i, _)| kept(i)).map(|(_, row)| row).collect();
+    let times: Vec<f64> = times.into_iter().enumerate().filter(|(i, _)| kept(i)).map(|(_, time)| time).collect();
+    let repeated = all - times.len();
+    (times, rows, repeated)
 }
 
 /// Lower-case extension of a file's name.

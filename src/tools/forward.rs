@@ -181,14 +181,14 @@ fn even_times(start: f64, end: f64) -> Vec<f64> {
     (0..=rows).map(|i| if i == rows { end } else { start + (end - start) * i as f64 / rows as f64 }).collect()
 }
 
-/// Controls of all actuators over time; those of a `CorrectionController` first, as in the rows (not the labels) that
+/// Controls of all actuators over time, also of those that apply no force; those of a `CorrectionController` first, as in the rows (not the labels) that
 /// OpenSim writes.
 fn controls_of(states: &Storage, system: &System) -> Storage {
     let correction = system.actors.iter().find_map(|actor| match actor {
         Actor::Correction(correction) => Some(correction),
         _ => None,
     });
-    let actuators = system.actuator_names();
+    let actuators = system.actuators_in_order();
     let labels = correction.iter().flat_map(|c| c.labels.clone()).chain(actuators.iter().cloned());
     let mut storage = Storage::new("controls", labels.collect());
     if storage.labels.is_empty() {

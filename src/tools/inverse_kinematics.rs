@@ -103,6 +103,9 @@ pub fn marker_goals(system: &System, data: &Markers, tasks: &Tasks) -> (Vec<Mark
     (goals, columns, names)
 }
 
+/// End of the range that OpenSim 4.6 takes where a setup gives none [s]: meant to be infinite there, 2 by a slip.
+const OPENSIM_DEFAULT_END: f64 = 2.0;
+
 /// Runs the tool.
 ///
 /// # Errors
@@ -134,6 +137,11 @@ pub fn run(tool: &Properties, system: System, outcome: &mut Outcome) -> Result<(
         );
     }
     let (first, last) = (data.time[0], data.time[data.time.len() - 1]);
+    if tool.text("time_range").is_none() && last > OPENSIM_DEFAULT_END {
+        let text =
+            format!("no time_range: all of the marker data are taken; OpenSim 4.6 stops at {OPENSIM_DEFAULT_END} s");
+        outcome.warn(&setup, 0, text);
+    }
     let (start, end) = (start.max(first), end.min(last));
     if end < start {
         return Err(tool.bad_value("time_range", "a range that meets the marker data", &format!("{start} {end}")));

@@ -4,6 +4,7 @@ use super::analysis::{Analysis, Instant, Options, UNITS};
 use super::error::ToolError;
 use super::setup::Properties;
 use super::system::System;
+use crate::dynamics::Dynamics;
 use crate::muscles::MuscleDynamics;
 use crate::osim::spec::CoordinateIndex;
 use crate::storage::Storage;
@@ -67,6 +68,13 @@ impl MuscleAnalysis {
             }
             found
         };
+        for muscle in muscles.iter().map(|i| &system.muscles[*i]).filter(|m| m.law.is_none()) {
+            let text = format!(
+                "{}: the force of muscle `{}` is not computed: its columns hold nan",
+                options.name, muscle.name
+            );
+            warnings.push(text);
+        }
         let mut coordinates = Vec::new();
         let list = analysis.words("moment_arm_coordinate_list").unwrap_or_else(|| vec!["all".into()]);
         if analysis.boolean("compute_moments", true)? {
@@ -123,10 +131,21 @@ impl Analysis for MuscleAnalysis {
             store.push(state.time, self.muscles.iter().map(value).collect());
         }
         let mut cache = instant.work.dynamics.cache().clone();
+        let joined = system.constraints.join_bodies();
+        let mut dynamics = joined.then(|| Dynamics::new(&system.model, &system.constraints));
         for (k, coordinate) in self.coordinates.iter().enumerate() {
-            system.model.update_unit_motion(&state.q, *coordinate, &mut cache);
-            let arm = |i: &usize| system.muscles[*i].path.moment_arm(&state.q, &cache, &instant.work.paths[*i]);
-            let arms: Vec<f64> = self.muscles.iter().map(arm).collect();
+            let paths = &instant.work.paths;
+            let arms: Vec<f64> = if let Some(dynamics) = &mut dynamics {
+                let speeds = dynamics.unit_motion(state.time, &state.q, *coordinate);
+                dynamics.update(&state.q, &speeds);
+                let (cache, qdot) = (dynamics.cache(), dynamics.qdot());
+                let arm = |i: &usize| system.muscles[*i].path.moment_arm_of_motion(&state.q, qdot, cache, &paths[*i]);
+                self.muscles.iter().map(arm).collect()
+            } else {
+                system.model.update_unit_motion(&state.q, *coordinate, &mut cache);
+                let arm = |i: &usize| system.muscles[*i].path.moment_arm(&state.q, &cache, &paths[*i]);
+                self.muscles.iter().map(arm).collect()
+            };
             let force = |i: &usize| evaluation.muscles[*i].as_ref().map_or(f64::NAN, |m| m.tendon_force);
             let moments = arms.iter().zip(&self.muscles).map(|(arm, i)| arm * force(i)).collect();
             self.arms[k].push(state.time, arms);

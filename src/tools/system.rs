@@ -35,6 +35,8 @@ const ROUNDING: f64 = 64.0 * f64::EPSILON;
 pub struct System {
     /// Where the model was read from.
     pub path: PathBuf,
+    /// Files of forces after the model's, by [`Location::source`] from 1 on.
+    force_sets: Vec<PathBuf>,
     /// The specification.
     pub spec: ModelSpec,
     /// The skeleton.
@@ -131,8 +133,8 @@ impl System {
             let compiled = MusclePath::compile(&muscle.path, &spec, &model).map_err(|e| fail(&muscle.at, e.into()))?;
             let law = match MuscleModel::from_spec(muscle) {
                 Ok(law) => Some(law),
-                Err(crate::muscles::MuscleError::NotMillard2012 { .. }) => None,
-                Err(error) => return Err(fail(&muscle.at, error.into())),
+                // Said by `require_all_forces`, where the muscle acts: other tools do without its force, as OpenSim.
+                Err(_) => None,
             };
             let class = match &muscle.kind {
                 crate::osim::spec::MuscleKind::PathOnly { class, .. } => class.clone(),
@@ -180,9 +182,11 @@ impl System {
         let actors = actors.into_iter().map(|(_, actor)| actor).collect();
         let tree_order = tree_order(&spec, &model);
         let (path, unsupported) = (path.to_owned(), forces.unsupported);
+        let force_sets = force_sets.to_vec();
         let (allow_unsupported, controls) = (false, Controls::default());
         Ok(System {
             path,
+            force_sets,
             spec,
             model,
             constraints,
@@ -269,8 +273,21 @@ impl System {
     /// Fails if a force that acts is of a class that is not computed, unless that is allowed.
     ///
     /// # Errors
-    /// Names and classes of such forces.
+    /// Names and classes of such forces; a muscle with parameters that make no muscle.
     pub fn require_all_forces(&self, excluded: &dyn Fn(&str) -> bool) -> Result<(), ToolError> {
+        for (muscle, spec) in self.muscles.iter().zip(&self.spec.muscles) {
+            if !muscle.applies_force || muscle.law.is_some() || excluded(&muscle.name) {
+                continue;
+            }
+            match MuscleModel::from_spec(spec) {
+                Ok(_) | Err(crate::muscles::MuscleError::NotMillard2012 { .. }) => {}
+                Err(error) => {
+                    let file = spec.at.source.checked_sub(1).and_then(|i| self.force_sets.get(i));
+                    let file = file.map_or(self.path.as_path(), PathBuf::as_path);
+                    return Err(ToolError::at(file, spec.at.line, ToolProblem::from(error)));
+                }
+            }
+        }
         let names = self.forces_not_computed(excluded);
         if names.is_empty() || self.allow_unsupported {
             return Ok(());
@@ -287,7 +304,8 @@ impl System {
         work.dynamics.update(&state.q, &state.u);
         let mut failed = Vec::new();
         for (i, muscle) in self.muscles.iter().enumerate() {
-            let Some(law) = &muscle.law else { continue };
+            // OpenSim balances muscles that act.
+            let Some(law) = muscle.law.as_ref().filter(|_| muscle.applies_force) else { continue };
             muscle.path.update(&state.q, work.dynamics.cache(), &mut work.paths[i]);
             let (cache, qdot) = (work.dynamics.cache(), work.dynamics.qdot());
             let speed = muscle.path.lengthening_speed(&state.q, qdot, cache, &work.paths[i]);
@@ -343,6 +361,15 @@ impl System {
     /// Names of muscles and other actuators that apply force.
     pub fn actuator_names(&self) -> Vec<String> {
         self.actors.iter().filter(|a| a.is_actuator()).map(|a| a.name(&self.muscles).to_owned()).collect()
+    }
+
+    /// Names of all muscles and other actuators in the order of the file, also of those that apply no force.
+    pub fn actuators_in_order(&self) -> Vec<String> {
+        let is_actuator = |f: &&ForceSpec| matches!(f.kind, ForceKind::Actuator(_));
+        let others = self.spec.forces.iter().filter(is_actuator).map(|f| (f.at.order(), &f.name));
+        let mut all: Vec<_> = self.spec.muscles.iter().map(|m| (m.at.order(), &m.name)).chain(others).collect();
+        all.sort_by_key(|(order, _)| *order);
+        all.into_iter().map(|(_, name)| name.clone()).collect()
     }
 
     /// Names of all muscles and other actuators, also of those that apply no force.

@@ -9,3 +9,4 @@ mod old_setups;
 mod opensim;
 mod references;
 mod setups;
+mod unusual_models;

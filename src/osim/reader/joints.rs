@@ -121,7 +121,7 @@ impl Reader<'_> {
         self.diagnostics.understood(&tag);
         let elements = self.coordinate_elements(object);
         let (kind, coordinates) = match simple {
-            Some((kind, types)) => (kind, self.read_fixed_coordinates(object, joint, elements, types)),
+            Some((kind, types)) => (kind, self.read_fixed_coordinates(object, joint, elements, types, "")),
             None => self.read_custom(object, joint, elements),
         };
         let at = self.location(object);
@@ -155,13 +155,14 @@ impl Reader<'_> {
         }
     }
 
-    /// Semi-axes of an ellipsoid, which have no default.
+    /// Semi-axes of an ellipsoid, which have no default. Negative ones turn it inside out: OpenSim takes them, and models
+    /// that were mirrored have them.
     fn radii(&mut self, object: &Object, property: &'static str) -> Vector3<f64> {
         if self.property(object, &[property]).is_none() {
             let kind = ProblemKind::Missing { property: property.to_owned(), expected: "three lengths in m" };
             self.problem(object.line, &object.path, kind);
         }
-        Vector3::from(self.numbers(object, &[property], [1.0; 3], Bound::Positive("lengths greater than 0 m")))
+        Vector3::from(self.numbers(object, &[property], [1.0; 3], Bound::Finite))
     }
 
     /// `<coordinates>`, or `<CoordinateSet><objects>` in old files.
@@ -186,6 +187,7 @@ impl Reader<'_> {
         joint: JointIndex,
         elements: Vec<ElementId>,
         types: &[MotionType],
+        of_joint: &str,
     ) -> Vec<CoordinateIndex> {
         if elements.len() != types.len() && !elements.is_empty() {
             let kind = ProblemKind::WrongCoordinateCount { expected: types.len(), found: elements.len() };
@@ -196,10 +198,10 @@ impl Reader<'_> {
         let mut coordinates = Vec::new();
         for (i, &motion_type) in types.iter().enumerate() {
             let element = elements.get(i).copied();
-            // The constructor names coordinates before the joint has a name.
+            // The constructor names coordinates; joints of files have no name then.
             let name = match element {
                 Some(element) => self.component_name(element, &mut names, &object.path),
-                None => format!("_coord_{i}"),
+                None => format!("{of_joint}_coord_{i}"),
             };
             coordinates.push(self.read_coordinate(element, object, name, joint, motion_type));
         }
@@ -225,15 +227,24 @@ impl Reader<'_> {
         for element in elements {
             named.push((self.component_name(element, &mut names, &object.path), element));
         }
-        for (name, element) in &named {
-            if !order.contains(&name) {
+        // OpenSim stops at coordinates that no axis uses, unless they come last and the others stand in the order of the axes.
+        let unused: Vec<&(String, ElementId)> = named.iter().filter(|(name, _)| !order.contains(&name)).collect();
+        let in_order = named.len() == order.len() + unused.len() && named.iter().zip(&order).all(|((a, _), &b)| a == b);
+        for (name, element) in &unused {
+            if in_order {
+                let message = format!("coordinate \"{name}\" is not used by any axis of the joint: it moves nothing");
+                self.diagnose(Severity::Warning, *element, &object.path, message, None);
+            } else {
                 let kind = ProblemKind::UnusedCoordinate { name: name.clone() };
                 self.problem(self.document.line(*element), &object.path, kind);
             }
         }
+        let idle = unused.iter().map(|(name, _)| name);
         let coordinates: Vec<CoordinateIndex> = order
             .iter()
-            .map(|&name| {
+            .copied()
+            .chain(idle)
+            .map(|name| {
                 let element = named.iter().find(|(known, _)| known == name).map(|&(_, element)| element);
                 self.read_coordinate(element, object, name.clone(), joint, motion_type(name, &axes))
             })
@@ -466,7 +477,7 @@ impl Reader<'_> {
             let object = Object { element: None, default: None, path: path.clone(), line: at.line };
             let joint = JointIndex(self.spec.joints.len());
             let types = [Rotational, Rotational, Rotational, Translational, Translational, Translational];
-            let coordinates = self.read_fixed_coordinates(&object, joint, Vec::new(), &types);
+            let coordinates = self.read_fixed_coordinates(&object, joint, Vec::new(), &types, &name);
             self.spec.joints.push(JointSpec {
                 name,
                 at: Location { path, element: None, ..at },

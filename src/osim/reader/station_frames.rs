@@ -28,7 +28,7 @@ impl Reader<'_> {
     pub(super) fn read_station_frames(&mut self, elements: &[ElementId], owner: &str, names: &mut Names) {
         for &element in elements {
             match self.document.tag(element) {
-                "Station" => {
+                "Station" | "Marker" => {
                     let name = self.component_name(element, names, owner);
                     let path = absolute(owner, &name);
                     self.stations.entry(path).or_insert(element);

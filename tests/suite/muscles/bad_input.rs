@@ -38,6 +38,8 @@ fn verif_invalid_properties_are_named() {
     assert_eq!(property(refused(|s| s.optimal_fiber_length = -0.1)), "optimal_fiber_length");
     assert_eq!(property(refused(|s| s.optimal_fiber_length = f64::NAN)), "optimal_fiber_length");
     assert_eq!(property(refused(|s| s.tendon_slack_length = 0.0)), "tendon_slack_length");
+    let rigid = |s: &mut MuscleSpec| (s.ignore_tendon_compliance, s.tendon_slack_length) = (true, -0.1);
+    assert_eq!(property(refused(rigid)), "tendon_slack_length");
     assert_eq!(property(refused(|s| s.max_isometric_force = f64::INFINITY)), "max_isometric_force");
     assert_eq!(property(refused(|s| s.pennation_angle_at_optimal = 2.0)), "pennation_angle_at_optimal");
     assert_eq!(property(refused(|s| s.min_control = 0.0)), "min_control");

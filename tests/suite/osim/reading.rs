@@ -51,6 +51,28 @@ fn verif_small_model_of_format_4() {
 }
 
 #[test]
+fn verif_coordinates_that_no_axis_uses_are_kept_where_opensim_keeps_them() {
+    let last = "</Coordinate>\n\t\t\t\t\t</coordinates>";
+    let file = with(last, "</Coordinate><Coordinate name=\"idle\"/></coordinates>").expect("it comes last");
+    let names: Vec<&str> = file.spec.coordinates.iter().map(|c| c.name.as_str()).collect();
+    assert_eq!(names, ["elbow_flexion", "idle"]);
+    assert_eq!(file.spec.coordinates[1].motion_type, MotionType::Coupled);
+    let warned = file.diagnostics.items.iter().any(|d| d.message.contains("\"idle\" is not used by any axis"));
+    assert!(warned, "{:?}", file.diagnostics.items);
+    let first = "<Coordinate name=\"elbow_flexion\">";
+    let (_, kind) = problem(with(first, &format!("<Coordinate name=\"idle\"/>{first}")));
+    assert!(matches!(kind, ProblemKind::UnusedCoordinate { .. }), "{kind:?}");
+}
+
+#[test]
+fn verif_white_space_leaves_the_name_of_an_old_model() {
+    assert!(format_30000().contains("<Model name=\"small old\">"));
+    assert_eq!(read(&format_30000()).expect("valid").spec.name, "smallold");
+    let new = with("Model name=\"small\"", "Model name=\"small new\"").expect("valid");
+    assert_eq!(new.spec.name, "small new");
+}
+
+#[test]
 fn verif_old_format_is_upgraded_as_in_opensim() {
     let file = read(&format_30000()).expect("valid");
     let spec = &file.spec;

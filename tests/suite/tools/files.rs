@@ -36,6 +36,11 @@ fn verif_storages_of_all_ages() {
     let storage = parse(new, "m.sto").unwrap();
     assert_eq!(storage.labels, ["m_1", "m_2", "m_3"]);
     assert!(storage.rows[1][1] == 5.0 && storage.rows[1][2].is_nan());
+    // Of rows of one time the last counts.
+    let repeated =
+        STO.replace("nRows=2", "nRows=3").replace("endheader\ntime\ta\tb\n", "endheader\ntime\ta\tb\n0 7 8\n");
+    let storage = parse(&repeated, "x.sto").unwrap();
+    assert_eq!((storage.time.as_slice(), storage.rows[0][0], storage.warnings.len()), ([0.0, 0.5].as_slice(), 1.5, 1));
     // Numbers of Microsoft's libraries.
     let odd = STO.replace("             nan", "-1.#IND").replace("             inf", "1.#INF");
     assert!(parse(&odd, "x.sto").unwrap().rows[0][1].is_nan());

@@ -40,26 +40,26 @@ const RESERVATIONS: [Reservation; 2] = [
 const UNDEFINED: &str = "OpenSim's deprecated muscles do not compute these: not a number there, a number here";
 
 /// A folder in which both programs run the same setup.
-struct Bench {
+pub(super) struct Bench {
     folder: tempfile::TempDir,
     python: PathBuf,
 }
 
 impl Bench {
-    fn new() -> Option<Bench> {
+    pub(super) fn new() -> Option<Bench> {
         Some(Bench { python: opensim_python()?, folder: tempfile::tempdir().unwrap() })
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub(super) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
-    fn write(&self, name: &str, text: &str) {
+    pub(super) fn write(&self, name: &str, text: &str) {
         std::fs::write(self.path(name), text).unwrap();
     }
 
     /// Runs a setup whose results go to the folder `RESULTS`; returns a row of the validation table for every file.
-    fn compare(&self, tool: &str, model: &Path, setup: &str, tolerance: &dyn Fn(&str) -> f64) -> Vec<Row> {
+    pub(super) fn compare(&self, tool: &str, model: &Path, setup: &str, tolerance: &dyn Fn(&str) -> f64) -> Vec<Row> {
         for (name, results) in [("opensim.xml", "opensim"), ("carpus.xml", "carpus")] {
             self.write(name, &setup.replace("RESULTS", results));
         }
@@ -136,6 +136,21 @@ fn compare_files(theirs: &Path, ours: &Path, may_be_undefined: bool, differences
     }
 }
 
+/// A motion of coordinates in radians and metres.
+pub(super) fn motion_of(names: &[&str], rows: usize, step: f64, values: impl Fn(f64) -> Vec<f64>) -> String {
+    let mut text = format!(
+        "motion\nversion=1\nnRows={rows}\nnColumns={}\ninDegrees=no\nendheader\ntime\t{}\n",
+        names.len() + 1,
+        names.join("\t")
+    );
+    for row in 0..rows {
+        let time = row as f64 * step;
+        let values: Vec<String> = values(time).iter().map(|value| format!("{value:.15}")).collect();
+        text += &format!("{time:.6}\t{}\n", values.join("\t"));
+    }
+    text
+}
+
 /// A motion of all free coordinates inside their ranges that satisfies the couplers, in degrees where OpenSim has
 /// degrees. Coordinates that turn a CustomJoint about several axes rest: Simbody's `FunctionBased` mobilizer takes the wrong time
 /// derivative of those.
@@ -188,7 +203,7 @@ fn has_deprecated_muscles(model: &Path) -> bool {
     OsimFile::read(model).unwrap().spec.muscles.iter().any(given_up)
 }
 
-fn setup(class: &str, model: &Path, inner: &str) -> String {
+pub(super) fn setup(class: &str, model: &Path, inner: &str) -> String {
     format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\" ?>\n<OpenSimDocument Version=\"40000\">\n<{class} name=\"run\">\n<model_file>{}</model_file>\n<results_directory>RESULTS</results_directory>\n{inner}\n</{class}>\n</OpenSimDocument>\n",
         model.display()
