@@ -4,7 +4,7 @@ use super::beyond::Beyond;
 use super::coordinate::Coordinate;
 use super::coupler::compile_couplers;
 use super::error::CompileError;
-use super::mobilizer::{Axis, AxisMotion, Mobilizer, Node, Speeds};
+use super::mobilizer::{Axis, AxisMotion, Mobilizer, Node, Speeds, turning_in_simbody};
 use super::model::{BaseIndex, Body, Frame, Model, WrapPlacement, coordinate_in};
 use crate::functions::Function;
 use crate::osim::spec::{
@@ -278,6 +278,8 @@ fn compile_mobilizer(spec: &ModelSpec, joint: &JointSpec) -> Result<Mobilizer, C
         translations: translations.iter().zip(displacements).map(axis).collect(),
         speeds,
         beyond,
+        in_simbody: None,
+        follows_simbody: false,
     })
 }
 
@@ -312,8 +314,11 @@ fn compile_custom(
     }
     let moves = |axis: &Axis| !matches!(axis.motion, AxisMotion::Fixed(value) if value == 0.0);
     let translations = compiled.split_off(3).into_iter().filter(moves).collect();
+    let moving: Vec<(usize, &Axis)> = compiled.iter().enumerate().filter(|(_, axis)| moves(axis)).collect();
+    let in_simbody = turning_in_simbody(&moving, &joint.coordinates);
     let rotations = compiled.into_iter().filter(moves).collect();
-    Ok(Mobilizer { rotations, translations, speeds: Speeds::CoordinateRates, beyond: None })
+    let speeds = Speeds::CoordinateRates;
+    Ok(Mobilizer { rotations, translations, speeds, beyond: None, in_simbody, follows_simbody: false })
 }
 
 fn compile_axis_motion(

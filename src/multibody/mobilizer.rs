@@ -98,6 +98,34 @@ pub(super) enum Speeds {
     AngularVelocity,
 }
 
+/// Which rotations turn the axis of which, by rows: `[k][j]` where the rate of rotation j turns axis k.
+pub(super) type Turning = [[bool; 3]; 3];
+
+/// What turns the axes of a CustomJoint by Simbody's `FunctionBased` mobilizer, if that is not what does: it takes the joint's first
+/// coordinate for the first rotation and the third one for the third, so that where one coordinate turns several axes its
+/// accelerations contradict its velocities.
+///
+/// - `rotations`: those that move, with their positions among the joint's three
+/// - `coordinates`: of the joint, in their order
+pub(super) fn turning_in_simbody(rotations: &[(usize, &Axis)], coordinates: &[CoordinateIndex]) -> Option<Turning> {
+    let of_first = |axis: &Axis| axis.motion.coordinate().is_some_and(|c| coordinates.first() == Some(&c));
+    let of_third = |axis: &Axis| axis.motion.coordinate().is_some_and(|c| coordinates.get(2) == Some(&c));
+    let turns = |axis: &Axis| axis.motion.coordinate().is_some();
+    let (mut turning, mut contradicts) = ([[false; 3]; 3], false);
+    for (k, (position, axis)) in rotations.iter().enumerate() {
+        for (j, (_, by)) in rotations.iter().enumerate() {
+            let counts = match position {
+                0 => false,
+                1 => of_first(by),
+                _ => !of_third(by),
+            };
+            turning[k][j] = counts && j != k;
+            contradicts |= turns(axis) && turns(by) && turning[k][j] != (j < k);
+        }
+    }
+    contradicts.then_some(turning)
+}
+
 /// The motion of the joint's child frame M in its parent frame F: up to three body-fixed rotations, and translations
 /// along axes fixed in F.
 #[derive(Clone, Debug)]
@@ -107,6 +135,10 @@ pub(super) struct Mobilizer {
     pub speeds: Speeds,
     /// What the joint does besides.
     pub beyond: Option<Beyond>,
+    /// See [`turning_in_simbody`].
+    pub in_simbody: Option<Turning>,
+    /// Whether accelerations of speeds are those of Simbody even so.
+    pub follows_simbody: bool,
 }
 
 impl Mobilizer {
@@ -224,7 +256,12 @@ impl Mobilizer {
         axes_F: &[Vector3<f64>; 3],
     ) -> (Vector3<f64>, Vector3<f64>) {
         if self.speeds == Speeds::CoordinateRates {
-            return self.acceleration(q, speeds, rates, axes_F);
+            let (alpha, a) = self.acceleration(q, speeds, rates, axes_F);
+            let contradiction = match &self.in_simbody {
+                Some(turning) if self.follows_simbody => self.contradiction(turning, q, speeds, axes_F),
+                _ => Vector3::zeros(),
+            };
+            return (alpha + contradiction, a);
         }
         // Speeds are components in F itself, so that their rates are too.
         let along = |axes: &[Axis]| axes.iter().map(|axis| axis.direction * axis.motion.rate(q, rates)).sum();
@@ -237,6 +274,21 @@ impl Mobilizer {
             }
             None => (alpha, along(&self.translations)),
         }
+    }
+
+    /// What Simbody adds to the angular acceleration, expressed in F.
+    #[allow(non_snake_case)]
+    fn contradiction(&self, turning: &Turning, q: &[f64], speeds: &[f64], axes_F: &[Vector3<f64>; 3]) -> Vector3<f64> {
+        let rate = |k: usize| self.rotations.get(k).map_or(0.0, |axis| axis.motion.rate(q, speeds));
+        let rates: [f64; 3] = std::array::from_fn(rate);
+        let mut sum = Vector3::zeros();
+        for (k, row) in turning.iter().enumerate() {
+            for (j, counts) in row.iter().enumerate() {
+                let share = f64::from(i8::from(*counts) - i8::from(j < k));
+                sum += axes_F[j].cross(&axes_F[k]) * (share * rates[j] * rates[k]);
+            }
+        }
+        sum
     }
 
     /// The coordinates that move M.
@@ -262,4 +314,50 @@ pub(super) struct Node {
     pub mobilizer: Mobilizer,
     /// The joint's coordinates that move it, each once.
     pub coordinates: Vec<usize>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A CustomJoint that turns about x, y and z.
+    fn joint(coordinates: [usize; 3], count: usize) -> Mobilizer {
+        let axis = |k: usize| {
+            let motion = AxisMotion::Linear {
+                coordinate: CoordinateIndex(coordinates[k]),
+                slope: 1.0 + k as f64,
+                intercept: 0.0,
+            };
+            Axis::new(Vector3::ith(k, 1.0), motion)
+        };
+        let rotations: Vec<Axis> = (0..3).map(axis).collect();
+        let numbered: Vec<(usize, &Axis)> = rotations.iter().enumerate().collect();
+        let coordinates: Vec<CoordinateIndex> = (0..count).map(CoordinateIndex).collect();
+        let in_simbody = turning_in_simbody(&numbered, &coordinates);
+        let speeds = Speeds::CoordinateRates;
+        Mobilizer { rotations, translations: Vec::new(), speeds, beyond: None, in_simbody, follows_simbody: true }
+    }
+
+    #[test]
+    fn verif_accelerations_of_simbody_where_one_coordinate_turns_three_axes() {
+        let mut joint = joint([0; 3], 1);
+        let (q, u) = ([0.0], [0.5]);
+        let mut axes = [Vector3::zeros(); 3];
+        joint.pose(&q, &mut axes);
+        let mut alpha = |follows: bool| {
+            joint.follows_simbody = follows;
+            joint.acceleration_of_speeds(&q, &u, &[0.0], &axes).0 / 0.25
+        };
+        // Rates 1, 2, 3 about x, y, z: y is turned by x, z by x and y; in Simbody y by z, too.
+        assert!((alpha(false) - Vector3::new(6.0, -3.0, 2.0)).norm() < 1e-14);
+        assert!((alpha(true) - Vector3::new(0.0, -3.0, 2.0)).norm() < 1e-14);
+    }
+
+    #[test]
+    fn verif_joints_whose_coordinates_turn_one_axis_each_are_not_changed() {
+        assert!(joint([0, 1, 2], 3).in_simbody.is_none());
+        // The second coordinate turns two axes, the third of them last.
+        assert!(joint([0, 1, 1], 2).in_simbody.is_none());
+        assert!(joint([0, 1, 0], 2).in_simbody.is_some());
+    }
 }

@@ -116,6 +116,19 @@ impl Model {
         self.bodies.iter().position(|b| b.name == name).map(BodyIndex)
     }
 
+    /// CustomJoints of which Simbody's accelerations, and so OpenSim's, contradict their velocities: one coordinate turns several
+    /// axes, and a term in the square of its speed is wrong.
+    pub fn contradictory_joints(&self) -> impl Iterator<Item = JointIndex> + '_ {
+        self.nodes.iter().filter(|node| node.mobilizer.in_simbody.is_some()).map(|node| node.joint)
+    }
+
+    /// The same model, its accelerations those of OpenSim where these contradict their velocities, too
+    /// ([`Model::contradictory_joints`]; Simbody `MobilizedBody::FunctionBased`).
+    pub fn with_accelerations_of_opensim(mut self) -> Model {
+        self.nodes.iter_mut().for_each(|node| node.mobilizer.follows_simbody = true);
+        self
+    }
+
     /// The joint that connects a body, on its way to ground; `None` for an unattached body.
     pub fn inboard_joint(&self, body: BodyIndex) -> Option<JointIndex> {
         self.node_of_base[BaseIndex::from(body).0].map(|i| self.nodes[i].joint)

@@ -124,18 +124,15 @@ impl System {
             let file = at.source.checked_sub(1).and_then(|i| force_sets.get(i));
             ToolError::at(file.map_or(path, PathBuf::as_path), at.line, problem)
         };
-        let model = Model::compile(&spec).map_err(|e| fail(&e.at().clone(), e.into()))?;
+        let model = Model::compile(&spec).map_err(|e| fail(&e.at().clone(), e.into()))?.with_accelerations_of_opensim();
         let constraints = Constraints::compile(&spec, &model, true, true).map_err(|e| ToolError::new(path, e))?;
         let forces = Forces::compile(&spec, &model).map_err(|e| fail(&e.at().clone(), e.into()))?;
         let mut muscles = Vec::new();
         let mut actors = Vec::new();
         for muscle in &spec.muscles {
             let compiled = MusclePath::compile(&muscle.path, &spec, &model).map_err(|e| fail(&muscle.at, e.into()))?;
-            let law = match MuscleModel::from_spec(muscle) {
-                Ok(law) => Some(law),
-                // Said by `require_all_forces`, where the muscle acts: other tools do without its force, as OpenSim.
-                Err(_) => None,
-            };
+            // What is wrong is said by `require_all_forces`, where the muscle acts: other tools do without its force, as OpenSim.
+            let law = MuscleModel::from_spec(muscle).ok();
             let class = match &muscle.kind {
                 crate::osim::spec::MuscleKind::PathOnly { class, .. } => class.clone(),
                 _ => "Millard2012EquilibriumMuscle".to_owned(),

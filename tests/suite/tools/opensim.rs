@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use carpus::multibody::Model;
-use carpus::osim::spec::{JointKind, ModelSpec, MotionType, MuscleKind, MuscleSpec, OtherMuscleSpec};
+use carpus::osim::spec::{ModelSpec, MotionType, MuscleKind, MuscleSpec, OtherMuscleSpec};
 use carpus::osim::{ComponentSet, OsimFile};
 use carpus::storage::Storage;
 use carpus::tools::run_tool;
@@ -152,19 +152,12 @@ pub(super) fn motion_of(names: &[&str], rows: usize, step: f64, values: impl Fn(
 }
 
 /// A motion of all free coordinates inside their ranges that satisfies the couplers, in degrees where OpenSim has
-/// degrees. Coordinates that turn a CustomJoint about several axes rest: Simbody's `FunctionBased` mobilizer takes the wrong time
-/// derivative of those.
+/// degrees.
 fn motion(spec: &ModelSpec, rows: usize, step: f64) -> String {
     let model = Model::compile(spec).unwrap();
     let labels = spec.coordinates.iter().map(|c| c.name.clone()).collect();
     let mut storage = Storage::new("motion", labels);
     storage.in_degrees = true;
-    let turns_about_several = |i: usize| {
-        spec.joints.iter().any(|joint| match &joint.kind {
-            JointKind::Custom(axes) => axes[..3].iter().filter(|a| a.coordinates.iter().any(|c| c.0 == i)).count() > 1,
-            _ => false,
-        })
-    };
     for row in 0..rows {
         let time = row as f64 * step;
         let value = |(i, c): (usize, &carpus::osim::spec::CoordinateSpec)| {
@@ -173,7 +166,6 @@ fn motion(spec: &ModelSpec, rows: usize, step: f64) -> String {
             let inside = 0.1 * (high - low);
             let middle = c.default_value.clamp(low + inside, high - inside);
             let reach = 0.3 * (high - middle).min(middle - low).clamp(0.0, 0.5);
-            let reach = if turns_about_several(i) { 0.0 } else { reach };
             if c.locked { c.default_value } else { middle + reach * ((3.0 + 0.7 * i as f64) * time + i as f64).sin() }
         };
         let mut q: Vec<f64> = spec.coordinates.iter().enumerate().map(value).collect();
