@@ -93,6 +93,6 @@ fn verif_a_time_scale_of_0_leaves_what_needs_none() {
     }
     assert!(!table(&none, "_FiberVelocity.sto").rows.iter().flatten().any(|x| x.is_finite()));
     assert!(table(&some, "_FiberVelocity.sto").rows.iter().flatten().all(|x| x.is_finite()));
-    let error = run("1", "0", "ForwardTool", "").err().expect("rates that are no numbers");
+    let Err(error) = run("1", "0", "ForwardTool", "") else { panic!("rates that are no numbers") };
     assert!(error.contains("old") && error.contains("time_scale is 0, expected a number above 0"), "{error}");
 }
