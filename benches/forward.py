@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """OpenSim and Carpus on the same fall under gravity of a whole model, timed in one run on one machine.
 
-    python benches/forward.py [--model MODEL.osim] [--seconds 0.2] [--rest 0.02] [--accuracy 1e-3] [--referee 1e-5] [--json FILE]
+    python benches/forward.py [--model MODEL.osim] [--seconds 0.2] [--rest 0.02] [--accuracy 1e-3] [--referee 1e-7] [--json FILE]
 
 The model defaults to the McFarland hand in CARPUS_SHARED (or ../shared): 43 muscles, 23 free degrees of freedom. From the
 default pose, muscles in equilibrium at --rest, it moves for --seconds (fixtures/scripts/forward.py). OpenSim's Manager runs
@@ -23,7 +23,7 @@ sys.path.insert(0, str(ROOT / "fixtures" / "scripts"))
 from forward import HAND, simulate  # noqa: E402
 
 ROWS = 21
-ACCURACIES = ("1e-4", "1e-5", "1e-6", "1e-7")
+ACCURACIES = ("1e-5", "1e-6", "7e-7", "5e-7", "1e-7")
 TARGET_RATIO = 350.0
 TARGET_DIFFERENCE = 1e-4
 
@@ -49,7 +49,7 @@ def main():
     parser.add_argument("--seconds", type=float, default=0.2)
     parser.add_argument("--rest", type=float, default=0.02)
     parser.add_argument("--accuracy", type=float, default=1e-3)
-    parser.add_argument("--referee", type=float, default=1e-5)
+    parser.add_argument("--referee", type=float, default=1e-7)
     parser.add_argument("--json", type=Path, help="write the numbers here, too")
     arguments = parser.parse_args()
     model = arguments.model or Path(os.environ.get("CARPUS_SHARED", ROOT.parent / "shared")) / HAND

@@ -424,7 +424,7 @@ impl Plant {
     }
 
     /// How far the nearest bushing with a pole is from it: |cos θy| (1 without any), at the positions in `work`.
-    fn pole_margin(&self, work: &Work) -> f64 {
+    pub(super) fn pole_margin(&self, work: &Work) -> f64 {
         let margins = self.forces.bushings().filter(|b| b.has_pole()).map(|b| b.pole_margin(&self.model, &work.cache));
         margins.fold(1.0, f64::min)
     }

@@ -8,6 +8,9 @@ use nalgebra::{DMatrix, DVector};
 
 /// Distance from the pole of a bushing's angles at which the motion through it is straight: |cos θy|.
 const POLE: f64 = 1e-5;
+/// Where the distance was larger at the last derivative, which differs from the step's end by Newton's last correction only, the
+/// step does not end near the pole.
+const FAR_FROM_POLE: f64 = 1e-3;
 /// Length of a step after it, over that of the passage, and how many.
 const SETTLING: f64 = 1e-5;
 const SETTLING_STEPS: usize = 3;
@@ -115,6 +118,9 @@ impl Passage {
     /// The passage that is due, if any.
     fn ahead<E: FnMut(f64, &mut [f64])>(bdf: &Bdf, system: &mut DrivenPlant<E>) -> Option<Passage> {
         let plant = system.plant;
+        if plant.pole_margin(&system.work) > FAR_FROM_POLE {
+            return None;
+        }
         let margin = plant.pole_margin_at(bdf.time, bdf.state(), &mut system.work);
         if margin > POLE {
             return None;
