@@ -171,11 +171,7 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         let text = "controls_file is not used along a given motion: activations are those of the states";
         outcome.warn(tool.setup().path(), tool.line(), text);
     }
-    match system.read_controllers(document, tool, outcome) {
-        Err(error) if system.needs_controls() => return Err(error),
-        Err(error) => outcome.warn(tool.setup().path(), tool.line(), format!("controllers are not used: {error}")),
-        Ok(()) => {}
-    }
+    system.read_controllers_as_needed(document, tool, &|_, _, _| false, outcome)?;
     let file = tool.file("states_file").or_else(|| tool.file("coordinates_file"));
     let Some(file) = file else {
         return Err(tool.missing("states_file", "a states_file or a coordinates_file"));

@@ -8,14 +8,17 @@ use super::motion::{columns_of, coordinate_splines, read_coordinates, to_radians
 use super::result::Outcome;
 use super::setup::Properties;
 use super::system::{Actor, System, SystemState};
+use crate::osim::Document;
 use crate::spatial::SpatialForce;
 use crate::storage::Storage;
 
 /// Runs the tool.
 ///
+/// - `document`: the model's own text, for its controllers
+///
 /// # Errors
 /// The setup, its files, or a model whose forces are not all computed.
-pub fn run(tool: &Properties, mut system: System, outcome: &mut Outcome) -> Result<(), ToolError> {
+pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &mut Outcome) -> Result<(), ToolError> {
     let setup = tool.setup().path().to_owned();
     let results = tool.setup().resolve(&tool.string("results_directory"));
     let [start, end] = tool.numbers("time_range", [f64::NEG_INFINITY, f64::INFINITY])?;
@@ -36,6 +39,7 @@ pub fn run(tool: &Properties, mut system: System, outcome: &mut Outcome) -> Resu
         is_excluded(name, is_muscle, is_muscle || system.is_actuator(name))
     };
     system.require_all_forces(&muscles_excluded)?;
+    system.read_controllers_as_needed(document, tool, &is_excluded, outcome)?;
 
     let mut data = read_coordinates(&file, cutoff)?;
     data.warnings.iter().for_each(|text| outcome.warn(&file, 0, text.clone()));

@@ -88,7 +88,10 @@ pub fn run_tool(setup: &Path, model: Option<&Path>, allow_unsupported: bool) -> 
             let (path, file) = model_of(&maker, model, &mut outcome)?;
             scale::run(&tool, path, file, &mut outcome)?;
         }
-        "InverseDynamicsTool" => inverse_dynamics::run(&tool, system_of(&mut outcome, false)?.0, &mut outcome)?,
+        "InverseDynamicsTool" => {
+            let (system, document) = system_of(&mut outcome, false)?;
+            inverse_dynamics::run(&tool, system, document, &mut outcome)?;
+        }
         "InverseKinematicsTool" | "IKTool" => {
             inverse_kinematics::run(&tool, system_of(&mut outcome, false)?.0, &mut outcome)?;
         }

@@ -346,13 +346,36 @@ impl System {
         Ok(())
     }
 
-    /// Whether something acts by its control alone, without a state.
-    pub fn needs_controls(&self) -> bool {
+    /// As [`System::read_controllers`]; controllers that are not understood are left out, with a warning, where nothing acts by its
+    /// control alone.
+    ///
+    /// - `is_excluded`: which forces do not act, by name, whether it is a muscle, and whether any actuator
+    ///
+    /// # Errors
+    /// Controllers that are needed and not understood.
+    pub fn read_controllers_as_needed(
+        &mut self,
+        document: Document,
+        tool: &Properties,
+        is_excluded: &dyn Fn(&str, bool, bool) -> bool,
+        outcome: &mut Outcome,
+    ) -> Result<(), ToolError> {
         let by_control = |m: &SystemMuscle| m.law.as_ref().is_some_and(MuscleModel::ignore_activation_dynamics);
-        self.actors.iter().any(|actor| match actor {
-            Actor::Muscle(i) => by_control(&self.muscles[*i]),
-            actor => actor.is_actuator(),
-        })
+        let needed = self.actors.iter().any(|actor| {
+            let (is_muscle, needs) = match actor {
+                Actor::Muscle(i) => (true, by_control(&self.muscles[*i])),
+                actor => (false, actor.is_actuator()),
+            };
+            needs && !is_excluded(actor.name(&self.muscles), is_muscle, actor.is_actuator())
+        });
+        match self.read_controllers(document, tool, outcome) {
+            Err(error) if needed => Err(error),
+            Err(error) => {
+                outcome.warn(tool.setup().path(), tool.line(), format!("controllers are not used: {error}"));
+                Ok(())
+            }
+            Ok(()) => Ok(()),
+        }
     }
 
     /// Names of muscles and other actuators that apply force.

@@ -3,7 +3,7 @@
 use carpus::storage::Storage;
 use carpus::tools::{Outcome, run_tool};
 
-/// Two links that turn about z; of the second one MASS is the mass. A muscle from ground to the first one.
+/// Two links that turn about z; of the second one MASS is the mass. A muscle from ground to the first one, and a motor.
 const MODEL: &str = r#"<OpenSimDocument Version="40000"><Model name="links">
 <gravity>0 -9.8 0</gravity>
 <BodySet><objects>
@@ -24,7 +24,11 @@ const MODEL: &str = r#"<OpenSimDocument Version="40000"><Model name="links">
 <PathPoint name="p2"><socket_parent_frame>/bodyset/a</socket_parent_frame><location>0.05 -0.1 0</location></PathPoint>
 </objects></PathPointSet></GeometryPath>
 <max_isometric_force>30</max_isometric_force><optimal_fiber_length>0.1</optimal_fiber_length><tendon_slack_length>0.2</tendon_slack_length><time_scale>SCALE</time_scale></Schutte1993Muscle_Deprecated>
-</objects></ForceSet></Model></OpenSimDocument>"#;
+<CoordinateActuator name="motor"><coordinate>q2</coordinate><optimal_force>4</optimal_force></CoordinateActuator>
+</objects></ForceSet>
+<ControllerSet><objects><PrescribedController name="on"><actuator_list>motor</actuator_list>
+<FunctionSet name="ControlFunctions"><objects><Constant><value>0.5</value></Constant></objects></FunctionSet></PrescribedController></objects></ControllerSet>
+</Model></OpenSimDocument>"#;
 
 /// Runs a tool along a motion of both links.
 fn run(mass: &str, time_scale: &str, class: &str, inner: &str) -> Result<Outcome, String> {
@@ -79,6 +83,24 @@ fn verif_a_joint_that_only_turns_carries_no_force() {
         let largest = joints.rows.iter().map(|row| row[i].abs()).fold(0.0, f64::max);
         let is_force = ["_FX", "_FY", "_FZ"].iter().any(|end| label.ends_with(end));
         assert_eq!(largest == 0.0, is_force, "{label}: {largest}");
+    }
+}
+
+/// OpenSim leaves controllers on in inverse dynamics: what they make an actuator do is not asked of the joint.
+#[test]
+fn verif_controllers_act_in_inverse_dynamics() {
+    let moments = |excluded: &str| {
+        let inner =
+            format!("{MOTION}<time_range>0.1 0.8</time_range><forces_to_exclude>{excluded}</forces_to_exclude>");
+        table(&run("1", "0.1", "InverseDynamicsTool", &inner).unwrap(), "inverse_dynamics.sto")
+    };
+    let (with, without) = (moments("Muscles"), moments("Muscles motor"));
+    assert_eq!(with.labels, ["q1_moment", "q2_moment"]);
+    for (with, without) in with.rows.iter().zip(&without.rows) {
+        assert!(
+            (with[1] - without[1] + 2.0).abs() < 1e-7 && (with[0] - without[0]).abs() < 1e-7,
+            "{with:?} {without:?}"
+        );
     }
 }
 
