@@ -23,7 +23,7 @@ const MODEL: &str = r#"<OpenSimDocument Version="40000"><Model name="links">
 <PathPoint name="p1"><socket_parent_frame>/ground</socket_parent_frame><location>0.7 0.5 -0.2</location></PathPoint>
 <PathPoint name="p2"><socket_parent_frame>/bodyset/a</socket_parent_frame><location>0.05 -0.1 0</location></PathPoint>
 </objects></PathPointSet></GeometryPath>
-<max_isometric_force>30</max_isometric_force><optimal_fiber_length>0.1</optimal_fiber_length><tendon_slack_length>0.2</tendon_slack_length><time_scale>SCALE</time_scale></Schutte1993Muscle_Deprecated>
+<appliesForce>APPLIES</appliesForce><max_isometric_force>30</max_isometric_force><optimal_fiber_length>0.1</optimal_fiber_length><tendon_slack_length>0.2</tendon_slack_length><time_scale>SCALE</time_scale></Schutte1993Muscle_Deprecated>
 <CoordinateActuator name="motor"><coordinate>q2</coordinate><optimal_force>4</optimal_force></CoordinateActuator>
 </objects></ForceSet>
 <ControllerSet><objects><PrescribedController name="on"><actuator_list>motor</actuator_list>
@@ -32,9 +32,13 @@ const MODEL: &str = r#"<OpenSimDocument Version="40000"><Model name="links">
 
 /// Runs a tool along a motion of both links.
 fn run(mass: &str, time_scale: &str, class: &str, inner: &str) -> Result<Outcome, String> {
+    run_model(&MODEL.replace("MASS", mass).replace("SCALE", time_scale).replace("APPLIES", "true"), class, inner)
+}
+
+fn run_model(model: &str, class: &str, inner: &str) -> Result<Outcome, String> {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
-    write("links.osim", &MODEL.replace("MASS", mass).replace("SCALE", time_scale));
+    write("links.osim", model);
     let row = |i: i32| {
         let t = 0.05 * f64::from(i);
         format!("{t}\t{}\t{}\n", 0.4 * (3.0 * t).sin(), 0.9 * (2.0 * t + 0.3).cos())
@@ -117,4 +121,20 @@ fn verif_a_time_scale_of_0_leaves_what_needs_none() {
     assert!(table(&some, "_FiberVelocity.sto").rows.iter().flatten().all(|x| x.is_finite()));
     let Err(error) = run("1", "0", "ForwardTool", "") else { panic!("rates that are no numbers") };
     assert!(error.contains("old") && error.contains("time_scale is 0, expected a number above 0"), "{error}");
+}
+
+/// Tendon forces of OpenSim's deprecated muscles are what they actuate.
+#[test]
+fn verif_idle_muscles_of_the_oldest_kinds_have_no_tendon_force() {
+    let analyses = "<AnalysisSet><objects><MuscleAnalysis/></objects></AnalysisSet>";
+    let forces = |applies: &str, end: &str| {
+        let model = MODEL.replace("MASS", "1").replace("SCALE", "0.1").replace("APPLIES", applies);
+        let outcome = run_model(&model, "AnalyzeTool", &format!("{MOTION}{analyses}")).unwrap();
+        table(&outcome, end).rows.concat()
+    };
+    for end in ["_TendonForce.sto", "_Moment_q1.sto"] {
+        assert!(forces("false", end).iter().all(|x| *x == 0.0), "{end}");
+        assert!(forces("true", end).iter().any(|x| x.abs() > 1e-3), "{end}");
+    }
+    assert_eq!(forces("false", "_ActiveFiberForce.sto"), forces("true", "_ActiveFiberForce.sto"));
 }
