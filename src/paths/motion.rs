@@ -73,16 +73,7 @@ impl Path {
         mut on_body: impl FnMut(BaseIndex, &Vector3<f64>, &Vector3<f64>),
         mut on_coordinate: impl FnMut(CoordinateIndex, f64),
     ) {
-        for pair in geometry.points.windows(2) {
-            let (from, to) = (&pair[0], &pair[1]);
-            if from.base == to.base {
-                continue;
-            }
-            let along = to.measured_p_GS - from.measured_p_GS;
-            let distance = along.norm();
-            if distance < COINCIDENT {
-                continue;
-            }
+        for Piece { from, to, along, distance } in pieces_between_bodies(geometry) {
             let pull = along / distance;
             for (point, force) in [(from, pull), (to, -pull)] {
                 on_body(point.base, &point.p_GS, &force);
@@ -117,20 +108,27 @@ impl Path {
     }
 }
 
-/// Σ ê·(v_from − v_to) over segments between different bodies.
-fn moment_arm_of(geometry: &PathGeometry, velocity: impl Fn(&CurrentPoint) -> Vector3<f64>) -> f64 {
-    let mut moment_arm = 0.0;
-    for pair in geometry.points.windows(2) {
-        let (from, to) = (&pair[0], &pair[1]);
-        if from.base == to.base {
-            continue;
-        }
+/// A straight piece of a path.
+struct Piece<'a> {
+    from: &'a CurrentPoint,
+    to: &'a CurrentPoint,
+    /// From the first to the second, in ground, and its length [m].
+    along: Vector3<f64>,
+    distance: f64,
+}
+
+/// Pieces between different bodies, but those of no length.
+fn pieces_between_bodies(geometry: &PathGeometry) -> impl Iterator<Item = Piece<'_>> {
+    let pairs = geometry.points.windows(2).map(|pair| (&pair[0], &pair[1]));
+    pairs.filter(|(from, to)| from.base != to.base).filter_map(|(from, to)| {
         let along = to.measured_p_GS - from.measured_p_GS;
         let distance = along.norm();
-        if distance < COINCIDENT {
-            continue;
-        }
-        moment_arm += along.dot(&(velocity(from) - velocity(to))) / distance;
-    }
-    moment_arm
+        if distance < COINCIDENT { None } else { Some(Piece { from, to, along, distance }) }
+    })
+}
+
+/// Σ ê·(v_from − v_to) over pieces between different bodies.
+fn moment_arm_of(geometry: &PathGeometry, velocity: impl Fn(&CurrentPoint) -> Vector3<f64>) -> f64 {
+    let of = |Piece { from, to, along, distance }: Piece| along.dot(&(velocity(from) - velocity(to))) / distance;
+    pieces_between_bodies(geometry).fold(0.0, |sum, piece| sum + of(piece))
 }
