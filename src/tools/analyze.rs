@@ -110,29 +110,29 @@ pub fn record<'s>(
         return Ok(None);
     }
     let evaluation = system.evaluate(work, state, &|_| true);
-    let (mut udot, mut multipliers, mut unknown) = (None, None, None);
+    let (mut udot, mut multipliers, mut undetermined) = (None, None, None);
     if analyses.iter().any(|a| a.needs_accelerations() && proceeds(a.as_ref())) {
         let (found, error) = system.accelerations(work, state, &evaluation.applied);
         // Accelerations of bodies into the buffers.
         work.dynamics.inverse_dynamics(&state.q, &state.u, found.udot.as_slice(), &evaluation.applied);
-        (udot, multipliers, unknown) = (Some(found.udot), Some(found.multipliers), error);
+        (udot, multipliers, undetermined) = (Some(found.udot), Some(found.multipliers), error);
     }
     for analysis in analyses.iter_mut().filter(|a| proceeds(a.as_ref())) {
         let (udot, multipliers) = (udot.as_ref(), multipliers.as_ref());
         let mut instant = Instant { system, work, state, evaluation: &evaluation, udot, multipliers };
         analysis.record(&mut instant)?;
     }
-    Ok(unknown)
+    Ok(undetermined)
 }
 
 /// Times at which accelerations are not determined.
 #[derive(Default)]
-pub struct Unknown {
+pub struct UndeterminedAccelerations {
     times: usize,
     first: Option<(f64, DynamicsError)>,
 }
 
-impl Unknown {
+impl UndeterminedAccelerations {
     /// Notes what [`record`] returned.
     pub fn note(&mut self, time: f64, found: Option<DynamicsError>) {
         if let Some(error) = found {
@@ -198,7 +198,7 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         system.require_all_forces(&|_| false)?;
     }
     let mut work = system.new_work();
-    let (mut unbalanced, mut unknown) = (Vec::new(), Unknown::default());
+    let (mut unbalanced, mut undetermined) = (Vec::new(), UndeterminedAccelerations::default());
     for (i, state) in states.iter().enumerate().take(last + 1).skip(first) {
         let mut state = state.clone();
         system.assemble(state.time, &mut state.q)?;
@@ -207,9 +207,9 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
             unbalanced.extend(failed.into_iter().map(|text| format!("at t = {} s: {text}", state.time)));
         }
         let step = (i != first && i != last).then_some(i);
-        unknown.note(state.time, record(&mut analyses, &system, &mut work, &state, step)?);
+        undetermined.note(state.time, record(&mut analyses, &system, &mut work, &state, step)?);
     }
-    unknown.warn(&system, outcome);
+    undetermined.warn(&system, outcome);
     if let Some(text) = unbalanced.first() {
         outcome.warn(&system.path, 0, format!("{} muscles could not be balanced, the first {text}", unbalanced.len()));
     }

@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use super::analysis::add_results;
-use super::analyze::{Frame, Unknown, read_analyses, record, states_from_file};
+use super::analyze::{Frame, UndeterminedAccelerations, read_analyses, record, states_from_file};
 use super::correction::Correction;
 use super::error::{ToolError, ToolProblem};
 use super::result::{Outcome, ResultFile};
@@ -108,7 +108,7 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
     let mut analyses = read_analyses(tool, &system, None)?;
     let mut states = Storage::new(&frame.name, system.state_names());
     let last = trajectory.times.len() - 1;
-    let (mut full, mut unknown) = (state.clone(), Unknown::default());
+    let (mut full, mut undetermined) = (state.clone(), UndeterminedAccelerations::default());
     for (k, (time, found)) in trajectory.times.iter().zip(&trajectory.states).enumerate() {
         (full.time, full.q, full.u) = (*time, found.q.clone(), found.u.clone());
         for (j, i) in positions.iter().enumerate() {
@@ -119,10 +119,10 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         states.push(*time, system.state_values(&full));
         if !analyses.is_empty() {
             let step = (k != 0 && k != last).then_some(k);
-            unknown.note(*time, record(&mut analyses, &system, &mut work, &full, step)?);
+            undetermined.note(*time, record(&mut analyses, &system, &mut work, &full, step)?);
         }
     }
-    unknown.warn(&system, outcome);
+    undetermined.warn(&system, outcome);
     for analysis in &analyses {
         analysis.warnings().into_iter().for_each(|text| outcome.warn(tool.setup().path(), 0, text));
         add_results(analysis.as_ref(), &frame.name, &frame.results, frame.precision, outcome);
@@ -188,7 +188,7 @@ fn controls_of(states: &Storage, system: &System) -> Storage {
         Actor::Correction(correction) => Some(correction),
         _ => None,
     });
-    let actuators = system.actuators_in_order();
+    let actuators = system.actuator_names();
     let labels = correction.iter().flat_map(|c| c.labels.clone()).chain(actuators.iter().cloned());
     let mut storage = Storage::new("controls", labels.collect());
     if storage.labels.is_empty() {

@@ -63,8 +63,9 @@ pub fn run_tool(setup: &Path, model: Option<&Path>, allow_unsupported: bool) -> 
                 outcome.warn(&path, 0, format!("forces that are not computed are left out: {}", left_out.join(", ")));
             }
         }
+        let has_accelerations = !matches!(tool.class(), "InverseKinematicsTool" | "IKTool");
         let joints = system.model.contradictory_joints().map(|joint| &system.spec.joints[joint.0]);
-        for joint in joints.filter(|_| !tool.class().contains("Kinematics") && tool.class() != "IKTool") {
+        for joint in joints.filter(|_| has_accelerations) {
             let text = format!(
                 "{}: one coordinate turns several axes; accelerations are OpenSim's, which contradict its velocities there by a \
                  term in the square of the speed",

@@ -336,7 +336,7 @@ impl System {
         tool: &Properties,
         outcome: &mut Outcome,
     ) -> Result<(), ToolError> {
-        let names = self.all_actuator_names();
+        let names = self.actuator_names();
         let mut controls = Controls::default();
         let own = Setup::of_document(&self.path, document);
         controls.read(&own.object().objects("ControllerSet"), &names, outcome)?;
@@ -378,31 +378,13 @@ impl System {
         }
     }
 
-    /// Names of muscles and other actuators that apply force.
-    pub fn actuator_names(&self) -> Vec<String> {
-        self.actors.iter().filter(|a| a.is_actuator()).map(|a| a.name(&self.muscles).to_owned()).collect()
-    }
-
     /// Names of all muscles and other actuators in the order of the file, also of those that apply no force.
-    pub fn actuators_in_order(&self) -> Vec<String> {
+    pub fn actuator_names(&self) -> Vec<String> {
         let is_actuator = |f: &&ForceSpec| matches!(f.kind, ForceKind::Actuator(_));
         let others = self.spec.forces.iter().filter(is_actuator).map(|f| (f.at.order(), &f.name));
         let mut all: Vec<_> = self.spec.muscles.iter().map(|m| (m.at.order(), &m.name)).chain(others).collect();
         all.sort_by_key(|(order, _)| *order);
         all.into_iter().map(|(_, name)| name.clone()).collect()
-    }
-
-    /// Names of all muscles and other actuators, also of those that apply no force.
-    fn all_actuator_names(&self) -> Vec<String> {
-        let mut names = self.actuator_names();
-        let is_actuator = |f: &&ForceSpec| matches!(f.kind, ForceKind::Actuator(_));
-        let others = self.spec.forces.iter().filter(is_actuator).map(|f| &f.name);
-        for name in others.chain(self.muscles.iter().map(|m| &m.name)) {
-            if !names.contains(name) {
-                names.push(name.clone());
-            }
-        }
-        names
     }
 
     /// Everything at a state but accelerations.
