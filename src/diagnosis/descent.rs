@@ -1,5 +1,7 @@
-//! The descent: Gauss–Newton steps of parameters, effects and the EMG's noise together, and the noise's variances between
-//! them.
+//! The descent: damped Gauss–Newton steps of parameters and effects, and between them the EMG's expected noise and the noise's
+//! variances.
+
+mod relaxation;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -12,11 +14,12 @@ use super::forward_model::FITTED_PER_MUSCLE;
 use super::noise::{self, COMPONENTS, NoiseLevels};
 use super::score_test::tail;
 use crate::simulation::SimulationError;
+use relaxation::Relaxation;
 
 /// Pairs of draws for the mean of scores.
 const PAIRS: usize = 2;
-/// Of many points that are fitted roughly, so many are looked at more closely.
-const SCREENED: usize = 10;
+/// Of many points that are fitted roughly, so many are looked at more closely for every one that is wanted.
+const SCREENED: usize = 2;
 /// Steps while the noise is only guessed.
 const ROUGH_STEPS: usize = 7;
 /// Steps after each estimate of the noise.
@@ -67,6 +70,8 @@ pub(super) struct Descent {
     pub(super) noise: Noise,
     /// Last step of the noise's variances: see [`NoiseLevels::towards`].
     last_step: [[f64; 2]; COMPONENTS],
+    /// Per training trial: last step of the EMG's expected noise.
+    last_correction: Vec<Option<Relaxation>>,
     at: Account,
 }
 
@@ -122,17 +127,17 @@ impl Analysis<'_> {
     /// promising first. Those that cannot be simulated are left out.
     ///
     /// - `starts`: the model as given, with effects
-    pub(super) fn screened(&self, starts: Vec<Point>) -> Vec<Point> {
-        let mut fitted: Vec<Descent> = starts.into_par_iter().filter_map(|start| self.rough_fit(start).ok()).collect();
-        fitted.sort_by(|a, b| a.deviance().total_cmp(&b.deviance()));
+    /// - `wanted`: how many points are asked for; there may be more or fewer
+    pub(super) fn screened(&self, starts: Vec<Point>, wanted: usize) -> Vec<Point> {
+        let rough = starts.into_par_iter().filter_map(|start| self.rough_fit(start).ok());
+        let mut fitted = most_promising(rough.collect());
         // Of several sizes of the same effects the best.
         let ids = |d: &Descent| -> Vec<&str> { d.point.effects.iter().map(|s| s.effect.description().id).collect() };
         let mut seen = HashSet::new();
         fitted.retain(|descent| seen.insert(ids(descent)));
-        fitted.truncate(SCREENED);
+        fitted.truncate(SCREENED * wanted);
         let settled = |mut descent: Descent| self.settle(&mut descent, false).is_ok().then_some(descent);
-        let mut fitted: Vec<Descent> = fitted.into_par_iter().filter_map(settled).collect();
-        fitted.sort_by(|a, b| a.deviance().total_cmp(&b.deviance()));
+        let fitted = most_promising(fitted.into_par_iter().filter_map(settled).collect());
         fitted.into_iter().map(|descent| descent.point).collect()
     }
 
@@ -179,7 +184,8 @@ impl Analysis<'_> {
         let mut linear = self.linearize(&point, &[])?;
         let noise = self.noise(&mut linear, &point, levels);
         let at = self.account(&linear, &point, &noise);
-        Ok(Descent { point, linear, noise, last_step: [[0.0; 2]; COMPONENTS], at })
+        let last_correction = vec![None; self.train.len()];
+        Ok(Descent { point, linear, noise, last_step: [[0.0; 2]; COMPONENTS], last_correction, at })
     }
 
     /// Takes sensitivities where the EMG is expected without its noise, and goes on.
@@ -197,9 +203,8 @@ impl Analysis<'_> {
             descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
         }
         let step = descent.at.information.clone().cholesky().map(|c| c.solve(&descent.at.gradient));
-        let mut point = descent.point.clone();
-        self.correct(&mut point, descent, &step.unwrap_or_else(|| descent.at.gradient.clone() * 0.0))?;
-        descent.point = point;
+        let step = step.unwrap_or_else(|| descent.at.gradient.clone() * 0.0);
+        self.correct(descent, &step)?;
         descent.linear = self.linearize(&descent.point, &[])?;
         descent.noise = self.noise(&mut descent.linear, &descent.point, descent.noise.levels);
         descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
@@ -332,28 +337,38 @@ impl Analysis<'_> {
         self.account(linear, point, noise)
     }
 
-    /// Expected noise of the EMG once the parameters have taken a step.
-    fn correct(&self, point: &mut Point, before: &Descent, step: &DVector<f64>) -> Result<(), SimulationError> {
-        let Descent { linear, noise, .. } = before;
+    /// Expected noise of the EMG once the parameters have taken a step; less of it where it swings from round to round.
+    fn correct(&self, descent: &mut Descent, step: &DVector<f64>) -> Result<(), SimulationError> {
+        let Descent { point, linear, noise, last_correction, .. } = descent;
         let n = self.n_nuisance();
         let found: Vec<Result<_, SimulationError>> = linear
             .par_iter()
+            .zip(&*last_correction)
             .enumerate()
-            .map(|(position, l)| {
+            .map(|(position, (l, last))| {
                 let left = &l.residual - &l.nuisance * step.rows(0, n) - &l.effects * step.rows(n, step.len() - n);
                 let weighted = noise.factors[position].solve(&left);
                 let mut correction = noise.structure[position].expected_noise(&noise.levels, &weighted);
                 for w in &mut correction {
                     w.iter_mut().for_each(|v| *v = v.clamp(-LARGEST_NOISE, LARGEST_NOISE));
                 }
+                let before = &point.correction[position];
+                let asked =
+                    correction.iter().zip(before).flat_map(|(to, from)| (to - from).as_slice().to_vec()).collect();
+                let taken = Relaxation::next(last.as_ref(), asked);
+                for (to, from) in correction.iter_mut().zip(before) {
+                    to.zip_apply(from, |to, from| *to = from + taken.share() * (*to - from));
+                }
                 let g = self.train[position];
                 let record = &self.forward.trials[g];
                 let excitation = corrected(&record.time, &record.excitation, &correction);
-                Ok((correction, Arc::new(self.forward.input(g, excitation)?)))
+                Ok((correction, Arc::new(self.forward.input(g, excitation)?), taken))
             })
             .collect();
         for (position, found) in found.into_iter().enumerate() {
-            (point.correction[position], point.inputs[position]) = found?;
+            let (correction, input, taken) = found?;
+            (point.correction[position], point.inputs[position]) = (correction, input);
+            last_correction[position] = Some(taken);
         }
         Ok(())
     }
@@ -368,6 +383,12 @@ impl Analysis<'_> {
         noise.factors = factors(&noise);
         noise
     }
+}
+
+/// Those of least deviance first.
+fn most_promising(mut fitted: Vec<Descent>) -> Vec<Descent> {
+    fitted.sort_by(|a, b| a.deviance().total_cmp(&b.deviance()));
+    fitted
 }
 
 /// V is a sum of a positive diagonal and positive semidefinite matrices: factors exist.

@@ -162,7 +162,7 @@ impl Judge<'_> {
         };
         let survived =
             |found: &[(Fit, Explanation)], point: &Point| found.iter().any(|f| f.1.survives() && same(&f.1, point));
-        for point in self.analysis.screened(starts).into_iter().take(count) {
+        for point in self.analysis.screened(starts, count).into_iter().take(count) {
             if survived(found, &point) {
                 break;
             }
