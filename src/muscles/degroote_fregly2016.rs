@@ -23,6 +23,8 @@ const STRONGEST: f64 = 5.0;
 /// A fibre and tendon with exponential and Gaussian curves, pennate at fixed width. Activation and normalized tendon
 /// force are its states. Units as [`Millard2012`](super::Millard2012).
 ///
+/// In implicit mode the rate of the tendon force is an input, which OpenSim's solvers give (Moco) and its tools leave at 0.
+///
 /// OpenSim 4.6 takes the time constants and the smoothing of whichever such muscle a process evaluates first for all of
 /// them (`static` locals of `computeStateVariableDerivatives`); here every muscle has its own.
 ///
@@ -154,9 +156,14 @@ impl DeGrooteFregly2016 {
         Lengths { tendon, fiber, norm, cos: along / fiber, active, passive }
     }
 
+    /// Whether the tendon keeps its length: it is rigid, or nobody says how its force changes.
+    fn holds_tendon(&self) -> bool {
+        self.ignore_tendon_compliance || self.properties.implicit_tendon_compliance
+    }
+
     /// Normalized fibre velocity and force-velocity multiplier.
     fn velocity(&self, at: &Lengths, norm_tendon_force: f64, activation: f64, path_speed: f64) -> (f64, f64) {
-        if self.ignore_tendon_compliance {
+        if self.holds_tendon() {
             return self.multiplier_of(path_speed * at.cos);
         }
         let multiplier = (norm_tendon_force / at.cos - at.passive) / (activation * at.active);
@@ -168,9 +175,9 @@ impl DeGrooteFregly2016 {
         (norm, D[0] * (D[1] * norm + D[2]).asinh() + D[3])
     }
 
-    /// Rate of the normalized tendon force [1/s] (0 for a rigid tendon) and tendon force [N].
+    /// Rate of the normalized tendon force [1/s] (0 for a rigid tendon and in implicit mode) and tendon force [N].
     pub fn rates(&self, norm_tendon_force: f64, activation: f64, path_length: f64, path_speed: f64) -> (f64, f64) {
-        if self.ignore_tendon_compliance {
+        if self.holds_tendon() {
             return (0.0, self.dynamics(norm_tendon_force, activation, path_length, path_speed).tendon_force);
         }
         let at = self.lengths(norm_tendon_force, path_length);
@@ -222,7 +229,7 @@ impl DeGrooteFregly2016 {
             normalized_fiber_velocity: norm_velocity,
             fiber_velocity_along_tendon: along,
             pennation_angular_velocity: -fiber_velocity / at.fiber * sin / at.cos,
-            tendon_velocity: if rigid { 0.0 } else { path_speed - along },
+            tendon_velocity: if self.holds_tendon() { 0.0 } else { path_speed - along },
             fiber_force,
             fiber_force_along_tendon: fiber_force * at.cos,
             active_fiber_force: active,

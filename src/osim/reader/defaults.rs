@@ -1,14 +1,17 @@
 //! `<defaults>` that hold beyond their own file.
 //!
 //! OpenSim registers the objects of `<defaults>` for good (`Object::updateDefaultObjectsFromXMLNode`): a file that is read
-//! later has them too, and its own default of the same class only changes the properties that it gives.
+//! later has them too, and its own default of the same class only changes the properties that it gives. What an older file
+//! says is understood by its own format.
 
 use std::collections::BTreeMap;
 
 use super::force_sets::force_set_element;
-use super::model_element;
-use super::upgrade::present_class;
-use crate::osim::document::{Document, ElementId};
+use super::muscles::is_muscle;
+use super::properties::is_true;
+use super::upgrade::{Version, present_class};
+use super::{OLDEST_FORCE_SET, format_version, model_element};
+use crate::osim::document::{Document, ElementId, escape};
 use crate::osim::error::{DocumentError, OsimError};
 
 /// Texts of properties, by class and by property.
@@ -24,12 +27,13 @@ pub(in crate::osim) fn with_earlier_defaults(
     force_sets: &[Document],
 ) -> Result<Vec<Document>, OsimError> {
     let mut known = Defaults::default();
-    known.learn(model, model_element(model)?.0);
+    let (element, version) = model_element(model)?;
+    known.learn(model, element, version);
     let mut completed = Vec::with_capacity(force_sets.len());
     for document in force_sets {
-        let set = force_set_element(document)?.0;
-        completed.push(known.complete(document, set)?);
-        known.learn(document, set);
+        let (set, version) = force_set_element(document)?;
+        completed.push(known.complete(document, set, version)?);
+        known.learn(document, set, version);
     }
     Ok(completed)
 }
@@ -45,33 +49,33 @@ pub(in crate::osim) fn with_defaults_of(
     owner: ElementId,
     model: &Document,
 ) -> Result<Document, OsimError> {
+    let (element, version) = model_element(model)?;
     let mut known = Defaults::default();
-    known.learn(earlier, owner);
-    Ok(known.complete(model, model_element(model)?.0)?)
+    known.learn(earlier, owner, format_version(earlier, 0).unwrap_or(Version(OLDEST_FORCE_SET)));
+    Ok(known.complete(model, element, version)?)
 }
 
 impl Defaults {
-    /// Takes over what a document states below `owner`.
-    fn learn(&mut self, document: &Document, owner: ElementId) {
+    /// Takes over what a document states below `owner`, in today's words.
+    fn learn(&mut self, document: &Document, owner: ElementId, version: Version) {
         let Some(defaults) = document.child(owner, "defaults") else { return };
         for (class, element) in first_of_each_tag(document, defaults).filter(|(tag, _)| present_class(tag) == *tag) {
-            let known = self.0.entry(class.to_owned()).or_default();
-            for (property, element) in first_of_each_tag(document, element) {
-                let text = String::from_utf8_lossy(&document.bytes()[document.range(element)]);
-                known.insert(property.to_owned(), text.replace(['\r', '\n'], " "));
-            }
+            self.0.entry(class.to_owned()).or_default().extend(upgraded_properties(document, element, version));
         }
     }
 
     /// The document with what it lacks.
-    fn complete(&self, document: &Document, owner: ElementId) -> Result<Document, DocumentError> {
+    fn complete(&self, document: &Document, owner: ElementId, version: Version) -> Result<Document, DocumentError> {
         let defaults = document.child(owner, "defaults");
         let (mut edits, mut classes) = (Vec::new(), String::new());
         for (class, properties) in &self.0 {
             let own = defaults.and_then(|defaults| document.child(defaults, class));
-            let lacks = |property: &str| own.is_none_or(|own| document.child(own, property).is_none());
-            let missing: String =
-                properties.iter().filter(|(property, _)| lacks(property)).map(|(_, text)| text.as_str()).collect();
+            let given = own.map(|own| upgraded_properties(document, own, version)).unwrap_or_default();
+            let missing: String = properties
+                .iter()
+                .filter(|(property, _)| !given.contains_key(*property))
+                .map(|(_, text)| text.as_str())
+                .collect();
             match own {
                 Some(own) => edits.push(document.appended(own, &missing)),
                 None => classes.push_str(&format!("<{class}>{missing}</{class}>")),
@@ -83,6 +87,31 @@ impl Defaults {
         });
         document.spliced(edits)
     }
+}
+
+/// What an object of `<defaults>` states: elements by the present names of their properties.
+fn upgraded_properties(document: &Document, object: ElementId, version: Version) -> BTreeMap<String, String> {
+    let class = document.tag(object);
+    let mut properties = BTreeMap::new();
+    for (tag, element) in first_of_each_tag(document, object) {
+        let value = document.text(element);
+        if is_muscle(class) && version.ignores_control(tag, value.parse().unwrap_or(f64::NAN)) {
+            continue;
+        }
+        let (name, value) = match version.present_property(class, tag) {
+            Some(name) if tag == "isDisabled" => {
+                (name, Some(if is_true(&value) { "false" } else { "true" }.to_owned()))
+            }
+            Some(name) => (name, Some(value)),
+            None => (tag, None),
+        };
+        let text = match value {
+            Some(value) => format!("<{name}>{}</{name}>", escape(&value)),
+            None => String::from_utf8_lossy(&document.bytes()[document.range(element)]).replace(['\r', '\n'], " "),
+        };
+        properties.insert(name.to_owned(), text);
+    }
+    properties
 }
 
 /// Children of an element, of each tag the first, which is the one that counts.

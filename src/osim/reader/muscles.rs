@@ -68,8 +68,8 @@ impl Reader<'_> {
             max_contraction_velocity: self.number(object, &["max_contraction_velocity"], 10.0, velocity),
             ignore_tendon_compliance,
             ignore_activation_dynamics: self.boolean(object, &["ignore_activation_dynamics"], false),
-            min_control: self.control(object, "min_control", minimum_control, 0.0),
-            max_control: self.control(object, "max_control", 1.0, 1.0),
+            min_control: self.control(object, "min_control", minimum_control),
+            max_control: self.control(object, "max_control", 1.0),
             kind: if is_millard {
                 MuscleKind::Millard2012Equilibrium(Box::new(self.read_millard(object)))
             } else {
@@ -97,12 +97,9 @@ impl Reader<'_> {
     }
 
     /// `min_control`, `max_control`: in old files the trivial value gives way to the class' default.
-    fn control(&mut self, object: &Object, property: &'static str, default: f64, trivial: f64) -> f64 {
+    fn control(&mut self, object: &Object, property: &'static str, default: f64) -> f64 {
         let value = self.number(object, &[property], default, Bound::Any);
-        if self.version.ignores_trivial_controls() && (value - trivial).abs() <= f64::EPSILON.powf(0.875) {
-            return default;
-        }
-        value
+        if self.version.ignores_control(property, value) { default } else { value }
     }
 
     pub(super) fn read_thelen(&mut self, object: &Object) -> Thelen2003Spec {

@@ -104,9 +104,13 @@ impl Reader<'_> {
     }
 
     fn read_degroote(&mut self, element: ElementId, object: &Object) -> DeGrooteFregly2016Spec {
-        if self.string(object, &["tendon_compliance_dynamics_mode"]).is_some_and(|(_, mode)| mode == "implicit") {
-            let message = "tendon_compliance_dynamics_mode is implicit: simulated as explicit".to_owned();
-            self.diagnose(Severity::Approximated, element, &object.path, message, None);
+        let mode = self.string(object, &["tendon_compliance_dynamics_mode"]);
+        let implicit_tendon_compliance = mode.is_some_and(|(_, mode)| mode != "explicit");
+        if implicit_tendon_compliance {
+            let message =
+                "tendon_compliance_dynamics_mode is implicit: run-tool holds the tendon force, as OpenSim's tools do";
+            let hint = "set it to explicit to simulate the tendon".to_owned();
+            self.diagnose(Severity::Warning, element, &object.path, message.to_owned(), Some(hint));
         }
         let mut positive = |name, default| self.number(object, &[name], default, Bound::Positive("a number above 0"));
         let activation_time_constant = positive("activation_time_constant", 0.015);
@@ -121,6 +125,7 @@ impl Reader<'_> {
             deactivation_time_constant,
             default_activation,
             default_normalized_tendon_force: self.number(object, &["default_normalized_tendon_force"], 0.5, FRACTION),
+            implicit_tendon_compliance,
             active_force_width_scale,
             fiber_damping: self.number(object, &["fiber_damping"], 0.0, FRACTION),
             passive_fiber_strain_at_one_norm_force,

@@ -38,6 +38,11 @@ impl Bound {
     }
 }
 
+/// What OpenSim takes for true where an old file says it (`SimTK::String::tryConvertToBool`).
+pub(super) fn is_true(text: &str) -> bool {
+    matches!(text.to_ascii_lowercase().as_str(), "true" | "1")
+}
+
 impl Reader<'_> {
     /// The element that holds a property, under its present or an older name.
     pub(super) fn property(&mut self, object: &Object, names: &[&'static str]) -> Option<ElementId> {
@@ -235,8 +240,7 @@ impl Reader<'_> {
         if self.version.has_is_disabled()
             && let Some(element) = self.own_property(object, &["isDisabled"])
         {
-            let text = self.document.text(element).to_ascii_lowercase();
-            return !(text == "true" || text == "1");
+            return !is_true(&self.document.text(element));
         }
         if self.version.has_is_disabled() && self.property(object, &["isDisabled"]).is_some() {
             return !self.boolean(object, &["isDisabled"], false);

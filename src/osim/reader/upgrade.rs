@@ -33,8 +33,23 @@ impl Version {
 
     /// Before 30513 a muscle's `min_control` of 0 and `max_control` of 1 give way to the class' own defaults
     /// (`Muscle::updateFromXMLNode`).
-    pub fn ignores_trivial_controls(self) -> bool {
-        self.0 < 30513
+    pub fn ignores_control(self, property: &str, value: f64) -> bool {
+        let trivial = match property {
+            "min_control" => 0.0,
+            "max_control" => 1.0,
+            _ => return false,
+        };
+        self.0 < 30513 && (value - trivial).abs() <= f64::EPSILON.powf(0.875)
+    }
+
+    /// Today's name of a property of a force, a muscle or a constraint, if it had another one.
+    pub fn present_property(self, class: &str, property: &str) -> Option<&'static str> {
+        let names = self.pennation_angle_names();
+        match property {
+            "isDisabled" if self.has_is_disabled() && class.ends_with("Constraint") => Some("isEnforced"),
+            "isDisabled" if self.has_is_disabled() => Some("appliesForce"),
+            _ => names[1..].contains(&property).then_some(names[0]),
+        }
     }
 
     /// Before 30500 white space is removed from names (`Component::updateFromXMLNode`).

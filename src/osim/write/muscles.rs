@@ -183,6 +183,9 @@ impl Writer<'_> {
                     xml.number(property, value);
                 }
                 xml.boolean("ignore_passive_fiber_force", own.ignore_passive_fiber_force);
+                if own.implicit_tendon_compliance {
+                    xml.text("tendon_compliance_dynamics_mode", "implicit");
+                }
             }
             OtherMuscleSpec::RigidTendon(own) => {
                 xml.function("active_force_length_curve", &own.active_force_length_curve);

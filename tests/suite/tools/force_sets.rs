@@ -91,7 +91,7 @@ fn verif_faults_of_files_of_forces_are_told_with_their_file_and_line() {
             "forces.xml",
             "<coordinate>q2<",
             "<coordinate>qq<",
-            "forces.xml:207: /forceset/coil: coordinate: no coordinate named \"qq\"",
+            "forces.xml:234: /forceset/coil: coordinate: no coordinate named \"qq\"",
         ),
         (
             "old_forces.xml",
@@ -201,10 +201,10 @@ fn verif_added_forces_are_told_apart_by_their_source() {
         let muscles = spec.muscles.iter().map(|m| &m.at);
         muscles.chain(spec.forces.iter().map(|f| &f.at)).filter(|at| at.source == source).count()
     };
-    assert_eq!([sources(0), sources(1), sources(2)], [file.spec.muscles.len() + file.spec.forces.len(), 18, 9]);
+    assert_eq!([sources(0), sources(1), sources(2)], [file.spec.muscles.len() + file.spec.forces.len(), 19, 9]);
     assert_eq!(diagnostics.len(), 2);
     let (only, _) = file.with_force_sets(&documents, true).unwrap();
-    assert_eq!(only.muscles.len() + only.forces.len(), 19 + 9, "without the model's forces one name is free");
+    assert_eq!(only.muscles.len() + only.forces.len(), 20 + 9, "without the model's forces one name is free");
     assert!(only.muscles.iter().all(|m| m.at.source > 0));
 }
 
@@ -240,4 +240,44 @@ fn verif_defaults_hold_for_the_files_behind() {
     assert!(matches!(kind("d"), ForceKind::SpringGeneralized { stiffness: 123.0, .. }), "{:?}", kind("d"));
     let at = &spec.forces.iter().find(|force| force.name == "a").unwrap().at;
     assert_eq!((at.source, at.line), (2, 3), "lines stay");
+}
+
+/// As OpenSim 4.6 reads four such files one after the other: what an old file says is understood by its own format.
+#[test]
+fn verif_defaults_of_old_files_hold_under_todays_names() {
+    let file = OsimFile::read(FORCE_SETS.path("../components/forces.osim")).unwrap();
+    let document = |(i, (version, defaults)): (usize, (u32, &str))| {
+        let point = |name: &str, y: f64| {
+            let parent = "<socket_parent_frame>/bodyset/upper</socket_parent_frame>";
+            format!("<PathPoint name=\"{name}\"><body>upper</body>{parent}<location>0 {y} 0</location></PathPoint>")
+        };
+        let points = format!("<PathPointSet><objects>{}{}</objects></PathPointSet>", point("a", 0.0), point("b", 0.3));
+        let text = format!(
+            "<OpenSimDocument Version=\"{version}\"><ForceSet><defaults><Thelen2003Muscle>{defaults}</Thelen2003Muscle>\
+             </defaults><objects><Thelen2003Muscle name=\"m{i}\"><GeometryPath>{points}</GeometryPath></Thelen2003Muscle>\
+             </objects></ForceSet></OpenSimDocument>"
+        );
+        Document::parse(text.into_bytes(), "forces.xml").unwrap()
+    };
+    let old = "<isDisabled>true</isDisabled><pennation_angle>0.3</pennation_angle><min_control>0</min_control>\
+               <max_control>0.8</max_control>";
+    let documents: Vec<_> = [
+        (20300, old),
+        (40000, ""),
+        (40000, "<appliesForce>true</appliesForce>"),
+        (20300, "<pennation_angle>0.1</pennation_angle>"),
+    ]
+    .into_iter()
+    .enumerate()
+    .map(document)
+    .collect();
+    let (spec, _) = file.with_force_sets(&documents, true).unwrap();
+    let read = |name: &str| {
+        let m = spec.muscles.iter().find(|muscle| muscle.name == name).unwrap();
+        (m.applies_force, m.pennation_angle_at_optimal, m.min_control, m.max_control)
+    };
+    assert_eq!(read("m0"), (false, 0.3, 0.01, 0.8));
+    assert_eq!(read("m1"), (false, 0.3, 0.01, 0.8));
+    assert_eq!(read("m2"), (true, 0.3, 0.01, 0.8));
+    assert_eq!(read("m3"), (true, 0.1, 0.01, 0.8));
 }
