@@ -15,7 +15,7 @@ mod solve;
 
 pub use constraints::{ConstraintError, ConstraintForce, Constraints};
 pub use error::PlantError;
-pub use plant::{DrivenPlant, Load, Plant, PlantMuscle, PlantState, Work};
+pub use plant::{DrivenPlant, LaggedActuator, Load, Plant, PlantMuscle, PlantState, Work};
 pub use reduction::{Reduction, Relation};
 pub use simulate::{ForwardOptions, Trajectory, simulate_forward};
 pub use solve::{Accelerations, Dynamics, DynamicsError};

@@ -1,7 +1,7 @@
 //! The whole model as a system of differential equations: skeleton, muscles, passive forces.
 //!
-//! State: free coordinates, their speeds, and of every muscle the activation (unless it ignores activation dynamics) and
-//! the fibre length (unless its tendon is rigid).
+//! State: free coordinates, their speeds, of every muscle the activation (unless it ignores activation dynamics) and
+//! the fibre length (unless its tendon is rigid), dissipated energies, and activations of actuators that are no muscles.
 
 mod linearize;
 
@@ -9,7 +9,7 @@ use super::constraints::Constraints;
 use super::error::PlantError;
 use super::reduction::{Reduction, Relation};
 use super::solve::DynamicsError;
-use crate::forces::{AppliedForces, Forces, PathForce};
+use crate::forces::{Actuator, AppliedForces, Forces, PathForce};
 use crate::multibody::{BodySubset, Cache, DynamicsBuffers, Model};
 use crate::muscles::{MuscleModel, MuscleState};
 use crate::numerics::StiffSystem;
@@ -20,7 +20,7 @@ use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 
 /// Classes of forces that do nothing without a control.
-const WITHOUT_CONTROL: [&str; 2] = ["BodyActuator", "ActivationCoordinateActuator"];
+const WITHOUT_CONTROL: [&str; 1] = ["BodyActuator"];
 /// Constraints between bodies whose response is smaller than this share of the largest are redundant.
 const REDUNDANT: f64 = 1e-10;
 
@@ -52,6 +52,15 @@ impl PlantMuscle {
 
 /// A force from outside: of coordinates and speeds, kinematics and time.
 pub type Load = Arc<dyn Fn(&Model, [&[f64]; 2], &Cache, f64, &mut AppliedForces) + Send + Sync>;
+
+/// An actuator that is no muscle and follows its control with a delay of first order.
+#[derive(Clone, Debug)]
+pub struct LaggedActuator {
+    /// Its force for an activation of 1; `None`: it applies none.
+    pub actuator: Option<Actuator>,
+    /// Time constant [s].
+    pub time_constant: f64,
+}
 
 /// Forces from outside.
 #[derive(Clone, Default)]
@@ -86,6 +95,7 @@ pub struct Plant {
     loads: Loads,
     /// Positions of dissipated energies in the state.
     energies: std::ops::Range<usize>,
+    lagged: Vec<LaggedActuator>,
     n_states: usize,
 }
 
@@ -104,6 +114,8 @@ pub struct PlantState {
     pub fiber_velocity: Vec<f64>,
     /// Energy that every `BushingForce` has taken up [J].
     pub dissipated_energy: Vec<f64>,
+    /// Activation of every [`LaggedActuator`].
+    pub actuator_activation: Vec<f64>,
 }
 
 /// Buffers for evaluations of a [`Plant`].
@@ -117,6 +129,8 @@ pub struct Work {
     body_forces: Vec<SpatialForce>,
     q: Vec<f64>,
     u: Vec<f64>,
+    /// Activations of lagged actuators.
+    lagged: Vec<f64>,
     time: f64,
     qdot: Vec<f64>,
     generalized: Vec<f64>,
@@ -208,6 +222,7 @@ impl Plant {
             coordinates_of_paths: Vec::new(),
             loads,
             energies,
+            lagged: Vec::new(),
             n_states,
         };
         plant.bodies_of_paths = plant.paths().map(|path| plant.model.body_subset(&path.bodies())).collect();
@@ -228,6 +243,18 @@ impl Plant {
         self
     }
 
+    /// The same with actuators that follow their controls with a delay; their controls come after the muscles' excitations.
+    pub fn with_lagged_actuators(mut self, actuators: Vec<LaggedActuator>) -> Plant {
+        self.n_states = self.energies.end + actuators.len();
+        self.lagged = actuators;
+        self
+    }
+
+    /// Number of excitations: of the muscles, then of lagged actuators.
+    pub fn n_excitations(&self) -> usize {
+        self.muscles.len() + self.lagged.len()
+    }
+
     /// Number of states.
     pub fn n_states(&self) -> usize {
         self.n_states
@@ -245,6 +272,7 @@ impl Plant {
             body_forces: vec![SpatialForce::default(); self.model.n_bases()],
             q: self.model.default_coordinates(),
             u: vec![0.0; n],
+            lagged: vec![0.0; self.lagged.len()],
             time: 0.0,
             qdot: vec![0.0; n],
             generalized: vec![0.0; n],
@@ -273,6 +301,7 @@ impl Plant {
             }
         }
         x[self.energies.clone()].iter_mut().zip(&state.dissipated_energy).for_each(|(x, energy)| *x = *energy);
+        x[self.energies.end..].iter_mut().zip(&state.actuator_activation).for_each(|(x, activation)| *x = *activation);
         x
     }
 
@@ -290,6 +319,7 @@ impl Plant {
             fiber_length: self.muscles.iter().map(|m| m.fiber_length.map_or(f64::NAN, |i| x[i])).collect(),
             fiber_velocity: self.muscles.iter().map(|m| m.fiber_velocity.map_or(0.0, |i| x[i])).collect(),
             dissipated_energy: x[self.energies.clone()].to_vec(),
+            actuator_activation: x[self.energies.end..].to_vec(),
         }
     }
 
@@ -314,6 +344,7 @@ impl Plant {
             fiber_length,
             fiber_velocity: vec![0.0; self.muscles.len()],
             dissipated_energy: vec![0.0; self.energies.len()],
+            actuator_activation: vec![0.0; self.lagged.len()],
         };
         let x = self.pack(&state);
         let free = self.reduction.n_free();
@@ -333,6 +364,7 @@ impl Plant {
     fn update_skeleton(&self, time: f64, x: &[f64], work: &mut Work) {
         let free = self.reduction.n_free();
         work.time = time;
+        work.lagged.copy_from_slice(&x[self.energies.end..]);
         let Work { relation, q, u, qdot, cache, .. } = work;
         self.reduction.expand(time, (&x[..free], &x[free..2 * free]), (q, u), relation);
         self.model.update_positions(q, cache);
@@ -411,10 +443,14 @@ impl Plant {
         }
     }
 
-    /// Rates of muscle states and dissipated energies, and tendon forces into `work`.
+    /// Rates of the states of muscles and lagged actuators and of dissipated energies, and tendon forces into `work`.
     fn muscle_rates(&self, x: &[f64], excitation: &[f64], work: &mut Work, rates: &mut [f64]) {
         (0..self.muscles.len()).for_each(|k| self.muscle_rate(k, x, excitation, work, rates));
         self.energy_rates(work, rates);
+        let controls = excitation[self.muscles.len()..].iter().zip(&self.lagged);
+        for (i, (control, lagged)) in (self.energies.end..).zip(controls) {
+            rates[i] = (control - x[i]) / lagged.time_constant;
+        }
     }
 
     fn energy_rates(&self, work: &Work, rates: &mut [f64]) {
@@ -429,12 +465,17 @@ impl Plant {
         margins.fold(1.0, f64::min)
     }
 
-    /// Forces of springs, bushings, limits and loads.
+    /// Forces of springs, bushings, limits, lagged actuators and loads.
     fn collect_forces(&self, work: &mut Work) {
-        let Work { q, u, qdot, cache, applied, time, .. } = work;
+        let Work { q, u, lagged, qdot, cache, applied, time, .. } = work;
         applied.clear();
         self.forces.apply(&self.model, q, qdot, cache, applied);
         self.forces.over_time.iter().for_each(|force| force.apply(&self.model, *time, cache, applied));
+        for (own, activation) in self.lagged.iter().zip(lagged) {
+            if let Some(actuator) = &own.actuator {
+                actuator.apply(&self.model, cache, *activation * actuator.optimal_force, applied);
+            }
+        }
         self.loads.0.iter().for_each(|load| load(&self.model, [q, u], cache, *time, applied));
     }
 
@@ -522,7 +563,7 @@ impl Plant {
 
     /// Rates of all states.
     ///
-    /// - `excitation`: of every muscle
+    /// - `excitation`: of every muscle, then of every lagged actuator
     ///
     /// # Errors
     /// Massless parts that can move; states that are not finite.
@@ -561,7 +602,7 @@ pub struct DrivenPlant<'a, E: FnMut(f64, &mut [f64])> {
     pub plant: &'a Plant,
     /// Buffers.
     pub work: Work,
-    /// Excitation of every muscle at a time.
+    /// Excitation of every muscle at a time, then of every lagged actuator.
     pub excite: E,
     excitation: Vec<f64>,
 }
@@ -569,7 +610,7 @@ pub struct DrivenPlant<'a, E: FnMut(f64, &mut [f64])> {
 impl<'a, E: FnMut(f64, &mut [f64])> DrivenPlant<'a, E> {
     /// A plant and its excitations.
     pub fn new(plant: &'a Plant, excite: E) -> Self {
-        DrivenPlant { plant, work: plant.new_work(), excite, excitation: vec![0.0; plant.muscles.len()] }
+        DrivenPlant { plant, work: plant.new_work(), excite, excitation: vec![0.0; plant.n_excitations()] }
     }
 
     /// Excitations at a time.
@@ -589,7 +630,7 @@ impl<E: FnMut(f64, &mut [f64])> StiffSystem for DrivenPlant<'_, E> {
             first.map(|first| first..first + states.iter().flatten().count())
         };
         let muscles = self.plant.muscles.iter().filter_map(of_muscle);
-        muscles.chain(self.plant.energies.clone().map(|i| i..i + 1)).collect()
+        muscles.chain((self.plant.energies.start..self.plant.n_states).map(|i| i..i + 1)).collect()
     }
 
     fn derivative(&mut self, time: f64, x: &[f64], derivative: &mut [f64]) -> Result<(), DynamicsError> {

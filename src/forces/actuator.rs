@@ -2,7 +2,7 @@
 
 use super::{AppliedForces, ForceError, check_finite, check_index};
 use crate::multibody::{Cache, Model};
-use crate::osim::spec::{ActuatorKind, ActuatorSpec, CoordinateIndex, FrameIndex, Location};
+use crate::osim::spec::{ActuatorActivation, ActuatorKind, ActuatorSpec, CoordinateIndex, FrameIndex, Location};
 use crate::spatial::SpatialForce;
 use nalgebra::Vector3;
 
@@ -32,7 +32,7 @@ enum Target {
     },
 }
 
-/// An actuator without path: control · `optimal_force`.
+/// An actuator without path: control (or the activation that follows it) · `optimal_force`.
 #[derive(Clone, Debug)]
 pub struct Actuator {
     /// Name.
@@ -41,6 +41,8 @@ pub struct Actuator {
     pub optimal_force: f64,
     /// Lowest and highest control; OpenSim keeps to them only where it looks for controls (static optimization).
     pub control_range: [f64; 2],
+    /// What takes the control's place, as a state.
+    pub activation: Option<ActuatorActivation>,
     target: Target,
 }
 
@@ -62,7 +64,7 @@ impl Actuator {
             Ok(bodies)
         };
         let target = match &spec.kind {
-            ActuatorKind::Coordinate { coordinate } => {
+            ActuatorKind::Coordinate { coordinate, .. } => {
                 check_index(at, "coordinate", coordinate.0, model.n_coordinates())?;
                 Target::Coordinate(*coordinate)
             }
@@ -84,8 +86,13 @@ impl Actuator {
             },
             ActuatorKind::Path { .. } => return Ok(None),
         };
+        let activation = match &spec.kind {
+            ActuatorKind::Coordinate { activation, .. } => *activation,
+            _ => None,
+        };
         Ok(Some(Actuator {
             name: name.to_owned(),
+            activation,
             optimal_force: check_finite(at, "optimal_force", spec.optimal_force)?,
             control_range: [spec.min_control, spec.max_control],
             target,

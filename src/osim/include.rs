@@ -59,12 +59,8 @@ pub fn include_files(mut document: Document, path: &Path, any_version: bool) -> 
                 return (document, Some(failure));
             }
         };
-        let (root, own) = (found.root(), document.root());
-        let (object, version) = match found.children(root).first() {
-            Some(&child) if found.tag(root) == "OpenSimDocument" => (child, found.attribute(root, "Version")),
-            _ => (root, document.attribute(own, "Version")),
-        };
-        if !any_version && version != document.attribute(own, "Version") {
+        let (object, version) = (found.object(), document.attribute(document.root(), "Version"));
+        if !any_version && object != found.root() && version != found.attribute(found.root(), "Version") {
             let failure = failure(None);
             return (document, Some(failure));
         }

@@ -14,7 +14,7 @@ use crate::paths::Path;
 use crate::study::{MomentPart, Settings};
 
 /// Classes of OpenSim forces that do nothing without a control of their own.
-const INERT_CLASSES: [&str; 2] = ["BodyActuator", "ActivationCoordinateActuator"];
+const INERT_CLASSES: [&str; 1] = ["BodyActuator"];
 
 /// What is measured, and what of the model takes part.
 #[derive(Clone, Debug, PartialEq)]

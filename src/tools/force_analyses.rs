@@ -71,7 +71,7 @@ pub fn record_values(instant: &Instant, position: usize, control: &dyn Fn(usize)
             vec![control(position).unwrap_or_else(own)]
         }
         actor @ (Actor::Actuator(_) | Actor::PathActuator(_)) => {
-            let own = || actor.controlled_force(&system.controls, instant.state.time).unwrap_or(0.0);
+            let own = || system.actuator_force(actor, instant.state);
             vec![control(position).unwrap_or_else(own)]
         }
         Actor::Along { law, .. } => {
@@ -318,7 +318,7 @@ impl Analysis for Actuation {
                     (force, evaluation.muscle_speed[*i], -force * evaluation.muscle_speed[*i])
                 }
                 actor @ Actor::Actuator(actuator) => {
-                    let force = actor.controlled_force(&system.controls, time).unwrap_or(0.0);
+                    let force = system.actuator_force(actor, instant.state);
                     let cache = instant.work.dynamics.cache();
                     let speed = actuator.speed(&system.model, &instant.state.u, cache);
                     (force, speed, force * speed)

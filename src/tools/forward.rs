@@ -12,7 +12,7 @@ use super::error::{ToolError, ToolProblem};
 use super::result::{Outcome, ResultFile};
 use super::setup::Properties;
 use super::system::{Actor, System, apply_tension};
-use crate::dynamics::{ForwardOptions, Load, Plant, PlantState, simulate_forward};
+use crate::dynamics::{ForwardOptions, LaggedActuator, Load, Plant, PlantState, simulate_forward};
 use crate::osim::Document;
 use crate::storage::{Storage, printed};
 
@@ -85,9 +85,10 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         Some(times) => times,
         None => even_times(start, end),
     };
-    let muscles: Vec<String> = plant.muscles.iter().map(|m| m.muscle.name().to_owned()).collect();
+    let mut driven: Vec<String> = plant.muscles.iter().map(|m| m.muscle.name().to_owned()).collect();
     let positions: Vec<usize> =
-        muscles.iter().map(|name| system.muscles.iter().position(|m| m.name == *name).unwrap_or(0)).collect();
+        driven.iter().map(|name| system.muscles.iter().position(|m| m.name == *name).unwrap_or(0)).collect();
+    driven.extend(system.lagged().map(|(i, _)| system.spec.forces[i].name.clone()));
     let first = PlantState {
         q: state.q.clone(),
         u: state.u.clone(),
@@ -95,13 +96,11 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         fiber_length: positions.iter().map(|i| state.fiber_length[*i]).collect(),
         fiber_velocity: positions.iter().map(|i| state.fiber_velocity[*i]).collect(),
         dissipated_energy: state.dissipated_energy.clone(),
+        actuator_activation: state.actuator_activation.clone(),
     };
     let options = ForwardOptions { times, accuracy: accuracy.min(1e-5), first_step: 1e-3 };
     let excite = |time: f64, values: &mut [f64]| {
-        values
-            .iter_mut()
-            .zip(&muscles)
-            .for_each(|(value, name)| *value = system.controls.at(name, time).unwrap_or(0.0));
+        values.iter_mut().zip(&driven).for_each(|(value, name)| *value = system.controls.at(name, time).unwrap_or(0.0));
     };
     let trajectory = simulate_forward(&plant, &first, excite, &options).map_err(|e| ToolError::new(&system.path, e))?;
 
@@ -116,6 +115,7 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
             full.fiber_velocity[*i] = found.fiber_velocity[j];
         }
         full.dissipated_energy.clone_from(&found.dissipated_energy);
+        full.actuator_activation.clone_from(&found.actuator_activation);
         states.push(*time, system.state_values(&full));
         if !analyses.is_empty() {
             let step = (k != 0 && k != last).then_some(k);
@@ -145,7 +145,7 @@ fn plant_of(system: &System) -> Result<Plant, ToolProblem> {
                     Arc::new(move |model, _, cache, time, applied| force.apply(model, cache, time, applied));
                 plant = plant.with_load(load);
             }
-            Actor::Actuator(actuator) => {
+            Actor::Actuator(actuator) if actuator.activation.is_none() => {
                 let (actor, actuator, controls) = (actor.clone(), actuator.clone(), controls.clone());
                 plant = plant.with_load(Arc::new(move |model, _, cache, time, applied| {
                     let force = actor.controlled_force(&controls, time).unwrap_or(0.0);
@@ -173,7 +173,17 @@ fn plant_of(system: &System) -> Result<Plant, ToolProblem> {
             _ => {}
         }
     }
-    Ok(plant)
+    let acting = |name: &str| {
+        system.actors.iter().find_map(|actor| match actor {
+            Actor::Actuator(actuator) if actuator.name == name => Some(actuator.as_ref().clone()),
+            _ => None,
+        })
+    };
+    let lagged = system.lagged().map(|(i, activation)| LaggedActuator {
+        actuator: acting(&system.spec.forces[i].name),
+        time_constant: activation.time_constant,
+    });
+    Ok(plant.with_lagged_actuators(lagged.collect()))
 }
 
 fn even_times(start: f64, end: f64) -> Vec<f64> {

@@ -18,7 +18,8 @@ use crate::multibody::{Cache, Model};
 use crate::muscles::{MuscleDynamics, MuscleModel, MuscleState};
 use crate::osim::Document;
 use crate::osim::spec::{
-    ActuatorKind, BodyIndex, CoordinateIndex, ForceKind, ForceSpec, FrameIndex, Location, ModelSpec, MotionType,
+    ActuatorActivation, ActuatorKind, ActuatorSpec, BodyIndex, CoordinateIndex, ForceKind, ForceSpec, FrameIndex,
+    Location, ModelSpec, MotionType,
 };
 use crate::paths::{Path as MusclePath, PathGeometry};
 use crate::spatial::SpatialForce;
@@ -74,6 +75,8 @@ pub struct SystemState {
     pub fiber_velocity: Vec<f64>,
     /// Energy that every `BushingForce` has taken up [J].
     pub dissipated_energy: Vec<f64>,
+    /// Activation of every actuator that has one.
+    pub actuator_activation: Vec<f64>,
 }
 
 /// What the system does at a state.
@@ -231,6 +234,7 @@ impl System {
             fiber_length: of(|state| state.fiber_length),
             fiber_velocity: vec![0.0; self.muscles.len()],
             dissipated_energy: vec![0.0; self.dampers().count()],
+            actuator_activation: self.lagged().map(|(_, activation)| activation.default_activation).collect(),
         })
     }
 
@@ -440,7 +444,7 @@ impl System {
                     }
                 }
                 Actor::Actuator(actuator) => {
-                    let force = actor.controlled_force(&self.controls, state.time).unwrap_or(0.0);
+                    let force = self.actuator_force(actor, state);
                     if acts(k) && force != 0.0 {
                         actuator.apply(&self.model, cache, force, applied);
                     }
@@ -449,7 +453,7 @@ impl System {
                     let Some(geometry) = &mut others[k] else { continue };
                     actuator.path.update(&state.q, cache, geometry);
                     found.path_speed[k] = actuator.path.lengthening_speed(&state.q, &qdot, cache, geometry);
-                    found.tension[k] = actor.controlled_force(&self.controls, state.time).unwrap_or(0.0);
+                    found.tension[k] = self.actuator_force(actor, state);
                     if acts(k) {
                         apply_tension(&actuator.path, &state.q, cache, geometry, found.tension[k], applied);
                     }
@@ -598,6 +602,28 @@ impl System {
     fn dampers(&self) -> impl Iterator<Item = usize> + '_ {
         let forces = self.spec.forces.iter().enumerate();
         forces.filter(|(_, f)| f.applies_force && matches!(f.kind, ForceKind::Bushing { .. })).map(|(i, _)| i)
+    }
+
+    /// Every actuator that has an activation: position among the forces of the specification, and the activation.
+    pub fn lagged(&self) -> impl Iterator<Item = (usize, ActuatorActivation)> + '_ {
+        self.spec.forces.iter().enumerate().filter_map(|(i, force)| match &force.kind {
+            ForceKind::Actuator(ActuatorSpec {
+                kind: ActuatorKind::Coordinate { activation: Some(activation), .. },
+                ..
+            }) => Some((i, *activation)),
+            _ => None,
+        })
+    }
+
+    /// Force of an actuator that is no muscle at a state [N or N·m].
+    pub fn actuator_force(&self, actor: &Actor, state: &SystemState) -> f64 {
+        match actor {
+            Actor::Actuator(actuator) if actuator.activation.is_some() => {
+                let own = self.lagged().position(|(i, _)| self.spec.forces[i].name == actuator.name);
+                own.map_or(0.0, |k| state.actuator_activation[k]) * actuator.optimal_force
+            }
+            actor => actor.controlled_force(&self.controls, state.time).unwrap_or(0.0),
+        }
     }
 
     /// Whether a coordinate cannot be moved by a force: locked, prescribed or dependent (`Coordinate::isConstrained`).

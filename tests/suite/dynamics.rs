@@ -301,6 +301,7 @@ fn compare_under_all_forces(case: &Case, plant: &Plant) -> Vec<Row> {
             fiber_length,
             fiber_velocity: vec![0.0; plant.muscles.len()],
             dissipated_energy: Vec::new(),
+            actuator_activation: Vec::new(),
         });
         plant.rates(0.0, &x, &activation, &mut work, &mut rates).unwrap_or_else(|e| panic!("{}: {e}", case.name));
         let (tension, speed) = (of_muscles(&state["tendon_force"]), of_muscles(&state["fiber_velocity"]));
@@ -555,6 +556,7 @@ fn verif_motion_goes_through_the_pole_of_a_bushing() {
         fiber_length: Vec::new(),
         fiber_velocity: Vec::new(),
         dissipated_energy: vec![0.0],
+        actuator_activation: Vec::new(),
     };
     let times = (0..=8).map(|k| 0.05 * f64::from(k)).collect();
     let options = ForwardOptions { times, accuracy: 1e-7, first_step: 1e-3 };

@@ -72,13 +72,13 @@ fn mutated(bytes: &[u8], rng: &mut ChaCha8Rng) -> Vec<u8> {
     out
 }
 
-/// Calls for changed texts of a file: `n` always the same ones, or as many as there is time for.
 fn for_each_mutation(file: &str, n: usize, visit: impl FnMut(Vec<u8>)) {
     let bytes = std::fs::read(fixture(file)).unwrap();
     mutations_of(&bytes, file, n, visit);
 }
 
-fn mutations_of(bytes: &[u8], name: &str, n: usize, mut visit: impl FnMut(Vec<u8>)) {
+/// Calls for changed texts of a file: `n` always the same ones, or as many as there is time for.
+pub fn mutations_of(bytes: &[u8], name: &str, n: usize, mut visit: impl FnMut(Vec<u8>)) {
     let seconds = std::env::var("CARPUS_FUZZ_SECONDS").ok().map(|text| text.parse().expect("seconds"));
     let Some(seconds) = seconds else {
         let mut rng = ChaCha8Rng::seed_from_u64(bytes.len() as u64);

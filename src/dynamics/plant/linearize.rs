@@ -89,6 +89,21 @@ impl Plant {
                 jacobian[(i, i)] = m.muscle.activation_rate_slope(state.activation, excitation[k]);
             }
         }
+        for (j, lagged) in (self.energies.end..).zip(&self.lagged) {
+            jacobian[(j, j)] = -1.0 / lagged.time_constant;
+            let Some(actuator) = &lagged.actuator else { continue };
+            work.applied.clear();
+            actuator.apply(&self.model, &work.cache, actuator.optimal_force, &mut work.applied);
+            let Work { relation, cache, applied, generalized, .. } = &mut *work;
+            generalized.copy_from_slice(&applied.mobility);
+            self.model.gather(cache, &mut applied.bodies, generalized);
+            relation.reduce(generalized, &mut column);
+            solver.solve_mut(&mut column);
+            if let Some(joint) = &work.joint {
+                joint.correct(&mut column, None);
+            }
+            jacobian.view_mut((free, j), (free, 1)).copy_from(&column);
+        }
         let margin = self.pole_margin(work);
         let step = STEP.min(SHARE_OF_WAY * margin).max(LEAST_STEP);
         if work.joint.is_some() {

@@ -6,13 +6,25 @@ use super::functions::is_function;
 use super::properties::Bound;
 use super::{Names, Object, Reader};
 use crate::osim::error::ProblemKind;
-use crate::osim::spec::{ActuatorKind, ActuatorSpec, ForceKind, FrameIndex, FunctionSpec, PrescribedForceSpec};
+use crate::osim::spec::{
+    ActuatorActivation, ActuatorKind, ActuatorSpec, ForceKind, FrameIndex, FunctionSpec, PrescribedForceSpec,
+};
 
 impl Reader<'_> {
     /// An actuator; `None` if its class is not read, or something is missing (reported).
     pub(super) fn actuator(&mut self, object: &Object, class: &str) -> Option<ForceKind> {
         let kind = match class {
-            "CoordinateActuator" => ActuatorKind::Coordinate { coordinate: self.force_coordinate(object)? },
+            "CoordinateActuator" => {
+                ActuatorKind::Coordinate { coordinate: self.force_coordinate(object)?, activation: None }
+            }
+            "ActivationCoordinateActuator" => {
+                let positive = Bound::Positive("a time above 0");
+                let activation = ActuatorActivation {
+                    time_constant: self.number(object, &["activation_time_constant"], 0.01, positive),
+                    default_activation: self.number(object, &["default_activation"], 0.5, Bound::Finite),
+                };
+                ActuatorKind::Coordinate { coordinate: self.force_coordinate(object)?, activation: Some(activation) }
+            }
             "TorqueActuator" => self.torque_actuator(object)?,
             "PointToPointActuator" => self.point_to_point_actuator(object)?,
             "PointActuator" => self.point_actuator(object)?,

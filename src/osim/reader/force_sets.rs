@@ -17,10 +17,10 @@ fn is_in_force_set(path: &str) -> bool {
 
 /// The `<ForceSet>` of a document, under its root or, in the oldest files, the root itself; and the format version.
 pub(super) fn force_set_element(document: &Document) -> Result<(ElementId, Version), OsimError> {
-    let root = document.root();
-    let (set, version) = match document.children(root).first() {
-        Some(&child) if document.tag(root) == "OpenSimDocument" => (child, format_version(document, OLDEST_FORCE_SET)?),
-        _ => (root, Version(OLDEST_FORCE_SET)),
+    let set = document.object();
+    let version = match set == document.root() {
+        true => Version(OLDEST_FORCE_SET),
+        false => format_version(document, OLDEST_FORCE_SET)?,
     };
     if ["ForceSet", "ActuatorSet"].contains(&document.tag(set)) {
         return Ok((set, version));

@@ -166,7 +166,7 @@ impl Reader<'_> {
 
     /// Muscles, forces and constraints that are not computed: one entry for each, none for their properties.
     fn is_reported_as_a_whole(&self, class: &str) -> bool {
-        const COMPUTED: [&str; 25] = [
+        const COMPUTED: [&str; 26] = [
             "ExpressionBasedCoordinateForce",
             "Millard2012EquilibriumMuscle",
             "BushingForce",
@@ -175,6 +175,7 @@ impl Reader<'_> {
             "PrescribedForce",
             "Blankevoort1991Ligament",
             "CoordinateActuator",
+            "ActivationCoordinateActuator",
             "TorqueActuator",
             "PointToPointActuator",
             "PointActuator",

@@ -204,13 +204,24 @@ pub struct ActuatorSpec {
     pub kind: ActuatorKind,
 }
 
+/// Activation of an `ActivationCoordinateActuator`, which follows the control: ȧ = (control − a) / time constant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ActuatorActivation {
+    /// Time constant [s].
+    pub time_constant: f64,
+    /// Activation before a simulation.
+    pub default_activation: f64,
+}
+
 /// Actuator classes.
 #[derive(Clone, Debug)]
 pub enum ActuatorKind {
-    /// `CoordinateActuator`: along a coordinate.
+    /// `CoordinateActuator`, `ActivationCoordinateActuator`: along a coordinate.
     Coordinate {
         /// The coordinate.
         coordinate: CoordinateIndex,
+        /// What takes the control's place; `None`: the control acts at once.
+        activation: Option<ActuatorActivation>,
     },
     /// `TorqueActuator`: a torque on one body and the opposite on another.
     Torque {
@@ -260,7 +271,8 @@ impl ActuatorKind {
     /// OpenSim's name of the class.
     pub fn class(&self) -> &'static str {
         match self {
-            ActuatorKind::Coordinate { .. } => "CoordinateActuator",
+            ActuatorKind::Coordinate { activation: None, .. } => "CoordinateActuator",
+            ActuatorKind::Coordinate { .. } => "ActivationCoordinateActuator",
             ActuatorKind::Torque { .. } => "TorqueActuator",
             ActuatorKind::PointToPoint { .. } => "PointToPointActuator",
             ActuatorKind::Point { .. } => "PointActuator",

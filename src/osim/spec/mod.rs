@@ -11,7 +11,7 @@ mod muscles;
 mod paths;
 
 pub use constraints::{ConstraintKind, ConstraintSpec};
-pub use forces::{ActuatorKind, ActuatorSpec, ForceKind, ForceSpec, PrescribedForceSpec};
+pub use forces::{ActuatorActivation, ActuatorKind, ActuatorSpec, ForceKind, ForceSpec, PrescribedForceSpec};
 pub use functions::FunctionSpec;
 pub use joints::{CoordinateSpec, JointKind, JointSpec, MotionType, TransformAxisSpec};
 pub use muscles::{

@@ -202,8 +202,12 @@ impl Writer<'_> {
         let body = |frame: &crate::osim::spec::FrameIndex| self.spec.frames[frame.0].name.clone();
         let vector = |xml: &mut super::xml::Xml, name: &str, value: &Vector3<f64>| xml.vector(name, value);
         match &own.kind {
-            ActuatorKind::Coordinate { coordinate } => {
+            ActuatorKind::Coordinate { coordinate, activation } => {
                 self.xml.text("coordinate", &self.spec.coordinates[coordinate.0].name);
+                if let Some(activation) = activation {
+                    self.xml.number("activation_time_constant", activation.time_constant);
+                    self.xml.number("default_activation", activation.default_activation);
+                }
             }
             ActuatorKind::Torque { body_a, body_b, axis, torque_is_global } => {
                 let (a, b) = (body(body_a), body(body_b));

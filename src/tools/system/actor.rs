@@ -81,10 +81,10 @@ impl Actor {
         }
     }
 
-    /// Force of an actuator that is no muscle at a time; without a control, none [N or N·m].
+    /// Force of an actuator that is no muscle, and has no activation, at a time; without a control, none [N or N·m].
     pub fn controlled_force(&self, controls: &Controls, time: f64) -> Option<f64> {
         let name = match self {
-            Actor::Actuator(actuator) => &actuator.name,
+            Actor::Actuator(actuator) if actuator.activation.is_none() => &actuator.name,
             Actor::PathActuator(actuator) => &actuator.name,
             _ => return None,
         };

@@ -2,12 +2,24 @@
 
 use super::{System, SystemState};
 
+/// What of the force set has states.
+enum Owner {
+    /// A muscle (index).
+    Muscle(usize),
+    /// A bushing (number among them).
+    Damper(usize),
+    /// An actuator with an activation (number among them).
+    Lagged(usize),
+}
+
 impl System {
-    /// What of the force set has states, in its order: a muscle or the number of a bushing.
-    fn with_states(&self) -> Vec<Result<usize, usize>> {
-        let muscles = self.spec.muscles.iter().enumerate().map(|(i, m)| (m.at.order(), Ok(i)));
-        let bushings = self.dampers().enumerate().map(|(k, i)| (self.spec.forces[i].at.order(), Err(k)));
-        let mut all: Vec<_> = muscles.chain(bushings).collect();
+    /// What of the force set has states, in its order.
+    fn with_states(&self) -> Vec<Owner> {
+        let order = |force: usize| self.spec.forces[force].at.order();
+        let muscles = self.spec.muscles.iter().enumerate().map(|(i, m)| (m.at.order(), Owner::Muscle(i)));
+        let bushings = self.dampers().enumerate().map(|(k, i)| (order(i), Owner::Damper(k)));
+        let lagged = self.lagged().enumerate().map(|(k, (i, _))| (order(i), Owner::Lagged(k)));
+        let mut all: Vec<_> = muscles.chain(bushings).chain(lagged).collect();
         all.sort_by_key(|(order, _)| *order);
         all.into_iter().map(|(_, owner)| owner).collect()
     }
@@ -18,12 +30,15 @@ impl System {
         let mut names: Vec<String> =
             coordinates.flat_map(|c| [format!("{}/value", c.at.path), format!("{}/speed", c.at.path)]).collect();
         let bushings: Vec<usize> = self.dampers().collect();
+        let lagged: Vec<usize> = self.lagged().map(|(i, _)| i).collect();
+        let path = |force: usize| &self.spec.forces[force].at.path;
         for owner in self.with_states() {
             match owner {
-                Ok(i) => {
+                Owner::Muscle(i) => {
                     self.for_each_muscle_state(i, |name| names.push(format!("{}/{name}", self.muscles[i].path_name)))
                 }
-                Err(k) => names.push(format!("{}/dissipated_energy", self.spec.forces[bushings[k]].at.path)),
+                Owner::Damper(k) => names.push(format!("{}/dissipated_energy", path(bushings[k]))),
+                Owner::Lagged(k) => names.push(format!("{}/activation", path(lagged[k]))),
             }
         }
         names
@@ -47,14 +62,15 @@ impl System {
         let mut values: Vec<f64> = state.q.iter().zip(&state.u).flat_map(|(q, u)| [*q, *u]).collect();
         for owner in self.with_states() {
             match owner {
-                Ok(i) => self.for_each_muscle_state(i, |name| {
+                Owner::Muscle(i) => self.for_each_muscle_state(i, |name| {
                     values.push(match name {
                         "activation" => state.activation[i],
                         "fiber_velocity" => state.fiber_velocity[i],
                         _ => state.fiber_length[i],
                     });
                 }),
-                Err(k) => values.push(state.dissipated_energy[k]),
+                Owner::Damper(k) => values.push(state.dissipated_energy[k]),
+                Owner::Lagged(k) => values.push(state.actuator_activation[k]),
             }
         }
         values
@@ -65,10 +81,14 @@ impl System {
         let Some((owner, variable)) = name.rsplit_once('/') else { return false };
         let coordinate = || self.spec.coordinates.iter().position(|c| c.at.path == owner);
         let muscle = || self.muscles.iter().position(|m| m.path_name == owner);
+        let lagged = || self.lagged().position(|(i, _)| self.spec.forces[i].at.path == owner);
         let place = match variable {
             "value" => coordinate().map(|i| &mut state.q[i]),
             "speed" => coordinate().map(|i| &mut state.u[i]),
-            "activation" => muscle().map(|i| &mut state.activation[i]),
+            "activation" => match muscle() {
+                Some(i) => Some(&mut state.activation[i]),
+                None => lagged().map(|k| &mut state.actuator_activation[k]),
+            },
             "fiber_length" | "normalized_tendon_force" => muscle().map(|i| &mut state.fiber_length[i]),
             "fiber_velocity" => muscle().map(|i| &mut state.fiber_velocity[i]),
             "dissipated_energy" => {

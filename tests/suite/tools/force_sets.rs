@@ -99,7 +99,7 @@ fn verif_faults_of_files_of_forces_are_told_with_their_file_and_line() {
             "<body_1>uper<",
             "no body named \"uper\" in this model | did you mean \"upper\"?",
         ),
-        ("forces.xml", "<expression>-0.8*q", "<expression>-0.8*(q", "forces.xml:219: /forceset/formula: expression"),
+        ("forces.xml", "<expression>-0.8*q", "<expression>-0.8*(q", "forces.xml:246: /forceset/formula: expression"),
         (
             "forces.xml",
             "<stiffness>70<",
@@ -201,10 +201,10 @@ fn verif_added_forces_are_told_apart_by_their_source() {
         let muscles = spec.muscles.iter().map(|m| &m.at);
         muscles.chain(spec.forces.iter().map(|f| &f.at)).filter(|at| at.source == source).count()
     };
-    assert_eq!([sources(0), sources(1), sources(2)], [file.spec.muscles.len() + file.spec.forces.len(), 19, 9]);
+    assert_eq!([sources(0), sources(1), sources(2)], [file.spec.muscles.len() + file.spec.forces.len(), 21, 9]);
     assert_eq!(diagnostics.len(), 2);
     let (only, _) = file.with_force_sets(&documents, true).unwrap();
-    assert_eq!(only.muscles.len() + only.forces.len(), 20 + 9, "without the model's forces one name is free");
+    assert_eq!(only.muscles.len() + only.forces.len(), 22 + 9, "without the model's forces one name is free");
     assert!(only.muscles.iter().all(|m| m.at.source > 0));
 }
 
