@@ -3,13 +3,13 @@
 use super::reference;
 use super::validation::{self, Differences, Judge, Row};
 use carpus::dynamics::{
-    Constraints, Dynamics, ForwardOptions, Plant, PlantError, PlantState, Trajectory, simulate_forward,
+    Constraints, Dynamics, ForwardOptions, LaggedActuator, Plant, PlantError, PlantState, Trajectory, simulate_forward,
 };
-use carpus::forces::AppliedForces;
+use carpus::forces::{Actuator, AppliedForces};
 use carpus::functions::Function;
 use carpus::multibody::{BaseIndex, Model};
 use carpus::osim::OsimFile;
-use carpus::osim::spec::{BodyIndex, FunctionSpec, ModelSpec};
+use carpus::osim::spec::{ActuatorKind, ActuatorSpec, BodyIndex, CoordinateIndex, FunctionSpec, Location, ModelSpec};
 use carpus::spatial::SpatialForce;
 use nalgebra::Vector3;
 use serde_json::Value;
@@ -579,14 +579,19 @@ fn verif_derivatives_of_a_plants_rates() {
         .map(|path| OsimFile::parse(std::fs::read(&path).expect("file"), "hand.osim").expect("model"));
     for spec in [Some(file.spec), hand.map(|hand| hand.spec)].into_iter().flatten() {
         let model = Model::compile(&spec).expect("model");
-        let plant = Plant::compile(&spec, &model, false).expect("plant");
+        let kind = ActuatorKind::Coordinate { coordinate: CoordinateIndex(2), activation: None };
+        let motor = ActuatorSpec { optimal_force: 0.7, min_control: -1.0, max_control: 1.0, kind };
+        let actuator = Actuator::compile("motor", &Location::default(), &motor, &model).expect("actuator");
+        let motors = vec![LaggedActuator { actuator, time_constant: 0.04 }];
+        let plant = Plant::compile(&spec, &model, false).expect("plant").with_lagged_actuators(motors);
         // Activation dynamics have a kink where both are equal.
-        let (activation, excitation) = (vec![0.2; plant.muscles.len()], vec![0.3; plant.muscles.len()]);
+        let (activation, excitation) = (vec![0.2; plant.muscles.len()], vec![0.3; plant.n_excitations()]);
         let q: Vec<f64> =
             model.default_coordinates().iter().enumerate().map(|(i, q)| q + 0.01 * (i % 5) as f64).collect();
         let u: Vec<f64> = (0..q.len()).map(|i| 0.5 - 0.3 * (i % 4) as f64).collect();
         let mut work = plant.new_work();
-        let start = plant.equilibrium_state(0.0, &q, &u, &activation, &mut work).expect("equilibrium");
+        let mut start = plant.equilibrium_state(0.0, &q, &u, &activation, &mut work).expect("equilibrium");
+        start.actuator_activation = vec![0.4];
         let x = plant.pack(&start);
         let n = x.len();
         let mut jacobian = nalgebra::DMatrix::zeros(n, n);
