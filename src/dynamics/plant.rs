@@ -534,6 +534,9 @@ impl Plant {
             let response = solver.solve(&rows.transpose());
             let compliance = &rows * &response;
             let smallest = REDUNDANT * compliance.amax();
+            if !compliance.iter().all(|v| v.is_finite()) {
+                return Err(DynamicsError::NotFinite);
+            }
             let inverse = compliance.pseudo_inverse(smallest).map_err(|_| DynamicsError::NotFinite)?;
             let speeds = &at.G * DVector::from_column_slice(u) - &at.v;
             let rate = self.stabilization;

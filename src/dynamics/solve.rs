@@ -215,6 +215,9 @@ impl<'a> Dynamics<'a> {
                 break;
             }
             let by_speeds = Space::of(&rows.G, q.len()).particular(&-rows.error);
+            if !by_speeds.iter().all(|v| v.is_finite()) {
+                return Err(DynamicsError::NotFinite);
+            }
             self.model.rates_of_speeds(&self.cache, by_speeds.as_slice(), &mut step);
             // No step turns a joint by more than half a radian.
             let shorten = 1.0 / (by_speeds.amax() / 0.5).max(1.0);
@@ -244,9 +247,14 @@ struct Space {
 }
 
 impl Space {
+    /// Of numbers that are not finite the inverse is not a number (their decomposition would not end).
+    ///
     /// - `jacobian`: G, with n columns
     fn of(jacobian: &DMatrix<f64>, n: usize) -> Space {
         let rows = jacobian.nrows();
+        if !jacobian.iter().all(|v| v.is_finite()) {
+            return Space { free: DMatrix::zeros(n, 0), inverse: DMatrix::from_element(n, rows, f64::NAN) };
+        }
         if rows == 0 {
             return Space { free: DMatrix::identity(n, n), inverse: DMatrix::zeros(n, 0) };
         }

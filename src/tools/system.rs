@@ -665,6 +665,9 @@ fn least(a: &DMatrix<f64>, b: &DVector<f64>) -> Vector3<f64> {
     if a.nrows() == 0 || a.amax() == 0.0 {
         return Vector3::zeros();
     }
+    if !a.iter().all(|v| v.is_finite()) {
+        return Vector3::repeat(f64::NAN);
+    }
     let solved = a.clone().svd(true, true).solve(b, 1e-9 * a.amax()).ok();
     solved.map_or_else(Vector3::zeros, |x| Vector3::new(x[0], x[1], x[2]))
 }

@@ -190,3 +190,13 @@ fn run_mutations(folder: &str, inputs: &[&str], setups: &[&str], n: usize) {
         });
     }
 }
+
+/// A number whose products overflow: decompositions of what is not finite would not end.
+#[test]
+fn verif_a_number_that_overflows_ends_in_an_error() {
+    let text = std::fs::read_to_string(fixture("fixtures/dynamics/constraints.osim")).unwrap();
+    let text = text.replacen("<translation>0 0.05 0<", "<translation>0 0.05 01e308<", 1);
+    let model = OsimFile::parse(text, "constraints.osim").unwrap();
+    let system = System::of_spec(Path::new("constraints.osim"), model.spec).unwrap();
+    assert!(system.default_state().is_err());
+}
