@@ -18,12 +18,12 @@
 //! Hemerik, Goeman & Finos (2020), Robust testing in generalized linear models by sign flipping score contributions,
 //! doi:10.1111/rssb.12369. Giesbrecht & Burns (1985), doi:10.2307/2530872 (degrees of freedom in mixed models).
 
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
-use crate::numerics::symmetric_root;
+use crate::numerics::{symmetric_eigen, symmetric_root};
 
 /// Draws of the null distribution of the smallest p-value.
 const DRAWS: usize = 2000;
@@ -321,7 +321,7 @@ pub fn normal(rng: &mut ChaCha8Rng) -> f64 {
 
 fn pseudo_inverse(matrix: &DMatrix<f64>) -> (DMatrix<f64>, usize) {
     let n = matrix.nrows();
-    let eigen = SymmetricEigen::new(matrix.clone());
+    let eigen = symmetric_eigen(matrix.clone());
     let largest = eigen.eigenvalues.max().max(0.0);
     let mut out = DMatrix::zeros(n, n);
     let mut rank = 0;

@@ -12,7 +12,7 @@ use super::solve::DynamicsError;
 use crate::forces::{Actuator, AppliedForces, Forces, PathForce};
 use crate::multibody::{BodySubset, Cache, DynamicsBuffers, Model};
 use crate::muscles::{MuscleModel, MuscleState};
-use crate::numerics::StiffSystem;
+use crate::numerics::{StiffSystem, is_finite};
 use crate::osim::spec::{CoordinateIndex, ModelSpec};
 use crate::paths::{Path, PathGeometry};
 use crate::spatial::SpatialForce;
@@ -534,7 +534,7 @@ impl Plant {
             let response = solver.solve(&rows.transpose());
             let compliance = &rows * &response;
             let smallest = REDUNDANT * compliance.amax();
-            if !compliance.iter().all(|v| v.is_finite()) {
+            if !is_finite(&compliance) {
                 return Err(DynamicsError::NotFinite);
             }
             let inverse = compliance.pseudo_inverse(smallest).map_err(|_| DynamicsError::NotFinite)?;

@@ -3,6 +3,7 @@
 use super::constraints::{Constraints, Rows};
 use crate::forces::AppliedForces;
 use crate::multibody::{Cache, DynamicsBuffers, Model};
+use crate::numerics::{is_finite, symmetric_eigen};
 use crate::osim::spec::CoordinateIndex;
 use nalgebra::{DMatrix, DVector};
 
@@ -164,7 +165,7 @@ impl<'a> Dynamics<'a> {
 
     fn massless(&self, space: &Space) -> DynamicsError {
         let reduced = space.free.tr_mul(&(&self.mass_matrix * &space.free));
-        let eigen = reduced.symmetric_eigen();
+        let eigen = symmetric_eigen(reduced);
         let motion = &space.free * eigen.eigenvectors.column(eigen.eigenvalues.imin());
         let largest = motion.amax();
         let names = self.model.coordinates.iter().zip(motion.iter());
@@ -252,7 +253,7 @@ impl Space {
     /// - `jacobian`: G, with n columns
     fn of(jacobian: &DMatrix<f64>, n: usize) -> Space {
         let rows = jacobian.nrows();
-        if !jacobian.iter().all(|v| v.is_finite()) {
+        if !is_finite(jacobian) {
             return Space { free: DMatrix::zeros(n, 0), inverse: DMatrix::from_element(n, rows, f64::NAN) };
         }
         if rows == 0 {

@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::parameters::FreeParameter;
+use crate::numerics::symmetric_eigen;
 
 /// Components of a combination below this share of its largest are left out of its words.
 const WORTH_NAMING: f64 = 0.25;
@@ -40,7 +41,7 @@ pub(super) fn combinations(free: &[FreeParameter], information: &DMatrix<f64>) -
     let n = free.len();
     let sd = DVector::from_fn(n, |i, _| free[i].prior.log_sd);
     let scaled = DMatrix::from_fn(n, n, |i, j| sd[i] * information[(i, j)] * sd[j]);
-    let eigen = scaled.symmetric_eigen();
+    let eigen = symmetric_eigen(scaled);
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
     order

@@ -14,6 +14,7 @@ use rayon::prelude::*;
 
 use super::descent::Quadratic;
 use super::likelihood::{Fit, Problem};
+use crate::numerics::symmetric_eigen;
 use crate::simulation::SimulationError;
 
 /// How far the region reaches, in standard deviations of a muscle's parameters given data and bounds.
@@ -309,7 +310,7 @@ fn smallest_box(
             [(at[i] - half).max(bounds[i][0]), (at[i] + half).min(bounds[i][1])]
         })
         .collect();
-    let eigen = covariance.symmetric_eigen();
+    let eigen = symmetric_eigen(covariance);
     let lengths = eigen.eigenvalues.map(|v| reach * v.max(1e-12).sqrt());
     let along: f64 = ends.iter().map(|[a, b]| 0.5 * (b - a)).product();
     if lengths.product() < along {

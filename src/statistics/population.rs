@@ -17,6 +17,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::distributions::normal_quantile;
 use super::error::StatisticsError;
+use crate::numerics::symmetric_eigen;
 
 /// What one person's data say, whatever was known before.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,7 +33,7 @@ impl Evidence {
     ///
     /// - `covariance`, `mean`: of the posterior; finite
     pub fn of_posterior(covariance: DMatrix<f64>, mean: &DVector<f64>) -> Evidence {
-        let eigen = covariance.symmetric_eigen();
+        let eigen = symmetric_eigen(covariance);
         let along = eigen.eigenvectors.tr_mul(mean);
         let information = eigen.eigenvalues.map(|v| (1.0 / v.max(LEAST_VARIANCE) - 1.0).max(0.0));
         let weighted = along.zip_map(

@@ -10,6 +10,14 @@ use super::problem::{Fault, Problem, nearest};
 /// A streaming reader of CSV whose records know their line.
 pub(crate) type CsvReader = csv::Reader<Lines<BufReader<File>>>;
 
+/// Largest number in a study: what exceeds it is a code for a missing value or a damaged file, and its powers overflow.
+const LARGEST_NUMBER: f64 = 1e12;
+
+/// Whether a file of a study can hold this number.
+pub(crate) fn is_of_a_study(number: f64) -> bool {
+    number.abs() <= LARGEST_NUMBER
+}
+
 /// Opens a CSV file and reads its header; problems with either are reported.
 pub(crate) fn open(
     path: &Path,
@@ -184,7 +192,7 @@ impl<'t> Row<'t> {
         text
     }
 
-    /// A finite number that passes `valid`; `None` if empty or (reported) bad.
+    /// A number of a size that a study can hold and that passes `valid`; `None` if empty or (reported) bad.
     pub fn number(
         &self,
         column: &str,
@@ -193,7 +201,7 @@ impl<'t> Row<'t> {
         problems: &mut Vec<Problem>,
     ) -> Option<f64> {
         let text = self.text(column)?;
-        let number = text.parse().ok().filter(|v: &f64| v.is_finite() && valid(*v));
+        let number = text.parse().ok().filter(|v| is_of_a_study(*v) && valid(*v));
         if number.is_none() {
             self.bad(column, expected, text, problems);
         }

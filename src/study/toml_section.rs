@@ -8,6 +8,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::problem::{Fault, Problem, nearest};
+use super::table::is_of_a_study;
 
 /// The top-level tables of a TOML document.
 pub(crate) struct Sections<'i> {
@@ -394,14 +395,14 @@ impl<'a> TomlSection<'a> {
     }
 }
 
-/// A finite number, integer or not.
+/// A number of a size that a study can hold, integer or not.
 fn number(value: &DeValue<'_>) -> Option<f64> {
     let number = match value {
         DeValue::Integer(i) => i64::from_str_radix(i.as_str(), i.radix()).ok()? as f64,
         DeValue::Float(f) => f.as_str().parse().ok()?,
         _ => return None,
     };
-    f64::is_finite(number).then_some(number)
+    is_of_a_study(number).then_some(number)
 }
 
 /// A value as a message shows it.

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::problem::{Fault, Problem, StudyErrors, nearest};
 use super::raw_emg::{self, EmgSignal};
 use super::settings::{Columns, Settings};
-use super::table::{csv_problem, missing_column, open};
+use super::table::{csv_problem, is_of_a_study, missing_column, open};
 use super::trial_list::TrialInfo;
 
 /// Fewest samples a trial may have: enough for a cubic spline with something to smooth.
@@ -264,7 +264,7 @@ fn read_samples(
         }
         let mut number = |column: usize| {
             let text = &record[column];
-            let value = text.parse().ok().filter(|v: &f64| v.is_finite());
+            let value = text.parse().ok().filter(|v| is_of_a_study(*v));
             if value.is_none() {
                 bad[column].note(line, text);
             }
@@ -308,8 +308,9 @@ fn report_bad_cells(
     }
     for (column, cells) in header.iter().zip(bad) {
         if let Some((line, found)) = cells.first {
-            let fault =
-                Fault::BadNumber { column: column.clone(), expected: "a finite number", found, more: cells.more };
+            let is_too_large = found.parse().is_ok_and(f64::is_finite);
+            let expected = if is_too_large { "a number of at most 1e12 in size" } else { "a finite number" };
+            let fault = Fault::BadNumber { column: column.clone(), expected, found, more: cells.more };
             problems.push(Problem::error(file, line, fault));
         }
     }

@@ -16,6 +16,7 @@ use crate::dynamics::{Accelerations, Constraints, Dynamics, DynamicsError};
 use crate::forces::{AppliedForces, Forces};
 use crate::multibody::{Cache, Model};
 use crate::muscles::{MuscleDynamics, MuscleModel, MuscleState};
+use crate::numerics::is_finite;
 use crate::osim::Document;
 use crate::osim::spec::{
     ActuatorActivation, ActuatorKind, ActuatorSpec, BodyIndex, CoordinateIndex, ForceKind, ForceSpec, FrameIndex,
@@ -665,7 +666,7 @@ fn least(a: &DMatrix<f64>, b: &DVector<f64>) -> Vector3<f64> {
     if a.nrows() == 0 || a.amax() == 0.0 {
         return Vector3::zeros();
     }
-    if !a.iter().all(|v| v.is_finite()) {
+    if !is_finite(a) {
         return Vector3::repeat(f64::NAN);
     }
     let solved = a.clone().svd(true, true).solve(b, 1e-9 * a.amax()).ok();

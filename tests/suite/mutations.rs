@@ -1,9 +1,11 @@
 //! Whatever a file of OpenSim's holds, reading it returns: shipped files with bytes changed, taken out, put in or cut off.
 //!
 //! `CARPUS_FUZZ_SECONDS=3600 cargo test --release --test suite mutations` goes on for so long with every file, with other changes
-//! each time; the file that was being read when a test fails is `target/mutations/` + the name of the file.
+//! each time; the file that was being read when a test fails is `target/mutations/` + the name of the file. A text that is not
+//! done with after five minutes is a failure.
 
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use carpus::osim::{Document, OsimFile};
@@ -37,6 +39,9 @@ const PIECES: [&str; 22] = [
     "99999999999",
     "true",
 ];
+
+/// A text that is not done with for so long hangs.
+const LONGEST: Duration = Duration::from_secs(300);
 
 fn fixture(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
@@ -89,11 +94,26 @@ pub fn mutations_of(bytes: &[u8], name: &str, n: usize, mut visit: impl FnMut(Ve
     let place = folder.join(name.replace('/', "_"));
     let seed = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64);
     let (mut rng, started) = (ChaCha8Rng::seed_from_u64(seed), Instant::now());
+    let (done, each_done) = channel();
+    let watched = place.clone();
+    std::thread::spawn(move || {
+        loop {
+            match each_done.recv_timeout(LONGEST) {
+                Ok(()) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+                Err(RecvTimeoutError::Timeout) => {
+                    eprintln!("{}: not done with after {LONGEST:?}", watched.display());
+                    std::process::abort();
+                }
+            }
+        }
+    });
     let mut count = 0_usize;
     while started.elapsed() < Duration::from_secs(seconds) {
         let changed = mutated(bytes, &mut rng);
         std::fs::write(&place, &changed).unwrap();
         visit(changed);
+        done.send(()).unwrap();
         count += 1;
     }
     println!("{name}: {count} texts in {seconds} s");

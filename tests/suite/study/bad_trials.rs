@@ -69,6 +69,7 @@ fn verif_cells_that_are_not_numbers() {
         ("", "expected a finite number, found an empty cell", "does not guess"),
         ("n/a", "expected a finite number, found `n/a`", ""),
         ("inf", "expected a finite number, found `inf`", ""),
+        ("-1.7e308", "expected a number of at most 1e12 in size, found `-1.7e308`", ""),
         ("\"2,5\"", "expected a finite number, found `2,5`", "point as decimal mark"),
     ] {
         let folder = Folder::with_line(FILE, 7, &format!("0.05,30,{cell},0.05,0.01"));
