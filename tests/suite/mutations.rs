@@ -125,6 +125,9 @@ fn verif_mutated_models_never_panic() {
         "fixtures/components/forces.osim",
         "fixtures/dynamics/constraints.osim",
         "fixtures/dynamics/ellipsoids.osim",
+        "fixtures/multibody/joints.osim",
+        "fixtures/curvature/spine.osim",
+        "models/wrist.osim",
         "fixtures/upgrade/arm_20302.osim",
         "fixtures/upgrade/arm_30000.osim",
     ];
@@ -188,27 +191,72 @@ fn verif_mutated_files_of_forces_never_panic() {
     assert!(read > 20, "{read} read");
 }
 
+const SCALING: &str = "<OpenSimDocument Version=\"40000\">
+<ScaleTool name=\"arm\">
+<mass>3.1</mass><height>1.8</height><age>30</age>
+<GenericModelMaker><model_file>arm.osim</model_file></GenericModelMaker>
+<ModelScaler><apply>true</apply><scaling_order>measurements manualScale</scaling_order>
+<MeasurementSet><objects><Measurement name=\"forearm\"><apply>true</apply>
+<MarkerPairSet><objects><MarkerPair><markers>M3 M4</markers></MarkerPair></objects></MarkerPairSet>
+<BodyScaleSet><objects><BodyScale name=\"lower\"><axes>X Y Z</axes></BodyScale></objects></BodyScaleSet>
+</Measurement></objects></MeasurementSet>
+<ScaleSet><objects><Scale><scales>1.1 1.2 0.9</scales><segment>upper</segment><apply>true</apply></Scale></objects></ScaleSet>
+<marker_file>markers.trc</marker_file><time_range>0 0.1</time_range>
+<preserve_mass_distribution>true</preserve_mass_distribution><output_model_file>scaled.osim</output_model_file></ModelScaler>
+<MarkerPlacer><apply>true</apply><IKTaskSet><objects><IKMarkerTask name=\"M1\"><weight>1</weight></IKMarkerTask>
+<IKCoordinateTask name=\"q2\"><weight>2</weight><value_type>manual_value</value_type><value>0.3</value></IKCoordinateTask>
+</objects></IKTaskSet><marker_file>markers.trc</marker_file><time_range>0 0.1</time_range>
+<output_model_file>placed.osim</output_model_file></MarkerPlacer></ScaleTool></OpenSimDocument>";
+
+const INVERSE_DYNAMICS: &str = "<OpenSimDocument Version=\"40000\">
+<InverseDynamicsTool name=\"arm\"><model_file>arm.osim</model_file><time_range>0 0.15</time_range>
+<forces_to_exclude>Muscles</forces_to_exclude><coordinates_file>states.sto</coordinates_file>
+<lowpass_cutoff_frequency_for_coordinates>6</lowpass_cutoff_frequency_for_coordinates>
+<output_gen_force_file>forces.sto</output_gen_force_file></InverseDynamicsTool></OpenSimDocument>";
+
+/// What the setups of a folder read; paths are of `fixtures`.
+const ARM: [&str; 5] = ["arm.osim", "controls.xml", "extra_actuator.xml", "states.sto", "markers.trc"];
+const COMPONENTS: [&str; 6] = [
+    "forces.osim",
+    "states.sto",
+    "forward_start.sto",
+    "extra_actuators.xml",
+    "extra_controls.xml",
+    "extra_controls.sto",
+];
+const FORCE_SETS: [&str; 5] =
+    ["../../models/wrist.osim", "wrist_forces.xml", "wrist_motion.sto", "../components/forces.osim", "old_forces.xml"];
+
 #[test]
 fn verif_mutated_setups_never_panic() {
     let old = ["analyze.xml", "forward.xml", "inverse_kinematics.xml", "inverse_kinematics_20201.xml"];
-    run_mutations("components", &["forces.osim", "states.sto"], &["analyze.xml"], 60);
-    let inputs = ["arm.osim", "controls.xml", "extra_actuator.xml", "states.sto", "markers.trc"];
-    run_mutations("old_setups", &inputs, &old, 30);
+    old.iter().for_each(|setup| run_mutations("old_setups", &ARM, setup, None, 30));
+    run_mutations("old_setups", &ARM, "scaling.xml", Some(SCALING), 60);
+    run_mutations("old_setups", &ARM, "inverse_dynamics.xml", Some(INVERSE_DYNAMICS), 60);
+    run_mutations("components", &COMPONENTS, "analyze.xml", None, 60);
+    run_mutations("components", &COMPONENTS, "forward.xml", None, 8);
+    run_mutations("components", &COMPONENTS, "controllers.xml", None, 30);
+    run_mutations("force_sets", &FORCE_SETS, "optimized.xml", None, 8);
 }
 
-/// Runs changed setups of a folder of `fixtures` in a copy of what they read.
-fn run_mutations(folder: &str, inputs: &[&str], setups: &[&str], n: usize) {
-    let place = tempfile::tempdir().unwrap();
+/// Runs changed texts of a setup, of a folder of `fixtures` unless given, among copies of what it reads; unchanged it must run.
+fn run_mutations(folder: &str, inputs: &[&str], setup: &str, text: Option<&str>, n: usize) {
+    let root = tempfile::tempdir().unwrap();
+    let (of, place) = (fixture("fixtures").join(folder), root.path().join("fixtures").join(folder));
+    for name in ["../../models", "../components", "."] {
+        std::fs::create_dir_all(place.join(name)).unwrap();
+    }
     for name in inputs {
-        std::fs::copy(fixture("fixtures").join(folder).join(name), place.path().join(name)).unwrap();
+        std::fs::copy(of.join(name), place.join(name)).unwrap();
     }
-    let changed = place.path().join("setup.xml");
-    for setup in setups {
-        for_each_mutation(&format!("fixtures/{folder}/{setup}"), n, |bytes| {
-            std::fs::write(&changed, bytes).unwrap();
-            let _ = run_tool(&changed, None, false);
-        });
-    }
+    let bytes = text.map_or_else(|| std::fs::read(of.join(setup)).unwrap(), |text| text.as_bytes().to_vec());
+    let changed = place.join("setup.xml");
+    let run = |bytes: &[u8]| {
+        std::fs::write(&changed, bytes).unwrap();
+        run_tool(&changed, None, false)
+    };
+    run(&bytes).unwrap_or_else(|error| panic!("{setup}: {error}"));
+    mutations_of(&bytes, &format!("fixtures/{folder}/{setup}"), n, |bytes| drop(run(&bytes)));
 }
 
 /// A number whose products overflow: decompositions of what is not finite would not end.
