@@ -40,6 +40,9 @@ const BEYOND_HOPE: f64 = 1e-9;
 const MOST_PAIRS: usize = 4;
 /// The noise has settled when a round changes the deviance by less than this.
 const SETTLED: f64 = 2.0;
+/// A fit whose deviance is this much above the least it had has run away: where little moves a muscle, its force and the noise of
+/// its EMG take up more and more of what they do not cause.
+const RUN_AWAY: f64 = 30.0;
 /// Largest relative change of a force that is made without a simulation.
 const LARGEST_CHANGE: f64 = 0.5;
 /// Expected noise of the logarithm of the EMG stays below this.
@@ -73,6 +76,15 @@ pub(super) struct Descent {
     /// Per training trial: last step of the EMG's expected noise.
     last_correction: Vec<Option<Relaxation>>,
     at: Account,
+    /// Where it was most probable at the end of a round.
+    least: Option<Least>,
+}
+
+/// A state to go back to.
+struct Least {
+    deviance: f64,
+    point: Point,
+    levels: NoiseLevels,
 }
 
 impl Descent {
@@ -151,14 +163,24 @@ impl Analysis<'_> {
         })
     }
 
-    /// Estimates the noise and goes on until it has settled; returns whether it has.
+    /// Estimates the noise and goes on until it has settled; returns whether it has. One that runs away is taken back to where it was
+    /// most probable, and stays there.
     ///
     /// - `rounds`: at most
     fn follow(&self, descent: &mut Descent, rounds: usize) -> Result<bool, SimulationError> {
         for _ in 0..rounds {
             let before = descent.deviance();
+            if descent.least.as_ref().is_none_or(|least| before < least.deviance) {
+                let (point, levels) = (descent.point.clone(), descent.noise.levels);
+                descent.least = Some(Least { deviance: before, point, levels });
+            }
             self.settle(descent, true)?;
-            if (before - descent.deviance()).abs() < SETTLED {
+            let after = descent.deviance();
+            if let Some(least) = descent.least.take_if(|least| after > least.deviance + RUN_AWAY) {
+                *descent = self.begin(least.point, least.levels)?;
+                return Ok(true);
+            }
+            if (before - after).abs() < SETTLED {
                 return Ok(true);
             }
         }
@@ -185,7 +207,7 @@ impl Analysis<'_> {
         let noise = self.noise(&mut linear, &point, levels);
         let at = self.account(&linear, &point, &noise);
         let last_correction = vec![None; self.train.len()];
-        Ok(Descent { point, linear, noise, last_step: [[0.0; 2]; COMPONENTS], last_correction, at })
+        Ok(Descent { point, linear, noise, last_step: [[0.0; 2]; COMPONENTS], last_correction, at, least: None })
     }
 
     /// Takes sensitivities where the EMG is expected without its noise, and goes on.

@@ -1,16 +1,18 @@
 //! Diagnoses of bundled studies that OpenSim simulated and in which an effect is hidden (fixtures/hidden_effects): what is
 //! found must be what was hidden. The table over many more is made by fixtures/scripts/diagnosis_table.py.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use carpus::diagnosis::catalogue::CATALOGUE;
-use carpus::diagnosis::diagnose::{Diagnosis, Request, Verdict, diagnose};
+use carpus::diagnosis::diagnose::{Diagnosis, Request, Verdict, diagnose, rmse, simulate};
 use carpus::diagnosis::fit::Analysis;
 use carpus::diagnosis::forward_model::{ForwardModel, Setting};
 use carpus::osim::OsimFile;
 use carpus::simulation::{MusculoskeletalModel, Setup};
 use carpus::study::{Study, TrialUse};
 use serde_json::Value;
+
+const MODELS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models");
 
 /// Diagnoses a study among a few candidates; also what was hidden.
 fn diagnosed(name: &str, candidates: &[&str]) -> (Diagnosis, Value) {
@@ -19,7 +21,7 @@ fn diagnosed(name: &str, candidates: &[&str]) -> (Diagnosis, Value) {
 
 /// The same, model and participant being so many times as strong.
 fn diagnosed_at(strength: f64, name: &str, candidates: &[&str]) -> (Diagnosis, Value) {
-    let found = asked(strength, name, candidates, |request| diagnose(request).unwrap().diagnosis);
+    let found = asked(strength, &folder(name), candidates, |request| diagnose(request).unwrap().diagnosis);
     let sets: Vec<_> = found.explanations.iter().map(|e| (&e.effects, e.p_value)).collect();
     println!("{name}: {:?}, p of no effect {:.4}, {sets:?}", found.verdict, found.null_p_value);
     let truth = std::fs::read_to_string(folder(name).join("truth.json")).unwrap();
@@ -31,9 +33,9 @@ fn folder(name: &str) -> PathBuf {
 }
 
 /// What is asked of a study, model and participant being so many times as strong.
-fn asked<T>(strength: f64, name: &str, candidates: &[&str], ask: impl FnOnce(&Request) -> T) -> T {
+fn asked<T>(strength: f64, folder: &Path, candidates: &[&str], ask: impl FnOnce(&Request) -> T) -> T {
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
-    let mut study = Study::read_tables(folder(name)).unwrap();
+    let mut study = Study::read_tables(folder).unwrap();
     let mut trials = study.load_trials("P01").unwrap();
     let mut spec = OsimFile::read(root.join("models/wrist.osim")).unwrap().spec;
     study.settings.dynamometer.damping *= strength;
@@ -131,7 +133,7 @@ fn val_opensim_an_effect_that_the_muscles_hide_is_found() {
 #[test]
 fn val_opensim_what_an_effect_leaves_is_foreseen_before_it_is_fitted() {
     let candidates = ["electromechanical_delay", "joint_damping", "torque_drift", "joint_stiffness"];
-    asked(1.0, "electromechanical_delay", &candidates, |request| {
+    asked(1.0, &folder("electromechanical_delay"), &candidates, |request| {
         let train = request.forward.trials_for(TrialUse::Train);
         let all = request.candidates.clone();
         let (analysis, null) = Analysis::new(request.forward, train, all, &request.bounds, request.seed).unwrap();
@@ -155,5 +157,32 @@ fn val_opensim_what_an_effect_leaves_is_foreseen_before_it_is_fitted() {
                 assert!((near.1 / drawn.1 - 1.0).abs() < 0.05, "{id}: {} and {}", near.1, drawn.1);
             }
         }
+    });
+}
+
+/// Where all muscles rest their forces hardly matter: they must not grow round by round with what their EMG's noise is taken to be.
+#[test]
+fn val_opensim_passive_trials_alone_do_not_carry_the_muscles_away() {
+    let (from, to) = (folder("snapping_tendon"), tempfile::tempdir().unwrap());
+    let list = std::fs::read_to_string(from.join("trials.csv")).unwrap();
+    let passive = list.lines().filter(|row| row.starts_with("participant") || row.contains(",passive,"));
+    let passive: Vec<String> = passive.map(|row| row.replace(",test", ",train")).collect();
+    assert_eq!(passive.len(), 4);
+    std::fs::create_dir_all(to.path().join("data/P01")).unwrap();
+    for name in ["participants.csv", "data/P01/passive_1.csv", "data/P01/passive_2.csv", "data/P01/passive_3.csv"] {
+        std::fs::copy(from.join(name), to.path().join(name)).unwrap();
+    }
+    let settings = std::fs::read_to_string(from.join("study.toml")).unwrap();
+    std::fs::write(to.path().join("study.toml"), settings.replace("../../../models", MODELS)).unwrap();
+    std::fs::write(to.path().join("trials.csv"), passive.join("\n")).unwrap();
+    let candidates: Vec<&str> = CATALOGUE.iter().map(|e| e.description().id).collect();
+    asked(1.0, to.path(), &candidates, |request| {
+        let (forward, all) = (request.forward, request.candidates.clone());
+        let train = forward.trials_for(TrialUse::Train);
+        let (_, null) = Analysis::new(forward, train, all, &request.bounds, request.seed).unwrap();
+        let [given, fitted] = [&forward.nominal_parameters(), &null.point.parameters]
+            .map(|parameters| rmse(forward, &simulate(forward, parameters, &[], TrialUse::Train).unwrap()).unwrap());
+        println!("RMSE as given {given:.3}, muscles refitted {fitted:.3} N·m");
+        assert!(fitted < 1.5 * given, "{fitted} instead of {given}");
     });
 }
