@@ -176,15 +176,16 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
     let Some(file) = file else {
         return Err(tool.missing("states_file", "a states_file or a coordinates_file"));
     };
-    let states = match tool.file("states_file") {
+    let (states, others) = match tool.file("states_file") {
         Some(file) => {
             tool.ignore_all(&["coordinates_file", "speeds_file"]);
-            states_from_file(&file, &system, outcome)?
+            (states_from_file(&file, &system, outcome)?, None)
         }
         None => {
             let storage = read_coordinates(&file, cutoff)?;
             storage.warnings.iter().for_each(|text| outcome.warn(&file, 0, text.clone()));
-            states_from_motion(Motion::from_storage(storage, &system, &file)?, tool, &system, outcome)?
+            let motion = Motion::from_storage(storage, &system, &file)?;
+            (states_from_motion(motion, tool, &system, outcome)?, Some(system.default_state()?))
         }
     };
     let index = |time: f64| states.partition_point(|s| s.time <= time).saturating_sub(1);
@@ -200,7 +201,10 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
     let mut work = system.new_work();
     let (mut unbalanced, mut undetermined) = (Vec::new(), UndeterminedAccelerations::default());
     for (i, state) in states.iter().enumerate().take(last + 1).skip(first) {
-        let mut state = state.clone();
+        let mut state = match &others {
+            Some(others) => SystemState { time: state.time, q: state.q.clone(), u: state.u.clone(), ..others.clone() },
+            None => state.clone(),
+        };
         system.assemble(state.time, &mut state.q)?;
         if frame.equilibrate {
             let failed = system.equilibrate(&mut work, &mut state);
@@ -258,6 +262,8 @@ pub fn states_from_file(
     Ok(storage.time.iter().zip(&storage.rows).map(state).collect())
 }
 
+/// Times, coordinates and speeds; other states are empty: those of many muscles at all times of a long motion would not fit into
+/// memory.
 fn states_from_motion(
     motion: Motion,
     tool: &Properties,
@@ -268,12 +274,11 @@ fn states_from_motion(
         let text = format!("coordinates that are not in the coordinates_file are 0: {}", motion.missing.join(", "));
         outcome.warn(tool.setup().path(), tool.line(), text);
     }
-    let default = system.default_state()?;
     let mut states: Vec<SystemState> = motion
         .time
         .iter()
         .zip(motion.q.into_iter().zip(motion.u))
-        .map(|(time, (q, u))| SystemState { time: *time, q, u, ..default.clone() })
+        .map(|(time, (q, u))| SystemState { time: *time, q, u, ..SystemState::default() })
         .collect();
     if let Some(file) = tool.file("speeds_file") {
         let mut speeds = Storage::read(&file)?;

@@ -60,7 +60,7 @@ pub struct System {
 }
 
 /// A state of the system.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SystemState {
     /// Time [s].
     pub time: f64,
