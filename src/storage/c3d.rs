@@ -18,6 +18,9 @@ use super::{Markers, Storage};
 
 /// Bytes of a block, in which sections of the file are counted.
 const BLOCK: usize = 512;
+/// Words of the header: analog samples of all channels in a frame, and of one channel.
+const ANALOG_SAMPLES: usize = 2;
+const SAMPLES_PER_CHANNEL: usize = 9;
 /// Second byte of every file.
 const KEY: u8 = 0x50;
 
@@ -65,15 +68,15 @@ impl MotionCapture {
         if bytes[1] != KEY {
             return Err(broken("expected the byte 0x50 in second place"));
         }
-        READING.set(true);
-        let read = std::panic::catch_unwind(|| c3dio::C3d::from_bytes(bytes));
-        READING.set(false);
-        let file = read
-            .map_err(|_| {
-                broken("sections point to places outside the file, or hold something other than what they say")
-            })?
-            .map_err(|e| broken(&words(&e)))?;
-        MotionCapture::of(&file)
+        let counts = Counts::of(bytes);
+        counts.check(bytes)?;
+        if counts.analog_samples > 0 || counts.samples_per_channel == 0 {
+            return MotionCapture::of(&read_by_library(bytes)?);
+        }
+        // Without samples the library would still make room for channels.
+        let mut bytes = bytes.to_vec();
+        bytes[2 * SAMPLES_PER_CHANNEL..][..2].fill(0);
+        MotionCapture::of(&read_by_library(&bytes)?)
     }
 
     fn of(file: &c3dio::C3d) -> Result<MotionCapture, StorageProblem> {
@@ -94,6 +97,82 @@ impl MotionCapture {
         }
         Ok(out)
     }
+}
+
+fn read_by_library(bytes: &[u8]) -> Result<c3dio::C3d, StorageProblem> {
+    let broken = |what: &str| StorageProblem::MotionCapture { what: what.to_owned() };
+    READING.set(true);
+    let read = std::panic::catch_unwind(|| c3dio::C3d::from_bytes(bytes));
+    READING.set(false);
+    read.map_err(|_| broken("sections point to places outside the file, or hold something other than what they say"))?
+        .map_err(|e| broken(&words(&e)))
+}
+
+/// What the header counts. The library takes memory for as much before it looks whether the file holds it.
+struct Counts {
+    /// Of the bytes of a word the more significant first, as of MIPS processors.
+    big_endian: bool,
+    markers: usize,
+    frames: usize,
+    /// Of all channels in a frame.
+    analog_samples: usize,
+    /// Of a channel in a frame.
+    samples_per_channel: usize,
+    /// Block at which the data start, from 1.
+    data: usize,
+}
+
+impl Counts {
+    /// - `bytes`: at least one block
+    fn of(bytes: &[u8]) -> Counts {
+        let processor = BLOCK * usize::from(bytes[0]).saturating_sub(1) + 3;
+        let big_endian = bytes.get(processor) == Some(&86);
+        let word = |i: usize| word([bytes[2 * i], bytes[2 * i + 1]], big_endian);
+        Counts {
+            big_endian,
+            markers: word(1).into(),
+            frames: word(4).wrapping_sub(word(3)).wrapping_add(1).into(),
+            analog_samples: word(ANALOG_SAMPLES).into(),
+            samples_per_channel: word(SAMPLES_PER_CHANNEL).into(),
+            data: word(8).into(),
+        }
+    }
+
+    /// Whether the file can hold all that.
+    fn check(&self, bytes: &[u8]) -> Result<(), StorageProblem> {
+        let &Counts { markers, frames, analog_samples, samples_per_channel, .. } = self;
+        let broken = |what| Err(StorageProblem::MotionCapture { what });
+        if markers + analog_samples == 0 {
+            return Err(StorageProblem::NoRows);
+        }
+        // Integers of two bytes, four of them per marker.
+        if frames * markers * 8 > bytes.len() {
+            return broken(format!("the header counts {frames} frames of {markers} markers, more than the file holds"));
+        }
+        if samples_per_channel == 0 || analog_samples == 0 {
+            return Ok(());
+        }
+        if analog_samples % samples_per_channel != 0 {
+            return broken(words(&c3dio::C3dParseError::AnalogBytesPerFrameMismatch));
+        }
+        // How many channels there are is told by parameters: asked of the file without its data, one sample per channel.
+        let Some(start) = bytes.get(..BLOCK * self.data) else {
+            return broken(words(&c3dio::C3dParseError::InsufficientBlocks("data".to_owned())));
+        };
+        let mut start = start.to_vec();
+        for (i, count) in [(ANALOG_SAMPLES, analog_samples / samples_per_channel), (SAMPLES_PER_CHANNEL, 1)] {
+            start[2 * i..][..2].copy_from_slice(&pair(count as u16, self.big_endian));
+        }
+        read_by_library(&start).map(drop)
+    }
+}
+
+fn word(pair: [u8; 2], big_endian: bool) -> u16 {
+    if big_endian { u16::from_be_bytes(pair) } else { u16::from_le_bytes(pair) }
+}
+
+fn pair(word: u16, big_endian: bool) -> [u8; 2] {
+    if big_endian { word.to_be_bytes() } else { word.to_le_bytes() }
 }
 
 fn rate_of(rate: f32, what: &str) -> Result<f64, StorageProblem> {
@@ -165,6 +244,9 @@ fn words(error: &c3dio::C3dParseError) -> String {
         }
         E::AnalogBytesPerFrameMismatch => {
             "analog samples per frame are not channels (ANALOG:USED) times samples per channel".to_owned()
+        }
+        E::InvalidData(_, kind) => {
+            format!("a parameter holds other data than {kind} (ANALOG:OFFSET has to be integers, for OpenSim too)")
         }
         E::FrameRateMismatch(header, parameter) => {
             format!("the header says {header} frames per second, POINT:RATE {parameter}")

@@ -46,6 +46,29 @@ fn verif_markers_and_channels_are_those_of_an_independent_reader() {
     }
 }
 
+/// The library would take memory for what the header counts before it looks.
+#[test]
+fn verif_counts_that_no_file_holds_are_refused() {
+    let bytes = std::fs::read(folder().join("float.c3d")).unwrap();
+    let with = |words: &[(usize, u16)]| {
+        let mut bytes = bytes.clone();
+        words.iter().for_each(|(i, value)| bytes[2 * i..][..2].copy_from_slice(&value.to_le_bytes()));
+        MotionCapture::parse(&bytes)
+    };
+    for (words, expected) in [
+        (vec![(1, 24770), (4, 6401)], "6401 frames of 24770 markers, more than the file holds"),
+        (vec![(1, 0), (2, 0)], "found none"),
+        (vec![(2, 65535), (9, 65535)], "not channels (ANALOG:USED) times samples per channel"),
+        (vec![(2, 30), (9, 7)], "not channels (ANALOG:USED) times samples per channel"),
+    ] {
+        let error = with(&words).expect_err(expected).to_string();
+        assert!(error.contains(expected), "{expected}: {error}");
+    }
+    // No analog samples, whatever is said of channels.
+    let found = with(&[(2, 0), (9, 65535)]).unwrap();
+    assert!(found.analog.is_empty() && !found.markers.time.is_empty());
+}
+
 #[test]
 fn verif_files_that_are_cut_off_are_refused() {
     let bytes = std::fs::read(folder().join("float.c3d")).unwrap();
