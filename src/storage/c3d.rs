@@ -149,6 +149,7 @@ impl Counts {
         if frames * markers * 8 > bytes.len() {
             return broken(format!("the header counts {frames} frames of {markers} markers, more than the file holds"));
         }
+        self.check_parameters(bytes)?;
         if samples_per_channel == 0 || analog_samples == 0 {
             return Ok(());
         }
@@ -164,6 +165,33 @@ impl Counts {
             start[2 * i..][..2].copy_from_slice(&pair(count as u16, self.big_endian));
         }
         read_by_library(&start).map(drop)
+    }
+
+    /// Whether groups and parameters follow each other and hold no more than their section: the library goes back 128 bytes for a
+    /// name of −128 letters, for ever, and does not mind data that overlap.
+    fn check_parameters(&self, bytes: &[u8]) -> Result<(), StorageProblem> {
+        let broken = |what: &str| Err(StorageProblem::MotionCapture { what: what.to_owned() });
+        let end = (BLOCK * self.data.saturating_sub(1)).min(bytes.len());
+        let (mut at, mut held) = (BLOCK + 4, 0_usize);
+        while at + 1 < end && bytes[at + 1] != 0 {
+            let (letters, group) = (bytes[at] as i8, bytes[at + 1] as i8);
+            if letters == i8::MIN {
+                return broken("a parameter's name has -128 letters");
+            }
+            let pointer = at + 2 + usize::from(letters.unsigned_abs());
+            // Where the section is cut off the library says so.
+            let Some(&[a, b, kind, dimensions]) = bytes.get(pointer..pointer + 4) else { return Ok(()) };
+            if group > 0 {
+                let Some(sizes) = bytes.get(pointer + 4..pointer + 4 + usize::from(dimensions)) else { return Ok(()) };
+                let count = sizes.iter().filter(|n| **n > 0).fold(1_usize, |all, n| all.saturating_mul((*n).into()));
+                held = held.saturating_add(count.saturating_mul((kind as i8).unsigned_abs().into()));
+                if held > end {
+                    return broken("parameters hold more than their section");
+                }
+            }
+            at = pointer + usize::from(word([a, b], self.big_endian));
+        }
+        Ok(())
     }
 }
 

@@ -64,6 +64,10 @@ fn verif_counts_that_no_file_holds_are_refused() {
         let error = with(&words).expect_err(expected).to_string();
         assert!(error.contains(expected), "{expected}: {error}");
     }
+    let mut loops = bytes.clone();
+    loops[512 + 4] = 0x80;
+    let error = MotionCapture::parse(&loops).expect_err("a name of no length").to_string();
+    assert!(error.contains("-128 letters"), "{error}");
     // No analog samples, whatever is said of channels.
     let found = with(&[(2, 0), (9, 65535)]).unwrap();
     assert!(found.analog.is_empty() && !found.markers.time.is_empty());
