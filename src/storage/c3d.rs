@@ -145,6 +145,9 @@ impl Counts {
         if markers + analog_samples == 0 {
             return Err(StorageProblem::NoRows);
         }
+        if self.data < 2 {
+            return broken(format!("the data begin at block {}, which is before the end of the header", self.data));
+        }
         // Integers of two bytes, four of them per marker.
         if frames * markers * 8 > bytes.len() {
             return broken(format!("the header counts {frames} frames of {markers} markers, more than the file holds"));

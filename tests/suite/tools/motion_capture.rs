@@ -59,6 +59,7 @@ fn verif_counts_that_no_file_holds_are_refused() {
         (vec![(1, 24770), (4, 6401)], "6401 frames of 24770 markers, more than the file holds"),
         (vec![(1, 0), (2, 0)], "found none"),
         (vec![(2, 65535), (9, 65535)], "not channels (ANALOG:USED) times samples per channel"),
+        (vec![(8, 0)], "the data begin at block 0"),
         (vec![(2, 30), (9, 7)], "not channels (ANALOG:USED) times samples per channel"),
     ] {
         let error = with(&words).expect_err(expected).to_string();
