@@ -13,6 +13,7 @@
 //! # References
 //! Hutchinson (1990), A stochastic estimator of the trace of the influence matrix, doi:10.1080/03610919008812866.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
@@ -28,18 +29,19 @@ use crate::simulation::SimulationError;
 impl Analysis<'_> {
     /// Mean score of nuisance, effects that are on and directions, per training trial.
     ///
-    /// - `pairs`: of draws
+    /// - `pairs`: which pairs of draws
     ///
     /// # Errors
     /// A trial that cannot be simulated.
-    pub(super) fn calc_bias(&self, fit: &Fit, pairs: usize) -> Result<Vec<DVector<f64>>, SimulationError> {
+    pub(super) fn calc_bias(&self, fit: &Fit, pairs: Range<usize>) -> Result<Vec<DVector<f64>>, SimulationError> {
         let point = &fit.point;
         let truth = self.simulated(&Point { baseline: vec![0.0; self.n_muscles()], ..point.clone() })?;
         let mut bias = self.no_bias(point);
-        for pair in 0..pairs {
+        let draws = (2 * pairs.len()) as f64;
+        for pair in pairs {
             for sign in [1.0, -1.0] {
                 let scores = self.scores_of_draw(fit, &truth, pair, sign)?;
-                bias.iter_mut().zip(&scores).for_each(|(b, s): (&mut DVector<f64>, _)| *b += s / (2 * pairs) as f64);
+                bias.iter_mut().zip(&scores).for_each(|(b, s): (&mut DVector<f64>, _)| *b += s / draws);
             }
         }
         Ok(bias)

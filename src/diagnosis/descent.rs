@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use super::effect::{Role, Stage};
 use super::fit::{Account, Analysis, Fit, LARGEST_MEAN, Linear, Noise, Point, corrected};
-use super::forward_model::FITTED_PER_MUSCLE;
+use super::forward_model::{FITTED_PER_MUSCLE, Setting};
 use super::noise::{self, COMPONENTS, NoiseLevels};
 use super::score_test::tail;
 use crate::simulation::SimulationError;
@@ -18,6 +18,8 @@ use relaxation::Relaxation;
 
 /// Pairs of draws for the mean of scores.
 const PAIRS: usize = 2;
+/// Of these, the ones that come first: a fit that leaves what is beyond doubt with this mean is given up.
+const FEW_PAIRS: usize = 1;
 /// Of many points that are fitted roughly, so many are looked at more closely for every one that is wanted.
 const SCREENED: usize = 2;
 /// Steps while the noise is only guessed.
@@ -56,14 +58,6 @@ pub struct Hopeless<'a> {
     /// Those that leave what no noise explains, whatever its score's mean; these blocks are not asked (as for
     /// [`Analysis::anything_left`]).
     pub skip: &'a [&'static str],
-}
-
-/// Mean scores of a fit.
-pub(super) enum Means {
-    /// From so many pairs of draws.
-    Drawn(usize),
-    /// Per training trial.
-    Known(Vec<DVector<f64>>),
 }
 
 /// A fit under way.
@@ -125,23 +119,43 @@ impl Analysis<'_> {
                 return Ok(fit);
             }
             if settled || rounds > ROUNDS_AT_LEAST {
-                let means = match near {
-                    Some(near) => Means::Known(self.means_with_effects(near, &fit.point)),
-                    None => Means::Drawn(PAIRS),
-                };
-                return self.centre(fit, inverse, means);
+                if let Some(near) = near {
+                    let means = self.means_with_effects(near, &fit.point);
+                    return Ok(self.centre(fit, &inverse, means));
+                }
+                let few = self.calc_bias(&fit, 0..FEW_PAIRS)?;
+                if let Some(h) = hopeless {
+                    let centred = self.centre(fit.clone(), &inverse, few.clone());
+                    let left = self.blocks_left(&centred, h.skip).unwrap_or_default();
+                    if left.iter().any(|b| b.p_value * (left.len() as f64) < BEYOND_DOUBT) {
+                        return Ok(centred);
+                    }
+                }
+                let more = self.calc_bias(&fit, FEW_PAIRS..PAIRS)?;
+                let share = FEW_PAIRS as f64 / PAIRS as f64;
+                let means = few.iter().zip(&more).map(|(few, more)| few * share + more * (1.0 - share)).collect();
+                return Ok(self.centre(fit, &inverse, means));
             }
             rounds = MOST_ROUNDS - ROUNDS_AT_LEAST;
         }
     }
 
-    /// Points fitted roughly, with usual noise, from where a model has not yet gone astray to make up for what it lacks; the most
-    /// promising first. Those that cannot be simulated are left out.
+    /// Points with one more effect each, fitted roughly, with usual noise, from where a model has not yet gone astray to make up for
+    /// what it lacks; the most promising first. Those that cannot be simulated are left out.
     ///
-    /// - `starts`: the model as given, with effects
+    /// - `start`: the model as given, with the effects that are on
+    /// - `further`: effects, one at a time
     /// - `wanted`: how many points are asked for; there may be more or fewer
-    pub(super) fn screened(&self, starts: Vec<Point>, wanted: usize) -> Vec<Point> {
-        let rough = starts.into_par_iter().filter_map(|start| self.rough_fit(start).ok());
+    pub(super) fn screened(&self, start: &Point, further: Vec<Setting>, wanted: usize) -> Vec<Point> {
+        let Ok(start) = self.begin(start.clone(), NoiseLevels::usual(self.forward.strength.0)) else {
+            return Vec::new();
+        };
+        let rough = |setting: Setting| {
+            let mut descent = self.begin_beside(&start, setting)?;
+            self.descend(&mut descent, ROUGH_STEPS, ROUGHLY)?;
+            Ok::<_, SimulationError>(descent)
+        };
+        let rough = further.into_par_iter().filter_map(|setting| rough(setting).ok());
         let mut fitted = most_promising(rough.collect());
         // Of several sizes of the same effects the best.
         let ids = |d: &Descent| -> Vec<&str> { d.point.effects.iter().map(|s| s.effect.description().id).collect() };
@@ -155,9 +169,9 @@ impl Analysis<'_> {
 
     /// Whether a fit leaves something of a smaller p-value even if its score's mean were as large as any.
     fn leaves_less_than(&self, p_value: f64, fit: &Fit, skip: &[&str]) -> bool {
-        let Some(left) = self.anything_left_uncentred(fit, skip) else { return false };
-        let count = left.blocks.len() as f64;
-        left.blocks.iter().any(|b| {
+        let Some(left) = self.blocks_left_uncentred(fit, skip) else { return false };
+        let count = left.len() as f64;
+        left.iter().any(|b| {
             let least = (b.statistic.max(0.0).sqrt() - LARGEST_MEAN).max(0.0);
             tail(b.rank, b.freedom, least * least) * count < p_value
         })
@@ -192,7 +206,8 @@ impl Analysis<'_> {
         self.settle(&mut descent, true)?;
         self.follow(&mut descent, MOST_ROUNDS - 1)?;
         let (fit, inverse) = self.uncentred(&mut descent)?;
-        self.centre(fit, inverse, Means::Drawn(MOST_PAIRS))
+        let means = self.calc_bias(&fit, 0..MOST_PAIRS)?;
+        Ok(self.centre(fit, &inverse, means))
     }
 
     /// A fit with usual noise: while the model is far off, its errors would be taken for noise.
@@ -205,9 +220,25 @@ impl Analysis<'_> {
     fn begin(&self, point: Point, levels: NoiseLevels) -> Result<Descent, SimulationError> {
         let mut linear = self.linearize(&point, &[])?;
         let noise = self.noise(&mut linear, &point, levels);
+        Ok(self.begun(point, linear, noise))
+    }
+
+    /// A descent from where another begins, with one more effect; where that is absent, nothing is simulated again.
+    fn begin_beside(&self, start: &Descent, setting: Setting) -> Result<Descent, SimulationError> {
+        let absent = setting.is_absent();
+        let mut point = start.point.clone();
+        point.effects.push(setting);
+        if !absent {
+            return self.begin(point, start.noise.levels);
+        }
+        let linear = self.with_absent(&start.linear, &point)?;
+        Ok(self.begun(point, linear, start.noise.clone()))
+    }
+
+    fn begun(&self, point: Point, linear: Vec<Linear>, noise: Noise) -> Descent {
         let at = self.account(&linear, &point, &noise);
         let last_correction = vec![None; self.train.len()];
-        Ok(Descent { point, linear, noise, last_step: [[0.0; 2]; COMPONENTS], last_correction, at, least: None })
+        Descent { point, linear, noise, last_step: [[0.0; 2]; COMPONENTS], last_correction, at, least: None }
     }
 
     /// Takes sensitivities where the EMG is expected without its noise, and goes on.
@@ -261,19 +292,15 @@ impl Analysis<'_> {
 
     /// A fit with the mean of its scores, and its parameters where the gradient is that mean instead of 0.
     ///
-    /// - `inverse`: of its information
-    fn centre(&self, mut fit: Fit, inverse: DMatrix<f64>, means: Means) -> Result<Fit, SimulationError> {
-        let bias = match means {
-            Means::Drawn(pairs) => self.calc_bias(&fit, pairs)?,
-            Means::Known(means) => means,
-        };
+    /// - `inverse`: of its information; `bias`: per training trial the mean score
+    fn centre(&self, mut fit: Fit, inverse: &DMatrix<f64>, bias: Vec<DVector<f64>>) -> Fit {
         let p = fit.precision.len();
         let mean = bias.iter().fold(DVector::zeros(p), |sum, b| sum + b.rows(0, p));
         let step = inverse * -&mean;
         let share = (LARGEST_MEAN / (-step.dot(&mean)).max(1e-300).sqrt()).min(1.0);
         fit.point = self.moved(&fit.point, &(step * share));
         fit.bias = Arc::new(bias);
-        Ok(fit)
+        fit
     }
 
     /// Steps with the noise held.

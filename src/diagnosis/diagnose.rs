@@ -89,7 +89,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         .map(|d| d.id)
         .collect();
     let left = test(&analysis, &null, &not_testable)?;
-    let uncentred = analysis.anything_left_uncentred(&null, &not_testable).unwrap_or_else(|| left.clone());
+    let uncentred = analysis.blocks_left_uncentred(&null, &not_testable).unwrap_or_else(|| left.blocks.clone());
     let refitted = simulate(forward, &null.point.parameters, &[], TrialUse::Train)?;
     let refit_error = rmse(forward, &refitted).unwrap_or(0.0).max(f64::MIN_POSITIVE) / request.mvc;
     let judge =
@@ -188,8 +188,12 @@ fn left_over(omnibus: &Omnibus) -> Vec<Left> {
     blocks.iter().take(SHOWN).map(of).collect()
 }
 
+fn named_block<'a>(blocks: &'a [BlockScore], name: &str) -> Option<&'a BlockScore> {
+    blocks.iter().find(|b| b.name == name)
+}
+
 fn block<'a>(omnibus: &'a Omnibus, name: &str) -> Option<&'a BlockScore> {
-    omnibus.blocks.iter().find(|b| b.name == name)
+    named_block(&omnibus.blocks, name)
 }
 
 struct Judge<'a> {
@@ -198,7 +202,7 @@ struct Judge<'a> {
     null: &'a Fit,
     not_testable: &'a [&'static str],
     /// Scores of the null, their means left in.
-    uncentred: Omnibus,
+    uncentred: Vec<BlockScore>,
     /// Training error of the null: RMSE / session MVC moment.
     refit_error: f64,
 }

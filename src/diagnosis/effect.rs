@@ -179,6 +179,11 @@ pub trait Effect: Sync {
         false
     }
 
+    /// Whether what [`Effect::excite`] makes of a muscle's excitation depends on other muscles'; otherwise these may be left empty.
+    fn mixes_muscles(&self) -> bool {
+        false
+    }
+
     /// Whether [`Effect::change_angle`] or [`Effect::add_moment`] read the muscles' moment.
     ///
     /// The recorded moment must not be used in its place: its noise would look like an effect.
@@ -312,8 +317,11 @@ pub(crate) fn scaled_mean(muscles: &[MuscleSpec], r: f64, property: impl Fn(&Mil
     known.iter().sum::<f64>() / known.len().max(1) as f64 * r.exp()
 }
 
-/// A series as it was so much earlier, at the same times; linear between samples and constant outside.
+/// A series as it was so much earlier, at the same times; linear between samples and constant outside. An empty one stays empty.
 pub(crate) fn delayed(time: &[f64], series: &[f64], delay: f64) -> Vec<f64> {
+    if series.is_empty() {
+        return Vec::new();
+    }
     let mut after = 0;
     let at = |t: &f64| {
         let at = t - delay;

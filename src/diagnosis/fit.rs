@@ -25,7 +25,7 @@ use super::effect::{Effect, Role, Stage};
 use super::forward_model::{FITTED_PER_MUSCLE, ForwardModel, Setting, TrialInput};
 use super::kernel::Kernel;
 use super::noise::{COMPONENTS, Kernels, NoiseLevels, TrialNoise, TrialTimes};
-use super::score_test::{self, Block, Nuisance, Omnibus, Variances};
+use super::score_test::{self, Block, BlockScore, Nuisance, Omnibus, Tested, Variances};
 use super::trial_record::TrialRecord;
 use crate::simulation::{MuscleParameters, SimulationError};
 use crate::study::ParameterBounds;
@@ -99,6 +99,7 @@ pub struct Analysis<'a> {
 }
 
 /// The noise of all training trials.
+#[derive(Clone)]
 pub(super) struct Noise {
     pub(super) structure: Vec<TrialNoise>,
     pub(super) levels: NoiseLevels,
@@ -286,23 +287,33 @@ impl<'a> Analysis<'a> {
     ///
     /// - `skip`: names of further blocks to leave out
     pub fn anything_left(&self, fit: &Fit, skip: &[&str]) -> Option<Omnibus> {
-        self.scores_left(fit, skip, true, None)
+        Some(self.scores_left(fit, skip, true, None)?.omnibus(self.seed))
     }
 
     /// What would be left beside an effect that is not on, to first order: nothing is fitted.
     ///
     /// - `effect`: its name; `skip`: as for [`Analysis::anything_left`]
     pub fn anything_left_beside(&self, fit: &Fit, effect: &str, skip: &[&str]) -> Option<Omnibus> {
-        self.scores_left(fit, skip, true, Some(effect))
+        Some(self.scores_left(fit, skip, true, Some(effect))?.omnibus(self.seed))
     }
 
-    /// As [`Analysis::anything_left`], with scores as they are: where a model is far off, their means would be those of an
-    /// EMG that was bent to make up for it.
-    pub fn anything_left_uncentred(&self, fit: &Fit, skip: &[&str]) -> Option<Omnibus> {
-        self.scores_left(fit, skip, false, None)
+    /// As [`Analysis::anything_left_beside`], every block by itself.
+    pub fn blocks_left_beside(&self, fit: &Fit, effect: &str, skip: &[&str]) -> Option<Vec<BlockScore>> {
+        Some(self.scores_left(fit, skip, true, Some(effect))?.blocks)
     }
 
-    fn scores_left(&self, fit: &Fit, skip: &[&str], centred: bool, beside: Option<&str>) -> Option<Omnibus> {
+    /// As [`Analysis::anything_left`], every block by itself.
+    pub(super) fn blocks_left(&self, fit: &Fit, skip: &[&str]) -> Option<Vec<BlockScore>> {
+        Some(self.scores_left(fit, skip, true, None)?.blocks)
+    }
+
+    /// As [`Analysis::blocks_left`], with scores as they are: where a model is far off, their means would be those of an EMG that
+    /// was bent to make up for it.
+    pub fn blocks_left_uncentred(&self, fit: &Fit, skip: &[&str]) -> Option<Vec<BlockScore>> {
+        Some(self.scores_left(fit, skip, false, None)?.blocks)
+    }
+
+    fn scores_left(&self, fit: &Fit, skip: &[&str], centred: bool, beside: Option<&str>) -> Option<Tested> {
         let p = fit.precision.len();
         let columns = fit.directions.first()?.ncols();
         let (mut normal, parts): (Vec<DMatrix<f64>>, Vec<Vec<DMatrix<f64>>>) = fit
@@ -350,7 +361,7 @@ impl<'a> Analysis<'a> {
         }
         let nuisance = Nuisance { columns: &nuisance, precision: &precision, offset: &offset };
         let variances = Variances { products: &by_variance, spread: &fit.level_spread };
-        score_test::omnibus(&normal, &nuisance, &variances, &blocks, p, self.seed)
+        score_test::tested(&normal, &nuisance, &variances, &blocks, p)
     }
 
     /// Standard deviation of the noise of a sample of the training trials [N·m].

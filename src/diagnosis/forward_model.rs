@@ -293,7 +293,8 @@ impl ForwardModel {
     /// Excitations after the effects on them, of some samples of a trial: of all, unless
     /// [`ForwardModel::excites_instantaneously`].
     ///
-    /// - `excitation`: of each muscle at these samples, before effects
+    /// - `excitation`: of each muscle at these samples, before effects; empty for those that are not asked for, unless
+    ///   [`ForwardModel::mixes_muscles`]
     pub fn excited(
         &self,
         trial: usize,
@@ -318,6 +319,11 @@ impl ForwardModel {
     /// Whether what effects make of an excitation depends, sample by sample, on that sample alone.
     pub fn excites_instantaneously(&self, effects: &[Setting]) -> bool {
         self.acting(effects).iter().filter(|s| changes_excitation(s)).all(|s| s.effect.is_instantaneous())
+    }
+
+    /// Whether what effects make of a muscle's excitation depends on other muscles'.
+    pub fn mixes_muscles(&self, effects: &[Setting]) -> bool {
+        self.acting(effects).iter().any(|s| changes_excitation(s) && s.effect.mixes_muscles())
     }
 
     /// Whether effects change excitations.
@@ -546,8 +552,7 @@ fn shown_effects(effects: &[Setting], rounds: usize) -> (Vec<Setting>, usize) {
 }
 
 fn changes_excitation(setting: &Setting) -> bool {
-    let stage = setting.effect.description().stage;
-    matches!(stage, Stage::Excitation | Stage::Activation) && !setting.effect.needs_moment() && !setting.is_absent()
+    setting.effect.description().stage == Stage::Excitation && !setting.is_absent()
 }
 
 /// Effects in the order of the catalogue, in which they act.

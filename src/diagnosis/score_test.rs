@@ -92,23 +92,43 @@ pub struct Omnibus {
     pub sign_flip_p_value: f64,
 }
 
-/// Tests blocks of directions.
+/// Every block tested by itself, and what a test of all of them together needs.
+pub struct Tested {
+    /// Every block.
+    pub blocks: Vec<BlockScore>,
+    solvers: Vec<Solver>,
+    information: DMatrix<f64>,
+    parts: Vec<DMatrix<f64>>,
+    /// Covariance of the variances' logarithms.
+    spread: DMatrix<f64>,
+    contributions: Vec<DVector<f64>>,
+}
+
+/// Of one block.
+struct Solver {
+    /// Its first column among those of all blocks.
+    first: usize,
+    inverse: DMatrix<f64>,
+    rank: usize,
+    freedom: f64,
+}
+
+/// Tests blocks of directions, each by itself.
 ///
 /// - `trials`: normal matrix of every trial
 /// - `residual`: the column of the residual
-pub fn omnibus(
+pub fn tested(
     trials: &[DMatrix<f64>],
     nuisance: &Nuisance,
     variances: &Variances,
     blocks: &[Block],
     residual: usize,
-    seed: u64,
-) -> Option<Omnibus> {
-    let tested: Vec<usize> = blocks.iter().flat_map(|b| b.columns.iter().copied()).collect();
-    let profiled = profiled(trials, nuisance, &tested, residual)?;
-    let contributions = contributions(trials, nuisance.columns, &tested, residual, &profiled);
+) -> Option<Tested> {
+    let columns: Vec<usize> = blocks.iter().flat_map(|b| b.columns.iter().copied()).collect();
+    let profiled = profiled(trials, nuisance, &columns, residual)?;
+    let contributions = contributions(trials, nuisance.columns, &columns, residual, &profiled);
     let parts: Vec<DMatrix<f64>> =
-        variances.products.iter().map(|all| of_directions(all, nuisance.columns, &tested, &profiled.carry)).collect();
+        variances.products.iter().map(|all| of_directions(all, nuisance.columns, &columns, &profiled.carry)).collect();
     let Profiled { raw, information, score, .. } = profiled;
     let mut first = 0;
     let mut solvers = Vec::new();
@@ -133,27 +153,36 @@ pub fn omnibus(
             information: own,
             kept: kept.sqrt(),
         });
-        solvers.push((first, n, inverse, rank, freedom));
+        solvers.push(Solver { first, inverse, rank, freedom });
         first += n;
     }
-    let found = results.iter().map(|b| b.p_value).fold(1.0, f64::min);
-    let critical: Vec<f64> = solvers.iter().map(|(.., rank, freedom)| quantile(*rank, *freedom, found)).collect();
-    // Whether any block of these scores has as small a p-value.
-    let as_small = |u: &DVector<f64>| {
-        solvers.iter().zip(&critical).any(|((first, n, inverse, ..), critical)| {
-            let u = u.rows(*first, *n);
-            u.dot(&(inverse * u)) >= *critical
-        })
-    };
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let law = Law::new(&information, &parts, variances.spread);
-    let by_law = (0..DRAWS).filter(|_| as_small(&law.draw(&mut rng))).count();
-    let flipped = |rng: &mut ChaCha8Rng| {
-        contributions.iter().fold(DVector::zeros(tested.len()), |u, c| if rng.random() { u + c } else { u - c })
-    };
-    let by_flips = (0..DRAWS).filter(|_| as_small(&flipped(&mut rng))).count();
-    let share = |count: usize| (count + 1) as f64 / (DRAWS + 1) as f64;
-    Some(Omnibus { blocks: results, p_value: share(by_law), sign_flip_p_value: share(by_flips) })
+    Some(Tested { blocks: results, solvers, information, parts, spread: variances.spread.clone(), contributions })
+}
+
+impl Tested {
+    /// Tests all blocks together.
+    pub fn omnibus(self, seed: u64) -> Omnibus {
+        let Tested { blocks, solvers, information, parts, spread, contributions } = self;
+        let found = blocks.iter().map(|b| b.p_value).fold(1.0, f64::min);
+        let critical: Vec<f64> = solvers.iter().map(|s| quantile(s.rank, s.freedom, found)).collect();
+        // Whether any block of these scores has as small a p-value.
+        let as_small = |u: &DVector<f64>| {
+            solvers.iter().zip(&critical).any(|(Solver { first, inverse, .. }, critical)| {
+                let u = u.rows(*first, inverse.nrows());
+                u.dot(&(inverse * u)) >= *critical
+            })
+        };
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let law = Law::new(&information, &parts, &spread);
+        let by_law = (0..DRAWS).filter(|_| as_small(&law.draw(&mut rng))).count();
+        let flipped = |rng: &mut ChaCha8Rng| {
+            let nothing = DVector::zeros(information.nrows());
+            contributions.iter().fold(nothing, |u, c| if rng.random() { u + c } else { u - c })
+        };
+        let by_flips = (0..DRAWS).filter(|_| as_small(&flipped(&mut rng))).count();
+        let share = |count: usize| (count + 1) as f64 / (DRAWS + 1) as f64;
+        Omnibus { blocks, p_value: share(by_law), sign_flip_p_value: share(by_flips) }
+    }
 }
 
 /// What every trial contributes to the scores.
@@ -372,7 +401,8 @@ mod tests {
             let products = [DMatrix::from_fn(5, 5, |i, j| if i == j && i < 4 { 1.0 / variance } else { 0.0 })];
             for (spread, alarms) in [0.0, 2.0 / f64::from(freedom)].into_iter().zip(&mut alarms) {
                 let variances = Variances { products: &products, spread: &DMatrix::from_element(1, 1, spread) };
-                let found = omnibus(&trials, &nobody, &variances, &blocks, 4, seed).expect("no nuisance to fail at");
+                let found = tested(&trials, &nobody, &variances, &blocks, 4).expect("no nuisance to fail at");
+                let found = found.omnibus(seed);
                 *alarms += usize::from(found.p_value <= 0.05);
             }
         }

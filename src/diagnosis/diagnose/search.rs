@@ -7,8 +7,10 @@ use super::super::effect::Effect;
 use super::super::fit::{Fit, Point};
 use super::super::forward_model::Setting;
 use super::super::noise::NoiseLevels;
-use super::super::score_test::Omnibus;
-use super::{Explanation, Judge, NEGLIGIBLE, REJECT_EXPLANATION, WIDENED, block, estimates, left_over, test};
+use super::super::score_test::{BlockScore, Omnibus};
+use super::{
+    Explanation, Judge, NEGLIGIBLE, REJECT_EXPLANATION, WIDENED, block, estimates, left_over, named_block, test,
+};
 use crate::simulation::SimulationError;
 use crate::study::TrialUse;
 
@@ -54,8 +56,8 @@ fn least_deviance(found: &[(Fit, Explanation)]) -> f64 {
 }
 
 /// Least p-value of directions, each taken by itself.
-fn least_p_value(left: &Omnibus) -> f64 {
-    left.blocks.iter().map(|b| b.p_value).fold(1.0, f64::min)
+fn least_p_value(left: &[BlockScore]) -> f64 {
+    left.iter().map(|b| b.p_value).fold(1.0, f64::min)
 }
 
 impl Explanation {
@@ -86,24 +88,27 @@ impl Judge<'_> {
 
     /// Every single effect that has a chance, fitted.
     pub(super) fn singles(&self, left: &Omnibus) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
-        let of = |omnibus: &Omnibus, e: &&'static dyn Effect| {
-            block(omnibus, e.description().id).map_or(0.0, |b| b.statistic)
+        let of = |blocks: &[BlockScore], e: &&'static dyn Effect| {
+            named_block(blocks, e.description().id).map_or(0.0, |b| b.statistic)
         };
-        let score = |e: &&'static dyn Effect| of(left, e).max(of(&self.uncentred, e));
+        let score = |e: &&'static dyn Effect| of(&left.blocks, e).max(of(&self.uncentred, e));
         let best = self.testable().map(|e| score(&e)).fold(0.0, f64::max);
         let mut ordered: Vec<_> = self.testable().collect();
         ordered.sort_by(|a, b| score(b).total_cmp(&score(a)));
         let hopeful = ordered.iter().take_while(|e| score(e) >= HOPELESS * best - 30.0).count().min(PROMISING_SINGLES);
-        let beside = |e: &&'static dyn Effect| {
-            self.analysis.anything_left_beside(self.null, e.description().id, self.not_testable)
+        let promising = |e: &&'static dyn Effect| {
+            let left = self.analysis.blocks_left_beside(self.null, e.description().id, self.not_testable);
+            left.is_some_and(|left| least_p_value(&left) > PROMISING)
         };
-        let promising = |e: &&'static dyn Effect| beside(e).is_some_and(|left| least_p_value(&left) > PROMISING);
         let (certain, others) = ordered[..hopeful].split_at(hopeful.min(FITTED_SINGLES));
         let others: Vec<_> = others.par_iter().copied().filter(promising).collect();
         let wanted = certain.iter().chain(&others).map(|e| (&self.null.point, left, *e)).collect();
         let mut found = self.explain_all(wanted)?;
         // Of the others, those that are called for and beside which to first order nothing is left: where little is missing, much
         // explains it.
+        let beside = |e: &&'static dyn Effect| {
+            self.analysis.anything_left_beside(self.null, e.description().id, self.not_testable)
+        };
         let survives = |e: &&'static dyn Effect| {
             block(left, e.description().id).is_some_and(|b| b.p_value < CALLED_FOR)
                 && beside(e).is_some_and(|left| left.p_value > MAY_SURVIVE)
@@ -147,14 +152,8 @@ impl Judge<'_> {
         found: &mut Vec<(Fit, Explanation)>,
     ) -> Result<(), SimulationError> {
         let is_on = |e: &&'static dyn Effect| others.iter().any(|s| s.effect.description().id == e.description().id);
-        let start = |setting: Setting| {
-            let mut start = self.analysis.nominal_point();
-            start.effects = others.to_vec();
-            start.effects.push(setting);
-            start
-        };
-        let starts =
-            self.testable().filter(|e| !is_on(e)).flat_map(|e| self.sizes_to_start_from(e)).map(start).collect();
+        let start = Point { effects: others.to_vec(), ..self.analysis.nominal_point() };
+        let further = self.testable().filter(|e| !is_on(e)).flat_map(|e| self.sizes_to_start_from(e)).collect();
         let levels = NoiseLevels::usual(self.request.forward.strength.0);
         let same = |f: &Explanation, point: &Point| {
             let has = |s: &Setting| f.effects.contains(&s.effect.description().id);
@@ -162,7 +161,7 @@ impl Judge<'_> {
         };
         let survived =
             |found: &[(Fit, Explanation)], point: &Point| found.iter().any(|f| f.1.survives() && same(&f.1, point));
-        for point in self.analysis.screened(starts, count).into_iter().take(count) {
+        for point in self.analysis.screened(&start, further, count).into_iter().take(count) {
             if survived(found, &point) {
                 break;
             }
@@ -253,7 +252,7 @@ impl Judge<'_> {
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
         pairs.truncate(FORESEEN_PAIRS);
         let foreseen = |(_, fit, second, with): (f64, &'a Fit, &'static dyn Effect, Omnibus)| {
-            let left = self.analysis.anything_left_beside(fit, second.description().id, self.not_testable);
+            let left = self.analysis.blocks_left_beside(fit, second.description().id, self.not_testable);
             (left.map_or(0.0, |left| least_p_value(&left)), fit, second, with)
         };
         let mut pairs: Vec<_> = pairs.into_par_iter().map(foreseen).collect();
@@ -303,6 +302,6 @@ impl Judge<'_> {
 
     /// Whether the model without effects is so far off that its muscles may have gone astray.
     fn far_off(&self, left: &Omnibus) -> bool {
-        left.blocks.iter().chain(&self.uncentred.blocks).any(|b| b.statistic > LARGE)
+        left.blocks.iter().chain(&self.uncentred).any(|b| b.statistic > LARGE)
     }
 }

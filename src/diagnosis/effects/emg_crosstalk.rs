@@ -34,6 +34,10 @@ impl Effect for EmgCrosstalk {
         true
     }
 
+    fn mixes_muscles(&self) -> bool {
+        true
+    }
+
     fn excite(&self, values: &[f64], trial: &TrialContext, excitation: &mut [Vec<f64>]) {
         let [c] = *values else { return };
         if c == 0.0 {

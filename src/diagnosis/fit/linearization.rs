@@ -1,5 +1,8 @@
 //! A trial around a point: what moments do when parameters, effects, excitations and everything that is tested change.
 
+use std::borrow::Cow;
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -9,7 +12,7 @@ use super::super::noise::{BASELINE_SD, KNOT_SPACING, Response, TrialNoise};
 use super::super::score_test::Block;
 use super::super::where_it_fails;
 use super::{Analysis, Point, block_means, block_starts, knot_count};
-use crate::simulation::{ExcitationResponse, SimulationError};
+use crate::simulation::{ExcitationResponse, MusculoskeletalModel, SimulationError};
 
 /// Moments per unit of log excitation below this are nothing [N·m].
 const SMALLEST_RESPONSE: f64 = 1e-9;
@@ -27,8 +30,11 @@ pub(in crate::diagnosis) struct Linear {
     /// The same, expected EMG noise and baselines taken into account.
     pub(in crate::diagnosis) residual: DVector<f64>,
     /// The trial's core, for directions.
-    pub(in crate::diagnosis) core: Core,
+    pub(in crate::diagnosis) core: Arc<Core>,
 }
+
+/// Models on both sides of the differences by an effect's parameters: see [`ForwardModel::difference_variants`].
+type Variants<'m> = Vec<[Cow<'m, MusculoskeletalModel>; 2]>;
 
 impl Analysis<'_> {
     pub(in crate::diagnosis) fn linearize(
@@ -59,24 +65,13 @@ impl Analysis<'_> {
                 let count: usize = point.effects.iter().map(|s| s.values.len()).sum();
                 let mut effects = DMatrix::zeros(blocks, count);
                 let mut column = 0;
-                for (i, setting) in point.effects.iter().enumerate() {
-                    for p in 0..setting.values.len() {
-                        if matters(setting, p) {
-                            let by = self.forward.effect_derivative(
-                                g,
-                                &core,
-                                input,
-                                &point.parameters,
-                                &point.effects,
-                                i,
-                                &variants[i],
-                                p,
-                            )?;
-                            effects.set_column(column, &block_means(&by, &starts));
-                        }
+                for (which, variants) in variants.iter().enumerate() {
+                    for by in self.by_effect(position, &core, point, &point.effects, which, variants)? {
+                        effects.set_column(column, &by);
                         column += 1;
                     }
                 }
+                let core = Arc::new(core);
                 let mut linear = Linear { nuisance, effects, residual: bare.clone(), bare, core };
                 if let Some(noise) = noise.get(position) {
                     self.attach(&mut linear, position, point, noise);
@@ -86,6 +81,54 @@ impl Analysis<'_> {
             .collect::<Vec<_>>()
             .into_iter()
             .collect()
+    }
+
+    /// Derivatives of a trial's recorded moment by the parameters of an effect, averaged over blocks [N·m per unit of their
+    /// scales]; 0 for those that do not matter.
+    ///
+    /// - `effects`: those of the point, or one more that is absent; `which` of them is asked for, `variants` are its own
+    fn by_effect(
+        &self,
+        position: usize,
+        core: &Core,
+        point: &Point,
+        effects: &[Setting],
+        which: usize,
+        variants: &Variants,
+    ) -> Result<Vec<DVector<f64>>, SimulationError> {
+        let (g, input) = (self.train[position], &*point.inputs[position]);
+        let starts = block_starts(self.forward.trials[g].time.len());
+        let parameters = &point.parameters;
+        let by = |p: usize| {
+            if !matters(&effects[which], p) {
+                return Ok(DVector::zeros(starts.len() - 1));
+            }
+            let by = self.forward.effect_derivative(g, core, input, parameters, effects, which, variants, p)?;
+            Ok(block_means(&by, &starts))
+        };
+        (0..effects[which].values.len()).map(by).collect()
+    }
+
+    /// A linearization as it is with one more effect, which is absent: nothing but its own columns is computed.
+    ///
+    /// - `point`: with that effect, the last
+    pub(in crate::diagnosis) fn with_absent(
+        &self,
+        linear: &[Linear],
+        point: &Point,
+    ) -> Result<Vec<Linear>, SimulationError> {
+        let which = point.effects.len() - 1;
+        let variants = self.forward.difference_variants(&point.effects, which)?;
+        let of_trial = |(position, l): (usize, &Linear)| {
+            let own = self.by_effect(position, &l.core, point, &point.effects, which, &variants)?;
+            let known = l.effects.ncols();
+            let mut effects = l.effects.clone().resize_horizontally(known + own.len(), 0.0);
+            own.iter().enumerate().for_each(|(i, by)| effects.set_column(known + i, by));
+            let Linear { nuisance, bare, residual, core, .. } = l;
+            let (nuisance, core) = (nuisance.clone(), Arc::clone(core));
+            Ok(Linear { nuisance, effects, bare: bare.clone(), residual: residual.clone(), core })
+        };
+        linear.par_iter().enumerate().map(of_trial).collect::<Vec<_>>().into_iter().collect()
     }
 
     /// Takes the noise of a trial into account in a linearization.
@@ -114,7 +157,8 @@ impl Analysis<'_> {
         let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
         let knots = knot_count(&record.time);
         let block_of: Vec<usize> = counts.iter().enumerate().flat_map(|(b, c)| std::iter::repeat_n(b, *c)).collect();
-        let rounds = core.rounds();
+        let reshaped = self.forward.reshapes_moment(&point.effects);
+        let rounds = if reshaped { core.rounds() } else { vec![core] };
         let muscles_of = |core: &&Core| -> Vec<ExcitationResponse> {
             let response = |m: usize| {
                 core.prepared.scaled_excitation_response(m, &core.solutions[m], &core.excitation[m], &core.factors[m])
@@ -128,7 +172,7 @@ impl Analysis<'_> {
         let before = &point.inputs[position].excitation;
         let changed = self.forward.excitation_changes(&point.effects);
         let instantaneous = self.forward.excites_instantaneously(&point.effects);
-        let reshaped = self.forward.reshapes_moment(&point.effects);
+        let mixed = self.forward.mixes_muscles(&point.effects);
         let mut responses = Vec::new();
         for (m, e) in before.iter().enumerate() {
             let mut g_of_muscle = Response::new(blocks, knots);
@@ -151,11 +195,15 @@ impl Analysis<'_> {
                 }
                 // Through the effects on excitation: later, bent, or into a neighbour.
                 let samples = if instantaneous { first..first + disturbance.len() } else { 0..e.len() };
-                let mut disturbed: Vec<Vec<f64>> = before.iter().map(|e| e[samples.clone()].to_vec()).collect();
+                let of_muscle = |(other, e): (usize, &Vec<f64>)| {
+                    if mixed || other == m { e[samples.clone()].to_vec() } else { Vec::new() }
+                };
+                let mut disturbed: Vec<Vec<f64>> = before.iter().enumerate().map(of_muscle).collect();
                 let own = disturbed[m][first - samples.start..].iter_mut();
                 own.zip(&disturbance).for_each(|(e, d)| *e += DISTURBANCE * d);
                 let after = self.forward.excited(g, samples.clone(), &disturbed, &point.effects);
-                for (other, (after, was)) in after.iter().zip(&core.excitation).enumerate() {
+                let known = after.iter().zip(&core.excitation).enumerate().filter(|(_, (after, _))| !after.is_empty());
+                for (other, (after, was)) in known {
                     let was = &was[samples.clone()];
                     let differs = |k: &usize| after[*k] != was[*k];
                     let (Some(first), Some(last)) = ((0..was.len()).find(differs), (0..was.len()).rfind(differs))
@@ -212,33 +260,14 @@ impl Analysis<'_> {
             settings.push(Setting::absent(*effect));
             let which = settings.len() - 1;
             let variants = self.forward.difference_variants(&settings, which)?;
-            let columns = self
-                .train
+            let columns = linear
                 .par_iter()
-                .zip(linear)
-                .zip(&point.inputs)
-                .map(|((g, l), input)| {
-                    let starts = block_starts(self.forward.trials[*g].time.len());
-                    amplitudes
-                        .iter()
-                        .map(|p| {
-                            let by = self.forward.effect_derivative(
-                                *g,
-                                &l.core,
-                                input,
-                                &point.parameters,
-                                &settings,
-                                which,
-                                &variants,
-                                *p,
-                            )?;
-                            Ok(block_means(&by, &starts))
-                        })
-                        .collect::<Result<Vec<_>, SimulationError>>()
-                })
+                .enumerate()
+                .map(|(position, l)| self.by_effect(position, &l.core, point, &settings, which, &variants))
                 .collect::<Vec<_>>();
             for (all, new) in per_trial.iter_mut().zip(columns) {
-                all.extend(new?);
+                let new = new?;
+                all.extend(amplitudes.iter().map(|p| new[*p].clone()));
             }
         }
         for (axis, series) in where_it_fails::AXES.iter().zip(0..) {

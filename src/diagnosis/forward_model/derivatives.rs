@@ -62,7 +62,7 @@ impl ForwardModel {
     /// Whether the recorded moment changes otherwise than the muscles' moment does: through the sensor, or through an effect on
     /// the joint that depends on the muscles' moment.
     pub fn reshapes_moment(&self, effects: &[Setting]) -> bool {
-        let reshapes = |s: &Setting| s.effect.description().stage == Stage::Sensor || s.effect.needs_moment();
+        let reshapes = |s: &Setting| senses(s) || !s.is_absent() && s.effect.needs_moment();
         self.acting(effects).iter().any(reshapes)
     }
 
@@ -77,10 +77,14 @@ impl ForwardModel {
         effects: &[Setting],
         changes: impl IntoIterator<Item = Change<'c>>,
     ) -> Vec<Vec<f64>> {
+        let acting = self.acting(effects);
+        if !acting.iter().any(|s| s.effect.needs_moment()) {
+            let sensing: Vec<&Setting> = in_order(&acting).into_iter().filter(|s| senses(s)).collect();
+            return self.sensed_changes(trial, core, &sensing, changes);
+        }
         let base = self.recorded(trial, core, core.moment.clone(), core.shown(), effects, false);
         let add =
             |to: &[f64], by: &[f64], step: f64| -> Vec<f64> { to.iter().zip(by).map(|(m, d)| m + step * d).collect() };
-        let acting = self.acting(effects);
         let feeding_back: Vec<&Setting> = in_order(&acting).into_iter().filter(|s| s.effect.feeds_back()).collect();
         let recorded = |by: Change<'c>| {
             let by = &*self.fed_back(trial, core, &feeding_back, by);
@@ -95,6 +99,30 @@ impl ForwardModel {
             moved.iter().zip(&base).map(|(a, b)| (a - b) / step).collect()
         };
         changes.into_iter().map(recorded).collect()
+    }
+
+    /// Changes of the recorded moment when the joint's moment changes: a sensor's moment is affine in it.
+    ///
+    /// - `sensing`: effects on the sensor, in order
+    fn sensed_changes<'c>(
+        &self,
+        trial: usize,
+        core: &Core,
+        sensing: &[&Setting],
+        changes: impl IntoIterator<Item = Change<'c>>,
+    ) -> Vec<Vec<f64>> {
+        let context = self.context(trial, &core.excitation, core.shown());
+        let sense = |mut moment: Vec<f64>| {
+            sensing.iter().for_each(|s| s.effect.sense(&s.values, &context, &mut moment));
+            moment
+        };
+        let still = sense(vec![0.0; core.moment.len()]);
+        let sensed = |by: Change<'c>| {
+            let mut moved = sense(by.at(core, 0).to_vec());
+            moved.iter_mut().zip(&still).for_each(|(moved, still)| *moved -= still);
+            moved
+        };
+        changes.into_iter().map(sensed).collect()
     }
 
     /// The change of the joint's moment when a change of the muscles' moment turns the joint, in as many rounds as in the
@@ -328,6 +356,11 @@ impl ForwardModel {
         effects[which].values[parameter] += step * self.strength.scale(moved);
         effects
     }
+}
+
+/// Whether an effect is one on the sensor, and there.
+fn senses(setting: &Setting) -> bool {
+    setting.effect.description().stage == Stage::Sensor && !setting.is_absent()
 }
 
 /// Step of differences of closed formulas, in units of a parameter's scale: errors of rounding and of the step squared are

@@ -363,3 +363,33 @@ fn verif_instantaneous_effects_need_the_samples_in_question_alone() {
     let delay = Setting { values: vec![0.05], ..Setting::absent(effect("electromechanical_delay").unwrap()) };
     assert!(!forward.excites_instantaneously(&[delay]));
 }
+
+/// What an effect makes of a muscle's excitation is the same where the others' are left out, unless it says that it mixes them.
+#[test]
+fn verif_excitations_of_other_muscles_may_be_left_out_unless_they_are_mixed() {
+    let forward = forward();
+    let (trial, muscle) = (1, 0);
+    let recorded = &forward.trials[trial].excitation;
+    let all = 0..recorded[0].len();
+    let alone: Vec<Vec<f64>> =
+        recorded.iter().enumerate().map(|(m, e)| if m == muscle { e.clone() } else { Vec::new() }).collect();
+    let (mut apart, mut mixing) = (0, 0);
+    for effect in CATALOGUE {
+        for setting in extremes(*effect).into_iter().filter(|s| s.values.iter().any(|v| *v != 0.0)) {
+            let settings = [setting];
+            if !forward.excitation_changes(&settings) {
+                continue;
+            }
+            if forward.mixes_muscles(&settings) {
+                mixing += 1;
+                continue;
+            }
+            apart += 1;
+            let expected = &forward.excited(trial, all.clone(), recorded, &settings)[muscle];
+            let found = forward.excited(trial, all.clone(), &alone, &settings);
+            assert_eq!(&found[muscle], expected, "{}", effect.description().id);
+            assert!(found.iter().enumerate().all(|(m, e)| m == muscle || e.is_empty()));
+        }
+    }
+    assert!(apart >= 7 && mixing >= 1, "{apart} {mixing}");
+}
