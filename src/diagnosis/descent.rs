@@ -22,6 +22,10 @@ const PAIRS: usize = 2;
 const FEW_PAIRS: usize = 1;
 /// Of many points that are fitted roughly, so many are looked at more closely for every one that is wanted.
 const SCREENED: usize = 2;
+/// So many times more get all rough steps, by what these foretell after the first few …
+const FORETOLD: usize = 2;
+/// … which are so many.
+const FIRST_STEPS: usize = 3;
 /// Steps while the noise is only guessed.
 const ROUGH_STEPS: usize = 7;
 /// Steps after each estimate of the noise.
@@ -70,6 +74,10 @@ pub(super) struct Descent {
     /// Per training trial: last step of the EMG's expected noise.
     last_correction: Vec<Option<Relaxation>>,
     at: Account,
+    /// Whether the noise's structure is that of the point, and not of one before.
+    pub(super) noise_is_current: bool,
+    /// Directions at the point, once asked for.
+    directions: Option<Arc<Vec<DMatrix<f64>>>>,
     /// Where it was most probable at the end of a round.
     least: Option<Least>,
 }
@@ -82,6 +90,7 @@ struct Least {
 }
 
 impl Descent {
+    /// That a full step promises.
     fn deviance(&self) -> f64 {
         self.noise.log_determinant() + self.at.objective - self.at.gain
     }
@@ -103,7 +112,7 @@ impl Analysis<'_> {
         hopeless: Option<Hopeless>,
     ) -> Result<Fit, SimulationError> {
         let mut descent = self.begin(start, levels)?;
-        self.descend(&mut descent, ROUGH_STEPS, ROUGHLY)?;
+        self.descend(&mut descent, ROUGH_STEPS, ROUGHLY);
         self.settle(&mut descent, false)?;
         if let Some(h) = hopeless {
             let (rough, _) = self.uncentred(&mut descent)?;
@@ -150,13 +159,19 @@ impl Analysis<'_> {
         let Ok(start) = self.begin(start.clone(), NoiseLevels::usual(self.forward.strength.0)) else {
             return Vec::new();
         };
-        let rough = |setting: Setting| {
+        let first = |setting: Setting| {
             let mut descent = self.begin_beside(&start, setting)?;
-            self.descend(&mut descent, ROUGH_STEPS, ROUGHLY)?;
-            Ok::<_, SimulationError>(descent)
+            let radius = self.descend_on(&mut descent, f64::INFINITY, FIRST_STEPS, ROUGHLY);
+            Ok::<_, SimulationError>((descent, radius))
         };
-        let rough = further.into_par_iter().filter_map(|setting| rough(setting).ok());
-        let mut fitted = most_promising(rough.collect());
+        let rest = |(mut descent, radius): (Descent, f64)| {
+            self.descend_on(&mut descent, radius, ROUGH_STEPS - FIRST_STEPS, ROUGHLY);
+            descent
+        };
+        let mut begun: Vec<_> = further.into_par_iter().filter_map(|setting| first(setting).ok()).collect();
+        begun.sort_by(|(a, _), (b, _)| a.deviance().total_cmp(&b.deviance()));
+        begun.truncate(FORETOLD * SCREENED * wanted);
+        let mut fitted = most_promising(begun.into_par_iter().map(rest).collect());
         // Of several sizes of the same effects the best.
         let ids = |d: &Descent| -> Vec<&str> { d.point.effects.iter().map(|s| s.effect.description().id).collect() };
         let mut seen = HashSet::new();
@@ -213,7 +228,7 @@ impl Analysis<'_> {
     /// A fit with usual noise: while the model is far off, its errors would be taken for noise.
     pub(super) fn rough_fit(&self, start: Point) -> Result<Descent, SimulationError> {
         let mut descent = self.begin(start, NoiseLevels::usual(self.forward.strength.0))?;
-        self.descend(&mut descent, ROUGH_STEPS, ROUGHLY)?;
+        self.descend(&mut descent, ROUGH_STEPS, ROUGHLY);
         Ok(descent)
     }
 
@@ -238,19 +253,46 @@ impl Analysis<'_> {
     fn begun(&self, point: Point, linear: Vec<Linear>, noise: Noise) -> Descent {
         let at = self.account(&linear, &point, &noise);
         let last_correction = vec![None; self.train.len()];
-        Descent { point, linear, noise, last_step: [[0.0; 2]; COMPONENTS], last_correction, at, least: None }
+        Descent {
+            point,
+            linear,
+            noise,
+            last_step: [[0.0; 2]; COMPONENTS],
+            last_correction,
+            at,
+            noise_is_current: true,
+            directions: None,
+            least: None,
+        }
+    }
+
+    /// Passes the EMG's noise through the muscles as they are now.
+    fn bring_noise_up_to_date(&self, descent: &mut Descent) {
+        if !std::mem::replace(&mut descent.noise_is_current, true) {
+            descent.noise = self.noise(&mut descent.linear, &descent.point, descent.noise.levels);
+            descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
+        }
+    }
+
+    /// Directions at the point of a descent.
+    pub(super) fn directions_at(&self, descent: &mut Descent) -> Result<Arc<Vec<DMatrix<f64>>>, SimulationError> {
+        if let Some(known) = &descent.directions {
+            return Ok(Arc::clone(known));
+        }
+        let found = Arc::new(self.calc_directions(&descent.linear, &descent.point)?.0);
+        descent.directions = Some(Arc::clone(&found));
+        Ok(found)
     }
 
     /// Takes sensitivities where the EMG is expected without its noise, and goes on.
     ///
     /// - `estimate`: the variances of the noise before
     pub(super) fn settle(&self, descent: &mut Descent, estimate: bool) -> Result<(), SimulationError> {
-        // Forces have moved since the EMG's noise was last passed through the muscles.
-        descent.noise = self.noise(&mut descent.linear, &descent.point, descent.noise.levels);
-        descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
+        self.bring_noise_up_to_date(descent);
         if estimate {
+            let directions = self.directions_at(descent)?;
             let Descent { point, linear, noise, last_step, .. } = descent;
-            let estimated = self.estimate_noise(linear, &noise.structure, point, noise.levels)?;
+            let estimated = self.estimate_noise(linear, &noise.structure, point, &directions, noise.levels);
             noise.levels = noise.levels.towards(&estimated, last_step);
             noise.factors = factors(noise);
             descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
@@ -259,17 +301,17 @@ impl Analysis<'_> {
         let step = step.unwrap_or_else(|| descent.at.gradient.clone() * 0.0);
         self.correct(descent, &step)?;
         descent.linear = self.linearize(&descent.point, &[])?;
-        descent.noise = self.noise(&mut descent.linear, &descent.point, descent.noise.levels);
-        descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
-        self.descend(descent, FINE_STEPS, CONVERGED)
+        (descent.noise_is_current, descent.directions) = (false, None);
+        self.bring_noise_up_to_date(descent);
+        self.descend(descent, FINE_STEPS, CONVERGED);
+        Ok(())
     }
 
     /// The fit that a descent has come to, its V brought up to date and its scores as they are; and the inverse of its information.
     fn uncentred(&self, descent: &mut Descent) -> Result<(Fit, DMatrix<f64>), SimulationError> {
-        descent.noise = self.noise(&mut descent.linear, &descent.point, descent.noise.levels);
-        descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
+        self.bring_noise_up_to_date(descent);
+        let directions = self.directions_at(descent)?;
         let Descent { point, linear, noise, at, .. } = &*descent;
-        let directions = Arc::new(self.calc_directions(linear, point)?.0);
         let level_spread = self.level_spread(linear, noise, point, &directions);
         let (p, n) = (at.precision.len(), self.n_nuisance());
         let inverse = at.information.clone().try_inverse().unwrap_or_else(|| DMatrix::zeros(p, p));
@@ -307,9 +349,14 @@ impl Analysis<'_> {
     ///
     /// The lengths and forces of muscles form a curved valley, whose walls are steep: steps are shortened as a whole
     /// while they promise what does not come.
-    fn descend(&self, now: &mut Descent, steps: usize, enough: f64) -> Result<(), SimulationError> {
-        // Longest step, in standard deviations.
-        let mut radius = f64::INFINITY;
+    fn descend(&self, now: &mut Descent, steps: usize, enough: f64) {
+        self.descend_on(now, f64::INFINITY, steps, enough);
+    }
+
+    /// As [`Analysis::descend`], after other steps.
+    ///
+    /// - `radius`: longest step, in standard deviations; returns that of the next
+    fn descend_on(&self, now: &mut Descent, mut radius: f64, steps: usize, enough: f64) -> f64 {
         for _ in 0..steps {
             if now.at.gain < enough {
                 break;
@@ -327,11 +374,12 @@ impl Analysis<'_> {
                 Some((point, linear, at)) if fall(&at) > -0.3 * promised - 0.05 => {
                     radius = if fall(&at) < 0.3 * promised { 0.7 * part * length } else { 1.5 * radius };
                     (now.point, now.linear, now.at) = (point, linear, at);
+                    (now.noise_is_current, now.directions) = (false, None);
                 }
                 _ => radius = 0.4 * part * length,
             }
         }
-        Ok(())
+        radius
     }
 
     /// A point simulated, with the noise as it was.

@@ -17,33 +17,27 @@ enum Kind {
 
 impl Analysis<'_> {
     /// Variances of the noise, all directions being among the regressors.
+    ///
+    /// - `directions`: at the point
     pub(in crate::diagnosis) fn estimate_noise(
         &self,
         linear: &[Linear],
         noise: &[TrialNoise],
         point: &Point,
+        directions: &[DMatrix<f64>],
         start: NoiseLevels,
-    ) -> Result<NoiseLevels, SimulationError> {
-        let (columns, precision) = self.regressors(linear, point)?;
+    ) -> NoiseLevels {
+        let (columns, precision) = self.regressors(linear, point, directions);
         let trials: Vec<_> = noise.iter().zip(&columns).zip(linear).map(|((n, x), l)| (n, x, &l.residual)).collect();
-        Ok(noise::estimate(&trials, &precision, start))
+        noise::estimate(&trials, &precision, start)
     }
 
-    /// Per trial all that a residual is regressed on while noise is estimated, and prior precisions.
+    /// Per trial all that a residual is regressed on while noise is estimated — nuisance, effects and directions — and prior
+    /// precisions.
     ///
     /// With all directions among them what an effect does is not taken for noise. They are those at the very point: others,
     /// from another estimate of the EMG, go with what differs between the estimates, and take a tenth of the noise away.
     fn regressors(
-        &self,
-        linear: &[Linear],
-        point: &Point,
-    ) -> Result<(Vec<DMatrix<f64>>, DVector<f64>), SimulationError> {
-        let (directions, _) = self.calc_directions(linear, point)?;
-        Ok(self.with_directions(linear, point, &directions))
-    }
-
-    /// Per trial nuisance, effects and directions, and prior precisions.
-    fn with_directions(
         &self,
         linear: &[Linear],
         point: &Point,
@@ -76,7 +70,7 @@ impl Analysis<'_> {
         point: &Point,
         directions: &[DMatrix<f64>],
     ) -> DMatrix<f64> {
-        let (columns, precision) = self.with_directions(linear, point, directions);
+        let (columns, precision) = self.regressors(linear, point, directions);
         let trials: Vec<_> =
             noise.structure.iter().zip(&columns).zip(linear).map(|((n, x), l)| (n, x, &l.residual)).collect();
         noise::spread(&trials, &precision, &noise.levels).unwrap_or_else(|| DMatrix::zeros(COMPONENTS, COMPONENTS))
@@ -84,7 +78,8 @@ impl Analysis<'_> {
 
     /// Chooses the correlations of the noise by restricted likelihood: of the EMG's, then of the moment's, then again.
     pub(super) fn choose_kernels(&mut self, descent: &mut Descent) -> Result<(), SimulationError> {
-        let (columns, precision) = self.regressors(&descent.linear, &descent.point)?;
+        let directions = self.directions_at(descent)?;
+        let (columns, precision) = self.regressors(&descent.linear, &descent.point, &directions);
         let residuals: Vec<&DVector<f64>> = descent.linear.iter().map(|l| &l.residual).collect();
         let mut levels = descent.noise.levels;
         let mut structure = descent.noise.structure.clone();
@@ -120,6 +115,7 @@ impl Analysis<'_> {
         }
         self.times = self.train.iter().map(|g| trial_times(&self.forward.trials[*g], &self.kernels.moment)).collect();
         descent.noise.levels = levels;
+        descent.noise_is_current = false;
         Ok(())
     }
 }
