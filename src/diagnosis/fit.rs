@@ -303,7 +303,7 @@ impl<'a> Analysis<'a> {
     }
 
     /// As [`Analysis::anything_left`], every block by itself.
-    pub(super) fn blocks_left(&self, fit: &Fit, skip: &[&str]) -> Option<Vec<BlockScore>> {
+    pub fn blocks_left(&self, fit: &Fit, skip: &[&str]) -> Option<Vec<BlockScore>> {
         Some(self.scores_left(fit, skip, true, None)?.blocks)
     }
 
