@@ -250,6 +250,7 @@ impl Analysis<'_> {
         Ok(self.begun(point, linear, start.noise.clone()))
     }
 
+    /// A descent at its start.
     fn begun(&self, point: Point, linear: Vec<Linear>, noise: Noise) -> Descent {
         let at = self.account(&linear, &point, &noise);
         let last_correction = vec![None; self.train.len()];

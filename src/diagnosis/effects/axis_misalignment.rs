@@ -8,7 +8,7 @@ pub struct AxisMisalignment;
 static DESCRIPTION: Description = Description {
     id: "axis_misalignment",
     name: "Axes of joint and machine apart",
-    stage: Stage::Geometry,
+    stage: Stage::Sensor,
     equation: "τ (1 + s sin q); the part with cos q is a gain but for 1 - cos q and is left to it",
     parameters: &[amplitude(
         "sine_part",
