@@ -54,7 +54,7 @@ const LARGEST_CHANGE: f64 = 0.5;
 /// Expected noise of the logarithm of the EMG stays below this.
 const LARGEST_NOISE: f64 = 0.7;
 
-/// Fits that are not followed to their end; their scores stay as they are, their means not taken out.
+/// Fits that are not followed to their end; of their scores no mean is taken out, or that of a few draws.
 #[derive(Clone, Copy)]
 pub struct Hopeless<'a> {
     /// Those whose deviance stays above this.
@@ -128,25 +128,39 @@ impl Analysis<'_> {
                 return Ok(fit);
             }
             if settled || rounds > ROUNDS_AT_LEAST {
-                if let Some(near) = near {
-                    let means = self.means_with_effects(near, &fit.point);
-                    return Ok(self.centre(fit, &inverse, means));
-                }
-                let few = self.calc_bias(&fit, 0..FEW_PAIRS)?;
-                if let Some(h) = hopeless {
-                    let centred = self.centre(fit.clone(), &inverse, few.clone());
-                    let left = self.blocks_left(&centred, h.skip).unwrap_or_default();
-                    if left.iter().any(|b| b.p_value * (left.len() as f64) < BEYOND_DOUBT) {
-                        return Ok(centred);
+                return match near {
+                    Some(near) => {
+                        let means = self.means_with_effects(near, &fit.point);
+                        Ok(self.centre(fit, &inverse, means))
                     }
-                }
-                let more = self.calc_bias(&fit, FEW_PAIRS..PAIRS)?;
-                let share = FEW_PAIRS as f64 / PAIRS as f64;
-                let means = few.iter().zip(&more).map(|(few, more)| few * share + more * (1.0 - share)).collect();
-                return Ok(self.centre(fit, &inverse, means));
+                    None => self.centre_by_draws(fit, &inverse, hopeless),
+                };
             }
             rounds = MOST_ROUNDS - ROUNDS_AT_LEAST;
         }
+    }
+
+    /// A fit with the mean of its scores drawn; a hopeless one with that of a few draws.
+    ///
+    /// - `inverse`: of its information
+    fn centre_by_draws(
+        &self,
+        fit: Fit,
+        inverse: &DMatrix<f64>,
+        hopeless: Option<Hopeless>,
+    ) -> Result<Fit, SimulationError> {
+        let few = self.calc_bias(&fit, 0..FEW_PAIRS)?;
+        if let Some(h) = hopeless {
+            let centred = self.centre(fit.clone(), inverse, few.clone());
+            let left = self.blocks_left(&centred, h.skip).unwrap_or_default();
+            if left.iter().any(|b| b.p_value * (left.len() as f64) < BEYOND_DOUBT) {
+                return Ok(centred);
+            }
+        }
+        let more = self.calc_bias(&fit, FEW_PAIRS..PAIRS)?;
+        let share = FEW_PAIRS as f64 / PAIRS as f64;
+        let means = few.iter().zip(&more).map(|(few, more)| few * share + more * (1.0 - share)).collect();
+        Ok(self.centre(fit, inverse, means))
     }
 
     /// Points with one more effect each, fitted roughly, with usual noise, from where a model has not yet gone astray to make up for
