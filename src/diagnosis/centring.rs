@@ -29,22 +29,34 @@ use crate::simulation::SimulationError;
 impl Analysis<'_> {
     /// Mean score of nuisance, effects that are on and directions, per training trial.
     ///
-    /// - `pairs`: which pairs of draws
+    /// - `truth`: see [`Analysis::truth_of`]; `pairs`: which pairs of draws
     ///
     /// # Errors
     /// A trial that cannot be simulated.
-    pub(super) fn calc_bias(&self, fit: &Fit, pairs: Range<usize>) -> Result<Vec<DVector<f64>>, SimulationError> {
-        let point = &fit.point;
-        let truth = self.simulated(&Point { baseline: vec![0.0; self.n_muscles()], ..point.clone() })?;
-        let mut bias = self.no_bias(point);
+    pub(super) fn calc_bias(
+        &self,
+        fit: &Fit,
+        truth: &[DVector<f64>],
+        pairs: Range<usize>,
+    ) -> Result<Vec<DVector<f64>>, SimulationError> {
         let draws = (2 * pairs.len()) as f64;
-        for pair in pairs {
-            for sign in [1.0, -1.0] {
-                let scores = self.scores_of_draw(fit, &truth, pair, sign)?;
-                bias.iter_mut().zip(&scores).for_each(|(b, s): (&mut DVector<f64>, _)| *b += s / draws);
-            }
+        let sides: Vec<(usize, f64)> = pairs.flat_map(|pair| [(pair, 1.0), (pair, -1.0)]).collect();
+        let scores: Vec<_> =
+            sides.into_par_iter().map(|(pair, side)| self.scores_of_draw(fit, truth, pair, side)).collect();
+        let mut bias = self.no_bias(&fit.point);
+        for scores in scores {
+            bias.iter_mut().zip(&scores?).for_each(|(b, s): (&mut DVector<f64>, _)| *b += s / draws);
         }
         Ok(bias)
+    }
+
+    /// What a fit takes for the truth where recordings are drawn: moments without baselines, averaged over blocks.
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub(super) fn truth_of(&self, fit: &Fit) -> Result<Vec<DVector<f64>>, SimulationError> {
+        let point = Point { baseline: vec![0.0; self.n_muscles()], ..fit.point.clone() };
+        Ok(self.linearize_muscles(&point)?.iter().enumerate().map(|(i, l)| self.measured(i) - &l.bare).collect())
     }
 
     /// Scores at a point whose means are 0, or not computed.
@@ -80,11 +92,6 @@ impl Analysis<'_> {
         self.n_nuisance() + effects + self.blocks.iter().map(|b| b.columns.len()).sum::<usize>()
     }
 
-    /// Moments at a point, averaged over blocks.
-    fn simulated(&self, point: &Point) -> Result<Vec<DVector<f64>>, SimulationError> {
-        Ok(self.linearize(point, &[])?.iter().enumerate().map(|(i, l)| self.measured(i) - &l.bare).collect())
-    }
-
     fn measured(&self, position: usize) -> DVector<f64> {
         let record = &self.forward.trials[self.train[position]];
         block_means(&record.moment, &block_starts(record.time.len()))
@@ -99,22 +106,22 @@ impl Analysis<'_> {
         side: f64,
     ) -> Result<Vec<DVector<f64>>, SimulationError> {
         let Fit { point, noise, factors, levels, .. } = fit;
-        let mut moments = Vec::new();
-        let mut recorded = Vec::new();
-        let mut correction = Vec::new();
-        for (position, structure) in noise.iter().enumerate() {
+        let draw = |(position, structure): (usize, &TrialNoise)| {
             let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ ((position as u64) << 20) ^ ((pair as u64) << 40));
             let drawn = structure.draw(levels, || side * sign(&mut rng));
             let of_moment = structure.draw_moment(levels, || side * sign(&mut rng));
             // To first order; then without a simulation.
             let shown = &of_moment - structure.respond(&structure.relative(&drawn));
-            correction.push(structure.expected_noise(levels, &factors[position].solve(&shown)));
-            moments.push(&truth[position] + of_moment);
-            recorded.push(self.disturbed(position, &point.inputs[position].excitation, &drawn));
-        }
+            let correction = structure.expected_noise(levels, &factors[position].solve(&shown));
+            let recorded = self.disturbed(position, &point.inputs[position].excitation, &drawn);
+            (&truth[position] + of_moment, (recorded, correction))
+        };
+        let (moments, (recorded, correction)): (Vec<_>, (Vec<_>, Vec<_>)) =
+            noise.par_iter().enumerate().map(draw).unzip();
         let mut at = Point { baseline: vec![0.0; self.n_muscles()], correction, ..point.clone() };
         self.set_inputs(&mut at, &recorded)?;
-        let (linear, structure) = self.against(&at, &moments)?;
+        // Effects' columns are not needed yet.
+        let (linear, structure) = self.against(self.linearize_muscles(&at)?, &at, &moments);
         at.correction = structure
             .par_iter()
             .zip(&linear)
@@ -124,7 +131,7 @@ impl Analysis<'_> {
             })
             .collect();
         self.set_inputs(&mut at, &recorded)?;
-        let (linear, structure) = self.against(&at, &moments)?;
+        let (linear, structure) = self.against(self.linearize(&at, &[])?, &at, &moments);
         let directions = self.calc_directions(&linear, &at)?.0;
         let scores = linear.par_iter().zip(&directions).zip(&structure).map(|((l, d), s)| {
             let (own, on, extra) = (l.nuisance.ncols(), l.effects.ncols(), d.ncols());
@@ -170,19 +177,19 @@ impl Analysis<'_> {
         Ok(())
     }
 
-    /// Linearization at a point against other moments than the measured.
+    /// A linearization at a point against other moments than the measured, and how noise enters there.
     fn against(
         &self,
+        mut linear: Vec<Linear>,
         point: &Point,
         moments: &[DVector<f64>],
-    ) -> Result<(Vec<Linear>, Vec<TrialNoise>), SimulationError> {
-        let mut linear = self.linearize(point, &[])?;
+    ) -> (Vec<Linear>, Vec<TrialNoise>) {
         let structure = self.noise_structure(&linear, point);
-        for (position, l) in linear.iter_mut().enumerate() {
-            l.bare += &moments[position] - self.measured(position);
-            self.attach(l, position, point, &structure[position]);
-        }
-        Ok((linear, structure))
+        linear.par_iter_mut().zip(moments).zip(&structure).enumerate().for_each(|(position, ((l, moment), noise))| {
+            l.bare += moment - self.measured(position);
+            self.attach(l, position, point, noise);
+        });
+        (linear, structure)
     }
 }
 

@@ -149,7 +149,8 @@ impl Analysis<'_> {
         inverse: &DMatrix<f64>,
         hopeless: Option<Hopeless>,
     ) -> Result<Fit, SimulationError> {
-        let few = self.calc_bias(&fit, 0..FEW_PAIRS)?;
+        let truth = self.truth_of(&fit)?;
+        let few = self.calc_bias(&fit, &truth, 0..FEW_PAIRS)?;
         if let Some(h) = hopeless {
             let centred = self.centre(fit.clone(), inverse, few.clone());
             let left = self.blocks_left(&centred, h.skip).unwrap_or_default();
@@ -157,7 +158,7 @@ impl Analysis<'_> {
                 return Ok(centred);
             }
         }
-        let more = self.calc_bias(&fit, FEW_PAIRS..PAIRS)?;
+        let more = self.calc_bias(&fit, &truth, FEW_PAIRS..PAIRS)?;
         let share = FEW_PAIRS as f64 / PAIRS as f64;
         let means = few.iter().zip(&more).map(|(few, more)| few * share + more * (1.0 - share)).collect();
         Ok(self.centre(fit, inverse, means))
@@ -235,7 +236,7 @@ impl Analysis<'_> {
         self.settle(&mut descent, true)?;
         self.follow(&mut descent, MOST_ROUNDS - 1)?;
         let (fit, inverse) = self.uncentred(&mut descent)?;
-        let means = self.calc_bias(&fit, 0..MOST_PAIRS)?;
+        let means = self.calc_bias(&fit, &self.truth_of(&fit)?, 0..MOST_PAIRS)?;
         Ok(self.centre(fit, &inverse, means))
     }
 
@@ -488,9 +489,11 @@ impl Analysis<'_> {
     /// Structure of the noise at a point, with these variances; the linearization is made to match.
     fn noise(&self, linear: &mut [Linear], point: &Point, levels: NoiseLevels) -> Noise {
         let structure = self.noise_structure(linear, point);
-        for (position, (l, noise)) in linear.iter_mut().zip(&structure).enumerate() {
-            self.attach(l, position, point, noise);
-        }
+        linear
+            .par_iter_mut()
+            .zip(&structure)
+            .enumerate()
+            .for_each(|(position, (l, noise))| self.attach(l, position, point, noise));
         let mut noise = Noise { structure, levels, factors: Vec::new() };
         noise.factors = factors(&noise);
         noise

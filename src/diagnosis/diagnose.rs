@@ -80,12 +80,14 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         if request.candidates.is_empty() { CATALOGUE.to_vec() } else { request.candidates.clone() };
     let train = forward.trials_for(TrialUse::Train);
     let (analysis, null) = Analysis::new(forward, train, all, &request.bounds, request.seed)?;
-    let first = test(&analysis, &null, &[])?;
+    let first = blocks_of(&analysis, &null, &[])?;
     let not_testable: Vec<&'static str> = analysis
         .candidates
         .iter()
         .map(|e| e.description())
-        .filter(|d| d.unidentifiable.is_some() || block(&first, d.id).is_none_or(|b| b.kept < TESTABLE || b.rank == 0))
+        .filter(|d| {
+            d.unidentifiable.is_some() || named_block(&first, d.id).is_none_or(|b| b.kept < TESTABLE || b.rank == 0)
+        })
         .map(|d| d.id)
         .collect();
     let left = test(&analysis, &null, &not_testable)?;
@@ -172,8 +174,15 @@ fn named(levels: &NoiseLevels, analysis: &Analysis) -> BTreeMap<&'static str, f6
     named.into_iter().chain(slow).map(|(name, variance)| (name, variance.sqrt())).collect()
 }
 
+const NO_TEST: SimulationError = SimulationError::ParameterCount { found: 0, expected: 1 };
+
 fn test(analysis: &Analysis, fit: &Fit, skip: &[&str]) -> Result<Omnibus, SimulationError> {
-    analysis.anything_left(fit, skip).ok_or(SimulationError::ParameterCount { found: 0, expected: 1 })
+    analysis.anything_left(fit, skip).ok_or(NO_TEST)
+}
+
+/// As [`test`], every block by itself.
+fn blocks_of(analysis: &Analysis, fit: &Fit, skip: &[&str]) -> Result<Vec<BlockScore>, SimulationError> {
+    analysis.blocks_left(fit, skip).ok_or(NO_TEST)
 }
 
 /// The directions of smallest p-value.
@@ -252,14 +261,14 @@ impl Judge<'_> {
         })
     }
 
-    fn candidates(&self, first: &Omnibus, singles: &[(Fit, Explanation)]) -> Vec<Candidate> {
+    fn candidates(&self, first: &[BlockScore], singles: &[(Fit, Explanation)]) -> Vec<Candidate> {
         let mut out: Vec<Candidate> = self
             .analysis
             .candidates
             .iter()
             .filter_map(|effect| {
                 let description = effect.description();
-                let score = block(first, description.id)?;
+                let score = named_block(first, description.id)?;
                 let fitted = singles.iter().find(|s| s.1.effects == [description.id]).map(|s| &s.1);
                 let detectable_size = description
                     .amplitudes()

@@ -273,11 +273,17 @@ impl<'a> Analysis<'a> {
         let mut information = DMatrix::from_diagonal(&DVector::from_vec(precision.clone()));
         let mut gradient = DVector::from_iterator(p, precision.iter().zip(&offset).map(|(a, b)| -a * b));
         let mut objective = precision.iter().zip(&offset).map(|(a, b)| a * b * b).sum::<f64>();
-        for w in &whitened {
-            let x = w.columns(0, p);
-            information += x.tr_mul(&x);
-            gradient += x.tr_mul(&w.column(p));
-            objective += w.column(p).norm_squared();
+        let products: Vec<_> = whitened
+            .par_iter()
+            .map(|w| {
+                let x = w.columns(0, p);
+                (x.tr_mul(&x), x.tr_mul(&w.column(p)), w.column(p).norm_squared())
+            })
+            .collect();
+        for (of_information, of_gradient, of_objective) in products {
+            information += of_information;
+            gradient += of_gradient;
+            objective += of_objective;
         }
         let gain = information.clone().cholesky().map_or(0.0, |c| gradient.dot(&c.solve(&gradient)));
         Account { whitened, information, gradient, objective, gain, precision, offset }

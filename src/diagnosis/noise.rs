@@ -164,18 +164,20 @@ impl Response {
             if rows.is_empty() {
                 continue;
             }
-            // Column `knot` of G D K.
+            // Column `knot` of G D K, and where it ends.
             spread.fill(0.0);
+            let mut end = 0;
             for other in knot.saturating_sub(by_step.len() - 1)..(knot + by_step.len()).min(knots) {
                 let weight = by_step[knot.abs_diff(other)] * factor(other);
                 let column = &self.by_knots.as_slice()[other * n..(other + 1) * n];
                 let shown = self.rows[other].clone();
+                end = end.max(shown.end);
                 spread[shown.clone()].iter_mut().zip(&column[shown]).for_each(|(s, g)| *s += weight * g);
             }
             for row in rows.clone() {
                 let weight = self.by_knots[(row, knot)] * factor(knot);
                 let to = &mut covariance.as_mut_slice()[row * n..(row + 1) * n];
-                to[row..].iter_mut().zip(&spread[row..]).for_each(|(to, from)| *to += weight * from);
+                to[row..end].iter_mut().zip(&spread[row..end]).for_each(|(to, from)| *to += weight * from);
             }
         }
     }
@@ -257,7 +259,7 @@ impl TrialNoise {
         let emg = [DMatrix::zeros(0, 0), gain, DMatrix::zeros(0, 0)];
         let by_step = Arc::from([]);
         let bare = TrialNoise { times: Arc::clone(times), emg, response, reciprocal, whole, by_step, of_angle: None };
-        bare.with_kernel(times, kernel)
+        bare.with_emg_kernel(kernel)
     }
 
     /// The same noise and that of the angle.
@@ -267,10 +269,14 @@ impl TrialNoise {
         TrialNoise { of_angle: covariance, ..self }
     }
 
-    /// The same noise with other correlations in time.
-    pub fn with_kernel(mut self, times: &Arc<TrialTimes>, kernel: &Kernel) -> TrialNoise {
-        let n = times.white.len();
-        self.times = Arc::clone(times);
+    /// The same noise, slow disturbances correlated otherwise.
+    pub fn with_times(self, times: Arc<TrialTimes>) -> TrialNoise {
+        TrialNoise { times, ..self }
+    }
+
+    /// The same noise, that of the EMG correlated otherwise.
+    pub fn with_emg_kernel(mut self, kernel: &Kernel) -> TrialNoise {
+        let n = self.times.white.len();
         self.by_step = kernel.by_step(KNOT_SPACING).into();
         let (mut envelope, mut floor) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
         for (g, d) in self.response.iter().zip(&self.reciprocal) {
@@ -438,8 +444,9 @@ impl TrialNoise {
         let mut information = DMatrix::zeros(COMPONENTS, COMPONENTS);
         let places = self.components();
         for (i, place) in places.into_iter().enumerate() {
-            for (j, other) in places.into_iter().enumerate() {
-                information[(place, other)] = 0.5 * products[i.max(j)].dot(&turned[i.min(j)]);
+            for (j, other) in places.into_iter().enumerate().take(i + 1) {
+                information[(place, other)] = 0.5 * products[i].dot(&turned[j]);
+                information[(other, place)] = information[(place, other)];
             }
         }
         information

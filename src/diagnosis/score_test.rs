@@ -21,6 +21,7 @@
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use crate::numerics::{symmetric_eigen, symmetric_root};
@@ -174,12 +175,15 @@ impl Tested {
         };
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let law = Law::new(&information, &parts, &spread);
-        let by_law = (0..DRAWS).filter(|_| as_small(&law.draw(&mut rng))).count();
-        let flipped = |rng: &mut ChaCha8Rng| {
+        // Random numbers one after another, what they make side by side.
+        let draws: Vec<Draw> = (0..DRAWS).map(|_| law.draw(&mut rng)).collect();
+        let by_law = draws.par_iter().filter(|draw| as_small(&law.scores(draw))).count();
+        let flips: Vec<Vec<bool>> = (0..DRAWS).map(|_| contributions.iter().map(|_| rng.random()).collect()).collect();
+        let flipped = |flips: &Vec<bool>| {
             let nothing = DVector::zeros(information.nrows());
-            contributions.iter().fold(nothing, |u, c| if rng.random() { u + c } else { u - c })
+            contributions.iter().zip(flips).fold(nothing, |u, (c, up)| if *up { u + c } else { u - c })
         };
-        let by_flips = (0..DRAWS).filter(|_| as_small(&flipped(&mut rng))).count();
+        let by_flips = flips.par_iter().filter(|flips| as_small(&flipped(flips))).count();
         let share = |count: usize| (count + 1) as f64 / (DRAWS + 1) as f64;
         Omnibus { blocks, p_value: share(by_law), sign_flip_p_value: share(by_flips) }
     }
@@ -224,21 +228,33 @@ impl Law {
     fn new(information: &DMatrix<f64>, parts: &[DMatrix<f64>], spread: &DMatrix<f64>) -> Law {
         let known = parts.iter().fold(information.clone(), |rest, part| rest - part);
         Law {
-            parts: parts.iter().map(symmetric_root).collect(),
+            parts: parts.par_iter().map(symmetric_root).collect(),
             known: symmetric_root(&known),
             spread: symmetric_root(spread),
         }
     }
 
-    fn draw(&self, rng: &mut ChaCha8Rng) -> DVector<f64> {
-        let mut standard = |n: usize| DVector::from_fn(n, |_, _| normal(rng));
-        let logarithms = &self.spread * standard(self.spread.ncols());
-        let mut u = &self.known * standard(self.known.ncols());
-        for (root, log) in self.parts.iter().zip(logarithms.iter()) {
-            u.gemv((0.5 * log).exp(), root, &standard(root.ncols()), 1.0);
+    fn draw(&self, rng: &mut ChaCha8Rng) -> Draw {
+        let mut standard = |root: &DMatrix<f64>| DVector::from_fn(root.ncols(), |_, _| normal(rng));
+        let (spread, known) = (standard(&self.spread), standard(&self.known));
+        Draw { spread, known, parts: self.parts.iter().map(standard).collect() }
+    }
+
+    fn scores(&self, draw: &Draw) -> DVector<f64> {
+        let logarithms = &self.spread * &draw.spread;
+        let mut u = &self.known * &draw.known;
+        for ((root, log), z) in self.parts.iter().zip(logarithms.iter()).zip(&draw.parts) {
+            u.gemv((0.5 * log).exp(), root, z, 1.0);
         }
         u
     }
+}
+
+/// Standard normal numbers from which scores are made.
+struct Draw {
+    spread: DVector<f64>,
+    known: DVector<f64>,
+    parts: Vec<DVector<f64>>,
 }
 
 /// Scores with nuisance profiled out.

@@ -461,15 +461,16 @@ impl Problem {
         if structure.len() < held.trials.len() {
             return;
         }
-        let with = |structure: &[TrialNoise], kernels: &Kernels| -> Vec<TrialNoise> {
-            let pairs = structure.par_iter().zip(&self.trials).zip(&held.trials);
-            let one = |((noise, trial), held): ((&TrialNoise, &RecordedTrial), &HeldTrial)| {
-                noise.clone().with_kernel(&trial_times(trial, &held.starts, &kernels.moment), &kernels.emg)
-            };
-            pairs.map(one).collect()
-        };
         for of_emg in [true, false, true] {
             let known = held.kernels;
+            let with = |structure: &[TrialNoise], kernels: &Kernels| -> Vec<TrialNoise> {
+                let pairs = structure.par_iter().zip(&self.trials).zip(&held.trials);
+                let one = |((noise, trial), held): ((&TrialNoise, &RecordedTrial), &HeldTrial)| match of_emg {
+                    true => noise.clone().with_emg_kernel(&kernels.emg),
+                    false => noise.clone().with_times(trial_times(trial, &held.starts, &kernels.moment)),
+                };
+                pairs.map(one).collect()
+            };
             let changed = |kernel: &Kernel| {
                 if of_emg { Kernels { emg: *kernel, ..known } } else { Kernels { moment: *kernel, ..known } }
             };

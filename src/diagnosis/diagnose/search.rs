@@ -1,5 +1,7 @@
 //! The search for explanations: which effects, and which pairs, are fitted, and what that leaves.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::super::descent::Hopeless;
@@ -9,7 +11,8 @@ use super::super::forward_model::Setting;
 use super::super::noise::NoiseLevels;
 use super::super::score_test::{BlockScore, Omnibus};
 use super::{
-    Explanation, Judge, NEGLIGIBLE, REJECT_EXPLANATION, WIDENED, block, estimates, left_over, named_block, test,
+    Explanation, Judge, NEGLIGIBLE, REJECT_EXPLANATION, WIDENED, block, blocks_of, estimates, left_over, named_block,
+    test,
 };
 use crate::simulation::SimulationError;
 use crate::study::TrialUse;
@@ -102,7 +105,7 @@ impl Judge<'_> {
         };
         let (certain, others) = ordered[..hopeful].split_at(hopeful.min(FITTED_SINGLES));
         let others: Vec<_> = others.par_iter().copied().filter(promising).collect();
-        let wanted = certain.iter().chain(&others).map(|e| (&self.null.point, left, *e)).collect();
+        let wanted = certain.iter().chain(&others).map(|e| (&self.null.point, &left.blocks[..], *e)).collect();
         let mut found = self.explain_all(wanted)?;
         // Of the others, those that are called for and beside which to first order nothing is left: where little is missing, much
         // explains it.
@@ -115,9 +118,12 @@ impl Judge<'_> {
         };
         let chosen: Vec<_> = ordered[hopeful..].par_iter().copied().filter(survives).collect();
         let near = (!self.far_off(left)).then_some(self.null);
-        for effect in chosen {
-            let start = self.beside(&self.null.point, left, effect);
-            found.extend(self.explain(start, self.null.levels, f64::INFINITY, near)?);
+        let explain = |effect: &'static dyn Effect| {
+            let start = self.beside(&self.null.point, &left.blocks, effect);
+            self.explain(start, self.null.levels, f64::INFINITY, near)
+        };
+        for explained in chosen.into_par_iter().map(explain).collect::<Vec<_>>() {
+            found.extend(explained?);
         }
         self.explain_anew(&[], SECOND_CHOICE, &mut found)?;
         Ok(found)
@@ -128,7 +134,7 @@ impl Judge<'_> {
     /// - `wanted`: point, what is left there, effect
     fn explain_all(
         &self,
-        wanted: Vec<(&Point, &Omnibus, &'static dyn Effect)>,
+        wanted: Vec<(&Point, &[BlockScore], &'static dyn Effect)>,
     ) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
         let mut found: Vec<(Fit, Explanation)> = Vec::new();
         for (point, left, effect) in wanted {
@@ -207,10 +213,10 @@ impl Judge<'_> {
     }
 
     /// A point with a further effect, of the size that its score asks for.
-    fn beside(&self, point: &Point, left: &Omnibus, effect: &'static dyn Effect) -> Point {
+    fn beside(&self, point: &Point, left: &[BlockScore], effect: &'static dyn Effect) -> Point {
         let mut setting = Setting::absent(effect);
         let description = effect.description();
-        if let Some(score) = block(left, description.id) {
+        if let Some(score) = named_block(left, description.id) {
             for (i, p) in description.amplitudes().enumerate() {
                 setting.values[p] = score.one_step[i].clamp(-5.0, 5.0)
                     * self.request.forward.strength.scale(&description.parameters[p]);
@@ -231,16 +237,18 @@ impl Judge<'_> {
         let mut leaders: Vec<&(Fit, Explanation)> = singles.iter().collect();
         leaders.sort_by(|a, b| a.0.deviance.total_cmp(&b.0.deviance));
         leaders.truncate(PAIRED);
-        let mut pairs: Vec<(f64, &'a Fit, &'static dyn Effect, Omnibus)> = Vec::new();
-        for (fit, _) in &leaders {
-            let with = test(self.analysis, fit, self.not_testable)?;
+        let beside: Vec<_> =
+            leaders.par_iter().map(|(fit, _)| blocks_of(self.analysis, fit, self.not_testable)).collect();
+        let mut pairs: Vec<(f64, &'a Fit, &'static dyn Effect, Arc<[BlockScore]>)> = Vec::new();
+        for ((fit, _), with) in leaders.iter().zip(beside) {
+            let with: Arc<[BlockScore]> = with?.into();
             let first = fit.point.effects[0].effect.description().id;
             for second in self.testable().filter(|e| e.description().id != first) {
                 let id = second.description().id;
-                let same = |p: &(f64, &Fit, &'static dyn Effect, Omnibus)| {
+                let same = |p: &(f64, &Fit, &'static dyn Effect, Arc<[BlockScore]>)| {
                     p.1.point.effects[0].effect.description().id == id && p.2.description().id == first
                 };
-                let gain = block(&with, id).map_or(0.0, |b| b.statistic);
+                let gain = named_block(&with, id).map_or(0.0, |b| b.statistic);
                 let deviance = fit.deviance - gain;
                 match pairs.iter_mut().find(|p| same(p)) {
                     Some(known) if known.0 <= deviance => {}
@@ -251,7 +259,7 @@ impl Judge<'_> {
         }
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
         pairs.truncate(FORESEEN_PAIRS);
-        let foreseen = |(_, fit, second, with): (f64, &'a Fit, &'static dyn Effect, Omnibus)| {
+        let foreseen = |(_, fit, second, with): (f64, &'a Fit, &'static dyn Effect, Arc<[BlockScore]>)| {
             let left = self.analysis.blocks_left_beside(fit, second.description().id, self.not_testable);
             (left.map_or(0.0, |left| least_p_value(&left)), fit, second, with)
         };
@@ -260,7 +268,7 @@ impl Judge<'_> {
         others.retain(|p| p.0 > PROMISING);
         others.sort_by(|a, b| b.0.total_cmp(&a.0));
         let wanted = pairs.iter().chain(others.iter().take(PROMISING_PAIRS));
-        let wanted = wanted.map(|(_, fit, second, with)| (&fit.point, with, *second)).collect();
+        let wanted = wanted.map(|(_, fit, second, with)| (&fit.point, &**with, *second)).collect();
         let mut found = self.explain_all(wanted)?;
         if let Some((leader, _)) = leaders.first()
             && self.far_off(left)

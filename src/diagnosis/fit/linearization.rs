@@ -6,7 +6,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::super::effect::interpolate;
+use super::super::effect::{Effect, interpolate};
 use super::super::forward_model::{Change, Core, FITTED_PER_MUSCLE, Setting, matters};
 use super::super::noise::{BASELINE_SD, KNOT_SPACING, Response, TrialNoise};
 use super::super::score_test::Block;
@@ -42,10 +42,25 @@ impl Analysis<'_> {
         point: &Point,
         noise: &[TrialNoise],
     ) -> Result<Vec<Linear>, SimulationError> {
-        let variant = self.forward.variant(&point.effects)?;
         let variants = (0..point.effects.len())
             .map(|i| self.forward.difference_variants(&point.effects, i))
             .collect::<Result<Vec<_>, _>>()?;
+        self.linearized(point, noise, &variants)
+    }
+
+    /// As [`Analysis::linearize`], but for the columns of effects: there are none.
+    pub(in crate::diagnosis) fn linearize_muscles(&self, point: &Point) -> Result<Vec<Linear>, SimulationError> {
+        self.linearized(point, &[], &[])
+    }
+
+    /// - `variants`: of every effect of which derivatives are asked for, those of the point in their order
+    fn linearized(
+        &self,
+        point: &Point,
+        noise: &[TrialNoise],
+        variants: &[Variants],
+    ) -> Result<Vec<Linear>, SimulationError> {
+        let variant = self.forward.variant(&point.effects)?;
         (0..self.train.len())
             .into_par_iter()
             .map(|position| {
@@ -62,7 +77,7 @@ impl Analysis<'_> {
                 for (j, by) in self.forward.sensed_derivatives(g, &core, &point.effects).iter().enumerate() {
                     nuisance.set_column(j, &block_means(by, &starts));
                 }
-                let count: usize = point.effects.iter().map(|s| s.values.len()).sum();
+                let count: usize = point.effects[..variants.len()].iter().map(|s| s.values.len()).sum();
                 let mut effects = DMatrix::zeros(blocks, count);
                 let mut column = 0;
                 for (which, variants) in variants.iter().enumerate() {
@@ -242,47 +257,50 @@ impl Analysis<'_> {
         linear: &[Linear],
         point: &Point,
     ) -> Result<(Vec<DMatrix<f64>>, Vec<Block>), SimulationError> {
-        let mut per_trial: Vec<Vec<DVector<f64>>> = vec![Vec::new(); self.train.len()];
-        let mut blocks = Vec::new();
-        let mut next = 0;
-        for effect in &self.candidates {
-            let amplitudes: Vec<usize> = effect.description().amplitudes().collect();
-            let columns = (next..next + amplitudes.len()).collect();
-            blocks.push(Block { name: effect.description().id.to_string(), columns });
-            next += amplitudes.len();
-            if point.effects.iter().any(|s| s.effect.description().id == effect.description().id) {
-                for (all, l) in per_trial.iter_mut().zip(linear) {
-                    all.extend(amplitudes.iter().map(|_| DVector::zeros(l.residual.len())));
-                }
-                continue;
+        let is_on = |id: &str| point.effects.iter().any(|s| s.effect.description().id == id);
+        let which = point.effects.len();
+        let beside = |effect: &&'static dyn Effect| {
+            if is_on(effect.description().id) {
+                return Ok(None);
             }
             let mut settings = point.effects.clone();
             settings.push(Setting::absent(*effect));
-            let which = settings.len() - 1;
             let variants = self.forward.difference_variants(&settings, which)?;
-            let columns = linear
-                .par_iter()
-                .enumerate()
-                .map(|(position, l)| self.by_effect(position, &l.core, point, &settings, which, &variants))
-                .collect::<Vec<_>>();
-            for (all, new) in per_trial.iter_mut().zip(columns) {
-                let new = new?;
-                all.extend(amplitudes.iter().map(|p| new[*p].clone()));
-            }
-        }
-        for (axis, series) in where_it_fails::AXES.iter().zip(0..) {
-            let mut count = 0;
-            for (position, all) in per_trial.iter_mut().enumerate() {
-                let g = self.train[position];
-                let starts = block_starts(self.forward.trials[g].time.len());
-                let columns = where_it_fails::directions(self.forward, g, &linear[position].core.prepared, series);
-                count = columns.len();
-                all.extend(columns.iter().map(|c| block_means(c, &starts) * LACK_SCALE * self.forward.strength.0));
-            }
-            blocks.push(Block { name: format!("axis:{axis}"), columns: (next..next + count).collect() });
-            next += count;
-        }
-        Ok((per_trial.into_iter().map(|columns| DMatrix::from_columns(&columns)).collect(), blocks))
+            Ok(Some((settings, variants)))
+        };
+        let beside = self.candidates.iter().map(beside).collect::<Result<Vec<_>, SimulationError>>()?;
+        // Per block its columns.
+        let of_trial = |(position, l): (usize, &Linear)| {
+            let of_effect = |(effect, beside): (&&'static dyn Effect, &Option<(Vec<Setting>, Variants)>)| {
+                let amplitudes = effect.description().amplitudes();
+                let Some((settings, variants)) = beside else {
+                    return Ok(amplitudes.map(|_| DVector::zeros(l.residual.len())).collect());
+                };
+                let by = self.by_effect(position, &l.core, point, settings, which, variants)?;
+                Ok(amplitudes.map(|p| by[p].clone()).collect())
+            };
+            let g = self.train[position];
+            let starts = block_starts(self.forward.trials[g].time.len());
+            let of_axis = |axis: usize| -> Vec<DVector<f64>> {
+                let columns = where_it_fails::directions(self.forward, g, &l.core.prepared, axis);
+                columns.iter().map(|c| block_means(c, &starts) * LACK_SCALE * self.forward.strength.0).collect()
+            };
+            let of_effects = self.candidates.iter().zip(&beside).map(of_effect);
+            let of_axes = (0..where_it_fails::AXES.len()).map(of_axis);
+            of_effects.chain(of_axes.map(Ok)).collect::<Result<Vec<_>, SimulationError>>()
+        };
+        let trials: Vec<Result<_, SimulationError>> = linear.par_iter().enumerate().map(of_trial).collect();
+        let trials = trials.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let names = self.candidates.iter().map(|e| e.description().id.to_string());
+        let names = names.chain(where_it_fails::AXES.iter().map(|axis| format!("axis:{axis}")));
+        let mut next = 0;
+        let block = |(i, name): (usize, String)| {
+            let first = next;
+            next += trials.first().map_or(0, |blocks| blocks[i].len());
+            Block { name, columns: (first..next).collect() }
+        };
+        let blocks = names.enumerate().map(block).collect();
+        Ok((trials.into_iter().map(|blocks| DMatrix::from_columns(&blocks.concat())).collect(), blocks))
     }
 }
 

@@ -93,8 +93,9 @@ impl Analysis<'_> {
                 structure
                     .par_iter()
                     .zip(&self.train)
-                    .map(|(n, g)| {
-                        n.clone().with_kernel(&trial_times(&self.forward.trials[*g], &kernels.moment), &kernels.emg)
+                    .map(|(n, g)| match kind {
+                        Kind::Emg => n.clone().with_emg_kernel(&kernels.emg),
+                        Kind::Moment => n.clone().with_times(trial_times(&self.forward.trials[*g], &kernels.moment)),
                     })
                     .collect()
             };

@@ -84,7 +84,7 @@ pub fn spread(
     levels: &NoiseLevels,
 ) -> Option<DMatrix<f64>> {
     let parts: Vec<DMatrix<f64>> = projected(trials, precision, levels)?
-        .iter()
+        .par_iter()
         .zip(trials)
         .map(|(p, (noise, ..))| noise.information(&p.projection))
         .collect();
