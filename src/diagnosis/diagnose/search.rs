@@ -63,6 +63,27 @@ fn least_p_value(left: &[BlockScore]) -> f64 {
     left.iter().map(|b| b.p_value).fold(1.0, f64::min)
 }
 
+/// An effect that was fitted, and a second that may be beside it.
+struct Pair<'a> {
+    /// To first order, of both.
+    deviance: f64,
+    /// Of the first.
+    fit: &'a Fit,
+    /// What the first leaves.
+    left: Arc<[BlockScore]>,
+    second: &'static dyn Effect,
+}
+
+impl Pair<'_> {
+    fn is_reverse_of(&self, other: &Pair) -> bool {
+        id_of_first(self.fit) == other.second.description().id && self.second.description().id == id_of_first(other.fit)
+    }
+}
+
+fn id_of_first(fit: &Fit) -> &'static str {
+    fit.point.effects[0].effect.description().id
+}
+
 impl Explanation {
     /// Whether nothing is left.
     pub(super) fn survives(&self) -> bool {
@@ -237,38 +258,34 @@ impl Judge<'_> {
         let mut leaders: Vec<&(Fit, Explanation)> = singles.iter().collect();
         leaders.sort_by(|a, b| a.0.deviance.total_cmp(&b.0.deviance));
         leaders.truncate(PAIRED);
-        let beside: Vec<_> =
+        let left_of: Vec<_> =
             leaders.par_iter().map(|(fit, _)| blocks_of(self.analysis, fit, self.not_testable)).collect();
-        let mut pairs: Vec<(f64, &'a Fit, &'static dyn Effect, Arc<[BlockScore]>)> = Vec::new();
-        for ((fit, _), with) in leaders.iter().zip(beside) {
-            let with: Arc<[BlockScore]> = with?.into();
-            let first = fit.point.effects[0].effect.description().id;
-            for second in self.testable().filter(|e| e.description().id != first) {
-                let id = second.description().id;
-                let same = |p: &(f64, &Fit, &'static dyn Effect, Arc<[BlockScore]>)| {
-                    p.1.point.effects[0].effect.description().id == id && p.2.description().id == first
-                };
-                let gain = named_block(&with, id).map_or(0.0, |b| b.statistic);
-                let deviance = fit.deviance - gain;
-                match pairs.iter_mut().find(|p| same(p)) {
-                    Some(known) if known.0 <= deviance => {}
-                    Some(known) => *known = (deviance, fit, second, with.clone()),
-                    None => pairs.push((deviance, fit, second, with.clone())),
+        let mut pairs: Vec<Pair<'a>> = Vec::new();
+        for ((fit, _), blocks) in leaders.iter().zip(left_of) {
+            let blocks: Arc<[BlockScore]> = blocks?.into();
+            for second in self.testable().filter(|e| e.description().id != id_of_first(fit)) {
+                let gain = named_block(&blocks, second.description().id).map_or(0.0, |b| b.statistic);
+                let pair = Pair { deviance: fit.deviance - gain, fit, left: Arc::clone(&blocks), second };
+                match pairs.iter_mut().find(|p| p.is_reverse_of(&pair)) {
+                    Some(known) if known.deviance <= pair.deviance => {}
+                    Some(known) => *known = pair,
+                    None => pairs.push(pair),
                 }
             }
         }
-        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        pairs.sort_by(|a, b| a.deviance.total_cmp(&b.deviance));
         pairs.truncate(FORESEEN_PAIRS);
-        let foreseen = |(_, fit, second, with): (f64, &'a Fit, &'static dyn Effect, Arc<[BlockScore]>)| {
-            let left = self.analysis.blocks_left_beside(fit, second.description().id, self.not_testable);
-            (left.map_or(0.0, |left| least_p_value(&left)), fit, second, with)
+        let foreseen = |pair: Pair<'a>| {
+            let id = pair.second.description().id;
+            let left = self.analysis.blocks_left_beside(pair.fit, id, self.not_testable);
+            (left.map_or(0.0, |left| least_p_value(&left)), pair)
         };
         let mut pairs: Vec<_> = pairs.into_par_iter().map(foreseen).collect();
         let mut others = pairs.split_off(FITTED_PAIRS.min(pairs.len()));
         others.retain(|p| p.0 > PROMISING);
         others.sort_by(|a, b| b.0.total_cmp(&a.0));
         let wanted = pairs.iter().chain(others.iter().take(PROMISING_PAIRS));
-        let wanted = wanted.map(|(_, fit, second, with)| (&fit.point, &**with, *second)).collect();
+        let wanted = wanted.map(|(_, pair)| (&pair.fit.point, &*pair.left, pair.second)).collect();
         let mut found = self.explain_all(wanted)?;
         if let Some((leader, _)) = leaders.first()
             && self.far_off(left)
