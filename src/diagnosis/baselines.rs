@@ -3,6 +3,7 @@
 //! `fixtures/scripts/diagnosis_baselines.py`; they are what a diagnosis is measured against.
 
 use nalgebra::DMatrix;
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::fit::{Analysis, Fit, whiten};
@@ -57,7 +58,7 @@ impl Ingredients {
         let columns = groups.iter().flat_map(|g| &g.columns).max().map_or(p + 1, |last| last + 1);
         let trials = null
             .whitened
-            .iter()
+            .par_iter()
             .zip(&*null.directions)
             .zip(&null.factors)
             .map(|((fitted, directions), factor)| {

@@ -21,6 +21,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
+use super::ONE_BY_ONE;
 use super::effect::Role;
 use super::fit::{Analysis, Fit, Linear, Point, between_knots, block_means, block_starts, corrected, whiten};
 use super::noise::{self, TrialNoise};
@@ -117,7 +118,7 @@ impl Analysis<'_> {
             (&truth[position] + of_moment, (recorded, correction))
         };
         let (moments, (recorded, correction)): (Vec<_>, (Vec<_>, Vec<_>)) =
-            noise.par_iter().enumerate().map(draw).unzip();
+            noise.par_iter().with_max_len(ONE_BY_ONE).enumerate().map(draw).unzip();
         let mut at = Point { baseline: vec![0.0; self.n_muscles()], correction, ..point.clone() };
         self.set_inputs(&mut at, &recorded)?;
         // Effects' columns are not needed yet.
@@ -133,7 +134,7 @@ impl Analysis<'_> {
         self.set_inputs(&mut at, &recorded)?;
         let (linear, structure) = self.against(self.linearize(&at, &[])?, &at, &moments);
         let directions = self.calc_directions(&linear, &at)?.0;
-        let scores = linear.par_iter().zip(&directions).zip(&structure).map(|((l, d), s)| {
+        let scores = linear.par_iter().with_max_len(ONE_BY_ONE).zip(&directions).zip(&structure).map(|((l, d), s)| {
             let (own, on, extra) = (l.nuisance.ncols(), l.effects.ncols(), d.ncols());
             let n = own + on;
             let mut all = DMatrix::zeros(l.residual.len(), n + extra + 1);
@@ -166,6 +167,7 @@ impl Analysis<'_> {
         let inputs: Vec<Result<_, SimulationError>> = self
             .train
             .par_iter()
+            .with_max_len(ONE_BY_ONE)
             .zip(recorded)
             .zip(&point.correction)
             .map(|((g, e), w)| {

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use std::collections::HashSet;
 use std::sync::Arc;
 
+use super::ONE_BY_ONE;
 use super::effect::{Role, Stage};
 use super::fit::{Account, Analysis, Fit, LARGEST_MEAN, Linear, Noise, Point, corrected};
 use super::forward_model::{FITTED_PER_MUSCLE, Setting};
@@ -456,6 +457,7 @@ impl Analysis<'_> {
         let n = self.n_nuisance();
         let found: Vec<Result<_, SimulationError>> = linear
             .par_iter()
+            .with_max_len(ONE_BY_ONE)
             .zip(&*last_correction)
             .enumerate()
             .map(|(position, (l, last))| {

@@ -21,6 +21,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 use std::sync::Arc;
 
+use super::ONE_BY_ONE;
 use super::effect::{Effect, Role, Stage};
 use super::forward_model::{FITTED_PER_MUSCLE, ForwardModel, Setting, TrialInput};
 use super::kernel::Kernel;
@@ -218,6 +219,7 @@ impl<'a> Analysis<'a> {
     fn whitened(&self, linear: &[Linear], factors: &[Cholesky<f64, Dyn>]) -> Vec<DMatrix<f64>> {
         linear
             .par_iter()
+            .with_max_len(ONE_BY_ONE)
             .zip(factors)
             .map(|(l, factor)| {
                 let (n, e) = (l.nuisance.ncols(), l.effects.ncols());
@@ -275,6 +277,7 @@ impl<'a> Analysis<'a> {
         let mut objective = precision.iter().zip(&offset).map(|(a, b)| a * b * b).sum::<f64>();
         let products: Vec<_> = whitened
             .par_iter()
+            .with_max_len(ONE_BY_ONE)
             .map(|w| {
                 let x = w.columns(0, p);
                 (x.tr_mul(&x), x.tr_mul(&w.column(p)), w.column(p).norm_squared())
@@ -325,6 +328,7 @@ impl<'a> Analysis<'a> {
         let (mut normal, parts): (Vec<DMatrix<f64>>, Vec<Vec<DMatrix<f64>>>) = fit
             .whitened
             .par_iter()
+            .with_max_len(ONE_BY_ONE)
             .zip(&*fit.directions)
             .zip(fit.factors.par_iter().zip(&fit.noise))
             .map(|((w, d), (factor, noise))| {

@@ -31,6 +31,8 @@ const DRAWS: usize = 2000;
 /// Eigenvalues of a block's information below this share of its largest one count as zero.
 const RANK_TOLERANCE: f64 = 1e-6;
 
+/// Words of the random stream that a normal number takes: two of two each.
+const WORDS_OF_NORMAL: usize = 4;
 /// More degrees of freedom than this are as good as infinitely many.
 const MANY: f64 = 1e5;
 
@@ -175,9 +177,15 @@ impl Tested {
         };
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let law = Law::new(&information, &parts, &spread);
-        // Random numbers one after another, what they make side by side.
-        let draws: Vec<Draw> = (0..DRAWS).map(|_| law.draw(&mut rng)).collect();
-        let by_law = draws.par_iter().filter(|draw| as_small(&law.scores(draw))).count();
+        // The same numbers as one after another, drawn side by side.
+        let length = law.numbers() * WORDS_OF_NORMAL;
+        let drawn = |draw: &usize| {
+            let mut rng = rng.clone();
+            rng.set_word_pos((draw * length) as u128);
+            as_small(&law.draw(&mut rng))
+        };
+        let by_law = (0..DRAWS).into_par_iter().filter(drawn).count();
+        rng.set_word_pos((DRAWS * length) as u128);
         let flips: Vec<Vec<bool>> = (0..DRAWS).map(|_| contributions.iter().map(|_| rng.random()).collect()).collect();
         let flipped = |flips: &Vec<bool>| {
             let nothing = DVector::zeros(information.nrows());
@@ -234,27 +242,20 @@ impl Law {
         }
     }
 
-    fn draw(&self, rng: &mut ChaCha8Rng) -> Draw {
-        let mut standard = |root: &DMatrix<f64>| DVector::from_fn(root.ncols(), |_, _| normal(rng));
-        let (spread, known) = (standard(&self.spread), standard(&self.known));
-        Draw { spread, known, parts: self.parts.iter().map(standard).collect() }
+    /// Normal numbers that a draw takes.
+    fn numbers(&self) -> usize {
+        self.spread.ncols() + self.known.ncols() + self.parts.iter().map(DMatrix::ncols).sum::<usize>()
     }
 
-    fn scores(&self, draw: &Draw) -> DVector<f64> {
-        let logarithms = &self.spread * &draw.spread;
-        let mut u = &self.known * &draw.known;
-        for ((root, log), z) in self.parts.iter().zip(logarithms.iter()).zip(&draw.parts) {
-            u.gemv((0.5 * log).exp(), root, z, 1.0);
+    fn draw(&self, rng: &mut ChaCha8Rng) -> DVector<f64> {
+        let mut standard = |n: usize| DVector::from_fn(n, |_, _| normal(rng));
+        let logarithms = &self.spread * standard(self.spread.ncols());
+        let mut u = &self.known * standard(self.known.ncols());
+        for (root, log) in self.parts.iter().zip(logarithms.iter()) {
+            u.gemv((0.5 * log).exp(), root, &standard(root.ncols()), 1.0);
         }
         u
     }
-}
-
-/// Standard normal numbers from which scores are made.
-struct Draw {
-    spread: DVector<f64>,
-    known: DVector<f64>,
-    parts: Vec<DVector<f64>>,
 }
 
 /// Scores with nuisance profiled out.

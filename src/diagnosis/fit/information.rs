@@ -75,6 +75,7 @@ impl<'a> Analysis<'a> {
         let p = null.precision.len();
         let columns = |name: &str| self.blocks.iter().find(|b| b.name == name).map(|b| b.columns.clone());
         let (own, others) = (columns(truth)?, columns(rival)?);
+        let asked = [&others[..], &own[..]].concat();
         let count = p + others.len();
         let mut information = DMatrix::from_diagonal(&DVector::from_iterator(
             count,
@@ -82,12 +83,12 @@ impl<'a> Analysis<'a> {
         ));
         let (mut cross, mut length) = (DVector::zeros(count), 0.0);
         for ((w, d), factor) in null.whitened.iter().zip(&*null.directions).zip(&null.factors) {
-            let d = whiten(factor, d);
+            let d = whiten(factor, &d.select_columns(&asked));
             let mut x = DMatrix::zeros(w.nrows(), count);
             x.columns_mut(0, p).copy_from(&w.columns(0, p));
             let mut signature = DVector::zeros(w.nrows());
-            others.iter().enumerate().for_each(|(i, c)| x.set_column(p + i, &d.column(*c)));
-            own.iter().zip(size.iter()).for_each(|(c, s)| signature += d.column(*c) * *s);
+            x.columns_mut(p, others.len()).copy_from(&d.columns(0, others.len()));
+            d.columns(others.len(), own.len()).column_iter().zip(size.iter()).for_each(|(d, s)| signature += d * *s);
             information += x.tr_mul(&x);
             cross += x.tr_mul(&signature);
             length += signature.norm_squared();

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::super::ONE_BY_ONE;
 use super::super::effect::{Effect, interpolate};
 use super::super::forward_model::{Change, Core, FITTED_PER_MUSCLE, Setting, matters};
 use super::super::noise::{BASELINE_SD, KNOT_SPACING, Response, TrialNoise};
@@ -63,6 +64,7 @@ impl Analysis<'_> {
         let variant = self.forward.variant(&point.effects)?;
         (0..self.train.len())
             .into_par_iter()
+            .with_max_len(ONE_BY_ONE)
             .map(|position| {
                 let g = self.train[position];
                 let record = &self.forward.trials[g];
@@ -143,7 +145,7 @@ impl Analysis<'_> {
             let (nuisance, core) = (nuisance.clone(), Arc::clone(core));
             Ok(Linear { nuisance, effects, bare: bare.clone(), residual: residual.clone(), core })
         };
-        linear.par_iter().enumerate().map(of_trial).collect::<Vec<_>>().into_iter().collect()
+        linear.par_iter().with_max_len(ONE_BY_ONE).enumerate().map(of_trial).collect::<Vec<_>>().into_iter().collect()
     }
 
     /// Takes the noise of a trial into account in a linearization.
@@ -158,7 +160,7 @@ impl Analysis<'_> {
 
     pub(in crate::diagnosis) fn noise_structure(&self, linear: &[Linear], point: &Point) -> Vec<TrialNoise> {
         let of_trial = |(position, l): (usize, &Linear)| self.trial_noise(position, &l.core, point);
-        linear.par_iter().enumerate().map(of_trial).collect()
+        linear.par_iter().with_max_len(ONE_BY_ONE).enumerate().map(of_trial).collect()
     }
 
     /// How noise enters a trial.
@@ -268,7 +270,8 @@ impl Analysis<'_> {
             let variants = self.forward.difference_variants(&settings, which)?;
             Ok(Some((settings, variants)))
         };
-        let beside = self.candidates.iter().map(beside).collect::<Result<Vec<_>, SimulationError>>()?;
+        let beside: Vec<Result<_, SimulationError>> = self.candidates.par_iter().map(beside).collect();
+        let beside = beside.into_iter().collect::<Result<Vec<_>, _>>()?;
         // Per block its columns.
         let of_trial = |(position, l): (usize, &Linear)| {
             let of_effect = |(effect, beside): (&&'static dyn Effect, &Option<(Vec<Setting>, Variants)>)| {
@@ -289,7 +292,8 @@ impl Analysis<'_> {
             let of_axes = (0..where_it_fails::AXES.len()).map(of_axis);
             of_effects.chain(of_axes.map(Ok)).collect::<Result<Vec<_>, SimulationError>>()
         };
-        let trials: Vec<Result<_, SimulationError>> = linear.par_iter().enumerate().map(of_trial).collect();
+        let trials: Vec<Result<_, SimulationError>> =
+            linear.par_iter().with_max_len(ONE_BY_ONE).enumerate().map(of_trial).collect();
         let trials = trials.into_iter().collect::<Result<Vec<_>, _>>()?;
         let names = self.candidates.iter().map(|e| e.description().id.to_string());
         let names = names.chain(where_it_fails::AXES.iter().map(|axis| format!("axis:{axis}")));

@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::super::ONE_BY_ONE;
 use super::super::descent::Descent;
 use super::super::kernel::Kernel;
 use super::super::noise::{self, COMPONENTS, Kernels, NoiseLevels, TrialNoise};
@@ -92,6 +93,7 @@ impl Analysis<'_> {
             let with = |structure: &[TrialNoise], kernels: &Kernels| -> Vec<TrialNoise> {
                 structure
                     .par_iter()
+                    .with_max_len(ONE_BY_ONE)
                     .zip(&self.train)
                     .map(|(n, g)| match kind {
                         Kind::Emg => n.clone().with_emg_kernel(&kernels.emg),

@@ -8,6 +8,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::{COMPONENTS, EMG, NoiseLevels, SLOW, TrialNoise, factor};
+use crate::diagnosis::ONE_BY_ONE;
 use crate::diagnosis::kernel::{FAMILIES, Kernel};
 
 /// Iterations of the variance estimate.
@@ -85,6 +86,7 @@ pub fn spread(
 ) -> Option<DMatrix<f64>> {
     let parts: Vec<DMatrix<f64>> = projected(trials, precision, levels)?
         .par_iter()
+        .with_max_len(ONE_BY_ONE)
         .zip(trials)
         .map(|(p, (noise, ..))| noise.information(&p.projection))
         .collect();
@@ -109,6 +111,7 @@ pub fn restricted_deviance(
 ) -> f64 {
     let parts: Vec<_> = trials
         .par_iter()
+        .with_max_len(ONE_BY_ONE)
         .filter_map(|(noise, x, r)| {
             let factor = factor(noise, levels)?;
             let lower = factor.l_dirty();
@@ -193,6 +196,7 @@ fn projected(
 ) -> Option<Vec<Projected>> {
     let parts: Vec<_> = trials
         .par_iter()
+        .with_max_len(ONE_BY_ONE)
         .filter_map(|(noise, x, r)| {
             let inverse = factor(noise, levels)?.inverse();
             let ax = &inverse * *x;
@@ -217,7 +221,7 @@ fn projected(
         let projection = &inverse - (&ax * &covariance) * ax.transpose();
         Projected { inverse, projection, residual }
     };
-    Some(parts.into_par_iter().map(of_trial).collect())
+    Some(parts.into_par_iter().with_max_len(ONE_BY_ONE).map(of_trial).collect())
 }
 
 /// Gradient of the restricted log likelihood by the variances, and its approximate information.
@@ -228,6 +232,7 @@ fn gradient(
 ) -> Option<(DVector<f64>, DMatrix<f64>)> {
     let sums: Vec<_> = projected(trials, precision, levels)?
         .par_iter()
+        .with_max_len(ONE_BY_ONE)
         .zip(trials)
         .map(|(Projected { inverse, projection, residual }, (noise, ..))| {
             let column = DMatrix::from_column_slice(residual.len(), 1, residual.as_slice());
