@@ -88,7 +88,10 @@ impl PreparedTrial {
                 let drive = step.input.drive[i];
                 let own = fiber.residual(x, u, drive);
                 (by_x[i], by_u[i]) = (own.by_x, own.by_u);
-                by_activation[i] = slope_by_activation(drive, |drive| fiber.residual(x, u, drive).r);
+                let known = fiber.undriven(x, u);
+                let pull = fiber.pull(&known, drive.length);
+                by_activation[i] =
+                    slope_by_activation(drive.activation, |activation| fiber.imbalance(&known, activation, pull));
             }
             let matrix = NewtonMatrix::new(by_x, by_u, 1.0 / (h * fiber.curves.max_velocity));
             let ends_shortest = step.ends_shortest;
@@ -96,7 +99,9 @@ impl PreparedTrial {
         }
         let x = solution.fiber_length[0];
         let initial = if x > fiber.shortest {
-            let by_activation = slope_by_activation(plan.initial, |drive| fiber.static_residual(x, drive)[0]);
+            let by_activation = slope_by_activation(plan.initial.activation, |activation| {
+                fiber.static_residual(x, Drive { activation, ..plan.initial })[0]
+            });
             -by_activation / fiber.static_residual(x, plan.initial)[1]
         } else {
             0.0
@@ -125,9 +130,8 @@ impl PreparedTrial {
 }
 
 /// Derivative by activation.
-fn slope_by_activation(drive: Drive, residual: impl Fn(Drive) -> f64) -> f64 {
-    let [up, down] =
-        [SMALL_ACTIVATION, -SMALL_ACTIVATION].map(|by| residual(Drive { activation: drive.activation + by, ..drive }));
+fn slope_by_activation(activation: f64, residual: impl Fn(f64) -> f64) -> f64 {
+    let [up, down] = [SMALL_ACTIVATION, -SMALL_ACTIVATION].map(|by| residual(activation + by));
     (up - down) / (2.0 * SMALL_ACTIVATION)
 }
 

@@ -177,13 +177,18 @@ pub(crate) struct Source<'a> {
     pub(crate) path: &'a PathTable<3>,
 }
 
+impl Source<'_> {
+    /// Path length [m].
+    #[inline]
+    pub(crate) fn length(&self, time: f64, cursor: &mut Cursor) -> f64 {
+        let angle = self.motion.angle(time, &mut cursor.angle);
+        self.path.quantity::<LENGTH>(angle, &mut cursor.path)
+    }
+}
+
 impl DriveSource for Source<'_> {
     fn drive(&self, time: f64, cursor: &mut Cursor) -> Drive {
-        let angle = self.motion.angle(time, &mut cursor.angle);
-        Drive {
-            activation: self.activation.value(time, &mut cursor.activation),
-            length: self.path.quantity::<LENGTH>(angle, &mut cursor.path),
-        }
+        Drive { activation: self.activation.value(time, &mut cursor.activation), length: self.length(time, cursor) }
     }
 }
 

@@ -94,6 +94,22 @@ pub(crate) struct Residual {
     pub(crate) by_u: f64,
 }
 
+/// What of the equilibrium a fibre's length and velocity decide, whatever drives it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Undriven {
+    /// Normalized fibre length, at least the shortest.
+    x: f64,
+    /// Fibre velocity over maximum contraction velocity.
+    u: f64,
+    /// Length along the tendon, over optimal fibre length.
+    y: f64,
+    /// Active force multiplier; that of full activation where it depends on activation.
+    active: f64,
+    passive: f64,
+    /// Force–velocity multiplier; 1 for the muscle without damping, which inverts the curve.
+    velocity: f64,
+}
+
 /// Tendon force over maximum isometric force, and its derivatives.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct TendonForce {
@@ -122,6 +138,12 @@ impl Fiber {
         let active = curves.min_active_length.max(significant / optimal);
         let (shortest, shortest_by_sine) = if pennate > active { (pennate, pennate_by_sine) } else { (active, 0.0) };
         Fiber { curves, optimal, slack, inverse_slack: 1.0 / slack, sine, shortest, shortest_by_sine }
+    }
+
+    /// Whether the two give the same numbers.
+    pub(crate) fn is_same(&self, other: &Fiber) -> bool {
+        self.curves.are_same(&other.curves)
+            && [self.optimal, self.slack, self.sine] == [other.optimal, other.slack, other.sine]
     }
 
     /// dx_min/dp.
@@ -192,6 +214,42 @@ impl Fiber {
             residual.by_x = 0.0;
         }
         residual
+    }
+
+    /// What R(x, u) needs before it is known what drives the fibre.
+    ///
+    /// - `x`, `u`: as for [`Fiber::residual`]
+    pub(crate) fn undriven(&self, x: f64, u: f64) -> Undriven {
+        let x = if x < self.shortest { self.shortest } else { x };
+        let c = &*self.curves;
+        let velocity = if c.velocity_of_force.is_none() { c.force_velocity.value_and_slope(u).0 } else { 1.0 };
+        let passive = c.passive.value_and_slope(x).0;
+        Undriven { x, u, y: self.along_tendon(x), active: c.active_at(x, 1.0).0, passive, velocity }
+    }
+
+    /// Normalized tendon force, as R takes it.
+    ///
+    /// - `length`: of the path [m]
+    #[inline]
+    pub(crate) fn pull(&self, known: &Undriven, length: f64) -> f64 {
+        self.curves.tendon.value_and_slope((length - self.optimal * known.y) * self.inverse_slack).0
+    }
+
+    /// R without its derivatives: the same number, to the last bit, as [`Fiber::residual`] gives.
+    ///
+    /// - `pull`: of the tendon, from [`Fiber::pull`]
+    #[inline]
+    pub(crate) fn imbalance(&self, known: &Undriven, activation: f64, pull: f64) -> f64 {
+        let Undriven { x, u, y, active, passive, velocity } = *known;
+        let c = &*self.curves;
+        let active = if c.length_by_activation == 0.0 { active } else { c.active_at(x, activation).0 };
+        match &c.velocity_of_force {
+            None => (activation * active * velocity + passive + c.damping * u) * (y * (1.0 / x)) - pull,
+            Some(inverse) => {
+                let available = 1.0 / (activation * active);
+                u - inverse.value_and_slope((pull * (x * (1.0 / y)) - passive) * available).0
+            }
+        }
     }
 
     /// ∂R/∂p at fixed x, u, activation and path length.

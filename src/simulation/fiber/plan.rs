@@ -151,11 +151,7 @@ impl StepPlan {
 
     /// Whether the steps were chosen with this fibre and what drives it now, so that they are solved already.
     pub(super) fn is_solved_for(&self, fiber: &Fiber) -> bool {
-        self.solution.as_ref().is_some_and(|solution| {
-            let known = &solution.fiber;
-            known.curves.are_same(&fiber.curves)
-                && [known.optimal, known.slack, known.sine] == [fiber.optimal, fiber.slack, fiber.sine]
-        })
+        self.solution.as_ref().is_some_and(|solution| solution.fiber.is_same(fiber))
     }
 
     /// Hands out the solution that the steps were chosen with, as [`Fiber::follow`] does.
