@@ -7,7 +7,7 @@ use super::score_test::Omnibus;
 use crate::simulation::PreparedTrial;
 
 /// The axes, by name.
-pub const AXES: [&str; 10] = [
+pub const AXES: [&str; 11] = [
     "constant",
     "angle",
     "velocity",
@@ -17,8 +17,11 @@ pub const AXES: [&str; 10] = [
     "flexor_activation",
     "extensor_activation",
     "history",
+    EFFORT,
     LOCAL,
 ];
+/// The moment itself, as the model says it was recorded: a sensor that does not read in proportion shows there.
+const EFFORT: &str = "effort";
 /// Axis of a test alone: the angle, in detail. A tendon that snaps over a bone and a machine that cogs show there and hardly
 /// along a parabola.
 const LOCAL: &str = "angle_detail";
@@ -45,7 +48,8 @@ pub struct AxisResult {
 /// Values of an axis over a trial.
 ///
 /// - `prepared`: the trial, its excitations freed of noise where the axis is used for a test
-fn series(forward: &ForwardModel, trial: usize, prepared: &PreparedTrial, axis: usize) -> Vec<f64> {
+/// - `moment`: that the model says is recorded [N·m]
+fn series(forward: &ForwardModel, trial: usize, prepared: &PreparedTrial, moment: &[f64], axis: usize) -> Vec<f64> {
     let record = &forward.trials[trial];
     let kinematics = prepared.kinematics();
     let activation = |sign: f64| -> Vec<f64> {
@@ -62,6 +66,7 @@ fn series(forward: &ForwardModel, trial: usize, prepared: &PreparedTrial, axis: 
         "acceleration" => kinematics.acceleration.clone(),
         "time_in_trial" => record.time.iter().map(|t| t - record.time[0]).collect(),
         "session" => vec![record.session; record.time.len()],
+        EFFORT => moment.to_vec(),
         "flexor_activation" => activation(1.0),
         "extensor_activation" => activation(-1.0),
         "history" => {
@@ -86,8 +91,14 @@ fn unit(axis: usize) -> &'static str {
         "acceleration" => "rad/s²",
         "time_in_trial" => "s",
         "session" => "share of the session",
+        EFFORT => "N·m",
         _ => "1",
     }
+}
+
+/// Largest moment recorded [N·m], either way.
+fn largest_moment(forward: &ForwardModel) -> f64 {
+    forward.trials.iter().flat_map(|t| &t.moment).fold(0.0_f64, |most, m| most.max(m.abs())).max(f64::MIN_POSITIVE)
 }
 
 /// Bumps along the angle, evenly over what the session covers.
@@ -104,8 +115,16 @@ fn bumps(forward: &ForwardModel, angle: &[f64]) -> Vec<Vec<f64>> {
 }
 
 /// Directions along an axis, of about unit size: a line and a parabola, or bumps.
-pub(crate) fn directions(forward: &ForwardModel, trial: usize, prepared: &PreparedTrial, axis: usize) -> Vec<Vec<f64>> {
-    let values = series(forward, trial, prepared, axis);
+///
+/// - `prepared`, `moment`: as simulated, excitations freed of noise
+pub(crate) fn directions(
+    forward: &ForwardModel,
+    trial: usize,
+    prepared: &PreparedTrial,
+    moment: &[f64],
+    axis: usize,
+) -> Vec<Vec<f64>> {
+    let values = series(forward, trial, prepared, moment, axis);
     if AXES[axis] == LOCAL {
         return bumps(forward, &values);
     }
@@ -115,11 +134,16 @@ pub(crate) fn directions(forward: &ForwardModel, trial: usize, prepared: &Prepar
         "acceleration" => 10.0,
         "time_in_trial" => 3.0,
         "flexor_activation" | "extensor_activation" => 0.3,
+        EFFORT => largest_moment(forward),
         _ => 1.0,
     };
     let line: Vec<f64> = values.iter().map(|v| v / scale).collect();
     if matches!(AXES[axis], "constant") {
         return vec![line];
+    }
+    if AXES[axis] == EFFORT {
+        // Odd in the moment; the line is the sensor's gain, which is the muscles' strength.
+        return vec![line.iter().map(|v| v * v.abs()).collect(), line.iter().map(|v| v * v * v).collect()];
     }
     let parabola = match AXES[axis] {
         // Drag is odd in velocity.
@@ -151,7 +175,8 @@ fn binned(forward: &ForwardModel, residuals: &[(usize, Vec<f64>)], axis: usize) 
     let samples: Vec<(f64, f64, usize)> = residuals
         .iter()
         .flat_map(|(g, r)| {
-            series(forward, *g, forward.base(*g), axis).into_iter().zip(r).map(move |(x, r)| (x, *r, *g))
+            let moment: Vec<f64> = forward.trials[*g].moment.iter().zip(r).map(|(m, r)| m - r).collect();
+            series(forward, *g, forward.base(*g), &moment, axis).into_iter().zip(r).map(move |(x, r)| (x, *r, *g))
         })
         .collect();
     let mut sorted: Vec<f64> = samples.iter().map(|s| s.0).collect();

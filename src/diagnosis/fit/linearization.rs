@@ -284,8 +284,9 @@ impl Analysis<'_> {
             };
             let g = self.train[position];
             let starts = block_starts(self.forward.trials[g].time.len());
+            let moment = self.forward.recorded_moment(g, &l.core, &point.effects);
             let of_axis = |axis: usize| -> Vec<DVector<f64>> {
-                let columns = where_it_fails::directions(self.forward, g, &l.core.prepared, axis);
+                let columns = where_it_fails::directions(self.forward, g, &l.core.prepared, &moment, axis);
                 columns.iter().map(|c| block_means(c, &starts) * LACK_SCALE * self.forward.strength.0).collect()
             };
             let of_effects = self.candidates.iter().zip(&beside).map(of_effect);
