@@ -39,7 +39,12 @@ pub fn residual_result(run: &ParticipantRun, model: &str, moments: &[Vec<f64>]) 
         bands: found
             .bands
             .iter()
-            .map(|b| FrequencyBand { low_hz: b.low, high_hz: b.high, share_of_error: keep(b.share) })
+            .map(|b| FrequencyBand {
+                low_hz: b.low,
+                high_hz: b.high,
+                share_of_error: keep(b.share),
+                interval: b.interval.map(|i| i.map(keep)),
+            })
             .collect(),
     }
 }

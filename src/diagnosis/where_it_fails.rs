@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::forward_model::ForwardModel;
 use super::score_test::Omnibus;
+use crate::evaluation::residuals::{Band, by_frequency};
 use crate::simulation::PreparedTrial;
 
 /// The axes, by name.
@@ -37,11 +38,12 @@ pub struct AxisResult {
     pub axis: &'static str,
     /// Unit of the axis.
     pub unit: &'static str,
-    /// p-value of a straight line and a parabola along the axis, muscle parameters profiled out.
-    pub p_value: f64,
-    /// Share of the residual's mean square that the binned means explain.
+    /// p-value of a straight line and a parabola along the axis, muscle parameters profiled out; none for frequency.
+    pub p_value: Option<f64>,
+    /// Share of the residual's mean square that the binned means explain; of frequency, that of the strongest band.
     pub share_of_error: f64,
-    /// Per bin: middle of the axis, mean residual, and its 95 % interval over trials [N·m].
+    /// Per bin: middle of the axis, mean residual, and its 95 % interval over trials [N·m]; of frequency: lower edge of the
+    /// band, its share of the residual's mean square, and the share's interval.
     pub curve: Vec<[f64; 4]>,
 }
 
@@ -164,11 +166,30 @@ pub fn along_axes(forward: &ForwardModel, residuals: &[(usize, Vec<f64>)], left:
             let name = format!("axis:{}", AXES[axis]);
             let p_value = left.blocks.iter().find(|b| b.name == name).map_or(1.0, |b| b.p_value);
             let (share_of_error, curve) = binned(forward, residuals, axis);
-            AxisResult { axis: AXES[axis], unit: unit(axis), p_value, share_of_error, curve }
+            AxisResult { axis: AXES[axis], unit: unit(axis), p_value: Some(p_value), share_of_error, curve }
         })
         .collect();
-    out.sort_by(|a, b| a.p_value.total_cmp(&b.p_value).then(b.share_of_error.total_cmp(&a.share_of_error)));
+    let p_value = |a: &AxisResult| a.p_value.unwrap_or(1.0);
+    out.sort_by(|a, b| p_value(a).total_cmp(&p_value(b)).then(b.share_of_error.total_cmp(&a.share_of_error)));
+    out.push(frequency(forward, residuals));
     out
+}
+
+/// Where in frequency the residual is.
+fn frequency(forward: &ForwardModel, residuals: &[(usize, Vec<f64>)]) -> AxisResult {
+    let bands = by_frequency(residuals.iter().map(|(g, r)| (&forward.trials[*g].time[..], &r[..])));
+    let share_of_error = bands.iter().map(|b| b.share).fold(0.0, f64::max);
+    let point = |b: &Band| {
+        let [low, high] = b.interval.unwrap_or([0.0, 1.0]);
+        [b.low, b.share, low, high]
+    };
+    AxisResult {
+        axis: "frequency",
+        unit: "Hz",
+        p_value: None,
+        share_of_error,
+        curve: bands.iter().map(point).collect(),
+    }
 }
 
 fn binned(forward: &ForwardModel, residuals: &[(usize, Vec<f64>)], axis: usize) -> (f64, Vec<[f64; 4]>) {

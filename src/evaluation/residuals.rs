@@ -81,6 +81,8 @@ pub struct Band {
     pub high: Option<f64>,
     /// Share of the residual's mean square.
     pub share: f64,
+    /// Its 95 % interval, trials being the unit; none from a single trial.
+    pub interval: Option<[f64; 2]>,
 }
 
 /// What repetitions say.
@@ -161,7 +163,7 @@ pub fn along_axes(
     Residuals {
         rms: (square / count.max(1) as f64).sqrt(),
         axes,
-        bands: bands(trials, square),
+        bands: by_frequency(trials.iter().map(|t| (&t.time[..], &t.residual[..]))),
         repetitions: repetition_noise(repeated),
     }
 }
@@ -232,41 +234,54 @@ fn binned(mut samples: Vec<Sample>) -> (f64, Vec<Bin>) {
     ((explained / total).clamp(0.0, 1.0), bins)
 }
 
-/// Share of the residual's mean square by frequency.
-fn bands(trials: &[ResidualTrial], square: f64) -> Vec<Band> {
-    let mut power = [0.0; BAND_EDGES.len()];
-    let mut known = 0.0;
-    for trial in trials {
-        let n = trial.residual.len();
-        let group = n.div_ceil(SPECTRUM_SAMPLES);
-        let means: Vec<f64> = trial.residual.chunks(group).map(|c| c.iter().sum::<f64>() / c.len() as f64).collect();
-        let duration = trial.time[n - 1] - trial.time[0];
-        let m = means.len();
-        for k in 0..=m / 2 {
-            let (mut re, mut im) = (0.0, 0.0);
-            for (i, v) in means.iter().enumerate() {
-                let phase = std::f64::consts::TAU * ((k * i) % m) as f64 / m as f64;
-                re += v * phase.cos();
-                im -= v * phase.sin();
-            }
-            // Parseval: what negative frequencies hold counts for the positive ones.
-            let twice = if k == 0 || 2 * k == m { 1.0 } else { 2.0 };
-            let energy = twice * (re * re + im * im) / m as f64 * (n as f64 / m as f64);
-            let frequency = k as f64 / duration;
-            let band = BAND_EDGES.iter().rposition(|edge| frequency >= *edge).unwrap_or(0);
-            power[band] += energy;
-            known += energy;
-        }
-    }
-    if square <= 0.0 {
+/// Share of the residual's mean square by frequency; empty where there is no residual.
+///
+/// - `trials`: times [s] and residuals
+pub fn by_frequency<'a>(trials: impl Iterator<Item = (&'a [f64], &'a [f64])>) -> Vec<Band> {
+    let trials: Vec<_> = trials.map(|(time, residual)| energies(time, residual)).collect();
+    let all: f64 = trials.iter().flatten().sum();
+    if !(all > 0.0) {
         return Vec::new();
     }
+    let count = trials.len() as f64;
+    let band = |i: usize| {
+        let share = trials.iter().map(|t| t[i]).sum::<f64>() / all;
+        // A ratio of sums over trials, linearized.
+        let spread: f64 = trials.iter().map(|t| (t[i] - share * t.iter().sum::<f64>()).powi(2)).sum();
+        let half =
+            (count > 1.0).then(|| t_quantile(0.975, count - 1.0) * (spread * count / (count - 1.0)).sqrt() / all);
+        let interval = half.map(|half| [(share - half).max(0.0), (share + half).min(1.0)]);
+        Band { low: BAND_EDGES[i], high: BAND_EDGES.get(i + 1).copied(), share, interval }
+    };
+    (0..BAND_EDGES.len()).map(band).collect()
+}
+
+/// Sum of a trial's squared residuals by frequency.
+fn energies(time: &[f64], residual: &[f64]) -> [f64; BAND_EDGES.len()] {
+    let mut out = [0.0; BAND_EDGES.len()];
+    let n = residual.len();
+    let group = n.div_ceil(SPECTRUM_SAMPLES).max(1);
+    let means: Vec<f64> = residual.chunks(group).map(|c| c.iter().sum::<f64>() / c.len() as f64).collect();
+    let m = means.len();
+    let (Some(first), Some(last)) = (time.first(), time.last()) else { return out };
+    for k in 0..=m / 2 {
+        let (mut re, mut im) = (0.0, 0.0);
+        for (i, v) in means.iter().enumerate() {
+            let phase = std::f64::consts::TAU * ((k * i) % m) as f64 / m as f64;
+            re += v * phase.cos();
+            im -= v * phase.sin();
+        }
+        // Parseval: what negative frequencies hold counts for the positive ones.
+        let twice = if k == 0 || 2 * k == m { 1.0 } else { 2.0 };
+        let frequency = k as f64 / (last - first);
+        let band = BAND_EDGES.iter().rposition(|edge| frequency >= *edge).unwrap_or(0);
+        out[band] += twice * (re * re + im * im) / m as f64 * (n as f64 / m as f64);
+    }
     // What averaging over neighbours took away is faster than anything the spectrum shows.
-    power[BAND_EDGES.len() - 1] += (square - known).max(0.0);
-    let total: f64 = power.iter().sum();
-    (0..power.len())
-        .map(|i| Band { low: BAND_EDGES[i], high: BAND_EDGES.get(i + 1).copied(), share: power[i] / total })
-        .collect()
+    let square: f64 = residual.iter().map(|r| r * r).sum();
+    let known: f64 = out.iter().sum();
+    out[BAND_EDGES.len() - 1] += (square - known).max(0.0);
+    out
 }
 
 /// Noise from repetitions: half the mean square of the differences between their residuals.
@@ -343,6 +358,10 @@ mod tests {
         let inside = found.bands.iter().find(|b| b.low == 2.0).unwrap().share;
         assert!(inside > 0.95, "{inside}");
         assert!((found.bands.iter().map(|b| b.share).sum::<f64>() - 1.0).abs() < 1e-12);
+        for band in &found.bands {
+            let [low, high] = band.interval.unwrap();
+            assert!(low <= band.share && band.share <= high && high - low < 0.1, "{band:?}");
+        }
     }
 
     #[test]

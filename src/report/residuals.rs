@@ -46,6 +46,9 @@ pub struct FrequencyBand {
     pub high_hz: Option<f64>,
     /// Share of the residual's mean square.
     pub share_of_error: f64,
+    /// Its 95 % interval over trials; absent from a single trial.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interval: Option<[f64; 2]>,
 }
 
 impl ResidualResult {

@@ -6,6 +6,7 @@ use super::axis_figures::{AxisPanel, axis_panels, p_words, repetition_words};
 use super::diagnosis::{CandidateResult, DiagnosisResult, ExplanationResult};
 use super::ledger::Estimate;
 use super::number::{percent, plain, significant};
+use super::residuals::{FrequencyBand, ResidualResult};
 use super::results::{Kind, Results};
 use super::story_figures::{WaterfallStep, interval, p_bar, separation, waterfall};
 use super::view::{Fact, Group, Pair, ParameterGroup, facts, groups, maybe, parameter_groups};
@@ -115,6 +116,8 @@ pub struct BandRow {
     pub band: String,
     pub before: String,
     pub after: String,
+    /// Of the mean squared error, with its 95 % band.
+    pub share: String,
     pub width_before: String,
     pub width_after: String,
 }
@@ -487,14 +490,10 @@ fn experiments(diagnosis: &DiagnosisResult) -> Vec<ExperimentRow> {
         .collect()
 }
 
-fn bands(
-    before: Option<&super::residuals::ResidualResult>,
-    after: Option<&super::residuals::ResidualResult>,
-) -> Vec<BandRow> {
+fn bands(before: Option<&ResidualResult>, after: Option<&ResidualResult>) -> Vec<BandRow> {
     let Some(after) = after else { return Vec::new() };
     // Mean squares, so that a fall of the error shows, relative to the largest band.
-    let power =
-        |r: &super::residuals::ResidualResult, i: usize| r.bands.get(i).map(|b| b.share_of_error * r.rms_n_m.powi(2));
+    let power = |r: &ResidualResult, i: usize| r.bands.get(i).map(|b| b.share_of_error * r.rms_n_m.powi(2));
     let all = (0..after.bands.len()).flat_map(|i| [power(after, i), before.and_then(|b| power(b, i))]).flatten();
     let most = all.fold(1e-12, f64::max);
     let width =
@@ -510,11 +509,18 @@ fn bands(
             },
             before: rms(old),
             after: rms(new),
+            share: band_share(b),
             width_before: width(old),
             width_after: width(new),
         }
     };
     (0..after.bands.len()).map(row).collect()
+}
+
+fn band_share(band: &FrequencyBand) -> String {
+    let in_percent = |share: f64| format!("{:.0}", 100.0 * share);
+    let interval = band.interval.map(|[low, high]| format!(" ({} to {})", in_percent(low), in_percent(high)));
+    format!("{}\u{202f}%{}", in_percent(band.share_of_error), interval.unwrap_or_default())
 }
 
 fn detectable(diagnosis: &DiagnosisResult) -> Vec<DetectableRow> {

@@ -120,6 +120,20 @@ fn val_opensim_what_the_catalogue_lacks_is_called_unknown() {
     assert_eq!(found.verdict, Verdict::Unknown);
 }
 
+/// A sensor that reads half of what is above a level bends the moment nearly as curved EMG does.
+#[test]
+fn val_opensim_a_sensor_that_does_not_read_in_proportion_is_called_unknown() {
+    let candidates = ["emg_nonlinearity", "fatigue", "joint_damping", "torque_drift"];
+    let (found, _) = diagnosed("clipped_sensor", &candidates);
+    assert_eq!(found.verdict, Verdict::Unknown);
+    let axes: Vec<(&str, Option<f64>)> = found.where_it_fails.iter().map(|a| (a.axis, a.p_value)).collect();
+    println!("{axes:?}");
+    assert_eq!(axes[0].0, "effort");
+    assert_eq!(axes.last(), Some(&("frequency", None)));
+    let shares: f64 = found.where_it_fails.last().unwrap().curve.iter().map(|band| band[1]).sum();
+    assert!((shares - 1.0).abs() < 1e-12, "{shares}");
+}
+
 /// Without the effect the muscles go so far to make up for it that its score there is nothing: it is found from the model as given.
 #[test]
 fn val_opensim_an_effect_that_the_muscles_hide_is_found() {

@@ -208,6 +208,24 @@ fn verif_residual_derivatives_match_differences() {
 }
 
 #[test]
+fn verif_imbalance_in_parts_is_the_residual_to_the_last_bit() {
+    for (pennation, damping, by_activation) in [(0.0, 0.1, 0.0), (0.25, 0.1, 0.15), (0.25, 0.0, 0.0), (0.1, 0.0, 0.15)]
+    {
+        let muscle = muscle(pennation, damping);
+        let curves = FiberCurves { length_by_activation: by_activation, ..(*tabulated(&muscle)).clone() };
+        let fiber = Fiber::new(Arc::new(curves), 0.059, 0.2285, pennation);
+        // Below the shortest length, too.
+        for (x, u) in [(0.9, 0.05), (1.2, -0.3), (0.6, 0.2), (1.5, -0.02), (0.3, 0.0)] {
+            let known = fiber.undriven(x, u);
+            for (activation, length) in [(0.5, 0.289), (0.05, 0.302), (0.9, 0.27)] {
+                let parts = fiber.imbalance(&known, activation, fiber.pull(&known, length));
+                assert_eq!(parts.to_bits(), fiber.residual(x, u, Drive { activation, length }).r.to_bits());
+            }
+        }
+    }
+}
+
+#[test]
 fn verif_velocity_and_equilibrium_agree_with_the_muscle_model() {
     for (pennation, damping) in [(0.0, 0.1), (0.25, 0.1), (0.25, 0.0)] {
         let muscle = muscle(pennation, damping);
