@@ -136,12 +136,12 @@ pub enum NativeForm {
         /// Viscosity [N·m·s/rad].
         viscosity: f64,
     },
-    /// `CoordinateLimitForce` without damping, the same on both sides.
+    /// `CoordinateLimitForce` without damping.
     Limit {
         /// Stiffness beyond the limits [N·m/rad].
         stiffness: f64,
-        /// Limits are at ± this angle [rad].
-        limit: f64,
+        /// Lower and upper limit [rad].
+        limit: [f64; 2],
         /// Angle over which the stiffness sets in [rad].
         transition: f64,
     },

@@ -2,14 +2,14 @@
 
 use crate::diagnosis::effect::{Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude, shape};
 
-/// Passive springs at the ends of the range: `a1 exp(-b (q + 90°)) - a2 exp(b (q - 90°)), q positive in flexion; one steepness b for both ends`.
+/// Passive springs at the ends of the range: `a1 exp(-b1 (q + 90°)) - a2 exp(b2 (q - 90°))`, q positive in flexion.
 pub struct EndRangeSpring;
 
 static DESCRIPTION: Description = Description {
     id: "end_range_spring",
     name: "Passive springs at the ends of the range",
     stage: Stage::Joint,
-    equation: "a1 exp(-b (q + 90°)) - a2 exp(b (q - 90°)), q positive in flexion; one steepness b for both ends",
+    equation: "a1 exp(-b1 (q + 90°)) - a2 exp(b2 (q - 90°)), q positive in flexion",
     parameters: &[
         amplitude(
             "extension_moment",
@@ -25,7 +25,22 @@ static DESCRIPTION: Description = Description {
             [0.0, 4.0],
             "Delp, Grierson and Buchanan 1996: 0.5 N·m on average at 90° flexion; upper end range from the design catalogue, source unverified",
         ),
-        shape("steepness", "1/rad", 4.0, 1.5, [2.0, 10.0], "range from the design catalogue, source unverified"),
+        shape(
+            "extension_steepness",
+            "1/rad",
+            4.0,
+            1.5,
+            [2.0, 10.0],
+            "range from the design catalogue, source unverified",
+        ),
+        shape(
+            "flexion_steepness",
+            "1/rad",
+            4.0,
+            1.5,
+            [2.0, 10.0],
+            "range from the design catalogue, source unverified",
+        ),
     ],
     signature: "curves up at the ends of the range",
     experiment: "sweep beyond ±35°",
@@ -40,22 +55,22 @@ impl Effect for EndRangeSpring {
     }
 
     fn add_moment(&self, values: &[f64], joint: &JointState, moment: &mut [f64]) {
-        let [extension, flexion, steepness] = *values else { return };
+        let [extension, flexion, below, above] = *values else { return };
         if extension == 0.0 && flexion == 0.0 {
             return;
         }
         let quarter_turn = std::f64::consts::FRAC_PI_2;
         for k in 0..moment.len() {
             let q = joint.angle[k];
-            moment[k] += extension * (-steepness * (q + quarter_turn)).exp();
-            moment[k] -= flexion * (steepness * (q - quarter_turn)).exp();
+            moment[k] += extension * (-below * (q + quarter_turn)).exp();
+            moment[k] -= flexion * (above * (q - quarter_turn)).exp();
         }
     }
 
     fn native_form(&self, values: &[f64]) -> Option<NativeForm> {
-        let [extension, flexion, steepness] = *values else { return None };
+        let [extension, flexion, below, above] = *values else { return None };
         let quarter_turn = std::f64::consts::FRAC_PI_2;
-        let lower = format!("{extension:?}*exp(-({steepness:?})*(q+{quarter_turn:?}))");
-        Some(NativeForm::Formula(format!("{lower}-({flexion:?})*exp({steepness:?}*(q-{quarter_turn:?}))")))
+        let lower = format!("{extension:?}*exp(-({below:?})*(q+{quarter_turn:?}))");
+        Some(NativeForm::Formula(format!("{lower}-({flexion:?})*exp(({above:?})*(q-{quarter_turn:?}))")))
     }
 }

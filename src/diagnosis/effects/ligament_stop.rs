@@ -11,17 +11,18 @@ fn step(beyond: f64) -> f64 {
     x * x * x * (10.0 + x * (6.0 * x - 15.0))
 }
 
-/// Ligament stop: `-k s(q - q1) (q - q1) + k s(-q - q1) (-q - q1)`, as OpenSim's `CoordinateLimitForce`.
+/// Ligament stop: `-k s(q - q1) (q - q1) + k s(-q - q2) (-q - q2)`, as OpenSim's `CoordinateLimitForce`.
 pub struct LigamentStop;
 
 static DESCRIPTION: Description = Description {
     id: "ligament_stop",
     name: "Ligament stop",
     stage: Stage::Joint,
-    equation: "-k s(q - q1) (q - q1) + k s(-q - q1) (-q - q1), s a smooth step from 0 to 1 over 1°",
+    equation: "-k s(q - q1) (q - q1) + k s(-q - q2) (-q - q2), s a smooth step from 0 to 1 over 1°, q positive in flexion; on one side only if the other limit is out of reach",
     parameters: &[
         amplitude("stiffness", "N·m/rad", 1.0, [0.0, 20.0], "range from the design catalogue, source unverified"),
-        shape("limit", "rad", 0.4, 0.1, [0.2, 1.2], "range from the design catalogue, source unverified"),
+        shape("flexion_limit", "rad", 0.4, 0.2, [0.1, 1.6], "range from the design catalogue, source unverified"),
+        shape("extension_limit", "rad", 0.4, 0.2, [0.1, 1.6], "range from the design catalogue, source unverified"),
     ],
     signature: "a hinge against angle",
     experiment: "sweep beyond ±35°",
@@ -36,19 +37,19 @@ impl Effect for LigamentStop {
     }
 
     fn add_moment(&self, values: &[f64], joint: &JointState, moment: &mut [f64]) {
-        let [stiffness, limit] = *values else { return };
+        let [stiffness, upper, lower] = *values else { return };
         if stiffness == 0.0 {
             return;
         }
         for k in 0..moment.len() {
             let q = joint.angle[k];
-            let (above, below) = (q - limit, -q - limit);
+            let (above, below) = (q - upper, -q - lower);
             moment[k] += stiffness * (step(below) * below - step(above) * above);
         }
     }
 
     fn native_form(&self, values: &[f64]) -> Option<NativeForm> {
-        let [stiffness, limit] = *values else { return None };
-        Some(NativeForm::Limit { stiffness, limit, transition: TRANSITION })
+        let [stiffness, upper, lower] = *values else { return None };
+        Some(NativeForm::Limit { stiffness, limit: [-lower, upper], transition: TRANSITION })
     }
 }

@@ -2,14 +2,17 @@
 
 use crate::diagnosis::effect::{Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude, shape};
 
-/// Damping that saturates: `-b q̇ (q̇² + (0.02 rad/s)²)^((p-1)/2): -b sign(q̇) |q̇|^p, smooth through rest`.
+/// Rest is not sharper than this speed [rad/s].
+const LEAST_REST_SPEED: f64 = 1e-3;
+
+/// Damping that saturates: `-b q̇ (q̇² + v0²)^((p-1)/2): -b sign(q̇) |q̇|^p, smooth through rest`.
 pub struct PowerLawDamping;
 
 static DESCRIPTION: Description = Description {
     id: "power_law_damping",
     name: "Damping that saturates",
     stage: Stage::Joint,
-    equation: "-b q̇ (q̇² + (0.02 rad/s)²)^((p-1)/2): -b sign(q̇) |q̇|^p, smooth through rest",
+    equation: "-b q̇ (q̇² + v0²)^((p-1)/2): -b sign(q̇) |q̇|^p, smooth through rest below v0",
     parameters: &[
         amplitude("damping", "N·m·(s/rad)^p", 0.1, [0.0, 0.6], "range from the design catalogue, source unverified"),
         shape(
@@ -19,6 +22,14 @@ static DESCRIPTION: Description = Description {
             0.08,
             [0.05, 0.5],
             "Gielen and Houk 1984 (Nonlinear viscosity of human wrist): mean exponent 0.17 for force; width range from the design catalogue, source unverified",
+        ),
+        shape(
+            "rest_speed",
+            "rad/s",
+            0.02,
+            0.01,
+            [0.001, 0.05],
+            "below which it is as viscous damping; no source: recorded speeds below 0.02 rad/s are mostly noise",
         ),
     ],
     signature: "concave against velocity",
@@ -34,21 +45,21 @@ impl Effect for PowerLawDamping {
     }
 
     fn add_moment(&self, values: &[f64], joint: &JointState, moment: &mut [f64]) {
-        let [damping, exponent] = *values else { return };
+        let [damping, exponent, rest] = *values else { return };
         if damping == 0.0 {
             return;
         }
+        let rest = rest.max(LEAST_REST_SPEED);
         for k in 0..moment.len() {
             let speed = joint.speed[k];
-            // Smooth through rest: below 0.02 rad/s measured speed is mostly noise.
-            let magnitude = (speed * speed + 4e-4).powf(0.5 * exponent - 0.5);
+            let magnitude = (speed * speed + rest * rest).powf(0.5 * exponent - 0.5);
             moment[k] += -damping * speed * magnitude;
         }
     }
 
     fn native_form(&self, values: &[f64]) -> Option<NativeForm> {
-        let [damping, exponent] = *values else { return None };
-        let power = 0.5 * exponent - 0.5;
-        Some(NativeForm::Formula(format!("-({damping:?})*qdot*(qdot*qdot+0.0004)^({power:?})")))
+        let [damping, exponent, rest] = *values else { return None };
+        let (power, square) = (0.5 * exponent - 0.5, rest.max(LEAST_REST_SPEED).powi(2));
+        Some(NativeForm::Formula(format!("-({damping:?})*qdot*(qdot*qdot+{square:?})^({power:?})")))
     }
 }

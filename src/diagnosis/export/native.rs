@@ -164,9 +164,9 @@ fn force_properties(coordinate: &MovingCoordinate, form: &NativeForm) -> (&'stat
             };
             let values = [
                 ("upper_stiffness", stiffness * unit),
-                ("upper_limit", limit / unit),
+                ("upper_limit", limit[1] / unit),
                 ("lower_stiffness", stiffness * unit),
-                ("lower_limit", -limit / unit),
+                ("lower_limit", limit[0] / unit),
                 ("damping", 0.0),
                 ("transition", transition / unit),
             ];
@@ -205,13 +205,13 @@ mod tests {
     #[test]
     fn verif_limits_are_in_degrees_for_rotational_coordinates_only() {
         let coordinate = |motion_type| MovingCoordinate { name: "q".to_owned(), motion_type, body: None };
-        let form = NativeForm::Limit { stiffness: 2.0, limit: 0.5, transition: 0.02 };
+        let form = NativeForm::Limit { stiffness: 2.0, limit: [-0.5, 0.6], transition: 0.02 };
         let value = |motion_type, property: &str| {
             let (_, values) = force_properties(&coordinate(motion_type), &form);
             let text = values.into_iter().find(|(name, _)| *name == property).map(|(_, text)| text).unwrap();
             text.parse::<f64>().unwrap()
         };
-        assert!((value(MotionType::Rotational, "upper_limit") - 0.5_f64.to_degrees()).abs() < 1e-12);
+        assert!((value(MotionType::Rotational, "upper_limit") - 0.6_f64.to_degrees()).abs() < 1e-12);
         assert!((value(MotionType::Rotational, "lower_stiffness") - 2.0_f64.to_radians()).abs() < 1e-12);
         assert_eq!(value(MotionType::Coupled, "lower_limit"), -0.5);
         assert_eq!(value(MotionType::Coupled, "upper_stiffness"), 2.0);

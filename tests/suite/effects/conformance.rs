@@ -124,6 +124,7 @@ fn verif_units_are_those_of_si() {
         "m",
         "rad",
         "1/rad",
+        "rad/s",
         "N·m",
         "N·m/rad",
         "N·m·s/rad",

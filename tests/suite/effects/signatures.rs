@@ -94,12 +94,12 @@ fn verif_signs_and_shapes_of_the_joints_moments() {
     check("inertia", &[0.004], &|_, _, a| -0.004 * a);
     check("gravity", &[0.4, -0.2], &|q, _, _| -0.4 * q.cos() + 0.2 * q.sin());
     check("torque_offset", &[0.25], &|_, _, _| 0.25);
-    check("end_range_spring", &[1.2, 0.5, 5.0], &|q, _, _| {
+    check("end_range_spring", &[1.2, 0.5, 5.0, 4.0], &|q, _, _| {
         let end = std::f64::consts::FRAC_PI_2;
-        1.2 * (-5.0 * (q + end)).exp() - 0.5 * (5.0 * (q - end)).exp()
+        1.2 * (-5.0 * (q + end)).exp() - 0.5 * (4.0 * (q - end)).exp()
     });
     // Against the motion, a step at reversal, not more than breakaway friction.
-    let friction = added_by(&forward, 0, &setting("coulomb_friction", &[0.2]));
+    let friction = added_by(&forward, 0, &setting("coulomb_friction", &[0.2, 1.25, 0.03]));
     for (f, v) in friction.iter().zip(&kinematics.speed) {
         assert!(f * v <= 0.0 && f.abs() <= 0.25);
         if v.abs() > 0.3 {
@@ -107,12 +107,14 @@ fn verif_signs_and_shapes_of_the_joints_moments() {
         }
     }
     // A hinge: nothing inside the limits, the line of a spring beyond the transition.
-    let stop = added_by(&forward, 0, &setting("ligament_stop", &[3.0, 0.3]));
-    for (f, q) in stop.iter().zip(&kinematics.angle) {
-        match q.abs() - 0.3 {
-            beyond if beyond <= 0.0 => assert_eq!(*f, 0.0),
-            beyond if beyond > 0.0175 => assert!((f + 3.0 * beyond * q.signum()).abs() < 1e-12),
-            _ => (),
+    for [flexion, extension] in [[0.3, 0.4], [0.3, 10.0]] {
+        let stop = added_by(&forward, 0, &setting("ligament_stop", &[3.0, flexion, extension]));
+        for (f, q) in stop.iter().zip(&kinematics.angle) {
+            match q.abs() - if *q > 0.0 { flexion } else { extension } {
+                beyond if beyond <= 0.0 => assert_eq!(*f, 0.0),
+                beyond if beyond > 0.0175 => assert!((f + 3.0 * beyond * q.signum()).abs() < 1e-12),
+                _ => (),
+            }
         }
     }
 }
@@ -187,4 +189,41 @@ fn verif_optimal_length_follows_activation() {
     let (full, low) = (last(&at(1.0)).abs(), last(&at(0.3)).abs());
     assert!(full < 1e-9, "{full:.1e} N·m at full activation");
     assert!(low > 1e-3, "{low:.1e} N·m at activation 0.3");
+}
+
+#[test]
+fn verif_shapes_bend_effects_as_their_equations_say() {
+    let forward = forward_with(&["passive_1"], |_| ());
+    let setting = |id: &str, values: &[f64]| Setting { effect: named(id), values: values.to_vec() };
+    let speed = &forward.base(0).kinematics().speed;
+    // A power of speed wherever the joint moves.
+    let saturating = added_by(&forward, 0, &setting("power_law_damping", &[0.3, 0.2, 0.001]));
+    for (found, v) in saturating.iter().zip(speed).filter(|(_, v)| v.abs() > 0.1) {
+        let expected = -0.3 * v.signum() * v.abs().powf(0.2);
+        assert!((found - expected).abs() < 1e-4, "{found} instead of {expected} at {v} rad/s");
+    }
+    // The later a reflex, the later its largest moment; where it saturates at once it is damping.
+    let peak = |delay: f64| {
+        let moment = added_by(&forward, 0, &setting("stretch_reflex", &[0.2, delay, 1.0]));
+        (0..moment.len()).max_by(|a, b| moment[*a].abs().total_cmp(&moment[*b].abs())).unwrap()
+    };
+    assert!(peak(0.08) > peak(0.02), "{} {}", peak(0.08), peak(0.02));
+    // All but the end of a drift is earlier where it slackens.
+    let drifting = forward_with(&[HELD[0], MOVING[0], HELD[1]], |_| ());
+    let drift = |slackening: f64, trial: usize| {
+        largest(added_by(&drifting, trial, &setting("torque_drift", &[0.2, slackening])))
+    };
+    let session = drifting.trials[1].session;
+    let expected = 0.2 * (session + 0.5 * session * (1.0 - session));
+    assert!((drift(0.5, 1) - expected).abs() < 1e-12 && drift(0.5, 1) > drift(0.0, 1));
+    assert!((drift(0.5, 2) - drift(0.0, 2)).abs() < 1e-12);
+    // A fatigue that saturates takes less.
+    let fatigue = |saturation: f64| largest(added_by(&drifting, 2, &setting("fatigue", &[1.0, saturation])));
+    assert!(fatigue(0.5) < fatigue(0.0));
+    // The axis' offset along the arm is a gain at the neutral angle.
+    let base = moment(&forward, 0, &[]);
+    let off = added_by(&forward, 0, &setting("axis_misalignment", &[0.0, 0.1]));
+    for (k, q) in forward.trials[0].angle.iter().enumerate() {
+        assert!((off[k] - 0.1 * q.cos() * base[k]).abs() < 1e-12);
+    }
 }
