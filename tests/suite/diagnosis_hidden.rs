@@ -113,6 +113,16 @@ fn verif_a_joint_twice_as_strong_has_the_same_diagnosis() {
     }
 }
 
+/// Friction of a form that is not the catalogue's usual one: its step at reversal is twice as wide, and it breaks away otherwise.
+#[test]
+fn val_opensim_friction_of_another_form_is_among_the_explanations() {
+    let candidates = ["coulomb_friction", "joint_damping", "joint_stiffness", "torque_drift"];
+    let (found, truth) = diagnosed("coulomb_friction", &candidates);
+    assert_eq!((found.verdict, sets(&found)), (Verdict::Identified, vec![["coulomb_friction"].as_slice()]));
+    assert_found(&found, &truth, "coulomb_friction", "friction", 0.2);
+    assert_found(&found, &truth, "coulomb_friction", "transition_speed", 0.5);
+}
+
 #[test]
 fn val_opensim_what_the_catalogue_lacks_is_called_unknown() {
     let candidates = ["joint_stiffness", "end_range_spring", "joint_damping", "torque_drift"];

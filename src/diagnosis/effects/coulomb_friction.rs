@@ -23,7 +23,7 @@ static DESCRIPTION: Description = Description {
             1.2,
             0.2,
             [0.5, 2.0],
-            "friction at rest over that in motion; dry contacts 1 to 2 (Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, doi:10.1016/0005-1098(94)90209-7), joints unverified: below 1 it grows with speed",
+            "friction at rest over that in motion; dry contacts 1 to 2, source unverified; below 1 it grows with speed",
         ),
         shape(
             "transition_speed",

@@ -29,7 +29,7 @@ static DESCRIPTION: Description = Description {
             2.0,
             1.0,
             [0.05, 10.0],
-            "M0, at which it is half of its largest: reflexes grow with the contraction and saturate (automatic gain compensation: Matthews 1986, doi:10.1113/jphysiol.1986.sp016034); the number has no source",
+            "M0, at which it is half of its largest: reflexes grow with the contraction (automatic gain compensation: Matthews 1986, doi:10.1113/jphysiol.1986.sp016066), here up to a largest one; the number has no source",
         ),
     ],
     signature: "as damping, delayed and only while active",
