@@ -196,6 +196,11 @@ pub trait Effect: Sync {
         false
     }
 
+    /// Values, amplitudes 0, that fits also start from: shapes so far from the usual one that a fit from there may not arrive.
+    fn further_starts(&self) -> &'static [&'static [f64]] {
+        &[]
+    }
+
     /// Recorded EMG to excitation, per muscle and sample.
     fn excite(&self, values: &[f64], trial: &TrialContext, excitation: &mut [Vec<f64>]) {
         let _ = (values, trial, excitation);

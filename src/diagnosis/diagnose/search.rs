@@ -180,7 +180,7 @@ impl Judge<'_> {
     ) -> Result<(), SimulationError> {
         let is_on = |e: &&'static dyn Effect| others.iter().any(|s| s.effect.description().id == e.description().id);
         let start = Point { effects: others.to_vec(), ..self.analysis.nominal_point() };
-        let further = self.testable().filter(|e| !is_on(e)).flat_map(|e| self.sizes_to_start_from(e)).collect();
+        let further = self.testable().filter(|e| !is_on(e)).flat_map(|e| self.starts_of(e)).collect();
         let levels = NoiseLevels::usual(self.request.forward.strength.0);
         let same = |f: &Explanation, point: &Point| {
             let has = |s: &Setting| f.effects.contains(&s.effect.description().id);
@@ -206,10 +206,11 @@ impl Judge<'_> {
         Ok(())
     }
 
-    /// Sizes of an effect that fits start from: none; and where the moment acts back on itself a large one, too, because what is
-    /// fitted from none may end in another valley.
-    fn sizes_to_start_from(&self, effect: &'static dyn Effect) -> Vec<Setting> {
+    /// Sizes and shapes of an effect that fits start from: none of the usual shape, and of others that the effect names; and where
+    /// the moment acts back on itself a large one, too, because what is fitted from none may end in another valley.
+    fn starts_of(&self, effect: &'static dyn Effect) -> Vec<Setting> {
         let mut sizes = vec![Setting::absent(effect)];
+        sizes.extend(effect.further_starts().iter().map(|values| Setting { effect, values: values.to_vec() }));
         if effect.feeds_back() {
             let mut large = Setting::absent(effect);
             let description = effect.description();

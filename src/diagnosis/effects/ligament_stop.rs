@@ -36,6 +36,11 @@ impl Effect for LigamentStop {
         &DESCRIPTION
     }
 
+    /// On one side only.
+    fn further_starts(&self) -> &'static [&'static [f64]] {
+        &[&[0.0, 0.4, 1.0], &[0.0, 1.0, 0.4]]
+    }
+
     fn add_moment(&self, values: &[f64], joint: &JointState, moment: &mut [f64]) {
         let [stiffness, upper, lower] = *values else { return };
         if stiffness == 0.0 {
