@@ -55,6 +55,8 @@ impl Effect for LigamentStop {
 
     fn native_form(&self, values: &[f64]) -> Option<NativeForm> {
         let [stiffness, upper, lower] = *values else { return None };
-        Some(NativeForm::Limit { stiffness, limit: [-lower, upper], transition: TRANSITION })
+        // OpenSim takes no limits that overlap.
+        let limit = [-lower, upper];
+        (limit[0] < limit[1]).then_some(NativeForm::Limit { stiffness, limit, transition: TRANSITION })
     }
 }
