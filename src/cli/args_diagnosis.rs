@@ -187,6 +187,10 @@ pub struct PlanArgs {
     /// Tell these effects apart (comma-separated; default: those that the diagnosis leaves)
     #[arg(long, value_name = "ID,…", value_delimiter = ',')]
     pub candidates: Vec<String>,
+    /// Say instead how far an effect of this size would be, in the trials at hand, from none and from every other effect; parameters
+    /// in the units of `carpus effects ID`
+    #[arg(long, value_name = "ID[:NAME=VALUE,…]", allow_hyphen_values = true, conflicts_with = "candidates")]
+    pub effect: Option<EffectSize>,
     /// Effects beside the model.
     #[command(flatten)]
     pub effects: EffectsFile,

@@ -94,8 +94,8 @@ impl Analysis<'_> {
     }
 
     fn measured(&self, position: usize) -> DVector<f64> {
-        let record = &self.forward.trials[self.train[position]];
-        block_means(&record.moment, &block_starts(record.time.len()))
+        let target = self.target(position);
+        block_means(target, &block_starts(target.len()))
     }
 
     /// Scores of a recording that is drawn.

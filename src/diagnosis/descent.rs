@@ -35,6 +35,8 @@ const FINE_STEPS: usize = 6;
 const ROUGHLY: f64 = 1.0;
 /// The same of a fit.
 const CONVERGED: f64 = 0.1;
+/// Steps towards the moments of other effects.
+const DISTANT_STEPS: usize = 30;
 /// Rounds of estimating the noise, at most.
 const MOST_ROUNDS: usize = 8;
 /// Rounds before a fit may be given up.
@@ -45,8 +47,10 @@ const BEYOND_DOUBT: f64 = 1e-3;
 const BEYOND_HOPE: f64 = 1e-9;
 /// Pairs of draws for the mean of scores where nothing is known to be missing yet: there it decides on false alarms.
 const MOST_PAIRS: usize = 4;
-/// The noise has settled when a round changes the deviance by less than this.
+/// The noise has settled when a round changes the deviance by less than this …
 const SETTLED: f64 = 2.0;
+/// … so many times in a row: steps that were shortened because they swung change little, too.
+const QUIET: usize = 2;
 /// A fit whose deviance is this much above the least it had has run away: where little moves a muscle, its force and the noise of
 /// its EMG take up more and more of what they do not cause.
 const RUN_AWAY: f64 = 30.0;
@@ -79,6 +83,10 @@ pub(super) struct Descent {
     pub(super) noise_is_current: bool,
     /// Directions at the point, once asked for.
     directions: Option<Arc<Vec<DMatrix<f64>>>>,
+    /// Whether the noise's variances are estimates: with those that were guessed a deviance is not that of a fit.
+    estimated: bool,
+    /// Rounds in a row that changed little.
+    quiet: usize,
     /// Where it was most probable at the end of a round.
     least: Option<Least>,
 }
@@ -215,7 +223,7 @@ impl Analysis<'_> {
     fn follow(&self, descent: &mut Descent, rounds: usize) -> Result<bool, SimulationError> {
         for _ in 0..rounds {
             let before = descent.deviance();
-            if descent.least.as_ref().is_none_or(|least| before < least.deviance) {
+            if descent.estimated && descent.least.as_ref().is_none_or(|least| before < least.deviance) {
                 let (point, levels) = (descent.point.clone(), descent.noise.levels);
                 descent.least = Some(Least { deviance: before, point, levels });
             }
@@ -225,7 +233,8 @@ impl Analysis<'_> {
                 *descent = self.begin(least.point, least.levels)?;
                 return Ok(true);
             }
-            if (before - after).abs() < SETTLED {
+            descent.quiet = if (before - after).abs() < SETTLED { descent.quiet + 1 } else { 0 };
+            if descent.quiet >= QUIET {
                 return Ok(true);
             }
         }
@@ -239,6 +248,23 @@ impl Analysis<'_> {
         let (fit, inverse) = self.uncentred(&mut descent)?;
         let means = self.calc_bias(&fit, &self.truth_of(&fit)?, 0..MOST_PAIRS)?;
         Ok(self.centre(fit, &inverse, means))
+    }
+
+    /// How near a model comes to the moments of a fit with other effects, its noise held: least squared distance, in standard
+    /// deviations, priors of both included.
+    ///
+    /// - `start`: effects to come near with, and muscles to start from; `fit`: of which the targets are
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub(super) fn distance(&self, start: Point, fit: &Fit) -> Result<f64, SimulationError> {
+        let noise = Noise { structure: fit.noise.clone(), levels: fit.levels, factors: fit.factors.clone() };
+        let linear = self.linearize(&start, &noise.structure)?;
+        let mut descent = self.begun(start, linear, noise);
+        self.descend(&mut descent, DISTANT_STEPS, CONVERGED);
+        let n = self.n_muscles() * FITTED_PER_MUSCLE;
+        let own: f64 = fit.precision.iter().zip(&fit.offset).take(n).map(|(a, b)| a * b * b).sum();
+        Ok(descent.at.objective - descent.at.gain - own)
     }
 
     /// A fit with usual noise: while the model is far off, its errors would be taken for noise.
@@ -279,8 +305,17 @@ impl Analysis<'_> {
             at,
             noise_is_current: true,
             directions: None,
+            estimated: false,
+            quiet: 0,
             least: None,
         }
+    }
+
+    /// Forgets how the last rounds went: the noise goes otherwise with itself in time now.
+    pub(super) fn starts_anew(&self, descent: &mut Descent) {
+        descent.last_step = [[0.0; 2]; COMPONENTS];
+        descent.last_correction = vec![None; self.train.len()];
+        (descent.quiet, descent.least) = (0, None);
     }
 
     /// Passes the EMG's noise through the muscles as they are now.
@@ -313,6 +348,7 @@ impl Analysis<'_> {
             noise.levels = noise.levels.towards(&estimated, last_step);
             noise.factors = factors(noise);
             descent.at = self.account(&descent.linear, &descent.point, &descent.noise);
+            descent.estimated = true;
         }
         let step = descent.at.information.clone().cholesky().map(|c| c.solve(&descent.at.gradient));
         let step = step.unwrap_or_else(|| descent.at.gradient.clone() * 0.0);

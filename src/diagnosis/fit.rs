@@ -97,6 +97,8 @@ pub struct Analysis<'a> {
     /// How the noise goes with itself in time.
     pub(super) kernels: Kernels,
     pub(super) seed: u64,
+    /// Per training trial: moments to fit in place of the recorded ones [N·m].
+    pub(super) targets: Option<Vec<Vec<f64>>>,
 }
 
 /// The noise of all training trials.
@@ -158,6 +160,14 @@ impl<'a> Analysis<'a> {
         analysis.choose_kernels(&mut descent)?;
         let fit = analysis.followed(descent)?;
         Ok((analysis, fit))
+    }
+
+    /// The moment that a training trial is fitted to [N·m].
+    pub(super) fn target(&self, position: usize) -> &[f64] {
+        match &self.targets {
+            Some(targets) => &targets[position],
+            None => &self.forward.trials[self.train[position]].moment,
+        }
     }
 
     pub(super) fn n_muscles(&self) -> usize {

@@ -50,6 +50,22 @@ impl Setting {
         Setting { effect, values: effect.description().absent() }
     }
 
+    /// Sizes and shapes of an effect that fits start from: none of the usual shape, and of others that the effect names; and where
+    /// the moment acts back on itself a large one, too, because what is fitted from none may end in another valley.
+    pub fn starts(effect: &'static dyn Effect, strength: &Strength) -> Vec<Setting> {
+        let mut sizes = vec![Setting::absent(effect)];
+        sizes.extend(effect.further_starts().iter().map(|values| Setting { effect, values: values.to_vec() }));
+        if effect.feeds_back() {
+            let mut large = Setting::absent(effect);
+            let description = effect.description();
+            for i in description.amplitudes() {
+                large.values[i] = LARGE_SIZE * strength.plausible(&description.parameters[i])[1];
+            }
+            sizes.push(large);
+        }
+        sizes
+    }
+
     /// Whether all amplitudes are 0.
     pub fn is_absent(&self) -> bool {
         self.effect.description().amplitudes().all(|i| self.values[i] == 0.0)
@@ -57,6 +73,7 @@ impl Setting {
 }
 
 /// A participant's trials and model, ready to be simulated with effects.
+#[derive(Clone)]
 pub struct ForwardModel {
     /// The trials, in the order of recording.
     pub trials: Vec<TrialRecord>,
@@ -116,6 +133,9 @@ pub const DIAGNOSIS_ACCURACY: FiberAccuracy = FiberAccuracy { tolerance: 5e-5, m
 /// Times that the moment of the muscles is computed anew where it acts back on the joint's angle: what is missing is then 1 to
 /// 2 % of the effect at the most compliant joint, and would be 10 to 15 % without.
 const FEEDBACK_ROUNDS: usize = 1;
+
+/// A large size of an effect, as a share of the largest plausible one.
+const LARGE_SIZE: f64 = 0.75;
 
 /// Muscle parameters whose logarithms are fitted, per muscle.
 pub const FITTED_PER_MUSCLE: usize = 3;

@@ -20,6 +20,7 @@ pub mod moments;
 pub mod noise;
 pub mod plan;
 pub mod score_test;
+pub mod separability;
 pub mod silent_muscles;
 mod strength;
 pub mod synthesis;

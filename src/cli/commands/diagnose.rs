@@ -5,6 +5,7 @@ use std::path::Path;
 use super::simulate::{account, write_results};
 use crate::cli::account::ModelRun;
 use crate::cli::args::{DiagnoseArgs, Global};
+use crate::cli::args_diagnosis::EffectSize;
 use crate::cli::diagnosis_file;
 use crate::cli::failure::{self, Failure, Message};
 use crate::cli::residuals::residual_result;
@@ -16,6 +17,8 @@ use crate::diagnosis::diagnose::{Diagnosis, Outcome, Request, Verdict, diagnose}
 use crate::diagnosis::effect::Effect;
 use crate::diagnosis::forward_model::{ForwardModel, Setting};
 use crate::diagnosis::moments::simulate_all;
+use crate::diagnosis::synthesis::sized;
+use crate::osim::spec::MuscleSpec;
 use crate::report::results::{Kind, Results};
 use crate::simulation::MuscleParameters;
 use crate::study::TrialUse;
@@ -179,6 +182,19 @@ pub fn known(id: &str) -> Result<&'static dyn Effect, Failure> {
             None => "`carpus effects` lists all".to_string(),
         };
         message.hint(hint).into()
+    })
+}
+
+/// An effect of the size that was asked for with `--effect`.
+///
+/// - `muscles`: of the model
+///
+/// # Errors
+/// An unknown effect or parameter; a size out of reach.
+pub fn at_size(asked: &EffectSize, muscles: &[MuscleSpec]) -> Result<Setting, Failure> {
+    sized(known(&asked.id)?, &asked.values, muscles).map_err(|e| {
+        let hint = format!("carpus effects {} tells its parameters", asked.id);
+        Message::error(format!("--effect: {e}")).hint(hint).into()
     })
 }
 

@@ -1,17 +1,21 @@
 //! `carpus plan`: which further trials would separate the explanations that survive.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::diagnose::{candidates, forward_model, known, request};
+use super::diagnose::{at_size, candidates, forward_model, known, names_of, request};
 use super::simulate::write_results;
 use crate::cli::args::{Global, PlanArgs};
+use crate::cli::args_diagnosis::EffectSize;
 use crate::cli::diagnosis_file::{self, KnownDiagnosis, known_or_made};
 use crate::cli::failure::{self, Failure, Message};
+use crate::cli::provenance::provenance;
 use crate::cli::study_run::{StudyRun, progress};
 use crate::cli::table::{fixed, table};
 use crate::diagnosis::plan::{SEPARABLE_Z, Separation, plan};
+use crate::diagnosis::separability::{Distance, separability};
 use crate::report::diagnosis::DiagnosisResult;
 use crate::report::results::{Results, rounded};
 
@@ -31,6 +35,9 @@ struct Planned {
 /// # Errors
 /// The study, its models and trials, the candidates, or the output folder.
 pub fn run(args: &PlanArgs, global: &Global) -> Result<(), Failure> {
+    if let Some(asked) = &args.effect {
+        return of_effect(asked, args, global);
+    }
     let asked: Vec<&'static str> =
         args.candidates.iter().map(|id| known(id).map(|e| e.description().id)).collect::<Result<_, _>>()?;
     if asked.len() == 1 {
@@ -62,6 +69,57 @@ pub fn run(args: &PlanArgs, global: &Global) -> Result<(), Failure> {
         return outcomes.print(&text);
     }
     let text = outcomes.done.iter().map(readable).collect::<Vec<_>>().join("\n\n");
+    outcomes.print(&text)
+}
+
+/// How far an effect of a size would be from none and from every other.
+fn of_effect(asked: &EffectSize, args: &PlanArgs, global: &Global) -> Result<(), Failure> {
+    known(&asked.id)?;
+    let study = StudyRun::prepare_with(&args.study, args.effects.file())?;
+    let bar = progress(global, study.participants.len() as u64, "separating");
+    let outcomes = study.each(|participant| {
+        let run = study.participant(participant)?;
+        failure::print(&run.warnings);
+        let forward = forward_model(&run)?;
+        let truth = at_size(asked, &forward.muscles)?;
+        let request = request(&study, &run, &forward, candidates(&[])?, global);
+        let distances =
+            separability(&request, &truth).map_err(|e| Message::error(e.to_string()).in_file(&run.loaded.path))?;
+        let names = truth.effect.description().parameters.iter().map(|p| p.name);
+        let size: BTreeMap<&str, f64> = names.zip(truth.effect.reported(&truth.values, &forward.muscles)).collect();
+        let listed = distances.iter().map(|d| json!({ "rival": d.rival, "z": rounded(d.z, 3) }));
+        let value = json!({
+            "schema": "carpus.separability/1",
+            "participant": participant.name,
+            "effect": asked.id,
+            "size": size,
+            "separable_z": SEPARABLE_Z,
+            "distances": listed.collect::<Vec<_>>(),
+            "provenance": provenance(global, run.inputs.clone()),
+        });
+        let text = serde_json::to_string_pretty(&value).map_err(|e| Failure::Internal(e.to_string()))? + "\n";
+        study.out.write(format!("{}/separability.json", participant.name), text.as_bytes())?;
+        bar.inc(1);
+        Ok((participant.name.clone(), distances, value))
+    });
+    bar.finish_and_clear();
+    let outcomes = outcomes?;
+    if global.json {
+        let text = Value::Array(outcomes.done.iter().map(|(_, _, value)| value.clone()).collect()).to_string();
+        return outcomes.print(&text);
+    }
+    let shown = |(name, distances, _): &(String, Vec<Distance>, Value)| {
+        let rows = distances.iter().map(|d| {
+            let told = if d.z >= SEPARABLE_Z { "yes" } else { "no" };
+            vec![d.rival.map_or("none".to_owned(), |id| names_of(&[id])), fixed(d.z, 1), told.to_owned()]
+        });
+        let title = format!(
+            "{name}: how far {} of this size is from the best that muscles do with others in its place (z; told apart from {SEPARABLE_Z})",
+            names_of(&[&asked.id])
+        );
+        format!("{title}\n{}", table(&["in its place", "z", "told apart"], 1, rows))
+    };
+    let text = outcomes.done.iter().map(shown).collect::<Vec<_>>().join("\n\n");
     outcomes.print(&text)
 }
 

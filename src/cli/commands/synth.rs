@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
-use super::diagnose::known;
+use super::diagnose::{at_size, known};
 use crate::cli::account::csv_text;
 use crate::cli::args::{Global, SynthArgs};
 use crate::cli::args_diagnosis::NoiseLevel;
@@ -18,7 +18,7 @@ use crate::cli::table::table;
 use crate::diagnosis::angle_noise::AngleNoise;
 use crate::diagnosis::forward_model::{ForwardModel, Setting};
 use crate::diagnosis::holds::steadied_trials;
-use crate::diagnosis::synthesis::{RecordingNoise, Synthetic, largest_moments, sized, synthesize};
+use crate::diagnosis::synthesis::{RecordingNoise, Synthetic, largest_moments, synthesize};
 use crate::report::results::{InputFile, rounded};
 use crate::study::{Participant, Trial, write};
 
@@ -82,17 +82,8 @@ fn make(
         None => run.trials.clone(),
     };
     let forward = ForwardModel::new(&run.loaded.file.spec, &run.model, &trials).map_err(|e| at_model(e.to_string()))?;
-    let effects = args
-        .effects
-        .iter()
-        .map(|asked| {
-            sized(known(&asked.id)?, &asked.values, &forward.muscles).map_err(|e| {
-                Message::error(format!("--effect: {e}"))
-                    .hint(format!("carpus effects {} tells its parameters", asked.id))
-                    .into()
-            })
-        })
-        .collect::<Result<Vec<Setting>, Failure>>()?;
+    let effects =
+        args.effects.iter().map(|asked| at_size(asked, &forward.muscles)).collect::<Result<Vec<Setting>, Failure>>()?;
     // Every participant has an own seed, the same whoever else is asked for.
     let place = study.study.participants.iter().position(|p| p.name == participant.name).unwrap_or(0) as u64;
     let seed = global.seed.wrapping_add(place.wrapping_mul(0x9e37_79b9_7f4a_7c15));

@@ -50,8 +50,6 @@ const MAY_SURVIVE: f64 = 0.5 * REJECT_EXPLANATION;
 const SECOND_CHOICE: usize = 5;
 /// The same of seconds of a pair.
 const SECOND_CHOICE_OF_PAIRS: usize = 2;
-/// A large size of an effect, as a share of the largest plausible one.
-const LARGE_SIZE: f64 = 0.75;
 
 /// Least deviance of explanations.
 fn least_deviance(found: &[(Fit, Explanation)]) -> f64 {
@@ -180,7 +178,11 @@ impl Judge<'_> {
     ) -> Result<(), SimulationError> {
         let is_on = |e: &&'static dyn Effect| others.iter().any(|s| s.effect.description().id == e.description().id);
         let start = Point { effects: others.to_vec(), ..self.analysis.nominal_point() };
-        let further = self.testable().filter(|e| !is_on(e)).flat_map(|e| self.starts_of(e)).collect();
+        let further = self
+            .testable()
+            .filter(|e| !is_on(e))
+            .flat_map(|e| Setting::starts(e, &self.request.forward.strength))
+            .collect();
         let levels = NoiseLevels::usual(self.request.forward.strength.0);
         let same = |f: &Explanation, point: &Point| {
             let has = |s: &Setting| f.effects.contains(&s.effect.description().id);
@@ -204,22 +206,6 @@ impl Judge<'_> {
             }
         }
         Ok(())
-    }
-
-    /// Sizes and shapes of an effect that fits start from: none of the usual shape, and of others that the effect names; and where
-    /// the moment acts back on itself a large one, too, because what is fitted from none may end in another valley.
-    fn starts_of(&self, effect: &'static dyn Effect) -> Vec<Setting> {
-        let mut sizes = vec![Setting::absent(effect)];
-        sizes.extend(effect.further_starts().iter().map(|values| Setting { effect, values: values.to_vec() }));
-        if effect.feeds_back() {
-            let mut large = Setting::absent(effect);
-            let description = effect.description();
-            for i in description.amplitudes() {
-                large.values[i] = LARGE_SIZE * self.request.forward.strength.plausible(&description.parameters[i])[1];
-            }
-            sizes.push(large);
-        }
-        sizes
     }
 
     /// Whether a point's effects, the same as a fit's, are of the sizes that the fit found, to within its standard errors.

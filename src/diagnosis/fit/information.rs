@@ -20,7 +20,17 @@ impl<'a> Analysis<'a> {
     ) -> Analysis<'a> {
         let kernels = Kernels::default();
         let times = train.iter().map(|g| trial_times(&forward.trials[*g], &kernels.moment)).collect();
-        Analysis { forward, train, candidates, prior_sd: prior_sd(bounds), blocks: Vec::new(), times, kernels, seed }
+        Analysis {
+            forward,
+            train,
+            candidates,
+            prior_sd: prior_sd(bounds),
+            blocks: Vec::new(),
+            times,
+            kernels,
+            seed,
+            targets: None,
+        }
     }
 
     /// The same with noise that goes with itself in time as in another analysis.

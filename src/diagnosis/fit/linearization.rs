@@ -72,7 +72,7 @@ impl Analysis<'_> {
                 let input = &*point.inputs[position];
                 let core = self.forward.core(&variant, g, input, &point.parameters, &point.effects, true)?;
                 let simulated = self.forward.recorded_moment(g, &core, &point.effects);
-                let difference: Vec<f64> = record.moment.iter().zip(&simulated).map(|(y, s)| y - s).collect();
+                let difference: Vec<f64> = self.target(position).iter().zip(&simulated).map(|(y, s)| y - s).collect();
                 let bare = block_means(&difference, &starts);
                 let blocks = bare.len();
                 let mut nuisance = DMatrix::zeros(blocks, self.n_nuisance());

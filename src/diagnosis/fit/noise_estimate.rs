@@ -119,6 +119,7 @@ impl Analysis<'_> {
         self.times = self.train.iter().map(|g| trial_times(&self.forward.trials[*g], &self.kernels.moment)).collect();
         descent.noise.levels = levels;
         descent.noise_is_current = false;
+        self.starts_anew(descent);
         Ok(())
     }
 }

@@ -1,0 +1,93 @@
+//! What data could tell: how far an effect of a given size is from what the model does without it, or with another effect.
+//!
+//! The effect is held at its size while muscles and noise are fitted to the data. To the moments that this predicts, without noise, the
+//! model is fitted without the effect, and with every other effect in its place: muscles, amplitudes and shapes all free, so
+//! that nothing is linear but the noise. What remains is the distance in standard deviations:
+//!
+//! ```text
+//! z² = min over θ, φ of  Σ_g ‖τ_g(truth) − τ_g(θ, φ)‖²_V + ‖θ − θ₀‖²_Λ  −  ‖θ(truth) − θ₀‖²_Λ
+//! ```
+//! −2 log likelihood of the rival is this much larger on average, the noise being known. [`Analysis::pairwise_z`] is its
+//! approximation to first order around the model without effects, of which shapes are not free.
+
+use rayon::prelude::*;
+
+use super::diagnose::Request;
+use super::effect::Effect;
+use super::fit::{Analysis, Fit, Point};
+use super::forward_model::Setting;
+use crate::simulation::SimulationError;
+use crate::study::TrialUse;
+
+/// How far an effect is from a rival.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Distance {
+    /// Identifier of the rival; none: the model without effects.
+    pub rival: Option<&'static str>,
+    /// Standard deviations.
+    pub z: f64,
+}
+
+/// Distances of an effect from the model without it and from every other effect; the nearest first. Rivals that cannot be simulated near
+/// it are left out.
+///
+/// - `truth`: the effect, at a size
+///
+/// # Errors
+/// A trial that cannot be simulated.
+pub fn separability(request: &Request, truth: &Setting) -> Result<Vec<Distance>, SimulationError> {
+    let forward = request.forward;
+    let train = forward.trials_for(TrialUse::Train);
+    let id = truth.effect.description().id;
+    let rivals: Vec<&'static dyn Effect> = request
+        .candidates
+        .iter()
+        .copied()
+        .filter(|e| e.description().id != id && e.description().unidentifiable.is_none())
+        .collect();
+    let given = forward.given().iter().chain([truth]).cloned().collect();
+    let with = forward.clone().with_given(given);
+    let (analysis, fit) = Analysis::new(&with, train.clone(), rivals.clone(), &request.bounds, request.seed)?;
+    let targets = analysis.moments_of(&fit)?;
+    let without = Analysis::without_data(forward, train, rivals.clone(), &request.bounds, request.seed)
+        .with_kernels_of(&analysis)
+        .with_targets(targets);
+    let near = |effects: Vec<Setting>| {
+        let start = Point {
+            effects,
+            baseline: vec![0.0; without.n_muscles()],
+            correction: without.no_correction(),
+            ..fit.point.clone()
+        };
+        without.distance(start, &fit)
+    };
+    let none = Distance { rival: None, z: near(Vec::new())?.max(0.0).sqrt() };
+    let of_rival = |rival: &&'static dyn Effect| {
+        let starts = Setting::starts(*rival, &forward.strength);
+        let least = starts.into_iter().filter_map(|start| near(vec![start]).ok()).fold(f64::INFINITY, f64::min);
+        least.is_finite().then(|| Distance { rival: Some(rival.description().id), z: least.max(0.0).sqrt() })
+    };
+    let mut found: Vec<Distance> = rivals.par_iter().filter_map(of_rival).collect();
+    found.push(none);
+    found.sort_by(|a, b| a.z.total_cmp(&b.z));
+    Ok(found)
+}
+
+impl Analysis<'_> {
+    /// The same with other moments to fit.
+    fn with_targets(mut self, targets: Vec<Vec<f64>>) -> Self {
+        self.targets = Some(targets);
+        self
+    }
+
+    /// Moments of the training trials that a fit predicts, its noise of the EMG taken for the truth [N·m].
+    fn moments_of(&self, fit: &Fit) -> Result<Vec<Vec<f64>>, SimulationError> {
+        let Point { parameters, effects, inputs, .. } = &fit.point;
+        let variant = self.forward.variant(effects)?;
+        let of_trial = |(g, input): (&usize, &std::sync::Arc<super::forward_model::TrialInput>)| {
+            let core = self.forward.core(&variant, *g, input, parameters, effects, false)?;
+            Ok(self.forward.recorded_moment(*g, &core, effects))
+        };
+        self.train.par_iter().zip(inputs).map(of_trial).collect::<Vec<_>>().into_iter().collect()
+    }
+}
