@@ -27,6 +27,9 @@ pub const REJECT_NULL: f64 = 0.05;
 const BEYOND_DOUBT: f64 = 1e-4;
 /// An explanation with a smaller p-value is rejected: laxer than 0.05, so that the true one stays in at least 95 of 100 times.
 pub const REJECT_EXPLANATION: f64 = 0.02;
+/// Where all single effects are rejected, those with a larger p-value stay nevertheless: one effect of which so much is left by chance
+/// (once in 50 times) is likelier than two, or one that nobody knows. What these leave has p-values of 0.002 or less.
+const REJECT_FOR_PAIRS: f64 = 0.005;
 /// An effect whose signature keeps less than this share once muscle parameters are fitted cannot be tested.
 const TESTABLE: f64 = 0.01;
 /// z that an effect needs to be found with a probability of about 80 % among all others.
@@ -102,7 +105,13 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let null_p_value = if surely { left.p_value } else { left.p_value.max(left.sign_flip_p_value) };
     let rejected = null_p_value < REJECT_NULL;
     let singles = if rejected { judge.singles(&left)? } else { Vec::new() };
-    let mut explanations: Vec<(Fit, Explanation)> = singles.iter().filter(|s| s.1.survives()).cloned().collect();
+    let above = |p_value: f64| -> Vec<(Fit, Explanation)> {
+        singles.iter().filter(|s| s.1.p_value > p_value).cloned().collect()
+    };
+    let mut explanations = above(REJECT_EXPLANATION);
+    if explanations.is_empty() {
+        explanations = above(REJECT_FOR_PAIRS);
+    }
     let survivors: Vec<&'static str> = explanations.iter().map(|e| e.1.effects[0]).collect();
     explanations.extend(singles.iter().filter(|s| judge.goes_with(&left, &survivors, &s.1)).cloned());
     if rejected && explanations.is_empty() {

@@ -7,9 +7,11 @@ use carpus::diagnosis::catalogue::CATALOGUE;
 use carpus::diagnosis::diagnose::{Diagnosis, Request, Verdict, diagnose, rmse, simulate};
 use carpus::diagnosis::fit::Analysis;
 use carpus::diagnosis::forward_model::{ForwardModel, Setting};
+use carpus::diagnosis::separability::separability;
 use carpus::osim::OsimFile;
 use carpus::simulation::{MusculoskeletalModel, Setup};
 use carpus::study::{Study, TrialUse};
+use nalgebra::DVector;
 use serde_json::Value;
 
 const MODELS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models");
@@ -179,6 +181,41 @@ fn val_opensim_what_an_effect_leaves_is_foreseen_before_it_is_fitted() {
             }
             if hidden {
                 assert!((near.1 / drawn.1 - 1.0).abs() < 0.05, "{id}: {} and {}", near.1, drawn.1);
+            }
+        }
+    });
+}
+
+/// Fitted in place of a small effect, rivals stay as far from it as products of signatures say, to first order; and none is farther off
+/// than no effect at all, which they all may become.
+#[test]
+fn val_opensim_how_far_small_effects_are_apart_is_what_their_signatures_say() {
+    let candidates = ["joint_damping", "inertia", "joint_stiffness", "gravity", "time_shift"];
+    asked(1.0, &folder("nothing_hidden"), &candidates, |request| {
+        let train = request.forward.trials_for(TrialUse::Train);
+        let all = request.candidates.clone();
+        let (analysis, null) = Analysis::new(request.forward, train, all, &request.bounds, request.seed).unwrap();
+        for (id, value) in [("joint_damping", 0.05), ("joint_stiffness", 0.3)] {
+            let effect = *request.candidates.iter().find(|e| e.description().id == id).unwrap();
+            let mut truth = Setting::absent(effect);
+            truth.values[0] = value;
+            let found = separability(request, &truth).unwrap();
+            let none = found.iter().find(|d| d.rival.is_none()).unwrap().z;
+            assert_eq!(found.len(), candidates.len());
+            for distance in found.iter().filter(|d| d.rival.is_some()) {
+                let rival = distance.rival.unwrap();
+                let size = DVector::from_element(1, value / effect.description().parameters[0].scale);
+                let expected = analysis.pairwise_z(&null, id, &size, rival).unwrap();
+                println!(
+                    "{id} {value} from {rival}: {:.2}, to first order {expected:.2}; from none {none:.2}",
+                    distance.z
+                );
+                assert!(
+                    (distance.z - expected).abs() < 0.15 * expected + 0.1,
+                    "{id} from {rival}: {} {expected}",
+                    distance.z
+                );
+                assert!(distance.z < none + 0.01);
             }
         }
     });

@@ -148,7 +148,7 @@ impl Judge<'_> {
         Ok(found)
     }
 
-    /// Explanations by an effect beside those at a point each, fitted on from there.
+    /// Explanations by an effect beside those at a point each, fitted on from there; from each shape that the effect names, the best.
     ///
     /// - `wanted`: point, what is left there, effect
     fn explain_all(
@@ -157,8 +157,19 @@ impl Judge<'_> {
     ) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
         let mut found: Vec<(Fit, Explanation)> = Vec::new();
         for (point, left, effect) in wanted {
-            let start = self.beside(point, left, effect);
-            found.extend(self.explain(start, self.null.levels, least_deviance(&found), None)?);
+            let usual = self.beside(point, left, effect);
+            let further = effect.further_starts().iter().map(|values| {
+                let mut start = point.clone();
+                start.effects.push(Setting { effect, values: values.to_vec() });
+                start
+            });
+            let mut best: Option<(Fit, Explanation)> = None;
+            for start in std::iter::once(usual).chain(further) {
+                let least = best.iter().fold(least_deviance(&found), |least, b| least.min(b.0.deviance));
+                let explained = self.explain(start, self.null.levels, least, None)?;
+                best = [best, explained].into_iter().flatten().min_by(|a, b| a.0.deviance.total_cmp(&b.0.deviance));
+            }
+            found.extend(best);
         }
         Ok(found)
     }
