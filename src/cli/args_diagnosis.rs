@@ -178,7 +178,7 @@ pub struct EffectRemoveArgs {
 /// `carpus plan`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus plan study/study.toml --out planned\n  carpus plan study/study.toml --candidates joint_stiffness,gravity --out planned\n\nWrites DIR/P01/plan.json, and the separating experiments into DIR/P01/diagnosis.json. A DIR/P01/diagnosis.json of the same files is used; without one the data are diagnosed first."
+    after_help = "Example:\n  carpus plan study/study.toml --out planned\n  carpus plan study/study.toml --candidates joint_stiffness,gravity --out planned\n  carpus plan study/study.toml --effect gravity --out told\n\nWrites DIR/P01/plan.json, and the separating experiments into DIR/P01/diagnosis.json; with --effect DIR/P01/separability.json alone. A DIR/P01/diagnosis.json of the same files is used; without one the data are diagnosed first."
 )]
 pub struct PlanArgs {
     /// The study.

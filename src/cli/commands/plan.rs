@@ -1,4 +1,4 @@
-//! `carpus plan`: which further trials would separate the explanations that survive.
+//! `carpus plan`: which further trials would separate the explanations that survive, and what the trials at hand can tell.
 
 use std::collections::BTreeMap;
 use std::path::Path;
