@@ -23,6 +23,8 @@ const REJECT_IN_ANY_CASE: f64 = 0.002;
 const LARGE: f64 = 40.0;
 /// A fit whose deviance is this much larger than the best is not followed to its end.
 const FAR: f64 = 150.0;
+/// A fit whose deviance is this much larger may as well be the best.
+const HARDLY_WORSE: f64 = 20.0;
 /// Below this pairwise z two effects cannot be told apart.
 const INSEPARABLE: f64 = 2.0;
 /// Candidates whose one-step fit leaves this much more deviance than the best are not fitted.
@@ -50,10 +52,25 @@ const MAY_SURVIVE: f64 = 0.5 * REJECT_EXPLANATION;
 const SECOND_CHOICE: usize = 5;
 /// The same of seconds of a pair.
 const SECOND_CHOICE_OF_PAIRS: usize = 2;
+/// Explanations that are fitted at the same time: none of them is given up early because another is much better.
+const SIDE_BY_SIDE: usize = 2;
 
 /// Least deviance of explanations.
 fn least_deviance(found: &[(Fit, Explanation)]) -> f64 {
     found.iter().map(|f| f.0.deviance).fold(f64::INFINITY, f64::min)
+}
+
+/// Adds an explanation; of two by the same effects that of less deviance stays.
+fn keep_better(found: &mut Vec<(Fit, Explanation)>, explained: (Fit, Explanation)) {
+    let same = |f: &&mut (Fit, Explanation)| {
+        let has = |id: &&'static str| f.1.effects.contains(id);
+        f.1.effects.len() == explained.1.effects.len() && explained.1.effects.iter().all(|id| has(&id))
+    };
+    match found.iter_mut().find(same) {
+        Some(known) if known.0.deviance <= explained.0.deviance => {}
+        Some(known) => *known = explained,
+        None => found.push(explained),
+    }
 }
 
 /// Least p-value of directions, each taken by itself.
@@ -155,23 +172,34 @@ impl Judge<'_> {
         &self,
         wanted: Vec<(&Point, &[BlockScore], &'static dyn Effect)>,
     ) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
-        let mut found: Vec<(Fit, Explanation)> = Vec::new();
-        for (point, left, effect) in wanted {
-            let usual = self.beside(point, left, effect);
+        let starts = |(point, left, effect): (&Point, &[BlockScore], &'static dyn Effect)| {
             let further = effect.further_starts().iter().map(|values| {
                 let mut start = point.clone();
                 start.effects.push(Setting { effect, values: values.to_vec() });
                 start
             });
-            let mut best: Option<(Fit, Explanation)> = None;
-            for start in std::iter::once(usual).chain(further) {
-                let least = best.iter().fold(least_deviance(&found), |least, b| least.min(b.0.deviance));
-                let explained = self.explain(start, self.null.levels, least, None)?;
-                best = [best, explained].into_iter().flatten().min_by(|a, b| a.0.deviance.total_cmp(&b.0.deviance));
+            std::iter::once(self.beside(point, left, effect)).chain(further).collect::<Vec<_>>()
+        };
+        let starts: Vec<Point> = wanted.into_iter().flat_map(starts).collect();
+        let mut found: Vec<(Fit, Explanation)> = Vec::new();
+        for wave in starts.chunks(SIDE_BY_SIDE) {
+            for explained in self.explain_side_by_side(wave, self.null.levels, least_deviance(&found))? {
+                keep_better(&mut found, explained);
             }
-            found.extend(best);
         }
         Ok(found)
+    }
+
+    /// Explanations from points at the same time, those that can be fitted.
+    fn explain_side_by_side(
+        &self,
+        starts: &[Point],
+        levels: NoiseLevels,
+        best: f64,
+    ) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
+        let explain = |start: &Point| self.explain(start.clone(), levels, best, None);
+        let explained = starts.par_iter().with_max_len(1).map(explain).collect::<Vec<_>>();
+        Ok(explained.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
     }
 
     /// Explanations by any effect beside others, fitted from the model as given: without the effect the muscles may have gone far to
@@ -201,19 +229,18 @@ impl Judge<'_> {
         };
         let survived =
             |found: &[(Fit, Explanation)], point: &Point| found.iter().any(|f| f.1.survives() && same(&f.1, point));
-        for point in self.analysis.screened(&start, further, count).into_iter().take(count) {
-            if survived(found, &point) {
+        let known = |found: &[(Fit, Explanation)], point: &Point| {
+            found.iter().any(|f| same(&f.1, point) && self.is_near(&f.0, point))
+        };
+        let screened: Vec<Point> = self.analysis.screened(&start, further, count).into_iter().take(count).collect();
+        for wave in screened.chunks(SIDE_BY_SIDE) {
+            let promising = wave.iter().take_while(|point| !survived(found, point)).count();
+            let wanted: Vec<Point> = wave[..promising].iter().filter(|point| !known(found, point)).cloned().collect();
+            for anew in self.explain_side_by_side(&wanted, levels, least_deviance(found))? {
+                keep_better(found, anew);
+            }
+            if promising < wave.len() {
                 break;
-            }
-            if found.iter().any(|f| same(&f.1, &point) && self.is_near(&f.0, &point)) {
-                continue;
-            }
-            let Some(anew) = self.explain(point, levels, least_deviance(found), None)? else { continue };
-            let same = |f: &&mut (Fit, Explanation)| same(&f.1, &anew.0.point);
-            match found.iter_mut().find(same) {
-                Some(known) if known.0.deviance <= anew.0.deviance => {}
-                Some(known) => *known = anew,
-                None => found.push(anew),
             }
         }
         Ok(())
@@ -285,7 +312,11 @@ impl Judge<'_> {
         let wanted = pairs.iter().chain(others.iter().take(PROMISING_PAIRS));
         let wanted = wanted.map(|(_, pair)| (&pair.fit.point, &*pair.left, pair.second)).collect();
         let mut found = self.explain_all(wanted)?;
-        if let Some((leader, _)) = leaders.first()
+        // One that feeds back takes several times as long to fit.
+        let quick = leaders
+            .iter()
+            .find(|l| !l.0.point.effects[0].effect.feeds_back() && l.0.deviance < leaders[0].0.deviance + HARDLY_WORSE);
+        if let Some((leader, _)) = quick.or(leaders.first())
             && self.far_off(left)
             && !found.iter().any(|f| f.1.explains())
         {
