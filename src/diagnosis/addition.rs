@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::diagnose::{ParameterEstimate, Request, estimates};
+use super::diagnose::{ParameterEstimate, Request, estimates, tested_null};
 use super::effect::Effect;
 use super::fit::{Analysis, Fit};
 use super::forward_model::Setting;
@@ -39,6 +39,7 @@ pub fn fit_steps(
     let forward = request.forward;
     let train = forward.trials_for(TrialUse::Train);
     let (analysis, refit) = Analysis::new(forward, train, request.candidates.clone(), &request.bounds, request.seed)?;
+    let refit = tested_null(&analysis, refit, &unidentifiable(&analysis))?.fit;
     progress(1);
     let mut fits = vec![refit];
     for count in 1..=effects.len() {
@@ -69,17 +70,16 @@ fn start(analysis: &Analysis, refit: &Fit, before: &Fit, effects: &[&'static dyn
     point
 }
 
+/// Effects that no data tell from the muscles' parameters.
+fn unidentifiable(analysis: &Analysis) -> Vec<&'static str> {
+    let all = analysis.candidates.iter().map(|e| e.description());
+    all.filter(|d| d.unidentifiable.is_some()).map(|d| d.id).collect()
+}
+
 fn step(analysis: &Analysis, request: &Request, fit: Fit) -> FittedStep {
-    let unidentifiable: Vec<&str> = analysis
-        .candidates
-        .iter()
-        .map(|e| e.description())
-        .filter(|d| d.unidentifiable.is_some())
-        .map(|d| d.id)
-        .collect();
     FittedStep {
         estimates: estimates(&fit, request.forward),
-        p_value: analysis.anything_left(&fit, &unidentifiable).map(|left| left.p_value),
+        p_value: analysis.anything_left(&fit, &unidentifiable(analysis)).map(|left| left.p_value),
         noise_floor: analysis.noise_floor(&fit),
         parameters: fit.point.parameters,
         effects: fit.point.effects,

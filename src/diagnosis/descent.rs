@@ -245,7 +245,36 @@ impl Analysis<'_> {
     pub(super) fn followed(&self, mut descent: Descent) -> Result<Fit, SimulationError> {
         self.settle(&mut descent, true)?;
         self.follow(&mut descent, MOST_ROUNDS - 1)?;
-        let (fit, inverse) = self.uncentred(&mut descent)?;
+        self.with_means_drawn(&mut descent)
+    }
+
+    /// The same from elsewhere: from every muscle's tendon shorter by one prior standard deviation, so that in turn each carries more of
+    /// the passive moment. The most probable, if that is more probable than a fit from the model as given.
+    ///
+    /// # Errors
+    /// A fit whose scores' mean cannot be drawn.
+    pub(super) fn fitted_elsewhere(&self, fit: &Fit) -> Result<Option<Fit>, SimulationError> {
+        let from = |muscle: usize| {
+            let mut start = self.nominal_point();
+            start.parameters[muscle].tendon_slack_length *= (-self.prior_sd[2]).exp();
+            let mut descent = self.begin(start, fit.levels)?;
+            self.descend(&mut descent, ROUGH_STEPS, ROUGHLY);
+            self.settle(&mut descent, false)?;
+            let settled = self.follow(&mut descent, ROUNDS_AT_LEAST)?;
+            if !settled && descent.deviance() < fit.deviance + RUN_AWAY {
+                self.follow(&mut descent, MOST_ROUNDS - ROUNDS_AT_LEAST)?;
+            }
+            Ok::<_, SimulationError>(descent)
+        };
+        let descents: Vec<_> = (0..self.n_muscles()).into_par_iter().with_max_len(1).map(from).collect();
+        let best = most_promising(descents.into_iter().flatten().collect()).into_iter().next();
+        let Some(mut best) = best.filter(|best| best.deviance() < fit.deviance - SETTLED) else { return Ok(None) };
+        self.with_means_drawn(&mut best).map(Some)
+    }
+
+    /// A finished descent of which no effect is on, with the mean of its scores.
+    fn with_means_drawn(&self, descent: &mut Descent) -> Result<Fit, SimulationError> {
+        let (fit, inverse) = self.uncentred(descent)?;
         let means = self.calc_bias(&fit, &self.truth_of(&fit)?, 0..MOST_PAIRS)?;
         Ok(self.centre(fit, &inverse, means))
     }

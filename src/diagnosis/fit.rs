@@ -6,8 +6,13 @@
 //! ```text
 //! r = y − τ(θ, φ, ŵ) + G ŵ ~ N(0, V),   ŵ ← E[w | data] = K Gᵀ V⁻¹ r
 //! ```
-//! (first-order conditional linearization). Sensitivities taken at ŵ are, to first order, independent of the residual: EMG noise that is in both would otherwise make time constants, delays and
-//! nonlinearities look significant.
+//! (first-order conditional linearization). Sensitivities taken at ŵ are, to first order, independent of the residual: EMG noise that is
+//! in both would otherwise make time constants, delays and nonlinearities look significant.
+//!
+//! The deviance is that of the moments given the EMG, every true excitation as likely as any. What lets less of the EMG's noise pass
+//! predicts moments better even where it is not what happened: lags stand up to 60 units below the true one of them, and cross-talk
+//! of its true size, which must be unmixed, up to 260 above no cross-talk (8 studies; without noise of the EMG 900 below). Which model
+//! is true is therefore asked of what a fit leaves, not of its deviance.
 //!
 //! # References
 //! Lindstrom & Bates (1990), Nonlinear mixed effects models for repeated measures data, doi:10.2307/2532087.

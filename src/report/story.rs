@@ -12,7 +12,7 @@ use super::story_figures::{WaterfallStep, interval, p_bar, separation, waterfall
 use super::view::{Fact, Group, Pair, ParameterGroup, facts, groups, maybe, parameter_groups};
 use super::warnings::{self, WarningGroup};
 use crate::diagnosis::catalogue::effect;
-use crate::diagnosis::diagnose::{REJECT_EXPLANATION, REJECT_NULL};
+use crate::diagnosis::diagnose::{LEAST_SHARE, REJECT_EXPLANATION, REJECT_NULL};
 
 /// z from which two explanations count as told apart.
 const ENOUGH_Z: f64 = 4.5;
@@ -409,6 +409,8 @@ fn candidates(diagnosis: &DiagnosisResult) -> Vec<CandidateRow> {
     let in_pair =
         |id: &str| diagnosis.explanations.iter().any(|e| e.effects.len() > 1 && e.effects.iter().any(|x| x == id));
     let rejected = !matches!(diagnosis.verdict.as_str(), "nothing_detectable");
+    let most = diagnosis.explanations.iter().filter_map(|e| e.p_value).fold(0.0, f64::max);
+    let level = REJECT_EXPLANATION.max(LEAST_SHARE * most);
     let row = |c: &CandidateResult| {
         let testable = !diagnosis.not_testable.contains(&c.effect);
         let status = match () {
@@ -424,7 +426,7 @@ fn candidates(diagnosis: &DiagnosisResult) -> Vec<CandidateRow> {
             id: c.effect.clone(),
             status,
             survives: survives(&c.effect) || in_pair(&c.effect),
-            svg: c.p_value.map(|p| p_bar(p, REJECT_EXPLANATION)).unwrap_or_default(),
+            svg: c.p_value.map(|p| p_bar(p, level, survives(&c.effect))).unwrap_or_default(),
             p_value: c.p_value.map(p_words).unwrap_or_default(),
             score: c.score.map(|s| significant(s, 3)).unwrap_or_default(),
             kept: c.kept.map(|k| format!("{:.0}\u{202f}%", 100.0 * k)).unwrap_or_default(),

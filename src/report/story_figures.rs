@@ -175,13 +175,13 @@ pub fn separation(now: f64, then: Option<f64>, enough: f64, most: f64) -> String
     w
 }
 
-/// A p-value on a logarithmic axis from 0.0001 to 1, with the level at which explanations are given up.
-pub fn p_bar(p: f64, level: f64) -> String {
+/// A p-value on a logarithmic axis from 0.0001 to 1, with the level at which explanations are given up; filled where this one is not.
+pub fn p_bar(p: f64, level: f64, survives: bool) -> String {
     let (width, height) = (160.0, 22.0);
     let place = |p: f64| (p.clamp(1e-4, 1.0).ln() - 1e-4_f64.ln()) / -1e-4_f64.ln();
     let x = Scale { data: [0.0, 1.0], drawn: [6.0, width - 6.0] };
     let (at, line) = (x.at(place(p)), x.at(place(level)));
-    let class = if p > level { "dot after" } else { "dot gone" };
+    let class = if survives { "dot after" } else { "dot gone" };
     format!(
         concat!(
             r#"<svg class="row narrow" viewBox="0 0 {w} {h}" aria-hidden="true">"#,
