@@ -3,6 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
+use carpus::diagnosis::addition::fit_steps;
 use carpus::diagnosis::catalogue::CATALOGUE;
 use carpus::diagnosis::diagnose::{Diagnosis, Request, Verdict, diagnose, rmse, simulate};
 use carpus::diagnosis::fit::Analysis;
@@ -235,10 +236,9 @@ fn val_opensim_passive_trials_alone_do_not_carry_the_muscles_away() {
     std::fs::write(to.path().join("trials.csv"), passive.join("\n")).unwrap();
     let candidates: Vec<&str> = CATALOGUE.iter().map(|e| e.description().id).collect();
     asked(1.0, to.path(), &candidates, |request| {
-        let (forward, all) = (request.forward, request.candidates.clone());
-        let train = forward.trials_for(TrialUse::Train);
-        let (_, null) = Analysis::new(forward, train, all, &request.bounds, request.seed).unwrap();
-        let [given, fitted] = [&forward.nominal_parameters(), &null.point.parameters]
+        let forward = request.forward;
+        let refitted = fit_steps(request, &[], &|_| ()).unwrap();
+        let [given, fitted] = [&forward.nominal_parameters(), &refitted[0].parameters]
             .map(|parameters| rmse(forward, &simulate(forward, parameters, &[], TrialUse::Train).unwrap()).unwrap());
         println!("RMSE as given {given:.3}, muscles refitted {fitted:.3} N·m");
         assert!(fitted < 1.5 * given, "{fitted} instead of {given}");
