@@ -1,5 +1,6 @@
 //! The search for explanations: which effects, and which pairs, are fitted, and what that leaves.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -62,10 +63,8 @@ fn least_deviance(found: &[(Fit, Explanation)]) -> f64 {
 
 /// Adds an explanation; of two by the same effects that of less deviance stays.
 fn keep_better(found: &mut Vec<(Fit, Explanation)>, explained: (Fit, Explanation)) {
-    let same = |f: &&mut (Fit, Explanation)| {
-        let has = |id: &&'static str| f.1.effects.contains(id);
-        f.1.effects.len() == explained.1.effects.len() && explained.1.effects.iter().all(|id| has(&id))
-    };
+    let of = |effects: &[&'static str]| BTreeSet::from_iter(effects.iter().copied());
+    let same = |f: &&mut (Fit, Explanation)| of(&f.1.effects) == of(&explained.1.effects);
     match found.iter_mut().find(same) {
         Some(known) if known.0.deviance <= explained.0.deviance => {}
         Some(known) => *known = explained,
