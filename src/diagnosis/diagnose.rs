@@ -18,7 +18,9 @@ use super::where_it_fails::along_axes;
 use crate::simulation::SimulationError;
 use crate::study::{Direction, ParameterBounds, TrialUse};
 
-pub use account::{Candidate, Confusion, Diagnosis, Errors, Explanation, Left, ParameterEstimate, Steps, Verdict};
+pub use account::{
+    Candidate, Confusion, Diagnosis, Errors, Explanation, Left, ParameterEstimate, Steps, Verdict, is_determined,
+};
 
 /// A null model with a smaller p-value is rejected.
 pub const REJECT_NULL: f64 = 0.05;

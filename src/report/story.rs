@@ -12,7 +12,7 @@ use super::story_figures::{WaterfallStep, interval, p_bar, separation, waterfall
 use super::view::{Fact, Group, Pair, ParameterGroup, facts, groups, maybe, parameter_groups};
 use super::warnings::{self, WarningGroup};
 use crate::diagnosis::catalogue::effect;
-use crate::diagnosis::diagnose::{LEAST_SHARE, REJECT_EXPLANATION, REJECT_NULL};
+use crate::diagnosis::diagnose::{LEAST_SHARE, REJECT_EXPLANATION, REJECT_NULL, is_determined};
 
 /// z from which two explanations count as told apart.
 const ENOUGH_Z: f64 = 4.5;
@@ -357,7 +357,10 @@ fn estimates(parameters: &BTreeMap<String, Estimate>) -> Vec<EstimateRow> {
         EstimateRow {
             name: name.split_once('.').map_or(name.as_str(), |(_, p)| p).replace('_', " "),
             estimate: format!("{}{unit}", significant(e.value, 3)),
-            ci: format!("{} to {}", significant(e.ci95[0], 3), significant(e.ci95[1], 3)),
+            ci: match is_determined(e.ci95) {
+                true => format!("{} to {}", significant(e.ci95[0], 3), significant(e.ci95[1], 3)),
+                false => "not determined".to_owned(),
+            },
             plausible: format!("{} to {}{unit}", plain(e.plausible[0]), plain(e.plausible[1])),
             svg: interval(e.value, e.ci95, e.plausible),
             implausible: !e.is_plausible(),
@@ -418,6 +421,7 @@ fn candidates(diagnosis: &DiagnosisResult) -> Vec<CandidateRow> {
             () if in_pair(&c.effect) => "part of a pair",
             () if !testable => "not testable",
             () if !rejected => "not needed",
+            () if c.p_value.is_some_and(|p| p > level) => "implausible size",
             () if c.p_value.is_some() => "ruled out",
             () => "not fitted",
         };

@@ -13,7 +13,7 @@ use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
 use crate::cli::table::{fixed, table};
 use crate::diagnosis::baselines::Ingredients;
 use crate::diagnosis::catalogue::{CATALOGUE, effect};
-use crate::diagnosis::diagnose::{Diagnosis, Outcome, Request, Verdict, diagnose};
+use crate::diagnosis::diagnose::{Diagnosis, Outcome, Request, Verdict, diagnose, is_determined};
 use crate::diagnosis::effect::Effect;
 use crate::diagnosis::forward_model::{ForwardModel, Setting};
 use crate::diagnosis::moments::simulate_all;
@@ -240,9 +240,13 @@ fn readable(diagnosis: &Diagnosis) -> String {
         text.push_str("\n\nExplanations that leave nothing\n");
         let rows = diagnosis.explanations.iter().flat_map(|e| {
             e.parameters.iter().map(|(name, p)| {
+                let interval = match is_determined(p.ci95) {
+                    true => format!("[{:.4}, {:.4}]", p.ci95[0], p.ci95[1]),
+                    false => "(not determined)".to_owned(),
+                };
                 vec![
                     name.clone(),
-                    format!("{:.4} [{:.4}, {:.4}] {}", p.value, p.ci95[0], p.ci95[1], p.unit),
+                    format!("{:.4} {interval} {}", p.value, p.unit),
                     format!("{} to {}", p.plausible[0], p.plausible[1]),
                     fixed(e.p_value, 3),
                 ]

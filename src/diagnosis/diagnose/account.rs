@@ -176,3 +176,9 @@ pub struct Diagnosis {
     /// How noise of the EMG's envelope and of the moment goes with itself in time.
     pub noise_correlation: Kernels,
 }
+
+/// Whether a 95 % interval says anything: one of a ratio's logarithm may span a thousandfold and more.
+pub fn is_determined(ci95: [f64; 2]) -> bool {
+    let [low, high] = ci95;
+    !(low > 0.0 && high > 1e3 * low)
+}
