@@ -249,7 +249,7 @@ impl Analysis<'_> {
     }
 
     /// The same from elsewhere: from every muscle's tendon shorter by one prior standard deviation, so that in turn each carries more of
-    /// the passive moment. The most probable, if that is more probable than a fit from the model as given.
+    /// the passive moment. The most probable, if that is more probable than a fit from the model as given; where nothing can be simulated none is looked for.
     ///
     /// # Errors
     /// A fit whose scores' mean cannot be drawn.

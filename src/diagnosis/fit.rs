@@ -11,7 +11,7 @@
 //!
 //! The deviance is that of the moments given the EMG, every true excitation as likely as any. What lets less of the EMG's noise pass
 //! predicts moments better even where it is not what happened: lags stand up to 60 units below the true one of them, and cross-talk
-//! of its true size, which must be unmixed, up to 260 above no cross-talk (8 studies; without noise of the EMG 900 below). Which model
+//! of its true size, which must be unmixed, up to 260 above no cross-talk (8 studies; one without noise: 870 below). Which model
 //! is true is therefore asked of what a fit leaves, not of its deviance.
 //!
 //! # References
