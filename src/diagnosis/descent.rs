@@ -49,6 +49,14 @@ const BEYOND_HOPE: f64 = 1e-9;
 const MOST_PAIRS: usize = 4;
 /// The noise has settled when a round changes the deviance by less than this …
 const SETTLED: f64 = 2.0;
+/// How far aside a deeper valley is looked for [standard errors].
+const ASIDE: f64 = 1.5;
+/// Steps from there.
+const STEPS_BESIDE: usize = 6;
+/// A valley counts as deeper from this fall of the objective on.
+const DEEPER: f64 = 2.0;
+/// So many times, at most, a descent goes on in a deeper one.
+const MOST_VALLEYS: usize = 2;
 /// … so many times in a row: steps that were shortened because they swung change little, too.
 const QUIET: usize = 2;
 /// A fit whose deviance is this much above the least it had has run away: where little moves a muscle, its force and the noise of
@@ -62,8 +70,10 @@ const LARGEST_NOISE: f64 = 0.7;
 /// Fits that are not followed to their end; of their scores no mean is taken out, or that of a few draws.
 #[derive(Clone, Copy)]
 pub struct Hopeless<'a> {
-    /// Those whose deviance stays above this.
+    /// Those whose misfit stays above this …
     pub above: f64,
+    /// … where these are the variances of the noise.
+    pub levels: NoiseLevels,
     /// Those that leave what no noise explains, whatever its score's mean; these blocks are not asked (as for
     /// [`Analysis::anything_left`]).
     pub skip: &'a [&'static str],
@@ -101,7 +111,12 @@ struct Least {
 impl Descent {
     /// That a full step promises.
     fn deviance(&self) -> f64 {
-        self.noise.log_determinant() + self.at.objective - self.at.gain
+        self.noise.log_determinant() + self.misfit()
+    }
+
+    /// The same, of moments and EMG together.
+    fn misfit(&self) -> f64 {
+        self.at.objective - self.at.gain
     }
 }
 
@@ -133,7 +148,9 @@ impl Analysis<'_> {
         loop {
             let settled = self.follow(&mut descent, rounds)?;
             let (fit, inverse) = self.uncentred(&mut descent)?;
-            if hopeless.is_some_and(|h| fit.deviance > h.above || self.leaves_less_than(BEYOND_DOUBT, &fit, h.skip)) {
+            if hopeless.is_some_and(|h| {
+                self.misfit(&fit, &h.levels) > h.above || self.leaves_less_than(BEYOND_DOUBT, &fit, h.skip)
+            }) {
                 return Ok(fit);
             }
             if settled || rounds > ROUNDS_AT_LEAST {
@@ -193,16 +210,16 @@ impl Analysis<'_> {
             descent
         };
         let mut begun: Vec<_> = further.into_par_iter().filter_map(|setting| first(setting).ok()).collect();
-        begun.sort_by(|(a, _), (b, _)| a.deviance().total_cmp(&b.deviance()));
+        begun = leading_first(begun, |(descent, _)| descent);
         begun.truncate(FORETOLD * SCREENED * wanted);
-        let mut fitted = most_promising(begun.into_par_iter().map(rest).collect());
+        let mut fitted = leading_first(begun.into_par_iter().map(rest).collect(), |descent| descent);
         // Of several sizes of the same effects the best.
         let ids = |d: &Descent| -> Vec<&str> { d.point.effects.iter().map(|s| s.effect.description().id).collect() };
         let mut seen = HashSet::new();
         fitted.retain(|descent| seen.insert(ids(descent)));
         fitted.truncate(SCREENED * wanted);
         let settled = |mut descent: Descent| self.settle(&mut descent, false).is_ok().then_some(descent);
-        let fitted = most_promising(fitted.into_par_iter().filter_map(settled).collect());
+        let fitted = leading_first(fitted.into_par_iter().filter_map(settled).collect(), |descent| descent);
         fitted.into_iter().map(|descent| descent.point).collect()
     }
 
@@ -241,6 +258,58 @@ impl Analysis<'_> {
         Ok(false)
     }
 
+    /// A fit in a deeper valley beside that of another, if there is one: see [`Analysis::deeper_beside`].
+    ///
+    /// - `near`: as for [`Analysis::refit`]
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub fn deeper(&self, fit: &Fit, near: Option<&Fit>) -> Result<Option<Fit>, SimulationError> {
+        let mut descent = self.begin(fit.point.clone(), fit.levels)?;
+        self.descend(&mut descent, FINE_STEPS, CONVERGED);
+        for valleys in 0.. {
+            self.bring_noise_up_to_date(&mut descent);
+            let deeper = if valleys < MOST_VALLEYS { self.deeper_beside(&descent) } else { None };
+            match deeper {
+                Some(deeper) => descent = deeper,
+                None if valleys == 0 => return Ok(None),
+                None => break,
+            }
+            self.follow(&mut descent, MOST_ROUNDS)?;
+        }
+        let (fit, inverse) = self.uncentred(&mut descent)?;
+        match near {
+            Some(near) => {
+                let means = self.means_with_effects(near, &fit.point);
+                Ok(Some(self.centre(fit, &inverse, means)))
+            }
+            None => self.centre_by_draws(fit, &inverse, None).map(Some),
+        }
+    }
+
+    /// The deepest valley beside the one that a descent has come to, if any is deeper: every amplitude is moved to both sides, all else
+    /// along with it as the valley runs, and set free, the noise held. Moments bend with the lengths of muscles, most where
+    /// passive force begins, so that there are valleys within a standard error of each other.
+    fn deeper_beside(&self, descent: &Descent) -> Option<Descent> {
+        let inverse = descent.at.information.clone().try_inverse()?;
+        let beside = |(column, distance): (usize, f64)| {
+            let along = inverse.column(column) / inverse[(column, column)].max(f64::MIN_POSITIVE).sqrt();
+            let point = self.moved(&descent.point, &(along * distance));
+            let (point, linear, at) = self.evaluate(point, &descent.noise).ok()?;
+            let begun = self.begun(point, linear, descent.noise.clone());
+            let mut beside = Descent { at, noise_is_current: false, estimated: descent.estimated, ..begun };
+            self.descend(&mut beside, STEPS_BESIDE, CONVERGED);
+            Some(beside)
+        };
+        let parameters = descent.point.effects.iter().flat_map(|s| s.effect.description().parameters);
+        let amplitudes = parameters.enumerate().filter(|(_, p)| p.role == Role::Amplitude);
+        let columns = amplitudes.map(|(i, _)| self.n_nuisance() + i);
+        let moves: Vec<_> = columns.flat_map(|column| [(column, ASIDE), (column, -ASIDE)]).collect();
+        let found = moves.into_par_iter().with_max_len(1).map(beside).collect::<Vec<_>>();
+        let deepest = found.into_iter().flatten().min_by(|a, b| a.misfit().total_cmp(&b.misfit()))?;
+        (deepest.misfit() < descent.misfit() - DEEPER).then_some(deepest)
+    }
+
     /// The fit without effects, from where the noise is only guessed.
     pub(super) fn followed(&self, mut descent: Descent) -> Result<Fit, SimulationError> {
         self.settle(&mut descent, true)?;
@@ -267,7 +336,7 @@ impl Analysis<'_> {
             Ok::<_, SimulationError>(descent)
         };
         let descents: Vec<_> = (0..self.n_muscles()).into_par_iter().with_max_len(1).map(from).collect();
-        let best = most_promising(descents.into_iter().flatten().collect()).into_iter().next();
+        let best = most_probable(descents.into_iter().flatten().collect()).into_iter().next();
         let Some(mut best) = best.filter(|best| best.deviance() < fit.deviance - SETTLED) else { return Ok(None) };
         self.with_means_drawn(&mut best).map(Some)
     }
@@ -293,7 +362,7 @@ impl Analysis<'_> {
         self.descend(&mut descent, DISTANT_STEPS, CONVERGED);
         let n = self.n_muscles() * FITTED_PER_MUSCLE;
         let own: f64 = fit.precision.iter().zip(&fit.offset).take(n).map(|(a, b)| a * b * b).sum();
-        Ok(descent.at.objective - descent.at.gain - own)
+        Ok(descent.misfit() - own)
     }
 
     /// A fit with usual noise: while the model is far off, its errors would be taken for noise.
@@ -567,8 +636,22 @@ impl Analysis<'_> {
     }
 }
 
+/// Those first that lead by misfit or by deviance: the one favours what lets more of the EMG's noise pass while the noise is only
+/// guessed, the other what lets less of it pass.
+fn leading_first<T>(fitted: Vec<T>, descent: impl Fn(&T) -> &Descent) -> Vec<T> {
+    let ranks = |of: &dyn Fn(&Descent) -> f64| {
+        let values: Vec<f64> = fitted.iter().map(|f| of(descent(f))).collect();
+        values.iter().map(|v| values.iter().filter(|other| *other < v).count()).collect::<Vec<_>>()
+    };
+    let (by_misfit, by_deviance) = (ranks(&Descent::misfit), ranks(&Descent::deviance));
+    let rank = |i: usize| (by_misfit[i].min(by_deviance[i]), by_misfit[i]);
+    let mut ordered: Vec<(_, T)> = fitted.into_iter().enumerate().map(|(i, f)| (rank(i), f)).collect();
+    ordered.sort_by_key(|(rank, _)| *rank);
+    ordered.into_iter().map(|(_, f)| f).collect()
+}
+
 /// Those of least deviance first.
-fn most_promising(mut fitted: Vec<Descent>) -> Vec<Descent> {
+fn most_probable(mut fitted: Vec<Descent>) -> Vec<Descent> {
     fitted.sort_by(|a, b| a.deviance().total_cmp(&b.deviance()));
     fitted
 }

@@ -16,6 +16,7 @@ pub mod fit;
 pub mod forward_model;
 pub mod holds;
 pub mod kernel;
+mod misfit;
 pub mod moments;
 pub mod noise;
 pub mod plan;
@@ -26,6 +27,8 @@ mod strength;
 pub mod synthesis;
 pub mod trial_record;
 pub mod where_it_fails;
+
+pub use misfit::FARTHER;
 
 /// Trials that cores share out among them at a time: they take unequal times, and whoever is through with several would wait.
 const ONE_BY_ONE: usize = 1;

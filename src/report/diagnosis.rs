@@ -109,6 +109,9 @@ pub struct CandidateResult {
     /// p-value that nothing is left once it is fitted.
     #[serde(default)]
     pub p_value: Option<f64>,
+    /// Where that does not reject it: how much farther the data are from it than from the nearest explanation.
+    #[serde(default)]
+    pub misfit_behind: Option<f64>,
     /// p-value of its own score test.
     #[serde(default)]
     pub score_p_value: Option<f64>,

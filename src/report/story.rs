@@ -11,6 +11,7 @@ use super::results::{Kind, Results};
 use super::story_figures::{WaterfallStep, interval, p_bar, separation, waterfall};
 use super::view::{Fact, Group, Pair, ParameterGroup, facts, groups, maybe, parameter_groups};
 use super::warnings::{self, WarningGroup};
+use crate::diagnosis::FARTHER;
 use crate::diagnosis::catalogue::effect;
 use crate::diagnosis::diagnose::{LEAST_SHARE, REJECT_EXPLANATION, REJECT_NULL, is_determined};
 
@@ -344,8 +345,13 @@ fn cards(diagnosis: &DiagnosisResult, steps: &[WaterfallStep], floor: Option<f64
         cards.push(StoryCard { label: "Noise floor", value: percent(floor), note, tone: "" });
     }
     if let Some(p) = diagnosis.null_p_value {
-        let (value, tone) = (p_words(p), if p < REJECT_NULL { "bad" } else { "good" });
-        let note = if p < REJECT_NULL { "something is left" } else { "nothing is left but noise" }.to_owned();
+        let nothing = diagnosis.verdict == "nothing_detectable";
+        let note = match () {
+            () if p < REJECT_NULL => "something is left",
+            () if nothing => "nothing is left but noise",
+            () => "an effect is much nearer to the data",
+        };
+        let (value, note, tone) = (p_words(p), note.to_owned(), if nothing { "good" } else { "bad" });
         cards.push(StoryCard { label: "Muscles refitted, no effect", value, note, tone });
     }
     cards
@@ -421,6 +427,7 @@ fn candidates(diagnosis: &DiagnosisResult) -> Vec<CandidateRow> {
             () if in_pair(&c.effect) => "part of a pair",
             () if !testable => "not testable",
             () if !rejected => "not needed",
+            () if c.misfit_behind.is_some_and(|behind| behind > FARTHER) => "less likely",
             () if c.p_value.is_some_and(|p| p > level) => "implausible size",
             () if c.p_value.is_some() => "ruled out",
             () => "not fitted",

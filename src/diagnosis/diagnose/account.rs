@@ -57,6 +57,10 @@ pub struct Explanation {
     pub p_value: f64,
     /// How much less −2 log posterior it leaves than the model without effects.
     pub deviance_fall: f64,
+    /// How much nearer moments and EMG are to it than to the model without effects: −2 log likelihood of both.
+    pub misfit_fall: f64,
+    /// How much farther they are from it than from the nearest explanation.
+    pub misfit_behind: f64,
     /// Share by which it lowers the training error of the model without effects.
     pub error_fall: f64,
     /// RMSE over held-out trials / session MVC moment.
@@ -95,6 +99,10 @@ pub struct Candidate {
     pub kept: f64,
     /// Once fitted: how much less −2 log posterior it leaves than the model without effects.
     pub deviance_fall: Option<f64>,
+    /// Once fitted: how much nearer moments and EMG are to it than to the model without effects.
+    pub misfit_fall: Option<f64>,
+    /// Where residuals do not reject it: how much farther moments and EMG are from it than from the nearest explanation.
+    pub misfit_behind: Option<f64>,
     /// Smallest size that would be found, per amplitude, in the parameter's unit (for changes of a muscle's property: as
     /// a share of it).
     pub detectable_size: BTreeMap<&'static str, f64>,

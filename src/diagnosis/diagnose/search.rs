@@ -9,6 +9,7 @@ use super::super::descent::Hopeless;
 use super::super::effect::Effect;
 use super::super::fit::{Fit, Point};
 use super::super::forward_model::Setting;
+use super::super::misfit::FARTHER;
 use super::super::noise::NoiseLevels;
 use super::super::score_test::{BlockScore, Omnibus};
 use super::{
@@ -20,21 +21,23 @@ use crate::study::TrialUse;
 
 /// An explanation with a smaller p-value is rejected although it cannot be told from one that is not.
 const REJECT_IN_ANY_CASE: f64 = 0.002;
+/// Beside the valley of a single effect with a smaller p-value no deeper one is looked for.
+const MAY_BE_DEEPER: f64 = 0.001;
 /// Where the model without effects leaves a larger score than this, its muscles may have gone astray to make up for it.
 const LARGE: f64 = 40.0;
-/// A fit whose deviance is this much larger than the best is not followed to its end.
+/// A fit whose misfit is this much larger than the best is not followed to its end.
 const FAR: f64 = 150.0;
-/// A fit whose deviance is this much larger may as well be the best.
+/// A fit whose misfit is this much larger may as well be the best.
 const HARDLY_WORSE: f64 = 20.0;
 /// Below this pairwise z two effects cannot be told apart.
 const INSEPARABLE: f64 = 2.0;
-/// Candidates whose one-step fit leaves this much more deviance than the best are not fitted.
+/// Candidates whose one-step fit leaves this much more misfit than the best are not fitted.
 const HOPELESS: f64 = 0.4;
-/// Single effects that pairs are made with: those of least deviance.
+/// Single effects that pairs are made with: those of least misfit.
 const PAIRED: usize = 10;
-/// Pairs of which is foreseen what they leave: those of least deviance.
+/// Pairs of which is foreseen what they leave: those of least misfit.
 const FORESEEN_PAIRS: usize = 24;
-/// Pairs that are fitted in any case: those of least deviance.
+/// Pairs that are fitted in any case: those of least misfit.
 const FITTED_PAIRS: usize = 2;
 /// So are so many of those that are foreseen to leave least …
 const PROMISING_PAIRS: usize = 3;
@@ -49,24 +52,21 @@ const CALLED_FOR: f64 = 0.05;
 /// … and beside which, to first order, what is left has a larger one: half of what an explanation is rejected at.
 const MAY_SURVIVE: f64 = 0.5 * REJECT_EXPLANATION;
 /// What the muscles or the noise have taken up of an effect its score does not show: all effects are fitted roughly from the model as
-/// given, and of so many, those of the least deviance, what promises more than those that survived is fitted to the end.
+/// given, and of so many, those of the least misfit, what promises more than those that survived is fitted to the end.
 const SECOND_CHOICE: usize = 5;
+/// The same where it is doubted that anything is missing.
+const ASKED_IN_DOUBT: usize = 4;
 /// The same of seconds of a pair.
 const SECOND_CHOICE_OF_PAIRS: usize = 2;
 /// Explanations that are fitted at the same time: none of them is given up early because another is much better.
 const SIDE_BY_SIDE: usize = 2;
 
-/// Least deviance of explanations.
-fn least_deviance(found: &[(Fit, Explanation)]) -> f64 {
-    found.iter().map(|f| f.0.deviance).fold(f64::INFINITY, f64::min)
-}
-
-/// Adds an explanation; of two by the same effects that of less deviance stays.
+/// Adds an explanation; of two by the same effects the nearer stays.
 fn keep_better(found: &mut Vec<(Fit, Explanation)>, explained: (Fit, Explanation)) {
     let of = |effects: &[&'static str]| BTreeSet::from_iter(effects.iter().copied());
     let same = |f: &&mut (Fit, Explanation)| of(&f.1.effects) == of(&explained.1.effects);
     match found.iter_mut().find(same) {
-        Some(known) if known.0.deviance <= explained.0.deviance => {}
+        Some(known) if known.1.misfit_fall >= explained.1.misfit_fall => {}
         Some(known) => *known = explained,
         None => found.push(explained),
     }
@@ -79,8 +79,8 @@ fn least_p_value(left: &[BlockScore]) -> f64 {
 
 /// An effect that was fitted, and a second that may be beside it.
 struct Pair<'a> {
-    /// To first order, of both.
-    deviance: f64,
+    /// How much nearer than without effects, to first order of both.
+    misfit_fall: f64,
     /// Of the first.
     fit: &'a Fit,
     /// What the first leaves.
@@ -107,7 +107,12 @@ impl Explanation {
     /// Whether a pair explains what was missing: two effects of any size bend to much that is neither, so that one of implausible
     /// sizes, or one that hardly lowers the error, explains nothing.
     pub(super) fn explains(&self) -> bool {
-        self.survives() && self.plausible && self.error_fall >= NEGLIGIBLE
+        self.survives() && self.lowers_error()
+    }
+
+    /// Whether it lowers the error, its sizes being plausible.
+    pub(super) fn lowers_error(&self) -> bool {
+        self.plausible && self.error_fall >= NEGLIGIBLE
     }
 }
 
@@ -124,8 +129,42 @@ impl Judge<'_> {
             })
     }
 
+    /// Leaves of explanations, none of which the residuals reject, those that moments and EMG are not much farther from than from the nearest
+    /// of them; the nearest first. Returns those that go.
+    pub(super) fn drop_the_farther(&self, explanations: &mut Vec<(Fit, Explanation)>) -> Vec<Explanation> {
+        let behind = |fit: &Fit, other: &Fit| self.analysis.farther_from(fit, other).unwrap_or(0.0);
+        let farthest = |fit: &Fit| explanations.iter().map(|(other, _)| behind(fit, other)).fold(0.0, f64::max);
+        let all: Vec<f64> = explanations.par_iter().map(|(fit, _)| farthest(fit)).collect();
+        let Some(nearest) = (0..all.len()).min_by(|i, j| all[*i].total_cmp(&all[*j])) else {
+            return Vec::new();
+        };
+        let nearest = explanations[nearest].0.clone();
+        explanations.par_iter_mut().for_each(|(fit, e)| e.misfit_behind = behind(fit, &nearest));
+        let gone = explanations.extract_if(.., |(_, e)| e.misfit_behind > FARTHER).map(|(_, e)| e).collect();
+        explanations.sort_by(|(_, a), (_, b)| {
+            a.misfit_behind.total_cmp(&b.misfit_behind).then(b.p_value.total_cmp(&a.p_value))
+        });
+        gone
+    }
+
+    /// Whether a pair is much nearer to moments and EMG than either of its effects alone, as far as that was fitted.
+    pub(super) fn needs_both(&self, pair: &(Fit, Explanation), singles: &[(Fit, Explanation)]) -> bool {
+        let mut members = singles.iter().filter(|s| pair.1.effects.contains(&s.1.effects[0]));
+        members.all(|single| self.analysis.farther_from(&single.0, &pair.0).is_none_or(|farther| farther > FARTHER))
+    }
+
+    /// Where it is doubted that anything is missing: the effects that promise most, fitted.
+    pub(super) fn in_doubt(&self) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
+        let mut found = Vec::new();
+        self.explain_anew(&[], ASKED_IN_DOUBT, &mut found)?;
+        Ok(found)
+    }
+
     /// Every single effect that has a chance, fitted.
-    pub(super) fn singles(&self, left: &Omnibus) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
+    ///
+    /// - `found`: those that were fitted in doubt; becomes all
+    pub(super) fn singles(&self, left: &Omnibus, found: &mut Vec<(Fit, Explanation)>) -> Result<(), SimulationError> {
+        let fitted_anew = !found.is_empty();
         let of = |blocks: &[BlockScore], e: &&'static dyn Effect| {
             named_block(blocks, e.description().id).map_or(0.0, |b| b.statistic)
         };
@@ -141,7 +180,9 @@ impl Judge<'_> {
         let (certain, others) = ordered[..hopeful].split_at(hopeful.min(FITTED_SINGLES));
         let others: Vec<_> = others.par_iter().copied().filter(promising).collect();
         let wanted = certain.iter().chain(&others).map(|e| (&self.null.point, &left.blocks[..], *e)).collect();
-        let mut found = self.explain_all(wanted)?;
+        for explained in self.explain_all(wanted)? {
+            keep_better(found, explained);
+        }
         // Of the others, those that are called for and beside which to first order nothing is left: where little is missing, much
         // explains it.
         let beside = |e: &&'static dyn Effect| {
@@ -158,10 +199,9 @@ impl Judge<'_> {
             self.explain(start, self.null.levels, f64::INFINITY, near)
         };
         for explained in chosen.into_par_iter().map(explain).collect::<Vec<_>>() {
-            found.extend(explained?);
+            explained?.into_iter().for_each(|explained| keep_better(found, explained));
         }
-        self.explain_anew(&[], SECOND_CHOICE, &mut found)?;
-        Ok(found)
+        if fitted_anew { Ok(()) } else { self.explain_anew(&[], SECOND_CHOICE, found) }
     }
 
     /// Explanations by an effect beside those at a point each, fitted on from there; from each shape that the effect names, the best.
@@ -182,11 +222,17 @@ impl Judge<'_> {
         let starts: Vec<Point> = wanted.into_iter().flat_map(starts).collect();
         let mut found: Vec<(Fit, Explanation)> = Vec::new();
         for wave in starts.chunks(SIDE_BY_SIDE) {
-            for explained in self.explain_side_by_side(wave, self.null.levels, least_deviance(&found))? {
+            for explained in self.explain_side_by_side(wave, self.null.levels, self.least_misfit(&found))? {
                 keep_better(&mut found, explained);
             }
         }
         Ok(found)
+    }
+
+    /// Of explanations, where the noise is that of the fit without effects.
+    fn least_misfit(&self, found: &[(Fit, Explanation)]) -> f64 {
+        let misfits = found.par_iter().map(|(fit, _)| self.analysis.misfit(fit, &self.null.levels));
+        misfits.reduce(|| f64::INFINITY, f64::min)
     }
 
     /// Explanations from points at the same time, those that can be fitted.
@@ -207,7 +253,7 @@ impl Judge<'_> {
     ///
     /// - `others`: effects that are on, at sizes to start from
     /// - `count`: explanations to fit to their end, at most
-    /// - `found`: explanations so far; of two by the same effects that of less deviance stays
+    /// - `found`: explanations so far; of two by the same effects the nearer stays
     fn explain_anew(
         &self,
         others: &[Setting],
@@ -235,7 +281,7 @@ impl Judge<'_> {
         for wave in screened.chunks(SIDE_BY_SIDE) {
             let promising = wave.iter().take_while(|point| !survived(found, point)).count();
             let wanted: Vec<Point> = wave[..promising].iter().filter(|point| !known(found, point)).cloned().collect();
-            for anew in self.explain_side_by_side(&wanted, levels, least_deviance(found))? {
+            for anew in self.explain_side_by_side(&wanted, levels, self.least_misfit(found))? {
                 keep_better(found, anew);
             }
             if promising < wave.len() {
@@ -280,24 +326,24 @@ impl Judge<'_> {
         singles: &'a [(Fit, Explanation)],
     ) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
         let mut leaders: Vec<&(Fit, Explanation)> = singles.iter().collect();
-        leaders.sort_by(|a, b| a.0.deviance.total_cmp(&b.0.deviance));
+        leaders.sort_by(|a, b| b.1.misfit_fall.total_cmp(&a.1.misfit_fall));
         leaders.truncate(PAIRED);
         let left_of: Vec<_> =
             leaders.par_iter().map(|(fit, _)| blocks_of(self.analysis, fit, self.not_testable)).collect();
         let mut pairs: Vec<Pair<'a>> = Vec::new();
-        for ((fit, _), blocks) in leaders.iter().zip(left_of) {
+        for ((fit, explanation), blocks) in leaders.iter().zip(left_of) {
             let blocks: Arc<[BlockScore]> = blocks?.into();
             for second in self.testable().filter(|e| e.description().id != id_of_first(fit)) {
                 let gain = named_block(&blocks, second.description().id).map_or(0.0, |b| b.statistic);
-                let pair = Pair { deviance: fit.deviance - gain, fit, left: Arc::clone(&blocks), second };
+                let pair = Pair { misfit_fall: explanation.misfit_fall + gain, fit, left: Arc::clone(&blocks), second };
                 match pairs.iter_mut().find(|p| p.is_reverse_of(&pair)) {
-                    Some(known) if known.deviance <= pair.deviance => {}
+                    Some(known) if known.misfit_fall >= pair.misfit_fall => {}
                     Some(known) => *known = pair,
                     None => pairs.push(pair),
                 }
             }
         }
-        pairs.sort_by(|a, b| a.deviance.total_cmp(&b.deviance));
+        pairs.sort_by(|a, b| b.misfit_fall.total_cmp(&a.misfit_fall));
         pairs.truncate(FORESEEN_PAIRS);
         let foreseen = |pair: Pair<'a>| {
             let id = pair.second.description().id;
@@ -312,9 +358,9 @@ impl Judge<'_> {
         let wanted = wanted.map(|(_, pair)| (&pair.fit.point, &*pair.left, pair.second)).collect();
         let mut found = self.explain_all(wanted)?;
         // One that feeds back takes several times as long to fit.
-        let quick = leaders
-            .iter()
-            .find(|l| !l.0.point.effects[0].effect.feeds_back() && l.0.deviance < leaders[0].0.deviance + HARDLY_WORSE);
+        let quick = leaders.iter().find(|l| {
+            !l.0.point.effects[0].effect.feeds_back() && l.1.misfit_fall > leaders[0].1.misfit_fall - HARDLY_WORSE
+        });
         if let Some((leader, _)) = quick.or(leaders.first())
             && self.far_off(left)
             && !found.iter().any(|f| f.1.explains())
@@ -326,7 +372,7 @@ impl Judge<'_> {
 
     /// Fits the effects at a point jointly with the muscles and asks what is left; `None` if they cannot be fitted.
     ///
-    /// - `best`: least deviance of an explanation so far; one that stays far behind it is not followed to its end
+    /// - `best`: least misfit of an explanation so far; one that stays far behind it is not followed to its end
     /// - `near`: as for [`Analysis::refit`]
     fn explain(
         &self,
@@ -337,19 +383,37 @@ impl Judge<'_> {
     ) -> Result<Option<(Fit, Explanation)>, SimulationError> {
         let effects = start.effects.iter().map(|s| s.effect.description().id).collect();
         // Sizes at which a muscle cannot be simulated explain nothing.
-        let hopeless = Hopeless { above: best + FAR, skip: self.not_testable };
-        let Ok(fit) = self.analysis.refit(start, levels, near, Some(hopeless)) else { return Ok(None) };
-        let with = test(self.analysis, &fit, self.not_testable)?;
+        let hopeless = Hopeless { above: best + FAR, levels: self.null.levels, skip: self.not_testable };
+        let Ok(mut fit) = self.analysis.refit(start, levels, near, Some(hopeless)) else { return Ok(None) };
+        let mut with = test(self.analysis, &fit, self.not_testable)?;
+        if fit.point.effects.len() == 1
+            && with.p_value > MAY_BE_DEEPER
+            && let Ok(Some(deeper)) = self.analysis.deeper(&fit, near)
+        {
+            with = test(self.analysis, &deeper, self.not_testable)?;
+            fit = deeper;
+        }
         let parameters = estimates(&fit, self.request.forward);
         // An implausible size is not excused by what makes intervals wide.
         let plausible = parameters.values().all(|p| p.reaches_plausible(1.0 / WIDENED));
         let held_out_error = self.error_of(&fit, TrialUse::Test)?;
         let (p_value, left) = (with.p_value, left_over(&with));
         let deviance_fall = self.null.deviance - fit.deviance;
+        let misfit_fall = self.analysis.farther_from(self.null, &fit).unwrap_or(f64::NEG_INFINITY);
         let train_error = self.error_of(&fit, TrialUse::Train)?.unwrap_or(self.refit_error);
         let error_fall = 1.0 - train_error / self.refit_error;
-        let explanation =
-            Explanation { effects, p_value, deviance_fall, error_fall, held_out_error, plausible, parameters, left };
+        let explanation = Explanation {
+            effects,
+            p_value,
+            deviance_fall,
+            misfit_fall,
+            misfit_behind: 0.0,
+            error_fall,
+            held_out_error,
+            plausible,
+            parameters,
+            left,
+        };
         Ok(Some((fit, explanation)))
     }
 

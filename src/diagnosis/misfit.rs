@@ -1,0 +1,140 @@
+//! Which of two fits moments and EMG together are nearer to.
+//!
+//! ```text
+//! Q = min over w of  Σ_g ‖y_g − τ_g(θ, φ, w)‖²_W + ‖w‖²_K + ‖θ − θ₀‖²_Λ  =  Σ_g r_gᵀ V_g⁻¹ r_g + ‖θ − θ₀‖²_Λ
+//! ```
+//! −2 log likelihood of moments *and* EMG, at given variances, true excitations being parameters as all others are (the functional
+//! model of errors in variables, of which Deming's regression is the linear case). That of moments given the EMG, which has log |V|
+//! in addition, prefers whatever lets less of the EMG's noise pass, as a regression on a noisy x prefers too small a slope.
+//!
+//! What the bending of moments with excitations does to scores (see [`super::centring`]) it does to Q, of which they are the
+//! gradient. Between two fits a and b it is, by the trapezoidal rule, taken out:
+//!
+//! ```text
+//! Q_a − Q_b + (b_a + b_b)ᵀ (x_a − x_b),   b: mean scores where nothing is missing, x: muscles and effects
+//! ```
+//!
+//! # References
+//! Fuller (1987), Measurement Error Models, sections 1.3 and 3.1, doi:10.1002/9780470316665.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::ONE_BY_ONE;
+use super::fit::{Analysis, Fit, LARGEST_MEAN, whiten};
+use super::noise::{self, NoiseLevels};
+
+/// Of two fits one is no explanation beside the other if Q differs by more than this: the other is e⁶, or 400, times as likely. To the
+/// true effect this happens by chance with a probability below 3·10⁻⁴ per rival, wherever the rival is: Q − Q_true is z² ± 2z.
+pub const FARTHER: f64 = 12.0;
+
+/// What a fit's trials say of its parameters.
+struct Sums {
+    information: DMatrix<f64>,
+    misfit: f64,
+}
+
+impl Analysis<'_> {
+    /// By how much moments and EMG are farther from one fit than from another; below 0: nearer.
+    ///
+    /// Means of scores are drawn a few times only: of the difference with and without them, what both agree on.
+    ///
+    /// - `a`, `b`: the one and the other, judged at the geometric means of their variances
+    pub(super) fn farther_from(&self, a: &Fit, b: &Fit) -> Option<f64> {
+        let levels = a.levels.between(&b.levels);
+        let (of_a, of_b) = (self.sums(a, &levels)?, self.sums(b, &levels)?);
+        // Without effects an EMG may have been bent to make up for them, which says nothing of means.
+        let fits = [(a, &of_a), (b, &of_b)].into_iter().filter(|(fit, _)| !fit.point.effects.is_empty());
+        let along: Vec<f64> = fits.map(|(fit, sums)| self.mean_along(fit, sums, b, a)).collect();
+        let bent = 2.0 * along.iter().sum::<f64>() / along.len().max(1) as f64;
+        let plain = of_a.misfit - of_b.misfit;
+        Some(agreed(plain, plain + bent))
+    }
+
+    /// How far moments and EMG are from a fit, where these are the variances of the noise; infinite if that cannot be said.
+    pub(super) fn misfit(&self, fit: &Fit, levels: &NoiseLevels) -> f64 {
+        self.sums(fit, levels).map_or(f64::INFINITY, |sums| sums.misfit)
+    }
+
+    fn sums(&self, fit: &Fit, levels: &NoiseLevels) -> Option<Sums> {
+        let p = fit.precision.len();
+        let prior = || fit.precision.iter().zip(&fit.offset);
+        let mut information = DMatrix::from_diagonal(&DVector::from_column_slice(&fit.precision));
+        let mut gradient = DVector::from_iterator(p, prior().map(|(precision, offset)| -precision * offset));
+        let mut sum: f64 = prior().map(|(precision, offset)| precision * offset * offset).sum();
+        let of_trial = |((whitened, own), structure): ((&DMatrix<f64>, &nalgebra::Cholesky<f64, _>), _)| {
+            let all = whiten(&noise::factor(structure, levels)?, &(own.l() * whitened));
+            let x = all.columns(0, p);
+            Some((x.tr_mul(&x), x.tr_mul(&all.column(p)), all.column(p).norm_squared()))
+        };
+        let trials = fit.whitened.par_iter().with_max_len(ONE_BY_ONE).zip(&fit.factors).zip(&fit.noise);
+        for products in trials.map(of_trial).collect::<Vec<_>>() {
+            let (of_information, of_gradient, of_sum) = products?;
+            information += of_information;
+            gradient += of_gradient;
+            sum += of_sum;
+        }
+        let gain = gradient.dot(&information.clone().cholesky()?.solve(&gradient));
+        Some(Sums { information, misfit: sum - gain })
+    }
+
+    /// A fit's mean scores along the way from one fit to another; no longer than the mean of a score that noise of the EMG causes.
+    fn mean_along(&self, of: &Fit, sums: &Sums, from: &Fit, to: &Fit) -> f64 {
+        let p = of.precision.len();
+        let rows = of.bias.first().map_or(0, DVector::len);
+        let mean = of.bias.iter().fold(DVector::zeros(rows), |sum, bias| sum + bias);
+        let own = mean.rows(0, p).into_owned();
+        let length = sums.information.clone().cholesky().map_or(0.0, |c| own.dot(&c.solve(&own))).sqrt();
+        let share = (LARGEST_MEAN / length.max(f64::MIN_POSITIVE)).min(1.0);
+        let along = |i: usize| mean[i] * (to.offset[i] - from.offset[i]);
+        let of_muscles: f64 = (0..self.n_nuisance()).map(along).sum();
+        share * (of_muscles + self.mean_of_effects(of, &mean, to) - self.mean_of_effects(of, &mean, from))
+    }
+
+    /// Product of a fit's mean scores and another's effects; shapes of effects that are not on in the first have no scores.
+    fn mean_of_effects(&self, of: &Fit, mean: &DVector<f64>, fit: &Fit) -> f64 {
+        let first_column = |fit: &Fit, id: &str| {
+            let mut column = self.n_nuisance();
+            fit.point.effects.iter().find_map(|s| {
+                let first = column;
+                column += s.values.len();
+                (s.effect.description().id == id).then_some(first)
+            })
+        };
+        let mut sum = 0.0;
+        for setting in &fit.point.effects {
+            let description = setting.effect.description();
+            let Some(first) = first_column(fit, description.id) else { continue };
+            if let Some(own) = first_column(of, description.id) {
+                sum += (0..setting.values.len()).map(|i| mean[own + i] * fit.offset[first + i]).sum::<f64>();
+            } else if let Some(block) = self.blocks.iter().find(|b| b.name == description.id) {
+                let scores = block.columns.iter().map(|c| mean[of.precision.len() + c]);
+                sum +=
+                    description.amplitudes().zip(scores).map(|(i, score)| score * fit.offset[first + i]).sum::<f64>();
+            }
+        }
+        sum
+    }
+}
+
+/// The number between two that is nearest to 0.
+fn agreed(a: f64, b: f64) -> f64 {
+    match (a > 0.0, b > 0.0) {
+        (true, true) => a.min(b),
+        (false, false) => a.max(b),
+        _ => 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn verif_agreed_is_what_both_say() {
+        assert_eq!(agreed(3.0, 5.0), 3.0);
+        assert_eq!(agreed(-3.0, -5.0), -3.0);
+        assert_eq!(agreed(-3.0, 5.0), 0.0);
+        assert_eq!(agreed(0.0, 5.0), 0.0);
+    }
+}
