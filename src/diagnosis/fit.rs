@@ -12,7 +12,7 @@
 //! The deviance is that of the moments given the EMG, every true excitation as likely as any. What lets less of the EMG's noise pass
 //! predicts moments better even where it is not what happened: lags stand up to 60 units below the true one of them, and cross-talk
 //! of its true size, which must be unmixed, up to 260 above no cross-talk (8 studies; one without noise: 870 below). Fits of the same
-//! effects are compared by it, others by [`super::misfit`].
+//! effects are compared by it, others by `misfit`.
 //!
 //! # References
 //! Lindstrom & Bates (1990), Nonlinear mixed effects models for repeated measures data, doi:10.2307/2532087.

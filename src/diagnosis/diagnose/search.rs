@@ -386,7 +386,9 @@ impl Judge<'_> {
         let hopeless = Hopeless { above: best + FAR, levels: self.null.levels, skip: self.not_testable };
         let Ok(mut fit) = self.analysis.refit(start, levels, near, Some(hopeless)) else { return Ok(None) };
         let mut with = test(self.analysis, &fit, self.not_testable)?;
-        if fit.point.effects.len() == 1
+        // One that feeds back takes several times as long to fit.
+        let quick = matches!(fit.point.effects.as_slice(), [only] if !only.effect.feeds_back());
+        if quick
             && with.p_value > MAY_BE_DEEPER
             && let Ok(Some(deeper)) = self.analysis.deeper(&fit, near)
         {
