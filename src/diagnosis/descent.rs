@@ -258,7 +258,7 @@ impl Analysis<'_> {
         Ok(false)
     }
 
-    /// A fit in a deeper valley beside that of another, if there is one: see [`Analysis::deeper_beside`].
+    /// A fit in a deeper valley beside that of another, if there is one.
     ///
     /// - `near`: as for [`Analysis::refit`]
     ///
