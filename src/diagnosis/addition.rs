@@ -45,7 +45,10 @@ pub fn fit_steps(
     for count in 1..=effects.len() {
         let before = &fits[count - 1];
         let start = start(&analysis, &fits[0], before, &effects[..count]);
-        fits.push(analysis.refit(start, fits[0].levels, None, None)?);
+        let fit = analysis.refit(start, fits[0].levels, None, None)?;
+        // Beside it a size may be one at which a muscle cannot be simulated.
+        let deeper = analysis.deeper(&fit, None).ok().flatten();
+        fits.push(deeper.unwrap_or(fit));
         progress(1 + count);
     }
     Ok(fits.into_iter().map(|fit| step(&analysis, request, fit)).collect())

@@ -49,16 +49,16 @@ const BEYOND_HOPE: f64 = 1e-9;
 const MOST_PAIRS: usize = 4;
 /// The noise has settled when a round changes the deviance by less than this …
 const SETTLED: f64 = 2.0;
+/// … so many times in a row: steps that were shortened because they swung change little, too.
+const QUIET: usize = 2;
 /// How far aside a deeper valley is looked for [standard errors].
 const ASIDE: f64 = 1.5;
 /// Steps from there.
 const STEPS_BESIDE: usize = 6;
-/// A valley counts as deeper from this fall of the objective on.
+/// A valley counts as deeper from this fall of the misfit on.
 const DEEPER: f64 = 2.0;
 /// So many times, at most, a descent goes on in a deeper one.
 const MOST_VALLEYS: usize = 2;
-/// … so many times in a row: steps that were shortened because they swung change little, too.
-const QUIET: usize = 2;
 /// A fit whose deviance is this much above the least it had has run away: where little moves a muscle, its force and the noise of
 /// its EMG take up more and more of what they do not cause.
 const RUN_AWAY: f64 = 30.0;
