@@ -26,7 +26,8 @@ pub use account::{
 pub const REJECT_NULL: f64 = 0.05;
 /// Where a null model has a smaller p-value, it is rejected if an effect is much nearer to the data …
 const DOUBTED: f64 = 0.3;
-/// … by this: what the muscles have taken up of an effect, residuals do not show.
+/// … by this: what the muscles have taken up of an effect, residuals do not show. Nor does an effect explain anything that is so much
+/// farther from the data than another.
 const MUCH_NEARER: f64 = 25.0;
 /// A direction with a smaller p-value (that knows the variances to be estimates, times the number of directions) is no matter of
 /// misjudged variances.
@@ -130,6 +131,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let mut explanations = above(REJECT_EXPLANATION);
     let survivors: Vec<&'static str> = explanations.iter().map(|e| e.1.effects[0]).collect();
     explanations.extend(singles.iter().filter(|s| judge.goes_with(&left, &survivors, &s.1)).cloned());
+    judge.keep_the_near(&mut explanations, &singles);
     if rejected && explanations.is_empty() {
         let pairs = judge.pairs(&left, &singles)?;
         explanations = pairs.into_iter().filter(|pair| pair.1.explains() && judge.needs_both(pair, &singles)).collect();
@@ -137,6 +139,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     if explanations.is_empty() {
         explanations = above(REJECT_BESIDE_NOTHING);
         explanations.retain(|e| e.1.lowers_error());
+        judge.keep_the_near(&mut explanations, &singles);
     }
     let implausible = !explanations.is_empty() && explanations.iter().all(|e| !e.1.plausible);
     if !implausible {

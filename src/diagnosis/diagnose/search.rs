@@ -13,20 +13,25 @@ use super::super::misfit::FARTHER;
 use super::super::noise::NoiseLevels;
 use super::super::score_test::{BlockScore, Omnibus};
 use super::{
-    Explanation, Judge, NEGLIGIBLE, REJECT_EXPLANATION, WIDENED, block, blocks_of, estimates, left_over, named_block,
-    test,
+    Explanation, Judge, MUCH_NEARER, NEGLIGIBLE, REJECT_EXPLANATION, WIDENED, block, blocks_of, estimates, left_over,
+    named_block, test,
 };
 use crate::simulation::SimulationError;
 use crate::study::TrialUse;
 
 /// An explanation with a smaller p-value is rejected although it cannot be told from one that is not.
 const REJECT_IN_ANY_CASE: f64 = 0.002;
-/// Beside the valley of a single effect with a smaller p-value no deeper one is looked for.
+/// Beside the valley of a single effect with a smaller p-value no deeper one is looked for …
 const MAY_BE_DEEPER: f64 = 0.001;
+/// … nor if its misfit is this much larger than the best.
+const DEEPEST: f64 = 40.0;
+/// A pair explains what one of its effects does not if it is nearer by more than this: as FARTHER, and the second is the best of thirty
+/// (2 ln 30).
+const NEEDS_BOTH: f64 = FARTHER + 7.0;
 /// Where the model without effects leaves a larger score than this, its muscles may have gone astray to make up for it.
 const LARGE: f64 = 40.0;
 /// A fit whose misfit is this much larger than the best is not followed to its end.
-const FAR: f64 = 150.0;
+const FAR: f64 = 60.0;
 /// A fit whose misfit is this much larger may as well be the best.
 const HARDLY_WORSE: f64 = 20.0;
 /// Below this pairwise z two effects cannot be told apart.
@@ -147,10 +152,19 @@ impl Judge<'_> {
         gone
     }
 
+    /// Of explanations by single effects those that moments and EMG are not much nearer to another of, even if that leaves something:
+    /// what leaves nothing only because its noise may be larger explains nothing.
+    pub(super) fn keep_the_near(&self, explanations: &mut Vec<(Fit, Explanation)>, singles: &[(Fit, Explanation)]) {
+        let Some((nearest, _)) = singles.iter().max_by(|a, b| a.1.misfit_fall.total_cmp(&b.1.misfit_fall)) else {
+            return;
+        };
+        explanations.retain(|(fit, _)| self.analysis.farther_from(fit, nearest).is_none_or(|far| far <= MUCH_NEARER));
+    }
+
     /// Whether a pair is much nearer to moments and EMG than either of its effects alone, as far as that was fitted.
     pub(super) fn needs_both(&self, pair: &(Fit, Explanation), singles: &[(Fit, Explanation)]) -> bool {
         let mut members = singles.iter().filter(|s| pair.1.effects.contains(&s.1.effects[0]));
-        members.all(|single| self.analysis.farther_from(&single.0, &pair.0).is_none_or(|farther| farther > FARTHER))
+        members.all(|single| self.analysis.farther_from(&single.0, &pair.0).is_none_or(|farther| farther > NEEDS_BOTH))
     }
 
     /// Where it is doubted that anything is missing: the effects that promise most, fitted.
@@ -390,6 +404,7 @@ impl Judge<'_> {
         let quick = matches!(fit.point.effects.as_slice(), [only] if !only.effect.feeds_back());
         if quick
             && with.p_value > MAY_BE_DEEPER
+            && self.analysis.misfit(&fit, &self.null.levels) < best + DEEPEST
             && let Ok(Some(deeper)) = self.analysis.deeper(&fit, near)
         {
             with = test(self.analysis, &deeper, self.not_testable)?;
