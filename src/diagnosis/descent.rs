@@ -43,8 +43,10 @@ const MOST_ROUNDS: usize = 8;
 const ROUNDS_AT_LEAST: usize = 2;
 /// Such a fit leaves something of which the p-value, whatever its mean, is smaller than this.
 const BEYOND_DOUBT: f64 = 1e-3;
-/// A rough fit, of noise that is only guessed, is given up if it leaves something of a smaller one still.
+/// A rough fit, of noise that is only guessed, is given up if it leaves something of a smaller one still …
 const BEYOND_HOPE: f64 = 1e-9;
+/// … or if its misfit is this much larger still.
+const STILL_FALLS: f64 = 40.0;
 /// Pairs of draws for the mean of scores where nothing is known to be missing yet: there it decides on false alarms.
 const MOST_PAIRS: usize = 4;
 /// The noise has settled when a round changes the deviance by less than this …
@@ -140,7 +142,9 @@ impl Analysis<'_> {
         self.settle(&mut descent, false)?;
         if let Some(h) = hopeless {
             let (rough, _) = self.uncentred(&mut descent)?;
-            if self.leaves_less_than(BEYOND_HOPE, &rough, h.skip) {
+            if self.misfit(&rough, &h.levels) > h.above + STILL_FALLS
+                || self.leaves_less_than(BEYOND_HOPE, &rough, h.skip)
+            {
                 return Ok(rough);
             }
         }

@@ -21,17 +21,15 @@ use crate::study::TrialUse;
 
 /// An explanation with a smaller p-value is rejected although it cannot be told from one that is not.
 const REJECT_IN_ANY_CASE: f64 = 0.002;
-/// Beside the valley of a single effect with a smaller p-value no deeper one is looked for …
+/// Beside the valley of a single effect with a smaller p-value no deeper one is looked for.
 const MAY_BE_DEEPER: f64 = 0.001;
-/// … nor if its misfit is this much larger than the best.
-const DEEPEST: f64 = 40.0;
 /// A pair explains what one of its effects does not if it is nearer by more than this: as FARTHER, and the second is the best of thirty
 /// (2 ln 30).
 const NEEDS_BOTH: f64 = FARTHER + 7.0;
 /// Where the model without effects leaves a larger score than this, its muscles may have gone astray to make up for it.
 const LARGE: f64 = 40.0;
-/// A fit whose misfit is this much larger than the best is not followed to its end.
-const FAR: f64 = 60.0;
+/// A fit whose misfit is this much larger than the best is not followed to its end; a deeper valley beside one gains ten.
+const FAR: f64 = 40.0;
 /// A fit whose misfit is this much larger may as well be the best.
 const HARDLY_WORSE: f64 = 20.0;
 /// Below this pairwise z two effects cannot be told apart.
@@ -176,7 +174,7 @@ impl Judge<'_> {
 
     /// Every single effect that has a chance, fitted.
     ///
-    /// - `found`: those that were fitted in doubt; becomes all
+    /// - `found`: those that were fitted in doubt, which are not fitted again; becomes all
     pub(super) fn singles(&self, left: &Omnibus, found: &mut Vec<(Fit, Explanation)>) -> Result<(), SimulationError> {
         let fitted_anew = !found.is_empty();
         let of = |blocks: &[BlockScore], e: &&'static dyn Effect| {
@@ -184,7 +182,8 @@ impl Judge<'_> {
         };
         let score = |e: &&'static dyn Effect| of(&left.blocks, e).max(of(&self.uncentred, e));
         let best = self.testable().map(|e| score(&e)).fold(0.0, f64::max);
-        let mut ordered: Vec<_> = self.testable().collect();
+        let mut ordered: Vec<_> =
+            self.testable().filter(|e| found.iter().all(|f| f.1.effects != [e.description().id])).collect();
         ordered.sort_by(|a, b| score(b).total_cmp(&score(a)));
         let hopeful = ordered.iter().take_while(|e| score(e) >= HOPELESS * best - 30.0).count().min(PROMISING_SINGLES);
         let promising = |e: &&'static dyn Effect| {
@@ -194,9 +193,7 @@ impl Judge<'_> {
         let (certain, others) = ordered[..hopeful].split_at(hopeful.min(FITTED_SINGLES));
         let others: Vec<_> = others.par_iter().copied().filter(promising).collect();
         let wanted = certain.iter().chain(&others).map(|e| (&self.null.point, &left.blocks[..], *e)).collect();
-        for explained in self.explain_all(wanted)? {
-            keep_better(found, explained);
-        }
+        self.explain_all(wanted, found)?;
         // Of the others, those that are called for and beside which to first order nothing is left: where little is missing, much
         // explains it.
         let beside = |e: &&'static dyn Effect| {
@@ -208,9 +205,10 @@ impl Judge<'_> {
         };
         let chosen: Vec<_> = ordered[hopeful..].par_iter().copied().filter(survives).collect();
         let near = (!self.far_off(left)).then_some(self.null);
+        let best = self.least_misfit(found);
         let explain = |effect: &'static dyn Effect| {
             let start = self.beside(&self.null.point, &left.blocks, effect);
-            self.explain(start, self.null.levels, f64::INFINITY, near)
+            self.explain(start, self.null.levels, best, near)
         };
         for explained in chosen.into_par_iter().map(explain).collect::<Vec<_>>() {
             explained?.into_iter().for_each(|explained| keep_better(found, explained));
@@ -221,10 +219,12 @@ impl Judge<'_> {
     /// Explanations by an effect beside those at a point each, fitted on from there; from each shape that the effect names, the best.
     ///
     /// - `wanted`: point, what is left there, effect
+    /// - `found`: explanations so far; of two by the same effects the nearer stays
     fn explain_all(
         &self,
         wanted: Vec<(&Point, &[BlockScore], &'static dyn Effect)>,
-    ) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
+        found: &mut Vec<(Fit, Explanation)>,
+    ) -> Result<(), SimulationError> {
         let starts = |(point, left, effect): (&Point, &[BlockScore], &'static dyn Effect)| {
             let further = effect.further_starts().iter().map(|values| {
                 let mut start = point.clone();
@@ -234,13 +234,12 @@ impl Judge<'_> {
             std::iter::once(self.beside(point, left, effect)).chain(further).collect::<Vec<_>>()
         };
         let starts: Vec<Point> = wanted.into_iter().flat_map(starts).collect();
-        let mut found: Vec<(Fit, Explanation)> = Vec::new();
         for wave in starts.chunks(SIDE_BY_SIDE) {
-            for explained in self.explain_side_by_side(wave, self.null.levels, self.least_misfit(&found))? {
-                keep_better(&mut found, explained);
+            for explained in self.explain_side_by_side(wave, self.null.levels, self.least_misfit(found))? {
+                keep_better(found, explained);
             }
         }
-        Ok(found)
+        Ok(())
     }
 
     /// Of explanations, where the noise is that of the fit without effects.
@@ -370,7 +369,8 @@ impl Judge<'_> {
         others.sort_by(|a, b| b.0.total_cmp(&a.0));
         let wanted = pairs.iter().chain(others.iter().take(PROMISING_PAIRS));
         let wanted = wanted.map(|(_, pair)| (&pair.fit.point, &*pair.left, pair.second)).collect();
-        let mut found = self.explain_all(wanted)?;
+        let mut found = Vec::new();
+        self.explain_all(wanted, &mut found)?;
         // One that feeds back takes several times as long to fit.
         let quick = leaders.iter().find(|l| {
             !l.0.point.effects[0].effect.feeds_back() && l.1.misfit_fall > leaders[0].1.misfit_fall - HARDLY_WORSE
@@ -404,7 +404,7 @@ impl Judge<'_> {
         let quick = matches!(fit.point.effects.as_slice(), [only] if !only.effect.feeds_back());
         if quick
             && with.p_value > MAY_BE_DEEPER
-            && self.analysis.misfit(&fit, &self.null.levels) < best + DEEPEST
+            && self.analysis.misfit(&fit, &self.null.levels) < best + FAR
             && let Ok(Some(deeper)) = self.analysis.deeper(&fit, near)
         {
             with = test(self.analysis, &deeper, self.not_testable)?;
