@@ -133,7 +133,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let mut explanations = above(REJECT_EXPLANATION);
     let survivors: Vec<&'static str> = explanations.iter().map(|e| e.1.effects[0]).collect();
     explanations.extend(singles.iter().filter(|s| judge.goes_with(&left, &survivors, &s.1)).cloned());
-    judge.keep_the_near(&mut explanations, &singles);
+    let mut farther = judge.keep_the_near(&mut explanations, &singles);
     if rejected && explanations.is_empty() {
         let pairs = judge.pairs(&left, &singles)?;
         explanations = pairs.into_iter().filter(|pair| pair.1.explains() && judge.needs_both(pair, &singles)).collect();
@@ -141,15 +141,15 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     if explanations.is_empty() {
         explanations = above(REJECT_BESIDE_NOTHING);
         explanations.retain(|e| e.1.lowers_error());
-        judge.keep_the_near(&mut explanations, &singles);
+        farther.extend(judge.keep_the_near(&mut explanations, &singles));
     }
     let implausible = !explanations.is_empty() && explanations.iter().all(|e| !e.1.plausible);
     if !implausible {
         explanations.retain(|e| e.1.plausible);
     }
+    farther.extend(judge.drop_the_farther(&mut explanations));
     let most = explanations.iter().map(|e| e.1.p_value).fold(0.0, f64::max);
     explanations.retain(|e| e.1.p_value > LEAST_SHARE * most);
-    let farther = judge.drop_the_farther(&mut explanations);
     let best = explanations.first().map(|e| e.0.clone());
     let fall = explanations.first().map_or(0.0, |e| e.1.error_fall);
     let error = judge.errors(&null, best.as_ref())?;

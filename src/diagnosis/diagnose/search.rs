@@ -150,13 +150,20 @@ impl Judge<'_> {
         gone
     }
 
-    /// Of explanations by single effects those that moments and EMG are not much nearer to another of, even if that leaves something:
-    /// what leaves nothing only because its noise may be larger explains nothing.
-    pub(super) fn keep_the_near(&self, explanations: &mut Vec<(Fit, Explanation)>, singles: &[(Fit, Explanation)]) {
+    /// Keeps of explanations by single effects those that moments and EMG are not much nearer to another of, even if that leaves
+    /// something: what leaves nothing only because its noise may be larger explains nothing. Returns those that go.
+    pub(super) fn keep_the_near(
+        &self,
+        explanations: &mut Vec<(Fit, Explanation)>,
+        singles: &[(Fit, Explanation)],
+    ) -> Vec<Explanation> {
         let Some((nearest, _)) = singles.iter().max_by(|a, b| a.1.misfit_fall.total_cmp(&b.1.misfit_fall)) else {
-            return;
+            return Vec::new();
         };
-        explanations.retain(|(fit, _)| self.analysis.farther_from(fit, nearest).is_none_or(|far| far <= MUCH_NEARER));
+        for (fit, explanation) in explanations.iter_mut() {
+            explanation.misfit_behind = self.analysis.farther_from(fit, nearest).unwrap_or(0.0);
+        }
+        explanations.extract_if(.., |(_, e)| e.misfit_behind > MUCH_NEARER).map(|(_, e)| e).collect()
     }
 
     /// Whether a pair is much nearer to moments and EMG than either of its effects alone, as far as that was fitted.
@@ -174,7 +181,7 @@ impl Judge<'_> {
 
     /// Every single effect that has a chance, fitted.
     ///
-    /// - `found`: those that were fitted in doubt, which are not fitted again; becomes all
+    /// - `found`: those that were fitted in doubt; becomes all
     pub(super) fn singles(&self, left: &Omnibus, found: &mut Vec<(Fit, Explanation)>) -> Result<(), SimulationError> {
         let fitted_anew = !found.is_empty();
         let of = |blocks: &[BlockScore], e: &&'static dyn Effect| {
@@ -182,8 +189,14 @@ impl Judge<'_> {
         };
         let score = |e: &&'static dyn Effect| of(&left.blocks, e).max(of(&self.uncentred, e));
         let best = self.testable().map(|e| score(&e)).fold(0.0, f64::max);
-        let mut ordered: Vec<_> =
-            self.testable().filter(|e| found.iter().all(|f| f.1.effects != [e.description().id])).collect();
+        // Of those that were fitted in doubt, the nearest are fitted from here, too: there may be a nearer valley.
+        let nearest = self.least_misfit(found);
+        let settled: Vec<&str> = found
+            .iter()
+            .filter(|(fit, _)| self.analysis.misfit(fit, &self.null.levels) > nearest + HARDLY_WORSE)
+            .map(|f| f.1.effects[0])
+            .collect();
+        let mut ordered: Vec<_> = self.testable().filter(|e| !settled.contains(&e.description().id)).collect();
         ordered.sort_by(|a, b| score(b).total_cmp(&score(a)));
         let hopeful = ordered.iter().take_while(|e| score(e) >= HOPELESS * best - 30.0).count().min(PROMISING_SINGLES);
         let promising = |e: &&'static dyn Effect| {
