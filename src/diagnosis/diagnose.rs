@@ -29,8 +29,6 @@ const DOUBTED: f64 = 0.3;
 /// … by this: what the muscles have taken up of an effect, residuals do not show. Nor does an effect explain anything that is so much
 /// farther from the data than another.
 const MUCH_NEARER: f64 = 25.0;
-/// Where the model without effects leaves a larger score than this, no other valley of the muscles is looked for.
-const NO_VALLEY: f64 = 60.0;
 /// A direction with a smaller p-value (that knows the variances to be estimates, times the number of directions) is no matter of
 /// misjudged variances.
 const BEYOND_DOUBT: f64 = 1e-4;
@@ -215,7 +213,7 @@ pub(super) fn tested_null(analysis: &Analysis, null: Fit, skip: &[&str]) -> Resu
         Ok::<_, SimulationError>(TestedFit { fit, left, p_value, elsewhere })
     };
     let first = tested(null, false)?;
-    if first.p_value >= REJECT_NULL || first.left.blocks.iter().any(|b| b.statistic > NO_VALLEY) {
+    if first.p_value >= REJECT_NULL {
         return Ok(first);
     }
     match analysis.fitted_elsewhere(&first.fit)? {
