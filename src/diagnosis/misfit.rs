@@ -26,7 +26,7 @@ use super::noise::{self, NoiseLevels};
 
 /// Of two fits one is no explanation beside the other if Q differs by more than this: the other is 33 times as likely. The true effect
 /// is that far behind a rival with a probability below Φ(-√7) = 0.4 %, wherever the rival is (Q_rival − Q_true is z² ± 2z); a rival
-/// at z = 5 is not with one of 4 %.
+/// at z = 5 stays beside it with one of 4 %.
 pub const FARTHER: f64 = 7.0;
 
 /// What a fit's trials say of its parameters.

@@ -23,8 +23,8 @@ use crate::study::TrialUse;
 const REJECT_IN_ANY_CASE: f64 = 0.002;
 /// Beside the valley of a single effect with a smaller p-value no deeper one is looked for.
 const MAY_BE_DEEPER: f64 = 0.001;
-/// A pair explains what one of its effects does not if it is nearer by more than this: as FARTHER, and the second is the best of thirty
-/// (2 ln 30).
+/// A pair explains what neither of its effects does if Q falls by more than this beside either: as for [`FARTHER`], and the second
+/// effect is the best of thirty (2 ln 30).
 const NEEDS_BOTH: f64 = FARTHER + 7.0;
 /// Where the model without effects leaves a larger score than this, its muscles may have gone astray to make up for it.
 const LARGE: f64 = 40.0;
