@@ -2,7 +2,8 @@
 //!
 //! The effect is held at its size while muscles and noise are fitted to the data. To the moments that this predicts, without noise, the
 //! model is fitted without the effect, and with every other effect in its place: muscles, amplitudes and shapes all free, so
-//! that nothing is linear but the noise. What remains is the distance in standard deviations:
+//! that nothing is linear but the noise. Muscles start from where they are with the effect and from where they are without, as there are
+//! several valleys. What remains is the distance in standard deviations:
 //!
 //! ```text
 //! z² = min over θ, φ of  Σ_g ‖τ_g(truth) − τ_g(θ, φ)‖²_V + ‖θ − θ₀‖²_Λ  −  ‖θ(truth) − θ₀‖²_Λ
@@ -52,23 +53,34 @@ pub fn separability(request: &Request, truth: &Setting) -> Result<Vec<Distance>,
     let without = Analysis::without_data(forward, train, rivals.clone(), &request.bounds, request.seed)
         .with_kernels_of(&analysis)
         .with_targets(targets);
-    let near = |effects: Vec<Setting>| {
-        let start = Point {
-            effects,
-            baseline: vec![0.0; without.n_muscles()],
-            correction: without.no_correction(),
-            ..fit.point.clone()
+    let (_, null) = Analysis::new(forward, without.train.clone(), rivals.clone(), &request.bounds, request.seed)?;
+    let near = |effects: &[Setting]| {
+        let from = |muscles: &Fit| {
+            let start = Point {
+                parameters: muscles.point.parameters.clone(),
+                effects: effects.to_vec(),
+                baseline: vec![0.0; without.n_muscles()],
+                correction: without.no_correction(),
+                ..fit.point.clone()
+            };
+            without.distance(start, &fit)
         };
-        without.distance(start, &fit)
+        match (from(&fit), from(&null)) {
+            (Ok(a), Ok(b)) => Ok(a.min(b)),
+            (a, b) => a.or(b),
+        }
     };
-    let none = Distance { rival: None, z: near(Vec::new())?.max(0.0).sqrt() };
+    let none = Distance { rival: None, z: near(&[])?.max(0.0).sqrt() };
     let of_rival = |rival: &&'static dyn Effect| {
         let starts = Setting::starts(*rival, &forward.strength);
-        let least = starts.into_iter().filter_map(|start| near(vec![start]).ok()).fold(f64::INFINITY, f64::min);
-        least.is_finite().then(|| Distance { rival: Some(rival.description().id), z: least.max(0.0).sqrt() })
+        let least = starts.into_iter().filter_map(|start| near(&[start]).ok()).fold(f64::INFINITY, f64::min);
+        // With the rival's size 0 the model does what it does without it.
+        least
+            .is_finite()
+            .then(|| Distance { rival: Some(rival.description().id), z: least.max(0.0).sqrt().min(none.z) })
     };
     let mut found: Vec<Distance> = rivals.par_iter().filter_map(of_rival).collect();
-    found.push(none);
+    found.push(none.clone());
     found.sort_by(|a, b| a.z.total_cmp(&b.z));
     Ok(found)
 }
