@@ -25,7 +25,7 @@ pub use account::{
 /// A null model with a smaller p-value is rejected.
 pub const REJECT_NULL: f64 = 0.05;
 /// Where a null model has a smaller p-value, it is rejected if an effect is much nearer to the data …
-const DOUBTED: f64 = 0.3;
+const DOUBTED: f64 = 0.15;
 /// … by this: what the muscles have taken up of an effect, residuals do not show. Nor does an effect explain anything that is so much
 /// farther from the data than another.
 const MUCH_NEARER: f64 = 25.0;

@@ -174,6 +174,13 @@ pub trait Effect: Sync {
     /// What people should know of it.
     fn description(&self) -> &'static Description;
 
+    /// Whether it is no larger than what every recording's noise has of it in any case, so that it explains nothing.
+    ///
+    /// - `values`: its parameters, as for [`Effect::excite`]
+    fn is_within_noise(&self, _values: &[f64]) -> bool {
+        false
+    }
+
     /// Whether what [`Effect::excite`] makes of a sample depends on that sample alone, so that a few of them may be given.
     fn is_instantaneous(&self) -> bool {
         false

@@ -101,6 +101,10 @@ fn id_of_first(fit: &Fit) -> &'static str {
     fit.point.effects[0].effect.description().id
 }
 
+fn is_within_noise(fit: &Fit) -> bool {
+    fit.point.effects.iter().any(|s| s.effect.is_within_noise(&s.values))
+}
+
 impl Explanation {
     /// Whether nothing is left.
     pub(super) fn survives(&self) -> bool {
@@ -397,7 +401,8 @@ impl Judge<'_> {
         Ok(found)
     }
 
-    /// Fits the effects at a point jointly with the muscles and asks what is left; `None` if they cannot be fitted.
+    /// Fits the effects at a point jointly with the muscles and asks what is left; `None` if they cannot be fitted, or if one of
+    /// them is no larger than what noise has of it in any case.
     ///
     /// - `best`: least misfit of an explanation so far; one that stays far behind it is not followed to its end
     /// - `near`: as for [`Analysis::refit`]
@@ -412,6 +417,9 @@ impl Judge<'_> {
         // Sizes at which a muscle cannot be simulated explain nothing.
         let hopeless = Hopeless { above: best + FAR, levels: self.null.levels, skip: self.not_testable };
         let Ok(mut fit) = self.analysis.refit(start, levels, near, Some(hopeless)) else { return Ok(None) };
+        if is_within_noise(&fit) {
+            return Ok(None);
+        }
         let mut with = test(self.analysis, &fit, self.not_testable)?;
         // One that feeds back takes several times as long to fit.
         let quick = matches!(fit.point.effects.as_slice(), [only] if !only.effect.feeds_back());
@@ -420,6 +428,9 @@ impl Judge<'_> {
             && self.analysis.misfit(&fit, &self.null.levels) < best + FAR
             && let Ok(Some(deeper)) = self.analysis.deeper(&fit, near)
         {
+            if is_within_noise(&deeper) {
+                return Ok(None);
+            }
             with = test(self.analysis, &deeper, self.not_testable)?;
             fit = deeper;
         }

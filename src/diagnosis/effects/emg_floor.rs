@@ -1,6 +1,7 @@
 //! Baseline of the EMG.
 
 use crate::diagnosis::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude};
+use crate::diagnosis::noise::BASELINE_SD;
 
 /// Baseline of the EMG: `max(0, e - b)`.
 pub struct EmgFloor;
@@ -27,6 +28,12 @@ static DESCRIPTION: Description = Description {
 impl Effect for EmgFloor {
     fn description(&self) -> &'static Description {
         &DESCRIPTION
+    }
+
+    /// As large as that every channel's own baseline may be in any case. Nevertheless it would be nearer to moments and EMG: muscles at
+    /// rest come to their least activation, and the EMG's noise passes no more.
+    fn is_within_noise(&self, values: &[f64]) -> bool {
+        values.iter().all(|b| b.abs() <= BASELINE_SD)
     }
 
     fn is_instantaneous(&self) -> bool {
