@@ -74,7 +74,7 @@ fn start(analysis: &Analysis, refit: &Fit, before: &Fit, effects: &[&'static dyn
 }
 
 /// Effects that no data tell from the muscles' parameters.
-fn unidentifiable(analysis: &Analysis) -> Vec<&'static str> {
+pub(super) fn unidentifiable(analysis: &Analysis) -> Vec<&'static str> {
     let all = analysis.candidates.iter().map(|e| e.description());
     all.filter(|d| d.unidentifiable.is_some()).map(|d| d.id).collect()
 }

@@ -6,8 +6,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::addition::unidentifiable;
 use super::catalogue::effect;
-use super::diagnose::Request;
+use super::diagnose::{Request, tested_null};
 use super::experiments::experiments;
 use super::fit::{AMPLITUDE_PRECISION, Analysis, Fit};
 use super::forward_model::ForwardModel;
@@ -55,6 +56,7 @@ pub fn plan(
     let forward = request.forward;
     let train = forward.trials_for(TrialUse::Train);
     let (analysis, null) = Analysis::new(forward, train, request.candidates.clone(), &request.bounds, request.seed)?;
+    let null = tested_null(&analysis, null, &unidentifiable(&analysis))?.fit;
     let now = at_hand(&analysis, &null, rivals);
     let sizes = sizes(&analysis, &null, rivals);
     let all = experiments(forward, limits);
