@@ -167,7 +167,8 @@ pub struct Diagnosis {
     pub explanations: Vec<Explanation>,
     /// Effects that were fitted jointly with the muscles and rejected.
     pub ruled_out: Vec<&'static str>,
-    /// Effects that can be tested and were not fitted: nothing was rejected, or their scores leave them no chance.
+    /// Effects that can be tested and were not fitted: nothing was rejected, or their scores leave them no chance; or they came out no
+    /// larger than what noise has of them in any case.
     pub not_fitted: Vec<&'static str>,
     /// Effects that these data cannot test.
     pub not_testable: Vec<&'static str>,

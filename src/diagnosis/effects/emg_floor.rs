@@ -30,8 +30,8 @@ impl Effect for EmgFloor {
         &DESCRIPTION
     }
 
-    /// As large as that every channel's own baseline may be in any case. Nevertheless it would be nearer to moments and EMG: muscles at
-    /// rest come to their least activation, and the EMG's noise passes no more.
+    /// Up to 1 % of maximum, which every channel's own baseline may be in any case. Nevertheless it would be nearer to moments and
+    /// EMG: muscles at rest come to their least activation, and the EMG's noise passes no more.
     fn is_within_noise(&self, values: &[f64]) -> bool {
         values.iter().all(|b| b.abs() <= BASELINE_SD)
     }
@@ -46,5 +46,17 @@ impl Effect for EmgFloor {
             return;
         }
         excitation.iter_mut().flatten().for_each(|e| *e = (*e - b).max(0.0));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn verif_a_baseline_that_any_channel_may_have_is_within_noise() {
+        assert!(EmgFloor.is_within_noise(&[0.009]));
+        assert!(EmgFloor.is_within_noise(&[-0.009]));
+        assert!(!EmgFloor.is_within_noise(&[0.014]));
     }
 }
