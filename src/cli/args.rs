@@ -156,7 +156,7 @@ pub struct PathsArgs {
     #[arg(long = "set", value_name = "NAME=VALUE", allow_hyphen_values = true)]
     pub set: Vec<Assignment>,
     /// Only these muscles (comma-separated; default: all)
-    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',', value_parser = trimmed)]
     pub muscles: Vec<String>,
     /// Folder for paths.csv and paths.html
     #[arg(long, value_name = "DIR")]
@@ -179,10 +179,10 @@ pub struct EquilibriumArgs {
     #[arg(long, value_name = "A", default_value_t = 0.01, value_parser = activation)]
     pub activation: f64,
     /// Coordinates about which moments are given (comma-separated; default: those that --set names)
-    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',', value_parser = trimmed)]
     pub moment_about: Vec<String>,
     /// Only these muscles (comma-separated; default: all)
-    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',', value_parser = trimmed)]
     pub muscles: Vec<String>,
     /// Write the table to this CSV file too
     #[arg(long, value_name = "FILE")]
@@ -268,7 +268,7 @@ pub struct EvaluateArgs {
 /// `carpus study`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus study study/study.toml --out done\n  carpus study study/study.toml --steps personalize,evaluate --out done\n\nSteps, in their order: dynamometer (with [processing]: the processed study goes to DIR/processed and all other steps work on it), emg (with [emg] kind = \"raw\"), scale, sensitivity, personalize, evaluate, identify, ultrasound (with ultrasound.csv), power, conclusions (which of the dissertation's hold). What a study has no data for is named in the report with the reason.\n\nStopped at any time, even by force, and started again with the same words, it goes on where it was: what is finished lies in DIR/units under a key made of everything that it depends on. Writes DIR/report.html, the tables as CSV, DIR/models/P01/CASE.osim, DIR/identify/P01 and DIR/emg/P01. Only DIR/timings and DIR/timings.csv depend on the machine.\n\nOptional in a study, beyond the essential keys:\n  study.toml        [processing], [emg], [scaling], [strength_scaling]: see dynamometer, emg, scale, strength-scale --help\n                    [ultrasound] activation, specific_tension_n_per_cm2, posture_deg, muscle_posture_deg, fiber_to_belly_length,\n                    external_to_total_tendon_length, source;\n                    fascicles = \"fit\" with fascicle_error_percent: personalize fits fascicle_length_m, too (default: a check)\n                    [dynamometer] further_moments = { COORDINATE = \"column\" }: moments about coordinates that are held\n                    [columns] ignore = [\"column\", …], angle_unit = \"rad\"; [checks] max_gap_s\n  trials.csv        start_time_s\n  ultrasound.csv    fascicle_length_m, pennation_angle_deg"
+    after_help = "Example:\n  carpus study study/study.toml --out done\n  carpus study study/study.toml --steps personalize,evaluate --out done\n\nSteps, in their order: dynamometer (with [processing]: the processed study goes to DIR/processed and all other steps work on it), emg (with [emg] kind = \"raw\"), scale, sensitivity, personalize, evaluate, identify, ultrasound (with ultrasound.csv), power, conclusions (which of the dissertation's hold). What a study has no data for is named in the report with the reason.\n\nStopped at any time, even by force, and started again with the same words, it goes on where it was: what is finished lies in DIR/units under a key made of everything that it depends on. Writes DIR/report.html, the tables as CSV, DIR/models/P01/CASE.osim, DIR/identify/P01 and DIR/emg/P01. Only DIR/timings and DIR/timings.csv depend on the machine.\n\nOptional in a study, beyond the essential keys:\n  study.toml        [processing], [emg], [scaling], [strength_scaling]: see dynamometer, emg, scale, strength-scale --help\n                    [ultrasound] activation, specific_tension_n_per_cm2, posture_deg, muscle_posture_deg, fiber_to_belly_length,\n                    external_to_total_tendon_length, source;\n                    fascicles = \"fit\" with fascicle_error_percent: personalize fits fascicle_length_m, too (default: a check)\n                    [dynamometer] further_moments = { COORDINATE = \"column\" }: moments about coordinates that are held\n                    [columns] ignore = [\"column\", …], angle_unit = \"rad\"; [checks] max_gap_s\n  trials.csv        start_time_s; arm, upright (default) or flipped: the forearm turned over\n  ultrasound.csv    fascicle_length_m, pennation_angle_deg"
 )]
 pub struct WholeStudyArgs {
     /// The study.
@@ -313,7 +313,7 @@ pub struct IdentifyArgs {
 pub struct IdentifyOptions {
     /// Properties in question, under OpenSim's names (comma-separated; default: optimal_fiber_length,
     /// tendon_slack_length, max_isometric_force)
-    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',', value_parser = trimmed)]
     pub properties: Vec<String>,
     /// One factor for several muscles, per property; may be given several times
     #[arg(long, value_name = "GROUP=MUSCLE,…", value_parser = tied)]
@@ -599,6 +599,11 @@ pub enum PowerTest {
     PointBiserial,
 }
 
+/// An item of a list, which may have spaces behind its commas.
+pub(super) fn trimmed(text: &str) -> Result<String, std::convert::Infallible> {
+    Ok(text.trim().to_owned())
+}
+
 fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
@@ -654,6 +659,13 @@ mod tests {
             let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
             assert!(help.contains(&format!("carpus {}", command.get_name())), "{}", command.get_name());
         }
+    }
+
+    #[test]
+    fn verif_lists_may_have_spaces_behind_their_commas() {
+        let line = ["carpus", "diagnose", "study.toml", "--out", "out", "--candidates", "gravity, joint_stiffness"];
+        let Command::Diagnose(args) = Cli::try_parse_from(line).unwrap().command else { panic!("diagnose expected") };
+        assert_eq!(args.candidates, ["gravity", "joint_stiffness"]);
     }
 
     #[test]

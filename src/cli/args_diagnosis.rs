@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use clap::{Args, Subcommand};
 
-use super::args::StudyArgs;
+use super::args::{StudyArgs, trimmed};
 
 /// `carpus diagnose`
 #[derive(Debug, Args)]
@@ -17,7 +17,7 @@ pub struct DiagnoseArgs {
     #[command(flatten)]
     pub study: StudyArgs,
     /// Only these effects (comma-separated; default: all)
-    #[arg(long, value_name = "ID,…", value_delimiter = ',')]
+    #[arg(long, value_name = "ID,…", value_delimiter = ',', value_parser = trimmed)]
     pub candidates: Vec<String>,
     /// Also write what simpler methods need to compare themselves (key `baselines`, megabytes)
     #[arg(long)]
@@ -137,7 +137,7 @@ pub struct EffectAddArgs {
     #[command(flatten)]
     pub study: StudyArgs,
     /// Effects to add, in this order (comma-separated; `carpus effects` lists them)
-    #[arg(value_name = "EFFECT,…", value_delimiter = ',', required = true)]
+    #[arg(value_name = "EFFECT,…", value_delimiter = ',', value_parser = trimmed, required = true)]
     pub chosen: Vec<String>,
     /// Add the effects although the diagnosis cannot tell, or does not support them; the choice is recorded
     #[arg(long)]
@@ -185,7 +185,7 @@ pub struct PlanArgs {
     #[command(flatten)]
     pub study: StudyArgs,
     /// Tell these effects apart (comma-separated; default: those that the diagnosis leaves)
-    #[arg(long, value_name = "ID,…", value_delimiter = ',')]
+    #[arg(long, value_name = "ID,…", value_delimiter = ',', value_parser = trimmed)]
     pub candidates: Vec<String>,
     /// Say instead how far an effect of this size would be, in the trials at hand, from none and from every other effect; parameters
     /// in the units of `carpus effects ID`

@@ -59,6 +59,10 @@ pub fn write_tables(
     participants: &[Participant],
     trials: &[NewTrial<'_>],
 ) -> Result<(), Failure> {
+    if let Some(missing) = participants.iter().find(|p| !p.model.is_file()) {
+        let text = format!("model of participant {} not found", missing.name);
+        return Err(Message::error(text).in_file(&missing.model).hint("the new study gets a copy of it").into());
+    }
     let mut models: Vec<(PathBuf, String)> = Vec::new();
     let all = participants.iter().map(|p| &p.model).chain(std::iter::once(&study.settings.model));
     for model in all {
@@ -174,6 +178,8 @@ fn trials_csv(trials: &[NewTrial<'_>], study: &Study) -> Result<String, Failure>
     let mut header =
         vec!["participant", "file", "contraction", "effort_percent", "direction", "posture_deg", "repetition", "use"];
     header.extend(timed.then_some("start_time_s"));
+    let turned = trials.iter().any(|new| new.trial.info.arm_flipped);
+    header.extend(turned.then_some("arm"));
     let subtracted = study.settings.processing.passive_order.is_some();
     let rows = trials.iter().map(|new| {
         let info: &TrialInfo = &new.trial.info;
@@ -196,6 +202,7 @@ fn trials_csv(trials: &[NewTrial<'_>], study: &Study) -> Result<String, Failure>
                 info.start_time.map(|t| t + new.trial.time[0] * f64::from(new.trial.repetition.is_some() as u8));
             row.push(start.map(|v| v.to_string()).unwrap_or_default());
         }
+        row.extend(turned.then(|| info.arm_word().to_owned()));
         row
     });
     csv_text(header.iter(), rows)

@@ -60,7 +60,7 @@ fn residual_trial(run: &ParticipantRun, i: usize, moment: &[f64], timed: bool) -
         speed: kinematics.speed.clone(),
         acceleration: kinematics.acceleration.clone(),
         activation: kinematics.muscles.iter().map(|m| m.activation.clone()).collect(),
-        session: start.unwrap_or((i + 1) as f64),
+        session: start.unwrap_or((trial.info.place + 1) as f64),
         effort: trial.info.effort_percent,
         condition: condition(trial),
     }
@@ -71,7 +71,7 @@ fn condition(trial: &Trial) -> String {
     let info = &trial.info;
     let bits = |v: Option<f64>| v.map(f64::to_bits);
     let (effort, posture) = (bits(info.effort_percent), bits(info.posture));
-    format!("{:?} {:?} {effort:?} {posture:?}", info.contraction, info.direction)
+    format!("{:?} {:?} {effort:?} {posture:?} {}", info.contraction, info.direction, info.arm_word())
 }
 
 fn muscle_names(run: &ParticipantRun) -> Vec<MuscleName> {

@@ -6,7 +6,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::account::ModelRun;
 use super::args::{Global, StudyArgs};
-use super::failure::{Failure, Message};
+use super::failure::{Failure, Gravity, Message};
 use super::model::{self, LoadedModel, Needs};
 use super::output::OutputFolder;
 use super::{path_check, print_result, provenance};
@@ -14,7 +14,8 @@ use crate::diagnosis::export::SideCar;
 use crate::diagnosis::forward_model::{ForwardModel, Setting};
 use crate::diagnosis::moments::simulate_all as simulate_effects;
 use crate::multibody::Model;
-use crate::osim::spec::ModelSpec;
+use crate::muscles::MuscleError;
+use crate::osim::spec::{ModelSpec, MotionType};
 use crate::report::results::InputFile;
 use crate::scaling::{ParticipantScaling, ParticipantScalingError, scale_participant};
 use crate::simulation::{
@@ -59,10 +60,28 @@ pub struct ParticipantRun {
     pub given: Vec<Setting>,
     /// Moments of the model with them [N·m], if there are any.
     recorded: Option<Vec<Vec<f64>>>,
+    /// The study's `trials.csv`, for messages.
+    pub trials_file: PathBuf,
     /// Every file that was read.
     pub inputs: Vec<InputFile>,
     /// Warnings about the study, the model and the trials.
     pub warnings: Vec<Message>,
+}
+
+/// Samples that a diagnosis looks at [Hz].
+const DIAGNOSIS_RATE: f64 = 100.0;
+
+/// Trials of which there are at least twice as many samples, averaged to a rate [Hz].
+fn averaged(trials: Vec<Trial>, rate: f64, warnings: &mut Vec<Message>) -> Vec<Trial> {
+    let count = |t: &Trial| ((t.len() - 1) as f64 / (t.duration() * rate) + 1e-6) as usize;
+    let most = trials.iter().max_by_key(|t| count(t)).filter(|t| count(t) > 1);
+    if let Some(fastest) = most {
+        let recorded = (fastest.len() - 1) as f64 / fastest.duration();
+        let text = format!("recorded at {recorded:.0} Hz: averaged to {rate:.0} Hz");
+        let hint = "a diagnosis needs no more; EMG was filtered as recorded";
+        warnings.push(Message::warning(text).in_file(&fastest.info.file).hint(hint));
+    }
+    trials.into_iter().map(|t| if count(&t) > 1 { t.averaged(count(&t)) } else { t }).collect()
 }
 
 /// What came of a run over all participants.
@@ -122,7 +141,8 @@ impl StudyRun {
     /// # Errors
     /// The study; the side-car; an unknown participant; the output folder.
     pub fn prepare_with(args: &StudyArgs, effects: Option<&Path>) -> Result<StudyRun, Failure> {
-        let study = Study::read_tables(&args.study)?;
+        let is_wanted = |p: &Participant| args.participant.is_empty() || args.participant.contains(&p.name);
+        let study = Study::read_tables_for(&args.study, |p| args.model.is_none() && is_wanted(p))?;
         let side_car = effects.map(|file| read_side_car(file, &study)).transpose()?;
         let participants = wanted(&study, &args.participant)?;
         let mut inputs = study.input_files();
@@ -179,22 +199,38 @@ impl StudyRun {
     /// # Errors
     /// The model, the trials, or one does not suit the other.
     pub fn participant(&self, participant: &Participant) -> Result<ParticipantRun, Failure> {
+        self.participant_at(participant, f64::INFINITY)
+    }
+
+    /// As [`StudyRun::participant`], for what compares trials with each other: samples are averaged to [`DIAGNOSIS_RATE`], with a
+    /// warning where there are twice as many. Neither muscles nor movements are faster, and time and memory grow with them.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn participant_to_diagnose(&self, participant: &Participant) -> Result<ParticipantRun, Failure> {
+        self.participant_at(participant, DIAGNOSIS_RATE)
+    }
+
+    /// - `rate`: that samples are averaged to, where there are twice as many [Hz]
+    fn participant_at(&self, participant: &Participant, rate: f64) -> Result<ParticipantRun, Failure> {
         let settings = &self.study.settings;
         let mut warnings: Vec<Message> = self.study.warnings.iter().map(Message::from).collect();
         let needs = if settings.dynamometer.includes(MomentPart::Passive) { Needs::Forces } else { Needs::Motion };
         let mut loaded = self.load_model(participant, needs, &mut warnings)?;
         let scaling = self.scaled_to(participant, &mut loaded, &mut warnings)?;
         let at_study = |e: SimulationError| Failure::from(simulation_message(&e, &loaded.path));
-        let model = MusculoskeletalModel::compile(&loaded.file.spec, &self.setup()).map_err(at_study)?;
+        let model = MusculoskeletalModel::compile(&loaded.file.spec, &self.setup())
+            .map_err(|e| self.compile_message(&e, &loaded))?;
         let left_out = model.left_out().iter().map(|(name, class)| format!("{name} ({class})")).collect::<Vec<_>>();
         if !left_out.is_empty() {
             warnings.push(Message::warning(format!("left out: {}", left_out.join(", "))).in_file(&loaded.path));
         }
         let trials = self.study.load_trials(&participant.name)?;
         warnings.extend(trials.iter().flat_map(|t| t.warnings.iter().map(Message::from)));
-        self.check_trials(participant, &trials, &model)?;
+        warnings.extend(self.check_trials(participant, &trials, &model)?);
+        let trials = averaged(trials, rate, &mut warnings);
         let recordings: Vec<Recording> = trials.iter().map(Recording::from).collect();
-        let mut prepared = model.prepare_all(&recordings, &Options::default()).map_err(at_study)?;
+        let mut prepared = model.prepare_all(&recordings, &checked_angles()).map_err(at_study)?;
         let given = self.side_car.as_ref().map(|(_, s)| s.effects.clone()).unwrap_or_default();
         let mut recorded = None;
         if self.side_car.is_some() {
@@ -221,6 +257,7 @@ impl StudyRun {
             prepared,
             given,
             recorded,
+            trials_file: self.study.folder.join("trials.csv"),
             inputs,
             warnings,
         })
@@ -268,12 +305,12 @@ impl StudyRun {
         chosen: &[usize],
     ) -> Result<Vec<TrialSimulation>, Failure> {
         let recordings: Vec<Recording> = chosen.iter().map(|&i| Recording::from(&run.trials[i])).collect();
-        let simulate = || {
-            let model = MusculoskeletalModel::compile(spec, &self.setup())?;
-            let prepared = model.prepare_all(&recordings, &Options::default())?;
-            crate::simulation::simulate_all(&prepared, &model.nominal_parameters())
-        };
-        simulate().map_err(|e| simulation_message(&e, &run.loaded.path).into())
+        let failed = |e: SimulationError| Failure::from(simulation_message(&e, &run.loaded.path));
+        let model = MusculoskeletalModel::compile(spec, &self.setup()).map_err(failed)?;
+        // Another model may have another range.
+        check_angles(chosen.iter().map(|&i| &run.trials[i]), &model)?;
+        let prepared = model.prepare_all(&recordings, &checked_angles()).map_err(failed)?;
+        crate::simulation::simulate_all(&prepared, &model.nominal_parameters()).map_err(failed)
     }
 
     /// Checks the names that the study uses against the model.
@@ -286,20 +323,42 @@ impl StudyRun {
         if messages.is_empty() { Ok(()) } else { Err(messages.into()) }
     }
 
-    /// Checks the recorded angles against the range of the coordinate.
-    fn check_trials(&self, of: &Participant, trials: &[Trial], model: &MusculoskeletalModel) -> Result<(), Failure> {
+    /// Why a model does not suit the study: where `study.toml` asks for what it does not have, that line; else its own.
+    fn compile_message(&self, error: &SimulationError, loaded: &LoadedModel) -> Message {
+        let message = simulation_message(error, &loaded.path);
+        let settings = &self.study.settings;
+        let line = match error {
+            SimulationError::PostureOutOfRange { name, .. } | SimulationError::DependentCoordinate { name, .. } => {
+                let held = settings.posture.iter().find(|p| p.coordinate == *name).map(|p| p.line);
+                held.or(Some(settings.dynamometer.coordinate_line).filter(|_| settings.dynamometer.coordinate == *name))
+            }
+            SimulationError::RepeatedMuscle { .. } => Some(settings.active_line),
+            SimulationError::Muscle(
+                MuscleError::NotMillard2012 { muscle, .. } | MuscleError::InMuscle { muscle, .. },
+            ) => {
+                let found = loaded.file.spec.muscles.iter().find(|m| m.name == *muscle);
+                return message.at_line(found.map(|m| m.at.line));
+            }
+            _ => None,
+        };
+        match line {
+            Some(line) => message.in_file(&self.study.file).at_line(line),
+            None => message,
+        }
+    }
+
+    /// Checks the recorded angles against the range of the coordinate. Returns warnings of angles a little outside.
+    fn check_trials(
+        &self,
+        of: &Participant,
+        trials: &[Trial],
+        model: &MusculoskeletalModel,
+    ) -> Result<Vec<Message>, Failure> {
         if trials.is_empty() {
             let message = Message::error(format!("participant {} has no trials to simulate", of.name));
             return Err(message.in_file(&self.study.folder.join("trials.csv")).into());
         }
-        let coordinate = &model.skeleton().coordinates[model.coordinate().0];
-        let [lower, upper] = coordinate.range;
-        let problems: Vec<Message> = trials
-            .iter()
-            .filter_map(|t| t.check_against_range(&coordinate.name, lower, upper))
-            .map(|p| Message::from(&p))
-            .collect();
-        if problems.is_empty() { Ok(()) } else { Err(problems.into()) }
+        check_angles(trials, model)
     }
 
     /// The files that the results of a participant depend on, with their hashes.
@@ -415,6 +474,26 @@ fn wanted(study: &Study, names: &[String]) -> Result<Vec<Participant>, Failure> 
     names.iter().map(find).collect()
 }
 
+/// Checks recorded angles against the range of the coordinate. Returns warnings of those a little outside.
+fn check_angles<'a>(
+    trials: impl IntoIterator<Item = &'a Trial>,
+    model: &MusculoskeletalModel,
+) -> Result<Vec<Message>, Failure> {
+    let coordinate = &model.skeleton().coordinates[model.coordinate().0];
+    let is_translation = coordinate.motion_type == MotionType::Translational;
+    let problems: Vec<Message> = trials
+        .into_iter()
+        .filter_map(|t| t.check_against_range(&coordinate.name, is_translation, coordinate.range))
+        .map(|p| Message::from(&p))
+        .collect();
+    if problems.iter().any(|p| p.gravity == Gravity::Error) { Err(problems.into()) } else { Ok(problems) }
+}
+
+/// How trials are simulated whose angles were checked against the coordinate's range: a little outside is allowed.
+fn checked_angles() -> Options {
+    Options { allow_angle_outside_range: true, ..Options::default() }
+}
+
 fn simulation_message(error: &SimulationError, model: &Path) -> Message {
     let message = Message::error(error.to_string()).in_file(model);
     match error.hint() {
@@ -433,4 +512,48 @@ pub fn progress(global: &Global, steps: u64, what: &str) -> ProgressBar {
         bar.set_style(style);
     }
     bar
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::{Contraction, Direction, TrialInfo, TrialUse};
+
+    fn trial(rate: f64) -> Trial {
+        let info = TrialInfo {
+            index: 0,
+            place: 0,
+            line: 2,
+            participant: "P01".to_owned(),
+            file: "a.csv".into(),
+            file_as_written: "a.csv".to_owned(),
+            contraction: Contraction::Isotonic,
+            effort_percent: None,
+            direction: Direction::Flexion,
+            posture: None,
+            repetition: None,
+            usage: TrialUse::Train,
+            start_time: None,
+            arm_flipped: false,
+        };
+        let time: Vec<f64> = (0..=(2.0 * rate) as usize).map(|k| 1.0 + k as f64 / rate).collect();
+        let angle: Vec<f64> = time.iter().map(|t| 0.3 * t).collect();
+        let moment = vec![2.0; time.len()];
+        Trial::from_samples(info, time.clone(), angle, moment, vec![time])
+    }
+
+    #[test]
+    fn verif_samples_are_averaged_from_twice_the_rate_on() {
+        let mut warnings = Vec::new();
+        let slow = averaged(vec![trial(199.0), trial(100.0)], DIAGNOSIS_RATE, &mut warnings);
+        assert_eq!((slow[0].len(), slow[1].len(), warnings.len()), (399, 201, 0));
+        let fast = averaged(vec![trial(1000.0), trial(200.0)], DIAGNOSIS_RATE, &mut warnings);
+        assert_eq!((fast[0].len(), fast[1].len(), warnings.len()), (200, 200, 1));
+        for t in &fast {
+            for k in 0..t.len() {
+                assert!((t.angle[k] - 0.3 * t.time[k]).abs() < 1e-12 && (t.excitation[0][k] - t.time[k]).abs() < 1e-12);
+                assert!((t.moment[k] - 2.0).abs() < 1e-12);
+            }
+        }
+    }
 }

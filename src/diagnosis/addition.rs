@@ -2,10 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use rayon::prelude::*;
+
 use super::diagnose::{ParameterEstimate, Request, estimates, tested_null};
 use super::effect::Effect;
-use super::fit::{Analysis, Fit};
+use super::fit::{Analysis, Fit, Point};
 use super::forward_model::Setting;
+use super::strength::Strength;
 use crate::simulation::{MuscleParameters, SimulationError};
 use crate::study::TrialUse;
 
@@ -44,33 +47,72 @@ pub fn fit_steps(
     let mut fits = vec![refit];
     for count in 1..=effects.len() {
         let before = &fits[count - 1];
-        let start = start(&analysis, &fits[0], before, &effects[..count]);
-        let fit = analysis.refit(start, fits[0].levels, None, None)?;
-        // Beside it a size may be one at which a muscle cannot be simulated.
-        let deeper = analysis.deeper(&fit, None).ok().flatten();
-        fits.push(deeper.unwrap_or(fit));
+        let starts = starts(&analysis, &fits[0], before, &effects[..count]);
+        fits.push(nearest_fit(&analysis, &fits[0], starts)?);
         progress(1 + count);
     }
     Ok(fits.into_iter().map(|fit| step(&analysis, request, fit)).collect())
 }
 
-/// Where a fit with effects starts: those fitted already as they are, the last one at its one-step estimate.
-fn start(analysis: &Analysis, refit: &Fit, before: &Fit, effects: &[&'static dyn Effect]) -> super::fit::Point {
-    // The refit without effects may have bent the muscles to make up for what is missing: start from the model.
-    let mut point = if effects.len() == 1 { analysis.nominal_point() } else { before.point.clone() };
-    let Some(last) = effects.last() else { return point };
-    let mut setting = Setting::absent(*last);
-    let description = last.description();
-    let from = if effects.len() == 1 { refit } else { before };
-    let left = analysis.anything_left(from, &[]);
-    if let Some(score) = left.iter().flat_map(|l| &l.blocks).find(|b| b.name == description.id) {
-        for (i, p) in description.amplitudes().enumerate() {
-            setting.values[p] = score.one_step[i].clamp(-LARGEST_START, LARGEST_START)
-                * analysis.forward.strength.scale(&description.parameters[p]);
+/// Of the fits from several starts the one that moments and EMG are nearest to, as between explanations by the same effects; the
+/// first of equals.
+///
+/// # Errors
+/// That of the first start, if none can be fitted.
+fn nearest_fit(analysis: &Analysis, refit: &Fit, starts: Vec<Point>) -> Result<Fit, SimulationError> {
+    let fitted = |start: Point| {
+        let fit = analysis.refit(start, refit.levels, None, None)?;
+        // Beside it a size may be one at which a muscle cannot be simulated.
+        let deeper = analysis.deeper(&fit, None).ok().flatten();
+        Ok::<_, SimulationError>(deeper.unwrap_or(fit))
+    };
+    let alone = starts.len() == 1;
+    let (mut nearest, mut failed): (Option<(f64, Fit)>, _) = (None, None);
+    for found in starts.into_par_iter().with_max_len(1).map(fitted).collect::<Vec<_>>() {
+        match found {
+            Ok(fit) if alone => return Ok(fit),
+            Ok(fit) => {
+                let fall = analysis.farther_from(refit, &fit).unwrap_or(f64::NEG_INFINITY);
+                if nearest.as_ref().is_none_or(|(known, _)| fall > *known) {
+                    nearest = Some((fall, fit));
+                }
+            }
+            Err(error) => failed = failed.or(Some(error)),
         }
     }
-    point.effects.push(setting);
-    point
+    match (nearest, failed) {
+        (Some((_, fit)), _) => Ok(fit),
+        (None, Some(error)) => Err(error),
+        (None, None) => unreachable!("every effect has a start"),
+    }
+}
+
+/// Where a fit with effects starts: those fitted already as they are, the last one of every size and shape that it is looked for from.
+fn starts(analysis: &Analysis, refit: &Fit, before: &Fit, effects: &[&'static dyn Effect]) -> Vec<Point> {
+    // The refit without effects may have bent the muscles to make up for what is missing: start from the model.
+    let point = if effects.len() == 1 { analysis.nominal_point() } else { before.point.clone() };
+    let Some(last) = effects.last() else { return vec![point] };
+    let from = if effects.len() == 1 { refit } else { before };
+    let left = analysis.anything_left(from, &[]);
+    let score = left.iter().flat_map(|l| &l.blocks).find(|b| b.name == last.description().id);
+    let one_step = score.map(|score| score.one_step.as_slice());
+    let with = |setting| Point { effects: [&point.effects[..], &[setting]].concat(), ..point.clone() };
+    first_settings(*last, one_step, &analysis.forward.strength).into_iter().map(with).collect()
+}
+
+/// Sizes and shapes of an effect that its fits start from: the usual shape at its one-step estimate, then the others of
+/// [`Setting::starts`].
+///
+/// - `one_step`: of its amplitudes at the usual shape, in units of their scales
+fn first_settings(effect: &'static dyn Effect, one_step: Option<&[f64]>, strength: &Strength) -> Vec<Setting> {
+    let mut settings = Setting::starts(effect, strength);
+    let description = effect.description();
+    if let (Some(usual), Some(sizes)) = (settings.first_mut(), one_step) {
+        for (p, size) in description.amplitudes().zip(sizes) {
+            usual.values[p] = size.clamp(-LARGEST_START, LARGEST_START) * strength.scale(&description.parameters[p]);
+        }
+    }
+    settings
 }
 
 /// Effects that no data tell from the muscles' parameters.
@@ -86,5 +128,33 @@ fn step(analysis: &Analysis, request: &Request, fit: Fit) -> FittedStep {
         noise_floor: analysis.noise_floor(&fit),
         parameters: fit.point.parameters,
         effects: fit.point.effects,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnosis::catalogue::{CATALOGUE, effect};
+
+    #[test]
+    fn verif_an_effect_is_fitted_from_every_size_and_shape_that_it_is_looked_for_from() {
+        let strength = Strength(2.0);
+        for effect in CATALOGUE.iter().copied() {
+            let description = effect.description();
+            let amplitudes: Vec<usize> = description.amplitudes().collect();
+            let one_step: Vec<f64> = (0..amplitudes.len()).map(|i| if i == 0 { 0.5 } else { 40.0 }).collect();
+            let settings = first_settings(effect, Some(&one_step), &strength);
+            for (i, p) in amplitudes.iter().enumerate() {
+                let scales = if i == 0 { 0.5 } else { LARGEST_START };
+                let expected = scales * strength.scale(&description.parameters[*p]);
+                assert_eq!(settings[0].values[*p], expected, "{}", description.id);
+            }
+            assert_eq!(settings[1..], Setting::starts(effect, &strength)[1..], "{}", description.id);
+        }
+        let of = |id: &str| first_settings(effect(id).unwrap(), None, &strength);
+        // On either side alone; far from none.
+        assert_eq!(of("ligament_stop").len(), 3);
+        assert!(of("joint_compliance")[1].values[0] > 0.0);
+        assert_eq!(of("joint_stiffness").len(), 1);
     }
 }

@@ -18,10 +18,14 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::score_test::normal;
-use crate::study::Trial;
+use crate::study::{Contraction, Trial, TrialUse};
 
-/// A trial in which the angle stays within this range is held as a whole [rad]: 3°.
-const HELD_RANGE: f64 = 0.052;
+/// A contraction in which the angle stays within this range is held as a whole [rad]: 3°.
+pub(super) const HELD_RANGE: f64 = 0.052;
+/// Samples are held if they are the same for at least this long [s]; for a shorter time an encoder of coarse steps may be between two.
+const HELD_TIME: f64 = 0.25;
+/// Trials whose sample intervals differ by more than this share are not looked at together.
+const SAME_RATE: f64 = 0.1;
 /// Draws come in pairs of opposite sign.
 const PAIRS: usize = 8;
 /// Covariances of draws are trusted up to so many correlation lengths.
@@ -50,9 +54,12 @@ pub struct Disturbance {
 }
 
 impl AngleNoise {
-    /// From the trials in which the joint hardly moves; `None` without such trials.
+    /// From the contractions in which the joint hardly moves, without those that are held out; `None` without such trials.
     pub fn of(trials: &[Trial]) -> Option<AngleNoise> {
-        let held: Vec<&Trial> = trials.iter().filter(|t| range(&t.angle) < HELD_RANGE && t.angle.len() > 2).collect();
+        let still = |t: &&Trial| range(&t.angle) < HELD_RANGE && t.angle.len() > 2 && t.info.usage != TrialUse::Test;
+        // A relaxed joint may be swept over a degree or two.
+        let is_contraction = |t: &&Trial| matches!(t.info.contraction, Contraction::Isometric | Contraction::Mvc);
+        let held: Vec<&Trial> = trials.iter().filter(still).filter(is_contraction).collect();
         let (mut squares, mut count) = (0.0, 0usize);
         for trial in &held {
             let mean = trial.angle.iter().sum::<f64>() / trial.angle.len() as f64;
@@ -116,11 +123,13 @@ impl AngleNoise {
 
 /// Correlation length of a Gaussian correlation that has the autocorrelation of held angles at its half.
 fn correlation_length(held: &[&Trial], variance: f64) -> f64 {
-    let step = held.first().map_or(0.01, |t| (t.time[t.time.len() - 1] - t.time[0]) / (t.time.len() - 1) as f64);
+    let step_of = |t: &Trial| t.duration() / (t.len() - 1) as f64;
+    let step = held.first().map_or(0.01, |t| step_of(t));
+    let held: Vec<&Trial> = held.iter().copied().filter(|t| (step_of(t) / step - 1.0).abs() < SAME_RATE).collect();
     let longest = held.iter().map(|t| t.angle.len() / 2).min().unwrap_or(1).max(1);
     let correlation = |lag: usize| {
         let (mut sum, mut count) = (0.0, 0usize);
-        for trial in held {
+        for trial in &held {
             let mean = trial.angle.iter().sum::<f64>() / trial.angle.len() as f64;
             let pairs = trial.angle.iter().zip(&trial.angle[lag..]);
             sum += pairs.map(|(a, b)| (a - mean) * (b - mean)).sum::<f64>();
@@ -143,18 +152,25 @@ fn correlation_length(held: &[&Trial], variance: f64) -> f64 {
 /// 0 where the angle is held, 1 where it moves, and between.
 fn moving(time: &[f64], angle: &[f64]) -> Vec<f64> {
     let n = angle.len();
-    let still = |k: usize| (k > 0 && angle[k] == angle[k - 1]) || (k + 1 < n && angle[k] == angle[k + 1]);
+    let mut held = vec![false; n];
+    let mut first = 0;
+    for k in 1..=n {
+        if k == n || angle[k] != angle[first] {
+            held[first..k].fill(time[k - 1] - time[first] >= HELD_TIME);
+            first = k;
+        }
+    }
     let mut distance = vec![f64::INFINITY; n];
     let mut last = f64::NEG_INFINITY;
     for k in 0..n {
-        if still(k) {
+        if held[k] {
             last = time[k];
         }
         distance[k] = time[k] - last;
     }
     let mut next = f64::INFINITY;
     for k in (0..n).rev() {
-        if still(k) {
+        if held[k] {
             next = time[k];
         }
         distance[k] = distance[k].min(next - time[k]);

@@ -95,7 +95,7 @@ impl Analysis<'_> {
 
     fn measured(&self, position: usize) -> DVector<f64> {
         let target = self.target(position);
-        block_means(target, &block_starts(target.len()))
+        block_means(target, &block_starts(&self.forward.trials[self.train[position]].time))
     }
 
     /// Scores of a recording that is drawn.

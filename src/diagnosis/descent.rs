@@ -645,7 +645,7 @@ impl Analysis<'_> {
 fn leading_first<T>(fitted: Vec<T>, descent: impl Fn(&T) -> &Descent) -> Vec<T> {
     let ranks = |of: &dyn Fn(&Descent) -> f64| {
         let values: Vec<f64> = fitted.iter().map(|f| of(descent(f))).collect();
-        values.iter().map(|v| values.iter().filter(|other| *other < v).count()).collect::<Vec<_>>()
+        values.iter().map(|v| values.iter().filter(|other| other.total_cmp(v).is_lt()).count()).collect::<Vec<_>>()
     };
     let (by_misfit, by_deviance) = (ranks(&Descent::misfit), ranks(&Descent::deviance));
     let rank = |i: usize| (by_misfit[i].min(by_deviance[i]), by_misfit[i]);

@@ -129,12 +129,14 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         singles.iter().filter(|s| s.1.p_value > p_value).cloned().collect()
     };
     let mut explanations = above(REJECT_EXPLANATION);
-    let survivors: Vec<&'static str> = explanations.iter().map(|e| e.1.effects[0]).collect();
+    let survivors: Vec<&'static str> = explanations.iter().filter(|e| e.1.plausible).map(|e| e.1.effects[0]).collect();
     explanations.extend(singles.iter().filter(|s| judge.goes_with(&left, &survivors, &s.1)).cloned());
     let mut farther = judge.keep_the_near(&mut explanations, &singles);
     if rejected && explanations.is_empty() {
         let pairs = judge.pairs(&left, &singles)?;
-        explanations = pairs.into_iter().filter(|pair| pair.1.explains() && judge.needs_both(pair, &singles)).collect();
+        let explain = |pair: &(Fit, Explanation)| pair.1.explains() && judge.needs_both(pair, &singles);
+        explanations = pairs.iter().filter(|pair| explain(pair)).cloned().collect();
+        explanations.extend(judge.exchanged(&explanations, &pairs)?.into_iter().filter(explain));
     }
     if explanations.is_empty() {
         explanations = above(REJECT_BESIDE_NOTHING);
@@ -146,8 +148,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         explanations.retain(|e| e.1.plausible);
     }
     farther.extend(judge.drop_the_farther(&mut explanations));
-    let most = explanations.iter().map(|e| e.1.p_value).fold(0.0, f64::max);
-    explanations.retain(|e| e.1.p_value > LEAST_SHARE * most);
+    judge.drop_the_improbable(&left, &mut explanations);
     let best = explanations.first().map(|e| e.0.clone());
     let fall = explanations.first().map_or(0.0, |e| e.1.error_fall);
     let error = judge.errors(&null, best.as_ref())?;

@@ -96,6 +96,8 @@ pub struct TrialContext<'a> {
     pub time: &'a [f64],
     /// Place in the session, 0 at its start to 1 at its end.
     pub session: f64,
+    /// Whether the forearm is turned over, so that gravity acts the other way about the axis.
+    pub arm_flipped: bool,
     /// ∫ e dt of every muscle from the start of the session to that of the trial [s].
     pub exposure: &'a [f64],
     /// Recorded angle of the coordinate [rad].
@@ -249,6 +251,13 @@ pub trait Effect: Sync {
         let _ = (values, joint, moment);
     }
 
+    /// How long after a change of the excitation [`Effect::add_moment`] still shows it [s], where it is linear in the excitation: what
+    /// it makes of the change alone is then the moment's. `None`: it reads no excitation.
+    fn excitation_memory(&self, silent_muscles: &SilentMuscles) -> Option<f64> {
+        let _ = silent_muscles;
+        None
+    }
+
     /// The joint's moment to the recorded one; affine in the moment.
     fn sense(&self, values: &[f64], trial: &TrialContext, moment: &mut Vec<f64>) {
         let _ = (values, trial, moment);
@@ -258,6 +267,12 @@ pub trait Effect: Sync {
     fn native_form(&self, values: &[f64]) -> Option<NativeForm> {
         let _ = values;
         None
+    }
+
+    /// Whether its values are natural logarithms of the ratios by which properties of the muscles change, so that what they are
+    /// reported as depends on the muscles.
+    fn has_log_ratios(&self) -> bool {
+        false
     }
 
     /// The parameters as people read them, given the model's muscles: for those that are changes of a muscle's property.

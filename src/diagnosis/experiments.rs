@@ -16,8 +16,6 @@ const ANTAGONISTS: f64 = 0.2;
 pub struct Experiment {
     /// What to record, in words.
     pub trials: &'static str,
-    /// Gravity in these trials, relative to the study's: −1 with the arm turned over.
-    pub gravity: f64,
     /// The trials, with zero moments.
     pub recordings: Vec<Trial>,
 }
@@ -102,6 +100,7 @@ impl Workshop {
             direction: Direction::None,
             usage: TrialUse::Train,
             start_time: None,
+            arm_flipped: false,
             ..self.template.clone()
         };
         let angle = time.iter().map(|t| angle(*t).clamp(self.limits[0], self.limits[1])).collect();
@@ -139,12 +138,16 @@ impl Workshop {
         let at = |share: f64| self.low + share * (self.high - self.low);
         let slow =
             || vec![self.sweep(whole, 6.0, 1, 0.0), self.sweep(back, 6.0, 1, 0.0), self.sweep(whole, 8.0, 1, 0.0)];
+        let turned = |mut trials: Vec<Trial>| {
+            trials.iter_mut().for_each(|t| t.info.arm_flipped = true);
+            trials
+        };
         let small = [self.middle() - 0.09, self.middle() + 0.09];
-        let experiment = |trials, recordings| Experiment { trials, gravity: 1.0, recordings };
+        let experiment = |trials, recordings| Experiment { trials, recordings };
         let both = |make: &dyn Fn(f64) -> Trial| vec![make(1.0), make(-1.0)];
         vec![
             experiment("3 relaxed slow sweeps", slow()),
-            Experiment { gravity: -1.0, ..experiment("3 relaxed slow sweeps, arm flipped", slow()) },
+            experiment("3 relaxed slow sweeps, arm flipped", turned(slow())),
             experiment(
                 "3 relaxed fast sweeps",
                 vec![self.sweep(whole, 0.4, 4, 0.0), self.sweep(back, 0.4, 4, 0.0), self.sweep(whole, 0.6, 3, 0.0)],

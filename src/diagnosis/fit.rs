@@ -137,7 +137,7 @@ pub(super) struct Account {
 ///
 /// - `kernel`: of slow disturbances
 fn trial_times(trial: &TrialRecord, kernel: &Kernel) -> Arc<TrialTimes> {
-    let starts = block_starts(trial.time.len());
+    let starts = block_starts(&trial.time);
     let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
     let times = block_means(&trial.time, &starts);
     Arc::new(TrialTimes::correlated(trial.info.direction, times.as_slice(), &counts, kernel))
@@ -275,7 +275,14 @@ impl<'a> Analysis<'a> {
                         (_, Stage::Muscle | Stage::Activation) => 5.0,
                         _ => 30.0,
                     };
-                *value = (*value + step[column] * scale).clamp(p.start - limit, p.start + limit);
+                let [mut low, mut high] = [p.start - limit, p.start + limit];
+                if p.role == Role::Shape {
+                    let [least, most] = self.forward.strength.plausible(p);
+                    // What is always positive stays so.
+                    let least_of_all = if least > 0.0 { 0.0 } else { f64::NEG_INFINITY };
+                    (low, high) = (low.max(least_of_all).min(least), high.max(most));
+                }
+                *value = (*value + step[column] * scale).clamp(low, high);
                 column += 1;
             }
         }
@@ -392,7 +399,7 @@ impl<'a> Analysis<'a> {
     /// Standard deviation of the noise of a sample of the training trials [N·m].
     pub fn noise_floor(&self, fit: &Fit) -> f64 {
         let total: f64 = fit.noise.iter().map(|n| n.variance_of_samples(&fit.levels)).sum();
-        let count: usize = self.train.iter().map(|g| block_starts(self.forward.trials[*g].time.len()).len() - 1).sum();
+        let count: usize = self.train.iter().map(|g| block_starts(&self.forward.trials[*g].time).len() - 1).sum();
         (total / count.max(1) as f64).sqrt()
     }
 }

@@ -8,12 +8,13 @@ use std::sync::OnceLock;
 
 use super::angle_noise::{AngleNoise, Disturbance};
 use super::catalogue::position;
+use super::denoising::denoised;
 use super::effect::{Effect, JointState, MuscleState, Role, Stage, TrialContext};
 use super::holds::steadied_trials;
 use super::silent_muscles::SilentMuscles;
 use super::strength::Strength;
 use super::trial_record::{TrialRecord, records};
-pub use derivatives::Change;
+pub use derivatives::{Change, ExcitationChange};
 use nalgebra::DMatrix;
 
 use crate::osim::spec::{ModelSpec, MuscleSpec};
@@ -225,11 +226,25 @@ impl ForwardModel {
         model: &MusculoskeletalModel,
         trials: &[Trial],
     ) -> Result<ForwardModel, SimulationError> {
-        let Some(noise) = AngleNoise::of(trials) else {
-            return Self::with_accuracy(spec, model, trials, DIAGNOSIS_ACCURACY);
+        Self::of_noisy_angles(spec, model, trials, DIAGNOSIS_ACCURACY)
+    }
+
+    /// As [`ForwardModel::for_diagnosis`], with another accuracy of fibre lengths.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn of_noisy_angles(
+        spec: &ModelSpec,
+        model: &MusculoskeletalModel,
+        trials: &[Trial],
+        accuracy: FiberAccuracy,
+    ) -> Result<ForwardModel, SimulationError> {
+        let trials = denoised(trials);
+        let Some(noise) = AngleNoise::of(&trials) else {
+            return Self::with_accuracy(spec, model, &trials, accuracy);
         };
-        let trials = steadied_trials(trials, &noise);
-        let forward = Self::with_accuracy(spec, model, &trials, DIAGNOSIS_ACCURACY)?;
+        let trials = steadied_trials(&trials, &noise);
+        let forward = Self::with_accuracy(spec, model, &trials, accuracy)?;
         let draws = |(g, t): (usize, &TrialRecord)| noise.draws(&t.time, &t.angle, g as u64);
         let draws = forward.trials.iter().enumerate().map(draws).collect();
         Ok(ForwardModel { angle_noise: Some((noise, draws)), ..forward })
@@ -290,6 +305,7 @@ impl ForwardModel {
         TrialContext {
             time: &record.time,
             session: record.session,
+            arm_flipped: record.info.arm_flipped,
             exposure: &record.exposure,
             recorded_angle: &record.angle,
             muscle_moment,
@@ -506,7 +522,8 @@ impl ForwardModel {
         draws[trial].iter().map(drawn).collect()
     }
 
-    /// Covariance of the recorded moment that the angle's noise causes through effects on the joint [(N·m)²]; `None` if none.
+    /// Covariance of the recorded moment that the angle's noise causes through effects on the joint, and through the machine's drag where
+    /// that is noticeable [(N·m)²]; `None` if none.
     ///
     /// - `average`: of a series over blocks of samples; `times`: of the blocks [s]
     pub fn angle_covariance(
@@ -519,12 +536,23 @@ impl ForwardModel {
     ) -> Option<DMatrix<f64>> {
         let context = self.context(trial, &core.excitation, core.shown());
         let effects = self.acting(effects);
-        let draws = self.drawn_moments(trial, core, &context, &in_order(&effects));
-        let (noise, _) = self.angle_noise.as_ref()?;
+        let mut draws = self.drawn_moments(trial, core, &context, &in_order(&effects));
+        let (noise, disturbances) = self.angle_noise.as_ref()?;
+        let drag = self.model.setup().dynamometer_damping;
+        if drag * noise.sd / noise.length > NOTICEABLE_DRAG * self.strength.0 {
+            // What effects do not see acts all the same: with it left out, a friction that cancels it would be found.
+            draws.resize(disturbances[trial].len(), vec![0.0; context.time.len()]);
+            for (moment, draw) in draws.iter_mut().zip(&disturbances[trial]) {
+                moment.iter_mut().zip(&draw.speed).for_each(|(m, speed)| *m -= drag * speed);
+            }
+        }
         let draws: Vec<Vec<f64>> = draws.iter().map(|d| average(d)).collect();
         (!draws.is_empty()).then(|| noise.covariance(&draws, times))
     }
 }
+
+/// The machine's drag upon the angle's noise is left out of the noise of moments where it is smaller than this, of a wrist [N·m].
+const NOTICEABLE_DRAG: f64 = 0.005;
 
 /// Shows a trial's joint as recorded.
 fn joint_state(core: &Core, context: &TrialContext, mut see: impl FnMut(&JointState)) {

@@ -12,9 +12,10 @@ use super::diagnose::{Request, tested_null};
 use super::experiments::experiments;
 use super::fit::{AMPLITUDE_PRECISION, Analysis, Fit};
 use super::forward_model::ForwardModel;
+use super::trial_record::TrialRecord;
 use crate::osim::spec::ModelSpec;
 use crate::simulation::{MusculoskeletalModel, SimulationError};
-use crate::study::TrialUse;
+use crate::study::{Trial, TrialUse};
 
 /// z from which two explanations count as told apart.
 pub const SEPARABLE_Z: f64 = 4.5;
@@ -63,21 +64,13 @@ pub fn plan(
     let mut found = Vec::new();
     progress(1, 1 + all.len());
     for (done, experiment) in all.iter().enumerate() {
-        let mut then = ForwardModel::new(spec, model, &experiment.recordings)?.with_given(forward.given().to_vec());
-        then.trials.iter_mut().for_each(|t| t.session = 1.0);
+        let then = after_session(forward, spec, model, &experiment.recordings)?;
         let candidates = rivals.iter().filter_map(|id| effect(id)).collect();
         let trials = (0..then.trials.len()).collect();
         let mut more =
             Analysis::without_data(&then, trials, candidates, &request.bounds, request.seed).with_kernels_of(&analysis);
         let information = more.information(&null)?;
-        let mut added = with_directions(information, &more, &now);
-        // An arm that is turned over turns the sign of what gravity does.
-        if let Some((_, columns)) = now.blocks.iter().find(|(name, _)| name == "gravity") {
-            for column in columns {
-                added.row_mut(*column).scale_mut(experiment.gravity);
-                added.column_mut(*column).scale_mut(experiment.gravity);
-            }
-        }
+        let added = with_directions(information, &more, &now);
         let with =
             Information { normal: &now.normal + added, precision: now.precision.clone(), blocks: now.blocks.clone() };
         for (i, a) in rivals.iter().enumerate() {
@@ -92,6 +85,29 @@ pub fn plan(
     }
     found.sort_by(|a, b| b.z_then.total_cmp(&a.z_then));
     Ok(found)
+}
+
+/// Trials recorded at the end of a session: of muscles as used as they are then, at a joint as strong as it showed itself.
+///
+/// - `session`: what was recorded; `recordings`: what would be, with zero moments
+///
+/// # Errors
+/// A trial that cannot be simulated.
+fn after_session(
+    session: &ForwardModel,
+    spec: &ModelSpec,
+    model: &MusculoskeletalModel,
+    recordings: &[Trial],
+) -> Result<ForwardModel, SimulationError> {
+    let mut then = ForwardModel::new(spec, model, recordings)?.with_given(session.given().to_vec());
+    // Columns are in units of scales that go with it.
+    then.strength = session.strength;
+    let used = session.trials.last().map(TrialRecord::exposure_after).unwrap_or_default();
+    for trial in &mut then.trials {
+        trial.session = 1.0;
+        trial.exposure.iter_mut().zip(&used).for_each(|(exposure, used)| *exposure += used);
+    }
+    Ok(then)
 }
 
 /// What the trials at hand say.
@@ -164,4 +180,72 @@ fn one_way(information: &Information, sizes: &[(&'static str, DVector<f64>)], tr
     let length: f64 = own.iter().zip(size.iter()).map(|(row, s)| s * weighted(*row)).sum();
     let explained = cross.dot(&inner.cholesky()?.solve(&cross));
     Some((length - explained).max(0.0).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnosis::forward_model::Setting;
+    use crate::osim::OsimFile;
+    use crate::simulation::Setup;
+    use crate::study::Study;
+
+    /// The bundled study, moments times `factor`: held and moving trials, and the model.
+    fn session(factor: f64) -> (ForwardModel, ModelSpec, MusculoskeletalModel) {
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+        let study = Study::read(root.join("fixtures/demo_study/study.toml")).unwrap();
+        let file = OsimFile::read(root.join("models/wrist.osim")).unwrap();
+        let model = MusculoskeletalModel::compile(&file.spec, &Setup::from_settings(&study.settings)).unwrap();
+        let used = ["isometric_50_flexion_+30deg_1", "isotonic_50_extension_1"];
+        let chosen = study.trials_of("P01").filter(|info| used.iter().any(|name| info.file_as_written.contains(name)));
+        let mut trials: Vec<Trial> = chosen.map(|info| study.trial(info).unwrap()).collect();
+        assert_eq!(trials.len(), used.len());
+        for trial in &mut trials {
+            trial.info.usage = TrialUse::Train;
+            trial.moment.iter_mut().for_each(|m| *m *= factor);
+        }
+        (ForwardModel::new(&file.spec, &model, &trials).unwrap(), file.spec, model)
+    }
+
+    /// A column of an experiment in units of an effect's scale [N·m].
+    fn column(of: &ForwardModel, id: &str) -> Vec<f64> {
+        let settings = [Setting::absent(effect(id).unwrap())];
+        let (input, parameters) = (of.recorded_input(0), of.nominal_parameters());
+        let variants = of.difference_variants(&settings, 0).unwrap();
+        let core = of.core(&of.variant(&settings).unwrap(), 0, &input, &parameters, &settings, true).unwrap();
+        of.effect_derivative(0, &core, &input, &parameters, &settings, 0, &variants, 0).unwrap()
+    }
+
+    #[test]
+    fn verif_experiments_are_in_the_units_of_the_session() {
+        let (plain, ..) = session(1.0);
+        let largest = plain.trials.iter().flat_map(|t| &t.moment).fold(0.0_f64, |most, m| most.max(m.abs()));
+        // Three times the largest moment of wrists.
+        let (strong, spec, model) = session(60.0 / largest);
+        assert!((strong.strength.0 - 3.0).abs() < 1e-9, "{:?}", strong.strength);
+        let recordings = &experiments(&strong, [-0.6, 0.6])[0].recordings;
+        let then = after_session(&strong, &spec, &model, recordings).unwrap();
+        assert_eq!(then.strength, strong.strength);
+        // So that sizes, in scales, mean the same of both: a scale of 0.1 N·m at a wrist, and a share of it per rad.
+        assert!(column(&then, "torque_offset").iter().all(|m| (m - 0.3).abs() < 1e-9));
+        let [weak, own] = [&session(1.0).0, &strong].map(|session| {
+            let then = after_session(session, &spec, &model, recordings).unwrap();
+            column(&then, "joint_stiffness")
+        });
+        assert!(own.iter().zip(&weak).all(|(own, weak)| (own - 3.0 * weak).abs() < 1e-7));
+        assert!(own.iter().any(|m| m.abs() > 0.1));
+    }
+
+    #[test]
+    fn verif_experiments_find_muscles_as_used_as_the_session_left_them() {
+        let (session, spec, model) = session(1.0);
+        let recordings = &experiments(&session, [-0.6, 0.6])[0].recordings;
+        let then = after_session(&session, &spec, &model, recordings).unwrap();
+        let last = session.trials.last().unwrap();
+        let used = last.exposure_after();
+        assert_eq!(then.trials[0].exposure, used);
+        assert!(used.iter().zip(&last.exposure).all(|(after, before)| after > before));
+        assert!(then.trials.windows(2).all(|t| t[1].exposure.iter().zip(&t[0].exposure).all(|(b, a)| b > a)));
+        assert!(then.trials.iter().all(|t| t.session == 1.0));
+    }
 }

@@ -129,7 +129,7 @@ pub fn tested(
 ) -> Option<Tested> {
     let columns: Vec<usize> = blocks.iter().flat_map(|b| b.columns.iter().copied()).collect();
     let profiled = profiled(trials, nuisance, &columns, residual)?;
-    let contributions = contributions(trials, nuisance.columns, &columns, residual, &profiled);
+    let contributions = contributions(trials, nuisance, &columns, residual, &profiled);
     let parts: Vec<DMatrix<f64>> =
         variances.products.iter().map(|all| of_directions(all, nuisance.columns, &columns, &profiled.carry)).collect();
     let Profiled { raw, information, score, .. } = profiled;
@@ -197,10 +197,10 @@ impl Tested {
     }
 }
 
-/// What every trial contributes to the scores.
+/// What every trial, and everything that is known of the nuisance, contributes to the scores.
 fn contributions(
     trials: &[DMatrix<f64>],
-    nuisance: &[usize],
+    Nuisance { columns: nuisance, precision, offset }: &Nuisance,
     tested: &[usize],
     residual: usize,
     Profiled { carry, step, .. }: &Profiled,
@@ -210,7 +210,10 @@ fn contributions(
         let through = select(n, nuisance, &[residual]) - select(n, nuisance, nuisance) * step;
         (own - carry.tr_mul(&through)).column(0).into_owned()
     };
-    trials.iter().map(of_trial).collect()
+    // What is known of the nuisance beforehand are observations, too, one of each: with them the contributions add up to U.
+    let known = (0..step.len()).filter(|i| precision[*i] > 0.0);
+    let of_known = known.map(|i| carry.row(i).transpose() * (precision[i] * (step[i] + offset[i])));
+    trials.iter().map(of_trial).chain(of_known).collect()
 }
 
 /// A matrix of products of all columns, as that of directions from which the nuisance is taken.

@@ -1,7 +1,7 @@
 //! Sizes of effects in proportion to a joint's strength: the catalogue's are those of a wrist.
 
 use super::effect::Parameter;
-use crate::study::Trial;
+use crate::study::{Contraction, Trial, TrialUse};
 
 /// Largest moments that trials of wrists show, of weak efforts and of strong people [N·m].
 const WRIST: [f64; 2] = [1.0, 20.0];
@@ -11,10 +11,12 @@ const WRIST: [f64; 2] = [1.0, 20.0];
 pub struct Strength(pub f64);
 
 impl Strength {
-    /// By the largest moment of any trial.
+    /// By the largest moment of the trials that are not held out; moments at rest do not tell a weak joint.
     pub fn of(trials: &[Trial]) -> Strength {
-        let largest = trials.iter().flat_map(|t| &t.moment).fold(0.0_f64, |most, m| most.max(m.abs()));
-        Strength(if largest > 0.0 { largest / largest.clamp(WRIST[0], WRIST[1]) } else { 1.0 })
+        let seen = || trials.iter().filter(|t| t.info.usage != TrialUse::Test);
+        let largest = seen().flat_map(|t| &t.moment).fold(0.0_f64, |most, m| most.max(m.abs()));
+        let strength = if largest > 0.0 { largest / largest.clamp(WRIST[0], WRIST[1]) } else { 1.0 };
+        Strength(if seen().all(|t| t.info.contraction == Contraction::Passive) { strength.max(1.0) } else { strength })
     }
 
     /// Scale of an effect's parameter.

@@ -4,8 +4,10 @@ use serde::Serialize;
 
 use super::forward_model::ForwardModel;
 use super::score_test::Omnibus;
+use super::trial_record::TrialRecord;
 use crate::evaluation::residuals::{Band, by_frequency};
 use crate::simulation::PreparedTrial;
+use crate::study::TrialUse;
 
 /// The axes, by name.
 pub const AXES: [&str; 11] = [
@@ -98,14 +100,19 @@ fn unit(axis: usize) -> &'static str {
     }
 }
 
+/// Trials that are not held out.
+fn seen(forward: &ForwardModel) -> impl Iterator<Item = &TrialRecord> {
+    forward.trials.iter().filter(|t| t.info.usage != TrialUse::Test)
+}
+
 /// Largest moment recorded [N·m], either way.
 fn largest_moment(forward: &ForwardModel) -> f64 {
-    forward.trials.iter().flat_map(|t| &t.moment).fold(0.0_f64, |most, m| most.max(m.abs())).max(f64::MIN_POSITIVE)
+    seen(forward).flat_map(|t| &t.moment).fold(0.0_f64, |most, m| most.max(m.abs())).max(f64::MIN_POSITIVE)
 }
 
 /// Bumps along the angle, evenly over what the session covers.
 fn bumps(forward: &ForwardModel, angle: &[f64]) -> Vec<Vec<f64>> {
-    let all = || forward.trials.iter().flat_map(|t| &t.angle).copied();
+    let all = || seen(forward).flat_map(|t| &t.angle).copied();
     let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max));
     let spacing = (high - low) / BUMPS as f64;
     let center = |i: usize| low + spacing * (i as f64 + 0.5);

@@ -17,7 +17,7 @@ pub struct TrialErrors {
     pub usage: TrialUse,
     /// Its condition.
     pub condition: Condition,
-    /// Number of the repetition, from 1.
+    /// Number of the repetition, as the lab counts.
     pub repetition: Option<u32>,
     /// The errors.
     pub errors: ErrorMeasures,

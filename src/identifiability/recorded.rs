@@ -87,7 +87,7 @@ impl RecordedTrial {
 
     /// Blocks of samples, the same for every channel.
     pub(super) fn starts(&self) -> Vec<usize> {
-        block_starts(self.time.len())
+        block_starts(&self.time)
     }
 
     /// Block means of the moments, channel after channel, that a muscle's force makes.

@@ -132,6 +132,7 @@ mod tests {
     fn trial(moment: &[f64]) -> Trial {
         let info = TrialInfo {
             index: 0,
+            place: 0,
             line: 1,
             participant: "P".to_owned(),
             file: "t.csv".into(),
@@ -143,6 +144,7 @@ mod tests {
             repetition: None,
             usage: TrialUse::Mvc,
             start_time: None,
+            arm_flipped: false,
         };
         let time = (0..moment.len()).map(|i| 0.01 * i as f64).collect();
         Trial::from_samples(info, time, vec![0.0; moment.len()], moment.to_vec(), Vec::new())

@@ -5,6 +5,7 @@ use crate::functions::FunctionError;
 use crate::multibody::CompileError;
 use crate::muscles::MuscleError;
 use crate::paths::PathError;
+use crate::study::coordinate_value;
 
 /// Why a model or a trial cannot be simulated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -45,15 +46,21 @@ pub enum SimulationError {
         coupler: String,
     },
     /// A value that a coordinate is held at is outside its range.
-    #[error("coordinate `{name}` is held at {value}, outside its range {lower} to {upper} [rad or m]")]
+    #[error(
+        "coordinate `{name}` is held at {}, outside its range of {} to {}",
+        coordinate_value(*value, *is_translation), coordinate_value(*lower, *is_translation),
+        coordinate_value(*upper, *is_translation)
+    )]
     PostureOutOfRange {
         /// The coordinate.
         name: String,
+        /// Whether it is a translation.
+        is_translation: bool,
         /// The value [rad or m].
         value: f64,
-        /// Least value of the range.
+        /// Least value of the range [rad or m].
         lower: f64,
-        /// Greatest value of the range.
+        /// Greatest value of the range [rad or m].
         upper: f64,
     },
     /// The model has no such muscle.
@@ -218,6 +225,9 @@ impl SimulationError {
                 Some("check the muscle's tendon slack length and optimal fibre length against its path length")
             }
             SimulationError::PostureOutOfRange { .. } => Some("posture values are degrees (metres for translations)"),
+            SimulationError::Muscle(MuscleError::NotMillard2012 { .. }) => Some(
+                "leave it out of [muscles] active in study.toml, or make it a Millard2012EquilibriumMuscle in the model",
+            ),
             _ => None,
         }
     }

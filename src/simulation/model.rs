@@ -275,7 +275,9 @@ pub(crate) fn set_posture(skeleton: &Model, q: &mut [f64], held: &[HeldCoordinat
         // A tenth of a degree: what rounding of values written in degrees may add.
         let slack = 1.8e-3;
         if !(value >= lower - slack && value <= upper + slack) {
-            return Err(SimulationError::PostureOutOfRange { name: item.coordinate.clone(), value, lower, upper });
+            let is_translation = coordinate.motion_type == MotionType::Translational;
+            let name = item.coordinate.clone();
+            return Err(SimulationError::PostureOutOfRange { name, is_translation, value, lower, upper });
         }
         q[index.0] = value;
     }

@@ -12,7 +12,7 @@
 //! | | | `[dynamometer] further_moments = { deviation = "column" }`: moments measured about coordinates that are held |
 //! | | | `[ultrasound]`: [`ImagingSettings`] |
 //! | `participants.csv` | [`Participant`] | any `<segment>_length_m` |
-//! | `trials.csv` | [`TrialInfo`] | `start_time_s` |
+//! | `trials.csv` | [`TrialInfo`] | `start_time_s`; `arm`: `upright` or `flipped` |
 //! | `ultrasound.csv` | [`UltrasoundMeasurement`] | the file itself |
 //! | trial files | time, angle, moment, EMG, perhaps velocity: [`Trial`] | |
 
@@ -42,8 +42,8 @@ use rayon::prelude::*;
 pub use imaging_settings::{FascicleUse, ImagingSettings};
 pub use participants::{Participant, Sex, Side};
 pub use priors::{PriorKnowledge, PriorUnit, read_priors};
-pub(crate) use problem::nearest;
 pub use problem::{Fault, MAX_LISTED, Problem, Severity, StudyErrors};
+pub(crate) use problem::{coordinate_value, nearest};
 pub use processed_emg::{ParticipantEmg, ProcessedEmg};
 pub use processing::{
     DelayFound, ProcessedTrial, ProcessingError, ProcessingResult, ProcessingSettings, Recorded, SecondRecorder,
@@ -55,7 +55,8 @@ pub use settings::{
     Settings,
 };
 pub use trial::{
-    ANGLE_RANGE_TOLERANCE, EMG_NOISE_ABOVE, EMG_NOISE_BELOW, GAP_IN_MEDIAN_STEPS, MAX_SAMPLES, MIN_SAMPLES, Trial,
+    ANGLE_RANGE_TOLERANCE, ANGLE_RANGE_WARNING, EMG_NOISE_ABOVE, EMG_NOISE_BELOW, GAP_IN_MEDIAN_STEPS, MAX_SAMPLES,
+    MIN_SAMPLES, POSITION_RANGE_WARNING, Trial,
 };
 pub use trial_list::{Contraction, Direction, TrialInfo, TrialUse};
 pub use ultrasound::UltrasoundMeasurement;
@@ -96,7 +97,7 @@ impl Study {
     /// # Errors
     /// Every problem that makes the study unusable, together.
     pub fn read(path: impl AsRef<Path>) -> Result<Study, StudyErrors> {
-        let Parts { study, mut problems, columns_sound } = Self::read_parts(path.as_ref());
+        let Parts { study, mut problems, columns_sound } = Self::read_parts(path.as_ref(), |_| true);
         if let Some(study) = study.as_ref().filter(|_| columns_sound) {
             problems.extend(study.check_trials(|_| true));
         }
@@ -108,7 +109,20 @@ impl Study {
     /// # Errors
     /// Every problem that makes the study unusable, together.
     pub fn read_tables(path: impl AsRef<Path>) -> Result<Study, StudyErrors> {
-        let Parts { study, problems, .. } = Self::read_parts(path.as_ref());
+        Self::read_tables_for(path, |_| true)
+    }
+
+    /// As [`Study::read_tables`], for a run that does not need all models.
+    ///
+    /// - `needs_model`: whether the model of a participant must be there
+    ///
+    /// # Errors
+    /// As there.
+    pub fn read_tables_for(
+        path: impl AsRef<Path>,
+        needs_model: impl Fn(&Participant) -> bool,
+    ) -> Result<Study, StudyErrors> {
+        let Parts { study, problems, .. } = Self::read_parts(path.as_ref(), needs_model);
         Self::settle(study, problems)
     }
 
@@ -119,7 +133,7 @@ impl Study {
     }
 
     /// The study and its tables.
-    fn read_parts(path: &Path) -> Parts {
+    fn read_parts(path: &Path, needs_model: impl Fn(&Participant) -> bool) -> Parts {
         let mut problems = Vec::new();
         let file = if path.is_dir() { path.join("study.toml") } else { path.to_owned() };
         let folder = file.parent().map(Path::to_owned).unwrap_or_default();
@@ -136,7 +150,7 @@ impl Study {
             return Parts { study: None, problems, columns_sound: false };
         };
         let study = Study { file, folder, settings, participants, trials, ultrasound, warnings: Vec::new() };
-        study.check_models(&mut problems);
+        study.check_models(needs_model, &mut problems);
         study.check_trial_list(&mut problems);
         Parts { study: Some(study), problems, columns_sound }
     }
@@ -279,15 +293,16 @@ impl Study {
         files
     }
 
-    fn check_models(&self, problems: &mut Vec<Problem>) {
+    fn check_models(&self, needed: impl Fn(&Participant) -> bool, problems: &mut Vec<Problem>) {
         let mut seen: Vec<&Path> = Vec::new();
         let study_line = (&self.file, self.settings.model_line);
         let table = self.folder.join("participants.csv");
-        let study_model = self.participants.is_empty() || self.participants.iter().any(|p| !p.own_model);
+        let participants: Vec<&Participant> = self.participants.iter().filter(|p| needed(p)).collect();
+        let study_model = self.participants.is_empty() || participants.iter().any(|p| !p.own_model);
         let models = study_model
             .then_some((self.settings.model.as_path(), study_line))
             .into_iter()
-            .chain(self.participants.iter().filter(|p| p.own_model).map(|p| (p.model.as_path(), (&table, p.line))));
+            .chain(participants.iter().filter(|p| p.own_model).map(|p| (p.model.as_path(), (&table, p.line))));
         for (model, (file, line)) in models {
             if !model.is_file() && !seen.contains(&model) {
                 let named_at = Some(format!("{}:{line}", file.display()));
@@ -304,6 +319,19 @@ impl Study {
                 let fault = Fault::NoTrials { participant: participant.name.clone() };
                 problems.push(Problem::warning(&trials_file, None, fault));
             }
+            let untimed: Vec<&TrialInfo> =
+                self.trials_of(&participant.name).filter(|t| t.start_time.is_none()).collect();
+            let trials = self.trials_of(&participant.name).count();
+            if let Some(first) = untimed.first().filter(|_| untimed.len() < trials) {
+                let (participant, without) = (participant.name.clone(), untimed.len());
+                let fault = Fault::SomeStartTimes { participant, without, trials };
+                problems.push(Problem::warning(&trials_file, first.line, fault));
+            }
+        }
+        let has_weight = self.settings.dynamometer.includes(MomentPart::Gravity);
+        let turned = |t: &&TrialInfo| t.usage != TrialUse::Ignore && t.arm_flipped;
+        if let Some(first) = self.trials.iter().find(turned).filter(|_| has_weight) {
+            problems.push(Problem::warning(&trials_file, first.line, Fault::OwnGravityNotTurned));
         }
         if !self.trials.is_empty() && self.trials.iter().all(|t| t.usage != TrialUse::Train) {
             problems.push(Problem::warning(&trials_file, None, Fault::NothingToTrain));

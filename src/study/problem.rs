@@ -398,17 +398,22 @@ pub enum Fault {
     },
     /// Angle outside the coordinate's range.
     #[error(
-        "{count} of {samples} samples have an angle outside the range of coordinate `{coordinate}`, {lower_deg:.2}° to {upper_deg:.2}°; farthest: {extreme_deg:.2}°"
+        "{count} of {samples} samples have {} outside the range of coordinate `{coordinate}`, {} to {}; farthest: {}",
+        if *is_translation { "a position" } else { "an angle" },
+        coordinate_value(*lower, *is_translation), coordinate_value(*upper, *is_translation),
+        coordinate_value(*extreme, *is_translation)
     )]
     AngleOutOfRange {
         /// OpenSim coordinate.
         coordinate: String,
-        /// Least value \[deg\].
-        lower_deg: f64,
-        /// Greatest value \[deg\].
-        upper_deg: f64,
-        /// The farthest angle \[deg\].
-        extreme_deg: f64,
+        /// Whether the coordinate is a translation.
+        is_translation: bool,
+        /// Least value [rad or m].
+        lower: f64,
+        /// Greatest value [rad or m].
+        upper: f64,
+        /// The farthest value recorded [rad or m].
+        extreme: f64,
         /// How many samples.
         count: usize,
         /// Of how many.
@@ -488,6 +493,23 @@ pub enum Fault {
         /// Line of the trial above it that starts later.
         before_line: usize,
     },
+    /// Start times of a participant's trials, but not of all.
+    #[error(
+        "{without} of {trials} trials of participant `{participant}` have no `start_time_s`: all are taken by their order"
+    )]
+    SomeStartTimes {
+        /// The participant.
+        participant: String,
+        /// Trials without a start time.
+        without: usize,
+        /// Trials that are used.
+        trials: usize,
+    },
+    /// An arm turned over in a study whose model has weight.
+    #[error(
+        "the arm is `flipped`, but [dynamometer] include has \"gravity\": the weight of the model's own bodies is not turned"
+    )]
+    OwnGravityNotTurned,
     /// A participant without trials.
     #[error("participant `{participant}` has no trial in trials.csv")]
     NoTrials {
@@ -575,12 +597,25 @@ impl Fault {
                 "the moment is the one the person exerts, positive in the coordinate's positive direction".to_owned()
             }
             MomentScale { .. } => "is it in N·m?".to_owned(),
+            SomeStartTimes { .. } => {
+                "state `start_time_s` in every row of the participant, or leave the column out".to_owned()
+            }
+            OwnGravityNotTurned => {
+                "leave \"gravity\" out of include: the effect `gravity` of carpus diagnose is turned with the arm".to_owned()
+            }
             PostureMismatch { .. } => "check the zero and the sign of the angle".to_owned(),
             ImplausibleSize { .. } => "check the unit".to_owned(),
             _ => return None,
         };
         Some(text)
     }
+}
+
+/// A coordinate's value as people read it.
+///
+/// - `value`: [rad or m]
+pub(crate) fn coordinate_value(value: f64, is_translation: bool) -> String {
+    if is_translation { format!("{value:.4} m") } else { format!("{:.2}°", value.to_degrees()) }
 }
 
 fn known_list(title: &str, known: &[String]) -> String {

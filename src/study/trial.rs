@@ -20,6 +20,10 @@ pub const EMG_NOISE_ABOVE: f64 = 1.05;
 pub const EMG_NOISE_BELOW: f64 = -0.02;
 /// How far a measured angle may leave the coordinate's range: an encoder's noise, 0.1° \[rad\].
 pub const ANGLE_RANGE_TOLERANCE: f64 = 0.1 * std::f64::consts::PI / 180.0;
+/// How far a measured angle may leave the coordinate's range with a warning: 12° \[rad\]. Beyond, zero, sign or unit are wrong.
+pub const ANGLE_RANGE_WARNING: f64 = 12.0 * std::f64::consts::PI / 180.0;
+/// The same of a coordinate that is a translation \[m\].
+pub const POSITION_RANGE_WARNING: f64 = 0.02;
 
 /// The samples of one trial, in internal units.
 #[derive(Clone, Debug, PartialEq)]
@@ -77,6 +81,24 @@ impl Trial {
         self.moment.iter().fold(0.0, |max, m| f64::max(max, m.abs()))
     }
 
+    /// With so many samples averaged to one; what is over at the end is left out.
+    pub fn averaged(&self, count: usize) -> Trial {
+        let mean = |x: &Vec<f64>| -> Vec<f64> {
+            x.chunks_exact(count.max(1)).map(|part| part.iter().sum::<f64>() / part.len() as f64).collect()
+        };
+        Trial {
+            info: self.info.clone(),
+            time: mean(&self.time),
+            angle: mean(&self.angle),
+            velocity: self.velocity.as_ref().map(mean),
+            moment: mean(&self.moment),
+            further_moments: self.further_moments.iter().map(mean).collect(),
+            excitation: self.excitation.iter().map(mean).collect(),
+            warnings: self.warnings.clone(),
+            lines: self.lines.chunks_exact(count.max(1)).map(|part| part[0]).collect(),
+        }
+    }
+
     /// Line of a sample in the trial's file; `None` if it does not come from a file.
     pub fn line_of_sample(&self, sample: usize) -> Option<usize> {
         self.lines.get(sample).map(|line| *line as usize)
@@ -84,10 +106,17 @@ impl Trial {
 
     /// Checks the angle against the range of the coordinate it is prescribed to.
     ///
-    /// - `lower`, `upper`: the coordinate's range in the model \[rad\]
+    /// - `is_translation`: whether the coordinate is one
+    /// - `lower`, `upper`: the coordinate's range in the model [rad or m]
     ///
-    /// A sample outside by more than [`ANGLE_RANGE_TOLERANCE`] makes it an error, at the line of the first such sample.
-    pub fn check_against_range(&self, coordinate: &str, lower: f64, upper: f64) -> Option<Problem> {
+    /// A sample outside by more than [`ANGLE_RANGE_TOLERANCE`] makes it a warning, at the line of the first such sample; one
+    /// outside by more than [`ANGLE_RANGE_WARNING`] ([`POSITION_RANGE_WARNING`] of a translation) an error.
+    pub fn check_against_range(
+        &self,
+        coordinate: &str,
+        is_translation: bool,
+        [lower, upper]: [f64; 2],
+    ) -> Option<Problem> {
         let excess = |angle: f64| f64::max(lower - angle, angle - upper);
         let is_outside = |angle: &f64| excess(*angle) > ANGLE_RANGE_TOLERANCE;
         let first = self.angle.iter().position(is_outside)?;
@@ -95,13 +124,16 @@ impl Trial {
             self.angle.iter().copied().fold(self.angle[first], |a, b| if excess(b) > excess(a) { b } else { a });
         let fault = Fault::AngleOutOfRange {
             coordinate: coordinate.to_owned(),
-            lower_deg: lower.to_degrees(),
-            upper_deg: upper.to_degrees(),
-            extreme_deg: extreme.to_degrees(),
+            is_translation,
+            lower,
+            upper,
+            extreme,
             count: self.angle.iter().filter(|a| is_outside(a)).count(),
             samples: self.len(),
         };
-        Some(Problem::error(&self.info.file, self.line_of_sample(first), fault))
+        let allowed = if is_translation { POSITION_RANGE_WARNING } else { ANGLE_RANGE_WARNING };
+        let problem = if excess(extreme) > allowed { Problem::error } else { Problem::warning };
+        Some(problem(&self.info.file, self.line_of_sample(first), fault))
     }
 
     /// Reads and checks the file of a trial, except for what needs the rest of the study.

@@ -7,7 +7,7 @@ use super::participants::Participant;
 use super::problem::{Fault, Problem, nearest};
 use super::table::{Row, Table};
 
-const COLUMNS: [&str; 9] = [
+const COLUMNS: [&str; 10] = [
     "participant",
     "file",
     "contraction",
@@ -17,6 +17,7 @@ const COLUMNS: [&str; 9] = [
     "repetition",
     "use",
     "start_time_s",
+    "arm",
 ];
 const REQUIRED: [(&str, &str); 5] = [
     ("participant", "name of the participant"),
@@ -31,6 +32,8 @@ const REQUIRED: [(&str, &str); 5] = [
 pub struct TrialInfo {
     /// Position among the study's trials, in the order of recording.
     pub index: usize,
+    /// Position among the participant's trials, in the order of recording; ignored ones count.
+    pub place: usize,
     /// Line of the row.
     pub line: usize,
     /// Name of the participant.
@@ -47,18 +50,28 @@ pub struct TrialInfo {
     pub direction: Direction,
     /// Posture of the dynamometer's coordinate \[rad\], where one was asked for.
     pub posture: Option<f64>,
-    /// Number of the repetition, from 1.
+    /// Number of the repetition, as the lab counts.
     pub repetition: Option<u32>,
     /// What the trial is for.
     pub usage: TrialUse,
     /// Time at which the trial began, since the session began \[s\].
     pub start_time: Option<f64>,
+    /// Whether the forearm is turned over, so that gravity acts the other way about the dynamometer's axis.
+    pub arm_flipped: bool,
 }
+
+/// Words of the column `arm`, and whether the forearm is turned over.
+pub(crate) const ARM_WORDS: [(&str, bool); 2] = [("upright", false), ("flipped", true)];
 
 impl TrialInfo {
     /// Whether it is a maximum voluntary contraction that scales EMG or strength.
     pub fn is_mvc(&self) -> bool {
         self.usage == TrialUse::Mvc || self.contraction == Contraction::Mvc
+    }
+
+    /// The word that stands for the arm's position in `trials.csv`.
+    pub fn arm_word(&self) -> &'static str {
+        word_of(&ARM_WORDS, self.arm_flipped)
     }
 
     /// A short name: the file's name without extension.
@@ -162,9 +175,13 @@ pub(crate) fn read(
     let mut trials: Vec<TrialInfo> = Vec::new();
     let mut files = HashMap::new();
     let mut conditions = HashMap::new();
+    let mut places = HashMap::new();
     for row in table.rows() {
         let Some(mut trial) = trial(&row, folder, participants, problems) else { continue };
         trial.index = trials.len();
+        let place = places.entry(trial.participant.clone()).or_insert(0);
+        trial.place = *place;
+        *place += 1;
         if let Some(&first_line) = files.get(&trial.file) {
             row.error(Fault::Duplicate { what: "trial file", value: trial.file_as_written, first_line }, problems);
             continue;
@@ -174,7 +191,7 @@ pub(crate) fn read(
             let bits = |v: Option<f64>| v.map(f64::to_bits);
             let condition = (
                 trial.participant.clone(),
-                (trial.contraction, trial.direction, repetition),
+                (trial.contraction, trial.direction, repetition, trial.arm_flipped),
                 (bits(trial.effort_percent), bits(trial.posture)),
             );
             let first_line = *conditions.entry(condition).or_insert(row.line);
@@ -201,14 +218,20 @@ fn trial(row: &Row<'_>, folder: &Path, participants: &[Participant], problems: &
     let direction = row.word("direction", "direction", &Direction::WORDS, problems);
     let effort_percent = row.number("effort_percent", "0 to 100 percent", |v| (0.0..=100.0).contains(&v), problems);
     let posture = row.number("posture_deg", "an angle in degrees", |v| v.abs() <= 360.0, problems);
-    let repetition = row.number("repetition", "1, 2, 3 …", |v| (1.0..=1e6).contains(&v) && v.fract() == 0.0, problems);
+    let repetition =
+        row.number("repetition", "0, 1, 2, 3 …", |v| (0.0..=1e6).contains(&v) && v.fract() == 0.0, problems);
     let start_time = row.number("start_time_s", "a time in seconds, 0 or more", |v| v >= 0.0, problems);
     let usage = match row.text("use") {
         Option::None => Some(TrialUse::Train),
         Some(_) => row.word("use", "use", &TrialUse::WORDS, problems),
     };
+    let arm = match row.text("arm") {
+        Option::None => Some(false),
+        Some(_) => row.word("arm", "position of the arm", &ARM_WORDS, problems),
+    };
     Some(TrialInfo {
         index: 0,
+        place: 0,
         line: row.line,
         participant: participant?.to_owned(),
         file: folder.join(file?),
@@ -220,6 +243,7 @@ fn trial(row: &Row<'_>, folder: &Path, participants: &[Participant], problems: &
         repetition: repetition.map(|r| r as u32),
         usage: usage?,
         start_time,
+        arm_flipped: arm?,
     })
 }
 

@@ -83,6 +83,8 @@ pub fn trial_list_rows(trials: &[(&Trial, String)]) -> Vec<Vec<String>> {
             .map(String::from)
             .to_vec();
     header.extend(timed.then(|| "start_time_s".to_owned()));
+    let turned = trials.iter().any(|(t, _)| t.info.arm_flipped);
+    header.extend(turned.then(|| "arm".to_owned()));
     let row = |(trial, file): &(&Trial, String)| {
         let info = &trial.info;
         let number = |v: Option<f64>| v.map(|v| decimal(v, 6)).unwrap_or_default();
@@ -97,6 +99,7 @@ pub fn trial_list_rows(trials: &[(&Trial, String)]) -> Vec<Vec<String>> {
             info.usage.word().to_owned(),
         ];
         row.extend(timed.then(|| number(info.start_time)));
+        row.extend(turned.then(|| info.arm_word().to_owned()));
         row
     };
     std::iter::once(header).chain(trials.iter().map(row)).collect()

@@ -14,7 +14,7 @@ use carpus::diagnosis::effect::{Description, Effect};
 use carpus::diagnosis::forward_model::{ForwardModel, Setting};
 use carpus::osim::OsimFile;
 use carpus::simulation::{MusculoskeletalModel, Setup};
-use carpus::study::{Study, Trial};
+use carpus::study::{Contraction, Study, Trial};
 
 /// Trials of the bundled study that the tests use: held, moving against a load both ways, moving passively.
 const TRIALS: [&str; 4] =
@@ -49,9 +49,12 @@ fn forward_with(stems: &[&str], change: impl Fn(&mut Trial)) -> ForwardModel {
     ForwardModel::new(&file.spec, model, &trials).unwrap()
 }
 
+/// The trials, in the passive one the arm turned over.
 fn forward() -> &'static ForwardModel {
     static FORWARD: OnceLock<ForwardModel> = OnceLock::new();
-    FORWARD.get_or_init(|| forward_with(&TRIALS, |_| ()))
+    FORWARD.get_or_init(|| {
+        forward_with(&TRIALS, |trial| trial.info.arm_flipped = trial.info.contraction == Contraction::Passive)
+    })
 }
 
 /// The recorded moment of a trial with effects.

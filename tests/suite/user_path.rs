@@ -436,6 +436,77 @@ fn verif_angle_outside_the_range() {
 }
 
 #[test]
+fn verif_angle_a_little_outside_the_range_is_warned_of() {
+    let study = StudyCopy::new();
+    let limits = narrowed(&study, 30.0);
+    let shown = study.run("compare").success();
+    let text = String::from_utf8(shown.get_output().stderr.clone()).unwrap();
+    for trial in [TRAIN, TEST] {
+        assert_eq!(text.lines().filter(|l| l.contains(trial) && l.contains(&limits)).count(), 1, "{trial}:\n{text}");
+    }
+    assert!(text.contains("warning: ") && text.contains("hint: check the zero"), "{text}");
+    // More than 12° is no warning any more.
+    let study = StudyCopy::new();
+    let limits = narrowed(&study, 15.0);
+    study.refused(&format!("{}:", study.path(TRAIN).display()), &[&limits, "hint: check the zero"]);
+}
+
+/// Narrows the range of flexion in the study's model to ± so many degrees. Returns how messages write it.
+fn narrowed(study: &StudyCopy, deg: f64) -> String {
+    study.edit("wrist.osim", |text| {
+        let from = text.find("<Coordinate name=\"flexion\">").unwrap();
+        let from = from + text[from..].find("<range>").unwrap();
+        let to = from + text[from..].find("</range>").unwrap();
+        format!("{}<range>{} {}{}", &text[..from], -deg.to_radians(), deg.to_radians(), &text[to..])
+    });
+    format!("`flexion`, -{deg:.2}° to {deg:.2}°")
+}
+
+#[test]
+fn verif_a_posture_outside_the_range_is_told_in_degrees() {
+    let study = StudyCopy::new();
+    study.edit("study.toml", |t| t.replace("elbow_flexion = 90", "elbow_flexion = 200"));
+    let line = std::fs::read_to_string(study.path("study.toml")).unwrap();
+    let line = 1 + line.lines().position(|l| l.contains("elbow_flexion")).unwrap();
+    study.refused(&format!("study.toml:{line}: "), &["`elbow_flexion` is held at 200.00°", "hint: posture values are"]);
+}
+
+#[test]
+fn verif_an_active_muscle_of_another_class_is_told_with_its_line() {
+    let study = StudyCopy::new();
+    study.edit("wrist.osim", |text| {
+        let end = text.find("</Millard2012EquilibriumMuscle>").unwrap();
+        // The other class has no such curve.
+        let curve = text.find("<TendonForceLengthCurve").unwrap();
+        assert!(curve < end);
+        format!("{}{}", &text[..curve], &text[end..])
+            .replacen("<Millard2012EquilibriumMuscle ", "<Thelen2003Muscle ", 1)
+            .replacen("</Millard2012EquilibriumMuscle>", "</Thelen2003Muscle>", 1)
+    });
+    let line = std::fs::read_to_string(study.path("wrist.osim")).unwrap();
+    let line = 1 + line.lines().position(|l| l.contains("<Thelen2003Muscle ")).unwrap();
+    let says = ["Thelen2003Muscle is not computed", "hint: leave it out of [muscles]"];
+    study.refused(&format!("wrist.osim:{line}: "), &says);
+}
+
+#[test]
+fn verif_the_studys_model_may_be_missing_where_another_is_given() {
+    let study = StudyCopy::new();
+    std::fs::rename(study.path("wrist.osim"), study.path("other.osim")).unwrap();
+    study.run("simulate").code(1).stderr(contains("wrist.osim: model not found"));
+    let mut command = carpus();
+    command.arg("simulate").arg(study.path("study.toml")).arg("--out").arg(study.path("out"));
+    command.arg("--model").arg(study.path("other.osim")).assert().success();
+}
+
+#[test]
+fn verif_a_diagnosis_of_one_trial_is_refused_with_the_table() {
+    let study = StudyCopy::new();
+    let failed = study.run("diagnose").code(1);
+    failed.stderr(contains("trials.csv: participant P01: expected at least two trials with use = train, found 1"));
+}
+
+#[test]
 fn verif_one_participant_that_cannot_be_done_does_not_keep_the_others_from_it() {
     let study = StudyCopy::new();
     study.edit("participants.csv", |text| format!("{}\nP02,60,1.65,female,right,7,5\n", text.trim_end()));

@@ -33,7 +33,7 @@ pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
     let restricted: &[String] = if args.candidates == ["all"] { &[] } else { &args.candidates };
     let bar = progress(global, study.participants.len() as u64, "diagnosing");
     let outcomes = study.each(|participant| {
-        let run = study.participant(participant)?;
+        let run = study.participant_to_diagnose(participant)?;
         failure::print(&run.warnings);
         let forward = forward_model(&run)?;
         let outcome = diagnosed(&study, &run, &forward, candidates.clone(), global)?;
@@ -112,9 +112,12 @@ pub fn forward_model(run: &ParticipantRun) -> Result<ForwardModel, Failure> {
     let forward = ForwardModel::for_diagnosis(&run.loaded.file.spec, &run.model, &run.trials)
         .map_err(|e| Message::error(e.to_string()).in_file(&run.loaded.path))?
         .with_given(run.given.clone());
-    if forward.trials_for(TrialUse::Train).len() < 2 {
-        let text = format!("participant {}: expected at least two trials with use = train", run.participant.name);
-        return Err(Message::error(text).hint("a diagnosis compares trials with each other").into());
+    let found = forward.trials_for(TrialUse::Train).len();
+    if found < 2 {
+        let name = &run.participant.name;
+        let text = format!("participant {name}: expected at least two trials with use = train, found {found}");
+        let message = Message::error(text).in_file(&run.trials_file);
+        return Err(message.hint("a diagnosis compares trials with each other").into());
     }
     Ok(forward)
 }

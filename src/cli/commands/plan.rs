@@ -45,7 +45,7 @@ pub fn run(args: &PlanArgs, global: &Global) -> Result<(), Failure> {
     }
     let study = StudyRun::prepare_with(&args.study, args.effects.file())?;
     let outcomes = study.each(|participant| {
-        let run = study.participant(participant)?;
+        let run = study.participant_to_diagnose(participant)?;
         failure::print(&run.warnings);
         let forward = forward_model(&run)?;
         let mut diagnosis = known_or_made(&study, &run, &forward, global)?;
@@ -78,7 +78,7 @@ fn of_effect(asked: &EffectSize, args: &PlanArgs, global: &Global) -> Result<(),
     let study = StudyRun::prepare_with(&args.study, args.effects.file())?;
     let bar = progress(global, study.participants.len() as u64, "separating");
     let outcomes = study.each(|participant| {
-        let run = study.participant(participant)?;
+        let run = study.participant_to_diagnose(participant)?;
         failure::print(&run.warnings);
         let forward = forward_model(&run)?;
         let truth = at_size(asked, &forward.muscles)?;

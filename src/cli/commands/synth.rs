@@ -88,7 +88,10 @@ fn make(
     let place = study.study.participants.iter().position(|p| p.name == participant.name).unwrap_or(0) as u64;
     let seed = global.seed.wrapping_add(place.wrapping_mul(0x9e37_79b9_7f4a_7c15));
     let mut synthetic = synthesize(&forward, &trials, &effects, noise, seed).map_err(|e| at_model(e.to_string()))?;
+    // Noise alone takes no angle beyond the range, or beyond what was recorded outside of it.
     let [low, high] = run.model.skeleton().coordinates[run.model.coordinate().0].range;
+    let angles = run.trials.iter().flat_map(|t| &t.angle);
+    let [low, high] = angles.fold([low, high], |[low, high], a| [low.min(*a), high.max(*a)]);
     synthetic.trials.iter_mut().flat_map(|t| &mut t.angle).for_each(|a| *a = a.clamp(low, high));
     let [up, down] = largest_moments(&run.trials, &synthetic.true_moment);
     let participant = Participant {

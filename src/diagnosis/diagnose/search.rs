@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use nalgebra::DVector;
 use rayon::prelude::*;
 
 use super::super::descent::Hopeless;
@@ -13,8 +14,8 @@ use super::super::misfit::FARTHER;
 use super::super::noise::NoiseLevels;
 use super::super::score_test::{BlockScore, Omnibus};
 use super::{
-    Explanation, Judge, MUCH_NEARER, NEGLIGIBLE, REJECT_EXPLANATION, WIDENED, block, blocks_of, estimates, left_over,
-    named_block, test,
+    Explanation, Judge, LEAST_SHARE, MUCH_NEARER, NEGLIGIBLE, REJECT_EXPLANATION, WIDENED, block, blocks_of, estimates,
+    left_over, named_block, test,
 };
 use crate::simulation::SimulationError;
 use crate::study::TrialUse;
@@ -61,6 +62,8 @@ const SECOND_CHOICE: usize = 5;
 const ASKED_IN_DOUBT: usize = 4;
 /// The same of seconds of a pair.
 const SECOND_CHOICE_OF_PAIRS: usize = 2;
+/// Pairs in which an effect is exchanged for one that cannot be told from it, at most.
+const EXCHANGED: usize = 4;
 /// Explanations that are fitted at the same time: none of them is given up early because another is much better.
 const SIDE_BY_SIDE: usize = 2;
 
@@ -129,11 +132,28 @@ impl Judge<'_> {
         let rival = rejected.effects[0];
         rejected.p_value > REJECT_IN_ANY_CASE
             && !survivors.contains(&rival)
-            && survivors.iter().any(|survivor| {
-                let size = block(left, survivor).map(|b| &b.one_step);
-                let z = size.and_then(|size| self.analysis.pairwise_z(self.null, survivor, size, rival));
-                z.is_some_and(|z| z < INSEPARABLE)
-            })
+            && survivors.iter().any(|survivor| self.is_inseparable(left, survivor, rival))
+    }
+
+    /// Whether to first order an effect, of the size that its score asks for, cannot be told from a rival.
+    fn is_inseparable(&self, left: &Omnibus, effect: &'static str, rival: &'static str) -> bool {
+        let size = block(left, effect).map(|b| &b.one_step);
+        let z = size.and_then(|size| self.analysis.pairwise_z(self.null, effect, size, rival));
+        z.is_some_and(|z| z < INSEPARABLE)
+    }
+
+    /// Leaves of explanations those whose p-value is not much smaller than the largest, or that cannot be told from the one of the
+    /// largest.
+    pub(super) fn drop_the_improbable(&self, left: &Omnibus, explanations: &mut Vec<(Fit, Explanation)>) {
+        let most = explanations.iter().max_by(|a, b| a.1.p_value.total_cmp(&b.1.p_value));
+        let Some((most, best)) = most.map(|(_, e)| (e.p_value, e.effects.clone())) else { return };
+        explanations.retain(|(_, e)| {
+            let near = || match (best.as_slice(), e.effects.as_slice()) {
+                ([best], [own]) => self.is_inseparable(left, best, own),
+                _ => false,
+            };
+            e.p_value > LEAST_SHARE * most || near()
+        });
     }
 
     /// Leaves of explanations, none of which the residuals reject, those that moments and EMG are not much farther from than from the nearest
@@ -401,6 +421,54 @@ impl Judge<'_> {
         Ok(found)
     }
 
+    /// Pairs in which one effect of a pair that explains is exchanged for one that cannot be told from it.
+    ///
+    /// - `pairs`: that explain; `fitted`: all that were fitted
+    pub(super) fn exchanged(
+        &self,
+        pairs: &[(Fit, Explanation)],
+        fitted: &[(Fit, Explanation)],
+    ) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
+        let mut starts: Vec<Point> = Vec::new();
+        let ids = |effects: &[Setting]| BTreeSet::from_iter(effects.iter().map(|s| s.effect.description().id));
+        for (fit, explanation) in pairs {
+            for (i, own) in fit.point.effects.iter().enumerate() {
+                let is_rival = |e: &&'static dyn Effect| {
+                    let rival = e.description().id;
+                    !explanation.effects.contains(&rival) && self.cannot_be_told_from(own, rival)
+                };
+                for rival in self.testable().filter(is_rival) {
+                    let mut start = fit.point.clone();
+                    start.effects[i] = Setting::absent(rival);
+                    let wanted = ids(&start.effects);
+                    let known = fitted.iter().any(|f| ids(&f.0.point.effects) == wanted)
+                        || starts.iter().any(|s| ids(&s.effects) == wanted);
+                    if !known {
+                        starts.push(start);
+                    }
+                }
+            }
+        }
+        starts.truncate(EXCHANGED);
+        let mut found = Vec::new();
+        for wave in starts.chunks(SIDE_BY_SIDE) {
+            found.extend(self.explain_side_by_side(wave, self.null.levels, f64::INFINITY)?);
+        }
+        Ok(found)
+    }
+
+    /// Whether to first order an effect of the size that was found for it cannot be told from a rival.
+    fn cannot_be_told_from(&self, own: &Setting, rival: &'static str) -> bool {
+        let description = own.effect.description();
+        let strength = &self.request.forward.strength;
+        let sizes = description.amplitudes().map(|i| {
+            let p = &description.parameters[i];
+            own.values[i] / strength.scale(p)
+        });
+        let size = DVector::from_iterator(description.amplitudes().count(), sizes);
+        self.analysis.pairwise_z(self.null, description.id, &size, rival).is_some_and(|z| z < INSEPARABLE)
+    }
+
     /// Fits the effects at a point jointly with the muscles and asks what is left; `None` if they cannot be fitted, or if one of
     /// them is no larger than what noise has of it in any case.
     ///
@@ -420,7 +488,7 @@ impl Judge<'_> {
         if is_within_noise(&fit) {
             return Ok(None);
         }
-        let mut with = test(self.analysis, &fit, self.not_testable)?;
+        let Ok(mut with) = test(self.analysis, &fit, self.not_testable) else { return Ok(None) };
         // One that feeds back takes several times as long to fit.
         let quick = matches!(fit.point.effects.as_slice(), [only] if !only.effect.feeds_back());
         if quick
@@ -431,18 +499,23 @@ impl Judge<'_> {
             if is_within_noise(&deeper) {
                 return Ok(None);
             }
-            with = test(self.analysis, &deeper, self.not_testable)?;
-            fit = deeper;
+            if let Ok(left) = test(self.analysis, &deeper, self.not_testable) {
+                (with, fit) = (left, deeper);
+            }
         }
         let parameters = estimates(&fit, self.request.forward);
         // An implausible size is not excused by what makes intervals wide.
         let plausible = parameters.values().all(|p| p.reaches_plausible(1.0 / WIDENED));
-        let held_out_error = self.error_of(&fit, TrialUse::Test)?;
+        // Nor do those at which a trial cannot be simulated that was not fitted.
+        let (Ok(held_out_error), Ok(train_error)) =
+            (self.error_of(&fit, TrialUse::Test), self.error_of(&fit, TrialUse::Train))
+        else {
+            return Ok(None);
+        };
         let (p_value, left) = (with.p_value, left_over(&with));
         let deviance_fall = self.null.deviance - fit.deviance;
         let misfit_fall = self.analysis.farther_from(self.null, &fit).unwrap_or(f64::NEG_INFINITY);
-        let train_error = self.error_of(&fit, TrialUse::Train)?.unwrap_or(self.refit_error);
-        let error_fall = 1.0 - train_error / self.refit_error;
+        let error_fall = 1.0 - train_error.unwrap_or(self.refit_error) / self.refit_error;
         let explanation = Explanation {
             effects,
             p_value,

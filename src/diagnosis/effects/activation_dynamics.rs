@@ -17,14 +17,14 @@ static DESCRIPTION: Description = Description {
             "s",
             0.4,
             [0.015, 0.16],
-            "20 to 120 ms; range from the design catalogue, source unverified",
+            "20 to 120 ms (design catalogue, source unverified); 15 to 160 ms is still taken for plausible",
         ),
         amplitude(
             "activation_time_constant",
             "s",
             0.4,
             [0.004, 0.05],
-            "5 to 30 ms; range from the design catalogue, source unverified",
+            "5 to 30 ms (design catalogue, source unverified); 4 to 50 ms is still taken for plausible",
         ),
     ],
     signature: "rise differs from fall",
@@ -42,6 +42,10 @@ impl Effect for ActivationDynamics {
     fn change_muscles(&self, values: &[f64], muscles: &mut [MuscleSpec]) -> bool {
         let slower = scale_property(muscles, values[0], |p, factor| p.deactivation_time_constant *= factor);
         scale_property(muscles, values[1], |p, factor| p.activation_time_constant *= factor) || slower
+    }
+
+    fn has_log_ratios(&self) -> bool {
+        true
     }
 
     fn reported(&self, values: &[f64], muscles: &[MuscleSpec]) -> Vec<f64> {

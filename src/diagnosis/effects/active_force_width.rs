@@ -11,7 +11,13 @@ static DESCRIPTION: Description = Description {
     name: "Width of the active force-length curve",
     stage: Stage::Muscle,
     equation: "normalized lengths 1 + w (l - 1) of the active force-length curve; w is the width ratio",
-    parameters: &[amplitude("width_ratio", "1", 0.1, [0.7, 1.4], "range from the design catalogue, source unverified")],
+    parameters: &[amplitude(
+        "width_ratio",
+        "1",
+        0.1,
+        [0.7, 1.4],
+        "no source: width of the model's own curve, 0.7 to 1.4 times is taken for plausible",
+    )],
     signature: "angle × activation",
     experiment: "five or more angles at maximal effort",
     rivals: &["moment_arm_slope", "activation_dependent_length"],
@@ -33,6 +39,10 @@ impl Effect for ActiveForceWidth {
             stretch(&mut curve.max_norm_active_fiber_length);
             curve.shallow_ascending_slope /= factor;
         })
+    }
+
+    fn has_log_ratios(&self) -> bool {
+        true
     }
 
     fn reported(&self, values: &[f64], _: &[MuscleSpec]) -> Vec<f64> {

@@ -16,7 +16,7 @@ static DESCRIPTION: Description = Description {
             "1",
             0.05,
             [-0.2, 0.2],
-            "offset over lever, to 20 %; range from the design catalogue, source unverified",
+            "offset over lever, to 20 % (design catalogue, source unverified), in either part",
         ),
         amplitude(
             "cosine_part",

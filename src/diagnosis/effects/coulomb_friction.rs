@@ -16,7 +16,13 @@ static DESCRIPTION: Description = Description {
     stage: Stage::Joint,
     equation: "-Tc (1 + (r - 1) exp(-(q̇/vs)²)) tanh(q̇/vε), r = Ts/Tc; fixed: vs = 0.1 rad/s",
     parameters: &[
-        amplitude("friction", "N·m", 0.1, [0.0, 0.6], "range from the design catalogue, source unverified"),
+        amplitude(
+            "friction",
+            "N·m",
+            0.1,
+            [0.0, 0.6],
+            "0.05 to 0.5 (design catalogue, source unverified); 0 to 0.6 is still taken for plausible",
+        ),
         shape(
             "static_ratio",
             "1",

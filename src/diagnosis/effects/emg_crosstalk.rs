@@ -17,7 +17,7 @@ static DESCRIPTION: Description = Description {
             "1",
             0.1,
             [0.0, 0.7],
-            "32 to 50 % of the amplitude in wrist flexors, 11 to 25 % in finger flexors, during grip (Crosstalk effect on surface electromyogram of the forearm flexors during a static grip task, 2010)",
+            "32 to 50 % of the amplitude in wrist flexors, 11 to 25 % in finger flexors, during grip (Crosstalk effect on surface electromyogram of the forearm flexors during a static grip task, 2010); up to 0.7 is still taken for plausible",
         ),
         shape(
             "share_of_other_side",

@@ -15,7 +15,7 @@ static DESCRIPTION: Description = Description {
         "1",
         0.1,
         [-0.3, 0.3],
-        "0.7 to 1.3; range from the design catalogue, source unverified",
+        "1 + g of 0.7 to 1.3 (design catalogue, source unverified)",
     )],
     signature: "none of its own: a pure gain",
     experiment: "repeat the maximal contraction that EMG is normalized by",

@@ -15,7 +15,7 @@ static DESCRIPTION: Description = Description {
         "1 per session",
         0.1,
         [-0.5, 0.5],
-        "repeated reference contractions; range from the design catalogue, source unverified",
+        "no source: half as much again or half as little over a session is taken for plausible",
     )],
     signature: "session × activation",
     experiment: "repeated reference contractions",

@@ -19,7 +19,7 @@ static DESCRIPTION: Description = Description {
             "1",
             0.05,
             [0.0, 0.3],
-            "residual enhancement is seen in voluntary contractions of some but not all people (review: Chapman et al. 2018, doi:10.1123/jab.2017-0234); 5 to 20 %, numbers unverified",
+            "residual enhancement is seen in voluntary contractions of some but not all people (review: Chapman et al. 2018, doi:10.1123/jab.2017-0234); 5 to 20 %, numbers unverified; 0 to 30 % is still taken for plausible",
         ),
         shape("enhancement_ratio", "1", 1.0, 0.4, [0.0, 2.0], "of stretch, over that of shortening; no source"),
         shape("memory", "s", 3.0, 1.0, [0.2, 10.0], "no source: both last for seconds while activation does"),

@@ -20,9 +20,29 @@ static DESCRIPTION: Description = Description {
     stage: Stage::Joint,
     equation: "-k s(q - q1) (q - q1) + k s(-q - q2) (-q - q2), s a smooth step from 0 to 1 over 1°, q positive in flexion; on one side only if the other limit is out of reach",
     parameters: &[
-        amplitude("stiffness", "N·m/rad", 1.0, [0.0, 20.0], "range from the design catalogue, source unverified"),
-        shape("flexion_limit", "rad", 0.4, 0.2, [0.1, 1.6], "range from the design catalogue, source unverified"),
-        shape("extension_limit", "rad", 0.4, 0.2, [0.1, 1.6], "range from the design catalogue, source unverified"),
+        amplitude(
+            "stiffness",
+            "N·m/rad",
+            1.0,
+            [0.0, 20.0],
+            "0.5 to 20 (design catalogue, source unverified); less is still taken for plausible",
+        ),
+        shape(
+            "flexion_limit",
+            "rad",
+            0.4,
+            0.35,
+            [0.1, 1.6],
+            "no source: from near the middle of the range to its anatomical end",
+        ),
+        shape(
+            "extension_limit",
+            "rad",
+            0.4,
+            0.35,
+            [0.1, 1.6],
+            "no source: from near the middle of the range to its anatomical end",
+        ),
     ],
     signature: "a hinge against angle",
     experiment: "sweep beyond ±35°",
@@ -38,7 +58,7 @@ impl Effect for LigamentStop {
 
     /// On one side only.
     fn further_starts(&self) -> &'static [&'static [f64]] {
-        &[&[0.0, 0.4, 1.0], &[0.0, 1.0, 0.4]]
+        &[&[0.0, 0.4, 1.2], &[0.0, 1.2, 0.4]]
     }
 
     fn add_moment(&self, values: &[f64], joint: &JointState, moment: &mut [f64]) {

@@ -16,7 +16,7 @@ static DESCRIPTION: Description = Description {
         "optimal fibre lengths/s",
         0.3,
         [4.0, 16.0],
-        "5 to 15 per second; OpenSim's default and usual value is 10; range from the design catalogue, source unverified",
+        "5 to 15 per second (design catalogue, source unverified); OpenSim's default and usual value is 10; 4 to 16 is still taken for plausible",
     )],
     signature: "velocity × activation",
     experiment: "two loads and a passive sweep",
@@ -38,6 +38,10 @@ impl Effect for MaxContractionVelocity {
         for muscle in muscles {
             muscle.max_contraction_velocity *= ratio.exp();
         }
+        true
+    }
+
+    fn has_log_ratios(&self) -> bool {
         true
     }
 

@@ -14,14 +14,14 @@ static DESCRIPTION: Description = Description {
     stage: Stage::Joint,
     equation: "-b q̇ (q̇² + v0²)^((p-1)/2): -b sign(q̇) |q̇|^p, smooth through rest below v0",
     parameters: &[
-        amplitude("damping", "N·m·(s/rad)^p", 0.1, [0.0, 0.6], "range from the design catalogue, source unverified"),
+        amplitude("damping", "N·m·(s/rad)^p", 0.1, [0.0, 0.6], "no source: at 1 rad/s as large as dry friction may be"),
         shape(
             "exponent",
             "1",
             0.17,
             0.08,
             [0.05, 0.5],
-            "Gielen and Houk 1984 (Nonlinear viscosity of human wrist): mean exponent 0.17 for force; width range from the design catalogue, source unverified",
+            "Gielen and Houk 1984 (Nonlinear viscosity of human wrist): mean exponent 0.17 for force; 0.05 to 0.5 is still taken for plausible, no source",
         ),
         shape(
             "rest_speed",

@@ -14,7 +14,13 @@ static DESCRIPTION: Description = Description {
     stage: Stage::Joint,
     equation: "-b q̇(t - d) m(t), m = |M| / (|M| + M0), M the moment of the muscles: grows with it, and saturates",
     parameters: &[
-        amplitude("gain", "N·m·s/rad", 0.05, [0.0, 0.5], "range from the design catalogue, source unverified"),
+        amplitude(
+            "gain",
+            "N·m·s/rad",
+            0.05,
+            [0.0, 0.5],
+            "no source: 0 to 0.5 is taken for plausible, several times the joint's damping",
+        ),
         shape(
             "delay",
             "s",

@@ -16,7 +16,7 @@ static DESCRIPTION: Description = Description {
         "1",
         0.3,
         [0.015, 0.10],
-        "0.02 to 0.10; Loren and Lieber 1995 (tendon biomechanical properties of wrist muscles) give the lower part; numbers unverified",
+        "0.02 to 0.10; Loren and Lieber 1995 (tendon biomechanical properties of wrist muscles) give the lower part, numbers unverified; from 0.015 on is still taken for plausible",
     )],
     signature: "slow rise of the moment, level × angle",
     experiment: "fast ramps",
@@ -36,6 +36,10 @@ impl Effect for TendonCompliance {
             curve.strain_at_one_norm_force *= factor;
             curve.stiffness_at_one_norm_force.iter_mut().for_each(|stiffness| *stiffness /= factor);
         })
+    }
+
+    fn has_log_ratios(&self) -> bool {
+        true
     }
 
     fn reported(&self, values: &[f64], muscles: &[MuscleSpec]) -> Vec<f64> {

@@ -1,9 +1,12 @@
 //! Muscles that act but are not activated in the study.
 
 use crate::diagnosis::effect::{Description, Effect, JointState, OsimForm, Stage, amplitude};
+use crate::diagnosis::silent_muscles::SilentMuscles;
 
 /// Time constant with which the silent muscles follow the recorded ones [s].
 const TIME_CONSTANT: f64 = 0.04;
+/// Time after which 2·10⁻⁹ of a change is left [s].
+const MEMORY: f64 = 20.0 * TIME_CONSTANT;
 
 /// Muscles that act but are not activated in the study: `κ ā(t) M(q)`.
 pub struct UnmodelledMuscles;
@@ -40,6 +43,10 @@ static DESCRIPTION: Description = Description {
 impl Effect for UnmodelledMuscles {
     fn description(&self) -> &'static Description {
         &DESCRIPTION
+    }
+
+    fn excitation_memory(&self, silent_muscles: &SilentMuscles) -> Option<f64> {
+        (!silent_muscles.names.is_empty()).then_some(MEMORY)
     }
 
     fn add_moment(&self, values: &[f64], joint: &JointState, moment: &mut [f64]) {

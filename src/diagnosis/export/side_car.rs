@@ -8,17 +8,27 @@
 //! id = "electromechanical_delay"
 //! delay = { value = 0.06, unit = "s" }
 //! ```
+//!
+//! A change of the muscles' properties is a ratio, kept as its logarithm (unit `ln(ratio)`): the file does not know the muscles.
 
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
 use crate::diagnosis::catalogue::{CATALOGUE, effect};
+use crate::diagnosis::effect::{Effect, Parameter};
 use crate::diagnosis::forward_model::Setting;
 use crate::osim::error::nearest;
 
 /// Schema of the file.
 pub const SIDE_CAR_SCHEMA: &str = "carpus.effects/1";
+/// Unit of a change of a muscle's property: the natural logarithm of the ratio to what the model has.
+const LOG_RATIO: &str = "ln(ratio)";
+
+/// Unit in which the file gives a parameter.
+fn unit_of(effect: &dyn Effect, parameter: &Parameter) -> &'static str {
+    if effect.has_log_ratios() { LOG_RATIO } else { parameter.unit }
+}
 
 /// Effects beside a model.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -60,6 +70,16 @@ pub enum SideCarError {
         /// What is there.
         found: String,
     },
+    /// A property of the muscles itself where its change belongs.
+    #[error("{}: {parameter}.unit: expected \"{LOG_RATIO}\", found \"{found}\"", .file.display())]
+    PropertyItself {
+        /// The file.
+        file: PathBuf,
+        /// The parameter, as `effect.parameter`.
+        parameter: String,
+        /// The unit, that of the property.
+        found: &'static str,
+    },
     /// No such effect.
     #[error("{}: there is no effect \"{id}\"", .file.display())]
     UnknownEffect {
@@ -78,6 +98,10 @@ impl SideCarError {
         match self {
             SideCarError::UnknownEffect { nearest: Some(nearest), .. } => Some(format!("did you mean \"{nearest}\"?")),
             SideCarError::UnknownEffect { .. } => Some("carpus effects lists them".to_owned()),
+            SideCarError::PropertyItself { .. } => Some(format!(
+                "value is the natural logarithm of the ratio to what the model's muscles have: for 0.8 times that {{ value = \
+                 -0.22314, unit = \"{LOG_RATIO}\" }}"
+            )),
             _ => None,
         }
     }
@@ -94,7 +118,7 @@ impl SideCar {
             text.push_str(&format!("\n# {}: {}\n", description.name, description.equation));
             text.push_str(&format!("[[effect]]\nid = {}\n", quoted(description.id)));
             for (parameter, value) in description.parameters.iter().zip(&item.values) {
-                let unit = quoted(parameter.unit);
+                let unit = quoted(unit_of(item.effect, parameter));
                 text.push_str(&format!("{} = {{ value = {value:?}, unit = {unit} }}\n", parameter.name));
             }
         }
@@ -189,15 +213,21 @@ impl Reader<'_> {
         let mut values = Vec::with_capacity(parameters.len());
         for parameter in parameters {
             let at = format!("{id}.{}", parameter.name);
+            let unit = unit_of(effect, parameter);
             let given = table.get(parameter.name);
             let inner = given.and_then(toml::Value::as_table);
             let Some(inner) = inner else {
-                let expected = format!("{{ value = …, unit = {} }}", quoted(parameter.unit));
+                let expected = format!("{{ value = …, unit = {} }}", quoted(unit));
                 return Err(self.unexpected(&at, expected, given));
             };
             self.only(inner, &["value", "unit"], &at)?;
-            if self.text(inner, "unit", &format!("{at}."))? != parameter.unit {
-                return Err(self.unexpected(&format!("{at}.unit"), quoted(parameter.unit), inner.get("unit")));
+            let found = self.text(inner, "unit", &format!("{at}."))?;
+            if found != unit && found == parameter.unit {
+                let (file, found) = (self.file.to_owned(), parameter.unit);
+                return Err(SideCarError::PropertyItself { file, parameter: at, found });
+            }
+            if found != unit {
+                return Err(self.unexpected(&format!("{at}.unit"), quoted(unit), inner.get("unit")));
             }
             let value = match inner.get("value") {
                 Some(toml::Value::Float(value)) if value.is_finite() => *value,
@@ -207,5 +237,62 @@ impl Reader<'_> {
             values.push(value);
         }
         Ok(Setting { effect, values })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::osim::OsimFile;
+
+    const HEAD: &str = "schema = \"carpus.effects/1\"\ncoordinate = \"flexion\"\n";
+
+    #[test]
+    fn verif_what_depends_on_the_muscles_is_a_logarithm_of_a_ratio() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/wrist.osim");
+        let muscles = OsimFile::read(path).unwrap().spec.muscles;
+        for effect in CATALOGUE.iter().copied() {
+            let d = effect.description();
+            let values = vec![0.25; d.parameters.len()];
+            let depends = effect.reported(&values, &muscles) != values;
+            assert_eq!(effect.has_log_ratios(), depends, "{}", d.id);
+            let [own, more] = [0.0, 0.25].map(|ratio| effect.reported(&vec![ratio; values.len()], &muscles));
+            for (one, more) in own.iter().zip(&more) {
+                assert!(!depends || (more / one / 0.25_f64.exp() - 1.0).abs() < 1e-12, "{}", d.id);
+            }
+        }
+    }
+
+    #[test]
+    fn verif_every_effect_is_read_as_it_was_written() {
+        let setting = |e: &&'static dyn Effect| {
+            let count = e.description().parameters.len();
+            Setting { effect: *e, values: (0..count).map(|i| 0.1 / (i as f64 + 3.0)).collect() }
+        };
+        let written = SideCar { coordinate: "flexion".to_owned(), effects: CATALOGUE.iter().map(setting).collect() };
+        let text = written.to_toml();
+        assert_eq!(SideCar::parse(&text, Path::new("effects.toml")).unwrap(), written);
+        assert!(
+            text.contains("max_contraction_velocity = { value = 0.03333333333333333, unit = \"ln(ratio)\" }"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn verif_a_property_itself_is_refused_where_its_change_belongs() {
+        for effect in CATALOGUE.iter().filter(|e| e.has_log_ratios()) {
+            let d = effect.description();
+            let given = d.parameters.iter().map(|p| format!("{} = {{ value = 8, unit = {:?} }}\n", p.name, p.unit));
+            let text = format!("{HEAD}[[effect]]\nid = {:?}\n{}", d.id, given.collect::<String>());
+            let error = SideCar::parse(&text, Path::new("effects.toml")).unwrap_err();
+            let expected = format!("{}.{}.unit: expected \"ln(ratio)\"", d.id, d.parameters[0].name);
+            assert!(error.to_string().contains(&expected), "{error}");
+            assert!(error.hint().is_some_and(|hint| hint.contains("logarithm of the ratio")), "{error}");
+        }
+        let nonsense = format!(
+            "{HEAD}[[effect]]\nid = \"max_contraction_velocity\"\nmax_contraction_velocity = {{ value = 8, unit = \"m\" }}\n"
+        );
+        let error = SideCar::parse(&nonsense, Path::new("effects.toml")).unwrap_err();
+        assert!(matches!(error, SideCarError::Unexpected { .. }), "{error}");
     }
 }

@@ -4,12 +4,18 @@ use nalgebra::DVector;
 
 use super::super::noise::KNOT_SPACING;
 
-/// Most blocks that the samples of a trial are averaged to.
-const MOST_BLOCKS: usize = 80;
+/// Blocks that the samples of a trial are averaged to, if there are as many …
+const BLOCKS: usize = 80;
+/// … and in trials in which they would be longer than this [s], more …
+const LONGEST: f64 = 0.0625;
+/// … up to so many.
+const MOST_BLOCKS: usize = 400;
 
 /// Start of every block of samples, and the end.
-pub(crate) fn block_starts(samples: usize) -> Vec<usize> {
-    let blocks = samples.min(MOST_BLOCKS);
+pub(crate) fn block_starts(time: &[f64]) -> Vec<usize> {
+    let samples = time.len();
+    let wanted = (time[samples - 1] - time[0]) / LONGEST;
+    let blocks = samples.min((wanted as usize).clamp(BLOCKS, MOST_BLOCKS));
     (0..=blocks).map(|b| b * samples / blocks).collect()
 }
 

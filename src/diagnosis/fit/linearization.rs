@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::super::ONE_BY_ONE;
 use super::super::effect::{Effect, interpolate};
-use super::super::forward_model::{Change, Core, FITTED_PER_MUSCLE, Setting, matters};
+use super::super::forward_model::{Change, Core, ExcitationChange, FITTED_PER_MUSCLE, Setting, matters};
 use super::super::noise::{BASELINE_SD, KNOT_SPACING, Response, TrialNoise};
 use super::super::score_test::Block;
 use super::super::where_it_fails;
@@ -68,7 +68,7 @@ impl Analysis<'_> {
             .map(|position| {
                 let g = self.train[position];
                 let record = &self.forward.trials[g];
-                let starts = block_starts(record.time.len());
+                let starts = block_starts(&record.time);
                 let input = &*point.inputs[position];
                 let core = self.forward.core(&variant, g, input, &point.parameters, &point.effects, true)?;
                 let simulated = self.forward.recorded_moment(g, &core, &point.effects);
@@ -114,7 +114,7 @@ impl Analysis<'_> {
         variants: &Variants,
     ) -> Result<Vec<DVector<f64>>, SimulationError> {
         let (g, input) = (self.train[position], &*point.inputs[position]);
-        let starts = block_starts(self.forward.trials[g].time.len());
+        let starts = block_starts(&self.forward.trials[g].time);
         let parameters = &point.parameters;
         let by = |p: usize| {
             if !matters(&effects[which], p) {
@@ -169,7 +169,7 @@ impl Analysis<'_> {
     fn trial_noise(&self, position: usize, core: &Core, point: &Point) -> TrialNoise {
         let g = self.train[position];
         let record = &self.forward.trials[g];
-        let starts = block_starts(record.time.len());
+        let starts = block_starts(&record.time);
         let blocks = starts.len() - 1;
         let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
         let knots = knot_count(&record.time);
@@ -190,6 +190,7 @@ impl Analysis<'_> {
         let changed = self.forward.excitation_changes(&point.effects);
         let instantaneous = self.forward.excites_instantaneously(&point.effects);
         let mixed = self.forward.mixes_muscles(&point.effects);
+        let follows = self.forward.follows_excitation(&point.effects);
         let mut responses = Vec::new();
         for (m, e) in before.iter().enumerate() {
             let mut g_of_muscle = Response::new(blocks, knots);
@@ -206,8 +207,18 @@ impl Analysis<'_> {
                         });
                     }
                 };
+                let beside = |g_of_muscle: &mut Response, changes: &[ExcitationChange]| {
+                    let found = self.forward.recorded_beside_muscles(g, core, &point.effects, changes);
+                    let Some((first, moments)) = found else { return };
+                    for (k, moment) in (first..).zip(moments).filter(|(_, moment)| moment.abs() > SMALLEST_RESPONSE) {
+                        g_of_muscle.add(block_of[k], j, moment / counts[block_of[k]] as f64);
+                    }
+                };
                 if !changed {
                     show(m, first, &disturbance);
+                    if follows {
+                        beside(&mut g_of_muscle, &[ExcitationChange { muscle: m, first, values: disturbance }]);
+                    }
                     continue;
                 }
                 // Through the effects on excitation: later, bent, or into a neighbour.
@@ -220,6 +231,7 @@ impl Analysis<'_> {
                 own.zip(&disturbance).for_each(|(e, d)| *e += DISTURBANCE * d);
                 let after = self.forward.excited(g, samples.clone(), &disturbed, &point.effects);
                 let known = after.iter().zip(&core.excitation).enumerate().filter(|(_, (after, _))| !after.is_empty());
+                let mut changes = Vec::new();
                 for (other, (after, was)) in known {
                     let was = &was[samples.clone()];
                     let differs = |k: &usize| after[*k] != was[*k];
@@ -228,7 +240,14 @@ impl Analysis<'_> {
                         continue;
                     };
                     let change: Vec<f64> = (first..=last).map(|k| (after[k] - was[k]) / DISTURBANCE).collect();
-                    show(other, samples.start + first, &change);
+                    let first = samples.start + first;
+                    show(other, first, &change);
+                    if follows {
+                        changes.push(ExcitationChange { muscle: other, first, values: change });
+                    }
+                }
+                if follows {
+                    beside(&mut g_of_muscle, &changes);
                 }
             }
             if reshaped {
@@ -283,7 +302,7 @@ impl Analysis<'_> {
                 Ok(amplitudes.map(|p| by[p].clone()).collect())
             };
             let g = self.train[position];
-            let starts = block_starts(self.forward.trials[g].time.len());
+            let starts = block_starts(&self.forward.trials[g].time);
             let moment = self.forward.recorded_moment(g, &l.core, &point.effects);
             let of_axis = |axis: usize| -> Vec<DVector<f64>> {
                 let columns = where_it_fails::directions(self.forward, g, &l.core.prepared, &moment, axis);
@@ -316,4 +335,67 @@ fn hat(time: &[f64], excitation: &[f64], knot: usize) -> (usize, Vec<f64>) {
     let end = time.partition_point(|t| *t < center + KNOT_SPACING);
     let weight = |t: f64| (1.0 - (t - center).abs() / KNOT_SPACING).max(0.0);
     (first.min(time.len()), (first..end).map(|k| excitation[k] * weight(time[k])).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::corrected;
+    use super::*;
+    use crate::diagnosis::catalogue::effect;
+    use crate::diagnosis::silent_muscles::with_two_silent_muscles;
+    use crate::study::ParameterBounds;
+
+    /// What silent muscles add to the response to the EMG's noise, and to the difference of whole simulations.
+    #[test]
+    fn verif_the_noise_of_the_emg_passes_through_silent_muscles() {
+        /// Of the difference of log excitations.
+        const STEP: f64 = 1e-3;
+        let forward = with_two_silent_muscles();
+        let train: Vec<usize> = (0..forward.trials.len()).collect();
+        let analysis = Analysis::without_data(&forward, train, Vec::new(), &ParameterBounds::default(), 1);
+        let sized = |id: &str, values: &[f64]| {
+            let mut setting = Setting::absent(effect(id).unwrap());
+            setting.values[..values.len()].copy_from_slice(values);
+            setting
+        };
+        let bent = [
+            sized("electromechanical_delay", &[0.013]),
+            sized("emg_nonlinearity", &[-1.0]),
+            sized("emg_crosstalk", &[0.1]),
+            sized("time_shift", &[0.01]),
+            sized("stretch_reflex", &[0.05]),
+        ];
+        for (others, limit) in [(&[][..], 1e-4), (&bent[1..2], 5e-3), (&bent[..], 0.02)] {
+            let with = [others, &[sized("unmodelled_muscles", &[0.5, 0.4])]].concat();
+            let responses = |effects: &[Setting]| {
+                let point = Point { effects: effects.to_vec(), ..analysis.nominal_point() };
+                let linear = analysis.linearize_muscles(&point).unwrap();
+                analysis.noise_structure(&linear, &point)
+            };
+            let [of_with, of_others] = [&with[..], others].map(responses);
+            for (g, record) in forward.trials.iter().enumerate() {
+                let knots = knot_count(&record.time);
+                let noise = |step: f64| -> Vec<DVector<f64>> {
+                    let at = |m: usize| DVector::from_fn(knots, |j, _| step * (0.9 * j as f64 + m as f64).sin());
+                    (0..forward.muscles.len()).map(at).collect()
+                };
+                let difference = |effects: &[Setting]| {
+                    let side = |step: f64| {
+                        let excitation = corrected(&record.time, &record.excitation, &noise(step));
+                        let (input, variant) =
+                            (forward.input(g, excitation).unwrap(), forward.variant(effects).unwrap());
+                        let parameters = forward.nominal_parameters();
+                        let core = forward.core(&variant, g, &input, &parameters, effects, false).unwrap();
+                        block_means(&forward.recorded_moment(g, &core, effects), &block_starts(&record.time))
+                    };
+                    (side(STEP) - side(-STEP)) / (2.0 * STEP)
+                };
+                let found = of_with[g].respond(&noise(1.0)) - of_others[g].respond(&noise(1.0));
+                let expected = difference(&with) - difference(others);
+                let error = (&found - &expected).norm() / expected.norm();
+                println!("{} effects, trial {g}: {error:.1e} of {:.1e} N·m", others.len(), expected.amax());
+                assert!(expected.amax() > 0.01 && error < limit, "{} effects, trial {g}: {error:.1e}", others.len());
+            }
+        }
+    }
 }

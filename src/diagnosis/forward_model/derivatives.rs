@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::super::effect::{Effect, MuscleState, Stage};
+use super::super::effect::{Effect, JointState, MuscleState, Stage, TrialContext};
 use super::{
     Core, FEEDBACK_ROUNDS, ForwardModel, Setting, TrialInput, factor_at, in_order, muscle_factor, shown_effects,
 };
@@ -33,6 +33,16 @@ impl<'c> Change<'c> {
             Change::OfRounds(rounds) => &rounds[round],
         }
     }
+}
+
+/// A change of a muscle's excitation after the effects on it, per sample; elsewhere there is none.
+pub struct ExcitationChange {
+    /// Which of the active muscles.
+    pub muscle: usize,
+    /// First sample.
+    pub first: usize,
+    /// From there on [per unit of what changes].
+    pub values: Vec<f64>,
 }
 
 impl Core {
@@ -209,11 +219,17 @@ impl ForwardModel {
         if stage == Stage::Excitation
             && let Some(tangents) = core.tangents()
         {
-            let by = self.excitation_derivative(trial, core, tangents, input, parameters, effects, &sides, 2.0 * step);
-            return Ok(match self.reshapes_moment(effects) {
+            let changes = self.excitation_changes_between(trial, core, input, &sides, 2.0 * step);
+            let by =
+                self.excitation_derivative(trial, core, tangents, input, parameters, effects, &changes, 2.0 * step);
+            let mut by = match self.reshapes_moment(effects) {
                 true => self.recorded_changes(trial, core, effects, [Change::Moment(&by)]).swap_remove(0),
                 false => by,
-            });
+            };
+            if let Some((first, beside)) = self.recorded_beside_muscles(trial, core, effects, &changes) {
+                by[first..].iter_mut().zip(&beside).for_each(|(by, beside)| *by += beside);
+            }
+            return Ok(by);
         }
         let [up, down] = if stage >= Stage::Joint {
             sides.map(|effects| self.recorded_moment(trial, core, &effects))
@@ -227,9 +243,91 @@ impl ForwardModel {
         Ok(up.iter().zip(&down).map(|(a, b)| (a - b) / (2.0 * step)).collect())
     }
 
-    /// Derivative of the muscles' moment by what changes the excitation alone.
+    /// Changes of the excitations from one side to the other, of those that differ, in order.
     ///
     /// - `sides`, `distance`: as for [`ForwardModel::beside`]
+    fn excitation_changes_between(
+        &self,
+        trial: usize,
+        core: &Core,
+        input: &TrialInput,
+        sides: &[Vec<Setting>; 2],
+        distance: f64,
+    ) -> Vec<ExcitationChange> {
+        let context = self.context(trial, &input.excitation, core.shown());
+        let [up, down] = sides.each_ref().map(|side| self.driven(trial, &in_order(&self.acting(side)), &context).1);
+        let between = |(muscle, (up, down)): (usize, (&Vec<f64>, &Vec<f64>))| {
+            let values = || up.iter().zip(down).map(|(a, b)| (a - b) / distance).collect();
+            (up != down).then(|| ExcitationChange { muscle, first: 0, values: values() })
+        };
+        up.iter().zip(&down).enumerate().filter_map(between).collect()
+    }
+
+    /// Whether the joint's moment follows excitations otherwise than through the active muscles.
+    pub fn follows_excitation(&self, effects: &[Setting]) -> bool {
+        let follows = |s: &Setting| !s.is_absent() && s.effect.excitation_memory(&self.silent_muscles).is_some();
+        self.acting(effects).iter().any(follows)
+    }
+
+    /// Change of the recorded moment when excitations change, but for what the active muscles make of it: first sample and values
+    /// [N·m per unit of what changes]; `None` where there is none. The noise of the angle hardly matters to it and is left out.
+    pub fn recorded_beside_muscles(
+        &self,
+        trial: usize,
+        core: &Core,
+        effects: &[Setting],
+        changes: &[ExcitationChange],
+    ) -> Option<(usize, Vec<f64>)> {
+        if !self.follows_excitation(effects) {
+            return None;
+        }
+        let changes = || changes.iter().filter(|c| !c.values.is_empty());
+        let (first, end) = (changes().map(|c| c.first).min()?, changes().map(|c| c.first + c.values.len()).max()?);
+        let acting = self.acting(effects);
+        let ordered = in_order(&acting);
+        let mut following: Vec<(&Setting, f64)> = Vec::new();
+        for setting in ordered.iter().copied().filter(|s| !s.is_absent()) {
+            following.extend(setting.effect.excitation_memory(&self.silent_muscles).map(|memory| (setting, memory)));
+        }
+        let memory = following.iter().map(|(_, memory)| *memory).fold(0.0, f64::max);
+        let context = self.context(trial, &core.excitation, core.shown());
+        let until = context.time[end - 1] + memory;
+        // A change rises from nothing, unless it is there from the start.
+        let samples = first.saturating_sub(1)..context.time.partition_point(|t| *t <= until).max(end);
+        let mut excitation = vec![vec![0.0; samples.len()]; self.muscles.len()];
+        for change in changes() {
+            let to = &mut excitation[change.muscle][change.first - samples.start..];
+            to[..change.values.len()].copy_from_slice(&change.values);
+        }
+        let context = TrialContext {
+            time: &context.time[samples.clone()],
+            recorded_angle: &context.recorded_angle[samples.clone()],
+            muscle_moment: &context.muscle_moment[samples.clone()],
+            excitation: &excitation,
+            ..context
+        };
+        let kinematics = core.prepared.kinematics();
+        let joint = JointState {
+            trial: &context,
+            angle: &kinematics.angle[samples.clone()],
+            speed: &kinematics.speed[samples.clone()],
+            acceleration: &kinematics.acceleration[samples.clone()],
+        };
+        let mut moment = vec![0.0; samples.len()];
+        following.iter().for_each(|(s, _)| s.effect.add_moment(&s.values, &joint, &mut moment));
+        let sensing: Vec<&Setting> = ordered.into_iter().filter(|s| senses(s)).collect();
+        if sensing.is_empty() {
+            return Some((samples.start, moment));
+        }
+        let mut whole = vec![0.0; core.moment.len()];
+        whole[samples].copy_from_slice(&moment);
+        Some((0, self.sensed_changes(trial, core, &sensing, [Change::Moment(&whole)]).swap_remove(0)))
+    }
+
+    /// Derivative of the muscles' moment by what changes the excitation alone.
+    ///
+    /// - `changes`: of the excitations, one per muscle that has any, over the whole trial; `distance`: between the sides that they
+    ///   are between
     fn excitation_derivative(
         &self,
         trial: usize,
@@ -238,21 +336,18 @@ impl ForwardModel {
         input: &TrialInput,
         parameters: &[MuscleParameters],
         effects: &[Setting],
-        sides: &[Vec<Setting>; 2],
+        changes: &[ExcitationChange],
         distance: f64,
     ) -> Vec<f64> {
         let context = self.context(trial, &input.excitation, core.shown());
-        let [up, down] = sides.each_ref().map(|side| self.driven(trial, &in_order(&self.acting(side)), &context).1);
         let acting = self.acting(effects);
         let ordered = in_order(&acting);
         let kinematics = core.prepared.kinematics();
         let mut out = vec![0.0; kinematics.angle.len()];
-        for (i, (tangent, p)) in tangents.iter().zip(parameters).enumerate() {
-            if up[i] == down[i] {
-                continue;
-            }
-            let change: Vec<f64> = up[i].iter().zip(&down[i]).map(|(a, b)| (a - b) / distance).collect();
-            let follows = tangent.follow(&change);
+        for change in changes {
+            let i = change.muscle;
+            let p = &parameters[i];
+            let follows = tangents[i].follow(&change.values);
             let path = &kinematics.muscles[i];
             let factor = |by: f64| {
                 let activation = path.activation.iter().zip(&follows.activation).map(|(a, d)| a + by * d);
@@ -369,5 +464,69 @@ fn step(effect: &dyn Effect) -> f64 {
     match effect.description().stage {
         Stage::Muscle | Stage::Activation => 1e-2,
         _ => 1e-4,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnosis::catalogue::effect;
+    use crate::diagnosis::silent_muscles::with_two_silent_muscles;
+
+    fn sized(id: &str, values: &[f64]) -> Setting {
+        let mut setting = Setting::absent(effect(id).unwrap());
+        setting.values[..values.len()].copy_from_slice(values);
+        setting
+    }
+
+    /// Whole simulations with silent muscles and without them: what they add to a derivative, and to the difference of moments.
+    #[test]
+    fn verif_silent_muscles_follow_what_changes_the_excitation() {
+        /// Of the difference, in scales.
+        const STEP: f64 = 0.01;
+        let forward = with_two_silent_muscles();
+        let parameters = forward.nominal_parameters();
+        let recorded = |trial: usize, effects: &[Setting]| {
+            let (variant, input) = (forward.variant(effects).unwrap(), forward.recorded_input(trial));
+            let core = forward.core(&variant, trial, &input, &parameters, effects, false).unwrap();
+            forward.recorded_moment(trial, &core, effects)
+        };
+        let rms = |values: &[f64]| (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt();
+        let less = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a - b).collect() };
+        for (id, values, limit) in [
+            ("electromechanical_delay", &[0.013][..], 0.02),
+            ("emg_nonlinearity", &[-1.0], 1e-3),
+            ("emg_gain_drift", &[0.1], 1e-3),
+            ("fatigue", &[0.3], 1e-3),
+            ("emg_crosstalk", &[0.1], 0.02),
+        ] {
+            let others = [sized(id, values), sized("time_shift", &[0.01]), sized("stretch_reflex", &[0.05])];
+            let with = [&others[..], &[sized("unmodelled_muscles", &[0.5, 0.4])]].concat();
+            for parameter in effect(id).unwrap().description().amplitudes() {
+                let scale = forward.strength.scale(&effect(id).unwrap().description().parameters[parameter]);
+                let derivative = |trial: usize, effects: &[Setting]| {
+                    let (variant, input) = (forward.variant(effects).unwrap(), forward.recorded_input(trial));
+                    let core = forward.core(&variant, trial, &input, &parameters, effects, true).unwrap();
+                    let variants = forward.difference_variants(effects, 0).unwrap();
+                    forward
+                        .effect_derivative(trial, &core, &input, &parameters, effects, 0, &variants, parameter)
+                        .unwrap()
+                };
+                let difference = |trial: usize, effects: &[Setting]| -> Vec<f64> {
+                    let side = |sign: f64| {
+                        let mut effects = effects.to_vec();
+                        effects[0].values[parameter] += sign * STEP * scale;
+                        recorded(trial, &effects)
+                    };
+                    less(&side(1.0), &side(-1.0)).iter().map(|d| d / (2.0 * STEP)).collect()
+                };
+                // The second trial: what drifts over the session starts at the first.
+                let found = less(&derivative(1, &with), &derivative(1, &others));
+                let expected = less(&difference(1, &with), &difference(1, &others));
+                let error = rms(&less(&found, &expected)) / rms(&expected);
+                println!("{id}: {error:.1e} of {:.1e}", rms(&expected));
+                assert!(rms(&expected) > 1e-5 && error < limit, "{id}: {error:.1e}");
+            }
+        }
     }
 }

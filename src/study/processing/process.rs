@@ -85,6 +85,17 @@ pub enum ProcessingError {
         /// What is wrong.
         error: PassiveError,
     },
+    /// One passive curve for arms upright and turned over.
+    #[error(
+        "{}:{line}: the arm is `flipped`: the relaxed limb's moment has its weight the other way, and one curve is subtracted from all trials",
+        file.display()
+    )]
+    ArmFlipped {
+        /// The `trials.csv`.
+        file: std::path::PathBuf,
+        /// Line of the first such trial.
+        line: usize,
+    },
     /// A recording in which no repetition was found.
     #[error("{file}: no repetition found; [processing.repetitions] does not suit this recording")]
     NoRepetition {
@@ -99,6 +110,9 @@ impl ProcessingError {
         match self {
             ProcessingError::Passive { error: PassiveError::NoRun, .. } => {
                 Some("list trials with contraction passive in trials.csv, or leave out subtract_passive")
+            }
+            ProcessingError::ArmFlipped { .. } => {
+                Some("leave out subtract_passive, or process the trials with the arm flipped as a study of their own")
             }
             ProcessingError::NoRepetition { .. } => {
                 Some("lower threshold or min_duration_s, or name other contractions there")
@@ -125,6 +139,10 @@ impl Study {
         let read: Vec<Result<ProcessedTrial, ProcessingError>> =
             infos.par_iter().map(|info| self.processed_trial(info)).collect();
         let mut trials = read.into_iter().collect::<Result<Vec<_>, _>>()?;
+        if let Some(info) = infos.iter().find(|info| settings.passive_order.is_some() && info.arm_flipped) {
+            let (file, line) = (self.folder.join("trials.csv"), info.line);
+            return Err(ProcessingError::ArmFlipped { file, line });
+        }
         let passive = settings.passive_order.map(|order| fit(&trials, order, participant)).transpose()?;
         if let Some(passive) = &passive {
             for trial in &mut trials {

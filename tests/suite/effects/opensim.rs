@@ -121,6 +121,7 @@ fn added(effect: &Setting, state: &State) -> f64 {
     let trial = TrialContext {
         time: &zero,
         session: 0.0,
+        arm_flipped: false,
         exposure: &one,
         recorded_angle: &[state.angle],
         muscle_moment: &zero,

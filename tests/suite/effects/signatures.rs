@@ -152,6 +152,35 @@ fn verif_drifts_follow_the_session() {
 }
 
 #[test]
+fn verif_an_arm_turned_over_turns_the_sign_of_gravity_alone() {
+    let with_arm = |flipped: bool| forward_with(&["passive_1"], |trial| trial.info.arm_flipped = flipped);
+    let (upright, flipped) = (with_arm(false), with_arm(true));
+    let gravity = Setting { effect: named("gravity"), values: vec![0.3, -0.2] };
+    let [up, down] = [&upright, &flipped].map(|forward| added_by(forward, 0, &gravity));
+    assert!(largest(up.iter().copied()) > 0.1);
+    assert!(largest(up.iter().zip(&down).map(|(up, down)| up + down)) < 1e-12);
+    for effect in CATALOGUE.iter().copied().filter(|e| e.description().id != "gravity") {
+        let [up, down] = [&upright, &flipped].map(|forward| added_by(forward, 0, &sized(effect, 1.0)));
+        assert!(same_bits(&up, &down), "{}", effect.description().id);
+    }
+}
+
+#[test]
+fn verif_rows_that_are_left_out_keep_their_place_in_the_session() {
+    let stems = [HELD[1], HELD[0], MOVING[1]];
+    let sessions = |forward: ForwardModel| forward.trials.iter().map(|t| t.session).collect::<Vec<_>>();
+    // Rows 10, 12 and 18 of the participant, from 0.
+    let from_the_table = forward_with(&stems, |trial| assert!([10, 12, 18].contains(&trial.info.place)));
+    assert_eq!(sessions(from_the_table), [0.0, 0.25, 1.0]);
+    assert_eq!(sessions(forward_with(&stems, |trial| trial.info.place = 0)), [0.0, 0.5, 1.0]);
+    let timed = |trial: &mut Trial| trial.info.start_time = Some(10.0 * trial.info.place as f64 - 20.0);
+    assert_eq!(sessions(forward_with(&stems, timed)), [0.0, 0.25, 1.0]);
+    // Start times of some are those of none.
+    let some = |trial: &mut Trial| trial.info.start_time = (trial.info.place == 12).then_some(1.0);
+    assert_eq!(sessions(forward_with(&stems, some)), [0.0, 0.25, 1.0]);
+}
+
+#[test]
 fn verif_a_shift_of_clocks_and_a_slow_sensor_do_nothing_to_a_constant_moment() {
     /// Of the simulated moment where it settles [N·m].
     const SETTLED: f64 = 1e-6;

@@ -69,11 +69,23 @@ fn verif_bad_cells_of_trials() {
         ("isometric,25", "isometric,125", "expected 0 to 100 percent, found `125`", ""),
         ("flexion,30", "flexor,30", "unknown direction `flexor`", "did you mean `flexion`?"),
         ("flexion,30", "flexion,thirty", "column `posture_deg`: expected an angle in degrees, found `thirty`", ""),
-        ("30,1,train", "30,1.5,train", "column `repetition`: expected 1, 2, 3 …, found `1.5`", ""),
+        ("30,1,train", "30,1.5,train", "column `repetition`: expected 0, 1, 2, 3 …, found `1.5`", ""),
         ("30,1,train", "30,1,trian", "unknown use `trian` (one of: train, test, mvc, ignore)", "`train`"),
     ] {
         says(&Folder::spoilt("trials.csv", from, to).only_error("trials.csv", 2), message, hint);
     }
+}
+
+#[test]
+fn verif_an_unknown_position_of_the_arm() {
+    let folder = Folder::good();
+    let trials = TRIALS.replace(",use\n", ",use,arm\n").replace(",train\n", ",train,fliped\n");
+    folder.write("trials.csv", trials.replace(",test\n", ",test,\n"));
+    says(
+        &folder.only_error("trials.csv", 2),
+        "`arm`: unknown position of the arm `fliped` (one of: upright, flipped)",
+        "did you mean `flipped`?",
+    );
 }
 
 #[test]
@@ -97,6 +109,10 @@ fn verif_the_same_condition_and_repetition_twice_is_a_warning() {
         "same participant, condition and repetition as the trial on line 2",
         "",
     );
+    // With the arm turned over it is another condition.
+    let trials = TRIALS.replace(",use\n", ",use,arm\n").replace(",train\n", ",train,\n").replace(",test\n", ",test,\n");
+    folder.write("trials.csv", format!("{trials}P01,data/iso2.csv,isometric,25,flexion,30,1,test,flipped\n"));
+    assert_eq!(folder.read().unwrap_or_else(|e| panic!("{e}")).warnings, []);
 }
 
 #[test]

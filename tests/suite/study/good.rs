@@ -1,7 +1,7 @@
 use approx::assert_relative_eq;
-use carpus::study::{AngleUnit, Contraction, Direction, MomentPart, Sex, Side, Study, TrialUse};
+use carpus::study::{AngleUnit, Contraction, Direction, MomentPart, Severity, Sex, Side, Study, TrialUse, write};
 
-use super::folder::{Folder, PARTICIPANTS, SAMPLES, TOML, TRIAL_HEADER};
+use super::folder::{Folder, PARTICIPANTS, SAMPLES, TOML, TRIAL_HEADER, TRIALS};
 
 #[test]
 fn verif_a_good_study_is_read_without_a_warning() {
@@ -69,6 +69,7 @@ fn verif_tables_are_read_whole() {
     assert_eq!((trial.contraction, trial.direction), (Contraction::Isotonic, Direction::Extension));
     assert_eq!((trial.usage, trial.repetition, trial.effort_percent), (TrialUse::Test, Some(1), Some(50.0)));
     assert_eq!((trial.posture, trial.start_time, trial.name()), (None, None, "dyn".to_owned()));
+    assert_eq!((trial.index, trial.place, trial.arm_flipped), (1, 1, false));
     assert_relative_eq!(study.ultrasound[0].pennation_angle.unwrap(), 9f64.to_radians());
     assert_eq!((study.ultrasound[0].fascicle_length, study.ultrasound[0].line), (None, 2));
     assert_eq!(study.input_files().len(), 7);
@@ -150,14 +151,80 @@ fn verif_reading_is_the_same_at_any_number_of_threads() {
 }
 
 #[test]
-fn verif_trial_out_of_range_of_its_coordinate_is_an_error() {
+fn verif_the_arm_may_be_flipped() {
+    let folder = Folder::good();
+    for (words, expected) in [(["", "flipped"], [false, true]), (["Upright", "upright"], [false, false])] {
+        let [first, second] = words.map(|word| format!(",{word}\n"));
+        let trials = TRIALS.replace(",use\n", ",use,arm\n").replace(",train\n", &format!(",train{first}"));
+        folder.write("trials.csv", trials.replace(",test\n", &format!(",test{second}")));
+        let study = folder.read().unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(study.trials.iter().map(|t| t.arm_flipped).collect::<Vec<_>>(), expected, "{words:?}");
+        assert_eq!(study.warnings, []);
+        // What is written is read again.
+        let trials = study.load_trials("P01").unwrap();
+        let listed: Vec<_> = trials.iter().map(|t| (t, t.info.file_as_written.clone())).collect();
+        let rows: Vec<String> = write::trial_list_rows(&listed).iter().map(|row| row.join(",")).collect();
+        folder.write("trials.csv", rows.join("\n"));
+        let again = folder.read().unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(again.trials, study.trials);
+    }
+}
+
+#[test]
+fn verif_places_are_counted_per_participant_and_ignored_rows_keep_theirs() {
+    let folder = Folder::good();
+    folder.spoil("participants.csv", "P01,", "P02,70,1.7,m,right,0.19,0.26,10,6\nP01,");
+    for name in ["a", "b"] {
+        std::fs::copy(folder.path("data/iso.csv"), folder.path(&format!("data/{name}.csv"))).unwrap();
+    }
+    let header = TRIALS.lines().next().unwrap();
+    folder.write(
+        "trials.csv",
+        format!(
+            "{header}\nP01,data/iso.csv,isometric,25,flexion,30,0,train\nP02,data/a.csv,isometric,25,flexion,30,0,train\n\
+             P01,data/b.csv,isometric,25,flexion,30,1,ignore\nP01,data/dyn.csv,isotonic,50,extension,,0,test\n"
+        ),
+    );
+    let study = folder.read().unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(study.trials_of("P01").map(|t| (t.index, t.place)).collect::<Vec<_>>(), [(0, 0), (3, 2)]);
+    assert_eq!(study.trials_of("P02").map(|t| (t.index, t.place)).collect::<Vec<_>>(), [(1, 0)]);
+    assert_eq!(study.trials[0].repetition, Some(0), "a lab may count from 0");
+}
+
+#[test]
+fn verif_a_model_that_is_not_needed_may_be_missing() {
+    let folder = Folder::good();
+    folder.write("participants.csv", "participant,model\nP01,scaled/P01.osim\nP02,\n");
+    let needing = |name: &str| Study::read_tables_for(folder.path("study.toml"), |p| p.name == name);
+    assert!(needing("P02").is_ok() && needing("nobody").is_ok());
+    let errors = needing("P01").unwrap_err().errors;
+    assert_eq!((errors.len(), errors[0].file.clone()), (1, folder.path("scaled/P01.osim")));
+    std::fs::remove_file(folder.path("wrist.osim")).unwrap();
+    assert!(needing("nobody").is_ok());
+    super::folder::says(&needing("P02").unwrap_err().errors[0], "model not found", "study.toml:3");
+}
+
+#[test]
+fn verif_trial_out_of_range_of_its_coordinate_is_a_warning_and_far_out_of_it_an_error() {
     let folder = Folder::good();
     let study = folder.read().unwrap();
     let trial = study.trial(&study.trials[1]).unwrap();
-    let range = |deg: f64| trial.check_against_range("flexion", -deg.to_radians(), deg.to_radians());
+    let range = |deg: f64| trial.check_against_range("flexion", false, [-deg.to_radians(), deg.to_radians()]);
     assert_eq!(range(35.0), None);
     assert_eq!(range(34.95), None, "an encoder's noise is allowed");
-    let problem = range(20.0).expect("35° is outside ±20°");
-    assert_eq!((problem.file.clone(), problem.line), (folder.path("data/dyn.csv"), Some(2)));
-    super::folder::says(&problem, "-20.00° to 20.00°; farthest: -35.00°", "zero and the sign");
+    for (deg, severity) in [(34.0, Severity::Warning), (23.1, Severity::Warning), (22.9, Severity::Error)] {
+        let problem = range(deg).expect("35° is outside");
+        assert_eq!(problem.severity, severity, "±{deg}°");
+        assert_eq!((problem.file.clone(), problem.line), (folder.path("data/dyn.csv"), Some(2)));
+        super::folder::says(&problem, &format!("-{deg:.2}° to {deg:.2}°; farthest: -35.00°"), "zero and the sign");
+    }
+    // The same numbers as metres.
+    let farthest = trial.angle.iter().fold(0.0_f64, |most, q| most.max(q.abs()));
+    for (beyond, severity) in [(0.019, Severity::Warning), (0.021, Severity::Error)] {
+        let [lower, upper] = [beyond - farthest, farthest - beyond];
+        let problem = trial.check_against_range("slide", true, [lower, upper]).expect("outside");
+        assert_eq!(problem.severity, severity, "{beyond} m");
+        let said = format!("a position outside the range of coordinate `slide`, {lower:.4} m to");
+        super::folder::says(&problem, &said, "");
+    }
 }

@@ -1,4 +1,4 @@
-use super::folder::{Folder, SAMPLES, TOML, TRIAL_HEADER, list, says};
+use super::folder::{Folder, SAMPLES, TOML, TRIAL_HEADER, TRIALS, list, says};
 
 /// Rewrites a trial with each row passed through `change`: time, angle, moment, two EMGs.
 fn rewritten(file: &str, change: impl Fn([f64; 5]) -> [f64; 5]) -> Folder {
@@ -109,4 +109,29 @@ fn verif_nothing_to_train_and_participants_without_trials_are_warned_of() {
     let folder = Folder::good();
     folder.spoil("participants.csv", "P01,", "P02,70,1.7,m,right,0.19,0.26,10,6\nP01,");
     says(&folder.only_warning("trials.csv", None), "participant `P02` has no trial", "");
+}
+
+#[test]
+fn verif_start_times_of_some_trials_only_are_warned_of() {
+    let folder = Folder::good();
+    let trials = TRIALS.replace(",use\n", ",use,start_time_s\n").replace(",train\n", ",train,\n");
+    folder.write("trials.csv", trials.replace(",test\n", ",test,20\n"));
+    says(
+        &folder.only_warning("trials.csv", 2),
+        "1 of 2 trials of participant `P01` have no `start_time_s`: all are taken by their order",
+        "in every row",
+    );
+    // A trial that is not read needs none.
+    folder.spoil("trials.csv", "1,train", "1,ignore");
+    let warnings = folder.read().unwrap().warnings;
+    assert_eq!(warnings.len(), 1, "{}", list(&warnings));
+    says(&warnings[0], "no trial has use `train`", "");
+}
+
+#[test]
+fn verif_the_models_own_weight_under_a_flipped_arm_is_warned_of() {
+    let folder = Folder::spoilt("study.toml", "\"passive\"]", "\"passive\", \"gravity\"]");
+    let trials = TRIALS.replace(",use\n", ",use,arm\n").replace(",train\n", ",train,\n");
+    folder.write("trials.csv", trials.replace(",test\n", ",test,flipped\n"));
+    says(&folder.only_warning("trials.csv", 3), "the weight of the model's own bodies is not turned", "out of include");
 }

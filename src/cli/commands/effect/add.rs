@@ -19,7 +19,7 @@ pub fn run(args: &EffectAddArgs, global: &Global) -> Result<(), Failure> {
     let effects = chosen(&args.chosen)?;
     let study = StudyRun::prepare_with(&args.study, args.effects.file())?;
     let outcomes = study.each(|participant| {
-        let run = study.participant(participant)?;
+        let run = study.participant_to_diagnose(participant)?;
         failure::print(&run.warnings);
         let forward = forward_model(&run)?;
         let diagnosis = known_or_made(&study, &run, &forward, global)?;

@@ -17,7 +17,7 @@ use crate::report::diagnosis::DiagnosisResult;
 pub fn run(args: &EffectAutoArgs, global: &Global) -> Result<(), Failure> {
     let study = StudyRun::prepare_with(&args.study, args.effects.file())?;
     let outcomes = study.each(|participant| {
-        let run = study.participant(participant)?;
+        let run = study.participant_to_diagnose(participant)?;
         failure::print(&run.warnings);
         let forward = forward_model(&run)?;
         let diagnosis = known_or_made(&study, &run, &forward, global)?;
