@@ -53,8 +53,10 @@ pub fn denoised(trials: &[Trial]) -> Cow<'_, [Trial]> {
 /// Standard deviation of the white noise of angles [rad]; `None` without enough samples.
 fn white_noise(trials: &[&Trial]) -> Option<f64> {
     let difference = |w: &[f64]| w.iter().zip(DIFFERENCES).map(|(q, c)| q * c).sum::<f64>().powi(2);
-    let mut squares: Vec<f64> =
-        trials.iter().flat_map(|t| t.angle.windows(DIFFERENCES.len()).map(difference)).collect();
+    // Where an encoder shows the same for a while it says nothing of its steps.
+    let changes = |w: &&[f64]| w.iter().any(|q| *q != w[0]);
+    let windows = trials.iter().flat_map(|t| t.angle.windows(DIFFERENCES.len()).filter(changes));
+    let mut squares: Vec<f64> = windows.map(difference).collect();
     squares.sort_by(f64::total_cmp);
     squares.truncate((SHARE * squares.len() as f64) as usize);
     let mean = squares.iter().sum::<f64>() / squares.len() as f64;

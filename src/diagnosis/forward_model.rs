@@ -226,25 +226,12 @@ impl ForwardModel {
         model: &MusculoskeletalModel,
         trials: &[Trial],
     ) -> Result<ForwardModel, SimulationError> {
-        Self::of_noisy_angles(spec, model, trials, DIAGNOSIS_ACCURACY)
-    }
-
-    /// As [`ForwardModel::for_diagnosis`], with another accuracy of fibre lengths.
-    ///
-    /// # Errors
-    /// As there.
-    pub fn of_noisy_angles(
-        spec: &ModelSpec,
-        model: &MusculoskeletalModel,
-        trials: &[Trial],
-        accuracy: FiberAccuracy,
-    ) -> Result<ForwardModel, SimulationError> {
         let trials = denoised(trials);
         let Some(noise) = AngleNoise::of(&trials) else {
-            return Self::with_accuracy(spec, model, &trials, accuracy);
+            return Self::with_accuracy(spec, model, &trials, DIAGNOSIS_ACCURACY);
         };
         let trials = steadied_trials(&trials, &noise);
-        let forward = Self::with_accuracy(spec, model, &trials, accuracy)?;
+        let forward = Self::with_accuracy(spec, model, &trials, DIAGNOSIS_ACCURACY)?;
         let draws = |(g, t): (usize, &TrialRecord)| noise.draws(&t.time, &t.angle, g as u64);
         let draws = forward.trials.iter().enumerate().map(draws).collect();
         Ok(ForwardModel { angle_noise: Some((noise, draws)), ..forward })

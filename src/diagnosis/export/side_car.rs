@@ -251,7 +251,7 @@ mod tests {
     fn verif_what_depends_on_the_muscles_is_a_logarithm_of_a_ratio() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/wrist.osim");
         let muscles = OsimFile::read(path).unwrap().spec.muscles;
-        for effect in CATALOGUE.iter().copied() {
+        for &effect in CATALOGUE.iter() {
             let d = effect.description();
             let values = vec![0.25; d.parameters.len()];
             let depends = effect.reported(&values, &muscles) != values;

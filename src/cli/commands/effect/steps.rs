@@ -19,7 +19,7 @@ use crate::diagnosis::moments::simulate_all;
 use crate::osim::OsimFile;
 use crate::report::ledger::{Choice, Estimate, LEDGER_SCHEMA, Ledger, Step};
 use crate::report::results::{Kind, ParameterResult, Results, rounded};
-use crate::simulation::{FiberAccuracy, MuscleParameters, MusculoskeletalModel};
+use crate::simulation::{MuscleParameters, MusculoskeletalModel};
 use crate::study::TrialUse;
 
 /// Written models whose moments differ by more of the largest moment from what was fitted get a warning.
@@ -55,9 +55,8 @@ pub fn add(
     bar.finish_and_clear();
     let fitted = fitted.map_err(|e| at_model(e.to_string()))?;
 
-    // Fits are content with less; what is reported is simulated as accurately as everywhere else, of angles as the fits saw them.
-    let accuracy = FiberAccuracy::default();
-    let forward = &ForwardModel::of_noisy_angles(&run.loaded.file.spec, &run.model, &run.trials, accuracy)
+    // Fits are content with less; what is reported is simulated as accurately as everywhere else, and of the angles as recorded.
+    let forward = &ForwardModel::new(&run.loaded.file.spec, &run.model, &run.trials)
         .map_err(|e| at_model(e.to_string()))?
         .with_given(run.given.clone());
     let mut steps = vec![written(study, run, forward, "0_base".to_owned(), None)?];
@@ -125,8 +124,7 @@ fn written(
     side_car.effects.extend(beside.into_iter().cloned());
     // What is reported is what the written files give.
     let compiled = MusculoskeletalModel::compile(&file.spec, run.model.setup()).map_err(|e| at_model(e.to_string()))?;
-    let again = ForwardModel::of_noisy_angles(&file.spec, &compiled, &run.trials, FiberAccuracy::default())
-        .map_err(|e| at_model(e.to_string()))?;
+    let again = ForwardModel::new(&file.spec, &compiled, &run.trials).map_err(|e| at_model(e.to_string()))?;
     let again = again.with_given(side_car.effects.clone());
     let moments = simulate(&again, &again.nominal_parameters(), &[])?;
     let intended = simulate(forward, &step.parameters, &step.effects)?;
