@@ -520,22 +520,7 @@ mod tests {
     use crate::study::{Contraction, Direction, TrialInfo, TrialUse};
 
     fn trial(rate: f64) -> Trial {
-        let info = TrialInfo {
-            index: 0,
-            place: 0,
-            line: 2,
-            participant: "P01".to_owned(),
-            file: "a.csv".into(),
-            file_as_written: "a.csv".to_owned(),
-            contraction: Contraction::Isotonic,
-            effort_percent: None,
-            direction: Direction::Flexion,
-            posture: None,
-            repetition: None,
-            usage: TrialUse::Train,
-            start_time: None,
-            arm_flipped: false,
-        };
+        let info = TrialInfo::example(Contraction::Isotonic, Direction::Flexion, TrialUse::Train);
         let time: Vec<f64> = (0..=(2.0 * rate) as usize).map(|k| 1.0 + k as f64 / rate).collect();
         let angle: Vec<f64> = time.iter().map(|t| 0.3 * t).collect();
         let moment = vec![2.0; time.len()];

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
+use super::ONE_BY_ONE;
 use super::diagnose::{ParameterEstimate, Request, estimates, tested_null};
 use super::effect::Effect;
 use super::fit::{Analysis, Fit, Point};
@@ -66,25 +67,13 @@ fn nearest_fit(analysis: &Analysis, refit: &Fit, starts: Vec<Point>) -> Result<F
         let deeper = analysis.deeper(&fit, None).ok().flatten();
         Ok::<_, SimulationError>(deeper.unwrap_or(fit))
     };
-    let alone = starts.len() == 1;
-    let (mut nearest, mut failed): (Option<(f64, Fit)>, _) = (None, None);
-    for found in starts.into_par_iter().with_max_len(1).map(fitted).collect::<Vec<_>>() {
-        match found {
-            Ok(fit) if alone => return Ok(fit),
-            Ok(fit) => {
-                let fall = analysis.farther_from(refit, &fit).unwrap_or(f64::NEG_INFINITY);
-                if nearest.as_ref().is_none_or(|(known, _)| fall > *known) {
-                    nearest = Some((fall, fit));
-                }
-            }
-            Err(error) => failed = failed.or(Some(error)),
-        }
-    }
-    match (nearest, failed) {
-        (Some((_, fit)), _) => Ok(fit),
-        (None, Some(error)) => Err(error),
-        (None, None) => unreachable!("every effect has a start"),
-    }
+    let mut fits = starts.into_par_iter().with_max_len(ONE_BY_ONE).map(fitted).collect::<Vec<_>>().into_iter();
+    let first = fits.next().unwrap_or_else(|| analysis.refit(refit.point.clone(), refit.levels, None, None));
+    let fall = |fit: &Fit| analysis.farther_from(refit, fit).unwrap_or(f64::NEG_INFINITY);
+    fits.flatten().fold(first, |known, fit| match known {
+        Ok(known) if fall(&fit) <= fall(&known) => Ok(known),
+        _ => Ok(fit),
+    })
 }
 
 /// Where a fit with effects starts: those fitted already as they are, the last one of every size and shape that it is looked for from.

@@ -126,22 +126,7 @@ mod tests {
     use crate::study::{Contraction, Direction, TrialInfo};
 
     fn info() -> TrialInfo {
-        TrialInfo {
-            index: 0,
-            place: 0,
-            line: 1,
-            participant: "P".to_owned(),
-            file: "t.csv".into(),
-            file_as_written: "t.csv".to_owned(),
-            contraction: Contraction::Passive,
-            effort_percent: None,
-            direction: Direction::None,
-            posture: None,
-            repetition: None,
-            usage: TrialUse::Train,
-            start_time: None,
-            arm_flipped: false,
-        }
+        TrialInfo::example(Contraction::Passive, Direction::None, TrialUse::Train)
     }
 
     /// A fast sweep there and back, and its speed.

@@ -130,22 +130,7 @@ mod tests {
     use crate::study::{Contraction, TrialUse};
 
     fn trial(moment: &[f64]) -> Trial {
-        let info = TrialInfo {
-            index: 0,
-            place: 0,
-            line: 1,
-            participant: "P".to_owned(),
-            file: "t.csv".into(),
-            file_as_written: "t.csv".to_owned(),
-            contraction: Contraction::Mvc,
-            effort_percent: None,
-            direction: Direction::Flexion,
-            posture: None,
-            repetition: None,
-            usage: TrialUse::Mvc,
-            start_time: None,
-            arm_flipped: false,
-        };
+        let info = TrialInfo::example(Contraction::Mvc, Direction::Flexion, TrialUse::Mvc);
         let time = (0..moment.len()).map(|i| 0.01 * i as f64).collect();
         Trial::from_samples(info, time, vec![0.0; moment.len()], moment.to_vec(), Vec::new())
     }

@@ -74,6 +74,27 @@ impl TrialInfo {
         word_of(&ARM_WORDS, self.arm_flipped)
     }
 
+    /// A trial of nothing in particular, for tests.
+    #[cfg(test)]
+    pub(crate) fn example(contraction: Contraction, direction: Direction, usage: TrialUse) -> TrialInfo {
+        TrialInfo {
+            index: 0,
+            place: 0,
+            line: 2,
+            participant: "P01".to_owned(),
+            file: "trial.csv".into(),
+            file_as_written: "trial.csv".to_owned(),
+            contraction,
+            effort_percent: None,
+            direction,
+            posture: None,
+            repetition: None,
+            usage,
+            start_time: None,
+            arm_flipped: false,
+        }
+    }
+
     /// A short name: the file's name without extension.
     pub fn name(&self) -> String {
         self.file.file_stem().map_or_else(|| format!("trial_{}", self.index + 1), |s| s.to_string_lossy().into_owned())
