@@ -9,7 +9,7 @@ use super::diagnose::{ParameterEstimate, Request, estimates, tested_null};
 use super::effect::Effect;
 use super::fit::{Analysis, Fit, Point};
 use super::forward_model::Setting;
-use super::strength::Strength;
+use super::joint_traits::JointTraits;
 use crate::simulation::{MuscleParameters, SimulationError};
 use crate::study::TrialUse;
 
@@ -86,19 +86,19 @@ fn starts(analysis: &Analysis, refit: &Fit, before: &Fit, effects: &[&'static dy
     let score = left.iter().flat_map(|l| &l.blocks).find(|b| b.name == last.description().id);
     let one_step = score.map(|score| score.one_step.as_slice());
     let with = |setting| Point { effects: [&point.effects[..], &[setting]].concat(), ..point.clone() };
-    first_settings(*last, one_step, &analysis.forward.strength).into_iter().map(with).collect()
+    first_settings(*last, one_step, &analysis.forward.joint).into_iter().map(with).collect()
 }
 
 /// Sizes and shapes of an effect that its fits start from: the usual shape at its one-step estimate, then the others of
 /// [`Setting::starts`].
 ///
 /// - `one_step`: of its amplitudes at the usual shape, in units of their scales
-fn first_settings(effect: &'static dyn Effect, one_step: Option<&[f64]>, strength: &Strength) -> Vec<Setting> {
-    let mut settings = Setting::starts(effect, strength);
+fn first_settings(effect: &'static dyn Effect, one_step: Option<&[f64]>, joint: &JointTraits) -> Vec<Setting> {
+    let mut settings = Setting::starts(effect, joint);
     let description = effect.description();
     if let (Some(usual), Some(sizes)) = (settings.first_mut(), one_step) {
         for (p, size) in description.amplitudes().zip(sizes) {
-            usual.values[p] = size.clamp(-LARGEST_START, LARGEST_START) * strength.scale(&description.parameters[p]);
+            usual.values[p] = size.clamp(-LARGEST_START, LARGEST_START) * joint.scale(&description.parameters[p]);
         }
     }
     settings
@@ -127,20 +127,20 @@ mod tests {
 
     #[test]
     fn verif_an_effect_is_fitted_from_every_size_and_shape_that_it_is_looked_for_from() {
-        let strength = Strength(2.0);
+        let joint = JointTraits { strength: 2.0, neutral_angle: 0.3 };
         for effect in CATALOGUE.iter().copied() {
             let description = effect.description();
             let amplitudes: Vec<usize> = description.amplitudes().collect();
             let one_step: Vec<f64> = (0..amplitudes.len()).map(|i| if i == 0 { 0.5 } else { 40.0 }).collect();
-            let settings = first_settings(effect, Some(&one_step), &strength);
+            let settings = first_settings(effect, Some(&one_step), &joint);
             for (i, p) in amplitudes.iter().enumerate() {
                 let scales = if i == 0 { 0.5 } else { LARGEST_START };
-                let expected = scales * strength.scale(&description.parameters[*p]);
+                let expected = scales * joint.scale(&description.parameters[*p]);
                 assert_eq!(settings[0].values[*p], expected, "{}", description.id);
             }
-            assert_eq!(settings[1..], Setting::starts(effect, &strength)[1..], "{}", description.id);
+            assert_eq!(settings[1..], Setting::starts(effect, &joint)[1..], "{}", description.id);
         }
-        let of = |id: &str| first_settings(effect(id).unwrap(), None, &strength);
+        let of = |id: &str| first_settings(effect(id).unwrap(), None, &joint);
         // On either side alone; far from none.
         assert_eq!(of("ligament_stop").len(), 3);
         assert!(of("joint_compliance")[1].values[0] > 0.0);

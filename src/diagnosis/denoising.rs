@@ -1,19 +1,22 @@
 //! White noise of the recorded angle, as of an encoder's steps, taken out: differentiated once it drowns what depends on speed, twice
 //! what depends on acceleration.
 //!
-//! The angle is smoothed by local cubic regression with Gaussian weights, all trials over the same time: the one of least
-//! expected error (Mallows' Cp at the noise's known variance). What noise is left is then smooth, and judged as such (see
-//! [`super::angle_noise`]). An angle without noticeable white noise stays as it is, to the last bit.
+//! A movement in a machine is rest and constant speed most of the time, and for short whiles anything but. So the angle is taken for a
+//! twice integrated acceleration whose increments are rare and large (Student's t), recorded with white noise of a known variance: a
+//! Kalman smoother, the variance of every increment by expectation-maximization. What is at rest comes out at rest; a smoother of one
+//! width leaves noise there that friction, of the wrong sign, is found to cancel. The scale of the increments is the one by which
+//! every other sample is best foretold from the rest. An angle without noticeable white noise stays as it is, to the last bit.
 //!
 //! # References
-//! Mallows (1973), Some comments on Cp, doi:10.1080/00401706.1973.10489103.
-//! Fan & Gijbels (1996), Local Polynomial Modelling and Its Applications, chapter 3.
+//! Rauch, Tung & Striebel (1965), Maximum likelihood estimates of linear dynamic systems (the smoother), doi:10.2514/3.3166.
+//! Fahrmeir & Künstler (1999), Penalized likelihood smoothing in robust state space models, doi:10.1007/s001840050007.
+//! Lange, Little & Taylor (1989), Robust statistical modeling using the t distribution, doi:10.1080/01621459.1989.10478852.
 //! Gasser, Sroka & Jennen-Steinmetz (1986), Residual variance and residual pattern in nonlinear regression (the variance from
 //! differences), doi:10.1093/biomet/73.3.625.
 
 use std::borrow::Cow;
 
-use nalgebra::{Matrix4, Vector4};
+use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 use super::angle_noise::{HELD_RANGE, range};
@@ -27,10 +30,27 @@ const SHARE: f64 = 0.8;
 const OF_SHARE: f64 = 0.437;
 /// Fifth differences of white noise have 252 times its variance.
 const DIFFERENCES: [f64; 6] = [-1.0, 5.0, -10.0, 10.0, -5.0, 1.0];
-/// Weights are cut off at so many widths.
-const REACH: f64 = 3.0;
-/// Widths that are tried, in sample intervals.
-const WIDTHS: [f64; 9] = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0];
+/// Scales of the acceleration's increments that are tried [rad/s^2.5].
+const SCALES: [f64; 5] = [0.2, 0.5, 1.5, 5.0, 15.0];
+/// A scale that foretells worse than the best by less than this share is as good: the smallest leaves most at rest.
+const AS_GOOD: f64 = 0.05;
+/// What is foretold worse than by so many standard deviations of the noise counts no more than that.
+const MOST: f64 = 5.0;
+/// Samples at either end that are not foretold.
+const ENDS: usize = 4;
+/// Degrees of freedom of their distribution: few, most are nothing beside a few.
+const DEGREES_OF_FREEDOM: f64 = 0.3;
+/// Increments at either end that are of the usual size.
+const OUTERMOST: usize = 3;
+/// Standard deviations of speed [rad/s] and acceleration [rad/s²] at the first sample.
+const AT_FIRST: [f64; 2] = [2.0, 20.0];
+/// Steps of expectation-maximization.
+const STEPS: usize = 10;
+/// Inverse of the covariance of what an acceleration's white increments do over one unit of time to angle, speed and acceleration.
+const PRECISION: [[f64; 3]; 3] = [[720.0, -360.0, 60.0], [-360.0, 192.0, -36.0], [60.0, -36.0, 9.0]];
+/// That covariance.
+const COVARIANCE: [[f64; 3]; 3] =
+    [[1.0 / 20.0, 1.0 / 8.0, 1.0 / 6.0], [1.0 / 8.0, 1.0 / 3.0, 1.0 / 2.0], [1.0 / 6.0, 1.0 / 2.0, 1.0]];
 
 /// Trials whose angles are without white noise.
 ///
@@ -41,10 +61,10 @@ pub fn denoised(trials: &[Trial]) -> Cow<'_, [Trial]> {
     let Some(noise) = white_noise(&moving).filter(|noise| *noise > NOTICEABLE) else {
         return Cow::Borrowed(trials);
     };
-    let width = best_width(&moving, noise);
+    let scale = best_scale(&moving, noise);
     let smooth = |trial: &Trial| {
         let mut trial = trial.clone();
-        trial.angle = smoothed(&trial.time, &trial.angle, width).0;
+        trial.angle = smoothed(&trial.time, &trial.angle, |_| true, noise, scale);
         trial
     };
     Cow::Owned(trials.par_iter().map(smooth).collect())
@@ -64,56 +84,140 @@ fn white_noise(trials: &[&Trial]) -> Option<f64> {
     (!squares.is_empty()).then(|| (mean / (OF_SHARE * of_white)).sqrt())
 }
 
-/// Width of the weights [s] with which the expected error of the angles is least.
-fn best_width(trials: &[&Trial], noise: f64) -> f64 {
-    let mut steps: Vec<f64> = trials.iter().map(|t| t.duration() / (t.len() - 1) as f64).collect();
-    steps.sort_by(f64::total_cmp);
-    let step = steps[steps.len() / 2];
-    let risk = |width: f64| -> f64 {
+/// Scale of the acceleration's increments [rad/s^2.5] with which every other sample is foretold from the rest, the smallest that does
+/// so as well as any.
+fn best_scale(trials: &[&Trial], noise: f64) -> f64 {
+    let missed = |scale: f64| -> f64 {
         let of_trial = |t: &&Trial| {
-            let (smooth, trace) = smoothed(&t.time, &t.angle, width);
-            let left: f64 = t.angle.iter().zip(&smooth).map(|(q, s)| (q - s).powi(2)).sum();
-            left + 2.0 * noise * noise * trace
+            let half = |parity: usize| -> f64 {
+                let foretold = smoothed(&t.time, &t.angle, |k| k % 2 == parity, noise, scale);
+                let hidden = (ENDS..t.len().saturating_sub(ENDS)).filter(|k| k % 2 != parity);
+                hidden.map(|k| (t.angle[k] - foretold[k]).powi(2).min((MOST * noise).powi(2))).sum()
+            };
+            half(0) + half(1)
         };
-        trials.par_iter().map(of_trial).collect::<Vec<_>>().iter().sum()
+        trials.par_iter().map(of_trial).collect::<Vec<f64>>().iter().sum()
     };
-    let risks: Vec<f64> = WIDTHS.iter().map(|w| risk(w * step)).collect();
-    let least = (0..WIDTHS.len()).min_by(|i, j| risks[*i].total_cmp(&risks[*j])).unwrap_or(0);
-    WIDTHS[least] * step
+    let errors = SCALES.map(missed);
+    let least = errors.iter().copied().fold(f64::INFINITY, f64::min);
+    let as_good = errors.iter().position(|e| *e <= (1.0 + AS_GOOD) * least).unwrap_or(0);
+    SCALES[as_good]
 }
 
-/// A series smoothed by local cubic regression, and the trace of the matrix that does so.
-fn smoothed(time: &[f64], series: &[f64], width: f64) -> (Vec<f64>, f64) {
-    let (mut first, mut end, mut trace) = (0, 0, 0.0);
-    let mut out = Vec::with_capacity(series.len());
-    for (k, now) in time.iter().enumerate() {
-        while time[first] < now - REACH * width {
-            first += 1;
-        }
-        while end < time.len() && time[end] <= now + REACH * width {
-            end += 1;
-        }
-        let (mut products, mut right) = (Matrix4::zeros(), Vector4::zeros());
-        for j in first..end {
-            let u = (time[j] - now) / width;
-            let powers = Vector4::new(1.0, u, u * u, u * u * u);
-            let weight = (-0.5 * u * u).exp();
-            products += weight * powers * powers.transpose();
-            right += weight * series[j] * powers;
-        }
-        // With fewer than four samples within reach it stays as it is.
-        match (end - first >= 4).then(|| products.cholesky()).flatten() {
-            Some(solver) => {
-                out.push(solver.solve(&right)[0]);
-                trace += solver.solve(&Vector4::x())[0];
-            }
-            None => {
-                out.push(series[k]);
-                trace += 1.0;
-            }
+/// What a Kalman filter knows at a sample: before the sample, and with it.
+struct Known {
+    before: (Vector3<f64>, Matrix3<f64>),
+    with: (Vector3<f64>, Matrix3<f64>),
+    /// From the sample before, in units of the usual interval.
+    step: f64,
+}
+
+/// An angle [rad] without its noise.
+///
+/// - `time`: of the samples [s]; `seen`: whether a sample, by its position, is looked at
+/// - `noise`: standard deviation [rad]; `scale`: of the acceleration's increments [rad/s^2.5]
+fn smoothed(time: &[f64], angle: &[f64], seen: impl Fn(usize) -> bool, noise: f64, scale: f64) -> Vec<f64> {
+    let n = angle.len();
+    let unit = (time[n - 1] - time[0]) / (n.max(2) - 1) as f64;
+    if n <= 2 * OUTERMOST || !(unit > 0.0) {
+        return angle.to_vec();
+    }
+    // Speed and acceleration are per unit of time, noise is 1: all is of the same order.
+    let usual = scale * scale * unit.powi(5) / (noise * noise);
+    let start = angle[0];
+    let series: Vec<f64> = angle.iter().map(|q| (q - start) / noise).collect();
+    // Of the angle there the samples tell more than enough.
+    let widest = 10.0 + 10.0 * series.iter().fold(0.0_f64, |most, q| most.max(q.abs()));
+    let [speed, acceleration] = AT_FIRST;
+    let first = Vector3::new(widest, speed * unit / noise, acceleration * unit * unit / noise);
+    let mut increments = vec![usual; n];
+    let mut out = Vec::new();
+    for _ in 0..STEPS {
+        let known = filtered(time, &series, &seen, &increments, (unit, first));
+        let squares;
+        (out, squares) = followed_back(&known);
+        let freedom = DEGREES_OF_FREEDOM;
+        // At either end a rare large increment would do for the noise of a sample.
+        let inner = OUTERMOST..n - OUTERMOST;
+        for (increment, square) in increments[inner.clone()].iter_mut().zip(&squares[inner]) {
+            *increment = (freedom * usual + square) / (freedom + 3.0);
         }
     }
-    (out, trace)
+    out.iter().map(|q| start + noise * q).collect()
+}
+
+/// Forward over the samples.
+///
+/// - `increments`: variances, by the sample after them; `unit`: of time [s]; `first`: standard deviations at the first sample
+fn filtered(
+    time: &[f64],
+    series: &[f64],
+    seen: impl Fn(usize) -> bool,
+    increments: &[f64],
+    (unit, first): (f64, Vector3<f64>),
+) -> Vec<Known> {
+    let mut state = Vector3::zeros();
+    let mut covariance = Matrix3::from_diagonal(&first.component_mul(&first));
+    let mut known = Vec::with_capacity(series.len());
+    for k in 0..series.len() {
+        let step = if k == 0 { 1.0 } else { ((time[k] - time[k - 1]) / unit).max(1e-3) };
+        if k > 0 {
+            let (motion, spread) = (motion(step), spread(step) * increments[k]);
+            state = motion * state;
+            covariance = motion * covariance * motion.transpose() + spread;
+        }
+        let before = (state, covariance);
+        if seen(k) {
+            let gain = covariance.column(0) / (covariance[(0, 0)] + 1.0);
+            state += gain * (series[k] - state[0]);
+            covariance -= gain * covariance.row(0);
+            covariance = 0.5 * (covariance + covariance.transpose());
+        }
+        known.push(Known { before, with: (state, covariance), step });
+    }
+    known
+}
+
+/// Backward over the samples: angles; and at every sample from the second the expected square of the increment before it.
+fn followed_back(known: &[Known]) -> (Vec<f64>, Vec<f64>) {
+    let n = known.len();
+    let (mut state, mut covariance) = known[n - 1].with;
+    let mut angles = vec![state[0]; n];
+    let mut squares = vec![0.0; n];
+    for k in (0..n - 1).rev() {
+        let (next, own) = (&known[k + 1], &known[k].with);
+        let motion = motion(next.step);
+        let Some(inverse) = next.before.1.try_inverse() else {
+            (state, covariance) = *own;
+            angles[k] = state[0];
+            continue;
+        };
+        let back = own.1 * motion.transpose() * inverse;
+        let earlier = own.0 + back * (state - next.before.0);
+        let earlier_covariance = own.1 + back * (covariance - next.before.1) * back.transpose();
+        let jump = state - motion * earlier;
+        let cross = motion * back * covariance;
+        let variance = covariance - cross - cross.transpose() + motion * earlier_covariance * motion.transpose();
+        squares[k + 1] = (precision(next.step) * (variance + jump * jump.transpose())).trace().max(0.0);
+        (state, covariance) = (earlier, earlier_covariance);
+        angles[k] = state[0];
+    }
+    (angles, squares)
+}
+
+/// Angle, speed and acceleration after a step of constant acceleration.
+fn motion(step: f64) -> Matrix3<f64> {
+    Matrix3::new(1.0, step, 0.5 * step * step, 0.0, 1.0, step, 0.0, 0.0, 1.0)
+}
+
+/// What increments of variance 1 per unit of time do to them over a step.
+fn spread(step: f64) -> Matrix3<f64> {
+    Matrix3::from_fn(|i, j| COVARIANCE[i][j] * step.powi(5 - (i + j) as i32))
+}
+
+/// Its inverse.
+fn precision(step: f64) -> Matrix3<f64> {
+    Matrix3::from_fn(|i, j| PRECISION[i][j] * step.powi((i + j) as i32 - 5))
 }
 
 #[cfg(test)]
@@ -157,6 +261,27 @@ mod tests {
         };
         let count: usize = trials.iter().map(|t| t.len() - 2).sum();
         (trials.iter().map(of_trial).sum::<f64>() / count as f64).sqrt()
+    }
+
+    #[test]
+    fn verif_precision_is_the_inverse_of_the_covariance() {
+        for step in [0.5, 1.0, 3.0] {
+            let product = spread(step) * precision(step);
+            assert!((product - Matrix3::identity()).amax() < 1e-9, "{product}");
+        }
+    }
+
+    #[test]
+    fn verif_a_joint_at_rest_comes_out_at_rest() {
+        let noisy = trials(|rng, q| q + 0.005 * normal(rng), 100.0);
+        for trial in denoised(&noisy).iter() {
+            let at_rest = |t: f64| t > 2.4;
+            let pairs = trial.angle.windows(2).zip(&trial.time).filter(|(_, t)| at_rest(**t));
+            let speeds: Vec<f64> = pairs.map(|(q, _)| ((q[1] - q[0]) / 0.01).abs()).collect();
+            let mean = speeds.iter().sum::<f64>() / speeds.len() as f64;
+            // Of 0.4 rad/s before.
+            assert!(mean < 0.01, "{mean} rad/s");
+        }
     }
 
     #[test]

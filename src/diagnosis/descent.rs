@@ -201,7 +201,7 @@ impl Analysis<'_> {
     /// - `further`: effects, one at a time
     /// - `wanted`: how many points are asked for; there may be more or fewer
     pub(super) fn screened(&self, start: &Point, further: Vec<Setting>, wanted: usize) -> Vec<Point> {
-        let Ok(start) = self.begin(start.clone(), NoiseLevels::usual(self.forward.strength.0)) else {
+        let Ok(start) = self.begin(start.clone(), NoiseLevels::usual(self.forward.joint.strength)) else {
             return Vec::new();
         };
         let first = |setting: Setting| {
@@ -371,7 +371,7 @@ impl Analysis<'_> {
 
     /// A fit with usual noise: while the model is far off, its errors would be taken for noise.
     pub(super) fn rough_fit(&self, start: Point) -> Result<Descent, SimulationError> {
-        let mut descent = self.begin(start, NoiseLevels::usual(self.forward.strength.0))?;
+        let mut descent = self.begin(start, NoiseLevels::usual(self.forward.joint.strength))?;
         self.descend(&mut descent, ROUGH_STEPS, ROUGHLY);
         Ok(descent)
     }

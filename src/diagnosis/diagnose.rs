@@ -352,10 +352,7 @@ impl Judge<'_> {
                     .filter(|(i, _)| score.information[(*i, *i)] > 1e-9)
                     .map(|(i, p)| {
                         let p = &description.parameters[p];
-                        (
-                            p.name,
-                            DETECTABLE_Z * self.request.forward.strength.scale(p) / score.information[(i, i)].sqrt(),
-                        )
+                        (p.name, DETECTABLE_Z * self.request.forward.joint.scale(p) / score.information[(i, i)].sqrt())
                     })
                     .collect();
                 Some(Candidate {
@@ -412,7 +409,7 @@ pub fn estimates(fit: &Fit, forward: &ForwardModel) -> BTreeMap<String, Paramete
         let description = setting.effect.description();
         let reported = setting.effect.reported(&setting.values, &forward.muscles);
         for (i, p) in description.parameters.iter().enumerate() {
-            let half = WIDENED * 1.96 * fit.covariance[(column, column)].max(0.0).sqrt() * forward.strength.scale(p);
+            let half = WIDENED * 1.96 * fit.covariance[(column, column)].max(0.0).sqrt() * forward.joint.scale(p);
             let side = |sign: f64| {
                 let mut values = setting.values.clone();
                 values[i] += sign * half;
@@ -425,7 +422,7 @@ pub fn estimates(fit: &Fit, forward: &ForwardModel) -> BTreeMap<String, Paramete
                     value: reported[i],
                     unit: p.unit,
                     ci95: [a.min(b), a.max(b)],
-                    plausible: forward.strength.plausible(p),
+                    plausible: forward.joint.plausible(p),
                 },
             );
             column += 1;

@@ -60,6 +60,9 @@ pub struct Parameter {
     pub scale: f64,
     /// Plausible range at a wrist, as reported.
     pub plausible: [f64; 2],
+    /// How `start` and `plausible` move with the joint's neutral angle: 1 with it (an angle), -1 against it (an angle whose positive
+    /// direction is the other), 0 not at all.
+    pub moves_with_neutral: f64,
     /// Where the range comes from.
     pub source: &'static str,
 }
@@ -102,6 +105,8 @@ pub struct TrialContext<'a> {
     pub exposure: &'a [f64],
     /// Recorded angle of the coordinate [rad].
     pub recorded_angle: &'a [f64],
+    /// Angle about which the joint's passive properties lie [rad].
+    pub neutral_angle: f64,
     /// Simulated moment of the muscles [N·m] without the effects that ask for it ([`Effect::needs_moment`]), but with those that
     /// act back on it ([`Effect::feeds_back`]); empty if none asks.
     pub muscle_moment: &'a [f64],
@@ -205,7 +210,8 @@ pub trait Effect: Sync {
         false
     }
 
-    /// Values, amplitudes 0, that fits also start from: shapes so far from the usual one that a fit from there may not arrive.
+    /// Values, amplitudes 0, that fits also start from: shapes so far from the usual one that a fit from there may not arrive. As at a
+    /// joint whose neutral angle is 0.
     fn further_starts(&self) -> &'static [&'static [f64]] {
         &[]
     }
@@ -264,8 +270,10 @@ pub trait Effect: Sync {
     }
 
     /// What gives the moment of [`Effect::add_moment`] in stock OpenSim 4.6; `None` if nothing does.
-    fn native_form(&self, values: &[f64]) -> Option<NativeForm> {
-        let _ = values;
+    ///
+    /// - `neutral_angle`: of the joint [rad]
+    fn native_form(&self, values: &[f64], neutral_angle: f64) -> Option<NativeForm> {
+        let _ = (values, neutral_angle);
         None
     }
 
@@ -307,7 +315,7 @@ pub(crate) const fn amplitude(
     plausible: [f64; 2],
     source: &'static str,
 ) -> Parameter {
-    Parameter { name, unit, role: Role::Amplitude, start: 0.0, scale, plausible, source }
+    Parameter { name, unit, role: Role::Amplitude, start: 0.0, scale, plausible, moves_with_neutral: 0.0, source }
 }
 
 /// A shape: `start` with standard deviation `scale`.
@@ -319,7 +327,21 @@ pub(crate) const fn shape(
     plausible: [f64; 2],
     source: &'static str,
 ) -> Parameter {
-    Parameter { name, unit, role: Role::Shape, start, scale, plausible, source }
+    Parameter { name, unit, role: Role::Shape, start, scale, plausible, moves_with_neutral: 0.0, source }
+}
+
+/// A shape that is an angle of the coordinate, as at a joint whose neutral angle is 0.
+///
+/// - `direction`: 1, or -1 if it is positive where the coordinate decreases
+pub(crate) const fn angle(
+    name: &'static str,
+    direction: f64,
+    start: f64,
+    scale: f64,
+    plausible: [f64; 2],
+    source: &'static str,
+) -> Parameter {
+    Parameter { moves_with_neutral: direction, ..shape(name, "rad", start, scale, plausible, source) }
 }
 
 /// Multiplies a property of all muscles by eʳ, as `change` does it with the factor. Returns whether r is not 0.

@@ -224,7 +224,7 @@ impl<'a> Analysis<'a> {
         for setting in &point.effects {
             for (p, value) in setting.effect.description().parameters.iter().zip(&setting.values) {
                 precision.push(if p.role == Role::Shape { 1.0 } else { AMPLITUDE_PRECISION });
-                offset.push((value - p.start) / self.forward.strength.scale(p));
+                offset.push((value - self.forward.joint.start(p)) / self.forward.joint.scale(p));
             }
         }
         (precision, offset)
@@ -267,7 +267,7 @@ impl<'a> Analysis<'a> {
         for setting in &mut point.effects {
             let stage = setting.effect.description().stage;
             for (p, value) in setting.effect.description().parameters.iter().zip(&mut setting.values) {
-                let scale = self.forward.strength.scale(p);
+                let scale = self.forward.joint.scale(p);
                 let limit = scale
                     * match (p.role, stage) {
                         (Role::Shape, _) => 3.0,
@@ -275,11 +275,13 @@ impl<'a> Analysis<'a> {
                         (_, Stage::Muscle | Stage::Activation) => 5.0,
                         _ => 30.0,
                     };
-                let [mut low, mut high] = [p.start - limit, p.start + limit];
+                let start = self.forward.joint.start(p);
+                let [mut low, mut high] = [start - limit, start + limit];
                 if p.role == Role::Shape {
-                    let [least, most] = self.forward.strength.plausible(p);
+                    let [least, most] = self.forward.joint.plausible(p);
                     // What is always positive stays so.
-                    let least_of_all = if least > 0.0 { 0.0 } else { f64::NEG_INFINITY };
+                    let zero = start - p.start;
+                    let least_of_all = if least > zero { zero } else { f64::NEG_INFINITY };
                     (low, high) = (low.max(least_of_all).min(least), high.max(most));
                 }
                 *value = (*value + step[column] * scale).clamp(low, high);

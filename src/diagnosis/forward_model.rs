@@ -11,8 +11,8 @@ use super::catalogue::position;
 use super::denoising::denoised;
 use super::effect::{Effect, JointState, MuscleState, Role, Stage, TrialContext};
 use super::holds::steadied_trials;
+use super::joint_traits::JointTraits;
 use super::silent_muscles::SilentMuscles;
-use super::strength::Strength;
 use super::trial_record::{TrialRecord, records};
 pub use derivatives::{Change, ExcitationChange};
 use nalgebra::DMatrix;
@@ -46,21 +46,21 @@ impl PartialEq for Setting {
 }
 
 impl Setting {
-    /// The effect, absent.
+    /// The effect, absent; of the usual shape at a joint whose neutral angle is 0.
     pub fn absent(effect: &'static dyn Effect) -> Setting {
         Setting { effect, values: effect.description().absent() }
     }
 
     /// Sizes and shapes of an effect that fits start from: none of the usual shape, and of others that the effect names; and where
     /// the moment acts back on itself a large one, too, because what is fitted from none may end in another valley.
-    pub fn starts(effect: &'static dyn Effect, strength: &Strength) -> Vec<Setting> {
-        let mut sizes = vec![Setting::absent(effect)];
-        sizes.extend(effect.further_starts().iter().map(|values| Setting { effect, values: values.to_vec() }));
+    pub fn starts(effect: &'static dyn Effect, joint: &JointTraits) -> Vec<Setting> {
+        let mut sizes = vec![joint.absent(effect)];
+        sizes.extend(effect.further_starts().iter().map(|values| joint.at_neutral_angle(effect, values)));
         if effect.feeds_back() {
-            let mut large = Setting::absent(effect);
+            let mut large = joint.absent(effect);
             let description = effect.description();
             for i in description.amplitudes() {
-                large.values[i] = LARGE_SIZE * strength.plausible(&description.parameters[i])[1];
+                large.values[i] = LARGE_SIZE * joint.plausible(&description.parameters[i])[1];
             }
             sizes.push(large);
         }
@@ -87,8 +87,8 @@ pub struct ForwardModel {
     /// Noise of the recorded angle, and draws of it per trial; none: the angle is exact.
     angle_noise: Option<(AngleNoise, Vec<Vec<Disturbance>>)>,
     silent_muscles: SilentMuscles,
-    /// How strong the joint is beside a wrist.
-    pub strength: Strength,
+    /// How strong the joint is beside a wrist, and where its middle is.
+    pub joint: JointTraits,
     model: MusculoskeletalModel,
     base: Vec<PreparedTrial>,
     options: Options,
@@ -209,7 +209,7 @@ impl ForwardModel {
             given: Vec::new(),
             angle_noise: None,
             silent_muscles: SilentMuscles::of(spec, model, &base),
-            strength: Strength::of(trials),
+            joint: JointTraits::of(trials, spec.coordinates[model.coordinate().0].range),
             model: model.clone(),
             base,
             options,
@@ -295,6 +295,7 @@ impl ForwardModel {
             arm_flipped: record.info.arm_flipped,
             exposure: &record.exposure,
             recorded_angle: &record.angle,
+            neutral_angle: self.joint.neutral_angle,
             muscle_moment,
             directions: &self.directions,
             excitation,
@@ -526,7 +527,7 @@ impl ForwardModel {
         let mut draws = self.drawn_moments(trial, core, &context, &in_order(&effects));
         let (noise, disturbances) = self.angle_noise.as_ref()?;
         let drag = self.model.setup().dynamometer_damping;
-        if drag * noise.sd / noise.length > NOTICEABLE_DRAG * self.strength.0 {
+        if drag * noise.sd / noise.length > NOTICEABLE_DRAG * self.joint.strength {
             // What effects do not see acts all the same: with it left out, a friction that cancels it would be found.
             draws.resize(disturbances[trial].len(), vec![0.0; context.time.len()]);
             for (moment, draw) in draws.iter_mut().zip(&disturbances[trial]) {

@@ -100,8 +100,8 @@ fn after_session(
     recordings: &[Trial],
 ) -> Result<ForwardModel, SimulationError> {
     let mut then = ForwardModel::new(spec, model, recordings)?.with_given(session.given().to_vec());
-    // Columns are in units of scales that go with it.
-    then.strength = session.strength;
+    // Columns are in units of scales that go with its strength.
+    then.joint = session.joint;
     let used = session.trials.last().map(TrialRecord::exposure_after).unwrap_or_default();
     for trial in &mut then.trials {
         trial.session = 1.0;
@@ -222,10 +222,10 @@ mod tests {
         let largest = plain.trials.iter().flat_map(|t| &t.moment).fold(0.0_f64, |most, m| most.max(m.abs()));
         // Three times the largest moment of wrists.
         let (strong, spec, model) = session(60.0 / largest);
-        assert!((strong.strength.0 - 3.0).abs() < 1e-9, "{:?}", strong.strength);
+        assert!((strong.joint.strength - 3.0).abs() < 1e-9, "{:?}", strong.joint);
         let recordings = &experiments(&strong, [-0.6, 0.6])[0].recordings;
         let then = after_session(&strong, &spec, &model, recordings).unwrap();
-        assert_eq!(then.strength, strong.strength);
+        assert_eq!(then.joint, strong.joint);
         // So that sizes, in scales, mean the same of both: a scale of 0.1 N·m at a wrist, and a share of it per rad.
         assert!(column(&then, "torque_offset").iter().all(|m| (m - 0.3).abs() < 1e-9));
         let [weak, own] = [&session(1.0).0, &strong].map(|session| {

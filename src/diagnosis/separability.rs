@@ -72,7 +72,7 @@ pub fn separability(request: &Request, truth: &Setting) -> Result<Vec<Distance>,
     };
     let none = Distance { rival: None, z: near(&[])?.max(0.0).sqrt() };
     let of_rival = |rival: &&'static dyn Effect| {
-        let starts = Setting::starts(*rival, &forward.strength);
+        let starts = Setting::starts(*rival, &forward.joint);
         let least = starts.into_iter().filter_map(|start| near(&[start]).ok()).fold(f64::INFINITY, f64::min);
         // With the rival's size 0 the model does what it does without it.
         least

@@ -9,6 +9,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::effect::Effect;
 use super::forward_model::{ForwardModel, Setting};
+use super::joint_traits::JointTraits;
 use super::moments::simulate_all;
 use crate::osim::spec::MuscleSpec;
 use crate::simulation::{MuscleParameters, SimulationError};
@@ -112,6 +113,7 @@ pub enum SynthesisError {
 ///
 /// - `values`: names and values of parameters, in the units that the catalogue reports
 /// - `muscles`: of the model, for parameters that are properties of muscles
+/// - `joint`: for shapes that are not named
 ///
 /// # Errors
 /// An unknown parameter; a value out of reach.
@@ -119,9 +121,10 @@ pub fn sized(
     effect: &'static dyn Effect,
     values: &[(String, f64)],
     muscles: &[MuscleSpec],
+    joint: &JointTraits,
 ) -> Result<Setting, SynthesisError> {
     let description = effect.description();
-    let mut setting = Setting::absent(effect);
+    let mut setting = joint.absent(effect);
     for (name, value) in values {
         let Some(i) = description.parameters.iter().position(|p| p.name == name) else {
             let known = description.parameters.iter().map(|p| p.name).collect();

@@ -16,6 +16,7 @@ use crate::diagnosis::catalogue::{CATALOGUE, effect};
 use crate::diagnosis::diagnose::{Diagnosis, Outcome, Request, Verdict, diagnose, is_determined};
 use crate::diagnosis::effect::Effect;
 use crate::diagnosis::forward_model::{ForwardModel, Setting};
+use crate::diagnosis::joint_traits::JointTraits;
 use crate::diagnosis::moments::simulate_all;
 use crate::diagnosis::synthesis::sized;
 use crate::osim::spec::MuscleSpec;
@@ -190,12 +191,12 @@ pub fn known(id: &str) -> Result<&'static dyn Effect, Failure> {
 
 /// An effect of the size that was asked for with `--effect`.
 ///
-/// - `muscles`: of the model
+/// - `muscles`, `joint`: of the model
 ///
 /// # Errors
 /// An unknown effect or parameter; a size out of reach.
-pub fn at_size(asked: &EffectSize, muscles: &[MuscleSpec]) -> Result<Setting, Failure> {
-    sized(known(&asked.id)?, &asked.values, muscles).map_err(|e| {
+pub fn at_size(asked: &EffectSize, muscles: &[MuscleSpec], joint: &JointTraits) -> Result<Setting, Failure> {
+    sized(known(&asked.id)?, &asked.values, muscles, joint).map_err(|e| {
         let hint = format!("carpus effects {} tells its parameters", asked.id);
         Message::error(format!("--effect: {e}")).hint(hint).into()
     })

@@ -81,7 +81,7 @@ fn of_effect(asked: &EffectSize, args: &PlanArgs, global: &Global) -> Result<(),
         let run = study.participant_to_diagnose(participant)?;
         failure::print(&run.warnings);
         let forward = forward_model(&run)?;
-        let truth = at_size(asked, &forward.muscles)?;
+        let truth = at_size(asked, &forward.muscles, &forward.joint)?;
         let request = request(&study, &run, &forward, candidates(&[])?, global);
         let distances =
             separability(&request, &truth).map_err(|e| Message::error(e.to_string()).in_file(&run.loaded.path))?;

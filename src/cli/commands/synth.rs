@@ -82,8 +82,11 @@ fn make(
         None => run.trials.clone(),
     };
     let forward = ForwardModel::new(&run.loaded.file.spec, &run.model, &trials).map_err(|e| at_model(e.to_string()))?;
-    let effects =
-        args.effects.iter().map(|asked| at_size(asked, &forward.muscles)).collect::<Result<Vec<Setting>, Failure>>()?;
+    let effects = args
+        .effects
+        .iter()
+        .map(|asked| at_size(asked, &forward.muscles, &forward.joint))
+        .collect::<Result<Vec<Setting>, Failure>>()?;
     // Every participant has an own seed, the same whoever else is asked for.
     let place = study.study.participants.iter().position(|p| p.name == participant.name).unwrap_or(0) as u64;
     let seed = global.seed.wrapping_add(place.wrapping_mul(0x9e37_79b9_7f4a_7c15));

@@ -265,7 +265,7 @@ impl Judge<'_> {
         let starts = |(point, left, effect): (&Point, &[BlockScore], &'static dyn Effect)| {
             let further = effect.further_starts().iter().map(|values| {
                 let mut start = point.clone();
-                start.effects.push(Setting { effect, values: values.to_vec() });
+                start.effects.push(self.request.forward.joint.at_neutral_angle(effect, values));
                 start
             });
             std::iter::once(self.beside(point, left, effect)).chain(further).collect::<Vec<_>>()
@@ -315,9 +315,9 @@ impl Judge<'_> {
         let further = self
             .testable()
             .filter(|e| !is_on(e))
-            .flat_map(|e| Setting::starts(e, &self.request.forward.strength))
+            .flat_map(|e| Setting::starts(e, &self.request.forward.joint))
             .collect();
-        let levels = NoiseLevels::usual(self.request.forward.strength.0);
+        let levels = NoiseLevels::usual(self.request.forward.joint.strength);
         let same = |f: &Explanation, point: &Point| {
             let has = |s: &Setting| f.effects.contains(&s.effect.description().id);
             f.effects.len() == point.effects.len() && point.effects.iter().all(has)
@@ -348,19 +348,19 @@ impl Judge<'_> {
         let columns = fit.point.effects.iter().flat_map(|s| parameters(s).map(move |(i, p)| (s, i, p)));
         columns.zip(errors.iter()).all(|((own, i, p), error)| {
             let same = |s: &&Setting| s.effect.description().id == own.effect.description().id;
-            let reach = error * self.request.forward.strength.scale(p);
+            let reach = error * self.request.forward.joint.scale(p);
             point.effects.iter().find(same).is_some_and(|other| (own.values[i] - other.values[i]).abs() <= reach)
         })
     }
 
     /// A point with a further effect, of the size that its score asks for.
     fn beside(&self, point: &Point, left: &[BlockScore], effect: &'static dyn Effect) -> Point {
-        let mut setting = Setting::absent(effect);
+        let mut setting = self.request.forward.joint.absent(effect);
         let description = effect.description();
         if let Some(score) = named_block(left, description.id) {
             for (i, p) in description.amplitudes().enumerate() {
-                setting.values[p] = score.one_step[i].clamp(-5.0, 5.0)
-                    * self.request.forward.strength.scale(&description.parameters[p]);
+                setting.values[p] =
+                    score.one_step[i].clamp(-5.0, 5.0) * self.request.forward.joint.scale(&description.parameters[p]);
             }
         }
         let mut start = point.clone();
@@ -439,7 +439,7 @@ impl Judge<'_> {
                 };
                 for rival in self.testable().filter(is_rival) {
                     let mut start = fit.point.clone();
-                    start.effects[i] = Setting::absent(rival);
+                    start.effects[i] = self.request.forward.joint.absent(rival);
                     let wanted = ids(&start.effects);
                     let known = fitted.iter().any(|f| ids(&f.0.point.effects) == wanted)
                         || starts.iter().any(|s| ids(&s.effects) == wanted);
@@ -460,10 +460,10 @@ impl Judge<'_> {
     /// Whether to first order an effect of the size that was found for it cannot be told from a rival.
     fn cannot_be_told_from(&self, own: &Setting, rival: &'static str) -> bool {
         let description = own.effect.description();
-        let strength = &self.request.forward.strength;
+        let joint = &self.request.forward.joint;
         let sizes = description.amplitudes().map(|i| {
             let p = &description.parameters[i];
-            own.values[i] / strength.scale(p)
+            own.values[i] / joint.scale(p)
         });
         let size = DVector::from_iterator(description.amplitudes().count(), sizes);
         self.analysis.pairwise_z(self.null, description.id, &size, rival).is_some_and(|z| z < INSEPARABLE)

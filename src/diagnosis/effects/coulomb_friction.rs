@@ -65,7 +65,7 @@ impl Effect for CoulombFriction {
         }
     }
 
-    fn native_form(&self, values: &[f64]) -> Option<NativeForm> {
+    fn native_form(&self, values: &[f64], _: f64) -> Option<NativeForm> {
         let [friction, ratio, transition] = *values else { return None };
         let (excess, transition) = (ratio - 1.0, transition.max(LEAST_TRANSITION_SPEED));
         let breakaway = format!("(1+({excess:?})*exp(-square(qdot/{BREAKAWAY_SPEED:?})))");

@@ -2,14 +2,15 @@
 
 use crate::diagnosis::effect::{Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude, shape};
 
-/// Passive springs at the ends of the range: `a1 exp(-b1 (q + 90°)) - a2 exp(b2 (q - 90°))`, q positive in flexion.
+/// Passive springs at the ends of the range: `a1 exp(-b1 (q - qn + 90°)) - a2 exp(b2 (q - qn - 90°))`, q positive in flexion, qn the
+/// joint's neutral angle.
 pub struct EndRangeSpring;
 
 static DESCRIPTION: Description = Description {
     id: "end_range_spring",
     name: "Passive springs at the ends of the range",
     stage: Stage::Joint,
-    equation: "a1 exp(-b1 (q + 90°)) - a2 exp(b2 (q - 90°)), q positive in flexion",
+    equation: "a1 exp(-b1 (q - qn + 90°)) - a2 exp(b2 (q - qn - 90°)), q positive in flexion, qn the joint's neutral angle: 0, or the middle of the coordinate's range where 0 is not in its middle half",
     parameters: &[
         amplitude(
             "extension_moment",
@@ -61,16 +62,17 @@ impl Effect for EndRangeSpring {
         }
         let quarter_turn = std::f64::consts::FRAC_PI_2;
         for k in 0..moment.len() {
-            let q = joint.angle[k];
+            let q = joint.angle[k] - joint.trial.neutral_angle;
             moment[k] += extension * (-below * (q + quarter_turn)).exp();
             moment[k] -= flexion * (above * (q - quarter_turn)).exp();
         }
     }
 
-    fn native_form(&self, values: &[f64]) -> Option<NativeForm> {
+    fn native_form(&self, values: &[f64], neutral_angle: f64) -> Option<NativeForm> {
         let [extension, flexion, below, above] = *values else { return None };
         let quarter_turn = std::f64::consts::FRAC_PI_2;
-        let lower = format!("{extension:?}*exp(-({below:?})*(q+{quarter_turn:?}))");
-        Some(NativeForm::Formula(format!("{lower}-({flexion:?})*exp(({above:?})*(q-{quarter_turn:?}))")))
+        let (low, high) = (neutral_angle - quarter_turn, neutral_angle + quarter_turn);
+        let lower = format!("{extension:?}*exp(-({below:?})*(q-({low:?})))");
+        Some(NativeForm::Formula(format!("{lower}-({flexion:?})*exp(({above:?})*(q-({high:?})))")))
     }
 }

@@ -46,7 +46,7 @@ impl Effect for Gravity {
     }
 
     /// Of the arm as most trials have it, upright.
-    fn native_form(&self, values: &[f64]) -> Option<NativeForm> {
+    fn native_form(&self, values: &[f64], _: f64) -> Option<NativeForm> {
         let [a, b] = *values else { return None };
         Some(NativeForm::Formula(format!("-(({a:?})*cos(q)+({b:?})*sin(q))")))
     }

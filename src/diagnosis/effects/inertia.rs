@@ -39,7 +39,7 @@ impl Effect for Inertia {
         }
     }
 
-    fn native_form(&self, values: &[f64]) -> Option<NativeForm> {
+    fn native_form(&self, values: &[f64], _: f64) -> Option<NativeForm> {
         let [j] = *values else { return None };
         Some(NativeForm::Inertia(j))
     }

@@ -39,7 +39,7 @@ impl Effect for JointDamping {
         }
     }
 
-    fn native_form(&self, values: &[f64]) -> Option<NativeForm> {
+    fn native_form(&self, values: &[f64], _: f64) -> Option<NativeForm> {
         let [viscosity] = *values else { return None };
         Some(NativeForm::Spring { stiffness: 0.0, rest_angle: 0.0, viscosity })
     }

@@ -1,6 +1,6 @@
 //! Joint stiffness.
 
-use crate::diagnosis::effect::{Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude, shape};
+use crate::diagnosis::effect::{Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude, angle};
 
 /// Joint stiffness: `-k (q - q0)`.
 pub struct JointStiffness;
@@ -18,7 +18,7 @@ static DESCRIPTION: Description = Description {
             [0.0, 3.0],
             "Delp, Grierson and Buchanan 1996 (maximum isometric moments of the wrist muscles): passive moment near zero over the central 150°; passive stiffness measured by robots: Formica et al. 2012 (The passive stiffness of the wrist and forearm); 0 to 3: design catalogue, source unverified",
         ),
-        shape("rest_angle", "rad", 0.0, 0.2, [-0.6, 0.6], "no source: within 34° of the coordinate's zero"),
+        angle("rest_angle", 1.0, 0.0, 0.2, [-0.6, 0.6], "no source: within 34° of the joint's neutral angle"),
     ],
     signature: "a line against angle, the same at every activation",
     experiment: "slow sweep of the relaxed joint",
@@ -42,7 +42,7 @@ impl Effect for JointStiffness {
         }
     }
 
-    fn native_form(&self, values: &[f64]) -> Option<NativeForm> {
+    fn native_form(&self, values: &[f64], _: f64) -> Option<NativeForm> {
         let [stiffness, rest_angle] = *values else { return None };
         Some(NativeForm::Spring { stiffness, rest_angle, viscosity: 0.0 })
     }

@@ -1,6 +1,6 @@
 //! Ligament stop.
 
-use crate::diagnosis::effect::{Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude, shape};
+use crate::diagnosis::effect::{Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude, angle};
 
 /// Angle over which the stiffness sets in [rad]: 1°.
 const TRANSITION: f64 = 0.017453292519943295;
@@ -27,17 +27,17 @@ static DESCRIPTION: Description = Description {
             [0.0, 20.0],
             "0.5 to 20 (design catalogue, source unverified); less is still taken for plausible",
         ),
-        shape(
+        angle(
             "flexion_limit",
-            "rad",
+            1.0,
             0.4,
             0.35,
             [0.1, 1.6],
             "no source: from near the middle of the range to its anatomical end",
         ),
-        shape(
+        angle(
             "extension_limit",
-            "rad",
+            -1.0,
             0.4,
             0.35,
             [0.1, 1.6],
@@ -73,7 +73,7 @@ impl Effect for LigamentStop {
         }
     }
 
-    fn native_form(&self, values: &[f64]) -> Option<NativeForm> {
+    fn native_form(&self, values: &[f64], _: f64) -> Option<NativeForm> {
         let [stiffness, upper, lower] = *values else { return None };
         // OpenSim takes no limits that overlap.
         let limit = [-lower, upper];

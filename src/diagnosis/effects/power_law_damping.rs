@@ -57,7 +57,7 @@ impl Effect for PowerLawDamping {
         }
     }
 
-    fn native_form(&self, values: &[f64]) -> Option<NativeForm> {
+    fn native_form(&self, values: &[f64], _: f64) -> Option<NativeForm> {
         let [damping, exponent, rest] = *values else { return None };
         let (power, square) = (0.5 * exponent - 0.5, rest.max(LEAST_REST_SPEED).powi(2));
         Some(NativeForm::Formula(format!("-({damping:?})*qdot*(qdot*qdot+{square:?})^({power:?})")))

@@ -5,6 +5,7 @@ use nalgebra::Matrix3;
 use super::ExportError;
 use crate::diagnosis::effect::NativeForm;
 use crate::diagnosis::forward_model::Setting;
+use crate::diagnosis::joint_traits::neutral_angle;
 use crate::multibody::Model;
 use crate::osim::edit::format_number;
 use crate::osim::spec::{BodyIndex, CoordinateIndex, ModelSpec, MotionType, MuscleKind, MuscleSpec};
@@ -21,6 +22,8 @@ const UNIT_MOTION_TOLERANCE: f64 = 1e-9;
 pub(super) struct MovingCoordinate {
     name: String,
     motion_type: MotionType,
+    /// Angle about which the joint's passive properties lie [rad].
+    neutral_angle: f64,
     /// The body that turns with the coordinate one to one, if there is one.
     body: Option<BodyIndex>,
 }
@@ -33,6 +36,7 @@ impl MovingCoordinate {
         Ok(MovingCoordinate {
             name: coordinate.name.clone(),
             motion_type: coordinate.motion_type,
+            neutral_angle: neutral_angle(coordinate.range),
             body: turning_body(spec, CoordinateIndex(index)),
         })
     }
@@ -71,7 +75,7 @@ pub(super) fn write(
     if !muscles.is_empty() {
         return Ok(Ok(muscles));
     }
-    let Some(form) = item.effect.native_form(&item.values) else { return Ok(Err(None)) };
+    let Some(form) = item.effect.native_form(&item.values, coordinate.neutral_angle) else { return Ok(Err(None)) };
     let (part, name) = match form {
         NativeForm::Inertia(_) => (MomentPart::Inertia, "inertia"),
         _ => (MomentPart::Passive, "passive"),
@@ -204,7 +208,8 @@ mod tests {
 
     #[test]
     fn verif_limits_are_in_degrees_for_rotational_coordinates_only() {
-        let coordinate = |motion_type| MovingCoordinate { name: "q".to_owned(), motion_type, body: None };
+        let coordinate =
+            |motion_type| MovingCoordinate { name: "q".to_owned(), motion_type, neutral_angle: 0.0, body: None };
         let form = NativeForm::Limit { stiffness: 2.0, limit: [-0.5, 0.6], transition: 0.02 };
         let value = |motion_type, property: &str| {
             let (_, values) = force_properties(&coordinate(motion_type), &form);

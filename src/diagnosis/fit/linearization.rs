@@ -285,7 +285,7 @@ impl Analysis<'_> {
                 return Ok(None);
             }
             let mut settings = point.effects.clone();
-            settings.push(Setting::absent(*effect));
+            settings.push(self.forward.joint.absent(*effect));
             let variants = self.forward.difference_variants(&settings, which)?;
             Ok(Some((settings, variants)))
         };
@@ -306,7 +306,7 @@ impl Analysis<'_> {
             let moment = self.forward.recorded_moment(g, &l.core, &point.effects);
             let of_axis = |axis: usize| -> Vec<DVector<f64>> {
                 let columns = where_it_fails::directions(self.forward, g, &l.core.prepared, &moment, axis);
-                columns.iter().map(|c| block_means(c, &starts) * LACK_SCALE * self.forward.strength.0).collect()
+                columns.iter().map(|c| block_means(c, &starts) * LACK_SCALE * self.forward.joint.strength).collect()
             };
             let of_effects = self.candidates.iter().zip(&beside).map(of_effect);
             let of_axes = (0..where_it_fails::AXES.len()).map(of_axis);

@@ -448,7 +448,7 @@ impl ForwardModel {
     fn moved(&self, effects: &[Setting], which: usize, parameter: usize, step: f64) -> Vec<Setting> {
         let mut effects = effects.to_vec();
         let moved = &effects[which].effect.description().parameters[parameter];
-        effects[which].values[parameter] += step * self.strength.scale(moved);
+        effects[which].values[parameter] += step * self.joint.scale(moved);
         effects
     }
 }
@@ -503,7 +503,7 @@ mod tests {
             let others = [sized(id, values), sized("time_shift", &[0.01]), sized("stretch_reflex", &[0.05])];
             let with = [&others[..], &[sized("unmodelled_muscles", &[0.5, 0.4])]].concat();
             for parameter in effect(id).unwrap().description().amplitudes() {
-                let scale = forward.strength.scale(&effect(id).unwrap().description().parameters[parameter]);
+                let scale = forward.joint.scale(&effect(id).unwrap().description().parameters[parameter]);
                 let derivative = |trial: usize, effects: &[Setting]| {
                     let (variant, input) = (forward.variant(effects).unwrap(), forward.recorded_input(trial));
                     let core = forward.core(&variant, trial, &input, &parameters, effects, true).unwrap();

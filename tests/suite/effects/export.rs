@@ -86,6 +86,46 @@ fn verif_model_and_side_car_together_simulate_as_the_effects() {
 }
 
 #[test]
+fn verif_passive_effects_lie_about_the_middle_of_a_range_that_zero_is_not_in_the_middle_of() {
+    const TOLERANCE: f64 = 2e-5;
+    let (study, file, _) = study();
+    let info = study.trials_of("P01").find(|t| t.file_as_written.contains(TRIALS[0])).unwrap();
+    let trials = [study.trial(info).unwrap()];
+    let text = String::from_utf8(file.document.bytes().to_vec()).unwrap();
+    let coordinate = text.find("<Coordinate name=\"flexion\">").unwrap();
+    let (from, to) = ["<range>", "</range>"].map(|tag| coordinate + text[coordinate..].find(tag).unwrap()).into();
+    let one_sided = format!("{}<range>-0.2 1.8{}", &text[..from], &text[to..]);
+    let file = OsimFile::parse(one_sided.into_bytes(), "one_sided.osim").unwrap();
+    let forward = |file: &OsimFile| {
+        let model = MusculoskeletalModel::compile(&file.spec, &setup()).unwrap();
+        ForwardModel::new(&file.spec, &model, &trials).unwrap()
+    };
+    let base = forward(&file);
+    assert!((base.joint.neutral_angle - 0.8).abs() < 1e-12);
+    let mut spring = base.joint.absent(named("end_range_spring"));
+    assert_eq!(spring.values, [0.0, 0.0, 4.0, 4.0]);
+    (spring.values[0], spring.values[1]) = (0.6, 0.3);
+    let added = difference(&moment(&base, 0, std::slice::from_ref(&spring)), &moment(&base, 0, &[]));
+    for (k, q) in base.trials[0].angle.iter().enumerate() {
+        let quarter_turn = std::f64::consts::FRAC_PI_2;
+        let from_neutral = q - 0.8;
+        let below = 0.6 * (-4.0 * (from_neutral + quarter_turn)).exp();
+        let above = 0.3 * (4.0 * (from_neutral - quarter_turn)).exp();
+        assert!((added[k] - (below - above)).abs() < 1e-12);
+    }
+    let mut stop = base.joint.absent(named("ligament_stop"));
+    assert!((stop.values[1] - 1.2).abs() < 1e-12 && (stop.values[2] + 0.4).abs() < 1e-12, "{:?}", stop.values);
+    stop.values[0] = 1.0;
+    for effect in [spring, stop] {
+        let mut copy = file.clone();
+        export::write(&mut copy, &setup(), std::slice::from_ref(&effect)).unwrap();
+        let copy = OsimFile::parse(copy.document.bytes().to_vec(), "exported.osim").unwrap();
+        let off = largest(difference(&moment(&base, 0, &[effect]), &moment(&forward(&copy), 0, &[])));
+        assert!(off < TOLERANCE, "{off:.1e} N·m");
+    }
+}
+
+#[test]
 fn verif_forces_stay_beside_the_model_when_the_study_does_not_count_them() {
     let (_, file, _) = study();
     let mut setup = setup();

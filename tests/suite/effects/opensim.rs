@@ -124,6 +124,7 @@ fn added(effect: &Setting, state: &State) -> f64 {
         arm_flipped: false,
         exposure: &one,
         recorded_angle: &[state.angle],
+        neutral_angle: 0.0,
         muscle_moment: &zero,
         directions: &one,
         excitation: &excitation,

@@ -250,7 +250,7 @@ fn verif_shapes_bend_effects_as_their_equations_say() {
     let fatigue = |saturation: f64| largest(added_by(&drifting, 2, &setting("fatigue", &[1.0, saturation])));
     assert!(fatigue(0.5) < fatigue(0.0));
     // Limits that overlap are none that OpenSim takes.
-    let native = |values: &[f64]| named("ligament_stop").native_form(values);
+    let native = |values: &[f64]| named("ligament_stop").native_form(values, 0.0);
     assert!(native(&[1.0, 0.3, 0.4]).is_some() && native(&[1.0, -0.1, 0.05]).is_none());
     // The axis' offset along the arm is a gain at the neutral angle.
     let base = moment(&forward, 0, &[]);
