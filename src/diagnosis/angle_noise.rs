@@ -27,7 +27,7 @@ const HELD_TIME: f64 = 0.25;
 /// Trials whose sample intervals differ by more than this share are not looked at together.
 const SAME_RATE: f64 = 0.1;
 /// Draws come in pairs of opposite sign.
-const PAIRS: usize = 8;
+pub(super) const PAIRS: usize = 8;
 /// Covariances of draws are trusted up to so many correlation lengths.
 const TAPER: f64 = 2.5;
 /// Time in which noise comes back after a hold [s].
@@ -150,7 +150,7 @@ fn correlation_length(held: &[&Trial], variance: f64) -> f64 {
 }
 
 /// 0 where the angle is held, 1 where it moves, and between.
-fn moving(time: &[f64], angle: &[f64]) -> Vec<f64> {
+pub(super) fn moving(time: &[f64], angle: &[f64]) -> Vec<f64> {
     let n = angle.len();
     let mut held = vec![false; n];
     let mut first = 0;

@@ -5,7 +5,8 @@
 //! twice integrated acceleration whose increments are rare and large (Student's t), recorded with white noise of a known variance: a
 //! Kalman smoother, the variance of every increment by expectation-maximization. What is at rest comes out at rest; a smoother of one
 //! width leaves noise there that friction, of the wrong sign, is found to cancel. The scale of the increments is the one by which
-//! every other sample is best foretold from the rest. An angle without noticeable white noise stays as it is, to the last bit.
+//! every other sample is best foretold from the rest. How far the angle may be off, near onsets above all, is drawn from what the
+//! smoother leaves open. An angle without noticeable white noise stays as it is, to the last bit.
 //!
 //! # References
 //! Rauch, Tung & Striebel (1965), Maximum likelihood estimates of linear dynamic systems (the smoother), doi:10.2514/3.3166.
@@ -17,9 +18,12 @@
 use std::borrow::Cow;
 
 use nalgebra::{Matrix3, Vector3};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::angle_noise::{HELD_RANGE, range};
+use super::angle_noise::{Disturbance, HELD_RANGE, PAIRS, range};
+use super::score_test::normal;
 use crate::study::{Trial, TrialUse};
 
 /// White noise that is not worth smoothing [rad]: 0.004°, somewhat more than recordings rounded to 0.01° have.
@@ -52,22 +56,44 @@ const PRECISION: [[f64; 3]; 3] = [[720.0, -360.0, 60.0], [-360.0, 192.0, -36.0],
 const COVARIANCE: [[f64; 3]; 3] =
     [[1.0 / 20.0, 1.0 / 8.0, 1.0 / 6.0], [1.0 / 8.0, 1.0 / 3.0, 1.0 / 2.0], [1.0 / 6.0, 1.0 / 2.0, 1.0]];
 
+/// Draws are so many times as far off as the smoother says: it takes the variances of the increments for known. By the fast sweeps of
+/// the tests.
+const WIDENED: f64 = 2.0;
+/// Seed of the draws.
+const SEED: u64 = 0x5eed;
+
+/// Trials without white noise of their angles.
+pub struct Denoised<'a> {
+    /// The trials.
+    pub trials: Cow<'a, [Trial]>,
+    /// Per trial, draws of what their angles may be off by, in pairs of opposite sign; empty if there was no noise.
+    pub left: Vec<Vec<Disturbance>>,
+}
+
 /// Trials whose angles are without white noise.
 ///
 /// What there is of it is learnt from trials that are not held out.
-pub fn denoised(trials: &[Trial]) -> Cow<'_, [Trial]> {
+pub fn denoised(trials: &[Trial]) -> Denoised<'_> {
     let seen = || trials.iter().filter(|t| t.info.usage != TrialUse::Test);
     let moving: Vec<&Trial> = seen().filter(|t| range(&t.angle) >= HELD_RANGE).collect();
     let Some(noise) = white_noise(&moving).filter(|noise| *noise > NOTICEABLE) else {
-        return Cow::Borrowed(trials);
+        return Denoised { trials: Cow::Borrowed(trials), left: Vec::new() };
     };
     let scale = best_scale(&moving, noise);
-    let smooth = |trial: &Trial| {
+    let smooth = |(g, trial): (usize, &Trial)| {
         let mut trial = trial.clone();
-        trial.angle = smoothed(&trial.time, &trial.angle, |_| true, noise, scale);
-        trial
+        let smoother = Smoother { noise, scale };
+        let left = match smoother.follow(&trial.time, &trial.angle, |_| true) {
+            Some(followed) => {
+                trial.angle = followed.angle;
+                smoother.draws(&trial.time, &followed.known, g as u64)
+            }
+            None => Vec::new(),
+        };
+        (trial, left)
     };
-    Cow::Owned(trials.par_iter().map(smooth).collect())
+    let (trials, left): (Vec<Trial>, Vec<_>) = trials.par_iter().enumerate().map(smooth).unzip();
+    Denoised { trials: Cow::Owned(trials), left }
 }
 
 /// Standard deviation of the white noise of angles [rad]; `None` without enough samples.
@@ -90,9 +116,10 @@ fn best_scale(trials: &[&Trial], noise: f64) -> f64 {
     let missed = |scale: f64| -> f64 {
         let of_trial = |t: &&Trial| {
             let half = |parity: usize| -> f64 {
-                let foretold = smoothed(&t.time, &t.angle, |k| k % 2 == parity, noise, scale);
+                let smoother = Smoother { noise, scale };
+                let Some(foretold) = smoother.follow(&t.time, &t.angle, |k| k % 2 == parity) else { return 0.0 };
                 let hidden = (ENDS..t.len().saturating_sub(ENDS)).filter(|k| k % 2 != parity);
-                hidden.map(|k| (t.angle[k] - foretold[k]).powi(2).min((MOST * noise).powi(2))).sum()
+                hidden.map(|k| (t.angle[k] - foretold.angle[k]).powi(2).min((MOST * noise).powi(2))).sum()
             };
             half(0) + half(1)
         };
@@ -112,38 +139,93 @@ struct Known {
     step: f64,
 }
 
-/// An angle [rad] without its noise.
-///
-/// - `time`: of the samples [s]; `seen`: whether a sample, by its position, is looked at
-/// - `noise`: standard deviation [rad]; `scale`: of the acceleration's increments [rad/s^2.5]
-fn smoothed(time: &[f64], angle: &[f64], seen: impl Fn(usize) -> bool, noise: f64, scale: f64) -> Vec<f64> {
-    let n = angle.len();
-    let unit = (time[n - 1] - time[0]) / (n.max(2) - 1) as f64;
-    if n <= 2 * OUTERMOST || !(unit > 0.0) {
-        return angle.to_vec();
-    }
-    // Speed and acceleration are per unit of time, noise is 1: all is of the same order.
-    let usual = scale * scale * unit.powi(5) / (noise * noise);
-    let start = angle[0];
-    let series: Vec<f64> = angle.iter().map(|q| (q - start) / noise).collect();
-    // Of the angle there the samples tell more than enough.
-    let widest = 10.0 + 10.0 * series.iter().fold(0.0_f64, |most, q| most.max(q.abs()));
-    let [speed, acceleration] = AT_FIRST;
-    let first = Vector3::new(widest, speed * unit / noise, acceleration * unit * unit / noise);
-    let mut increments = vec![usual; n];
-    let mut out = Vec::new();
-    for _ in 0..STEPS {
-        let known = filtered(time, &series, &seen, &increments, (unit, first));
-        let squares;
-        (out, squares) = followed_back(&known);
-        let freedom = DEGREES_OF_FREEDOM;
-        // At either end a rare large increment would do for the noise of a sample.
-        let inner = OUTERMOST..n - OUTERMOST;
-        for (increment, square) in increments[inner.clone()].iter_mut().zip(&squares[inner]) {
-            *increment = (freedom * usual + square) / (freedom + 3.0);
+/// Takes an angle's white noise out.
+struct Smoother {
+    /// Standard deviation of the noise [rad].
+    noise: f64,
+    /// Of the acceleration's increments [rad/s^2.5].
+    scale: f64,
+}
+
+/// An angle without its noise.
+struct Followed {
+    /// Angle [rad].
+    angle: Vec<f64>,
+    /// What the filter knows at every sample.
+    known: Vec<Known>,
+}
+
+impl Smoother {
+    /// The angle without its noise; `None` where there are too few samples.
+    ///
+    /// - `time`: of the samples [s]; `angle`: recorded [rad]; `seen`: whether a sample, by its position, is looked at
+    fn follow(&self, time: &[f64], angle: &[f64], seen: impl Fn(usize) -> bool) -> Option<Followed> {
+        let n = angle.len();
+        let unit = usual_interval(time);
+        if n <= 2 * OUTERMOST || !(unit > 0.0) {
+            return None;
         }
+        // Speed and acceleration are per unit of time, noise is 1: all is of the same order.
+        let usual = self.scale * self.scale * unit.powi(5) / (self.noise * self.noise);
+        let start = angle[0];
+        let series: Vec<f64> = angle.iter().map(|q| (q - start) / self.noise).collect();
+        // Of the angle there the samples tell more than enough.
+        let widest = 10.0 + 10.0 * series.iter().fold(0.0_f64, |most, q| most.max(q.abs()));
+        let [speed, acceleration] = AT_FIRST;
+        let first = Vector3::new(widest, speed * unit / self.noise, acceleration * unit * unit / self.noise);
+        let mut increments = vec![usual; n];
+        let mut known = filtered(time, &series, &seen, &increments, (unit, first));
+        let mut followed = followed_back(&known);
+        for _ in 1..STEPS {
+            let freedom = DEGREES_OF_FREEDOM;
+            // At either end a rare large increment would do for the noise of a sample.
+            let inner = OUTERMOST..n - OUTERMOST;
+            for (increment, square) in increments[inner.clone()].iter_mut().zip(&followed.1[inner]) {
+                *increment = (freedom * usual + square) / (freedom + 3.0);
+            }
+            known = filtered(time, &series, &seen, &increments, (unit, first));
+            followed = followed_back(&known);
+        }
+        let angle = followed.0.iter().map(|q| start + self.noise * q).collect();
+        Some(Followed { angle, known })
     }
-    out.iter().map(|q| start + noise * q).collect()
+
+    /// Draws of what the angle may be off by, given all samples.
+    fn draws(&self, time: &[f64], known: &[Known], seed: u64) -> Vec<Disturbance> {
+        let unit = usual_interval(time);
+        let n = known.len();
+        let mut rng = ChaCha8Rng::seed_from_u64(SEED.wrapping_add(seed));
+        let mut draw = || Vector3::from_fn(|_, _| normal(&mut rng));
+        let mut off = vec![vec![Vector3::zeros(); n]; PAIRS];
+        for k in (0..n).rev() {
+            // Given the sample after.
+            let own = &known[k].with.1;
+            let (back, rest) = match known.get(k + 1).and_then(|next| Some((next, next.before.1.try_inverse()?))) {
+                Some((next, inverse)) => {
+                    let motion = motion(next.step);
+                    let back = own * motion.transpose() * inverse;
+                    (back, own - back * next.before.1 * back.transpose())
+                }
+                None => (Matrix3::zeros(), *own),
+            };
+            let eigen = (0.5 * (rest + rest.transpose())).symmetric_eigen();
+            let root = eigen.eigenvectors * Matrix3::from_diagonal(&eigen.eigenvalues.map(|v| v.max(0.0).sqrt()));
+            for off in &mut off {
+                let after = off.get(k + 1).copied().unwrap_or_default();
+                off[k] = back * after + root * draw();
+            }
+        }
+        let signed = |(off, sign): (&Vec<Vector3<f64>>, f64)| {
+            let of = |i: usize, per: f64| off.iter().map(|d| WIDENED * sign * self.noise * d[i] / per).collect();
+            Disturbance { angle: of(0, 1.0), speed: of(1, unit), acceleration: of(2, unit * unit) }
+        };
+        off.iter().flat_map(|off| [(off, 1.0), (off, -1.0)]).map(signed).collect()
+    }
+}
+
+/// Mean interval of samples [s].
+fn usual_interval(time: &[f64]) -> f64 {
+    (time[time.len() - 1] - time[0]) / (time.len().max(2) - 1) as f64
 }
 
 /// Forward over the samples.
@@ -274,7 +356,7 @@ mod tests {
     #[test]
     fn verif_a_joint_at_rest_comes_out_at_rest() {
         let noisy = trials(|rng, q| q + 0.005 * normal(rng), 100.0);
-        for trial in denoised(&noisy).iter() {
+        for trial in denoised(&noisy).trials.iter() {
             let at_rest = |t: f64| t > 2.4;
             let pairs = trial.angle.windows(2).zip(&trial.time).filter(|(_, t)| at_rest(**t));
             let speeds: Vec<f64> = pairs.map(|(q, _)| ((q[1] - q[0]) / 0.01).abs()).collect();
@@ -290,7 +372,7 @@ mod tests {
             let noisy = trials(|rng, q| q + sd * normal(rng), 100.0);
             let found = white_noise(&noisy.iter().collect::<Vec<_>>()).unwrap();
             assert!((found / sd - 1.0).abs() < 0.1, "{found} {sd}");
-            let (before, after) = (speed_error(&noisy), speed_error(&denoised(&noisy)));
+            let (before, after) = (speed_error(&noisy), speed_error(&denoised(&noisy).trials));
             assert!(after < 0.35 * before, "{after} {before}");
         }
     }
@@ -299,7 +381,7 @@ mod tests {
     fn verif_an_encoders_steps_are_smoothed() {
         let step = 0.1_f64.to_radians();
         let noisy = trials(|_, q| (q / step).round() * step, 100.0);
-        let (before, after) = (speed_error(&noisy), speed_error(&denoised(&noisy)));
+        let (before, after) = (speed_error(&noisy), speed_error(&denoised(&noisy).trials));
         assert!(after < 0.5 * before, "{after} {before}");
     }
 
@@ -307,7 +389,33 @@ mod tests {
     fn verif_angles_without_white_noise_stay_as_they_are() {
         let step = 0.01_f64.to_radians();
         for clean in [trials(|_, q| q, 100.0), trials(|_, q| q, 50.0), trials(|_, q| (q / step).round() * step, 50.0)] {
-            assert!(matches!(denoised(&clean), Cow::Borrowed(_)));
+            let denoised = denoised(&clean);
+            assert!(matches!(denoised.trials, Cow::Borrowed(_)) && denoised.left.is_empty());
         }
+    }
+
+    #[test]
+    fn verif_draws_are_as_far_off_as_the_speed_is() {
+        let noisy = trials(|rng, q| q + 0.005 * normal(rng), 100.0);
+        let found = denoised(&noisy);
+        let rms = |values: &mut dyn Iterator<Item = f64>| {
+            let (sum, count) = values.fold((0.0, 0.0), |(sum, count), v: f64| (sum + v * v, count + 1.0));
+            (sum / count).sqrt()
+        };
+        // The joint accelerates for half of the first second and a half; later it rests.
+        for part in [20..150, 250..380] {
+            let drawn = rms(&mut found.left.iter().flatten().flat_map(|d| d.speed[part.clone()].iter().copied()));
+            let off = rms(&mut found.trials.iter().flat_map(|t| {
+                let speeds = t.angle.windows(3).map(|q| (q[2] - q[0]) / 0.02).zip(&t.time[1..]);
+                speeds.map(|(v, t)| v - sweep(*t).1).skip(part.start).take(part.len()).collect::<Vec<_>>()
+            }));
+            println!("{part:?}: drawn {drawn:.4}, off {off:.4} rad/s");
+            assert!((0.5..2.0).contains(&(drawn / off)), "{part:?}: {drawn} of {off} rad/s");
+        }
+        let draw = &found.left[0][0];
+        let worst = (1..draw.angle.len() - 1)
+            .map(|k| ((draw.angle[k + 1] - draw.angle[k - 1]) / 0.02 - draw.speed[k]).abs())
+            .fold(0.0, f64::max);
+        assert!(worst < 0.04, "{worst} rad/s");
     }
 }

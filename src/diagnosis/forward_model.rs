@@ -6,9 +6,9 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::OnceLock;
 
-use super::angle_noise::{AngleNoise, Disturbance};
+use super::angle_noise::{AngleNoise, Disturbance, moving};
 use super::catalogue::position;
-use super::denoising::denoised;
+use super::denoising::{Denoised, denoised};
 use super::effect::{Effect, JointState, MuscleState, Role, Stage, TrialContext};
 use super::holds::steadied_trials;
 use super::joint_traits::JointTraits;
@@ -73,6 +73,16 @@ impl Setting {
     }
 }
 
+/// Noise of the recorded angle.
+#[derive(Clone)]
+struct DrawnNoise {
+    noise: AngleNoise,
+    /// Per trial.
+    draws: Vec<Vec<Disturbance>>,
+    /// Whether some of it was white, so that speeds are off by more than the rest makes them.
+    was_white: bool,
+}
+
 /// A participant's trials and model, ready to be simulated with effects.
 #[derive(Clone)]
 pub struct ForwardModel {
@@ -84,8 +94,8 @@ pub struct ForwardModel {
     pub directions: Vec<f64>,
     /// Effects that the model has beside its file; they act in every simulation.
     given: Vec<Setting>,
-    /// Noise of the recorded angle, and draws of it per trial; none: the angle is exact.
-    angle_noise: Option<(AngleNoise, Vec<Vec<Disturbance>>)>,
+    /// None: the angle is exact.
+    angle_noise: Option<DrawnNoise>,
     silent_muscles: SilentMuscles,
     /// How strong the joint is beside a wrist, and where its middle is.
     pub joint: JointTraits,
@@ -226,15 +236,24 @@ impl ForwardModel {
         model: &MusculoskeletalModel,
         trials: &[Trial],
     ) -> Result<ForwardModel, SimulationError> {
-        let trials = denoised(trials);
-        let Some(noise) = AngleNoise::of(&trials) else {
-            return Self::with_accuracy(spec, model, &trials, DIAGNOSIS_ACCURACY);
+        let Denoised { trials, left } = denoised(trials);
+        let was_white = !left.is_empty();
+        let noise = match AngleNoise::of(&trials) {
+            Some(noise) => noise,
+            None if was_white => AngleNoise { sd: 0.0, length: LEFT_LENGTH },
+            None => return Self::with_accuracy(spec, model, &trials, DIAGNOSIS_ACCURACY),
         };
         let trials = steadied_trials(&trials, &noise);
         let forward = Self::with_accuracy(spec, model, &trials, DIAGNOSIS_ACCURACY)?;
-        let draws = |(g, t): (usize, &TrialRecord)| noise.draws(&t.time, &t.angle, g as u64);
+        let draws = |(g, t): (usize, &TrialRecord)| {
+            let mut draws = noise.draws(&t.time, &t.angle, g as u64);
+            if let Some(left) = left.get(g) {
+                add_where_it_moves(&mut draws, left, &t.time, &t.angle);
+            }
+            draws
+        };
         let draws = forward.trials.iter().enumerate().map(draws).collect();
-        Ok(ForwardModel { angle_noise: Some((noise, draws)), ..forward })
+        Ok(ForwardModel { angle_noise: Some(DrawnNoise { noise, draws, was_white }), ..forward })
     }
 
     /// The model with effects that it has beside its file: they act in every simulation, before others of their kind.
@@ -493,7 +512,9 @@ impl ForwardModel {
     fn drawn_moments(&self, trial: usize, core: &Core, context: &TrialContext, ordered: &[&Setting]) -> Vec<Vec<f64>> {
         let adds =
             |s: &&&Setting| matches!(s.effect.description().stage, Stage::Joint | Stage::Inertia) && !s.is_absent();
-        let (Some((_, draws)), true) = (&self.angle_noise, ordered.iter().any(|s| adds(&s))) else { return Vec::new() };
+        let (Some(DrawnNoise { draws, .. }), true) = (&self.angle_noise, ordered.iter().any(|s| adds(&s))) else {
+            return Vec::new();
+        };
         let kinematics = core.prepared.kinematics();
         let sum = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a + b).collect() };
         let drawn = |d: &Disturbance| {
@@ -525,9 +546,9 @@ impl ForwardModel {
         let context = self.context(trial, &core.excitation, core.shown());
         let effects = self.acting(effects);
         let mut draws = self.drawn_moments(trial, core, &context, &in_order(&effects));
-        let (noise, disturbances) = self.angle_noise.as_ref()?;
+        let DrawnNoise { noise, draws: disturbances, was_white } = self.angle_noise.as_ref()?;
         let drag = self.model.setup().dynamometer_damping;
-        if drag * noise.sd / noise.length > NOTICEABLE_DRAG * self.joint.strength {
+        if *was_white || drag * noise.sd / noise.length > NOTICEABLE_DRAG * self.joint.strength {
             // What effects do not see acts all the same: with it left out, a friction that cancels it would be found.
             draws.resize(disturbances[trial].len(), vec![0.0; context.time.len()]);
             for (moment, draw) in draws.iter_mut().zip(&disturbances[trial]) {
@@ -536,6 +557,24 @@ impl ForwardModel {
         }
         let draws: Vec<Vec<f64>> = draws.iter().map(|d| average(d)).collect();
         (!draws.is_empty()).then(|| noise.covariance(&draws, times))
+    }
+}
+
+/// Correlation length of what smoothing leaves of an angle's white noise [s], if it is all that there is.
+const LEFT_LENGTH: f64 = 0.1;
+
+/// Adds further draws of an angle's noise where the joint is not held.
+fn add_where_it_moves(draws: &mut [Disturbance], more: &[Disturbance], time: &[f64], angle: &[f64]) {
+    let weight = moving(time, angle);
+    let add = |to: &mut [f64], more: &[f64]| {
+        for ((to, more), weight) in to.iter_mut().zip(more).zip(&weight) {
+            *to += weight * more;
+        }
+    };
+    for (draw, more) in draws.iter_mut().zip(more) {
+        add(&mut draw.angle, &more.angle);
+        add(&mut draw.speed, &more.speed);
+        add(&mut draw.acceleration, &more.acceleration);
     }
 }
 
