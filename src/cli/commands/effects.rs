@@ -96,6 +96,12 @@ fn details(d: &Description) -> String {
 fn parameter(p: &Parameter) -> String {
     let role = match p.role {
         Role::Amplitude => "the effect is absent at 0".to_string(),
+        Role::Shape if p.moves_with_neutral != 0.0 => {
+            format!(
+                "shape, usually {}, both from the joint's neutral angle (0, or the middle of a range that lies to one side of it)",
+                p.start
+            )
+        }
         Role::Shape => format!("shape, usually {}", p.start),
     };
     format!("{} [{}]: plausible {} to {}; {role}. Range: {}", p.name, p.unit, p.plausible[0], p.plausible[1], p.source)
