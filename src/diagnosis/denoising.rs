@@ -10,7 +10,8 @@
 //!
 //! # References
 //! Rauch, Tung & Striebel (1965), Maximum likelihood estimates of linear dynamic systems (the smoother), doi:10.2514/3.3166.
-//! Fahrmeir & Künstler (1999), Penalized likelihood smoothing in robust state space models, doi:10.1007/s001840050007.
+//! Aravkin, Burke & Pillonetto (2014), Robust and trend-following Student's t Kalman smoothers, SIAM Journal on Control and
+//! Optimization 52.
 //! Lange, Little & Taylor (1989), Robust statistical modeling using the t distribution, doi:10.1080/01621459.1989.10478852.
 //! Gasser, Sroka & Jennen-Steinmetz (1986), Residual variance and residual pattern in nonlinear regression (the variance from
 //! differences), doi:10.1093/biomet/73.3.625.
@@ -42,7 +43,7 @@ const AS_GOOD: f64 = 0.05;
 const MOST: f64 = 5.0;
 /// Samples at either end that are not foretold.
 const ENDS: usize = 4;
-/// Degrees of freedom of their distribution: few, most are nothing beside a few.
+/// Degrees of freedom of the distribution of the increments: so few that most are nothing beside a few.
 const DEGREES_OF_FREEDOM: f64 = 0.3;
 /// Increments at either end that are of the usual size.
 const OUTERMOST: usize = 3;
@@ -139,6 +140,13 @@ struct Known {
     step: f64,
 }
 
+impl Known {
+    /// How what turns out at the next sample acts back on this one; `None` where the filter knows too exactly to say.
+    fn back_from(&self, next: &Known) -> Option<Matrix3<f64>> {
+        Some(self.with.1 * motion(next.step).transpose() * next.before.1.try_inverse()?)
+    }
+}
+
 /// Takes an angle's white noise out.
 struct Smoother {
     /// Standard deviation of the noise [rad].
@@ -200,12 +208,8 @@ impl Smoother {
         for k in (0..n).rev() {
             // Given the sample after.
             let own = &known[k].with.1;
-            let (back, rest) = match known.get(k + 1).and_then(|next| Some((next, next.before.1.try_inverse()?))) {
-                Some((next, inverse)) => {
-                    let motion = motion(next.step);
-                    let back = own * motion.transpose() * inverse;
-                    (back, own - back * next.before.1 * back.transpose())
-                }
+            let (back, rest) = match known.get(k + 1).and_then(|next| Some((next, known[k].back_from(next)?))) {
+                Some((next, back)) => (back, own - back * next.before.1 * back.transpose()),
                 None => (Matrix3::zeros(), *own),
             };
             let eigen = (0.5 * (rest + rest.transpose())).symmetric_eigen();
@@ -269,12 +273,11 @@ fn followed_back(known: &[Known]) -> (Vec<f64>, Vec<f64>) {
     for k in (0..n - 1).rev() {
         let (next, own) = (&known[k + 1], &known[k].with);
         let motion = motion(next.step);
-        let Some(inverse) = next.before.1.try_inverse() else {
+        let Some(back) = known[k].back_from(next) else {
             (state, covariance) = *own;
             angles[k] = state[0];
             continue;
         };
-        let back = own.1 * motion.transpose() * inverse;
         let earlier = own.0 + back * (state - next.before.0);
         let earlier_covariance = own.1 + back * (covariance - next.before.1) * back.transpose();
         let jump = state - motion * earlier;
