@@ -12,7 +12,7 @@ use super::ONE_BY_ONE;
 use super::effect::{Role, Stage};
 use super::fit::{Account, Analysis, Fit, LARGEST_MEAN, Linear, Noise, Point, corrected};
 use super::forward_model::{FITTED_PER_MUSCLE, Setting};
-use super::noise::{self, COMPONENTS, NoiseLevels};
+use super::noise::{self, COMPONENTS, NoiseLevels, scatter_of_all};
 use super::score_test::tail;
 use crate::simulation::SimulationError;
 use relaxation::Relaxation;
@@ -352,8 +352,7 @@ impl Analysis<'_> {
         Ok(self.centre(fit, &inverse, means))
     }
 
-    /// How near a model comes to the moments of a fit with other effects, its noise held: least squared distance, in standard
-    /// deviations, priors of both included.
+    /// How near a model comes to the moments of a fit with other effects, its noise held: standard deviations, priors of both included.
     ///
     /// - `start`: effects to come near with, and muscles to start from; `fit`: of which the targets are
     ///
@@ -366,7 +365,10 @@ impl Analysis<'_> {
         self.descend(&mut descent, DISTANT_STEPS, CONVERGED);
         let n = self.n_muscles() * FITTED_PER_MUSCLE;
         let own: f64 = fit.precision.iter().zip(&fit.offset).take(n).map(|(a, b)| a * b * b).sum();
-        Ok(descent.misfit() - own)
+        let squared = (descent.misfit() - own).max(0.0);
+        self.bring_noise_up_to_date(&mut descent);
+        let scatter = scatter_of_all(&descent.noise.structure, &fit.noise, &fit.levels).unwrap_or(0.0);
+        Ok(squared / (squared + scatter).sqrt().max(f64::MIN_POSITIVE))
     }
 
     /// A fit with usual noise: while the model is far off, its errors would be taken for noise.

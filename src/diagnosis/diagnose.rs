@@ -22,8 +22,10 @@ pub use account::{
     Candidate, Confusion, Diagnosis, Errors, Explanation, Left, ParameterEstimate, Steps, Verdict, is_determined,
 };
 
-/// A null model with a smaller p-value is rejected.
-pub const REJECT_NULL: f64 = 0.05;
+/// A null model with a smaller p-value is rejected. That is 5 in 100 where nothing is missing, not 10: the p-value is the larger of two, and
+/// a fit that is rejected gives way to a more probable one from elsewhere. Of 188 clean studies (participants 101 to 108 of
+/// `fixtures/diagnosis`) 9 are rejected.
+pub const REJECT_NULL: f64 = 0.1;
 /// Where a null model has a smaller p-value, it is rejected if an effect is much nearer to the data …
 const DOUBTED: f64 = 0.15;
 /// … by this: what the muscles have taken up of an effect, residuals do not show. Nor does an effect explain anything that is so much
@@ -118,7 +120,8 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let mut rejected = null_p_value < REJECT_NULL;
     if !rejected && null_p_value < DOUBTED {
         singles = judge.in_doubt()?;
-        rejected = singles.iter().any(|(_, e)| e.survives() && e.plausible && e.misfit_fall > MUCH_NEARER);
+        let much_nearer = |fit: &Fit| analysis.is_farther(&null, fit, MUCH_NEARER);
+        rejected = singles.iter().any(|(fit, e)| e.survives() && e.plausible && much_nearer(fit));
     }
     if rejected {
         judge.singles(&left, &mut singles)?;

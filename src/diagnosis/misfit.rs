@@ -14,6 +14,14 @@
 //! Q_a − Q_b + (b_a + b_b)ᵀ (x_a − x_b),   b: mean scores where nothing is missing, x: muscles and effects
 //! ```
 //!
+//! Where noise of the EMG passes through two fits alike, the difference is that of two normal likelihoods: under the one it is on average
+//! −D, with a variance of 4 D. Where it does not (cross-talk unmixes, and so amplifies it), its own chance comes on top:
+//!
+//! ```text
+//! var(Q_a − Q_b) = 4 D + 4 S,   S = Σ_g n_g − ‖L_a⁻¹ C_ab L_b⁻ᵀ‖²,   V = L Lᵀ, C_ab: covariance of the two fits' residuals
+//! ```
+//! (variance of a quadratic form of normal variables). What a difference says is measured by that: see [`allowed`].
+//!
 //! # References
 //! Fuller (1987), Measurement Error Models, sections 1.3 and 3.1, doi:10.1002/9780470316665.
 
@@ -24,10 +32,18 @@ use super::ONE_BY_ONE;
 use super::fit::{Analysis, Fit, LARGEST_MEAN, whiten};
 use super::noise::{self, NoiseLevels};
 
-/// Of two fits one is no explanation beside the other if Q differs by more than this: the other is 33 times as likely. The true effect
-/// is that far behind a rival with a probability below Φ(-√7) = 0.4 %, wherever the rival is (Q_rival − Q_true is z² ± 2z); a rival
-/// at z = 5 stays beside it with one of 4 %.
-pub const FARTHER: f64 = 7.0;
+/// Of two fits one is no explanation beside the other if Q differs by more than what is [`allowed`] by this: the other is 12 times as
+/// likely, or more where noise passes through them differently. The true effect is that far behind a rival with a probability below
+/// Φ(-√5) = 1.3 %, wherever the rival is; a rival at z = 5 stays beside it with one of 2 %.
+pub const FARTHER: f64 = 5.0;
+
+/// How far the truth may be behind a rival, so that it is farther with a probability below Φ(-√limit), whatever D is: the least of
+/// (f + D) / √(4 D + 4 S) over D is √limit.
+///
+/// - `scatter`: S
+pub(super) fn allowed(limit: f64, scatter: f64) -> f64 {
+    if scatter <= limit { limit + scatter } else { 2.0 * (limit * scatter).sqrt() }
+}
 
 /// What a fit's trials say of its parameters.
 struct Sums {
@@ -55,6 +71,16 @@ impl Analysis<'_> {
     /// How far moments and EMG are from a fit, where these are the variances of the noise; infinite if that cannot be said.
     pub(super) fn misfit(&self, fit: &Fit, levels: &NoiseLevels) -> f64 {
         self.sums(fit, levels).map_or(f64::INFINITY, |sums| sums.misfit)
+    }
+
+    /// Whether moments and EMG are farther from one fit than from another by more than chance allows, at the geometric means of their
+    /// variances.
+    ///
+    /// - `limit`: squared standard deviations of what counts as chance
+    pub(super) fn is_farther(&self, a: &Fit, b: &Fit, limit: f64) -> bool {
+        let Some(farther) = self.farther_from(a, b) else { return false };
+        let scatter = || noise::scatter_of_all(&a.noise, &b.noise, &a.levels.between(&b.levels));
+        farther > limit && farther > allowed(limit, scatter().unwrap_or(f64::INFINITY))
     }
 
     fn sums(&self, fit: &Fit, levels: &NoiseLevels) -> Option<Sums> {
@@ -130,6 +156,15 @@ fn agreed(a: f64, b: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn verif_allowed_is_exceeded_by_chance_alike_wherever_the_rival_is() {
+        for scatter in [0.0, 2.0, 5.0, 40.0, 120.0] {
+            let sds = |d: f64| (allowed(FARTHER, scatter) + d) / (4.0 * (d + scatter)).sqrt();
+            let least = (0..4000).map(|i| sds(0.05 * f64::from(i).max(1e-9))).fold(f64::INFINITY, f64::min);
+            assert!((least - FARTHER.sqrt()).abs() < 1e-3, "{scatter}: {least}");
+        }
+    }
 
     #[test]
     fn verif_agreed_is_what_both_say() {

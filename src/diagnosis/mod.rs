@@ -29,7 +29,5 @@ pub mod synthesis;
 pub mod trial_record;
 pub mod where_it_fails;
 
-pub use misfit::FARTHER;
-
 /// Trials that cores share out among them at a time: they take unequal times, and whoever is through with several would wait.
 const ONE_BY_ONE: usize = 1;

@@ -16,7 +16,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use rayon::prelude::*;
 
+use super::ONE_BY_ONE;
 use super::kernel::{Family, Kernel, correlated, root};
 use crate::study::Direction;
 
@@ -151,6 +153,19 @@ impl Response {
         self.by_knots[(block, knot)] += moment;
         let rows = &mut self.rows[knot];
         *rows = if rows.start == rows.end { block..block + 1 } else { rows.start.min(block)..rows.end.max(block + 1) };
+    }
+
+    /// G K; with `factors` on the knots G D K.
+    ///
+    /// - `by_step`: correlations over knots
+    fn smoothed(&self, by_step: &[f64], factors: Option<&DVector<f64>>) -> DMatrix<f64> {
+        let mut out = DMatrix::zeros(self.by_knots.nrows(), self.by_knots.ncols());
+        for (row, mut to) in self.by_knots.row_iter().zip(out.row_iter_mut()) {
+            let row = row.transpose();
+            let row = factors.map_or_else(|| row.clone(), |f| row.component_mul(f));
+            to.copy_from(&correlated(by_step, &row).transpose());
+        }
+        out
     }
 
     /// Adds G K Gᵀ to the lower triangle of `covariance`; with `factors` on the knots G D K D Gᵀ.
@@ -320,6 +335,28 @@ impl TrialNoise {
         v
     }
 
+    /// Covariance of this model's residuals with those of another of the same trial.
+    fn covariance_with(&self, other: &TrialNoise, levels: &NoiseLevels) -> DMatrix<f64> {
+        let [white, slow, ..] = self.levels(levels);
+        let [envelope, gain, floor] = levels.of_emg();
+        let mut v = &self.times.slow * slow + &self.whole * other.whole.transpose() * gain;
+        let responses = self.response.iter().zip(&other.response);
+        for ((own, others), (d, of_other)) in responses.zip(self.reciprocal.iter().zip(&other.reciprocal)) {
+            v += own.smoothed(&self.by_step, None) * others.by_knots.transpose() * envelope;
+            let mut others = others.by_knots.clone();
+            others.column_iter_mut().zip(of_other.iter()).for_each(|(mut column, d)| column *= *d);
+            v += own.smoothed(&self.by_step, Some(d)) * others.transpose() * floor;
+        }
+        for (k, w) in self.times.white.iter().enumerate() {
+            v[(k, k)] += white * w;
+        }
+        // How the angle's noise passes through both is not known: alike.
+        for of_angle in [&self.of_angle, &other.of_angle].into_iter().flatten() {
+            v += of_angle * 0.5;
+        }
+        v
+    }
+
     /// The part of V that is noise of one muscle's EMG.
     pub fn covariance_of_muscle(&self, muscle: usize, levels: &NoiseLevels) -> DMatrix<f64> {
         let n = self.times.white.len();
@@ -465,6 +502,24 @@ impl TrialNoise {
 /// Cholesky factor of V.
 pub fn factor(noise: &TrialNoise, levels: &NoiseLevels) -> Option<Cholesky<f64, Dyn>> {
     noise.covariance(levels).cholesky()
+}
+
+/// S: how differently noise passes through two models of the same trials; 0 where it passes alike.
+///
+/// ```text
+/// S = Σ n − ‖L_a⁻¹ C_ab L_b⁻ᵀ‖²,   V = L Lᵀ, C_ab: covariance of the residuals of both
+/// ```
+pub(super) fn scatter_of_all(a: &[TrialNoise], b: &[TrialNoise], levels: &NoiseLevels) -> Option<f64> {
+    let found: Vec<_> = a.par_iter().with_max_len(ONE_BY_ONE).zip(b).map(|(a, b)| scatter(a, b, levels)).collect();
+    found.into_iter().sum::<Option<f64>>().map(|sum| sum.max(0.0))
+}
+
+fn scatter(a: &TrialNoise, b: &TrialNoise, levels: &NoiseLevels) -> Option<f64> {
+    let mut both = a.covariance_with(b, levels);
+    factor(a, levels)?.l_dirty().solve_lower_triangular_mut(&mut both);
+    let mut both = both.transpose();
+    factor(b, levels)?.l_dirty().solve_lower_triangular_mut(&mut both);
+    Some(both.nrows() as f64 - both.norm_squared())
 }
 
 #[cfg(test)]

@@ -6,10 +6,11 @@
 //! several valleys. What remains is the distance in standard deviations:
 //!
 //! ```text
-//! z² = min over θ, φ of  Σ_g ‖τ_g(truth) − τ_g(θ, φ)‖²_V + ‖θ − θ₀‖²_Λ  −  ‖θ(truth) − θ₀‖²_Λ
+//! D = min over θ, φ of  Σ_g ‖τ_g(truth) − τ_g(θ, φ)‖²_V + ‖θ − θ₀‖²_Λ  −  ‖θ(truth) − θ₀‖²_Λ,   z = D / √(D + S)
 //! ```
-//! −2 log likelihood of the rival is this much larger on average, the noise being known. [`Analysis::pairwise_z`] is its
-//! approximation to first order around the model without effects, of which shapes are not free.
+//! −2 log likelihood of the rival is D larger on average, the noise being known, with a standard deviation of 2 √(D + S): S, which is
+//! of noise that passes through the two differently, is in [`super::misfit`]. [`Analysis::pairwise_z`] is √D to first
+//! order around the model without effects, of which shapes are not free.
 
 use rayon::prelude::*;
 
@@ -70,14 +71,12 @@ pub fn separability(request: &Request, truth: &Setting) -> Result<Vec<Distance>,
             (a, b) => a.or(b),
         }
     };
-    let none = Distance { rival: None, z: near(&[])?.max(0.0).sqrt() };
+    let none = Distance { rival: None, z: near(&[])? };
     let of_rival = |rival: &&'static dyn Effect| {
         let starts = Setting::starts(*rival, &forward.joint);
         let least = starts.into_iter().filter_map(|start| near(&[start]).ok()).fold(f64::INFINITY, f64::min);
         // With the rival's size 0 the model does what it does without it.
-        least
-            .is_finite()
-            .then(|| Distance { rival: Some(rival.description().id), z: least.max(0.0).sqrt().min(none.z) })
+        least.is_finite().then(|| Distance { rival: Some(rival.description().id), z: least.min(none.z) })
     };
     let mut found: Vec<Distance> = rivals.par_iter().filter_map(of_rival).collect();
     found.push(none.clone());

@@ -11,7 +11,6 @@ use super::results::{Kind, Results};
 use super::story_figures::{WaterfallStep, interval, p_bar, separation, waterfall};
 use super::view::{Fact, Group, Pair, ParameterGroup, facts, groups, maybe, parameter_groups};
 use super::warnings::{self, WarningGroup};
-use crate::diagnosis::FARTHER;
 use crate::diagnosis::catalogue::effect;
 use crate::diagnosis::diagnose::{LEAST_SHARE, REJECT_EXPLANATION, REJECT_NULL, is_determined};
 
@@ -427,7 +426,7 @@ fn candidates(diagnosis: &DiagnosisResult) -> Vec<CandidateRow> {
             () if in_pair(&c.effect) => "part of a pair",
             () if !testable => "not testable",
             () if !rejected => "not needed",
-            () if c.misfit_behind.is_some_and(|behind| behind > FARTHER) => "less likely",
+            () if c.misfit_behind.is_some() => "less likely",
             () if c.p_value.is_some_and(|p| p > level) => "implausible size",
             () if c.p_value.is_some() => "ruled out",
             () => "not fitted",

@@ -157,7 +157,7 @@ impl Judge<'_> {
     }
 
     /// Leaves of explanations, none of which the residuals reject, those that moments and EMG are not much farther from than from the nearest
-    /// of them; the nearest first. Returns those that go.
+    /// of them; those that no test rejects first, the nearest of them before others. Returns those that go.
     pub(super) fn drop_the_farther(&self, explanations: &mut Vec<(Fit, Explanation)>) -> Vec<Explanation> {
         let behind = |fit: &Fit, other: &Fit| self.analysis.farther_from(fit, other).unwrap_or(0.0);
         let farthest = |fit: &Fit| explanations.iter().map(|(other, _)| behind(fit, other)).fold(0.0, f64::max);
@@ -167,9 +167,17 @@ impl Judge<'_> {
         };
         let nearest = explanations[nearest].0.clone();
         explanations.par_iter_mut().for_each(|(fit, e)| e.misfit_behind = behind(fit, &nearest));
-        let gone = explanations.extract_if(.., |(_, e)| e.misfit_behind > FARTHER).map(|(_, e)| e).collect();
+        // One that is rejected, and is here for what it cannot be told from, drives out none that is not.
+        let survivors: Vec<Fit> =
+            explanations.iter().filter(|(_, e)| e.survives()).map(|(fit, _)| fit.clone()).collect();
+        let others = if survivors.is_empty() { vec![nearest] } else { survivors };
+        let is_farther = |fit: &Fit| others.iter().any(|other| self.analysis.is_farther(fit, other, FARTHER));
+        let farther: Vec<bool> = explanations.par_iter().map(|(fit, _)| is_farther(fit)).collect();
+        let mut farther = farther.into_iter();
+        let gone = explanations.extract_if(.., |_| farther.next() == Some(true)).map(|(_, e)| e).collect();
         explanations.sort_by(|(_, a), (_, b)| {
-            a.misfit_behind.total_cmp(&b.misfit_behind).then(b.p_value.total_cmp(&a.p_value))
+            let nearer = a.misfit_behind.total_cmp(&b.misfit_behind).then(b.p_value.total_cmp(&a.p_value));
+            b.survives().cmp(&a.survives()).then(nearer)
         });
         gone
     }
@@ -187,13 +195,14 @@ impl Judge<'_> {
         for (fit, explanation) in explanations.iter_mut() {
             explanation.misfit_behind = self.analysis.farther_from(fit, nearest).unwrap_or(0.0);
         }
-        explanations.extract_if(.., |(_, e)| e.misfit_behind > MUCH_NEARER).map(|(_, e)| e).collect()
+        let is_farther = |fit: &Fit| singles.iter().any(|(other, _)| self.analysis.is_farther(fit, other, MUCH_NEARER));
+        explanations.extract_if(.., |(fit, _)| is_farther(fit)).map(|(_, e)| e).collect()
     }
 
     /// Whether a pair is much nearer to moments and EMG than either of its effects alone, as far as that was fitted.
     pub(super) fn needs_both(&self, pair: &(Fit, Explanation), singles: &[(Fit, Explanation)]) -> bool {
         let mut members = singles.iter().filter(|s| pair.1.effects.contains(&s.1.effects[0]));
-        members.all(|single| self.analysis.farther_from(&single.0, &pair.0).is_none_or(|farther| farther > NEEDS_BOTH))
+        members.all(|single| self.analysis.is_farther(&single.0, &pair.0, NEEDS_BOTH))
     }
 
     /// Where it is doubted that anything is missing: the effects that promise most, fitted.
