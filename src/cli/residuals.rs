@@ -1,10 +1,14 @@
 //! Residuals of a model along axes: from a participant's run to results, and to a terminal.
 
+use std::borrow::Cow;
+
 use super::study_run::ParticipantRun;
 use super::table::{fixed, table};
+use crate::diagnosis::denoising::denoised;
 use crate::evaluation::residuals::{MuscleName, ResidualTrial, SessionUnit, along_axes};
 use crate::report::residuals::{AxisCurve, FrequencyBand, ResidualResult};
 use crate::report::results::{Results, rounded};
+use crate::simulation::speed_and_acceleration;
 use crate::study::{Trial, TrialUse};
 
 /// Digits that results keep.
@@ -12,14 +16,23 @@ const DIGITS: i32 = 6;
 /// Axes that a terminal shows.
 const SHOWN_AXES: usize = 6;
 
-/// The residual of a model over a participant's trials, maximal contractions left out.
+/// The residual of a model over a participant's trials, maximal contractions left out. Angle, speed and acceleration are without the
+/// recorded angle's white noise, as in a diagnosis.
 ///
 /// - `moments`: simulated moments of all trials [N·m]
 pub fn residual_result(run: &ParticipantRun, model: &str, moments: &[Vec<f64>]) -> ResidualResult {
     let timed = run.trials.iter().all(|t| t.info.start_time.is_some());
+    let smooth = denoised(&run.trials).trials;
+    let smooth = matches!(smooth, Cow::Owned(_)).then_some(smooth);
     let trials: Vec<ResidualTrial> = (0..run.trials.len())
         .filter(|i| run.trials[*i].info.usage != TrialUse::Mvc)
-        .map(|i| residual_trial(run, i, &moments[i], timed))
+        .map(|i| {
+            let trial = residual_trial(run, i, &moments[i], timed);
+            match &smooth {
+                Some(smooth) => along_angle(trial, &smooth[i]),
+                None => trial,
+            }
+        })
         .collect();
     let session = if timed { SessionUnit::Minutes } else { SessionUnit::Order };
     let found = along_axes(&trials, &trials, &muscle_names(run), session);
@@ -63,6 +76,14 @@ fn residual_trial(run: &ParticipantRun, i: usize, moment: &[f64], timed: bool) -
         session: start.unwrap_or((trial.info.place + 1) as f64),
         effort: trial.info.effort_percent,
         condition: condition(trial),
+    }
+}
+
+/// The same residual along another angle; along its own where that cannot be differentiated.
+fn along_angle(trial: ResidualTrial, smooth: &Trial) -> ResidualTrial {
+    match speed_and_acceleration(&smooth.time, &smooth.angle) {
+        Ok([speed, acceleration]) => ResidualTrial { angle: smooth.angle.clone(), speed, acceleration, ..trial },
+        Err(_) => trial,
     }
 }
 

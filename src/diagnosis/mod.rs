@@ -6,7 +6,7 @@ pub mod angle_noise;
 pub mod baselines;
 pub mod catalogue;
 mod centring;
-mod denoising;
+pub mod denoising;
 mod descent;
 pub mod diagnose;
 pub mod effect;

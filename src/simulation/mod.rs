@@ -32,7 +32,7 @@ pub use excitation_tangent::{ExcitationTangent, ForceChange};
 pub use fiber::integrate::FiberAccuracy;
 pub use fiber::radau::Work;
 pub use model::{HeldCoordinate, MuscleParameters, MusculoskeletalModel, Setup, posture};
-pub use motion::MotionInterpolation;
+pub use motion::{MotionInterpolation, speed_and_acceleration};
 pub use response::{AngleResponse, ExcitationResponse, RestResponse};
 pub use sensitivity::MuscleSolution;
 pub use trial::{

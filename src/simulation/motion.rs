@@ -97,6 +97,19 @@ impl Motion {
     }
 }
 
+/// Speed [rad/s] and acceleration [rad/s²] at samples of an angle [rad], as a simulation has them.
+///
+/// - `times`: increasing [s]
+///
+/// # Errors
+/// Fewer than six samples; values that are not finite.
+pub fn speed_and_acceleration(times: &[f64], angles: &[f64]) -> Result<[Vec<f64>; 2], FunctionError> {
+    let motion = Motion::interpolate(times, angles, MotionInterpolation::default())?;
+    let mut cursor = 0;
+    let jets: Vec<[f64; 3]> = times.iter().map(|t| motion.jet(*t, &mut cursor)).collect();
+    Ok([1, 2].map(|i| jets.iter().map(|jet| jet[i]).collect()))
+}
+
 /// Value, slope and second derivative at every sample of the natural spline of degree five through the samples.
 ///
 /// Each interval is the quintic with given values, slopes v and second derivatives a at its ends. The third and fourth

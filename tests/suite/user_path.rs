@@ -247,6 +247,45 @@ fn verif_compare_writes_errors_and_report() {
     assert_eq!(results.provenance.inputs.len(), 6, "model, study, participants, trials, two recordings");
 }
 
+/// Largest place on an axis of the residuals that `compare` writes.
+fn reach(study: &StudyCopy, axis: &str) -> f64 {
+    study.run("compare").success();
+    let json = std::fs::read_to_string(study.path("out/P01/results.json")).unwrap();
+    let results = carpus::report::results::Results::parse(&json).unwrap();
+    let found = results.residuals[0].axes.iter().find(|a| a.axis == axis).unwrap();
+    found.curve.iter().map(|bin| bin.0.abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn verif_residuals_are_shown_along_an_angle_without_its_white_noise() {
+    let study = StudyCopy::new();
+    let clean = ["velocity", "acceleration"].map(|axis| reach(&study, axis));
+    for (seed, file) in [TRAIN, TEST].into_iter().enumerate() {
+        study.edit(file, |text| {
+            let mut state = 1 + seed as u64;
+            let mut uniform = || {
+                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+            };
+            let noisy = |(i, line): (usize, &str)| {
+                let mut fields: Vec<String> = line.split(',').map(String::from).collect();
+                if i > 0 {
+                    // Of standard deviation 0.3 degrees.
+                    let angle: f64 = fields[1].parse().unwrap();
+                    fields[1] = format!("{:.4}", angle + 0.3 * 12.0_f64.sqrt() * uniform());
+                }
+                fields.join(",") + "\n"
+            };
+            text.lines().enumerate().map(noisy).collect()
+        });
+    }
+    // Differentiated as it is, noise of 0.3 degrees at 100 Hz is a speed of 0.5 rad/s and an acceleration of 100 rad/s².
+    let noisy = ["velocity", "acceleration"].map(|axis| reach(&study, axis));
+    for (clean, noisy) in clean.iter().zip(noisy) {
+        assert!(noisy < 1.5 * clean, "{noisy} and {clean}");
+    }
+}
+
 #[test]
 fn verif_results_do_not_depend_on_threads() {
     let study = StudyCopy::new();
