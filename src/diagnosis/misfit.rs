@@ -20,7 +20,7 @@
 //! ```text
 //! var(Q_a − Q_b) = 4 D + 4 S,   S = Σ_g n_g − ‖L_a⁻¹ C_ab L_b⁻ᵀ‖²,   V = L Lᵀ, C_ab: covariance of the two fits' residuals
 //! ```
-//! (variance of a quadratic form of normal variables). What a difference says is measured by that: see [`allowed`].
+//! (variance of a quadratic form of normal variables). What a difference says is measured by that: see `allowed`.
 //!
 //! # References
 //! Fuller (1987), Measurement Error Models, sections 1.3 and 3.1, doi:10.1002/9780470316665.
@@ -32,10 +32,10 @@ use super::ONE_BY_ONE;
 use super::fit::{Analysis, Fit, LARGEST_MEAN, whiten};
 use super::noise::{self, NoiseLevels};
 
-/// Of two fits one is no explanation beside the other if Q differs by more than what is [`allowed`] by this: the other is 12 times as
+/// Of two fits one is no explanation beside the other if Q differs by more than what is `allowed` by this: the other is 12 times as
 /// likely, or more where noise passes through them differently. The true effect is that far behind a rival with a probability below
 /// Φ(-√5) = 1.3 %, wherever the rival is; a rival at z = 5 stays beside it with one of 2 %.
-pub const FARTHER: f64 = 5.0;
+pub(super) const FARTHER: f64 = 5.0;
 
 /// How far the truth may be behind a rival, so that it is farther with a probability below Φ(-√limit), whatever D is: the least of
 /// (f + D) / √(4 D + 4 S) over D is √limit.
