@@ -9,7 +9,7 @@
 //! D = min over θ, φ of  Σ_g ‖τ_g(truth) − τ_g(θ, φ)‖²_V + ‖θ − θ₀‖²_Λ  −  ‖θ(truth) − θ₀‖²_Λ,   z = D / √(D + S)
 //! ```
 //! −2 log likelihood of the rival is D larger on average, the noise being known, with a standard deviation of 2 √(D + S): S, which is
-//! of noise that passes through the two differently, is in [`super::misfit`]. [`Analysis::pairwise_z`] is √D to first
+//! of noise that passes through the two differently, is in `misfit.rs`. [`Analysis::pairwise_z`] is √D to first
 //! order around the model without effects, of which shapes are not free.
 
 use rayon::prelude::*;
