@@ -572,6 +572,53 @@ mod tests {
         }
     }
 
+    /// Noise of a trial of two muscles whose EMG passes by `pass`.
+    fn trial(pass: f64) -> TrialNoise {
+        let (blocks, knots) = (8, 12);
+        let kernel = Kernels::default().emg;
+        let times: Vec<f64> = (0..blocks).map(|b| 0.06 * b as f64).collect();
+        let times = Arc::new(TrialTimes::correlated(Direction::Flexion, &times, &[6; 8], &kernel));
+        let mut responses = vec![Response::new(blocks, knots); 2];
+        for (m, response) in responses.iter_mut().enumerate() {
+            for j in 0..knots {
+                for b in (j / 2)..blocks.min(j / 2 + 3) {
+                    response.add(b, j, pass + 0.5 * (m as f64 + 0.7 * b as f64 - 0.3 * j as f64).cos());
+                }
+            }
+        }
+        let excitation: Vec<Vec<f64>> =
+            (0..2).map(|m| (0..knots).map(|j| 0.1 + 0.02 * (j + m) as f64).collect()).collect();
+        TrialNoise::correlated(&times, responses, &excitation, &kernel)
+    }
+
+    #[test]
+    fn verif_scatter_is_the_variance_of_a_difference_of_misfits() {
+        use rand::SeedableRng;
+        let levels = NoiseLevels([0.05, 0.04, 0.04, 0.04, 0.1, 0.05, 0.004].map(|sd: f64| sd * sd));
+        let (a, b) = (trial(0.2), trial(0.8));
+        assert!((a.covariance_with(&a, &levels) - a.covariance(&levels)).amax() < 1e-12);
+        assert!(scatter(&a, &a, &levels).unwrap().abs() < 1e-9);
+        let expected = 4.0 * scatter(&a, &b, &levels).unwrap();
+        // The same noise of EMG and moment, drawn, as residuals of both.
+        let factors = [&a, &b].map(|noise| factor(noise, &levels).unwrap());
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(7);
+        let n = 20_000;
+        let differences: Vec<f64> = (0..n)
+            .map(|_| {
+                let mut normal = || crate::diagnosis::score_test::normal(&mut rng);
+                let (of_emg, of_moment) = (a.draw(&levels, &mut normal), a.draw_moment(&levels, &mut normal));
+                let misfit = |noise: &TrialNoise, i: usize| {
+                    let residual = noise.respond(&noise.relative(&of_emg)) + &of_moment;
+                    residual.dot(&factors[i].solve(&residual))
+                };
+                misfit(&a, 0) - misfit(&b, 1)
+            })
+            .collect();
+        let mean = differences.iter().sum::<f64>() / n as f64;
+        let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / n as f64;
+        assert!(expected > 1.0 && (variance / expected - 1.0).abs() < 0.05, "{variance} and {expected}");
+    }
+
     #[test]
     fn verif_variances_that_swing_come_to_rest() {
         // What is estimated next, of a variance whose logarithm is x: 0.3 - 2 x swings ever further when taken at its word.

@@ -156,8 +156,8 @@ impl Judge<'_> {
         });
     }
 
-    /// Leaves of explanations, none of which the residuals reject, those that moments and EMG are not much farther from than from the nearest
-    /// of them; those that no test rejects first, the nearest of them before others. Returns those that go.
+    /// Leaves of explanations those that moments and EMG are not much farther from than from any that no test rejects; these come first, of
+    /// the same kind the nearest. Returns those that go.
     pub(super) fn drop_the_farther(&self, explanations: &mut Vec<(Fit, Explanation)>) -> Vec<Explanation> {
         let behind = |fit: &Fit, other: &Fit| self.analysis.farther_from(fit, other).unwrap_or(0.0);
         let farthest = |fit: &Fit| explanations.iter().map(|(other, _)| behind(fit, other)).fold(0.0, f64::max);
