@@ -26,10 +26,7 @@ pub use account::{
 /// that is rejected gives way to a more probable one from elsewhere. Of 788 clean studies 39 are below: 7 of 188 of the participants for tuning, 18
 /// of the 400 of a table that has been made anew since, 14 of the first 200 of the present one (`fixtures/diagnosis`).
 pub const REJECT_NULL: f64 = 0.08;
-/// Where a null model has a smaller p-value, it is rejected if an effect is much nearer to the data …
-const DOUBTED: f64 = 0.15;
-/// … by this: what the muscles have taken up of an effect, residuals do not show. Nor does an effect explain anything that is so much
-/// farther from the data than another.
+/// An effect that is so much farther from the data than another explains nothing, whatever it leaves.
 const MUCH_NEARER: f64 = 25.0;
 /// A direction with a smaller p-value (that knows the variances to be estimates, times the number of directions) is no matter of
 /// misjudged variances.
@@ -116,24 +113,17 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let refit_error = rmse(forward, &refitted).unwrap_or(0.0).max(f64::MIN_POSITIVE) / request.mvc;
     let judge =
         Judge { request, analysis: &analysis, null: &null, not_testable: &not_testable, uncentred, refit_error };
-    let mut singles = Vec::new();
-    let mut rejected = null_p_value < REJECT_NULL;
-    if !rejected && null_p_value < DOUBTED {
-        singles = judge.in_doubt()?;
-        let much_nearer = |fit: &Fit| analysis.is_farther(&null, fit, MUCH_NEARER);
-        rejected = singles.iter().any(|(fit, e)| e.survives() && e.plausible && much_nearer(fit));
-    }
-    if rejected {
-        judge.singles(&left, &mut singles)?;
-    } else {
-        singles.clear();
-    }
+    let rejected = null_p_value < REJECT_NULL;
+    let singles = if rejected { judge.singles(&left)? } else { Vec::new() };
     let above = |p_value: f64| -> Vec<(Fit, Explanation)> {
         singles.iter().filter(|s| s.1.p_value > p_value).cloned().collect()
     };
     let mut explanations = above(REJECT_EXPLANATION);
     let survivors: Vec<&'static str> = explanations.iter().filter(|e| e.1.plausible).map(|e| e.1.effects[0]).collect();
-    explanations.extend(singles.iter().filter(|s| judge.goes_with(&left, &survivors, &s.1)).cloned());
+    let stays = |s: &&(Fit, Explanation)| {
+        judge.goes_with(&left, &survivors, &s.1) || judge.is_nearer_than_survivors(s, &singles)
+    };
+    explanations.extend(singles.iter().filter(stays).cloned());
     let mut farther = judge.keep_the_near(&mut explanations, &singles);
     if rejected && explanations.is_empty() {
         let pairs = judge.pairs(&left, &singles)?;

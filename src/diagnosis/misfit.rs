@@ -32,10 +32,10 @@ use super::ONE_BY_ONE;
 use super::fit::{Analysis, Fit, LARGEST_MEAN, whiten};
 use super::noise::{self, NoiseLevels};
 
-/// Of two fits one is no explanation beside the other if Q differs by more than what is `allowed` by this: the other is 12 times as
+/// Of two fits one is no explanation beside the other if Q differs by more than what is `allowed` by this: the other is 20 times as
 /// likely, or more where noise passes through them differently. The true effect is that far behind a rival with a probability below
-/// Φ(-√5) = 1.3 %, wherever the rival is; a rival at z = 5 stays beside it with one of 2 %.
-pub(super) const FARTHER: f64 = 5.0;
+/// Φ(-√6) = 0.7 %, wherever the rival is; a rival at z = 5 stays beside it with one of 3 %.
+pub(super) const FARTHER: f64 = 6.0;
 
 /// How far the truth may be behind a rival, so that it is farther with a probability below Φ(-√limit), whatever D is: the least of
 /// (f + D) / √(4 D + 4 S) over D is √limit.

@@ -58,8 +58,8 @@ const MAY_SURVIVE: f64 = 0.5 * REJECT_EXPLANATION;
 /// What the muscles or the noise have taken up of an effect its score does not show: all effects are fitted roughly from the model as
 /// given, and of so many, those of the least misfit, what promises more than those that survived is fitted to the end.
 const SECOND_CHOICE: usize = 5;
-/// The same where it is doubted that anything is missing.
-const ASKED_IN_DOUBT: usize = 4;
+/// Effects that are fitted because they cannot be told from an explanation, at most.
+const NEAR_RIVALS: usize = 4;
 /// The same of seconds of a pair.
 const SECOND_CHOICE_OF_PAIRS: usize = 2;
 /// Pairs in which an effect is exchanged for one that cannot be told from it, at most.
@@ -135,11 +135,23 @@ impl Judge<'_> {
             && survivors.iter().any(|survivor| self.is_inseparable(left, survivor, rival))
     }
 
+    /// Whether a rejected explanation is as near to moments and EMG as any that survived: the little that it leaves does not speak for those.
+    pub(super) fn is_nearer_than_survivors(&self, own: &(Fit, Explanation), singles: &[(Fit, Explanation)]) -> bool {
+        let mut survivors = singles.iter().filter(|s| s.1.survives() && s.1.plausible).peekable();
+        let rejected = !own.1.survives() && own.1.p_value > REJECT_IN_ANY_CASE;
+        let is_nearer = |s: &(Fit, Explanation)| self.analysis.farther_from(&own.0, &s.0).is_some_and(|f| f <= 0.0);
+        rejected && own.1.plausible && survivors.peek().is_some() && survivors.all(is_nearer)
+    }
+
     /// Whether to first order an effect, of the size that its score asks for, cannot be told from a rival.
     fn is_inseparable(&self, left: &Omnibus, effect: &'static str, rival: &'static str) -> bool {
-        let size = block(left, effect).map(|b| &b.one_step);
-        let z = size.and_then(|size| self.analysis.pairwise_z(self.null, effect, size, rival));
-        z.is_some_and(|z| z < INSEPARABLE)
+        self.one_step_z(left, effect, rival).is_some_and(|z| z < INSEPARABLE)
+    }
+
+    /// How far to first order an effect, of the size that its score asks for, is from a rival [standard deviations].
+    fn one_step_z(&self, left: &Omnibus, effect: &'static str, rival: &'static str) -> Option<f64> {
+        let size = block(left, effect).map(|b| &b.one_step)?;
+        self.analysis.pairwise_z(self.null, effect, size, rival)
     }
 
     /// Leaves of explanations those whose p-value is not much smaller than the largest, or that cannot be told from the one of the
@@ -199,37 +211,25 @@ impl Judge<'_> {
         explanations.extract_if(.., |(fit, _)| is_farther(fit)).map(|(_, e)| e).collect()
     }
 
-    /// Whether a pair is much nearer to moments and EMG than either of its effects alone, as far as that was fitted.
+    /// Whether a pair is nearer to moments and EMG than either of its effects alone, as far as that was fitted: much nearer than one that
+    /// leaves only what chance may leave.
     pub(super) fn needs_both(&self, pair: &(Fit, Explanation), singles: &[(Fit, Explanation)]) -> bool {
         let mut members = singles.iter().filter(|s| pair.1.effects.contains(&s.1.effects[0]));
-        members.all(|single| self.analysis.is_farther(&single.0, &pair.0, NEEDS_BOTH))
-    }
-
-    /// Where it is doubted that anything is missing: the effects that promise most, fitted.
-    pub(super) fn in_doubt(&self) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
-        let mut found = Vec::new();
-        self.explain_anew(&[], ASKED_IN_DOUBT, &mut found)?;
-        Ok(found)
+        members.all(|(fit, e)| {
+            let limit = if e.p_value > REJECT_IN_ANY_CASE { MUCH_NEARER } else { NEEDS_BOTH };
+            self.analysis.is_farther(fit, &pair.0, limit)
+        })
     }
 
     /// Every single effect that has a chance, fitted.
-    ///
-    /// - `found`: those that were fitted in doubt; becomes all
-    pub(super) fn singles(&self, left: &Omnibus, found: &mut Vec<(Fit, Explanation)>) -> Result<(), SimulationError> {
-        let fitted_anew = !found.is_empty();
+    pub(super) fn singles(&self, left: &Omnibus) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
+        let mut found = Vec::new();
         let of = |blocks: &[BlockScore], e: &&'static dyn Effect| {
             named_block(blocks, e.description().id).map_or(0.0, |b| b.statistic)
         };
         let score = |e: &&'static dyn Effect| of(&left.blocks, e).max(of(&self.uncentred, e));
         let best = self.testable().map(|e| score(&e)).fold(0.0, f64::max);
-        // Of those that were fitted in doubt, the nearest are fitted from here, too: there may be a nearer valley.
-        let nearest = self.least_misfit(found);
-        let settled: Vec<&str> = found
-            .iter()
-            .filter(|(fit, _)| self.analysis.misfit(fit, &self.null.levels) > nearest + HARDLY_WORSE)
-            .map(|f| f.1.effects[0])
-            .collect();
-        let mut ordered: Vec<_> = self.testable().filter(|e| !settled.contains(&e.description().id)).collect();
+        let mut ordered: Vec<_> = self.testable().collect();
         ordered.sort_by(|a, b| score(b).total_cmp(&score(a)));
         let hopeful = ordered.iter().take_while(|e| score(e) >= HOPELESS * best - 30.0).count().min(PROMISING_SINGLES);
         let promising = |e: &&'static dyn Effect| {
@@ -239,7 +239,7 @@ impl Judge<'_> {
         let (certain, others) = ordered[..hopeful].split_at(hopeful.min(FITTED_SINGLES));
         let others: Vec<_> = others.par_iter().copied().filter(promising).collect();
         let wanted = certain.iter().chain(&others).map(|e| (&self.null.point, &left.blocks[..], *e)).collect();
-        self.explain_all(wanted, found)?;
+        self.explain_all(wanted, &mut found)?;
         // Of the others, those that are called for and beside which to first order nothing is left: where little is missing, much
         // explains it.
         let beside = |e: &&'static dyn Effect| {
@@ -251,15 +251,49 @@ impl Judge<'_> {
         };
         let chosen: Vec<_> = ordered[hopeful..].par_iter().copied().filter(survives).collect();
         let near = (!self.far_off(left)).then_some(self.null);
+        self.explain_near(left, chosen, near, &mut found)?;
+        self.explain_anew(&[], SECOND_CHOICE, &mut found)?;
+        // Nor may the list lack what cannot be told from an explanation because its own score calls for it less.
+        let near_rivals = self.unfitted_rivals(left, &found);
+        self.explain_near(left, near_rivals, near, &mut found)?;
+        Ok(found)
+    }
+
+    /// Explanations by single effects beside the fit without any, of the sizes that their scores ask for.
+    ///
+    /// - `near`: as for [`Analysis::refit`]
+    /// - `found`: explanations so far; of two by the same effects the nearer stays
+    fn explain_near(
+        &self,
+        left: &Omnibus,
+        wanted: Vec<&'static dyn Effect>,
+        near: Option<&Fit>,
+        found: &mut Vec<(Fit, Explanation)>,
+    ) -> Result<(), SimulationError> {
         let best = self.least_misfit(found);
         let explain = |effect: &'static dyn Effect| {
             let start = self.beside(&self.null.point, &left.blocks, effect);
             self.explain(start, self.null.levels, best, near)
         };
-        for explained in chosen.into_par_iter().map(explain).collect::<Vec<_>>() {
+        for explained in wanted.into_par_iter().map(explain).collect::<Vec<_>>() {
             explained?.into_iter().for_each(|explained| keep_better(found, explained));
         }
-        if fitted_anew { Ok(()) } else { self.explain_anew(&[], SECOND_CHOICE, found) }
+        Ok(())
+    }
+
+    /// Effects that were not fitted and cannot, to first order, be told from one that survived: of so many the nearest.
+    fn unfitted_rivals(&self, left: &Omnibus, found: &[(Fit, Explanation)]) -> Vec<&'static dyn Effect> {
+        let survivors: Vec<&'static str> =
+            found.iter().filter(|f| f.1.survives() && f.1.plausible).map(|f| f.1.effects[0]).collect();
+        let z = |rival: &'static dyn Effect| {
+            let of = |survivor: &&'static str| self.one_step_z(left, survivor, rival.description().id);
+            survivors.iter().filter_map(of).fold(f64::INFINITY, f64::min)
+        };
+        let unfitted: Vec<_> =
+            self.testable().filter(|e| !found.iter().any(|f| f.1.effects == [e.description().id])).collect();
+        let mut near: Vec<_> = unfitted.into_par_iter().map(|e| (z(e), e)).filter(|(z, _)| *z < INSEPARABLE).collect();
+        near.sort_by(|a, b| a.0.total_cmp(&b.0));
+        near.into_iter().take(NEAR_RIVALS).map(|(_, e)| e).collect()
     }
 
     /// Explanations by an effect beside those at a point each, fitted on from there; from each shape that the effect names, the best.
