@@ -184,14 +184,20 @@ impl<'a> Analysis<'a> {
         self.n_muscles() * (FITTED_PER_MUSCLE + 1)
     }
 
-    /// The model as given, without effects and with the EMG as recorded.
+    /// The model as given, without effects and with the EMG as recorded, below 1.
     pub fn nominal_point(&self) -> Point {
+        let correction = self.no_correction();
+        let input = |(g, none): (&usize, &Vec<DVector<f64>>)| {
+            let record = &self.forward.trials[*g];
+            let excitation = corrected(&record.time, &record.excitation, none);
+            Arc::new(self.forward.input(*g, excitation).unwrap_or_else(|_| self.forward.recorded_input(*g)))
+        };
         Point {
             parameters: self.forward.nominal_parameters(),
             effects: Vec::new(),
             baseline: vec![0.0; self.n_muscles()],
-            correction: self.no_correction(),
-            inputs: self.train.iter().map(|g| Arc::new(self.forward.recorded_input(*g))).collect(),
+            inputs: self.train.iter().zip(&correction).map(input).collect(),
+            correction,
         }
     }
 

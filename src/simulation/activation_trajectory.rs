@@ -78,9 +78,10 @@ impl ActivationDynamics {
     pub(crate) fn linearized(&self, a: f64, e: f64) -> [f64; 2] {
         let branch = if e > a { Branch::Activating } else { Branch::Deactivating };
         let (by_e, by_a) = self.derivatives(a, e, branch);
-        // Below the minimum it does not matter by how much.
+        // Below the minimum or above 1 it does not matter by how much.
         let asleep = a <= self.minimum_activation && e <= self.minimum_activation;
-        [-by_a, if asleep { 0.0 } else { by_e }]
+        let full = a >= 1.0 && e >= 1.0;
+        [-by_a, if asleep || full { 0.0 } else { by_e }]
     }
 
     /// ∂ȧ/∂e and ∂ȧ/∂a within the bounds.

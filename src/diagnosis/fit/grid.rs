@@ -39,14 +39,50 @@ pub(in crate::diagnosis) fn between_knots(values: &DVector<f64>, t: f64) -> f64 
     values[i] + (x - i as f64) * (values[i + 1] - values[i])
 }
 
-/// Recorded excitation times exp(correction).
+/// Width of the bend by which excitations come to rest below 1, of their logarithm.
+const BEND: f64 = 0.02;
+
+/// An excitation below 1: `e (1 + e^(1/β))^-β`, β = 0.02. Muscles are not excited by more than 1, and a correction that would ask for more
+/// must see that it changes nothing.
+fn bounded(excitation: f64) -> f64 {
+    excitation * (1.0 + excitation.powf(1.0 / BEND)).powf(-BEND)
+}
+
+/// Of an excitation that is [`bounded`], the derivative of its logarithm by that of the excitation.
+pub(super) fn slope_of_bounded(bounded: f64) -> f64 {
+    1.0 - bounded.min(1.0).powf(1.0 / BEND)
+}
+
+/// Recorded excitation times exp(correction), below 1.
 pub(in crate::diagnosis) fn corrected(
     time: &[f64],
     excitation: &[Vec<f64>],
     correction: &[DVector<f64>],
 ) -> Vec<Vec<f64>> {
     let corrected = |(e, w): (&Vec<f64>, &DVector<f64>)| {
-        e.iter().zip(time).map(|(e, t)| (e * between_knots(w, t - time[0]).exp()).min(1.0)).collect()
+        e.iter().zip(time).map(|(e, t)| bounded(e * between_knots(w, t - time[0]).exp())).collect()
     };
     excitation.iter().zip(correction).map(corrected).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn verif_slope_of_bounded_is_its_derivative() {
+        for log in [-3.0, -0.2, -0.05, -0.01, 0.0, 0.01, 0.05, 0.3_f64] {
+            let at = |x: f64| bounded(x.exp()).ln();
+            let difference = (at(log + 1e-6) - at(log - 1e-6)) / 2e-6;
+            let slope = slope_of_bounded(bounded(log.exp()));
+            assert!((slope - difference).abs() < 1e-6, "{log}: {slope}, {difference}");
+        }
+    }
+
+    #[test]
+    fn verif_excitations_stay_below_one_and_small_ones_as_they_are() {
+        assert!(bounded(1.6) < 1.0 + 1e-12 && bounded(1.0) < 1.0);
+        assert!((bounded(0.8) - 0.8).abs() < 1e-6);
+        assert_eq!(bounded(0.0), 0.0);
+    }
 }

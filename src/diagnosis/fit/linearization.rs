@@ -12,6 +12,7 @@ use super::super::forward_model::{Change, Core, ExcitationChange, FITTED_PER_MUS
 use super::super::noise::{BASELINE_SD, KNOT_SPACING, Response, TrialNoise};
 use super::super::score_test::Block;
 use super::super::where_it_fails;
+use super::grid::slope_of_bounded;
 use super::{Analysis, Point, block_means, block_starts, knot_count};
 use crate::simulation::{ExcitationResponse, MusculoskeletalModel, SimulationError};
 
@@ -334,7 +335,8 @@ fn hat(time: &[f64], excitation: &[f64], knot: usize) -> (usize, Vec<f64>) {
     let first = time.partition_point(|t| *t <= center - KNOT_SPACING);
     let end = time.partition_point(|t| *t < center + KNOT_SPACING);
     let weight = |t: f64| (1.0 - (t - center).abs() / KNOT_SPACING).max(0.0);
-    (first.min(time.len()), (first..end).map(|k| excitation[k] * weight(time[k])).collect())
+    let change = |k: usize| excitation[k] * slope_of_bounded(excitation[k]) * weight(time[k]);
+    (first.min(time.len()), (first..end).map(change).collect())
 }
 
 #[cfg(test)]
