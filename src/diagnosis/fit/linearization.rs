@@ -344,6 +344,7 @@ mod tests {
     use super::super::corrected;
     use super::*;
     use crate::diagnosis::catalogue::effect;
+    use crate::diagnosis::forward_model::ForwardModel;
     use crate::diagnosis::silent_muscles::with_two_silent_muscles;
     use crate::study::ParameterBounds;
 
@@ -376,28 +377,53 @@ mod tests {
             };
             let [of_with, of_others] = [&with[..], others].map(responses);
             for (g, record) in forward.trials.iter().enumerate() {
-                let knots = knot_count(&record.time);
-                let noise = |step: f64| -> Vec<DVector<f64>> {
-                    let at = |m: usize| DVector::from_fn(knots, |j, _| step * (0.9 * j as f64 + m as f64).sin());
-                    (0..forward.muscles.len()).map(at).collect()
-                };
-                let difference = |effects: &[Setting]| {
-                    let side = |step: f64| {
-                        let excitation = corrected(&record.time, &record.excitation, &noise(step));
-                        let (input, variant) =
-                            (forward.input(g, excitation).unwrap(), forward.variant(effects).unwrap());
-                        let parameters = forward.nominal_parameters();
-                        let core = forward.core(&variant, g, &input, &parameters, effects, false).unwrap();
-                        block_means(&forward.recorded_moment(g, &core, effects), &block_starts(&record.time))
-                    };
-                    (side(STEP) - side(-STEP)) / (2.0 * STEP)
-                };
-                let found = of_with[g].respond(&noise(1.0)) - of_others[g].respond(&noise(1.0));
-                let expected = difference(&with) - difference(others);
+                let noise = waves(forward.muscles.len(), knot_count(&record.time), 1.0);
+                let found = of_with[g].respond(&noise) - of_others[g].respond(&noise);
+                let expected = difference(&forward, g, &with, STEP) - difference(&forward, g, others, STEP);
                 let error = (&found - &expected).norm() / expected.norm();
                 println!("{} effects, trial {g}: {error:.1e} of {:.1e} N·m", others.len(), expected.amax());
                 assert!(expected.amax() > 0.01 && error < limit, "{} effects, trial {g}: {error:.1e}", others.len());
             }
+        }
+    }
+
+    /// Noise of the logarithm of the EMG on knots.
+    fn waves(muscles: usize, knots: usize, size: f64) -> Vec<DVector<f64>> {
+        (0..muscles).map(|m| DVector::from_fn(knots, |j, _| size * (0.9 * j as f64 + m as f64).sin())).collect()
+    }
+
+    /// Change of a trial's moment with [`waves`] by whole simulations.
+    fn difference(forward: &ForwardModel, trial: usize, effects: &[Setting], step: f64) -> DVector<f64> {
+        let record = &forward.trials[trial];
+        let side = |step: f64| {
+            let noise = waves(forward.muscles.len(), knot_count(&record.time), step);
+            let excitation = corrected(&record.time, &record.excitation, &noise);
+            let (input, variant) = (forward.input(trial, excitation).unwrap(), forward.variant(effects).unwrap());
+            let parameters = forward.nominal_parameters();
+            let core = forward.core(&variant, trial, &input, &parameters, effects, false).unwrap();
+            block_means(&forward.recorded_moment(trial, &core, effects), &block_starts(&record.time))
+        };
+        (side(step) - side(-step)) / (2.0 * step)
+    }
+
+    /// Of EMG at its bound what the linearization says of a correction is what it does: little.
+    #[test]
+    fn verif_the_noise_of_emg_at_its_bound_passes_as_in_simulations() {
+        let mut forward = with_two_silent_muscles();
+        for e in forward.trials.iter_mut().flat_map(|t| &mut t.excitation) {
+            let most = e.iter().copied().fold(0.0, f64::max);
+            e.iter_mut().for_each(|e| *e = (*e * 1.15 / most).min(1.0));
+        }
+        let train: Vec<usize> = (0..forward.trials.len()).collect();
+        let analysis = Analysis::without_data(&forward, train, Vec::new(), &ParameterBounds::default(), 1);
+        let point = analysis.nominal_point();
+        let linear = analysis.linearize_muscles(&point).unwrap();
+        let noise = analysis.noise_structure(&linear, &point);
+        for (g, record) in forward.trials.iter().enumerate() {
+            let found = noise[g].respond(&waves(forward.muscles.len(), knot_count(&record.time), 1.0));
+            let expected = difference(&forward, g, &[], 1e-4);
+            let error = (&found - &expected).norm() / expected.norm();
+            assert!(expected.amax() > 0.01 && error < 0.01, "trial {g}: {error:.1e}");
         }
     }
 }
