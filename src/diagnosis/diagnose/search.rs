@@ -58,8 +58,8 @@ const MAY_SURVIVE: f64 = 0.5 * REJECT_EXPLANATION;
 /// What the muscles or the noise have taken up of an effect its score does not show: all effects are fitted roughly from the model as
 /// given, and of so many, those of the least misfit, what promises more than those that survived is fitted to the end.
 const SECOND_CHOICE: usize = 5;
-/// So often, at most, explanations are fitted from where the muscles of the nearest lie.
-const MOST_EXCHANGES: usize = 2;
+/// Explanations that are fitted from where the muscles of the nearest lie, at most.
+const EXCHANGED_MUSCLES: usize = 3;
 /// Effects that are fitted because they cannot be told from an explanation, at most.
 const NEAR_RIVALS: usize = 4;
 /// The same of seconds of a pair.
@@ -258,37 +258,32 @@ impl Judge<'_> {
         // Nor may the list lack what cannot be told from an explanation because its own score calls for it less.
         let near_rivals = self.unfitted_rivals(left, &found);
         self.explain_near(left, near_rivals, near, &mut found)?;
-        for _ in 0..MOST_EXCHANGES {
-            if !self.exchange_muscles(&mut found)? {
-                break;
-            }
+        if self.far_off(left) {
+            self.exchange_muscles(&mut found)?;
         }
         Ok(found)
     }
 
     /// Fits explanations that are farther from moments and EMG than the nearest, though not by much, from where the muscles of that lie:
     /// moments bend with the lengths of muscles, and what lies between two fits may be that they came to rest in different valleys.
-    /// Returns whether there is a new nearest.
-    fn exchange_muscles(&self, found: &mut Vec<(Fit, Explanation)>) -> Result<bool, SimulationError> {
+    fn exchange_muscles(&self, found: &mut Vec<(Fit, Explanation)>) -> Result<(), SimulationError> {
         let by_fall = |a: &&(Fit, Explanation), b: &&(Fit, Explanation)| a.1.misfit_fall.total_cmp(&b.1.misfit_fall);
-        let Some((nearest, of_nearest)) = found.iter().max_by(by_fall).cloned() else { return Ok(false) };
+        let Some((nearest, _)) = found.iter().max_by(by_fall).cloned() else { return Ok(()) };
         let best = self.analysis.misfit(&nearest, &self.null.levels);
-        let is_behind = |(fit, e): &&(Fit, Explanation)| {
-            e.p_value > MAY_BE_DEEPER
-                && e.effects != of_nearest.effects
-                && self.analysis.farther_from(fit, &nearest).is_some_and(|behind| behind > FARTHER && behind < FAR)
+        let behind = |(fit, e): &(Fit, Explanation)| {
+            let behind = if e.survives() { self.analysis.farther_from(fit, &nearest)? } else { return None };
+            let start = Point { effects: fit.point.effects.clone(), ..nearest.point.clone() };
+            (behind > FARTHER && behind < FAR).then_some((behind, start))
         };
-        let start =
-            |(fit, _): &(Fit, Explanation)| Point { effects: fit.point.effects.clone(), ..nearest.point.clone() };
-        let starts: Vec<Point> = found.iter().filter(is_behind).map(start).collect();
-        let mut exchanged = false;
+        let mut behind: Vec<(f64, Point)> = found.iter().filter_map(behind).collect();
+        behind.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let starts: Vec<Point> = behind.into_iter().take(EXCHANGED_MUSCLES).map(|(_, start)| start).collect();
         for wave in starts.chunks(SIDE_BY_SIDE) {
             for explained in self.explain_side_by_side(wave, nearest.levels, best)? {
-                exchanged |= explained.1.misfit_fall > of_nearest.misfit_fall;
                 keep_better(found, explained);
             }
         }
-        Ok(exchanged)
+        Ok(())
     }
 
     /// Explanations by single effects beside the fit without any, of the sizes that their scores ask for.
