@@ -78,7 +78,8 @@ impl ActivationDynamics {
     pub(crate) fn linearized(&self, a: f64, e: f64) -> [f64; 2] {
         let branch = if e > a { Branch::Activating } else { Branch::Deactivating };
         let (by_e, by_a) = self.derivatives(a, e, branch);
-        // Below the minimum or above 1 it does not matter by how much.
+        // Below the minimum or above 1 it does not matter by how much; but that a state which an excitation above 1 has driven
+        // beyond 1 comes back late is not in here.
         let asleep = a <= self.minimum_activation && e <= self.minimum_activation;
         let full = a >= 1.0 && e >= 1.0;
         [-by_a, if asleep || full { 0.0 } else { by_e }]

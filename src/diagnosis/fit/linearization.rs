@@ -416,14 +416,20 @@ mod tests {
         }
         let train: Vec<usize> = (0..forward.trials.len()).collect();
         let analysis = Analysis::without_data(&forward, train, Vec::new(), &ParameterBounds::default(), 1);
-        let point = analysis.nominal_point();
-        let linear = analysis.linearize_muscles(&point).unwrap();
-        let noise = analysis.noise_structure(&linear, &point);
-        for (g, record) in forward.trials.iter().enumerate() {
-            let found = noise[g].respond(&waves(forward.muscles.len(), knot_count(&record.time), 1.0));
-            let expected = difference(&forward, g, &[], 1e-4);
-            let error = (&found - &expected).norm() / expected.norm();
-            assert!(expected.amax() > 0.01 && error < 0.01, "trial {g}: {error:.1e}");
+        // A curve ends where it began: at 1.
+        let mut curved = Setting::absent(effect("emg_nonlinearity").unwrap());
+        curved.values[0] = -1.0;
+        for effects in [vec![], vec![curved]] {
+            let point = Point { effects, ..analysis.nominal_point() };
+            let linear = analysis.linearize_muscles(&point).unwrap();
+            let noise = analysis.noise_structure(&linear, &point);
+            for (g, record) in forward.trials.iter().enumerate() {
+                let found = noise[g].respond(&waves(forward.muscles.len(), knot_count(&record.time), 1.0));
+                let expected = difference(&forward, g, &point.effects, 1e-4);
+                let error = (&found - &expected).norm() / expected.norm();
+                println!("{} effects, trial {g}: {error:.1e}", point.effects.len());
+                assert!(expected.amax() > 0.01 && error < 0.01, "trial {g}: {error:.1e}");
+            }
         }
     }
 }
