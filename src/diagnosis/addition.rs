@@ -64,7 +64,7 @@ fn nearest_fit(analysis: &Analysis, refit: &Fit, starts: Vec<Point>) -> Result<F
     let fitted = |start: Point| {
         let fit = analysis.refit(start, refit.levels, None, None)?;
         // Beside it a size may be one at which a muscle cannot be simulated.
-        let deeper = analysis.deeper(&fit, None).ok().flatten();
+        let deeper = analysis.deeper(&fit, None, None).ok().flatten();
         Ok::<_, SimulationError>(deeper.unwrap_or(fit))
     };
     let mut fits = starts.into_par_iter().with_max_len(ONE_BY_ONE).map(fitted).collect::<Vec<_>>().into_iter();

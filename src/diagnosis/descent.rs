@@ -19,8 +19,14 @@ use relaxation::Relaxation;
 
 /// Pairs of draws for the mean of scores.
 const PAIRS: usize = 2;
-/// Of these, the ones that come first: a fit that leaves what is beyond doubt with this mean is given up.
+/// Of these, the ones that come first: a fit that others are nearer than, and that leaves what is beyond doubt with this mean, is given up.
 const FEW_PAIRS: usize = 1;
+/// Pairs of draws where it matters: for a fit that no other is much nearer than, and that would be rejected with fewer.
+const MANY_PAIRS: usize = 8;
+/// A fit is looked at more closely while its misfit is no larger than this above the least.
+const NEAR: f64 = 20.0;
+/// … and if it leaves something of a smaller p-value, times the number of directions.
+const MAY_BE_CHANCE: f64 = 0.1;
 /// Of many points that are fitted roughly, so many are looked at more closely for every one that is wanted.
 const SCREENED: usize = 2;
 /// So many times more get all rough steps, by what these foretell after the first few …
@@ -72,8 +78,10 @@ const LARGEST_NOISE: f64 = 0.7;
 /// Fits that are not followed to their end; of their scores no mean is taken out, or that of a few draws.
 #[derive(Clone, Copy)]
 pub struct Hopeless<'a> {
-    /// Those whose misfit stays above this …
-    pub above: f64,
+    /// Least misfit of a fit so far.
+    pub best: f64,
+    /// Those whose misfit stays farther above that …
+    pub by: f64,
     /// … where these are the variances of the noise.
     pub levels: NoiseLevels,
     /// Those that leave what no noise explains, whatever its score's mean; these blocks are not asked (as for
@@ -142,7 +150,7 @@ impl Analysis<'_> {
         self.settle(&mut descent, false)?;
         if let Some(h) = hopeless {
             let (rough, _) = self.uncentred(&mut descent)?;
-            if self.misfit(&rough, &h.levels) > h.above + STILL_FALLS
+            if self.misfit(&rough, &h.levels) > h.best + h.by + STILL_FALLS
                 || self.leaves_less_than(BEYOND_HOPE, &rough, h.skip)
             {
                 return Ok(rough);
@@ -153,7 +161,7 @@ impl Analysis<'_> {
             let settled = self.follow(&mut descent, rounds)?;
             let (fit, inverse) = self.uncentred(&mut descent)?;
             if hopeless.is_some_and(|h| {
-                self.misfit(&fit, &h.levels) > h.above || self.leaves_less_than(BEYOND_DOUBT, &fit, h.skip)
+                self.misfit(&fit, &h.levels) > h.best + h.by || self.leaves_less_than(BEYOND_DOUBT, &fit, h.skip)
             }) {
                 return Ok(fit);
             }
@@ -181,17 +189,37 @@ impl Analysis<'_> {
     ) -> Result<Fit, SimulationError> {
         let truth = self.truth_of(&fit)?;
         let few = self.calc_bias(&fit, &truth, 0..FEW_PAIRS)?;
-        if let Some(h) = hopeless {
-            let centred = self.centre(fit.clone(), inverse, few.clone());
-            let left = self.blocks_left(&centred, h.skip).unwrap_or_default();
-            if left.iter().any(|b| b.p_value * (left.len() as f64) < BEYOND_DOUBT) {
-                return Ok(centred);
-            }
+        let skip = hopeless.map_or(&[][..], |h| h.skip);
+        let leaves_less_than = |p_value: f64, means: &[DVector<f64>]| {
+            let centred = self.centre(fit.clone(), inverse, means.to_vec());
+            let left = self.blocks_left(&centred, skip).unwrap_or_default();
+            left.iter().any(|b| b.p_value * (left.len() as f64) < p_value)
+        };
+        let is_near = hopeless.is_some_and(|h| self.misfit(&fit, &h.levels) < h.best + NEAR);
+        if hopeless.is_some() && !is_near && leaves_less_than(BEYOND_DOUBT, &few) {
+            return Ok(self.centre(fit, inverse, few));
         }
-        let more = self.calc_bias(&fit, &truth, FEW_PAIRS..PAIRS)?;
-        let share = FEW_PAIRS as f64 / PAIRS as f64;
-        let means = few.iter().zip(&more).map(|(few, more)| few * share + more * (1.0 - share)).collect();
+        let mut means = self.mean_with_more(&fit, &truth, few, FEW_PAIRS, PAIRS)?;
+        if is_near && leaves_less_than(MAY_BE_CHANCE, &means) {
+            means = self.mean_with_more(&fit, &truth, means, PAIRS, MANY_PAIRS)?;
+        }
         Ok(self.centre(fit, inverse, means))
+    }
+
+    /// Mean scores of more draws.
+    ///
+    /// - `means`: of as many pairs as are `known`; `wanted`: pairs in all
+    fn mean_with_more(
+        &self,
+        fit: &Fit,
+        truth: &[DVector<f64>],
+        means: Vec<DVector<f64>>,
+        known: usize,
+        wanted: usize,
+    ) -> Result<Vec<DVector<f64>>, SimulationError> {
+        let share = known as f64 / wanted as f64;
+        let more = self.calc_bias(fit, truth, known..wanted)?;
+        Ok(means.iter().zip(&more).map(|(known, more)| known * share + more * (1.0 - share)).collect())
     }
 
     /// Points with one more effect each, fitted roughly, with usual noise, from where a model has not yet gone astray to make up for
@@ -264,11 +292,16 @@ impl Analysis<'_> {
 
     /// A fit in a deeper valley beside that of another, if there is one.
     ///
-    /// - `near`: as for [`Analysis::refit`]
+    /// - `near`, `hopeless`: as for [`Analysis::refit`]; it is followed to its end in any case
     ///
     /// # Errors
     /// A trial that cannot be simulated.
-    pub fn deeper(&self, fit: &Fit, near: Option<&Fit>) -> Result<Option<Fit>, SimulationError> {
+    pub fn deeper(
+        &self,
+        fit: &Fit,
+        near: Option<&Fit>,
+        hopeless: Option<Hopeless>,
+    ) -> Result<Option<Fit>, SimulationError> {
         let mut descent = self.begin(fit.point.clone(), fit.levels)?;
         self.descend(&mut descent, FINE_STEPS, CONVERGED);
         for valleys in 0.. {
@@ -287,7 +320,7 @@ impl Analysis<'_> {
                 let means = self.means_with_effects(near, &fit.point);
                 Ok(Some(self.centre(fit, &inverse, means)))
             }
-            None => self.centre_by_draws(fit, &inverse, None).map(Some),
+            None => self.centre_by_draws(fit, &inverse, hopeless).map(Some),
         }
     }
 

@@ -116,6 +116,11 @@ impl Explanation {
         self.p_value > REJECT_EXPLANATION
     }
 
+    /// Whether it is of a plausible size and rejected, but by no more than chance does at times.
+    fn is_rejected_within_chance(&self) -> bool {
+        self.plausible && !self.survives() && self.p_value > REJECT_IN_ANY_CASE
+    }
+
     /// Whether a pair explains what was missing: two effects of any size bend to much that is neither, so that one of implausible
     /// sizes, or one that hardly lowers the error, explains nothing.
     pub(super) fn explains(&self) -> bool {
@@ -140,9 +145,19 @@ impl Judge<'_> {
     /// Whether a rejected explanation is as near to moments and EMG as any that survived: the little that it leaves does not speak for those.
     pub(super) fn is_nearer_than_survivors(&self, own: &(Fit, Explanation), singles: &[(Fit, Explanation)]) -> bool {
         let mut survivors = singles.iter().filter(|s| s.1.survives() && s.1.plausible).peekable();
-        let rejected = !own.1.survives() && own.1.p_value > REJECT_IN_ANY_CASE;
         let is_nearer = |s: &(Fit, Explanation)| self.analysis.farther_from(&own.0, &s.0).is_some_and(|f| f <= 0.0);
-        rejected && own.1.plausible && survivors.peek().is_some() && survivors.all(is_nearer)
+        own.1.is_rejected_within_chance() && survivors.peek().is_some() && survivors.all(is_nearer)
+    }
+
+    /// Whether a rejected explanation is not much farther from moments and EMG than those that survived, all of which are implausible.
+    pub(super) fn stays_beside_the_implausible(
+        &self,
+        own: &(Fit, Explanation),
+        singles: &[(Fit, Explanation)],
+    ) -> bool {
+        let mut survivors = singles.iter().filter(|s| s.1.survives()).peekable();
+        let goes_beside = |s: &(Fit, Explanation)| !s.1.plausible && !self.analysis.is_farther(&own.0, &s.0, FARTHER);
+        own.1.is_rejected_within_chance() && survivors.peek().is_some() && survivors.all(goes_beside)
     }
 
     /// Whether to first order an effect, of the size that its score asks for, cannot be told from a rival.
@@ -157,16 +172,18 @@ impl Judge<'_> {
     }
 
     /// Leaves of explanations those whose p-value is not much smaller than the largest, or that cannot be told from the one of the
-    /// largest.
+    /// largest, or that moments and EMG are nearer to.
     pub(super) fn drop_the_improbable(&self, left: &Omnibus, explanations: &mut Vec<(Fit, Explanation)>) {
         let most = explanations.iter().max_by(|a, b| a.1.p_value.total_cmp(&b.1.p_value));
-        let Some((most, best)) = most.map(|(_, e)| (e.p_value, e.effects.clone())) else { return };
+        let Some((most, behind, best)) = most.map(|(_, e)| (e.p_value, e.misfit_behind, e.effects.clone())) else {
+            return;
+        };
         explanations.retain(|(_, e)| {
             let near = || match (best.as_slice(), e.effects.as_slice()) {
                 ([best], [own]) => self.is_inseparable(left, best, own),
                 _ => false,
             };
-            e.p_value > LEAST_SHARE * most || near()
+            e.p_value > LEAST_SHARE * most || e.misfit_behind < behind || near()
         });
     }
 
@@ -553,18 +570,21 @@ impl Judge<'_> {
     ) -> Result<Option<(Fit, Explanation)>, SimulationError> {
         let effects = start.effects.iter().map(|s| s.effect.description().id).collect();
         // Sizes at which a muscle cannot be simulated explain nothing.
-        let hopeless = Hopeless { above: best + FAR, levels: self.null.levels, skip: self.not_testable };
+        let hopeless = Hopeless { best, by: FAR, levels: self.null.levels, skip: self.not_testable };
         let Ok(mut fit) = self.analysis.refit(start, levels, near, Some(hopeless)) else { return Ok(None) };
         if is_within_noise(&fit) {
             return Ok(None);
         }
         let Ok(mut with) = test(self.analysis, &fit, self.not_testable) else { return Ok(None) };
-        // One that feeds back takes several times as long to fit.
-        let quick = matches!(fit.point.effects.as_slice(), [only] if !only.effect.feeds_back());
-        if quick
-            && with.p_value > MAY_BE_DEEPER
-            && self.analysis.misfit(&fit, &self.null.levels) < best + FAR
-            && let Ok(Some(deeper)) = self.analysis.deeper(&fit, near)
+        // One that feeds back takes several times as long to fit: only if it is ahead of all.
+        let enough = match fit.point.effects.as_slice() {
+            [only] if only.effect.feeds_back() => best,
+            [_] => best + FAR,
+            _ => f64::NEG_INFINITY,
+        };
+        if with.p_value > MAY_BE_DEEPER
+            && self.analysis.misfit(&fit, &self.null.levels) < enough
+            && let Ok(Some(deeper)) = self.analysis.deeper(&fit, near, Some(hopeless))
         {
             if is_within_noise(&deeper) {
                 return Ok(None);
