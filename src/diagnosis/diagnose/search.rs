@@ -231,12 +231,18 @@ impl Judge<'_> {
     }
 
     /// Whether a pair is nearer to moments and EMG than either of its effects alone, as far as that was fitted: much nearer than one that
-    /// leaves only what chance may leave.
+    /// leaves only what chance may leave. Where noise passes so differently that the misfit alone may be chance, one that leaves more is
+    /// farther if moments given the EMG say so, too: what lets more noise pass gains by the one and loses by the other.
     pub(super) fn needs_both(&self, pair: &(Fit, Explanation), singles: &[(Fit, Explanation)]) -> bool {
         let mut members = singles.iter().filter(|s| pair.1.effects.contains(&s.1.effects[0]));
         members.all(|(fit, e)| {
-            let limit = if e.p_value > REJECT_IN_ANY_CASE { MUCH_NEARER } else { NEEDS_BOTH };
-            self.analysis.is_farther(fit, &pair.0, limit)
+            let may_be_chance = e.p_value > REJECT_IN_ANY_CASE;
+            let both = || {
+                let by_misfit = self.analysis.farther_from(fit, &pair.0).unwrap_or(0.0);
+                by_misfit.min(fit.deviance - pair.0.deviance) > MUCH_NEARER
+            };
+            self.analysis.is_farther(fit, &pair.0, if may_be_chance { MUCH_NEARER } else { NEEDS_BOTH })
+                || (!may_be_chance && both())
         })
     }
 
