@@ -29,7 +29,7 @@ use super::fit::{Analysis, Fit, Linear, Point, between_knots, block_means, block
 use super::noise::{self, TrialNoise};
 use crate::simulation::SimulationError;
 
-/// Largest mean of a trial's score [standard deviations]: of twenty trials of one sign more would be beyond [`LARGEST_MEAN`].
+/// Largest mean of a trial's score beside an effect [standard deviations]: of twenty trials of one sign more would be beyond [`LARGEST_MEAN`].
 const LARGEST_MEAN_OF_TRIAL: f64 = 1.0;
 
 /// Scores of a trial and their standard deviations.
@@ -56,12 +56,14 @@ impl Analysis<'_> {
         let scores: Vec<_> =
             sides.into_par_iter().map(|(pair, side)| self.scores_of_draw(fit, truth, pair, side)).collect();
         let scores = scores.into_iter().collect::<Result<Vec<_>, _>>()?;
+        // The line for alarms was set with the means of fits without effects as they are.
+        let largest = if fit.point.effects.is_empty() { f64::MAX } else { LARGEST_MEAN_OF_TRIAL };
         let mut bias = self.no_bias(&fit.point);
         for pair in scores.chunks_exact(2) {
             for ((bias, a), b) in bias.iter_mut().zip(&pair[0]).zip(&pair[1]) {
-                let most = (&a.deviations + &b.deviations) * (0.5 * LARGEST_MEAN_OF_TRIAL);
+                let most = (&a.deviations + &b.deviations) * (0.5 * largest);
                 let mean = (&a.values + &b.values) * 0.5;
-                *bias += mean.zip_map(&most, |mean, most| mean.clamp(-most, most)) / count;
+                *bias += mean.zip_map(&most, |mean, most| mean.max(-most).min(most)) / count;
             }
         }
         Ok(bias)
