@@ -61,9 +61,7 @@ impl Analysis<'_> {
         let mut bias = self.no_bias(&fit.point);
         for pair in scores.chunks_exact(2) {
             for ((bias, a), b) in bias.iter_mut().zip(&pair[0]).zip(&pair[1]) {
-                let most = (&a.deviations + &b.deviations) * (0.5 * largest);
-                let mean = (&a.values + &b.values) * 0.5;
-                *bias += mean.zip_map(&most, |mean, most| mean.max(-most).min(most)) / count;
+                *bias += mean_of_pair(a, b, largest) / count;
             }
         }
         Ok(bias)
@@ -217,7 +215,32 @@ impl Analysis<'_> {
     }
 }
 
+/// Mean scores of a trial by two draws of opposite sign.
+///
+/// - `largest`: standard deviations that none may exceed
+fn mean_of_pair(a: &Scores, b: &Scores, largest: f64) -> DVector<f64> {
+    let most = (&a.deviations + &b.deviations) * (0.5 * largest);
+    let mean = (&a.values + &b.values) * 0.5;
+    mean.zip_map(&most, |mean, most| mean.max(-most).min(most))
+}
+
 /// 1 or −1.
 fn sign(rng: &mut ChaCha8Rng) -> f64 {
     if rng.random() { 1.0 } else { -1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn verif_a_draw_that_goes_astray_counts_for_no_more_than_a_mean_can_be() {
+        let scores = |values: &[f64]| Scores {
+            values: DVector::from_column_slice(values),
+            deviations: DVector::from_vec(vec![2.0, 2.0, 2.0, 0.0]),
+        };
+        let (a, b) = (scores(&[3.0, 30.0, -30.0, 0.0]), scores(&[-2.0, -10.0, 10.0, 0.0]));
+        assert_eq!(mean_of_pair(&a, &b, 1.0).as_slice(), [0.5, 2.0, -2.0, 0.0]);
+        assert_eq!(mean_of_pair(&a, &b, f64::MAX).as_slice(), [0.5, 10.0, -10.0, 0.0]);
+    }
 }
