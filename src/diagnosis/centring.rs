@@ -24,11 +24,26 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::ONE_BY_ONE;
+use super::descent::{BEYOND_DOUBT, Hopeless};
 use super::effect::Role;
-use super::fit::{Analysis, Fit, Linear, Point, between_knots, block_means, block_starts, corrected, whiten};
+use super::fit::{
+    Analysis, Fit, LARGEST_MEAN, Linear, Point, between_knots, block_means, block_starts, corrected, whiten,
+};
 use super::noise::{self, TrialNoise};
 use crate::simulation::SimulationError;
 
+/// Pairs of draws for the mean of scores.
+const PAIRS: usize = 2;
+/// Of these, the ones that come first: a fit that others are nearer than, and that leaves what is beyond doubt with this mean, is given up.
+const FEW_PAIRS: usize = 1;
+/// Pairs of draws where it matters: for a fit that no other is much nearer than, and that would be rejected with fewer.
+const MANY_PAIRS: usize = 8;
+/// A fit is looked at more closely while its misfit is no larger than this above the least.
+const NEAR: f64 = 20.0;
+/// … and if it leaves something of a smaller p-value, times the number of directions.
+const MAY_BE_CHANCE: f64 = 0.1;
+/// Pairs of draws for the mean of scores where nothing is known to be missing yet: there it decides on false alarms.
+pub(super) const MOST_PAIRS: usize = 4;
 /// Largest mean of a trial's score beside an effect [standard deviations]: of twenty trials of one sign more would be beyond [`LARGEST_MEAN`].
 const LARGEST_MEAN_OF_TRIAL: f64 = 1.0;
 
@@ -39,6 +54,63 @@ struct Scores {
 }
 
 impl Analysis<'_> {
+    /// A fit with the mean of its scores drawn; a hopeless one with that of a few draws.
+    ///
+    /// - `inverse`: of its information
+    pub(super) fn centre_by_draws(
+        &self,
+        fit: Fit,
+        inverse: &DMatrix<f64>,
+        hopeless: Option<Hopeless>,
+    ) -> Result<Fit, SimulationError> {
+        let truth = self.truth_of(&fit)?;
+        let few = self.calc_bias(&fit, &truth, 0..FEW_PAIRS)?;
+        let skip = hopeless.map_or(&[][..], |h| h.skip);
+        let leaves_less_than = |p_value: f64, means: &[DVector<f64>]| {
+            let centred = self.centre(fit.clone(), inverse, means.to_vec());
+            let left = self.blocks_left(&centred, skip).unwrap_or_default();
+            left.iter().any(|b| b.p_value * (left.len() as f64) < p_value)
+        };
+        let is_near = hopeless.is_some_and(|h| self.misfit(&fit, &h.levels) < h.best + NEAR);
+        if hopeless.is_some() && !is_near && leaves_less_than(BEYOND_DOUBT, &few) {
+            return Ok(self.centre(fit, inverse, few));
+        }
+        let mut means = self.mean_with_more(&fit, &truth, few, FEW_PAIRS, PAIRS)?;
+        if is_near && leaves_less_than(MAY_BE_CHANCE, &means) {
+            means = self.mean_with_more(&fit, &truth, means, PAIRS, MANY_PAIRS)?;
+        }
+        Ok(self.centre(fit, inverse, means))
+    }
+
+    /// Mean scores of more draws.
+    ///
+    /// - `means`: of as many pairs as are `known`; `wanted`: pairs in all
+    fn mean_with_more(
+        &self,
+        fit: &Fit,
+        truth: &[DVector<f64>],
+        means: Vec<DVector<f64>>,
+        known: usize,
+        wanted: usize,
+    ) -> Result<Vec<DVector<f64>>, SimulationError> {
+        let share = known as f64 / wanted as f64;
+        let more = self.calc_bias(fit, truth, known..wanted)?;
+        Ok(means.iter().zip(&more).map(|(known, more)| known * share + more * (1.0 - share)).collect())
+    }
+
+    /// A fit with the mean of its scores, and its parameters where the gradient is that mean instead of 0.
+    ///
+    /// - `inverse`: of its information; `bias`: per training trial the mean score
+    pub(super) fn centre(&self, mut fit: Fit, inverse: &DMatrix<f64>, bias: Vec<DVector<f64>>) -> Fit {
+        let p = fit.precision.len();
+        let mean = bias.iter().fold(DVector::zeros(p), |sum, b| sum + b.rows(0, p));
+        let step = inverse * -&mean;
+        let share = (LARGEST_MEAN / (-step.dot(&mean)).max(1e-300).sqrt()).min(1.0);
+        fit.point = self.moved(&fit.point, &(step * share));
+        fit.bias = Arc::new(bias);
+        fit
+    }
+
     /// Mean score of nuisance, effects that are on and directions, per training trial.
     ///
     /// - `truth`: see [`Analysis::truth_of`]; `pairs`: which pairs of draws

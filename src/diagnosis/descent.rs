@@ -9,6 +9,7 @@ use std::collections::HashSet;
 use std::sync::Arc;
 
 use super::ONE_BY_ONE;
+use super::centring::MOST_PAIRS;
 use super::effect::{Role, Stage};
 use super::fit::{Account, Analysis, Fit, LARGEST_MEAN, Linear, Noise, Point, corrected};
 use super::forward_model::{FITTED_PER_MUSCLE, Setting};
@@ -17,16 +18,6 @@ use super::score_test::tail;
 use crate::simulation::SimulationError;
 use relaxation::Relaxation;
 
-/// Pairs of draws for the mean of scores.
-const PAIRS: usize = 2;
-/// Of these, the ones that come first: a fit that others are nearer than, and that leaves what is beyond doubt with this mean, is given up.
-const FEW_PAIRS: usize = 1;
-/// Pairs of draws where it matters: for a fit that no other is much nearer than, and that would be rejected with fewer.
-const MANY_PAIRS: usize = 8;
-/// A fit is looked at more closely while its misfit is no larger than this above the least.
-const NEAR: f64 = 20.0;
-/// … and if it leaves something of a smaller p-value, times the number of directions.
-const MAY_BE_CHANCE: f64 = 0.1;
 /// Of many points that are fitted roughly, so many are looked at more closely for every one that is wanted.
 const SCREENED: usize = 2;
 /// So many times more get all rough steps, by what these foretell after the first few …
@@ -48,13 +39,11 @@ const MOST_ROUNDS: usize = 8;
 /// Rounds before a fit may be given up.
 const ROUNDS_AT_LEAST: usize = 2;
 /// Such a fit leaves something of which the p-value, whatever its mean, is smaller than this.
-const BEYOND_DOUBT: f64 = 1e-3;
+pub(super) const BEYOND_DOUBT: f64 = 1e-3;
 /// A rough fit, of noise that is only guessed, is given up if it leaves something of a smaller one still …
 const BEYOND_HOPE: f64 = 1e-9;
 /// … or if its misfit is this much larger still.
 const STILL_FALLS: f64 = 40.0;
-/// Pairs of draws for the mean of scores where nothing is known to be missing yet: there it decides on false alarms.
-const MOST_PAIRS: usize = 4;
 /// The noise has settled when a round changes the deviance by less than this …
 const SETTLED: f64 = 2.0;
 /// … so many times in a row: steps that were shortened because they swung change little, too.
@@ -176,50 +165,6 @@ impl Analysis<'_> {
             }
             rounds = MOST_ROUNDS - ROUNDS_AT_LEAST;
         }
-    }
-
-    /// A fit with the mean of its scores drawn; a hopeless one with that of a few draws.
-    ///
-    /// - `inverse`: of its information
-    fn centre_by_draws(
-        &self,
-        fit: Fit,
-        inverse: &DMatrix<f64>,
-        hopeless: Option<Hopeless>,
-    ) -> Result<Fit, SimulationError> {
-        let truth = self.truth_of(&fit)?;
-        let few = self.calc_bias(&fit, &truth, 0..FEW_PAIRS)?;
-        let skip = hopeless.map_or(&[][..], |h| h.skip);
-        let leaves_less_than = |p_value: f64, means: &[DVector<f64>]| {
-            let centred = self.centre(fit.clone(), inverse, means.to_vec());
-            let left = self.blocks_left(&centred, skip).unwrap_or_default();
-            left.iter().any(|b| b.p_value * (left.len() as f64) < p_value)
-        };
-        let is_near = hopeless.is_some_and(|h| self.misfit(&fit, &h.levels) < h.best + NEAR);
-        if hopeless.is_some() && !is_near && leaves_less_than(BEYOND_DOUBT, &few) {
-            return Ok(self.centre(fit, inverse, few));
-        }
-        let mut means = self.mean_with_more(&fit, &truth, few, FEW_PAIRS, PAIRS)?;
-        if is_near && leaves_less_than(MAY_BE_CHANCE, &means) {
-            means = self.mean_with_more(&fit, &truth, means, PAIRS, MANY_PAIRS)?;
-        }
-        Ok(self.centre(fit, inverse, means))
-    }
-
-    /// Mean scores of more draws.
-    ///
-    /// - `means`: of as many pairs as are `known`; `wanted`: pairs in all
-    fn mean_with_more(
-        &self,
-        fit: &Fit,
-        truth: &[DVector<f64>],
-        means: Vec<DVector<f64>>,
-        known: usize,
-        wanted: usize,
-    ) -> Result<Vec<DVector<f64>>, SimulationError> {
-        let share = known as f64 / wanted as f64;
-        let more = self.calc_bias(fit, truth, known..wanted)?;
-        Ok(means.iter().zip(&more).map(|(known, more)| known * share + more * (1.0 - share)).collect())
     }
 
     /// Points with one more effect each, fitted roughly, with usual noise, from where a model has not yet gone astray to make up for
@@ -520,19 +465,6 @@ impl Analysis<'_> {
             bias: Arc::new(self.no_bias(point)),
         };
         Ok((fit, inverse))
-    }
-
-    /// A fit with the mean of its scores, and its parameters where the gradient is that mean instead of 0.
-    ///
-    /// - `inverse`: of its information; `bias`: per training trial the mean score
-    fn centre(&self, mut fit: Fit, inverse: &DMatrix<f64>, bias: Vec<DVector<f64>>) -> Fit {
-        let p = fit.precision.len();
-        let mean = bias.iter().fold(DVector::zeros(p), |sum, b| sum + b.rows(0, p));
-        let step = inverse * -&mean;
-        let share = (LARGEST_MEAN / (-step.dot(&mean)).max(1e-300).sqrt()).min(1.0);
-        fit.point = self.moved(&fit.point, &(step * share));
-        fit.bias = Arc::new(bias);
-        fit
     }
 
     /// Steps with the noise held.
