@@ -42,6 +42,8 @@ const REJECT_BESIDE_NOTHING: f64 = 0.002;
 pub const LEAST_SHARE: f64 = 0.05;
 /// An effect whose signature keeps less than this share once muscle parameters are fitted cannot be tested.
 const TESTABLE: f64 = 0.01;
+/// Where the model without effects leaves a larger score than this, its muscles may have gone astray to make up for it.
+const LARGE: f64 = 40.0;
 /// z that an effect needs to be found with a probability of about 80 % among all others.
 const DETECTABLE_Z: f64 = 4.2;
 /// A detected effect that lowers the training error by less than this share is negligible.
@@ -110,8 +112,10 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let uncentred = analysis.blocks_left_uncentred(&null, &not_testable).unwrap_or_else(|| left.blocks.clone());
     let refitted = simulate(forward, &null.point.parameters, &[], TrialUse::Train)?;
     let refit_error = rmse(forward, &refitted).unwrap_or(0.0).max(f64::MIN_POSITIVE) / request.mvc;
+    let is_far_off = left.blocks.iter().chain(&uncentred).any(|b| b.statistic > LARGE);
+    let near = (!is_far_off).then_some(&null);
     let judge =
-        Judge { request, analysis: &analysis, null: &null, not_testable: &not_testable, uncentred, refit_error };
+        Judge { request, analysis: &analysis, null: &null, near, not_testable: &not_testable, uncentred, refit_error };
     let rejected = null_p_value < REJECT_NULL;
     let singles = if rejected { judge.singles(&left)? } else { Vec::new() };
     let above = |p_value: f64| -> Vec<(Fit, Explanation)> {
@@ -127,7 +131,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     explanations.extend(singles.iter().filter(stays).cloned());
     let mut farther = judge.keep_the_near(&mut explanations, &singles);
     if rejected && explanations.is_empty() {
-        let pairs = judge.pairs(&left, &singles)?;
+        let pairs = judge.pairs(&singles)?;
         let explain = |pair: &(Fit, Explanation)| pair.1.explains() && judge.needs_both(pair, &singles);
         explanations = pairs.iter().filter(|pair| explain(pair)).cloned().collect();
         explanations.extend(judge.exchanged(&explanations, &pairs)?.into_iter().filter(explain));
@@ -144,6 +148,9 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let implausible = !explanations.is_empty() && explanations.iter().all(|e| !e.1.plausible);
     if !implausible {
         explanations.retain(|e| e.1.plausible);
+    }
+    if explanations.iter().any(|e| !e.1.raises_error()) {
+        explanations.retain(|e| !e.1.raises_error());
     }
     farther.extend(judge.drop_the_farther(&mut explanations));
     judge.drop_the_improbable(&left, &mut explanations);
@@ -277,6 +284,8 @@ struct Judge<'a> {
     request: &'a Request<'a>,
     analysis: &'a Analysis<'a>,
     null: &'a Fit,
+    /// The null, if it is so near to what explains that its scores have the same mean there.
+    near: Option<&'a Fit>,
     not_testable: &'a [&'static str],
     /// Scores of the null, their means left in.
     uncentred: Vec<BlockScore>,

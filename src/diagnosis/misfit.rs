@@ -14,6 +14,9 @@
 //! Q_a − Q_b + (b_a + b_b)ᵀ (x_a − x_b),   b: mean scores where nothing is missing, x: muscles and effects
 //! ```
 //!
+//! Every parameter of an effect that is free to follow the noise lowers Q by 1 on average, with a variance of 2: so many more parameters
+//! as one of two fits has, as far as no prior holds them, are added.
+//!
 //! Where noise of the EMG passes through two fits alike, the difference is that of two normal likelihoods: under the one it is on average
 //! −D, with a variance of 4 D. Where it does not (cross-talk unmixes, and so amplifies it), its own chance comes on top:
 //!
@@ -40,7 +43,7 @@ pub(super) const FARTHER: f64 = 6.0;
 /// How far the truth may be behind a rival, so that it is farther with a probability below Φ(-√limit), whatever D is: the least of
 /// (f + D) / √(4 D + 4 S) over D is √limit.
 ///
-/// - `scatter`: S
+/// - `scatter`: S; a variance beside 4 D, over 4
 pub(super) fn allowed(limit: f64, scatter: f64) -> f64 {
     if scatter <= limit { limit + scatter } else { 2.0 * (limit * scatter).sqrt() }
 }
@@ -49,23 +52,37 @@ pub(super) fn allowed(limit: f64, scatter: f64) -> f64 {
 struct Sums {
     information: DMatrix<f64>,
     misfit: f64,
+    /// Effects' parameters that are free to follow the noise.
+    free: f64,
+}
+
+/// How much farther the data are from one fit than from another.
+struct Farther {
+    /// Difference of Q, parameters that are free allowed for.
+    by: f64,
+    /// What parameters add to S: a quarter of the variance of what noise makes of them.
+    scatter: f64,
 }
 
 impl Analysis<'_> {
     /// By how much moments and EMG are farther from one fit than from another; below 0: nearer.
     ///
-    /// Means of scores are drawn a few times only: of the difference with and without them, what both agree on.
-    ///
     /// - `a`, `b`: the one and the other, judged at the geometric means of their variances
     pub(super) fn farther_from(&self, a: &Fit, b: &Fit) -> Option<f64> {
+        self.farther(a, b).map(|farther| farther.by)
+    }
+
+    /// Means of scores are drawn a few times only: of the difference with and without them, what both agree on.
+    fn farther(&self, a: &Fit, b: &Fit) -> Option<Farther> {
         let levels = a.levels.between(&b.levels);
         let (of_a, of_b) = (self.sums(a, &levels)?, self.sums(b, &levels)?);
         // Without effects an EMG may have been bent to make up for them, which says nothing of means.
         let fits = [(a, &of_a), (b, &of_b)].into_iter().filter(|(fit, _)| !fit.point.effects.is_empty());
         let along: Vec<f64> = fits.map(|(fit, sums)| self.mean_along(fit, sums, b, a)).collect();
         let bent = 2.0 * along.iter().sum::<f64>() / along.len().max(1) as f64;
-        let plain = of_a.misfit - of_b.misfit;
-        Some(agreed(plain, plain + bent))
+        let further = of_a.free - of_b.free;
+        let plain = of_a.misfit - of_b.misfit + further;
+        Some(Farther { by: agreed(plain, plain + bent), scatter: 0.5 * further.abs() })
     }
 
     /// How far moments and EMG are from a fit, where these are the variances of the noise; infinite if that cannot be said.
@@ -78,9 +95,9 @@ impl Analysis<'_> {
     ///
     /// - `limit`: squared standard deviations of what counts as chance
     pub(super) fn is_farther(&self, a: &Fit, b: &Fit, limit: f64) -> bool {
-        let Some(farther) = self.farther_from(a, b) else { return false };
+        let Some(Farther { by, scatter: of_parameters }) = self.farther(a, b) else { return false };
         let scatter = || noise::scatter_of_all(&a.noise, &b.noise, &a.levels.between(&b.levels));
-        farther > limit && farther > allowed(limit, scatter().unwrap_or(f64::INFINITY))
+        by > limit && by > allowed(limit, scatter().unwrap_or(f64::INFINITY) + of_parameters)
     }
 
     fn sums(&self, fit: &Fit, levels: &NoiseLevels) -> Option<Sums> {
@@ -101,8 +118,10 @@ impl Analysis<'_> {
             gradient += of_gradient;
             sum += of_sum;
         }
-        let gain = gradient.dot(&information.clone().cholesky()?.solve(&gradient));
-        Some(Sums { information, misfit: sum - gain })
+        let factor = information.clone().cholesky()?;
+        let gain = gradient.dot(&factor.solve(&gradient));
+        let free = free_parameters(&fit.precision, &factor.inverse(), self.n_nuisance());
+        Some(Sums { information, misfit: sum - gain, free })
     }
 
     /// A fit's mean scores along the way from one fit to another; no longer than the mean of a score that noise of the EMG causes.
@@ -144,6 +163,14 @@ impl Analysis<'_> {
     }
 }
 
+/// How many parameters are free to follow the noise: of each the share that its prior does not hold, which is its variance over that of
+/// the prior.
+///
+/// - `precision`: of priors; `covariance`: of all parameters, priors included; `first`: parameters before this one do not count
+fn free_parameters(precision: &[f64], covariance: &DMatrix<f64>, first: usize) -> f64 {
+    (first..precision.len()).map(|i| 1.0 - precision[i] * covariance[(i, i)]).sum()
+}
+
 /// The number between two that is nearest to 0.
 fn agreed(a: f64, b: f64) -> f64 {
     match (a > 0.0, b > 0.0) {
@@ -164,6 +191,23 @@ mod tests {
             let least = (0..4000).map(|i| sds(0.05 * f64::from(i).max(1e-9))).fold(f64::INFINITY, f64::min);
             assert!((least - FARTHER.sqrt()).abs() < 1e-3, "{scatter}: {least}");
         }
+    }
+
+    #[test]
+    fn verif_parameters_lower_a_misfit_by_as_much_as_they_are_free() {
+        // Q = |y − X x|² + Σ λ x² where y is noise: on average tr X (XᵀX + Λ)⁻¹ Xᵀ less than |y|².
+        let x = DMatrix::from_row_slice(4, 3, &[1.0, 0.5, 0.0, 0.0, 1.0, 0.1, 0.3, 0.0, 0.0, 0.0, 2.0, 0.2]);
+        let fall_with = |precision: [f64; 3]| {
+            let prior = DMatrix::from_diagonal(&DVector::from_row_slice(&precision));
+            let covariance = (x.tr_mul(&x) + prior).try_inverse().unwrap();
+            ((&x * &covariance * x.transpose()).trace(), free_parameters(&precision, &covariance, 0))
+        };
+        for precision in [[0.0; 3], [0.0, 3.0, 1.0], [1e9; 3]] {
+            let (fall, free) = fall_with(precision);
+            assert!((fall - free).abs() < 1e-6, "{precision:?}: {fall}, {free}");
+        }
+        let covariance = DMatrix::from_diagonal(&DVector::from_row_slice(&[0.1, 0.5, 0.25]));
+        assert!((free_parameters(&[10.0, 1.0, 2.0], &covariance, 1) - 1.0).abs() < 1e-12);
     }
 
     #[test]

@@ -27,8 +27,6 @@ const MAY_BE_DEEPER: f64 = 0.001;
 /// A pair explains what neither of its effects does if Q falls by more than this beside either: as for [`FARTHER`], and the second
 /// effect is the best of thirty (2 ln 30).
 const NEEDS_BOTH: f64 = FARTHER + 7.0;
-/// Where the model without effects leaves a larger score than this, its muscles may have gone astray to make up for it.
-const LARGE: f64 = 40.0;
 /// A fit whose misfit is this much larger than the best is not followed to its end; a deeper valley beside one gains ten.
 const FAR: f64 = 40.0;
 /// A fit whose misfit is this much larger may as well be the best.
@@ -125,6 +123,11 @@ impl Explanation {
     /// sizes, or one that hardly lowers the error, explains nothing.
     pub(super) fn explains(&self) -> bool {
         self.survives() && self.lowers_error()
+    }
+
+    /// Whether it raises the error by more than is negligible: it needs another EMG than the recorded one to explain anything.
+    pub(super) fn raises_error(&self) -> bool {
+        self.error_fall < -NEGLIGIBLE
     }
 
     /// Whether it lowers the error, its sizes being plausible.
@@ -275,13 +278,12 @@ impl Judge<'_> {
                 && beside(e).is_some_and(|left| left.p_value > MAY_SURVIVE)
         };
         let chosen: Vec<_> = ordered[hopeful..].par_iter().copied().filter(survives).collect();
-        let near = (!self.far_off(left)).then_some(self.null);
-        self.explain_near(left, chosen, near, &mut found)?;
+        self.explain_near(left, chosen, &mut found)?;
         self.explain_anew(&[], SECOND_CHOICE, &mut found)?;
         // Nor may the list lack what cannot be told from an explanation because its own score calls for it less.
         let near_rivals = self.unfitted_rivals(left, &found);
-        self.explain_near(left, near_rivals, near, &mut found)?;
-        if self.far_off(left) {
+        self.explain_near(left, near_rivals, &mut found)?;
+        if self.near.is_none() {
             self.exchange_muscles(&mut found)?;
         }
         Ok(found)
@@ -311,19 +313,17 @@ impl Judge<'_> {
 
     /// Explanations by single effects beside the fit without any, of the sizes that their scores ask for.
     ///
-    /// - `near`: as for [`Analysis::refit`]
     /// - `found`: explanations so far; of two by the same effects the nearer stays
     fn explain_near(
         &self,
         left: &Omnibus,
         wanted: Vec<&'static dyn Effect>,
-        near: Option<&Fit>,
         found: &mut Vec<(Fit, Explanation)>,
     ) -> Result<(), SimulationError> {
         let best = self.least_misfit(found);
         let explain = |effect: &'static dyn Effect| {
             let start = self.beside(&self.null.point, &left.blocks, effect);
-            self.explain(start, self.null.levels, best, near)
+            self.explain(start, self.null.levels, best)
         };
         for explained in wanted.into_par_iter().map(explain).collect::<Vec<_>>() {
             explained?.into_iter().for_each(|explained| keep_better(found, explained));
@@ -385,7 +385,7 @@ impl Judge<'_> {
         levels: NoiseLevels,
         best: f64,
     ) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
-        let explain = |start: &Point| self.explain(start.clone(), levels, best, None);
+        let explain = |start: &Point| self.explain(start.clone(), levels, best);
         let explained = starts.par_iter().with_max_len(1).map(explain).collect::<Vec<_>>();
         Ok(explained.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
     }
@@ -465,7 +465,6 @@ impl Judge<'_> {
     /// first order least is left.
     pub(super) fn pairs<'a>(
         &self,
-        left: &Omnibus,
         singles: &'a [(Fit, Explanation)],
     ) -> Result<Vec<(Fit, Explanation)>, SimulationError> {
         let mut leaders: Vec<&(Fit, Explanation)> = singles.iter().collect();
@@ -506,7 +505,7 @@ impl Judge<'_> {
             !l.0.point.effects[0].effect.feeds_back() && l.1.misfit_fall > leaders[0].1.misfit_fall - HARDLY_WORSE
         });
         if let Some((leader, _)) = quick.or(leaders.first())
-            && self.far_off(left)
+            && self.near.is_none()
             && !found.iter().any(|f| f.1.explains())
         {
             self.explain_anew(&leader.point.effects, SECOND_CHOICE_OF_PAIRS, &mut found)?;
@@ -566,18 +565,16 @@ impl Judge<'_> {
     /// them is no larger than what noise has of it in any case.
     ///
     /// - `best`: least misfit of an explanation so far; one that stays far behind it is not followed to its end
-    /// - `near`: as for [`Analysis::refit`]
     fn explain(
         &self,
         start: Point,
         levels: NoiseLevels,
         best: f64,
-        near: Option<&Fit>,
     ) -> Result<Option<(Fit, Explanation)>, SimulationError> {
         let effects = start.effects.iter().map(|s| s.effect.description().id).collect();
         // Sizes at which a muscle cannot be simulated explain nothing.
         let hopeless = Hopeless { best, by: FAR, levels: self.null.levels, skip: self.not_testable };
-        let Ok(mut fit) = self.analysis.refit(start, levels, near, Some(hopeless)) else { return Ok(None) };
+        let Ok(mut fit) = self.analysis.refit(start, levels, self.near, Some(hopeless)) else { return Ok(None) };
         if is_within_noise(&fit) {
             return Ok(None);
         }
@@ -590,7 +587,7 @@ impl Judge<'_> {
         };
         if with.p_value > MAY_BE_DEEPER
             && self.analysis.misfit(&fit, &self.null.levels) < enough
-            && let Ok(Some(deeper)) = self.analysis.deeper(&fit, near, Some(hopeless))
+            && let Ok(Some(deeper)) = self.analysis.deeper(&fit, self.near, Some(hopeless))
         {
             if is_within_noise(&deeper) {
                 return Ok(None);
@@ -625,10 +622,5 @@ impl Judge<'_> {
             left,
         };
         Ok(Some((fit, explanation)))
-    }
-
-    /// Whether the model without effects is so far off that its muscles may have gone astray.
-    fn far_off(&self, left: &Omnibus) -> bool {
-        left.blocks.iter().chain(&self.uncentred).any(|b| b.statistic > LARGE)
     }
 }
