@@ -56,11 +56,13 @@ struct Scores {
 impl Analysis<'_> {
     /// A fit with the mean of its scores drawn; a hopeless one with that of a few draws.
     ///
-    /// - `inverse`: of its information
+    /// - `inverse`: of its information; `near`: a fit without effects whose scores have nearly the same mean: where more draws are wanted,
+    ///   its own do
     pub(super) fn centre_by_draws(
         &self,
         fit: Fit,
         inverse: &DMatrix<f64>,
+        near: Option<&Fit>,
         hopeless: Option<Hopeless>,
     ) -> Result<Fit, SimulationError> {
         let truth = self.truth_of(&fit)?;
@@ -77,7 +79,10 @@ impl Analysis<'_> {
         }
         let mut means = self.mean_with_more(&fit, &truth, few, FEW_PAIRS, PAIRS)?;
         if is_near && leaves_less_than(MAY_BE_CHANCE, &means) {
-            means = self.mean_with_more(&fit, &truth, means, PAIRS, MANY_PAIRS)?;
+            means = match near {
+                Some(near) => pooled(&means, PAIRS, &self.means_with_effects(near, &fit.point), MOST_PAIRS),
+                None => self.mean_with_more(&fit, &truth, means, PAIRS, MANY_PAIRS)?,
+            };
         }
         Ok(self.centre(fit, inverse, means))
     }
@@ -93,9 +98,7 @@ impl Analysis<'_> {
         known: usize,
         wanted: usize,
     ) -> Result<Vec<DVector<f64>>, SimulationError> {
-        let share = known as f64 / wanted as f64;
-        let more = self.calc_bias(fit, truth, known..wanted)?;
-        Ok(means.iter().zip(&more).map(|(known, more)| known * share + more * (1.0 - share)).collect())
+        Ok(pooled(&means, known, &self.calc_bias(fit, truth, known..wanted)?, wanted - known))
     }
 
     /// A fit with the mean of its scores, and its parameters where the gradient is that mean instead of 0.
@@ -285,6 +288,14 @@ impl Analysis<'_> {
         });
         (linear, structure)
     }
+}
+
+/// Mean scores of draws and of further ones.
+///
+/// - `means`: of so many pairs; `further`: of so many more
+fn pooled(means: &[DVector<f64>], pairs: usize, further: &[DVector<f64>], more: usize) -> Vec<DVector<f64>> {
+    let share = pairs as f64 / (pairs + more) as f64;
+    means.iter().zip(further).map(|(a, b)| a * share + b * (1.0 - share)).collect()
 }
 
 /// Mean scores of a trial by two draws of opposite sign.

@@ -122,7 +122,7 @@ impl Descent {
 impl Analysis<'_> {
     /// Fits jointly from a point, the EMG as that point has it, with the variances of the noise near `levels`.
     ///
-    /// - `near`: a fit without effects that is near enough for its scores to have the same mean; `None`: it is computed
+    /// - `near`: a fit without effects that is near enough for its scores to have nearly the same mean
     /// - `hopeless`: which fits are not followed to their end; `None`: all are
     ///
     /// # Errors
@@ -155,13 +155,7 @@ impl Analysis<'_> {
                 return Ok(fit);
             }
             if settled || rounds > ROUNDS_AT_LEAST {
-                return match near {
-                    Some(near) => {
-                        let means = self.means_with_effects(near, &fit.point);
-                        Ok(self.centre(fit, &inverse, means))
-                    }
-                    None => self.centre_by_draws(fit, &inverse, hopeless),
-                };
+                return self.centre_by_draws(fit, &inverse, near, hopeless);
             }
             rounds = MOST_ROUNDS - ROUNDS_AT_LEAST;
         }
@@ -260,13 +254,7 @@ impl Analysis<'_> {
             self.follow(&mut descent, MOST_ROUNDS)?;
         }
         let (fit, inverse) = self.uncentred(&mut descent)?;
-        match near {
-            Some(near) => {
-                let means = self.means_with_effects(near, &fit.point);
-                Ok(Some(self.centre(fit, &inverse, means)))
-            }
-            None => self.centre_by_draws(fit, &inverse, hopeless).map(Some),
-        }
+        self.centre_by_draws(fit, &inverse, near, hopeless).map(Some)
     }
 
     /// The deepest valley beside the one that a descent has come to, if any is deeper: every amplitude is moved to both sides, all else

@@ -57,7 +57,8 @@ pub struct Explanation {
     pub p_value: f64,
     /// How much less −2 log posterior it leaves than the model without effects.
     pub deviance_fall: f64,
-    /// How much nearer moments and EMG are to it than to the model without effects: −2 log likelihood of both.
+    /// How much nearer moments and EMG are to it than to the model without effects: −2 log likelihood of both, less 1 for every parameter
+    /// that is free to follow the noise.
     pub misfit_fall: f64,
     /// How much farther they are from it than from the nearest explanation.
     pub misfit_behind: f64,
