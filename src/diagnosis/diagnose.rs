@@ -149,9 +149,6 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     if !implausible {
         explanations.retain(|e| e.1.plausible);
     }
-    if explanations.iter().any(|e| !e.1.raises_error()) {
-        explanations.retain(|e| !e.1.raises_error());
-    }
     farther.extend(judge.drop_the_farther(&mut explanations));
     judge.drop_the_improbable(&left, &mut explanations);
     let best = explanations.first().map(|e| e.0.clone());

@@ -125,11 +125,6 @@ impl Explanation {
         self.survives() && self.lowers_error()
     }
 
-    /// Whether it raises the error by more than is negligible: it needs another EMG than the recorded one to explain anything.
-    pub(super) fn raises_error(&self) -> bool {
-        self.error_fall < -NEGLIGIBLE
-    }
-
     /// Whether it lowers the error, its sizes being plausible.
     pub(super) fn lowers_error(&self) -> bool {
         self.plausible && self.error_fall >= NEGLIGIBLE
