@@ -37,6 +37,7 @@ const PAIRS: usize = 2;
 /// Of these, the ones that come first: a fit that others are nearer than, and that leaves what is beyond doubt with this mean, is given up.
 const FEW_PAIRS: usize = 1;
 /// Pairs of draws where it matters: for a fit that no other is much nearer than, and that would be rejected with fewer.
+/// Where the fit without effects is near, its [`MOST_PAIRS`] take the place of the further ones.
 const MANY_PAIRS: usize = 8;
 /// A fit is looked at more closely while its misfit is no larger than this above the least.
 const NEAR: f64 = 20.0;

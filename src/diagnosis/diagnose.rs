@@ -281,7 +281,7 @@ struct Judge<'a> {
     request: &'a Request<'a>,
     analysis: &'a Analysis<'a>,
     null: &'a Fit,
-    /// The null, if it is so near to what explains that its scores have the same mean there.
+    /// The null, if it is so near to what explains that its scores have nearly the same mean there.
     near: Option<&'a Fit>,
     not_testable: &'a [&'static str],
     /// Scores of the null, their means left in.

@@ -65,7 +65,7 @@ struct Farther {
 }
 
 impl Analysis<'_> {
-    /// By how much moments and EMG are farther from one fit than from another; below 0: nearer.
+    /// By how much moments and EMG are farther from one fit than from another [units of −2 log likelihood]; below 0: nearer.
     ///
     /// - `a`, `b`: the one and the other, judged at the geometric means of their variances
     pub(super) fn farther_from(&self, a: &Fit, b: &Fit) -> Option<f64> {

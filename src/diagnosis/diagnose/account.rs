@@ -100,7 +100,7 @@ pub struct Candidate {
     pub kept: f64,
     /// Once fitted: how much less −2 log posterior it leaves than the model without effects.
     pub deviance_fall: Option<f64>,
-    /// Once fitted: how much nearer moments and EMG are to it than to the model without effects.
+    /// Once fitted: how much nearer moments and EMG are to it than to the model without effects; see [`Explanation::misfit_fall`].
     pub misfit_fall: Option<f64>,
     /// Where residuals do not reject it: how much farther moments and EMG are from it than from the nearest explanation.
     pub misfit_behind: Option<f64>,
