@@ -13,6 +13,8 @@
 //! ```text
 //! ν = 2 / (gᵀ S g),   g_k = σ_k² tr(I⁻¹ I_k) / rank,   U = Σ_k exp(δ_k / 2) (σ_k² I_k)^½ z_k,   δ ~ N(0, S)
 //! ```
+//! Of a variance near 0 (white noise of a torque that was filtered) the data say how large it may be at most, and nothing of its
+//! logarithm: where S_kk > 1 the variance itself is taken as normal, not below 0, max(0, 1 + δ_k) in place of exp(δ_k).
 //!
 //! # References
 //! Hemerik, Goeman & Finos (2020), Robust testing in generalized linear models by sign flipping score contributions,
@@ -33,6 +35,8 @@ const RANK_TOLERANCE: f64 = 1e-6;
 
 /// Words of the random stream that a normal number takes: two of two each.
 const WORDS_OF_NORMAL: usize = 4;
+/// Variance of a variance's logarithm beyond which it is the variance that is taken as normal.
+const UNKNOWN_LOGARITHM: f64 = 1.0;
 /// More degrees of freedom than this are as good as infinitely many.
 const MANY: f64 = 1e5;
 
@@ -231,6 +235,8 @@ struct Law {
     known: DMatrix<f64>,
     /// Root of the covariance of the variances' logarithms.
     spread: DMatrix<f64>,
+    /// Variances that are near 0 as far as is known.
+    near_zero: Vec<bool>,
 }
 
 impl Law {
@@ -242,6 +248,7 @@ impl Law {
             parts: parts.par_iter().map(symmetric_root).collect(),
             known: symmetric_root(&known),
             spread: symmetric_root(spread),
+            near_zero: spread.diagonal().iter().map(|v| *v > UNKNOWN_LOGARITHM).collect(),
         }
     }
 
@@ -254,8 +261,9 @@ impl Law {
         let mut standard = |n: usize| DVector::from_fn(n, |_, _| normal(rng));
         let logarithms = &self.spread * standard(self.spread.ncols());
         let mut u = &self.known * standard(self.known.ncols());
-        for (root, log) in self.parts.iter().zip(logarithms.iter()) {
-            u.gemv((0.5 * log).exp(), root, &standard(root.ncols()), 1.0);
+        for ((root, log), near_zero) in self.parts.iter().zip(logarithms.iter()).zip(&self.near_zero) {
+            let sd = if *near_zero { (1.0 + log).max(0.0).sqrt() } else { (0.5 * log).exp() };
+            u.gemv(sd, root, &standard(root.ncols()), 1.0);
         }
         u
     }
@@ -430,5 +438,25 @@ mod tests {
         let share = |alarms: usize| alarms as f64 / sets as f64;
         assert!(share(alarms[0]) > 0.08, "{alarms:?}");
         assert!((share(alarms[1]) - 0.05).abs() < 0.02, "{alarms:?}");
+    }
+
+    /// Torque that was filtered has no white noise: that its variance is 1e-6 or 1e-9 of the whole, nobody can say, and it matters
+    /// to no score.
+    #[test]
+    fn verif_a_variance_near_zero_does_not_hide_what_is_missing() {
+        let nobody = Nuisance { columns: &[], precision: &[], offset: &[] };
+        let blocks = [Block { name: "a".into(), columns: vec![0] }];
+        // A score of 6 standard deviations.
+        let trial = DMatrix::from_row_slice(2, 2, &[1.0, 6.0, 6.0, 36.0]);
+        let of = |share: f64| DMatrix::from_row_slice(2, 2, &[share, 0.0, 0.0, 0.0]);
+        let products = [of(1e-6), of(1.0 - 1e-6)];
+        for unknown in [1e2, 1e4, 1e7] {
+            let spread = DMatrix::from_diagonal(&DVector::from_column_slice(&[unknown, 0.02]));
+            let variances = Variances { products: &products, spread: &spread };
+            let found = tested(std::slice::from_ref(&trial), &nobody, &variances, &blocks, 1).expect("nothing to fail at");
+            assert!(found.blocks[0].p_value < 1e-5);
+            let found = found.omnibus(7);
+            assert!(found.p_value < 0.005, "spread {unknown}: p {}", found.p_value);
+        }
     }
 }
