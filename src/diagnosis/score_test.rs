@@ -453,7 +453,8 @@ mod tests {
         for unknown in [1e2, 1e4, 1e7] {
             let spread = DMatrix::from_diagonal(&DVector::from_column_slice(&[unknown, 0.02]));
             let variances = Variances { products: &products, spread: &spread };
-            let found = tested(std::slice::from_ref(&trial), &nobody, &variances, &blocks, 1).expect("nothing to fail at");
+            let found =
+                tested(std::slice::from_ref(&trial), &nobody, &variances, &blocks, 1).expect("nothing to fail at");
             assert!(found.blocks[0].p_value < 1e-5);
             let found = found.omnibus(7);
             assert!(found.p_value < 0.005, "spread {unknown}: p {}", found.p_value);

@@ -254,6 +254,21 @@ fn verdict_words(verdict: &str) -> (&'static str, &'static str) {
     }
 }
 
+/// Which of the effects that were fitted lowers the held-out error most.
+fn nearest(diagnosis: &DiagnosisResult) -> Option<String> {
+    let refitted = diagnosis.error.held_out.as_ref()?.refit_only;
+    let fitted = diagnosis.candidates.iter().filter_map(|c| Some((c.held_out_error?, c)));
+    let (error, nearest) = fitted.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|(error, _)| *error < refitted)?;
+    let outside = |p: &Estimate| p.value < p.plausible[0] || p.value > p.plausible[1];
+    let size = if nearest.parameters.values().any(outside) { ", at a size outside of what is plausible," } else { "" };
+    Some(format!(
+        "Of those that were fitted, {}{size} lowers the error on held-out trials most, from {} with muscles alone to {}.",
+        named_in_sentence(std::slice::from_ref(&nearest.effect)),
+        percent(refitted),
+        percent(error)
+    ))
+}
+
 /// Headline and lead.
 fn told(
     results: &Results,
@@ -284,6 +299,7 @@ fn told(
         "implausible" => format!("{} would leave nothing systematic, but at a size outside of what is plausible: a cause that is not in the catalogue, or a fault of the recordings, is more likely.", capital(&sets.join("; "))),
         _ => "Whatever effect is fitted together with the muscles, something systematic is left. The figures below show what it depends on.".to_owned(),
     }];
+    lead.extend((diagnosis.verdict == "unknown").then(|| nearest(diagnosis)).flatten());
     if let (Some(first), Some(last)) = (steps.first(), steps.last()) {
         let (what, a, b) = match (first.held_out, last.held_out) {
             (Some(a), Some(b)) => ("held-out trials, which no fit has seen,", a, b),

@@ -1,5 +1,6 @@
 //! `carpus diagnose`: where the model fails, and which physical effect is missing.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::simulate::{account, write_results};
@@ -13,7 +14,9 @@ use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
 use crate::cli::table::{fixed, table};
 use crate::diagnosis::baselines::Ingredients;
 use crate::diagnosis::catalogue::{CATALOGUE, effect};
-use crate::diagnosis::diagnose::{Diagnosis, Outcome, Request, Verdict, diagnose, is_determined};
+use crate::diagnosis::diagnose::{
+    Candidate, Diagnosis, Outcome, ParameterEstimate, Request, Verdict, diagnose, is_determined,
+};
 use crate::diagnosis::effect::Effect;
 use crate::diagnosis::forward_model::{ForwardModel, Setting};
 use crate::diagnosis::joint_traits::JointTraits;
@@ -23,6 +26,9 @@ use crate::osim::spec::MuscleSpec;
 use crate::report::results::{Kind, Results};
 use crate::simulation::MuscleParameters;
 use crate::study::TrialUse;
+
+/// Effects that are listed where none explains what is missing.
+const NEAREST: usize = 3;
 
 /// Runs the command.
 ///
@@ -222,6 +228,33 @@ pub fn in_words(diagnosis: &Diagnosis) -> String {
     }
 }
 
+/// A row per parameter: name, estimate, what is plausible, and one more column.
+fn estimate_rows(parameters: &BTreeMap<String, ParameterEstimate>, last: &str) -> Vec<Vec<String>> {
+    let row = |(name, p): (&String, &ParameterEstimate)| {
+        let interval = match is_determined(p.ci95) {
+            true => format!("[{:.4}, {:.4}]", p.ci95[0], p.ci95[1]),
+            false => "(not determined)".to_owned(),
+        };
+        vec![
+            name.clone(),
+            format!("{:.4} {interval} {}", p.value, p.unit),
+            format!("{} to {}", p.plausible[0], p.plausible[1]),
+            last.to_owned(),
+        ]
+    };
+    parameters.iter().map(row).collect()
+}
+
+/// Of the effects that were fitted, those that lower the held-out error most: so many at most, a row per parameter.
+fn nearest_rows(diagnosis: &Diagnosis) -> Vec<Vec<String>> {
+    let refitted = diagnosis.error.held_out.as_ref().map_or(0.0, |h| h.refit_only);
+    let better = |c: &Candidate| c.held_out_error.filter(|error| *error < refitted);
+    let mut found: Vec<(f64, &Candidate)> = diagnosis.candidates.iter().filter_map(|c| Some((better(c)?, c))).collect();
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let rows = |(error, c): (f64, &Candidate)| estimate_rows(&c.parameters, &fixed(100.0 * error, 2));
+    found.into_iter().take(NEAREST).flat_map(rows).collect()
+}
+
 fn readable(diagnosis: &Diagnosis) -> String {
     let mut text = format!("{}: {}\n", diagnosis.participant, in_words(diagnosis));
     let percent = |v: Option<f64>| v.map_or("–".to_string(), |v| fixed(100.0 * v, 2));
@@ -242,20 +275,7 @@ fn readable(diagnosis: &Diagnosis) -> String {
     text.push_str(&table(&["trials", "as given", "muscles refitted", "with effect", "noise floor"], 1, rows));
     if !diagnosis.explanations.is_empty() {
         text.push_str("\n\nExplanations that leave nothing\n");
-        let rows = diagnosis.explanations.iter().flat_map(|e| {
-            e.parameters.iter().map(|(name, p)| {
-                let interval = match is_determined(p.ci95) {
-                    true => format!("[{:.4}, {:.4}]", p.ci95[0], p.ci95[1]),
-                    false => "(not determined)".to_owned(),
-                };
-                vec![
-                    name.clone(),
-                    format!("{:.4} {interval} {}", p.value, p.unit),
-                    format!("{} to {}", p.plausible[0], p.plausible[1]),
-                    fixed(e.p_value, 3),
-                ]
-            })
-        });
+        let rows = diagnosis.explanations.iter().flat_map(|e| estimate_rows(&e.parameters, &fixed(e.p_value, 3)));
         text.push_str(&table(&["parameter", "estimate, 95 % interval", "plausible", "p"], 2, rows));
     } else if diagnosis.verdict == Verdict::NothingDetectable {
         text.push_str(&format!("\n\np = {:.3}. Smallest sizes that would have been found:\n", diagnosis.null_p_value));
@@ -265,6 +285,12 @@ fn readable(diagnosis: &Diagnosis) -> String {
                 .map(|(name, size)| vec![c.effect.to_string(), (*name).to_string(), format!("{size:.4}")])
         });
         text.push_str(&table(&["effect", "parameter", "size"], 2, rows));
+    } else if diagnosis.verdict == Verdict::Unknown {
+        let rows = nearest_rows(diagnosis);
+        if !rows.is_empty() {
+            text.push_str("\n\nLowers the held-out error most, and leaves something all the same\n");
+            text.push_str(&table(&["parameter", "estimate, 95 % interval", "plausible", "held out"], 2, rows));
+        }
     }
     if !diagnosis.not_testable.is_empty() {
         text.push_str(&format!("\n\nNot testable with these trials: {}", diagnosis.not_testable.join(", ")));
