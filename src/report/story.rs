@@ -259,7 +259,7 @@ fn nearest(diagnosis: &DiagnosisResult) -> Option<String> {
     let refitted = diagnosis.error.held_out.as_ref()?.refit_only;
     let fitted = diagnosis.candidates.iter().filter_map(|c| Some((c.held_out_error?, c)));
     let (error, nearest) = fitted.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|(error, _)| *error < refitted)?;
-    let outside = |p: &Estimate| p.value < p.plausible[0] || p.value > p.plausible[1];
+    let outside = |p: &Estimate| p.ci95[1] < p.plausible[0] || p.ci95[0] > p.plausible[1];
     let size = if nearest.parameters.values().any(outside) { ", at a size outside of what is plausible," } else { "" };
     Some(format!(
         "Of those that were fitted, {}{size} lowers the error on held-out trials most, from {} with muscles alone to {}.",

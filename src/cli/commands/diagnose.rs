@@ -290,6 +290,7 @@ fn readable(diagnosis: &Diagnosis) -> String {
         if !rows.is_empty() {
             text.push_str("\n\nLowers the held-out error most, and leaves something all the same\n");
             text.push_str(&table(&["parameter", "estimate, 95 % interval", "plausible", "held out"], 2, rows));
+            text.push_str("\n`carpus effect add STUDY ID --i-choose` adds one all the same");
         }
     }
     if !diagnosis.not_testable.is_empty() {
