@@ -22,7 +22,7 @@ use super::ONE_BY_ONE;
 use super::kernel::{Family, Kernel, correlated, root};
 use crate::study::Direction;
 
-pub use restricted_likelihood::{best_kernel, estimate, estimate_within, restricted_deviance, spread};
+pub use restricted_likelihood::{LEAST_WHITE, best_kernel, estimate, estimate_within, restricted_deviance, spread};
 
 /// Distance between knots of the EMG's noise [s].
 pub const KNOT_SPACING: f64 = 0.04;

@@ -23,7 +23,7 @@ use super::recorded::RecordedTrial;
 use crate::diagnosis::fit::block_means;
 use crate::diagnosis::kernel::Kernel;
 use crate::diagnosis::noise::{
-    self, BASELINE_SD, KNOT_SPACING, Kernels, NoiseLevels, Response, TrialNoise, TrialTimes,
+    self, BASELINE_SD, KNOT_SPACING, Kernels, LEAST_WHITE, NoiseLevels, Response, TrialNoise, TrialTimes,
 };
 use crate::osim::spec::MuscleSpec;
 use crate::simulation::{MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, SimulationError};
@@ -478,12 +478,13 @@ impl Problem {
             let best = noise::best_kernel(&start, |kernel| {
                 let noise = with(&structure, &changed(kernel));
                 let trials = triples(&noise, &regressors, &residuals);
-                let levels = noise::estimate_within(2, &trials, &precision, held.levels);
+                let levels = noise::estimate_within(2, &trials, &precision, LEAST_WHITE, held.levels);
                 noise::restricted_deviance(&trials, &precision, &levels)
             });
             held.kernels = changed(&best);
             structure = with(&structure, &held.kernels);
-            held.levels = noise::estimate(&triples(&structure, &regressors, &residuals), &precision, held.levels);
+            held.levels =
+                noise::estimate(&triples(&structure, &regressors, &residuals), &precision, LEAST_WHITE, held.levels);
         }
     }
 
@@ -515,7 +516,7 @@ impl Problem {
             let trials: Vec<_> =
                 structure.into_iter().zip(&regressors).zip(&residuals).map(|((t, x), r)| (t, x, r)).collect();
             let before = held.levels;
-            let found = noise::estimate(&trials, &DVector::from_vec(self.precision()), before);
+            let found = noise::estimate(&trials, &DVector::from_vec(self.precision()), LEAST_WHITE, before);
             // Estimates alternate about their common value: take the middle.
             held.levels = if pass > 2 { before.between(&found) } else { found };
         }

@@ -131,7 +131,7 @@ fn val_opensim_what_is_missing_is_found_where_the_torque_was_filtered() {
     let name = "joint_stiffness";
     let (found, truth) = judged(name, asked_of(1.0, &folder(name), &filtered, &candidates, diagnosis));
     assert!(found.noise["moment_white_n_m"] < 0.02, "{:?}", found.noise);
-    assert!(found.null_p_value < 0.01, "p {}", found.null_p_value);
+    assert!(sets(&found).contains(&["joint_stiffness"].as_slice()), "{:?}", sets(&found));
     assert_found(&found, &truth, "joint_stiffness", "stiffness", 0.25);
 }
 

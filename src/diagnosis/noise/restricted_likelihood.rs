@@ -28,12 +28,14 @@ const DIRECTION_FACTOR: f64 = 1.5;
 /// ```
 /// - `trials`: noise structure, regressors X and residual of every trial
 /// - `precision`: prior precision of the regressors' coefficients (mean 0)
+/// - `least_white`: least standard deviation of white noise of the moment [N·m], [`LEAST_WHITE`] or more
 pub fn estimate(
     trials: &[(&TrialNoise, &DMatrix<f64>, &DVector<f64>)],
     precision: &DVector<f64>,
+    least_white: f64,
     start: NoiseLevels,
 ) -> NoiseLevels {
-    estimate_within(ITERATIONS, trials, precision, start)
+    estimate_within(ITERATIONS, trials, precision, least_white, start)
 }
 
 /// As [`estimate`], with at most this many iterations.
@@ -41,6 +43,7 @@ pub fn estimate_within(
     iterations: usize,
     trials: &[(&TrialNoise, &DMatrix<f64>, &DVector<f64>)],
     precision: &DVector<f64>,
+    least_white: f64,
     start: NoiseLevels,
 ) -> NoiseLevels {
     let mut levels = start;
@@ -57,6 +60,7 @@ pub fn estimate_within(
         for i in 0..COMPONENTS {
             let old = levels.0[i];
             levels.0[i] = (old + step[i]).clamp(0.25 * old, 4.0 * old).clamp(SMALLEST[i], LARGEST[i]);
+            levels.0[0] = levels.0[0].max(least_white * least_white);
             largest = largest.max((levels.0[i] / old).ln().abs());
         }
         if largest < 0.02 {
@@ -253,9 +257,19 @@ fn gradient(
     Some((gradient, information))
 }
 
-/// Least variances (0.001 N·m, 0.2 % of the EMG): below, simulations differ by their numerical errors.
-const SMALLEST: [f64; COMPONENTS] =
-    [0.001 * 0.001, 0.001 * 0.001, 0.001 * 0.001, 0.001 * 0.001, 0.002 * 0.002, 0.002 * 0.002, 0.0001 * 0.0001];
+/// Least standard deviation of white noise of the moment [N·m]: below, simulations differ by their numerical errors.
+pub const LEAST_WHITE: f64 = 0.001;
+
+/// Least variances (0.001 N·m, 0.2 % of the EMG), as for [`LEAST_WHITE`].
+const SMALLEST: [f64; COMPONENTS] = [
+    LEAST_WHITE * LEAST_WHITE,
+    0.001 * 0.001,
+    0.001 * 0.001,
+    0.001 * 0.001,
+    0.002 * 0.002,
+    0.002 * 0.002,
+    0.0001 * 0.0001,
+];
 
 /// Largest variances: beyond these it is not noise of the EMG (30 % envelope, 15 % gain, 0.01 added), whatever it is.
 const LARGEST: [f64; COMPONENTS] =
@@ -292,7 +306,7 @@ mod tests {
             let best = best_kernel(&Kernels::default().moment, |kernel| {
                 let noise = structure(kernel);
                 let trials: Vec<_> = draws.iter().map(|d| (&noise, &regressors, d)).collect();
-                let found = estimate(&trials, &precision, levels);
+                let found = estimate(&trials, &precision, LEAST_WHITE, levels);
                 restricted_deviance(&trials, &precision, &found)
             });
             let rough = |k: &Kernel| FAMILIES.iter().position(|f| *f == k.family).unwrap_or(9);
@@ -318,7 +332,7 @@ mod tests {
             .collect();
         let regressors = DMatrix::from_element(80, 1, 1.0);
         let trials: Vec<_> = drawn.iter().map(|(noise, draw)| (noise, &regressors, draw)).collect();
-        let found = estimate_within(30, &trials, &DVector::from_element(1, 1e-6), NoiseLevels::default());
+        let found = estimate_within(30, &trials, &DVector::from_element(1, 1e-6), LEAST_WHITE, NoiseLevels::default());
         let off = |direction| (found.slow(direction) / truth.slow(direction)).ln().abs();
         assert!(off(Direction::Flexion) < 0.3 && off(Direction::Extension) < 0.3, "{found:?}");
         let between = (found.slow(Direction::Flexion) * found.slow(Direction::Extension)).sqrt();
