@@ -1,13 +1,14 @@
-//! How a muscle's activation and force follow a small change of its excitation, for many changes along one simulated trial.
+//! How a muscle's activation and force follow a small change of its excitation, or of its time constants of activation, for many
+//! changes along one simulated trial.
 //!
 //! The steps in which activation and fibre length were found are linearized once; a change is then passed through them with a few
 //! multiplications per step. It is the derivative of the numbers computed, as [`PreparedTrial::force_derivative`] gives it, except
 //! that between the ends of a step of activation a cubic stands for the quintic.
 
 use super::activation_trajectory::{ActivationTangent, Interpolation};
-use super::fiber::equation::{Drive, Fiber};
-use super::fiber::radau::{INVERSE_BUTCHER, NewtonMatrix, STAGES, dot, stage_weights};
-use super::sensitivity::MuscleSolution;
+use super::fiber::equation::Drive;
+use super::fiber::radau::{NewtonMatrix, STAGES, dot, stage_weights};
+use super::sensitivity::{LinearStep, MuscleSolution};
 use super::trial::PreparedTrial;
 
 /// Change of activation for differences of the fibre's equation, in which it is nearly linear.
@@ -50,7 +51,7 @@ struct Sample {
     force: f64,
 }
 
-/// What a change of excitation does, per sample.
+/// What a change of excitation or of time constants does, per sample.
 #[derive(Clone, Debug)]
 pub struct ForceChange {
     /// To activation.
@@ -72,29 +73,24 @@ impl PreparedTrial {
         let at_samples = self.time.iter().map(|t| prepared.activation.interpolation(*t, &mut cursor)).collect();
         let mut cursor = 0;
         let mut steps = Vec::with_capacity(solution.steps.len());
-        for step in &solution.steps {
-            let Some((from, z)) = step.path else {
+        let known = solution.linearization(&fiber, &self.kinematics.muscles[muscle].length);
+        for (step, linear) in solution.steps.iter().zip(&known.steps) {
+            let Some(LinearStep { undriven, by_x, matrix }) = linear else {
                 steps.push(None);
                 continue;
             };
             let h = step.input.h;
             let mut stages = [Interpolation::default(); 3];
-            let (mut by_x, mut by_u, mut by_activation) = ([0.0; 3], [0.0; 3], [0.0; 3]);
+            let mut by_activation = [0.0; 3];
             for i in 0..3 {
-                let (x, rate) = (from + z[i], dot(INVERSE_BUTCHER[i], z) / h);
-                let u = rate / fiber.curves.max_velocity;
                 let time = step.start + if i == 2 { h } else { STAGES[i] * h };
                 stages[i] = prepared.activation.interpolation(time, &mut cursor);
-                let drive = step.input.drive[i];
-                let own = fiber.residual(x, u, drive);
-                (by_x[i], by_u[i]) = (own.by_x, own.by_u);
-                let known = fiber.undriven(x, u);
-                let pull = fiber.pull(&known, drive.length);
-                by_activation[i] =
-                    slope_by_activation(drive.activation, |activation| fiber.imbalance(&known, activation, pull));
+                let Drive { activation, length } = step.input.drive[i];
+                let pull = fiber.pull(&undriven[i], length);
+                let imbalance = |activation| fiber.imbalance(&undriven[i], activation, pull);
+                by_activation[i] = slope_by_activation(activation, imbalance);
             }
-            let matrix = NewtonMatrix::new(by_x, by_u, 1.0 / (h * fiber.curves.max_velocity));
-            let ends_shortest = step.ends_shortest;
+            let (by_x, matrix, ends_shortest) = (*by_x, matrix.clone(), step.ends_shortest);
             steps.push(Some(Step { stages, by_x, by_activation, matrix, ends_shortest }));
         }
         let x = solution.fiber_length[0];
@@ -106,15 +102,15 @@ impl PreparedTrial {
         } else {
             0.0
         };
-        let samples = self.samples(muscle, &fiber, solution);
+        let samples = self.samples(&known.force, solution);
         Some(ExcitationTangent { activation, at_samples, initial, steps, samples })
     }
 
-    fn samples(&self, muscle: usize, fiber: &Fiber, solution: &MuscleSolution) -> Vec<Sample> {
-        let path = &self.kinematics.muscles[muscle].length;
+    /// - `force`: tendon force per normalized fibre length, per sample
+    fn samples(&self, force: &[f64], solution: &MuscleSolution) -> Vec<Sample> {
         let mut step = 0;
-        let of = |(k, time): (usize, &f64)| {
-            let force = fiber.tendon_force(solution.fiber_length[k], path[k]).by_x;
+        let of = |(time, force): (&f64, &f64)| {
+            let force = *force;
             while solution.steps.get(step).is_some_and(|s| s.start + s.input.h < *time) {
                 step += 1;
             }
@@ -125,7 +121,7 @@ impl PreparedTrial {
             let at_end = *time >= taken.start + taken.input.h;
             Sample { step: Some(step), rises: stage_weights(part), at_end, force }
         };
-        self.time.iter().enumerate().map(of).collect()
+        self.time.iter().zip(force).map(of).collect()
     }
 }
 
@@ -140,8 +136,19 @@ impl ExcitationTangent {
     ///
     /// - `change`: at the samples, linear between them
     pub fn follow(&self, change: &[f64]) -> ForceChange {
-        let pieces = self.activation.follow(change);
-        let activation: Vec<f64> = self.at_samples.iter().map(|at| at.of(&pieces)).collect();
+        self.follow_activation(&self.activation.follow(change))
+    }
+
+    /// What a change of its time constants does.
+    ///
+    /// - `change`: of the logarithms of the activation and the deactivation time constant
+    pub fn follow_time_constants(&self, change: [f64; 2]) -> ForceChange {
+        self.follow_activation(&self.activation.follow_time_constants(change))
+    }
+
+    /// - `pieces`: changes of activation, per step of it
+    fn follow_activation(&self, pieces: &[[f64; 4]]) -> ForceChange {
+        let activation: Vec<f64> = self.at_samples.iter().map(|at| at.of(pieces)).collect();
         let mut s = activation[0] * self.initial;
         let mut force = Vec::with_capacity(self.samples.len());
         let mut samples = self.samples.iter().peekable();
@@ -151,7 +158,7 @@ impl ExcitationTangent {
             let (end, rises) = match step {
                 None => (0.0, [0.0; 3]),
                 Some(Step { stages, by_x, by_activation, matrix, ends_shortest }) => {
-                    let right = [0, 1, 2].map(|i| -(by_x[i] * s + by_activation[i] * stages[i].of(&pieces)));
+                    let right = [0, 1, 2].map(|i| -(by_x[i] * s + by_activation[i] * stages[i].of(pieces)));
                     let rises = matrix.as_ref().map_or([0.0; 3], |matrix| matrix.solve(right));
                     (if *ends_shortest { 0.0 } else { s + rises[2] }, rises)
                 }

@@ -37,21 +37,28 @@ pub struct MuscleSolution {
 
 /// A muscle's force along its solution, linearized by fibre length.
 #[derive(Clone, Debug)]
-struct Linearization {
+pub(super) struct Linearization {
     /// `None` where the fibre rests at its shortest length.
-    steps: Vec<Option<LinearStep>>,
+    pub(super) steps: Vec<Option<LinearStep>>,
     /// Normalized tendon force by normalized fibre length, per sample.
-    force: Vec<f64>,
+    pub(super) force: Vec<f64>,
 }
 
 #[derive(Clone, Debug)]
-struct LinearStep {
+pub(super) struct LinearStep {
     /// At the stages.
-    undriven: [Undriven; 3],
+    pub(super) undriven: [Undriven; 3],
     /// ∂R/∂x at the stages.
-    by_x: [f64; 3],
+    pub(super) by_x: [f64; 3],
     /// `None` if it is singular.
-    matrix: Option<NewtonMatrix>,
+    pub(super) matrix: Option<NewtonMatrix>,
+}
+
+impl MuscleSolution {
+    /// - `fiber`: the muscle; `path`: length of its path per sample [m]
+    pub(super) fn linearization(&self, fiber: &Fiber, path: &[f64]) -> &Linearization {
+        self.linearization.get_or_init(|| Linearization::new(fiber, self, path))
+    }
 }
 
 impl Linearization {
@@ -242,7 +249,7 @@ impl PreparedTrial {
             return Some((0..n).map(|k| per * (force(&both[0], k) - force(&both[1], k))).collect());
         };
         let path = &self.kinematics.muscles[muscle].length;
-        let known = solution.linearization.get_or_init(|| Linearization::new(&fiber, solution, path));
+        let known = solution.linearization(&fiber, path);
         let mut sides = Sides {
             same_activation: std::ptr::eq(both[0].source.activation, both[1].source.activation),
             same_motion: std::ptr::eq(both[0].source.motion, both[1].source.motion),

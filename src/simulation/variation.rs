@@ -47,6 +47,23 @@ impl MusculoskeletalModel {
         model
     }
 
+    /// Logarithms of the ratios of its active muscles' time constants of activation and of deactivation to those of another model, in
+    /// order; `None` if muscles differ in anything else.
+    pub fn log_ratios_of_time_constants(&self, other: &MusculoskeletalModel) -> Option<Vec<[f64; 2]>> {
+        let of_muscle = |(a, b): (&ActiveMuscle, &ActiveMuscle)| {
+            let (dynamics, others) = (&a.activation, &b.activation);
+            let same = a.has_properties_of(b)
+                && dynamics.minimum_activation == others.minimum_activation
+                && dynamics.ignored == others.ignored;
+            let ratios = [
+                dynamics.activation_time_constant / others.activation_time_constant,
+                dynamics.deactivation_time_constant / others.deactivation_time_constant,
+            ];
+            same.then(|| ratios.map(f64::ln))
+        };
+        self.muscles.iter().zip(&other.muscles).map(of_muscle).collect()
+    }
+
     /// As [`MusculoskeletalModel::prepare_all`], with paths tabulated 12° beyond the recorded angles, so that
     /// [`MusculoskeletalModel::prepare_like`] may change the angle that far.
     ///
@@ -147,8 +164,7 @@ impl MusculoskeletalModel {
             let known = &like.muscles[i];
             let excitation = recording.excitation[i];
             let same_activation = muscle.activation == known.muscle.activation && excitation == &*known.excitation;
-            let same_muscle =
-                Arc::ptr_eq(&muscle.curves, &known.muscle.curves) && muscle.nominal == known.muscle.nominal;
+            let same_muscle = muscle.has_properties_of(&known.muscle);
             if same_activation && same_muscle && !moves_otherwise {
                 continue;
             }
@@ -183,6 +199,15 @@ impl MusculoskeletalModel {
             }
         }
         Ok(out)
+    }
+}
+
+impl ActiveMuscle {
+    /// Whether all but the dynamics of activation is known to be another's.
+    fn has_properties_of(&self, other: &ActiveMuscle) -> bool {
+        Arc::ptr_eq(&self.curves, &other.curves)
+            && self.nominal == other.nominal
+            && self.rigid_tendon == other.rigid_tendon
     }
 }
 

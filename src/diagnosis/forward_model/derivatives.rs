@@ -7,7 +7,8 @@ use super::{
     Core, FEEDBACK_ROUNDS, ForwardModel, Setting, TrialInput, factor_at, in_order, muscle_factor, shown_effects,
 };
 use crate::simulation::{
-    AngleResponse, ExcitationTangent, MuscleParameters, MusculoskeletalModel, PreparedTrial, SimulationError,
+    AngleResponse, ExcitationTangent, ForceChange, MuscleParameters, MusculoskeletalModel, PreparedTrial,
+    SimulationError,
 };
 
 /// Change of the muscles' moment for differences of what is recorded [N·m].
@@ -51,7 +52,7 @@ impl Core {
         std::iter::successors(Some(self), |core| core.without.as_deref()).collect()
     }
 
-    /// How forces follow changes of excitation; `None` where these change the joint's angle too, where a tendon is rigid, and for
+    /// How forces follow changes of excitation and of time constants of activation; `None` where these change the joint's angle too, where a tendon is rigid, and for
     /// a core without derivatives.
     fn tangents(&self) -> Option<&[ExcitationTangent]> {
         let calc = || {
@@ -216,12 +217,12 @@ impl ForwardModel {
         let step = step(effects[which].effect);
         let sides = [1.0, -1.0].map(|sign| self.moved(effects, which, parameter, sign * step));
         let stage = effects[which].effect.description().stage;
-        if stage == Stage::Excitation
+        if stage <= Stage::Activation
             && let Some(tangents) = core.tangents()
+            && let Some((changes, follows)) =
+                self.followed(trial, core, input, tangents, (stage, &sides), variants.get(parameter), 2.0 * step)
         {
-            let changes = self.excitation_changes_between(trial, core, input, &sides, 2.0 * step);
-            let by =
-                self.excitation_derivative(trial, core, tangents, input, parameters, effects, &changes, 2.0 * step);
+            let by = self.moment_derivative(trial, core, input, parameters, effects, &follows, 2.0 * step);
             let mut by = match self.reshapes_moment(effects) {
                 true => self.recorded_changes(trial, core, effects, [Change::Moment(&by)]).swap_remove(0),
                 false => by,
@@ -241,6 +242,32 @@ impl ForwardModel {
             [self.recorded_moment(trial, &up, &sides[0]), self.recorded_moment(trial, &down, &sides[1])]
         };
         Ok(up.iter().zip(&down).map(|(a, b)| (a - b) / (2.0 * step)).collect())
+    }
+
+    /// Changes of the excitations from one side to the other, and how the muscles that something changes for follow; `None` where more
+    /// changes than their excitations and time constants of activation.
+    ///
+    /// - `stage`: of what differs; `sides`, `variants`, `distance`: as for [`ForwardModel::beside`]
+    fn followed(
+        &self,
+        trial: usize,
+        core: &Core,
+        input: &TrialInput,
+        tangents: &[ExcitationTangent],
+        (stage, sides): (Stage, &[Vec<Setting>; 2]),
+        variants: Option<&[Cow<'_, MusculoskeletalModel>; 2]>,
+        distance: f64,
+    ) -> Option<(Vec<ExcitationChange>, Vec<(usize, ForceChange)>)> {
+        if stage == Stage::Activation {
+            let [up, down] = variants?;
+            let ratios = up.log_ratios_of_time_constants(down)?;
+            let of_muscle =
+                |(i, ratios): (usize, [f64; 2])| (i, tangents[i].follow_time_constants(ratios.map(|r| r / distance)));
+            return Some((Vec::new(), ratios.into_iter().enumerate().map(of_muscle).collect()));
+        }
+        let changes = self.excitation_changes_between(trial, core, input, sides, distance);
+        let follows = changes.iter().map(|c| (c.muscle, tangents[c.muscle].follow(&c.values))).collect();
+        Some((changes, follows))
     }
 
     /// Changes of the excitations from one side to the other, of those that differ, in order.
@@ -324,19 +351,17 @@ impl ForwardModel {
         Some((0, self.sensed_changes(trial, core, &sensing, [Change::Moment(&whole)]).swap_remove(0)))
     }
 
-    /// Derivative of the muscles' moment by what changes the excitation alone.
+    /// Derivative of the muscles' moment by what changes activation and force alone.
     ///
-    /// - `changes`: of the excitations, one per muscle that has any, over the whole trial; `distance`: between the sides that they
-    ///   are between
-    fn excitation_derivative(
+    /// - `follows`: changes of the muscles that follow, by place; `distance`: between the sides that they are between
+    fn moment_derivative(
         &self,
         trial: usize,
         core: &Core,
-        tangents: &[ExcitationTangent],
         input: &TrialInput,
         parameters: &[MuscleParameters],
         effects: &[Setting],
-        changes: &[ExcitationChange],
+        follows: &[(usize, ForceChange)],
         distance: f64,
     ) -> Vec<f64> {
         let context = self.context(trial, &input.excitation, core.shown());
@@ -344,10 +369,9 @@ impl ForwardModel {
         let ordered = in_order(&acting);
         let kinematics = core.prepared.kinematics();
         let mut out = vec![0.0; kinematics.angle.len()];
-        for change in changes {
-            let i = change.muscle;
+        for (i, follows) in follows {
+            let i = *i;
             let p = &parameters[i];
-            let follows = tangents[i].follow(&change.values);
             let path = &kinematics.muscles[i];
             let factor = |by: f64| {
                 let activation = path.activation.iter().zip(&follows.activation).map(|(a, d)| a + by * d);

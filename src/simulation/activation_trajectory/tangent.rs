@@ -1,11 +1,12 @@
-//! How activation follows a small change of the excitation.
+//! How activation follows a small change of the excitation, or of its time constants.
 
 use super::super::piecewise::{locate, polynomial};
 use super::{ActivationDynamics, ActivationTrajectory, Branch, Piece};
 
-/// How activation follows a small change of the excitation, in the steps of a trajectory.
+/// How activation follows a small change of the excitation or of its time constants, in the steps of a trajectory.
 ///
-/// Columns of derivatives are by activation and excitation at the start of a step, and by the excitation's slope.
+/// Columns of derivatives are by activation and excitation at the start of a step, by the excitation's slope, and by the logarithm
+/// of the time constant of the step's branch.
 #[derive(Clone, Debug)]
 pub(crate) struct ActivationTangent {
     pieces: Vec<PieceTangent>,
@@ -23,10 +24,13 @@ struct PieceTangent {
     elapsed: f64,
     per_second: f64,
     h: f64,
+    branch: Branch,
     /// Derivatives of activation at the end, and of its rates at start and end.
-    end: [f64; 3],
-    rates: [[f64; 3]; 2],
+    end: [f64; COLUMNS],
+    rates: [[f64; COLUMNS]; 2],
 }
+
+const COLUMNS: usize = 4;
 
 /// Activation's change at a time, from the changes of its step: of value and rate times the step's size at both ends.
 #[derive(Clone, Copy, Debug, Default)]
@@ -58,7 +62,7 @@ impl ActivationTrajectory {
             let slope = (excitation[k + 1] - excitation[k]) * per_second;
             let e = excitation[k] + slope * elapsed;
             let (end, rates) = dynamics.step_tangent(piece.coefficients[0], e, slope, h, piece.branch);
-            PieceTangent { sample: k, elapsed, per_second, h, end, rates }
+            PieceTangent { sample: k, elapsed, per_second, h, branch: piece.branch, end, rates }
         };
         ActivationTangent {
             pieces: self.pieces.iter().enumerate().map(of).collect(),
@@ -96,35 +100,74 @@ impl ActivationTangent {
                 let rise = slope * piece.h;
                 return [e, rise, e + rise, rise];
             }
-            let by = |columns: &[f64; 3]| columns[0] * a + columns[1] * e + columns[2] * slope;
-            let end = by(&piece.end);
-            let out = [a, piece.h * by(&piece.rates[0]), end, piece.h * by(&piece.rates[1])];
-            a = end;
+            let out = piece.change(a, |columns| columns[1] * e + columns[2] * slope);
+            a = out[2];
+            out
+        };
+        self.pieces.iter().map(of).collect()
+    }
+
+    /// The same when the time constants change.
+    ///
+    /// - `change`: of the logarithms of the activation and the deactivation time constant
+    pub(crate) fn follow_time_constants(&self, change: [f64; 2]) -> Vec<[f64; 4]> {
+        // Activation starts at the excitation, or at its bound.
+        let mut a = 0.0;
+        let of = |piece: &PieceTangent| {
+            if self.ignored {
+                return [0.0; 4];
+            }
+            let change = match piece.branch {
+                Branch::Activating => change[0],
+                Branch::Deactivating => change[1],
+            };
+            let out = piece.change(a, |columns| columns[3] * change);
+            a = out[2];
             out
         };
         self.pieces.iter().map(of).collect()
     }
 }
 
+impl PieceTangent {
+    /// Changes of activation and of its rate times the step's size at the start, then at the end.
+    ///
+    /// - `a`: change of activation at the start; `by`: what all else that changes adds, from the columns
+    #[inline]
+    fn change(&self, a: f64, by: impl Fn(&[f64; COLUMNS]) -> f64) -> [f64; 4] {
+        let of = |columns: &[f64; COLUMNS]| columns[0] * a + by(columns);
+        [a, self.h * of(&self.rates[0]), of(&self.end), self.h * of(&self.rates[1])]
+    }
+}
+
 impl ActivationDynamics {
     /// Derivatives of [`ActivationDynamics::step`]: of the new activation, and of ȧ at both ends.
-    fn step_tangent(&self, a: f64, e: f64, slope: f64, h: f64, branch: Branch) -> ([f64; 3], [[f64; 3]; 2]) {
+    fn step_tangent(
+        &self,
+        a: f64,
+        e: f64,
+        slope: f64,
+        h: f64,
+        branch: Branch,
+    ) -> ([f64; COLUMNS], [[f64; COLUMNS]; 2]) {
         let mut k = [0.0; 7];
-        let mut by = [[0.0; 3]; 7];
-        let mut end = [0.0; 3];
+        let mut by = [[0.0; COLUMNS]; 7];
+        let mut end = [0.0; COLUMNS];
         for (i, (row, c)) in TABLEAU.iter().zip(NODES).enumerate() {
-            let mut stage = [a, 1.0, 0.0, 0.0];
+            let mut stage = [a, 1.0, 0.0, 0.0, 0.0];
             for (weight, (k, by)) in row.iter().zip(k.iter().zip(&by)).take(i) {
                 let weight = h * weight;
                 stage[0] += weight * k;
-                (0..3).for_each(|d| stage[d + 1] += weight * by[d]);
+                (0..COLUMNS).for_each(|d| stage[d + 1] += weight * by[d]);
             }
             let [a, by_start @ ..] = stage;
             let e = e + slope * c * h;
             k[i] = self.rate(a, e, branch);
             let (by_e, by_a) = self.derivatives(a, e, branch);
             let by_a = if a < self.minimum_activation || a > 1.0 { 0.0 } else { by_a };
-            by[i] = [by_a * by_start[0], by_a * by_start[1] + by_e, by_a * by_start[2] + by_e * c * h];
+            // Rates are inversely proportional to the time constant.
+            let direct = [0.0, by_e, by_e * c * h, -k[i]];
+            by[i] = [0, 1, 2, 3].map(|d| by_a * by_start[d] + direct[d]);
             // The last stage is the step's end.
             end = by_start;
         }
