@@ -205,9 +205,7 @@ impl MusculoskeletalModel {
 impl ActiveMuscle {
     /// Whether all but the dynamics of activation is known to be another's.
     fn has_properties_of(&self, other: &ActiveMuscle) -> bool {
-        Arc::ptr_eq(&self.curves, &other.curves)
-            && self.nominal == other.nominal
-            && self.rigid_tendon == other.rigid_tendon
+        self.curves.are_same(&other.curves) && self.nominal == other.nominal && self.rigid_tendon == other.rigid_tendon
     }
 }
 

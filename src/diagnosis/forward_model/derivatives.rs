@@ -218,9 +218,8 @@ impl ForwardModel {
         let sides = [1.0, -1.0].map(|sign| self.moved(effects, which, parameter, sign * step));
         let stage = effects[which].effect.description().stage;
         if stage <= Stage::Activation
-            && let Some(tangents) = core.tangents()
             && let Some((changes, follows)) =
-                self.followed(trial, core, input, tangents, (stage, &sides), variants.get(parameter), 2.0 * step)
+                self.followed(trial, core, input, (stage, &sides), variants.get(parameter), 2.0 * step)
         {
             let by = self.moment_derivative(trial, core, input, parameters, effects, &follows, 2.0 * step);
             let mut by = match self.reshapes_moment(effects) {
@@ -253,7 +252,6 @@ impl ForwardModel {
         trial: usize,
         core: &Core,
         input: &TrialInput,
-        tangents: &[ExcitationTangent],
         (stage, sides): (Stage, &[Vec<Setting>; 2]),
         variants: Option<&[Cow<'_, MusculoskeletalModel>; 2]>,
         distance: f64,
@@ -261,10 +259,12 @@ impl ForwardModel {
         if stage == Stage::Activation {
             let [up, down] = variants?;
             let ratios = up.log_ratios_of_time_constants(down)?;
+            let tangents = core.tangents()?;
             let of_muscle =
                 |(i, ratios): (usize, [f64; 2])| (i, tangents[i].follow_time_constants(ratios.map(|r| r / distance)));
             return Some((Vec::new(), ratios.into_iter().enumerate().map(of_muscle).collect()));
         }
+        let tangents = core.tangents()?;
         let changes = self.excitation_changes_between(trial, core, input, sides, distance);
         let follows = changes.iter().map(|c| (c.muscle, tangents[c.muscle].follow(&c.values))).collect();
         Some((changes, follows))
