@@ -88,16 +88,27 @@ impl ActivationDynamics {
     /// ∂ȧ/∂e and ∂ȧ/∂a within the bounds.
     fn derivatives(&self, a: f64, e: f64, branch: Branch) -> (f64, f64) {
         let clamped = self.clamp(a);
-        match branch {
+        let [by_a, by_e, _] = self.derivatives_of_rate(e - clamped, clamped, true, branch);
+        (by_e, by_a)
+    }
+
+    /// ∂ȧ/∂a, ∂ȧ/∂e and ȧ within the bounds.
+    ///
+    /// - `gap`: excitation less activation; `clamped`: activation as muscles see it; `moves`: whether it is within its bounds
+    #[inline(always)]
+    fn derivatives_of_rate(&self, gap: f64, clamped: f64, moves: bool, branch: Branch) -> [f64; 3] {
+        let scale = 0.5 + 1.5 * clamped;
+        let (by_e, by_scale) = match branch {
             Branch::Activating => {
-                let tau = self.activation_time_constant * (0.5 + 1.5 * clamped);
-                (1.0 / tau, -1.0 / tau - (e - clamped) * 1.5 * self.activation_time_constant / (tau * tau))
+                let by_e = 1.0 / (self.activation_time_constant * scale);
+                (by_e, -gap * (by_e * by_e) * self.activation_time_constant)
             }
             Branch::Deactivating => {
-                let rate = (0.5 + 1.5 * clamped) / self.deactivation_time_constant;
-                (rate, 1.5 * (e - clamped) / self.deactivation_time_constant - rate)
+                let per = 1.0 / self.deactivation_time_constant;
+                (scale * per, gap * per)
             }
-        }
+        };
+        [if moves { 1.5 * by_scale - by_e } else { 0.0 }, by_e, gap * by_e]
     }
 
     /// ä for an excitation that changes at `slope`, where ȧ is `rate`.

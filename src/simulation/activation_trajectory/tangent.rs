@@ -61,7 +61,7 @@ impl ActivationTrajectory {
             let (per_second, elapsed) = (1.0 / (time[k + 1] - time[k]), piece.start - time[k]);
             let slope = (excitation[k + 1] - excitation[k]) * per_second;
             let e = excitation[k] + slope * elapsed;
-            let (end, rates) = dynamics.step_tangent(piece.coefficients[0], e, slope, h, piece.branch);
+            let (end, rates) = dynamics.step_tangent(piece, e, slope, h);
             PieceTangent { sample: k, elapsed, per_second, h, branch: piece.branch, end, rates }
         };
         ActivationTangent {
@@ -141,48 +141,44 @@ impl PieceTangent {
 }
 
 impl ActivationDynamics {
-    /// Derivatives of [`ActivationDynamics::step`]: of the new activation, and of ȧ at both ends.
-    fn step_tangent(
-        &self,
-        a: f64,
-        e: f64,
-        slope: f64,
-        h: f64,
-        branch: Branch,
-    ) -> ([f64; COLUMNS], [[f64; COLUMNS]; 2]) {
-        let mut k = [0.0; 7];
-        let mut by = [[0.0; COLUMNS]; 7];
-        let mut end = [0.0; COLUMNS];
-        for (i, (row, c)) in TABLEAU.iter().zip(NODES).enumerate() {
-            let mut stage = [a, 1.0, 0.0, 0.0, 0.0];
-            for (weight, (k, by)) in row.iter().zip(k.iter().zip(&by)).take(i) {
-                let weight = h * weight;
-                stage[0] += weight * k;
-                (0..COLUMNS).for_each(|d| stage[d + 1] += weight * by[d]);
-            }
-            let [a, by_start @ ..] = stage;
-            let e = e + slope * c * h;
-            k[i] = self.rate(a, e, branch);
-            let (by_e, by_a) = self.derivatives(a, e, branch);
-            let by_a = if a < self.minimum_activation || a > 1.0 { 0.0 } else { by_a };
-            // Rates are inversely proportional to the time constant.
-            let direct = [0.0, by_e, by_e * c * h, -k[i]];
-            by[i] = [0, 1, 2, 3].map(|d| by_a * by_start[d] + direct[d]);
-            // The last stage is the step's end.
-            end = by_start;
-        }
-        (end, [by[0], by[6]])
+    /// Derivatives of a step: of the new activation, and of ȧ at both ends. Dormand and Prince's method, as in [`ActivationDynamics::step`],
+    /// but along the trajectory that was found, so that no stage waits for another.
+    fn step_tangent(&self, piece: &Piece, e: f64, slope: f64, h: f64) -> ([f64; COLUMNS], [[f64; COLUMNS]; 2]) {
+        let at = NODES.map(|c| {
+            let a = polynomial(&piece.coefficients, c);
+            let gap = e + slope * c * h - self.clamp(a);
+            let moves = !(a < self.minimum_activation || a > 1.0);
+            self.derivatives_of_rate(gap, self.clamp(a), moves, piece.branch)
+        });
+        // ȧ by the columns, where activation has changed by these.
+        let rate = |i: usize, [start, e, slope, tau]: [f64; COLUMNS]| {
+            let [by_a, by_e, rate] = at[i];
+            [by_a * start, by_a * e + by_e, by_a * slope + by_e * (NODES[i] * h), by_a * tau - rate]
+        };
+        let moved = |by: [f64; COLUMNS]| [1.0 + h * by[0], h * by[1], h * by[2], h * by[3]];
+        let columns = |of: &dyn Fn(usize) -> f64| [of(0), of(1), of(2), of(3)];
+        let k1 = rate(0, [1.0, 0.0, 0.0, 0.0]);
+        let k2 = rate(1, moved(columns(&|d| 0.2 * k1[d])));
+        let k3 = rate(2, moved(columns(&|d| 3.0 / 40.0 * k1[d] + 9.0 / 40.0 * k2[d])));
+        let by_k3 = |d: usize| 44.0 / 45.0 * k1[d] - 56.0 / 15.0 * k2[d] + 32.0 / 9.0 * k3[d];
+        let k4 = rate(3, moved(columns(&by_k3)));
+        let by_k4 = |d: usize| {
+            19372.0 / 6561.0 * k1[d] - 25360.0 / 2187.0 * k2[d] + 64448.0 / 6561.0 * k3[d] - 212.0 / 729.0 * k4[d]
+        };
+        let k5 = rate(4, moved(columns(&by_k4)));
+        let by_k5 = |d: usize| {
+            9017.0 / 3168.0 * k1[d] - 355.0 / 33.0 * k2[d] + 46732.0 / 5247.0 * k3[d] + 49.0 / 176.0 * k4[d]
+                - 5103.0 / 18656.0 * k5[d]
+        };
+        let k6 = rate(5, moved(columns(&by_k5)));
+        let by_k6 = |d: usize| {
+            35.0 / 384.0 * k1[d] + 500.0 / 1113.0 * k3[d] + 125.0 / 192.0 * k4[d] - 2187.0 / 6784.0 * k5[d]
+                + 11.0 / 84.0 * k6[d]
+        };
+        let end = moved(columns(&by_k6));
+        (end, [k1, rate(5, end)])
     }
 }
 
-/// Dormand and Prince's method; the last row gives the step of order 5.
-const TABLEAU: [[f64; 6]; 7] = [
-    [0.0; 6],
-    [0.2, 0.0, 0.0, 0.0, 0.0, 0.0],
-    [3.0 / 40.0, 9.0 / 40.0, 0.0, 0.0, 0.0, 0.0],
-    [44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0, 0.0, 0.0, 0.0],
-    [19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0, 0.0, 0.0],
-    [9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0, 0.0],
-    [35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
-];
-const NODES: [f64; 7] = [0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0];
+/// Nodes of Dormand and Prince's method; the last two stages share one.
+const NODES: [f64; 6] = [0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0];
