@@ -61,14 +61,9 @@ pub fn fit_steps(
 /// # Errors
 /// That of the first start, if none can be fitted.
 fn nearest_fit(analysis: &Analysis, refit: &Fit, starts: Vec<Point>) -> Result<Fit, SimulationError> {
-    let fitted = |start: Point| {
-        let fit = analysis.refit(start, refit.levels, None, None)?;
-        // Beside it a size may be one at which a muscle cannot be simulated.
-        let deeper = analysis.deeper(&fit, None, None).ok().flatten();
-        Ok::<_, SimulationError>(deeper.unwrap_or(fit))
-    };
+    let fitted = |start: Point| analysis.refit(start, refit.levels, None, None, f64::INFINITY);
     let mut fits = starts.into_par_iter().with_max_len(ONE_BY_ONE).map(fitted).collect::<Vec<_>>().into_iter();
-    let first = fits.next().unwrap_or_else(|| analysis.refit(refit.point.clone(), refit.levels, None, None));
+    let first = fits.next().unwrap_or_else(|| fitted(refit.point.clone()));
     let fall = |fit: &Fit| analysis.farther_from(refit, fit).unwrap_or(f64::NEG_INFINITY);
     fits.flatten().fold(first, |known, fit| match known {
         Ok(known) if fall(&fit) <= fall(&known) => Ok(known),

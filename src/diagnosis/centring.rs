@@ -58,52 +58,87 @@ struct Scores {
     deviations: DVector<f64>,
 }
 
+/// A fit, the inverse of its information, and mean scores of the first [`FEW_PAIRS`].
+pub(super) struct Drawn {
+    fit: Fit,
+    inverse: DMatrix<f64>,
+    truth: Vec<DVector<f64>>,
+    few: Vec<DVector<f64>>,
+}
+
 impl Analysis<'_> {
+    /// Draws the first few.
+    ///
+    /// - `inverse`: of its information
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub(super) fn drawn(&self, fit: Fit, inverse: DMatrix<f64>) -> Result<Drawn, SimulationError> {
+        let truth = self.truth_of(&fit)?;
+        let few = self.calc_bias(&fit, &truth, 0..FEW_PAIRS, &|_| true)?;
+        Ok(Drawn { fit, inverse, truth, few })
+    }
+
+    /// Directions that a fit, with these mean scores, leaves, and their p-values times the number of directions.
+    fn left_with(&self, drawn: &Drawn, means: &[DVector<f64>], skip: &[&str]) -> Vec<(String, f64)> {
+        let centred = self.centre(drawn.fit.clone(), &drawn.inverse, means.to_vec());
+        let left = self.blocks_left(&centred, skip).unwrap_or_default();
+        let count = left.len() as f64;
+        left.into_iter().map(|b| (b.name, b.p_value * count)).collect()
+    }
+
+    /// Whether a fit, with these mean scores, leaves something of a smaller one.
+    fn leaves_less_with(&self, p_value: f64, drawn: &Drawn, means: &[DVector<f64>], skip: &[&str]) -> bool {
+        self.left_with(drawn, means, skip).iter().any(|(_, p)| *p < p_value)
+    }
+
+    /// Whether no more than a fit's misfit is above the least.
+    fn is_near(&self, fit: &Fit, hopeless: &Hopeless) -> bool {
+        self.misfit(fit, &hopeless.levels) < hopeless.best + NEAR
+    }
+
+    /// Whether a fit's first few draws, or further ones where those may be drawn, leave it a chance.
+    pub(super) fn has_a_chance(&self, drawn: &Drawn, hopeless: &Hopeless) -> bool {
+        let line = if self.is_near(&drawn.fit, hopeless) { NO_CHANCE } else { BEYOND_DOUBT };
+        !self.leaves_less_with(line, drawn, &drawn.few, hopeless.skip)
+    }
+
     /// A fit with the mean of its scores drawn; a hopeless one with that of a few draws.
     ///
-    /// - `inverse`: of its information; `near`: a fit without effects whose scores have nearly the same mean: where more draws are wanted,
-    ///   its own do
+    /// - `near`: a fit without effects whose scores have nearly the same mean: where more draws are wanted, its own do
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
     pub(super) fn centre_by_draws(
         &self,
-        fit: Fit,
-        inverse: &DMatrix<f64>,
+        drawn: Drawn,
         near: Option<&Fit>,
         hopeless: Option<Hopeless>,
     ) -> Result<Fit, SimulationError> {
-        let truth = self.truth_of(&fit)?;
-        let few = self.calc_bias(&fit, &truth, 0..FEW_PAIRS)?;
+        let is_near = hopeless.is_some_and(|h| self.is_near(&drawn.fit, &h));
         let skip = hopeless.map_or(&[][..], |h| h.skip);
-        let leaves_less_than = |p_value: f64, means: &[DVector<f64>]| {
-            let centred = self.centre(fit.clone(), inverse, means.to_vec());
-            let left = self.blocks_left(&centred, skip).unwrap_or_default();
-            left.iter().any(|b| b.p_value * (left.len() as f64) < p_value)
-        };
-        let is_near = hopeless.is_some_and(|h| self.misfit(&fit, &h.levels) < h.best + NEAR);
-        if hopeless.is_some() && !is_near && leaves_less_than(BEYOND_DOUBT, &few) {
-            return Ok(self.centre(fit, inverse, few));
+        if hopeless.is_some() && !is_near && self.leaves_less_with(BEYOND_DOUBT, &drawn, &drawn.few, skip) {
+            let Drawn { fit, inverse, few, .. } = drawn;
+            return Ok(self.centre(fit, &inverse, few));
         }
-        let mut means = self.mean_with_more(&fit, &truth, few, FEW_PAIRS, PAIRS)?;
-        if is_near && leaves_less_than(MAY_BE_CHANCE, &means) && !leaves_less_than(NO_CHANCE, &means) {
+        let further = self.calc_bias(&drawn.fit, &drawn.truth, FEW_PAIRS..PAIRS, &|_| true)?;
+        let mut means = pooled(&drawn.few, FEW_PAIRS, &further, PAIRS - FEW_PAIRS);
+        let left = self.left_with(&drawn, &means, skip);
+        let least = left.iter().map(|(_, p)| *p).fold(f64::INFINITY, f64::min);
+        if is_near && (NO_CHANCE..MAY_BE_CHANCE).contains(&least) {
             means = match near {
-                Some(near) => pooled(&means, PAIRS, &self.means_with_effects(near, &fit.point), MOST_PAIRS),
-                None => self.mean_with_more(&fit, &truth, means, PAIRS, MANY_PAIRS)?,
+                Some(near) => pooled(&means, PAIRS, &self.means_with_effects(near, &drawn.fit.point), MOST_PAIRS),
+                None => {
+                    // Directions of which little is left need not be known better.
+                    let in_question = |name: &str| left.iter().any(|(known, p)| known == name && *p < MAY_BE_CHANCE);
+                    let further = self.calc_bias(&drawn.fit, &drawn.truth, PAIRS..MANY_PAIRS, &in_question)?;
+                    let mut all = pooled(&means, PAIRS, &further, MANY_PAIRS - PAIRS);
+                    self.keep_others(&mut all, &means, &drawn.fit.point, in_question);
+                    all
+                }
             };
         }
-        Ok(self.centre(fit, inverse, means))
-    }
-
-    /// Mean scores of more draws.
-    ///
-    /// - `means`: of as many pairs as are `known`; `wanted`: pairs in all
-    fn mean_with_more(
-        &self,
-        fit: &Fit,
-        truth: &[DVector<f64>],
-        means: Vec<DVector<f64>>,
-        known: usize,
-        wanted: usize,
-    ) -> Result<Vec<DVector<f64>>, SimulationError> {
-        Ok(pooled(&means, known, &self.calc_bias(fit, truth, known..wanted)?, wanted - known))
+        Ok(self.centre(drawn.fit, &drawn.inverse, means))
     }
 
     /// A fit with the mean of its scores, and its parameters where the gradient is that mean instead of 0.
@@ -119,9 +154,26 @@ impl Analysis<'_> {
         fit
     }
 
+    /// Puts back the mean scores of effects' directions that are not wanted.
+    fn keep_others(
+        &self,
+        means: &mut [DVector<f64>],
+        before: &[DVector<f64>],
+        point: &Point,
+        wanted: impl Fn(&str) -> bool,
+    ) {
+        let first = self.n_nuisance() + point.effects.iter().map(|s| s.values.len()).sum::<usize>();
+        let is_effect = |name: &str| self.candidates.iter().any(|e| e.description().id == name);
+        let others = self.blocks.iter().filter(|b| is_effect(&b.name) && !wanted(&b.name));
+        for column in others.flat_map(|b| &b.columns).map(|c| first + c) {
+            means.iter_mut().zip(before).for_each(|(mean, before)| mean[column] = before[column]);
+        }
+    }
+
     /// Mean score of nuisance, effects that are on and directions, per training trial.
     ///
-    /// - `truth`: see [`Analysis::truth_of`]; `pairs`: which pairs of draws
+    /// - `truth`: see [`Analysis::truth_of`]; `pairs`: which pairs of draws; `wanted`: names of effects of which the direction is asked
+    ///   for, 0 for others
     ///
     /// # Errors
     /// A trial that cannot be simulated.
@@ -130,11 +182,12 @@ impl Analysis<'_> {
         fit: &Fit,
         truth: &[DVector<f64>],
         pairs: Range<usize>,
+        wanted: &(dyn Fn(&str) -> bool + Sync),
     ) -> Result<Vec<DVector<f64>>, SimulationError> {
         let count = pairs.len() as f64;
         let sides: Vec<(usize, f64)> = pairs.flat_map(|pair| [(pair, 1.0), (pair, -1.0)]).collect();
         let scores: Vec<_> =
-            sides.into_par_iter().map(|(pair, side)| self.scores_of_draw(fit, truth, pair, side)).collect();
+            sides.into_par_iter().map(|(pair, side)| self.scores_of_draw(fit, truth, pair, side, wanted)).collect();
         let scores = scores.into_iter().collect::<Result<Vec<_>, _>>()?;
         // The line for alarms was set with the means of fits without effects as they are.
         let largest = if fit.point.effects.is_empty() { f64::MAX } else { LARGEST_MEAN_OF_TRIAL };
@@ -201,6 +254,7 @@ impl Analysis<'_> {
         truth: &[DVector<f64>],
         pair: usize,
         side: f64,
+        wanted: &(dyn Fn(&str) -> bool + Sync),
     ) -> Result<Vec<Scores>, SimulationError> {
         let Fit { point, noise, factors, levels, .. } = fit;
         let draw = |(position, structure): (usize, &TrialNoise)| {
@@ -229,7 +283,7 @@ impl Analysis<'_> {
             .collect();
         self.set_inputs(&mut at, &recorded)?;
         let (linear, structure) = self.against(self.linearize(&at, &[])?, &at, &moments);
-        let directions = self.calc_directions(&linear, &at)?.0;
+        let directions = self.calc_directions_of(&linear, &at, wanted)?.0;
         let scores = linear.par_iter().with_max_len(ONE_BY_ONE).zip(&directions).zip(&structure).map(|((l, d), s)| {
             let (own, on, extra) = (l.nuisance.ncols(), l.effects.ncols(), d.ncols());
             let n = own + on;

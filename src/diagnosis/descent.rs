@@ -9,7 +9,7 @@ use std::collections::HashSet;
 use std::sync::Arc;
 
 use super::ONE_BY_ONE;
-use super::centring::MOST_PAIRS;
+use super::centring::{Drawn, MOST_PAIRS};
 use super::effect::{Role, Stage};
 use super::fit::{Account, Analysis, Fit, LARGEST_MEAN, Linear, Noise, Point, corrected};
 use super::forward_model::{FITTED_PER_MUSCLE, Setting};
@@ -48,6 +48,8 @@ const STILL_FALLS: f64 = 40.0;
 const SETTLED: f64 = 2.0;
 /// … so many times in a row: steps that were shortened because they swung change little, too.
 const QUIET: usize = 2;
+/// Of fits without effects from elsewhere so many are followed to their end: the most probable after [`ROUNDS_AT_LEAST`].
+const FOLLOWED_ELSEWHERE: usize = 2;
 /// How far aside a deeper valley is looked for [standard errors].
 const ASIDE: f64 = 1.5;
 /// Steps from there.
@@ -90,8 +92,10 @@ pub(super) struct Descent {
     at: Account,
     /// Whether the noise's structure is that of the point, and not of one before.
     pub(super) noise_is_current: bool,
-    /// Directions at the point, once asked for.
+    /// Directions, once asked for.
     directions: Option<Arc<Vec<DMatrix<f64>>>>,
+    /// Whether these are those of the point, and not of one before.
+    directions_are_current: bool,
     /// Whether the noise's variances are estimates: with those that were guessed a deviance is not that of a fit.
     estimated: bool,
     /// Rounds in a row that changed little.
@@ -124,6 +128,7 @@ impl Analysis<'_> {
     ///
     /// - `near`: a fit without effects that is near enough for its scores to have nearly the same mean
     /// - `hopeless`: which fits are not followed to their end; `None`: all are
+    /// - `deeper`: for one of less misfit than this that has a chance a deeper valley is looked for
     ///
     /// # Errors
     /// A trial that cannot be simulated.
@@ -133,6 +138,7 @@ impl Analysis<'_> {
         levels: NoiseLevels,
         near: Option<&Fit>,
         hopeless: Option<Hopeless>,
+        deeper: f64,
     ) -> Result<Fit, SimulationError> {
         let mut descent = self.begin(start, levels)?;
         self.descend(&mut descent, ROUGH_STEPS, ROUGHLY);
@@ -155,7 +161,17 @@ impl Analysis<'_> {
                 return Ok(fit);
             }
             if settled || rounds > ROUNDS_AT_LEAST {
-                return self.centre_by_draws(fit, &inverse, near, hopeless);
+                let misfit = self.misfit(&fit, &hopeless.map_or(fit.levels, |h| h.levels));
+                let may_be_deeper = misfit < deeper && !fit.is_within_noise();
+                let drawn = self.drawn(fit, inverse)?;
+                if may_be_deeper && hopeless.is_none_or(|h| self.has_a_chance(&drawn, &h)) {
+                    // Beside it a size may be one at which a muscle cannot be simulated.
+                    let deeper = self.deeper(descent).ok().flatten();
+                    if let Some(Ok(fit)) = deeper.map(|deeper| self.centre_by_draws(deeper, near, hopeless)) {
+                        return Ok(fit);
+                    }
+                }
+                return self.centre_by_draws(drawn, near, hopeless);
             }
             rounds = MOST_ROUNDS - ROUNDS_AT_LEAST;
         }
@@ -229,19 +245,11 @@ impl Analysis<'_> {
         Ok(false)
     }
 
-    /// A fit in a deeper valley beside that of another, if there is one.
-    ///
-    /// - `near`, `hopeless`: as for [`Analysis::refit`]; it is followed to its end in any case
+    /// Where a descent comes to that goes on in deeper valleys beside its own, if there are any.
     ///
     /// # Errors
     /// A trial that cannot be simulated.
-    pub fn deeper(
-        &self,
-        fit: &Fit,
-        near: Option<&Fit>,
-        hopeless: Option<Hopeless>,
-    ) -> Result<Option<Fit>, SimulationError> {
-        let mut descent = self.begin(fit.point.clone(), fit.levels)?;
+    fn deeper(&self, mut descent: Descent) -> Result<Option<Drawn>, SimulationError> {
         self.descend(&mut descent, FINE_STEPS, CONVERGED);
         for valleys in 0.. {
             self.bring_noise_up_to_date(&mut descent);
@@ -254,7 +262,7 @@ impl Analysis<'_> {
             self.follow(&mut descent, MOST_ROUNDS)?;
         }
         let (fit, inverse) = self.uncentred(&mut descent)?;
-        self.centre_by_draws(fit, &inverse, near, hopeless).map(Some)
+        self.drawn(fit, inverse).map(Some)
     }
 
     /// The deepest valley beside the one that a descent has come to, if any is deeper: every amplitude is moved to both sides, all else
@@ -277,7 +285,8 @@ impl Analysis<'_> {
         let moves: Vec<_> = columns.flat_map(|column| [(column, ASIDE), (column, -ASIDE)]).collect();
         let found = moves.into_par_iter().with_max_len(1).map(beside).collect::<Vec<_>>();
         let deepest = found.into_iter().flatten().min_by(|a, b| a.misfit().total_cmp(&b.misfit()))?;
-        (deepest.misfit() < descent.misfit() - DEEPER).then_some(deepest)
+        // What a step promises has not come yet.
+        (deepest.at.objective < descent.misfit() - DEEPER).then_some(deepest)
     }
 
     /// The fit without effects, from where the noise is only guessed.
@@ -300,12 +309,19 @@ impl Analysis<'_> {
             self.descend(&mut descent, ROUGH_STEPS, ROUGHLY);
             self.settle(&mut descent, false)?;
             let settled = self.follow(&mut descent, ROUNDS_AT_LEAST)?;
+            Ok::<_, SimulationError>((descent, settled))
+        };
+        let further = |(mut descent, settled): (Descent, bool)| {
             if !settled && descent.deviance() < fit.deviance + RUN_AWAY {
                 self.follow(&mut descent, MOST_ROUNDS - ROUNDS_AT_LEAST)?;
             }
             Ok::<_, SimulationError>(descent)
         };
-        let descents: Vec<_> = (0..self.n_muscles()).into_par_iter().with_max_len(1).map(from).collect();
+        let begun: Vec<_> = (0..self.n_muscles()).into_par_iter().with_max_len(1).map(from).collect();
+        let mut begun: Vec<_> = begun.into_iter().flatten().collect();
+        begun.sort_by(|a, b| a.0.deviance().total_cmp(&b.0.deviance()));
+        begun.truncate(FOLLOWED_ELSEWHERE);
+        let descents: Vec<_> = begun.into_par_iter().with_max_len(1).map(further).collect();
         let best = most_probable(descents.into_iter().flatten().collect()).into_iter().next();
         let Some(mut best) = best.filter(|best| best.deviance() < fit.deviance - SETTLED) else { return Ok(None) };
         self.with_means_drawn(&mut best).map(Some)
@@ -314,7 +330,7 @@ impl Analysis<'_> {
     /// A finished descent of which no effect is on, with the mean of its scores.
     fn with_means_drawn(&self, descent: &mut Descent) -> Result<Fit, SimulationError> {
         let (fit, inverse) = self.uncentred(descent)?;
-        let means = self.calc_bias(&fit, &self.truth_of(&fit)?, 0..MOST_PAIRS)?;
+        let means = self.calc_bias(&fit, &self.truth_of(&fit)?, 0..MOST_PAIRS, &|_| true)?;
         Ok(self.centre(fit, &inverse, means))
     }
 
@@ -375,6 +391,7 @@ impl Analysis<'_> {
             at,
             noise_is_current: true,
             directions: None,
+            directions_are_current: false,
             estimated: false,
             quiet: 0,
             least: None,
@@ -398,12 +415,22 @@ impl Analysis<'_> {
 
     /// Directions at the point of a descent.
     pub(super) fn directions_at(&self, descent: &mut Descent) -> Result<Arc<Vec<DMatrix<f64>>>, SimulationError> {
-        if let Some(known) = &descent.directions {
-            return Ok(Arc::clone(known));
+        match &descent.directions {
+            Some(known) if descent.directions_are_current => Ok(Arc::clone(known)),
+            _ => {
+                let found = Arc::new(self.calc_directions(&descent.linear, &descent.point)?.0);
+                (descent.directions, descent.directions_are_current) = (Some(Arc::clone(&found)), true);
+                Ok(found)
+            }
         }
-        let found = Arc::new(self.calc_directions(&descent.linear, &descent.point)?.0);
-        descent.directions = Some(Arc::clone(&found));
-        Ok(found)
+    }
+
+    /// Directions that variances of the noise are estimated beside: where effects are on, those of a point before will do.
+    fn directions_about(&self, descent: &mut Descent) -> Result<Arc<Vec<DMatrix<f64>>>, SimulationError> {
+        match &descent.directions {
+            Some(known) if !descent.point.effects.is_empty() => Ok(Arc::clone(known)),
+            _ => self.directions_at(descent),
+        }
     }
 
     /// Takes sensitivities where the EMG is expected without its noise, and goes on.
@@ -412,7 +439,7 @@ impl Analysis<'_> {
     pub(super) fn settle(&self, descent: &mut Descent, estimate: bool) -> Result<(), SimulationError> {
         self.bring_noise_up_to_date(descent);
         if estimate {
-            let directions = self.directions_at(descent)?;
+            let directions = self.directions_about(descent)?;
             let Descent { point, linear, noise, last_step, .. } = descent;
             let estimated = self.estimate_noise(linear, &noise.structure, point, &directions, noise.levels);
             noise.levels = noise.levels.towards(&estimated, last_step);
@@ -424,7 +451,7 @@ impl Analysis<'_> {
         let step = step.unwrap_or_else(|| descent.at.gradient.clone() * 0.0);
         self.correct(descent, &step)?;
         descent.linear = self.linearize(&descent.point, &[])?;
-        (descent.noise_is_current, descent.directions) = (false, None);
+        (descent.noise_is_current, descent.directions_are_current) = (false, false);
         self.bring_noise_up_to_date(descent);
         self.descend(descent, FINE_STEPS, CONVERGED);
         Ok(())
@@ -484,7 +511,7 @@ impl Analysis<'_> {
                 Some((point, linear, at)) if fall(&at) > -0.3 * promised - 0.05 => {
                     radius = if fall(&at) < 0.3 * promised { 0.7 * part * length } else { 1.5 * radius };
                     (now.point, now.linear, now.at) = (point, linear, at);
-                    (now.noise_is_current, now.directions) = (false, None);
+                    (now.noise_is_current, now.directions_are_current) = (false, false);
                 }
                 _ => radius = 0.4 * part * length,
             }

@@ -85,6 +85,13 @@ pub struct Fit {
     pub(super) bias: Arc<Vec<DVector<f64>>>,
 }
 
+impl Fit {
+    /// Whether one of its effects is no larger than what noise has of it in any case.
+    pub(super) fn is_within_noise(&self) -> bool {
+        self.point.effects.iter().any(|s| s.effect.is_within_noise(&s.values))
+    }
+}
+
 /// A participant's training data, the noise in it, and the directions to test.
 pub struct Analysis<'a> {
     /// Model and trials.

@@ -207,7 +207,7 @@ fn val_opensim_what_an_effect_leaves_is_foreseen_before_it_is_fitted() {
             let mut start = null.point.clone();
             start.effects.push(Setting::absent(*effect));
             let [drawn, near] = [None, Some(&null)].map(|near| {
-                let fit = analysis.refit(start.clone(), null.levels, near, None).unwrap();
+                let fit = analysis.refit(start.clone(), null.levels, near, None, f64::NEG_INFINITY).unwrap();
                 let left = analysis.anything_left(&fit, &[]).unwrap();
                 (left.p_value, fit.point.effects[0].values[0])
             });

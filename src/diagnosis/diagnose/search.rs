@@ -22,8 +22,6 @@ use crate::study::TrialUse;
 
 /// An explanation with a smaller p-value is rejected although it cannot be told from one that is not.
 const REJECT_IN_ANY_CASE: f64 = 0.002;
-/// Beside the valley of a single effect with a smaller p-value no deeper one is looked for.
-const MAY_BE_DEEPER: f64 = 0.001;
 /// A pair explains what neither of its effects does if Q falls by more than this beside either: as for [`FARTHER`], and the second
 /// effect is the best of thirty (2 ln 30).
 const NEEDS_BOTH: f64 = FARTHER + 7.0;
@@ -102,10 +100,6 @@ impl Pair<'_> {
 
 fn id_of_first(fit: &Fit) -> &'static str {
     fit.point.effects[0].effect.description().id
-}
-
-fn is_within_noise(fit: &Fit) -> bool {
-    fit.point.effects.iter().any(|s| s.effect.is_within_noise(&s.values))
 }
 
 impl Explanation {
@@ -261,6 +255,15 @@ impl Judge<'_> {
         };
         let (certain, others) = ordered[..hopeful].split_at(hopeful.min(FITTED_SINGLES));
         let others: Vec<_> = others.par_iter().copied().filter(promising).collect();
+        // What may be far ahead of those of the highest scores comes first: they need not be followed to their end then.
+        let screened = self.screened_anew(&[], SECOND_CHOICE);
+        let comes_soon = |point: &Point| {
+            let soon = certain.iter().take(SIDE_BY_SIDE);
+            soon.map(|e| e.description().id).any(|id| id == point.effects[0].effect.description().id)
+        };
+        let ahead = usize::from(self.near.is_none() && screened.first().is_some_and(|first| !comes_soon(first)));
+        let (ahead, others_anew) = screened.split_at(ahead);
+        let go_on = self.explain_anew(ahead, &mut found)?;
         let wanted = certain.iter().chain(&others).map(|e| (&self.null.point, &left.blocks[..], *e)).collect();
         self.explain_all(wanted, &mut found)?;
         // Of the others, those that are called for and beside which to first order nothing is left: where little is missing, much
@@ -274,7 +277,9 @@ impl Judge<'_> {
         };
         let chosen: Vec<_> = ordered[hopeful..].par_iter().copied().filter(survives).collect();
         self.explain_near(left, chosen, &mut found)?;
-        self.explain_anew(&[], SECOND_CHOICE, &mut found)?;
+        if go_on {
+            self.explain_anew(others_anew, &mut found)?;
+        }
         // Nor may the list lack what cannot be told from an explanation because its own score calls for it less.
         let near_rivals = self.unfitted_rivals(left, &found);
         self.explain_near(left, near_rivals, &mut found)?;
@@ -385,19 +390,12 @@ impl Judge<'_> {
         Ok(explained.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
     }
 
-    /// Explanations by any effect beside others, fitted from the model as given: without the effect the muscles may have gone far to
-    /// make up for it, or what it does was taken for noise, and its score says little. Those that promise more than what survived
-    /// so far.
+    /// Points with any effect beside others, fitted roughly from the model as given: without the effect the muscles may have gone far to
+    /// make up for it, or what it does was taken for noise, and its score says little. The most promising first.
     ///
     /// - `others`: effects that are on, at sizes to start from
-    /// - `count`: explanations to fit to their end, at most
-    /// - `found`: explanations so far; of two by the same effects the nearer stays
-    fn explain_anew(
-        &self,
-        others: &[Setting],
-        count: usize,
-        found: &mut Vec<(Fit, Explanation)>,
-    ) -> Result<(), SimulationError> {
+    /// - `count`: points, at most
+    fn screened_anew(&self, others: &[Setting], count: usize) -> Vec<Point> {
         let is_on = |e: &&'static dyn Effect| others.iter().any(|s| s.effect.description().id == e.description().id);
         let start = Point { effects: others.to_vec(), ..self.analysis.nominal_point() };
         let further = self
@@ -405,6 +403,14 @@ impl Judge<'_> {
             .filter(|e| !is_on(e))
             .flat_map(|e| Setting::starts(e, &self.request.forward.joint))
             .collect();
+        self.analysis.screened(&start, further, count).into_iter().take(count).collect()
+    }
+
+    /// Explanations from such points, followed to their end: those that promise more than what survived so far. Returns whether further
+    /// ones may.
+    ///
+    /// - `found`: explanations so far; of two by the same effects the nearer stays
+    fn explain_anew(&self, screened: &[Point], found: &mut Vec<(Fit, Explanation)>) -> Result<bool, SimulationError> {
         let levels = NoiseLevels::usual(self.request.forward.joint.strength);
         let same = |f: &Explanation, point: &Point| {
             let has = |s: &Setting| f.effects.contains(&s.effect.description().id);
@@ -415,7 +421,6 @@ impl Judge<'_> {
         let known = |found: &[(Fit, Explanation)], point: &Point| {
             found.iter().any(|f| same(&f.1, point) && self.is_near(&f.0, point))
         };
-        let screened: Vec<Point> = self.analysis.screened(&start, further, count).into_iter().take(count).collect();
         for wave in screened.chunks(SIDE_BY_SIDE) {
             let promising = wave.iter().take_while(|point| !survived(found, point)).count();
             let wanted: Vec<Point> = wave[..promising].iter().filter(|point| !known(found, point)).cloned().collect();
@@ -423,10 +428,11 @@ impl Judge<'_> {
                 keep_better(found, anew);
             }
             if promising < wave.len() {
-                break;
+                return Ok(false);
             }
         }
-        Ok(())
+        // Of those that come next none promises more than one that survives by now.
+        Ok(screened.last().is_none_or(|last| !survived(found, last)))
     }
 
     /// Whether a point's effects, the same as a fit's, are of the sizes that the fit found, to within its standard errors.
@@ -503,7 +509,8 @@ impl Judge<'_> {
             && self.near.is_none()
             && !found.iter().any(|f| f.1.explains())
         {
-            self.explain_anew(&leader.point.effects, SECOND_CHOICE_OF_PAIRS, &mut found)?;
+            let screened = self.screened_anew(&leader.point.effects, SECOND_CHOICE_OF_PAIRS);
+            self.explain_anew(&screened, &mut found)?;
         }
         Ok(found)
     }
@@ -569,28 +576,17 @@ impl Judge<'_> {
         let effects = start.effects.iter().map(|s| s.effect.description().id).collect();
         // Sizes at which a muscle cannot be simulated explain nothing.
         let hopeless = Hopeless { best, by: FAR, levels: self.null.levels, skip: self.not_testable };
-        let Ok(mut fit) = self.analysis.refit(start, levels, self.near, Some(hopeless)) else { return Ok(None) };
-        if is_within_noise(&fit) {
-            return Ok(None);
-        }
-        let Ok(mut with) = test(self.analysis, &fit, self.not_testable) else { return Ok(None) };
         // One that feeds back takes several times as long to fit: only if it is ahead of all.
-        let enough = match fit.point.effects.as_slice() {
+        let deeper = match start.effects.as_slice() {
             [only] if only.effect.feeds_back() => best,
             [_] => best + FAR,
             _ => f64::NEG_INFINITY,
         };
-        if with.p_value > MAY_BE_DEEPER
-            && self.analysis.misfit(&fit, &self.null.levels) < enough
-            && let Ok(Some(deeper)) = self.analysis.deeper(&fit, self.near, Some(hopeless))
-        {
-            if is_within_noise(&deeper) {
-                return Ok(None);
-            }
-            if let Ok(left) = test(self.analysis, &deeper, self.not_testable) {
-                (with, fit) = (left, deeper);
-            }
+        let Ok(fit) = self.analysis.refit(start, levels, self.near, Some(hopeless), deeper) else { return Ok(None) };
+        if fit.is_within_noise() {
+            return Ok(None);
         }
+        let Ok(with) = test(self.analysis, &fit, self.not_testable) else { return Ok(None) };
         let parameters = estimates(&fit, self.request.forward);
         // An implausible size is not excused by what makes intervals wide.
         let plausible = parameters.values().all(|p| p.reaches_plausible(1.0 / WIDENED));

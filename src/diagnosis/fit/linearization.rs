@@ -279,10 +279,20 @@ impl Analysis<'_> {
         linear: &[Linear],
         point: &Point,
     ) -> Result<(Vec<DMatrix<f64>>, Vec<Block>), SimulationError> {
+        self.calc_directions_of(linear, point, &|_| true)
+    }
+
+    /// As [`Analysis::calc_directions`], 0 for an effect that is not wanted.
+    pub(in crate::diagnosis) fn calc_directions_of(
+        &self,
+        linear: &[Linear],
+        point: &Point,
+        wanted: &(dyn Fn(&str) -> bool + Sync),
+    ) -> Result<(Vec<DMatrix<f64>>, Vec<Block>), SimulationError> {
         let is_on = |id: &str| point.effects.iter().any(|s| s.effect.description().id == id);
         let which = point.effects.len();
         let beside = |effect: &&'static dyn Effect| {
-            if is_on(effect.description().id) {
+            if is_on(effect.description().id) || !wanted(effect.description().id) {
                 return Ok(None);
             }
             let mut settings = point.effects.clone();
