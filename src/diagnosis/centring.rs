@@ -39,6 +39,8 @@ const FEW_PAIRS: usize = 1;
 /// Pairs of draws where it matters: for a fit that no other is much nearer than, and that would be rejected with fewer.
 /// Where the fit without effects is near, its [`MOST_PAIRS`] take the place of the further ones.
 const MANY_PAIRS: usize = 8;
+/// The same beside two effects, which take longer.
+const MANY_PAIRS_OF_TWO: usize = 4;
 /// A fit is looked at more closely while its misfit is no larger than this above the least.
 const NEAR: f64 = 20.0;
 /// … and if it leaves something of a smaller p-value, times the number of directions.
@@ -131,8 +133,9 @@ impl Analysis<'_> {
                 None => {
                     // Directions of which little is left need not be known better.
                     let in_question = |name: &str| left.iter().any(|(known, p)| known == name && *p < MAY_BE_CHANCE);
-                    let further = self.calc_bias(&drawn.fit, &drawn.truth, PAIRS..MANY_PAIRS, &in_question)?;
-                    let mut all = pooled(&means, PAIRS, &further, MANY_PAIRS - PAIRS);
+                    let many = if drawn.fit.point.effects.len() > 1 { MANY_PAIRS_OF_TWO } else { MANY_PAIRS };
+                    let further = self.calc_bias(&drawn.fit, &drawn.truth, PAIRS..many, &in_question)?;
+                    let mut all = pooled(&means, PAIRS, &further, many - PAIRS);
                     self.keep_others(&mut all, &means, &drawn.fit.point, in_question);
                     all
                 }
