@@ -201,12 +201,25 @@ impl Analysis<'_> {
             for (j, by_knot) in by_knots.iter_mut().enumerate() {
                 let (first, disturbance) = hat(&record.time, e, j);
                 let mut show = |m: usize, first: usize, disturbance: &[f64]| {
-                    for (muscles, by_knot) in muscles.iter().zip(by_knot.iter_mut()) {
-                        muscles[m].respond(first, disturbance, |k, moment| match by_knot.get_mut(k) {
-                            Some(to) => *to += scale(m) * moment,
-                            None => g_of_muscle.add(block_of[k], j, scale(m) * moment / counts[block_of[k]] as f64),
-                        });
+                    let scale = scale(m);
+                    if reshaped {
+                        for (muscles, by_knot) in muscles.iter().zip(by_knot.iter_mut()) {
+                            muscles[m].respond(first, disturbance, |k, moment| by_knot[k] += scale * moment);
+                        }
+                        return;
                     }
+                    let (mut block, mut sum) = (0, None);
+                    let mut mean = |block: usize, sum: Option<f64>| {
+                        sum.into_iter().for_each(|sum| g_of_muscle.add(block, j, scale * sum / counts[block] as f64));
+                    };
+                    muscles[0][m].respond(first, disturbance, |k, moment| {
+                        if block_of[k] != block {
+                            mean(block, sum.take());
+                            block = block_of[k];
+                        }
+                        sum = Some(sum.unwrap_or(0.0) + moment);
+                    });
+                    mean(block, sum);
                 };
                 let beside = |g_of_muscle: &mut Response, changes: &[ExcitationChange]| {
                     let found = self.forward.recorded_beside_muscles(g, core, &point.effects, changes);
