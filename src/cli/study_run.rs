@@ -21,7 +21,7 @@ use crate::scaling::{ParticipantScaling, ParticipantScalingError, scale_particip
 use crate::simulation::{
     MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, Setup, SimulationError, TrialSimulation,
 };
-use crate::study::{MomentPart, Participant, Study, Trial};
+use crate::study::{Contraction, MomentPart, Participant, Study, Trial, TrialUse};
 
 /// A study that was read, and the folder that its results go to.
 #[derive(Debug)]
@@ -203,12 +203,23 @@ impl StudyRun {
     }
 
     /// As [`StudyRun::participant`], for what compares trials with each other: samples are averaged to [`DIAGNOSIS_RATE`], with a
-    /// warning where there are twice as many. Neither muscles nor movements are faster, and time and memory grow with them.
+    /// warning where there are twice as many: neither muscles nor movements are faster, and time and memory grow with them. Another warning
+    /// where no trial to train on holds a contraction.
     ///
     /// # Errors
     /// As there.
     pub fn participant_to_diagnose(&self, participant: &Participant) -> Result<ParticipantRun, Failure> {
-        self.participant_at(participant, DIAGNOSIS_RATE)
+        let mut run = self.participant_at(participant, DIAGNOSIS_RATE)?;
+        let mut trained = run.trials.iter().filter(|t| t.info.usage == TrialUse::Train).peekable();
+        if trained.peek().is_some() && trained.all(|t| t.info.contraction == Contraction::Passive) {
+            let text = format!(
+                "participant {}: every trial with use = train is passive: p-values are not calibrated",
+                participant.name
+            );
+            let hint = "of eight clean studies of six passive trials five raised an alarm; add trials in which muscles contract";
+            run.warnings.push(Message::warning(text).in_file(&run.trials_file).hint(hint));
+        }
+        Ok(run)
     }
 
     /// - `rate`: that samples are averaged to, where there are twice as many [Hz]

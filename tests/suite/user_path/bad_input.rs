@@ -230,6 +230,38 @@ fn verif_a_diagnosis_of_one_trial_is_refused_with_the_table() {
 }
 
 #[test]
+fn verif_a_diagnosis_of_passive_trials_alone_says_that_it_is_not_calibrated() {
+    let study = StudyCopy::new();
+    let warns = |yes: bool| {
+        let mut command = carpus();
+        command.arg("diagnose").arg(study.path("study.toml")).args(["--candidates", "gravity", "--out"]);
+        let done = command.arg(study.path("out")).assert().success();
+        let text = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
+        let says = text.contains("trials.csv: participant P01: every trial with use = train is passive");
+        assert_eq!(says, yes, "{text}");
+    };
+    study.edit("trials.csv", |text| text.replace(",test", ",train"));
+    warns(false);
+    let passive = |line: &str| {
+        line.split(',')
+            .enumerate()
+            .map(|(i, cell)| match i {
+                2 => "passive",
+                3 => "",
+                4 => "none",
+                _ => cell,
+            })
+            .collect::<Vec<_>>()
+            .join(",")
+    };
+    study.edit("trials.csv", |text| {
+        let rows = text.lines().enumerate().map(|(i, line)| if i == 0 { line.to_owned() } else { passive(line) });
+        rows.map(|line| line + "\n").collect()
+    });
+    warns(true);
+}
+
+#[test]
 fn verif_one_participant_that_cannot_be_done_does_not_keep_the_others_from_it() {
     let study = StudyCopy::new();
     study.edit("participants.csv", |text| format!("{}\nP02,60,1.65,female,right,7,5\n", text.trim_end()));
