@@ -48,8 +48,6 @@ const STILL_FALLS: f64 = 40.0;
 const SETTLED: f64 = 2.0;
 /// … so many times in a row: steps that were shortened because they swung change little, too.
 const QUIET: usize = 2;
-/// Of fits without effects from elsewhere so many are followed to their end: the most probable after [`ROUNDS_AT_LEAST`].
-const FOLLOWED_ELSEWHERE: usize = 2;
 /// How far aside a deeper valley is looked for [standard errors].
 const ASIDE: f64 = 1.5;
 /// Steps from there.
@@ -309,19 +307,12 @@ impl Analysis<'_> {
             self.descend(&mut descent, ROUGH_STEPS, ROUGHLY);
             self.settle(&mut descent, false)?;
             let settled = self.follow(&mut descent, ROUNDS_AT_LEAST)?;
-            Ok::<_, SimulationError>((descent, settled))
-        };
-        let further = |(mut descent, settled): (Descent, bool)| {
             if !settled && descent.deviance() < fit.deviance + RUN_AWAY {
                 self.follow(&mut descent, MOST_ROUNDS - ROUNDS_AT_LEAST)?;
             }
             Ok::<_, SimulationError>(descent)
         };
-        let begun: Vec<_> = (0..self.n_muscles()).into_par_iter().with_max_len(1).map(from).collect();
-        let mut begun: Vec<_> = begun.into_iter().flatten().collect();
-        begun.sort_by(|a, b| a.0.deviance().total_cmp(&b.0.deviance()));
-        begun.truncate(FOLLOWED_ELSEWHERE);
-        let descents: Vec<_> = begun.into_par_iter().with_max_len(1).map(further).collect();
+        let descents: Vec<_> = (0..self.n_muscles()).into_par_iter().with_max_len(1).map(from).collect();
         let best = most_probable(descents.into_iter().flatten().collect()).into_iter().next();
         let Some(mut best) = best.filter(|best| best.deviance() < fit.deviance - SETTLED) else { return Ok(None) };
         self.with_means_drawn(&mut best).map(Some)
