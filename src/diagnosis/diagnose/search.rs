@@ -418,8 +418,10 @@ impl Judge<'_> {
         };
         let survived =
             |found: &[(Fit, Explanation)], point: &Point| found.iter().any(|f| f.1.survives() && same(&f.1, point));
+        // What is left of a pair that chance may have rejected may be the muscles' doing that it was fitted beside.
+        let is_doubtful = |f: &Explanation| f.effects.len() > 1 && f.is_rejected_within_chance();
         let known = |found: &[(Fit, Explanation)], point: &Point| {
-            found.iter().any(|f| same(&f.1, point) && self.is_near(&f.0, point))
+            found.iter().any(|f| same(&f.1, point) && !is_doubtful(&f.1) && self.is_near(&f.0, point))
         };
         for wave in screened.chunks(SIDE_BY_SIDE) {
             let promising = wave.iter().take_while(|point| !survived(found, point)).count();
