@@ -89,12 +89,12 @@ impl Analysis<'_> {
         left.into_iter().map(|b| (b.name, b.p_value * count)).collect()
     }
 
-    /// Whether a fit, with these mean scores, leaves something of a smaller one.
+    /// Whether a fit, with these mean scores, leaves something of a p-value, times the number of directions, below this.
     fn leaves_less_with(&self, p_value: f64, drawn: &Drawn, means: &[DVector<f64>], skip: &[&str]) -> bool {
         self.left_with(drawn, means, skip).iter().any(|(_, p)| *p < p_value)
     }
 
-    /// Whether no more than a fit's misfit is above the least.
+    /// Whether a fit's misfit is at most [`NEAR`] above the least.
     fn is_near(&self, fit: &Fit, hopeless: &Hopeless) -> bool {
         self.misfit(fit, &hopeless.levels) < hopeless.best + NEAR
     }

@@ -52,8 +52,8 @@ impl Core {
         std::iter::successors(Some(self), |core| core.without.as_deref()).collect()
     }
 
-    /// How forces follow changes of excitation and of time constants of activation; `None` where these change the joint's angle too, where a tendon is rigid, and for
-    /// a core without derivatives.
+    /// How forces follow changes of excitation and of time constants of activation; `None` where these change the joint's angle too,
+    /// where a tendon is rigid, and for a core without derivatives.
     fn tangents(&self) -> Option<&[ExcitationTangent]> {
         let calc = || {
             let of = |(i, solution)| self.prepared.excitation_tangent(i, solution);
