@@ -191,7 +191,7 @@ impl Story {
             waterfall: waterfall(&steps, floor),
             measure: diagnosis.error.measure.clone(),
             explanations: explanations(results, diagnosis),
-            candidates: candidates(diagnosis),
+            candidates: candidates(diagnosis).into_iter().take(SHOWN_CANDIDATES).collect(),
             more_candidates: diagnosis.candidates.len().saturating_sub(SHOWN_CANDIDATES),
             confusion: confusion(diagnosis),
             experiments: experiments(diagnosis),
@@ -269,6 +269,31 @@ fn nearest(diagnosis: &DiagnosisResult) -> Option<String> {
     ))
 }
 
+/// What is said of the effects that leave nothing either, but do not stand in the set of explanations.
+fn runners_up(diagnosis: &DiagnosisResult) -> String {
+    let rows = candidates(diagnosis);
+    let with = |status: &str| -> Vec<String> {
+        rows.iter().filter(|r| r.status == status).map(|r| named_in_sentence(std::slice::from_ref(&r.id))).collect()
+    };
+    let (less_likely, implausible) = (with(LESS_LIKELY), with(IMPLAUSIBLE_SIZE));
+    let mut others = Vec::new();
+    if !less_likely.is_empty() {
+        others.push(format!("moments and EMG are much less likely with {}", less_likely.join(" or ")));
+    }
+    if !implausible.is_empty() {
+        others.push(format!("{} would have an implausible size", implausible.join(" or ")));
+    }
+    let considered = diagnosis.candidates.len();
+    if others.is_empty() {
+        format!("Of {considered} effects that were considered, it is the only one of which this holds.")
+    } else {
+        format!(
+            "Of {considered} effects that were considered, others leave nothing either, but {}.",
+            others.join(", and ")
+        )
+    }
+}
+
 /// Headline and lead.
 fn told(
     results: &Results,
@@ -288,9 +313,9 @@ fn told(
     };
     let mut lead = vec![match diagnosis.verdict.as_str() {
         "identified" => format!(
-            "With {} fitted together with the muscles, nothing systematic is left in the training trials. Of {} effects that were considered, it is the only one of which this holds. An effect outside the catalogue that acts alike cannot be told from it.",
+            "With {} fitted together with the muscles, nothing systematic is left in the training trials. {} An effect outside the catalogue that acts alike cannot be told from it.",
             sets.join(""),
-            diagnosis.candidates.len()
+            runners_up(diagnosis)
         ),
         "two_effects" => format!("Whatever single effect is fitted together with the muscles, something systematic is left; with {} nothing is.", sets.join("")),
         "cannot_tell" => format!("Each of these leaves nothing systematic when it is fitted together with the muscles: {}. The table of experiments says what would tell.", sets.join("; ")),
@@ -428,6 +453,12 @@ fn amplitude_first(id: &str, key: &str) -> usize {
     description.and_then(|d| d.parameters.iter().position(|p| p.name == name)).unwrap_or(usize::MAX)
 }
 
+/// Of a candidate that leaves nothing, but makes moments and EMG less likely than the explanations do.
+const LESS_LIKELY: &str = "less likely";
+/// Of a candidate that leaves nothing, but at a size that is not plausible.
+const IMPLAUSIBLE_SIZE: &str = "implausible size";
+
+/// All candidates, what explains the data first, then by score.
 fn candidates(diagnosis: &DiagnosisResult) -> Vec<CandidateRow> {
     let survives = |id: &str| diagnosis.explanations.iter().any(|e| e.effects.len() == 1 && e.effects[0] == id);
     let in_pair =
@@ -442,8 +473,8 @@ fn candidates(diagnosis: &DiagnosisResult) -> Vec<CandidateRow> {
             () if in_pair(&c.effect) => "part of a pair",
             () if !testable => "not testable",
             () if !rejected => "not needed",
-            () if c.misfit_behind.is_some() => "less likely",
-            () if c.p_value.is_some_and(|p| p > level) => "implausible size",
+            () if c.misfit_behind.is_some() => LESS_LIKELY,
+            () if c.p_value.is_some_and(|p| p > level) => IMPLAUSIBLE_SIZE,
             () if c.p_value.is_some() => "ruled out",
             () => "not fitted",
         };
@@ -475,7 +506,7 @@ fn candidates(diagnosis: &DiagnosisResult) -> Vec<CandidateRow> {
     // What explains the data is shown whatever its score.
     let explains = |c: &&CandidateResult| survives(&c.effect) || in_pair(&c.effect);
     let (first, others): (Vec<_>, Vec<_>) = diagnosis.candidates.iter().partition(explains);
-    first.into_iter().chain(others).take(SHOWN_CANDIDATES).map(row).collect()
+    first.into_iter().chain(others).map(row).collect()
 }
 
 /// Pairs of effects, the least separable first; each pair once, at its smaller z.
