@@ -40,7 +40,6 @@ pub fn value(
         let provenance = serde_json::to_value(provenance(global, run.inputs.clone())).map_err(internal)?;
         map.insert("provenance".to_owned(), provenance);
         map.insert("restricted_to".to_owned(), restricted.into());
-        map.entry("separating_experiments").or_insert_with(|| Value::Array(Vec::new()));
     }
     Ok(value)
 }

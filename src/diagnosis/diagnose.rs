@@ -14,18 +14,20 @@ use super::fit::{Analysis, Fit};
 use super::forward_model::{ForwardModel, Setting};
 use super::noise::NoiseLevels;
 use super::score_test::{BlockScore, Omnibus};
+use super::separation::{Laboratory, Separation, most_useful, separations};
 use super::where_it_fails::along_axes;
 use crate::simulation::SimulationError;
 use crate::study::{Direction, ParameterBounds, TrialUse};
 
 pub use account::{
-    Candidate, Confusion, Diagnosis, Errors, Explanation, Left, ParameterEstimate, Steps, Verdict, is_determined,
+    Candidate, Confusion, Diagnosis, Errors, Explanation, Left, NotListed, ParameterEstimate, Steps, Verdict,
+    is_determined,
 };
 
 /// A null model with a smaller p-value is rejected. That is 5 in 100 where nothing is missing: the p-value is the larger of two, and a fit
 /// that is rejected gives way to a more probable one from elsewhere. Of 788 clean studies 39 are below: 7 of 188 of the participants for tuning, 18
 /// and 14 of 400 and 200 of two tables that have been made anew since; of 400 of the present one (`fixtures/diagnosis`) 19.
-pub const REJECT_NULL: f64 = 0.08;
+const REJECT_NULL: f64 = 0.08;
 /// An effect that is so much farther from the data than another explains nothing, whatever it leaves.
 const MUCH_NEARER: f64 = 25.0;
 /// A direction with a smaller p-value (that knows the variances to be estimates, times the number of directions) is no matter of
@@ -54,6 +56,8 @@ const CONFUSED: usize = 6;
 /// 101 to 103 of `fixtures/diagnosis`) estimates are 1.45 to 1.6 times as far off: effects are not linear as far as their errors
 /// reach, and what the EMG is expected to be is taken for known.
 const WIDENED: f64 = 1.5;
+/// So many effects are told apart by further trials where the data cannot: those of the first explanations.
+const TOLD_APART: usize = 4;
 /// Directions that are reported as left over.
 const SHOWN: usize = 3;
 
@@ -63,6 +67,8 @@ pub struct Request<'a> {
     pub participant: String,
     /// Model and trials.
     pub forward: &'a ForwardModel,
+    /// What further trials are simulated with, where these cannot tell explanations apart; without it none are.
+    pub laboratory: Option<Laboratory<'a>>,
     /// Bounds of the muscle parameters: priors.
     pub bounds: ParameterBounds,
     /// Effects to consider; empty: all.
@@ -166,12 +172,25 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let kept: Vec<&str> = explanations.iter().flat_map(|e| e.1.effects.clone()).collect();
     let ids = || analysis.candidates.iter().map(|e| e.description().id);
     let fitted: Vec<&str> = singles.iter().flat_map(|s| s.1.effects.clone()).collect();
-    let ruled_out = ids().filter(|id| fitted.contains(id) && !kept.contains(id)).collect();
     let not_fitted =
         ids().filter(|id| !fitted.contains(id) && !kept.contains(id) && !not_testable.contains(id)).collect();
     let residuals = judge.residuals(&null)?;
+    let separating_experiments = match verdict {
+        Verdict::CannotTell => judge.experiments(&explanations)?,
+        _ => Vec::new(),
+    };
     let judged = explanations.iter().map(|e| &e.1).chain(&farther).filter(|e| e.effects.len() == 1);
-    let behind = judged.map(|e| (e.effects[0], e.misfit_behind)).collect();
+    let behind: BTreeMap<&'static str, f64> = judged.map(|e| (e.effects[0], e.misfit_behind)).collect();
+    let line = REJECT_EXPLANATION.max(LEAST_SHARE * explanations.iter().map(|e| e.1.p_value).fold(0.0, f64::max));
+    let mut not_listed = NotListed::default();
+    for id in ids().filter(|id| !kept.contains(id)) {
+        let Some(single) = singles.iter().find(|s| s.1.effects == [id]) else { continue };
+        match () {
+            () if behind.contains_key(id) => not_listed.less_likely.push(id),
+            () if single.1.p_value > line => not_listed.implausible.push(id),
+            () => not_listed.ruled_out.push(id),
+        }
+    }
     let diagnosis = Diagnosis {
         schema: "carpus.diagnosis/1",
         participant: request.participant.clone(),
@@ -179,9 +198,10 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         null_p_value,
         null_sign_flip_p_value: left.sign_flip_p_value,
         candidates: judge.candidates(&first, &singles, &behind),
-        confusion: judge.confusion(&null, &left),
+        confusion: judge.confusion(&null, &left, &kept),
+        separating_experiments,
         explanations: explanations.into_iter().map(|e| e.1).collect(),
-        ruled_out,
+        not_listed,
         not_fitted,
         not_testable,
         error,
@@ -355,10 +375,12 @@ impl Judge<'_> {
                     .enumerate()
                     .filter(|(i, _)| score.information[(*i, *i)] > 1e-9)
                     .map(|(i, p)| {
-                        let p = &description.parameters[p];
-                        (p.name, DETECTABLE_Z * self.request.forward.joint.scale(p) / score.information[(i, i)].sqrt())
+                        let size = DETECTABLE_Z / score.information[(i, i)].sqrt();
+                        (description.parameters[p].name, self.change(*effect, p, size))
                     })
                     .collect();
+                let plausible =
+                    description.parameters.iter().map(|p| (p.name, self.request.forward.joint.plausible(p))).collect();
                 Some(Candidate {
                     effect: description.id,
                     p_value: fitted.map(|f| f.p_value),
@@ -369,6 +391,7 @@ impl Judge<'_> {
                     misfit_fall: fitted.map(|f| f.misfit_fall),
                     misfit_behind: behind.get(description.id).copied(),
                     detectable_size,
+                    plausible,
                     held_out_error: fitted.and_then(|f| f.held_out_error),
                     parameters: fitted.map(|f| f.parameters.clone()).unwrap_or_default(),
                     left: fitted.map(|f| f.left.clone()).unwrap_or_default(),
@@ -381,12 +404,38 @@ impl Judge<'_> {
         out
     }
 
-    /// Pairwise z of the leading candidates at their one-step sizes.
-    fn confusion(&self, null: &Fit, left: &Omnibus) -> Vec<Confusion> {
+    /// By how much an effect of a size in scales changes one of its parameters, in the parameter's unit.
+    fn change(&self, effect: &'static dyn Effect, parameter: usize, size: f64) -> f64 {
+        let forward = self.request.forward;
+        let absent = Setting::absent(effect).values;
+        let mut present = absent.clone();
+        present[parameter] += size * forward.joint.scale(&effect.description().parameters[parameter]);
+        let reported = |values: &[f64]| effect.reported(values, &forward.muscles)[parameter];
+        (reported(&present) - reported(&absent)).abs()
+    }
+
+    /// The most useful experiments that would tell the effects of the first explanations apart.
+    fn experiments(&self, explanations: &[(Fit, Explanation)]) -> Result<Vec<Separation>, SimulationError> {
+        let mut rivals: Vec<&'static str> = Vec::new();
+        for id in explanations.iter().flat_map(|e| &e.1.effects) {
+            if rivals.len() < TOLD_APART && !rivals.contains(id) {
+                rivals.push(id);
+            }
+        }
+        let Some(laboratory) = self.request.laboratory else { return Ok(Vec::new()) };
+        let all = separations(self.analysis, self.null, laboratory, &self.request.bounds, &rivals, &|_, _| {})?;
+        Ok(most_useful(&all).into_iter().cloned().collect())
+    }
+
+    /// Pairwise z of the explanations' effects and of the leading candidates at their one-step sizes.
+    ///
+    /// - `explaining`: effects of the explanations
+    fn confusion(&self, null: &Fit, left: &Omnibus, explaining: &[&str]) -> Vec<Confusion> {
         let mut leaders: Vec<&BlockScore> =
             left.blocks.iter().filter(|b| !b.name.starts_with("axis:") && b.rank > 0).collect();
-        leaders.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));
-        leaders.truncate(CONFUSED);
+        let explains = |b: &BlockScore| explaining.contains(&b.name.as_str());
+        leaders.sort_by(|a, b| explains(b).cmp(&explains(a)).then(b.statistic.total_cmp(&a.statistic)));
+        leaders.truncate(CONFUSED.max(leaders.iter().filter(|b| explains(b)).count()));
         let mut out = Vec::new();
         for truth in &leaders {
             for rival in leaders.iter().filter(|r| r.name != truth.name) {

@@ -24,6 +24,7 @@ pub mod noise;
 pub mod plan;
 pub mod score_test;
 pub mod separability;
+pub mod separation;
 pub mod silent_muscles;
 pub mod synthesis;
 pub mod trial_record;

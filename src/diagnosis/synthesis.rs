@@ -135,24 +135,25 @@ pub fn sized(
     let named = |i: usize| values.iter().any(|(name, _)| name == description.parameters[i].name);
     if !description.amplitudes().any(named) {
         for i in description.amplitudes() {
-            setting.values[i] = usual(&setting, i, muscles)?;
+            setting.values[i] = usual(&setting, i, muscles, joint)?;
         }
     }
     Ok(setting)
 }
 
 /// A size that is plain to see and plausible.
-fn usual(setting: &Setting, i: usize, muscles: &[MuscleSpec]) -> Result<f64, SynthesisError> {
+fn usual(setting: &Setting, i: usize, muscles: &[MuscleSpec], joint: &JointTraits) -> Result<f64, SynthesisError> {
     let parameter = &setting.effect.description().parameters[i];
     let reported = |value: f64| {
         let mut values = setting.values.clone();
         values[i] = value;
         setting.effect.reported(&values, muscles)[i]
     };
-    let [low, high] = parameter.plausible;
+    let [low, high] = joint.plausible(parameter);
     for size in [USUAL_SIZE, -USUAL_SIZE, USUAL_SIZE / 2.0, -USUAL_SIZE / 2.0] {
-        if (low..=high).contains(&reported(size * parameter.scale)) {
-            return Ok(size * parameter.scale);
+        let value = size * joint.scale(parameter);
+        if (low..=high).contains(&reported(value)) {
+            return Ok(value);
         }
     }
     reached(setting, i, 0.5 * (low + high), muscles)

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::forward_model::ForwardModel;
 use super::score_test::Omnibus;
 use super::trial_record::TrialRecord;
-use crate::evaluation::residuals::{Band, by_frequency};
+use crate::evaluation::residuals::{Band, Bin, Sample, binned, by_frequency};
 use crate::simulation::PreparedTrial;
 use crate::study::TrialUse;
 
@@ -30,8 +30,6 @@ const EFFORT: &str = "effort";
 const LOCAL: &str = "angle_detail";
 /// Bumps over the range of angles.
 const BUMPS: usize = 7;
-/// Bins of a curve.
-const BINS: usize = 8;
 
 /// The residual along one axis.
 #[derive(Clone, Debug, Serialize)]
@@ -42,9 +40,10 @@ pub struct AxisResult {
     pub unit: &'static str,
     /// p-value of a straight line and a parabola along the axis, muscle parameters profiled out; none for frequency.
     pub p_value: Option<f64>,
-    /// Share of the residual's mean square that the binned means explain; of frequency, that of the strongest band.
+    /// Share of the residual's mean square that the binned means explain, less what chance would; of frequency, that of the strongest
+    /// band.
     pub share_of_error: f64,
-    /// Per bin: middle of the axis, mean residual, and its 95 % interval over trials [N·m]; of frequency: lower edge of the
+    /// Per bin with samples of several trials: mean of the axis, mean residual, and its 95 % interval over trials [N·m]; of frequency: lower edge of the
     /// band, its share of the residual's mean square, and the share's interval.
     pub curve: Vec<[f64; 4]>,
 }
@@ -172,7 +171,7 @@ pub fn along_axes(forward: &ForwardModel, residuals: &[(usize, Vec<f64>)], left:
         .map(|axis| {
             let name = format!("axis:{}", AXES[axis]);
             let p_value = left.blocks.iter().find(|b| b.name == name).map_or(1.0, |b| b.p_value);
-            let (share_of_error, curve) = binned(forward, residuals, axis);
+            let (share_of_error, curve) = along_axis(forward, residuals, axis);
             AxisResult { axis: AXES[axis], unit: unit(axis), p_value: Some(p_value), share_of_error, curve }
         })
         .collect();
@@ -199,44 +198,14 @@ fn frequency(forward: &ForwardModel, residuals: &[(usize, Vec<f64>)]) -> AxisRes
     }
 }
 
-fn binned(forward: &ForwardModel, residuals: &[(usize, Vec<f64>)], axis: usize) -> (f64, Vec<[f64; 4]>) {
-    let samples: Vec<(f64, f64, usize)> = residuals
-        .iter()
-        .flat_map(|(g, r)| {
-            let moment: Vec<f64> = forward.trials[*g].moment.iter().zip(r).map(|(m, r)| m - r).collect();
-            series(forward, *g, forward.base(*g), &moment, axis).into_iter().zip(r).map(move |(x, r)| (x, *r, *g))
-        })
-        .collect();
-    let mut sorted: Vec<f64> = samples.iter().map(|s| s.0).collect();
-    sorted.sort_by(f64::total_cmp);
-    let mut edges: Vec<f64> = (0..=BINS).map(|i| sorted[(i * (sorted.len() - 1)) / BINS]).collect();
-    edges.dedup();
-    if edges.len() < 2 {
-        return (0.0, Vec::new());
-    }
-    let total: f64 = samples.iter().map(|s| s.1 * s.1).sum();
-    let mut explained = 0.0;
-    let mut curve = Vec::new();
-    let last = edges.len() - 2;
-    for b in 0..=last {
-        let inside = |x: f64| x >= edges[b] && (x < edges[b + 1] || b == last);
-        let members: Vec<&(f64, f64, usize)> = samples.iter().filter(|s| inside(s.0)).collect();
-        if members.is_empty() {
-            continue;
-        }
-        let n = members.len() as f64;
-        let mean = members.iter().map(|s| s.1).sum::<f64>() / n;
-        let middle = members.iter().map(|s| s.0).sum::<f64>() / n;
-        explained += n * mean * mean;
-        // Trials are the unit: variance of the mean from the trials' sums.
-        let mut trials: Vec<usize> = members.iter().map(|s| s.2).collect();
-        trials.dedup();
-        let spread: f64 =
-            trials.iter().map(|g| members.iter().filter(|s| s.2 == *g).map(|s| s.1 - mean).sum::<f64>().powi(2)).sum();
-        let count = trials.len() as f64;
-        let error = if count > 1.0 { (spread * count / (count - 1.0)).sqrt() / n } else { f64::INFINITY };
-        let half = if error.is_finite() { 1.96 * error } else { mean.abs() };
-        curve.push([middle, mean, mean - half, mean + half]);
-    }
-    (if total > 0.0 { explained / total } else { 0.0 }, curve)
+/// Share that the means along an axis explain, and the means that have an interval.
+fn along_axis(forward: &ForwardModel, residuals: &[(usize, Vec<f64>)], axis: usize) -> (f64, Vec<[f64; 4]>) {
+    let of_trial = |(g, r): &(usize, Vec<f64>)| -> Vec<Sample> {
+        let moment: Vec<f64> = forward.trials[*g].moment.iter().zip(r).map(|(m, r)| m - r).collect();
+        let places = series(forward, *g, forward.base(*g), &moment, axis);
+        places.into_iter().zip(r).map(|(x, r)| Sample { x, residual: *r, trial: *g }).collect()
+    };
+    let (share, bins) = binned(residuals.iter().flat_map(of_trial).collect());
+    let point = |b: &Bin| b.interval.map(|[low, high]| [b.at, b.mean, low, high]);
+    (share, bins.iter().filter_map(point).collect())
 }

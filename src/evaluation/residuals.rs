@@ -191,15 +191,20 @@ fn history(trial: &ResidualTrial) -> Vec<f64> {
     out
 }
 
-#[derive(Clone, Copy)]
-struct Sample {
-    x: f64,
-    residual: f64,
-    trial: usize,
+/// A residual at a place of an axis.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// Place.
+    pub x: f64,
+    /// Measured minus simulated moment [N·m].
+    pub residual: f64,
+    /// Trial.
+    pub trial: usize,
 }
 
-/// Means of the residual over parts of an axis that hold about as many samples each.
-fn binned(mut samples: Vec<Sample>) -> (f64, Vec<Bin>) {
+/// Means of the residual over parts of an axis that hold about as many samples each, and the share of its mean square that they
+/// explain, less what chance would.
+pub fn binned(mut samples: Vec<Sample>) -> (f64, Vec<Bin>) {
     let total: f64 = samples.iter().map(|s| s.residual * s.residual).sum();
     if samples.is_empty() || total <= 0.0 {
         return (0.0, Vec::new());

@@ -19,9 +19,18 @@ pub struct DiagnosisResult {
     /// The confidence set.
     #[serde(default)]
     pub explanations: Vec<ExplanationResult>,
-    /// Effects that were rejected.
+    /// Effects that were fitted and leave something.
     #[serde(default)]
     pub ruled_out: Vec<String>,
+    /// Effects that leave nothing, but make moments and EMG much less likely than an explanation does.
+    #[serde(default)]
+    pub less_likely: Vec<String>,
+    /// Effects that leave nothing at a size that is not plausible.
+    #[serde(default)]
+    pub implausible: Vec<String>,
+    /// Effects that the diagnosis was restricted to; empty: the whole catalogue.
+    #[serde(default)]
+    pub restricted_to: Vec<String>,
     /// Effects that the trials cannot test.
     #[serde(default)]
     pub not_testable: Vec<String>,
@@ -124,6 +133,9 @@ pub struct CandidateResult {
     /// Smallest size that would be found, per amplitude.
     #[serde(default)]
     pub detectable_size: BTreeMap<String, Option<f64>>,
+    /// What is plausible of its parameters.
+    #[serde(default)]
+    pub plausible: BTreeMap<String, [f64; 2]>,
     /// Error over held-out trials.
     #[serde(default)]
     pub held_out_error: Option<f64>,

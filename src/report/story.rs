@@ -12,7 +12,7 @@ use super::story_figures::{WaterfallStep, interval, p_bar, separation, waterfall
 use super::view::{Fact, Group, Pair, ParameterGroup, facts, groups, maybe, parameter_groups};
 use super::warnings::{self, WarningGroup};
 use crate::diagnosis::catalogue::effect;
-use crate::diagnosis::diagnose::{LEAST_SHARE, REJECT_EXPLANATION, REJECT_NULL, is_determined};
+use crate::diagnosis::diagnose::{LEAST_SHARE, REJECT_EXPLANATION, is_determined};
 
 /// z from which two explanations count as told apart.
 const ENOUGH_Z: f64 = 4.5;
@@ -34,6 +34,8 @@ pub struct Story {
     pub waterfall: String,
     pub measure: String,
     pub explanations: Vec<ExplanationView>,
+    /// Which effects were considered.
+    pub considered: String,
     pub candidates: Vec<CandidateRow>,
     pub more_candidates: usize,
     pub confusion: Vec<ConfusionRow>,
@@ -192,6 +194,7 @@ impl Story {
             measure: diagnosis.error.measure.clone(),
             explanations: explanations(results, diagnosis),
             candidates: candidates(diagnosis).into_iter().take(SHOWN_CANDIDATES).collect(),
+            considered: considered(diagnosis),
             more_candidates: diagnosis.candidates.len().saturating_sub(SHOWN_CANDIDATES),
             confusion: confusion(diagnosis),
             experiments: experiments(diagnosis),
@@ -203,8 +206,8 @@ impl Story {
             bands: bands(old, new),
             groups: groups(results, &pair),
             detectable: if found_nothing { detectable(diagnosis) } else { Vec::new() },
-            ruled_out: diagnosis.ruled_out.iter().map(|id| name(id)).collect::<Vec<_>>().join(", "),
-            not_testable: diagnosis.not_testable.iter().map(|id| name(id)).collect::<Vec<_>>().join(", "),
+            ruled_out: listed(&diagnosis.ruled_out),
+            not_testable: listed(&diagnosis.not_testable),
             choice: choice_words(results),
             parameters: parameter_groups(&results.parameters),
         })
@@ -269,6 +272,27 @@ fn nearest(diagnosis: &DiagnosisResult) -> Option<String> {
     ))
 }
 
+/// Which effects were considered.
+fn considered(diagnosis: &DiagnosisResult) -> String {
+    match diagnosis.restricted_to.as_slice() {
+        [] => "Every effect of the catalogue was considered.".to_owned(),
+        some => format!("Of the catalogue no more was considered than {}.", listed(some)),
+    }
+}
+
+fn listed(ids: &[String]) -> String {
+    ids.iter().map(|id| name(id)).collect::<Vec<_>>().join(", ")
+}
+
+/// What explanations leave, in words: one that is likely enough to stay is not always likely.
+fn what_is_left(explanations: &[ExplanationResult]) -> String {
+    let least = explanations.iter().filter_map(|e| e.p_value).fold(1.0, f64::min);
+    match least < REJECT_EXPLANATION {
+        true => format!("no more is left than chance may leave ({})", p_words(least)),
+        false => "nothing systematic is left".to_owned(),
+    }
+}
+
 /// What is said of the effects that leave nothing either, but do not stand in the set of explanations.
 fn runners_up(diagnosis: &DiagnosisResult) -> String {
     let rows = candidates(diagnosis);
@@ -309,20 +333,28 @@ fn told(
         "nothing_detectable" => "Nothing is missing that these trials could show".to_owned(),
         "negligible" => "Something is missing, but it hardly matters for the moment".to_owned(),
         "implausible" => "Only effects of an implausible size would explain the recordings".to_owned(),
-        _ => "Something is missing that no effect of the catalogue explains".to_owned(),
+        _ if diagnosis.restricted_to.is_empty() => {
+            "Something is missing that no effect of the catalogue explains".to_owned()
+        }
+        _ => "Something is missing that none of the effects that were considered explains".to_owned(),
     };
+    let leaves = what_is_left(&diagnosis.explanations);
     let mut lead = vec![match diagnosis.verdict.as_str() {
         "identified" => format!(
-            "With {} fitted together with the muscles, nothing systematic is left in the training trials. {} An effect outside the catalogue that acts alike cannot be told from it.",
+            "With {} fitted together with the muscles, {leaves} in the training trials. {} An effect outside the catalogue that acts alike cannot be told from it.",
             sets.join(""),
             runners_up(diagnosis)
         ),
-        "two_effects" => format!("Whatever single effect is fitted together with the muscles, something systematic is left; with {} nothing is.", sets.join("")),
-        "cannot_tell" => format!("Each of these leaves nothing systematic when it is fitted together with the muscles: {}. The table of experiments says what would tell.", sets.join("; ")),
+        "two_effects" => format!("Whatever single effect was fitted together with the muscles, something systematic is left; with {} {leaves}.", sets.join("")),
+        "cannot_tell" => format!(
+            "With each of these fitted together with the muscles {leaves}: {}. {} what would tell.",
+            sets.join("; "),
+            if diagnosis.separating_experiments.is_empty() { "`carpus plan` says" } else { "The table of further trials says" }
+        ),
         "nothing_detectable" => "With the muscles' strengths and lengths fitted, what is left looks like noise of EMG, angle and moment. An effect smaller than the sizes listed below would have gone unnoticed.".to_owned(),
         "negligible" => format!("The trials are consistent with {}, but the error falls by very little.", sets.join("; or with ")),
-        "implausible" => format!("{} would leave nothing systematic, but at a size outside of what is plausible: a cause that is not in the catalogue, or a fault of the recordings, is more likely.", capital(&sets.join("; "))),
-        _ => "Whatever effect is fitted together with the muscles, something systematic is left. The figures below show what it depends on.".to_owned(),
+        "implausible" => format!("With {} {leaves}, but at a size outside of what is plausible: a cause that is not in the catalogue, or a fault of the recordings, is more likely.", sets.join(" or ")),
+        _ => "Whatever effect was fitted together with the muscles, something systematic is left. The figures below show what it depends on.".to_owned(),
     }];
     lead.extend((diagnosis.verdict == "unknown").then(|| nearest(diagnosis)).flatten());
     if let (Some(first), Some(last)) = (steps.first(), steps.last()) {
@@ -363,11 +395,6 @@ fn told(
     }
 }
 
-fn capital(text: &str) -> String {
-    let mut letters = text.chars();
-    letters.next().map_or(String::new(), |c| c.to_uppercase().collect::<String>() + letters.as_str())
-}
-
 fn cards(diagnosis: &DiagnosisResult, steps: &[WaterfallStep], floor: Option<f64>) -> Vec<StoryCard> {
     let mut cards = Vec::new();
     let chain = |of: &dyn Fn(&WaterfallStep) -> Option<f64>| {
@@ -386,11 +413,7 @@ fn cards(diagnosis: &DiagnosisResult, steps: &[WaterfallStep], floor: Option<f64
     }
     if let Some(p) = diagnosis.null_p_value {
         let nothing = diagnosis.verdict == "nothing_detectable";
-        let note = match () {
-            () if p < REJECT_NULL => "something is left",
-            () if nothing => "nothing is left but noise",
-            () => "an effect is much nearer to the data",
-        };
+        let note = if nothing { "nothing is left but noise" } else { "something is left" };
         let (value, note, tone) = (p_words(p), note.to_owned(), if nothing { "good" } else { "bad" });
         cards.push(StoryCard { label: "Muscles refitted, no effect", value, note, tone });
     }
@@ -585,31 +608,20 @@ fn band_share(band: &FrequencyBand) -> String {
 fn detectable(diagnosis: &DiagnosisResult) -> Vec<DetectableRow> {
     let row = |c: &CandidateResult| {
         let description = effect(&c.effect)?.description();
-        let of = |p: &str| description.parameters.iter().find(|x| x.name == p);
-        let sizes: Vec<String> = c
-            .detectable_size
-            .iter()
-            .filter_map(|(p, size)| {
-                let unit = of(p).map_or("", |x| x.unit);
-                Some(format!(
-                    "{} {} {}",
-                    p.replace('_', " "),
-                    significant((*size)?, 2),
-                    if unit == "1" { "" } else { unit }
-                ))
-            })
-            .collect();
-        let plausible = description
-            .amplitudes()
-            .map(|i| description.parameters[i].plausible)
-            .map(|[a, b]| format!("{} to {}", plain(a), plain(b)))
-            .collect::<Vec<_>>()
-            .join("; ");
+        let mut sizes = Vec::new();
+        let mut plausible = Vec::new();
+        for p in description.parameters {
+            let Some(size) = c.detectable_size.get(p.name).copied().flatten() else { continue };
+            let unit = if p.unit == "1" { "" } else { p.unit };
+            sizes.push(format!("{} {} {unit}", p.name.replace('_', " "), significant(size, 2)));
+            let [low, high] = c.plausible.get(p.name).copied().unwrap_or(p.plausible);
+            plausible.push(format!("{} to {}", plain(low), plain(high)));
+        }
         let kept = c.kept.map(|k| format!("{:.0}\u{202f}%", 100.0 * k)).unwrap_or_default();
         (!sizes.is_empty()).then(|| DetectableRow {
             name: description.name.to_owned(),
             sizes: sizes.join("; "),
-            plausible,
+            plausible: plausible.join("; "),
             kept,
         })
     };

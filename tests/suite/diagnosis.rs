@@ -233,6 +233,7 @@ fn request<'a>(study: &Study, forward: &'a ForwardModel, ids: &[&str]) -> Reques
     Request {
         participant: "P01".to_string(),
         forward,
+        laboratory: None,
         bounds: study.settings.bounds,
         candidates: CATALOGUE.iter().copied().filter(|e| ids.contains(&e.description().id)).collect(),
         mvc: 10.9,

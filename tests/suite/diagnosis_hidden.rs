@@ -71,6 +71,7 @@ fn asked_of<T>(
     let request = Request {
         participant: "P01".to_string(),
         forward: &forward,
+        laboratory: None,
         bounds: study.settings.bounds,
         candidates: candidates.iter().map(known).collect(),
         mvc: trials.iter().map(|t| t.max_abs_moment()).fold(0.0, f64::max),

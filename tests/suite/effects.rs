@@ -3,6 +3,7 @@
 mod command;
 mod conformance;
 mod export;
+mod found;
 mod opensim;
 mod signatures;
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use super::plan::as_table;
 use super::simulate::{account, write_results};
 use crate::cli::account::ModelRun;
 use crate::cli::args::{DiagnoseArgs, Global};
@@ -15,12 +16,13 @@ use crate::cli::table::{fixed, table};
 use crate::diagnosis::baselines::Ingredients;
 use crate::diagnosis::catalogue::{CATALOGUE, effect};
 use crate::diagnosis::diagnose::{
-    Candidate, Diagnosis, Outcome, ParameterEstimate, Request, Verdict, diagnose, is_determined,
+    Candidate, Diagnosis, Outcome, ParameterEstimate, REJECT_EXPLANATION, Request, Verdict, diagnose, is_determined,
 };
 use crate::diagnosis::effect::Effect;
 use crate::diagnosis::forward_model::{ForwardModel, Setting};
 use crate::diagnosis::joint_traits::JointTraits;
 use crate::diagnosis::moments::simulate_all;
+use crate::diagnosis::separation::{Laboratory, SEPARABLE_Z, Separation};
 use crate::diagnosis::synthesis::sized;
 use crate::osim::spec::MuscleSpec;
 use crate::report::results::{Kind, Results};
@@ -147,7 +149,7 @@ pub fn diagnosed(
 /// What is asked of a participant's data.
 pub fn request<'a>(
     study: &StudyRun,
-    run: &ParticipantRun,
+    run: &'a ParticipantRun,
     forward: &'a ForwardModel,
     candidates: Vec<&'static dyn Effect>,
     global: &Global,
@@ -155,11 +157,17 @@ pub fn request<'a>(
     Request {
         participant: run.participant.name.clone(),
         forward,
+        laboratory: Some(laboratory(run)),
         bounds: study.study.settings.bounds,
         candidates,
         mvc: largest_moment(run),
         seed: global.seed,
     }
+}
+
+/// What experiments are simulated with.
+pub fn laboratory(run: &ParticipantRun) -> Laboratory<'_> {
+    Laboratory { spec: &run.loaded.file.spec, model: &run.model }
 }
 
 /// The session's MVC moment [N·m]: as the study states it, else the largest that was recorded.
@@ -177,7 +185,14 @@ pub fn candidates(ids: &[String]) -> Result<Vec<&'static dyn Effect>, Failure> {
     if ids.is_empty() || ids == ["all"] {
         return Ok(CATALOGUE.to_vec());
     }
-    ids.iter().map(|id| known(id)).collect()
+    let mut found: Vec<&'static dyn Effect> = Vec::new();
+    for id in ids {
+        let effect = known(id)?;
+        if found.iter().all(|e| e.description().id != effect.description().id) {
+            found.push(effect);
+        }
+    }
+    Ok(found)
 }
 
 /// The effect of an identifier.
@@ -197,11 +212,21 @@ pub fn known(id: &str) -> Result<&'static dyn Effect, Failure> {
 
 /// An effect of the size that was asked for with `--effect`.
 ///
+/// Prints a warning of what is not plausible: an angle in degrees, say.
+///
 /// - `muscles`, `joint`: of the model
 ///
 /// # Errors
 /// An unknown effect or parameter; a size out of reach.
 pub fn at_size(asked: &EffectSize, muscles: &[MuscleSpec], joint: &JointTraits) -> Result<Setting, Failure> {
+    for p in known(&asked.id)?.description().parameters {
+        let [low, high] = joint.plausible(p);
+        for (_, value) in asked.values.iter().filter(|(name, value)| name == p.name && !(low..=high).contains(value)) {
+            let text =
+                format!("--effect: {}.{} is {value} {}; plausible are {low} to {high}", asked.id, p.name, p.unit);
+            failure::print(&[Message::warning(text)]);
+        }
+    }
     sized(known(&asked.id)?, &asked.values, muscles, joint).map_err(|e| {
         let hint = format!("carpus effects {} tells its parameters", asked.id);
         Message::error(format!("--effect: {e}")).hint(hint).into()
@@ -223,6 +248,9 @@ pub fn in_words(diagnosis: &Diagnosis) -> String {
         Verdict::CannotTell => format!("cannot tell; consistent with any of: {}", sets.join("; ")),
         Verdict::NothingDetectable => "nothing detectable beyond muscle parameters and noise".to_string(),
         Verdict::Negligible => format!("detectable but negligible; consistent with {}", sets.join("; ")),
+        Verdict::Unknown if diagnosis.candidates.len() < CATALOGUE.len() => {
+            "something is missing, and no effect that was considered explains it".to_string()
+        }
         Verdict::Unknown => "something is missing, and no effect of the catalogue explains it".to_string(),
         Verdict::Implausible => format!("only implausible sizes explain the data: {}", sets.join("; ")),
     }
@@ -255,6 +283,17 @@ fn nearest_rows(diagnosis: &Diagnosis) -> Vec<Vec<String>> {
     found.into_iter().take(NEAREST).flat_map(rows).collect()
 }
 
+/// The most useful experiment of every pair.
+fn best_of_pairs(separations: &[Separation]) -> Vec<&Separation> {
+    let mut best: Vec<&Separation> = Vec::new();
+    for s in separations {
+        if best.iter().all(|b| b.separates != s.separates) {
+            best.push(s);
+        }
+    }
+    best
+}
+
 fn readable(diagnosis: &Diagnosis) -> String {
     let mut text = format!("{}: {}\n", diagnosis.participant, in_words(diagnosis));
     let percent = |v: Option<f64>| v.map_or("–".to_string(), |v| fixed(100.0 * v, 2));
@@ -274,17 +313,29 @@ fn readable(diagnosis: &Diagnosis) -> String {
     text.push_str("\nRMSE in % of the session's MVC moment\n");
     text.push_str(&table(&["trials", "as given", "muscles refitted", "with effect", "noise floor"], 1, rows));
     if !diagnosis.explanations.is_empty() {
-        text.push_str("\n\nExplanations that leave nothing\n");
+        let survive = diagnosis.explanations.iter().all(|e| e.p_value >= REJECT_EXPLANATION);
+        text.push_str("\n\nExplanations that leave nothing");
+        text.push_str(if survive { "\n" } else { ", or what chance may leave\n" });
         let rows = diagnosis.explanations.iter().flat_map(|e| estimate_rows(&e.parameters, &fixed(e.p_value, 3)));
         text.push_str(&table(&["parameter", "estimate, 95 % interval", "plausible", "p"], 2, rows));
+        if !diagnosis.separating_experiments.is_empty() {
+            text.push_str(&format!(
+                "\n\nFurther trials that would tell (z: standard deviations; told apart from {SEPARABLE_Z})\n{}",
+                as_table(best_of_pairs(&diagnosis.separating_experiments))
+            ));
+        }
     } else if diagnosis.verdict == Verdict::NothingDetectable {
         text.push_str(&format!("\n\np = {:.3}. Smallest sizes that would have been found:\n", diagnosis.null_p_value));
         let rows = diagnosis.candidates.iter().flat_map(|c| {
-            c.detectable_size
-                .iter()
-                .map(|(name, size)| vec![c.effect.to_string(), (*name).to_string(), format!("{size:.4}")])
+            let unit = |name: &str| {
+                let description = effect(c.effect).map(|e| e.description());
+                description.and_then(|d| d.parameters.iter().find(|p| p.name == name)).map_or("", |p| p.unit)
+            };
+            c.detectable_size.iter().map(move |(name, size)| {
+                vec![c.effect.to_string(), (*name).to_string(), format!("{size:.4}"), unit(name).to_owned()]
+            })
         });
-        text.push_str(&table(&["effect", "parameter", "size"], 2, rows));
+        text.push_str(&table(&["effect", "parameter", "size", "unit"], 2, rows));
     } else if diagnosis.verdict == Verdict::Unknown {
         let rows = nearest_rows(diagnosis);
         if !rows.is_empty() {

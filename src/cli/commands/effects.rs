@@ -47,8 +47,9 @@ fn overview(effects: &[&'static Description]) -> String {
         vec![d.id.to_string(), d.name.to_string(), stage(d.stage).to_string(), form(d).0.to_string(), note.to_string()]
     });
     format!(
-        "{}\n\n{} effects. native: a component or property of stock OpenSim 4.6 gives its moment; controls: it changes the \
-         excitations;\nside-car: it is kept beside the model in effects.toml. carpus effects ID tells all about one.",
+        "{}\n\n{} effects. native: a component or property of stock OpenSim 4.6 gives its moment; controls: no component \
+         of it exists, and it could be baked into the excitations;\nside-car: neither. `effect add` keeps both in effects.toml, beside \
+         the model. carpus effects ID tells all about one.",
         table(&["effect", "what it is", "acts on", "in a model", "identifiable"], 5, rows),
         effects.len()
     )

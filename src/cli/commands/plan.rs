@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::diagnose::{at_size, candidates, forward_model, known, names_of, request};
+use super::diagnose::{at_size, candidates, forward_model, known, laboratory, names_of, request};
 use super::simulate::write_results;
 use crate::cli::args::{Global, PlanArgs};
 use crate::cli::args_diagnosis::EffectSize;
@@ -14,15 +14,14 @@ use crate::cli::failure::{self, Failure, Message};
 use crate::cli::provenance::provenance;
 use crate::cli::study_run::{StudyRun, progress};
 use crate::cli::table::{fixed, table};
-use crate::diagnosis::plan::{SEPARABLE_Z, Separation, plan};
+use crate::diagnosis::plan::plan;
 use crate::diagnosis::separability::{Distance, separability};
+use crate::diagnosis::separation::{SEPARABLE_Z, Separation, most_useful};
 use crate::report::diagnosis::DiagnosisResult;
 use crate::report::results::{Results, rounded};
 
 /// Effects that are told apart where the diagnosis leaves fewer than two.
 const RIVALS: usize = 3;
-/// Experiments that are kept for each pair.
-const KEPT: usize = 3;
 
 /// The plan of one participant.
 struct Planned {
@@ -50,10 +49,9 @@ pub fn run(args: &PlanArgs, global: &Global) -> Result<(), Failure> {
         let forward = forward_model(&run)?;
         let mut diagnosis = known_or_made(&study, &run, &forward, global)?;
         let rivals = if asked.is_empty() { rivals(&diagnosis.result)? } else { asked.clone() };
-        let range = run.model.skeleton().coordinates[run.model.coordinate().0].range;
         let bar = progress(global, 1, &format!("planning {}", participant.name));
         let request = request(&study, &run, &forward, candidates(&[])?, global);
-        let separations = plan(&request, &run.loaded.file.spec, &run.model, &rivals, range, &|done, all| {
+        let separations = plan(&request, laboratory(&run), &rivals, &|done, all| {
             bar.set_length(all as u64);
             bar.set_position(done as u64);
         })
@@ -150,20 +148,6 @@ fn rivals(diagnosis: &DiagnosisResult) -> Result<Vec<&'static str>, Failure> {
     Ok(ids)
 }
 
-/// The most useful experiments of every pair.
-fn kept(separations: &[Separation]) -> Vec<&Separation> {
-    let mut kept: Vec<&Separation> = Vec::new();
-    for s in separations {
-        if kept.iter().filter(|k| k.separates == s.separates).count() < KEPT {
-            kept.push(s);
-        }
-    }
-    // The pair that is worst off first.
-    let worst = |s: &Separation| separations.iter().find(|x| x.separates == s.separates).map_or(0.0, |x| x.z_now);
-    kept.sort_by(|a, b| worst(a).total_cmp(&worst(b)).then(b.z_then.total_cmp(&a.z_then)));
-    kept
-}
-
 fn write(
     study: &StudyRun,
     participant: &str,
@@ -172,7 +156,7 @@ fn write(
 ) -> Result<(), Failure> {
     let internal = |e: serde_json::Error| Failure::Internal(e.to_string());
     let short = |s: &Separation| json!({ "trials": s.trials, "separates": s.separates, "z_now": rounded(s.z_now, 3), "z_then": rounded(s.z_then, 3) });
-    let listed = Value::Array(kept(separations).into_iter().map(short).collect());
+    let listed = Value::Array(most_useful(separations).into_iter().map(short).collect());
     if let Some(map) = diagnosis.value.as_object_mut() {
         map.insert("separating_experiments".to_owned(), listed);
     }
@@ -201,13 +185,18 @@ fn report_again(study: &StudyRun, participant: &str, diagnosis: &Value) -> Resul
 }
 
 fn readable(planned: &Planned) -> String {
-    let rows = kept(&planned.separations).into_iter().map(|s| {
-        let told = if s.z_then >= SEPARABLE_Z { "yes" } else { "no" };
-        vec![s.separates.join(" | "), s.trials.to_owned(), fixed(s.z_now, 1), fixed(s.z_then, 1), told.to_owned()]
-    });
     format!(
         "{}: further trials, and how far they would set explanations apart (z; told apart from {SEPARABLE_Z})\n{}",
         planned.participant,
-        table(&["tell apart", "record", "z now", "z then", "told apart"], 2, rows)
+        as_table(most_useful(&planned.separations))
     )
+}
+
+/// A row for every experiment.
+pub fn as_table<'a>(separations: impl IntoIterator<Item = &'a Separation>) -> String {
+    let rows = separations.into_iter().map(|s| {
+        let told = if s.z_then >= SEPARABLE_Z { "yes" } else { "no" };
+        vec![s.separates.join(" | "), s.trials.to_owned(), fixed(s.z_now, 1), fixed(s.z_then, 1), told.to_owned()]
+    });
+    table(&["tell apart", "record", "z now", "z then", "told apart"], 2, rows)
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::super::noise::Kernels;
+use super::super::separation::Separation;
 use super::super::where_it_fails::AxisResult;
 
 /// What the data say.
@@ -66,7 +67,7 @@ pub struct Explanation {
     pub error_fall: f64,
     /// RMSE over held-out trials / session MVC moment.
     pub held_out_error: Option<f64>,
-    /// Every interval overlaps its plausible range.
+    /// Every interval, as wide as the fit's standard errors say, reaches its plausible range.
     pub plausible: bool,
     /// Parameters by `effect.parameter`.
     pub parameters: BTreeMap<String, ParameterEstimate>,
@@ -104,9 +105,11 @@ pub struct Candidate {
     pub misfit_fall: Option<f64>,
     /// Where residuals do not reject it: how much farther moments and EMG are from it than from the nearest explanation.
     pub misfit_behind: Option<f64>,
-    /// Smallest size that would be found, per amplitude, in the parameter's unit (for changes of a muscle's property: as
-    /// a share of it).
+    /// Smallest size that would be found, per amplitude, in the parameter's unit: how far from its value in the model without the
+    /// effect.
     pub detectable_size: BTreeMap<&'static str, f64>,
+    /// What is plausible of its parameters.
+    pub plausible: BTreeMap<&'static str, [f64; 2]>,
     /// RMSE over held-out trials / session MVC moment, once fitted.
     pub held_out_error: Option<f64>,
     /// Parameters, once fitted.
@@ -150,6 +153,17 @@ pub struct Confusion {
     pub z: f64,
 }
 
+/// Effects that were fitted jointly with the muscles and are no explanations.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct NotListed {
+    /// Those that leave something.
+    pub ruled_out: Vec<&'static str>,
+    /// Those that leave nothing, but make moments and EMG much less likely than an explanation does.
+    pub less_likely: Vec<&'static str>,
+    /// Those that leave nothing at a size that is not plausible, where another explanation's is.
+    pub implausible: Vec<&'static str>,
+}
+
 /// The diagnosis of one participant.
 #[derive(Clone, Debug, Serialize)]
 pub struct Diagnosis {
@@ -166,8 +180,9 @@ pub struct Diagnosis {
     pub null_sign_flip_p_value: f64,
     /// The confidence set.
     pub explanations: Vec<Explanation>,
-    /// Effects that were fitted jointly with the muscles and rejected.
-    pub ruled_out: Vec<&'static str>,
+    /// Effects that were fitted jointly with the muscles and are no explanations.
+    #[serde(flatten)]
+    pub not_listed: NotListed,
     /// Effects that can be tested and were not fitted: nothing was rejected, or their scores leave them no chance; or they came out no
     /// larger than what noise has of them in any case.
     pub not_fitted: Vec<&'static str>,
@@ -177,8 +192,11 @@ pub struct Diagnosis {
     pub error: Errors,
     /// All candidates.
     pub candidates: Vec<Candidate>,
-    /// Pairwise separability of the leading candidates.
+    /// Pairwise separability of the explanations' effects and of the leading candidates.
     pub confusion: Vec<Confusion>,
+    /// Where the data cannot tell: further trials that would tell the effects of the first explanations apart, the most useful
+    /// of every pair.
+    pub separating_experiments: Vec<Separation>,
     /// Residual of the refitted model along every axis.
     pub where_it_fails: Vec<AxisResult>,
     /// Standard deviations of the noise: white and slow moment [N·m], EMG envelope, gain per trial (relative), baseline.

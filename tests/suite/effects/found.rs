@@ -1,0 +1,59 @@
+//! Every effect hidden in the bundled study and looked for. The simulator is the one that looks: studies that OpenSim simulated are in
+//! `diagnosis_hidden` and in the table of `fixtures/diagnosis`.
+
+use carpus::diagnosis::diagnose::{Diagnosis, Request, Verdict, diagnose};
+use carpus::diagnosis::synthesis::{RecordingNoise, sized as asked, synthesize};
+use rayon::prelude::*;
+
+use super::*;
+
+/// Effects that no diagnosis can find here: the same as strength of the muscles, or without influence.
+const NOT_TESTABLE: [&str; 3] = ["emg_gain", "torque_gain", "unmodelled_muscles"];
+
+/// The diagnosis of a person with these effects, of a size that is plain to see, by these candidates; noise a quarter of a
+/// laboratory's, so that it is plain.
+fn found(hidden: &[&'static dyn Effect], candidates: Vec<&'static dyn Effect>) -> Diagnosis {
+    let (study, file, model) = study();
+    let trials = study.load_trials("P01").unwrap_or_else(|e| panic!("{e}"));
+    let forward = ForwardModel::new(&file.spec, model, &trials).unwrap();
+    let size = |effect: &&'static dyn Effect| asked(*effect, &[], &forward.muscles, &forward.joint).unwrap();
+    let effects: Vec<Setting> = hidden.iter().map(size).collect();
+    let noise = RecordingNoise::REALISTIC.scaled(0.25);
+    let recorded = synthesize(&forward, &trials, &effects, &noise, 7).unwrap().trials;
+    let forward = ForwardModel::for_diagnosis(&file.spec, model, &recorded).unwrap();
+    let request = Request {
+        participant: "P01".to_owned(),
+        forward: &forward,
+        laboratory: None,
+        bounds: study.settings.bounds,
+        candidates,
+        mvc: recorded.iter().map(Trial::max_abs_moment).fold(0.0, f64::max),
+        seed: 1,
+    };
+    diagnose(&request).unwrap().diagnosis
+}
+
+#[test]
+fn verif_every_effect_is_found_and_its_nearest_rival_not_blamed_in_its_place() {
+    let all = CATALOGUE.par_iter().filter(|e| !NOT_TESTABLE.contains(&e.description().id));
+    let wrong: Vec<String> = all
+        .filter_map(|effect| {
+            let d = effect.description();
+            let rival = d.rivals.iter().find(|r| !NOT_TESTABLE.contains(r));
+            let candidates = std::iter::once(*effect).chain(rival.map(|r| named(r))).collect();
+            let found = found(&[*effect], candidates);
+            let sets: Vec<&[&str]> = found.explanations.iter().map(|e| e.effects.as_slice()).collect();
+            let told = format!("{} (rival {rival:?}): p {:.4}, {:?} {sets:?}", d.id, found.null_p_value, found.verdict);
+            println!("{told}");
+            (!sets.contains(&[d.id].as_slice())).then_some(told)
+        })
+        .collect();
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn verif_no_effect_is_found_where_there_is_none() {
+    let found = found(&[], CATALOGUE.to_vec());
+    println!("p = {}", found.null_p_value);
+    assert_eq!(found.verdict, Verdict::NothingDetectable);
+}
