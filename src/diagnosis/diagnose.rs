@@ -186,9 +186,9 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     for id in ids().filter(|id| !kept.contains(id)) {
         let Some(single) = singles.iter().find(|s| s.1.effects == [id]) else { continue };
         match () {
+            () if single.1.p_value <= line => not_listed.ruled_out.push(id),
             () if behind.contains_key(id) => not_listed.less_likely.push(id),
-            () if single.1.p_value > line => not_listed.implausible.push(id),
-            () => not_listed.ruled_out.push(id),
+            () => not_listed.implausible.push(id),
         }
     }
     let diagnosis = Diagnosis {

@@ -496,10 +496,10 @@ fn candidates(diagnosis: &DiagnosisResult) -> Vec<CandidateRow> {
             () if in_pair(&c.effect) => "part of a pair",
             () if !testable => "not testable",
             () if !rejected => "not needed",
+            () if c.p_value.is_none() => "not fitted",
+            () if c.p_value.is_some_and(|p| p <= level) => "ruled out",
             () if c.misfit_behind.is_some() => LESS_LIKELY,
-            () if c.p_value.is_some_and(|p| p > level) => IMPLAUSIBLE_SIZE,
-            () if c.p_value.is_some() => "ruled out",
-            () => "not fitted",
+            () => IMPLAUSIBLE_SIZE,
         };
         CandidateRow {
             name: name(&c.effect),

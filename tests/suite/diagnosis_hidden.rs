@@ -1,6 +1,7 @@
 //! Diagnoses of bundled studies that OpenSim simulated and in which an effect is hidden (fixtures/hidden_effects): what is
 //! found must be what was hidden. The table over many more is made by fixtures/scripts/diagnosis_table.py.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use carpus::diagnosis::addition::fit_steps;
@@ -9,6 +10,7 @@ use carpus::diagnosis::diagnose::{Diagnosis, Request, Verdict, diagnose, rmse, s
 use carpus::diagnosis::fit::Analysis;
 use carpus::diagnosis::forward_model::{ForwardModel, Setting};
 use carpus::diagnosis::separability::separability;
+use carpus::diagnosis::separation::Laboratory;
 use carpus::osim::OsimFile;
 use carpus::signals::{Band, Butterworth, sample_rate};
 use carpus::simulation::{MusculoskeletalModel, Setup};
@@ -37,6 +39,7 @@ fn diagnosis(request: &Request) -> Diagnosis {
 fn judged(name: &str, found: Diagnosis) -> (Diagnosis, Value) {
     let sets: Vec<_> = found.explanations.iter().map(|e| (&e.effects, e.p_value)).collect();
     println!("{name}: {:?}, p of no effect {:.4}, {sets:?}", found.verdict, found.null_p_value);
+    check_lists(&found);
     let truth = std::fs::read_to_string(folder(name).join("truth.json")).unwrap();
     (found, serde_json::from_str(&truth).unwrap())
 }
@@ -71,13 +74,33 @@ fn asked_of<T>(
     let request = Request {
         participant: "P01".to_string(),
         forward: &forward,
-        laboratory: None,
+        laboratory: Some(Laboratory { spec: &spec, model: &model }),
         bounds: study.settings.bounds,
         candidates: candidates.iter().map(known).collect(),
         mvc: trials.iter().map(|t| t.max_abs_moment()).fold(0.0, f64::max),
         seed: 1,
     };
     ask(&request)
+}
+
+/// Every candidate is in one list, what is ruled out has a small p-value, and experiments are there where they are called for.
+fn check_lists(found: &Diagnosis) {
+    let explaining: BTreeSet<&str> = found.explanations.iter().flat_map(|e| e.effects.iter().copied()).collect();
+    let not = &found.not_listed;
+    let lists = [&not.ruled_out, &not.less_likely, &not.implausible, &found.not_fitted, &found.not_testable];
+    let mut listed: Vec<&str> = explaining.iter().copied().chain(lists.into_iter().flatten().copied()).collect();
+    listed.sort_unstable();
+    let mut all: Vec<&str> = found.candidates.iter().map(|c| c.effect).collect();
+    all.sort_unstable();
+    assert_eq!(listed, all);
+    let p_value = |id: &str| found.candidates.iter().find(|c| c.effect == id).unwrap().p_value.unwrap();
+    assert!(not.ruled_out.iter().all(|id| p_value(id) < 0.05), "{not:?}");
+    assert!(not.less_likely.iter().chain(&not.implausible).all(|id| p_value(id) > 0.02), "{not:?}");
+    assert_eq!(found.separating_experiments.is_empty(), found.verdict != Verdict::CannotTell);
+    for experiment in &found.separating_experiments {
+        assert!(experiment.separates.iter().all(|id| explaining.contains(id)), "{experiment:?}");
+        assert!(experiment.z_then >= experiment.z_now, "{experiment:?}");
+    }
 }
 
 /// The estimate of a hidden parameter covers what was hidden, and is right within a share.
