@@ -423,7 +423,13 @@ impl Judge<'_> {
             }
         }
         let Some(laboratory) = self.request.laboratory else { return Ok(Vec::new()) };
-        let all = separations(self.analysis, self.null, laboratory, &self.request.bounds, &rivals, &|_, _| {})?;
+        let mut all = separations(self.analysis, self.null, laboratory, &self.request.bounds, &rivals, &|_, _| {})?;
+        // Two effects are rivals where one stands in the other's place, beside the same second effect if there is one.
+        let beside = |id: &str| -> Vec<Vec<&str>> {
+            let others = |e: &Explanation| e.effects.iter().copied().filter(|x| *x != id).collect();
+            explanations.iter().filter(|e| e.1.effects.contains(&id)).map(|e| others(&e.1)).collect()
+        };
+        all.retain(|s| beside(s.separates[0]).iter().any(|others| beside(s.separates[1]).contains(others)));
         Ok(most_useful(&all).into_iter().cloned().collect())
     }
 
