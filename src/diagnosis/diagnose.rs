@@ -176,7 +176,8 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         ids().filter(|id| !fitted.contains(id) && !kept.contains(id) && !not_testable.contains(id)).collect();
     let residuals = judge.residuals(&null)?;
     let separating_experiments = match verdict {
-        Verdict::CannotTell => judge.experiments(&explanations)?,
+        // Trials that nobody recorded must not cost the diagnosis: where one cannot be simulated, `carpus plan` says why.
+        Verdict::CannotTell => judge.experiments(&explanations).unwrap_or_default(),
         _ => Vec::new(),
     };
     let judged = explanations.iter().map(|e| &e.1).chain(&farther).filter(|e| e.effects.len() == 1);

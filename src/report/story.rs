@@ -13,9 +13,8 @@ use super::view::{Fact, Group, Pair, ParameterGroup, facts, groups, maybe, param
 use super::warnings::{self, WarningGroup};
 use crate::diagnosis::catalogue::effect;
 use crate::diagnosis::diagnose::{LEAST_SHARE, REJECT_EXPLANATION, is_determined};
+use crate::diagnosis::separation::SEPARABLE_Z;
 
-/// z from which two explanations count as told apart.
-const ENOUGH_Z: f64 = 4.5;
 /// Candidates that the ranking shows in full.
 const SHOWN_CANDIDATES: usize = 14;
 
@@ -550,8 +549,8 @@ fn confusion(diagnosis: &DiagnosisResult) -> Vec<ConfusionRow> {
         .map(|([a, b], z)| ConfusionRow {
             pair: format!("{} | {}", name(&a), name(&b)),
             z: significant(z, 2),
-            svg: separation(z, None, ENOUGH_Z, most),
-            apart: z >= ENOUGH_Z,
+            svg: separation(z, None, SEPARABLE_Z, most),
+            apart: z >= SEPARABLE_Z,
         })
         .collect()
 }
@@ -566,8 +565,8 @@ fn experiments(diagnosis: &DiagnosisResult) -> Vec<ExperimentRow> {
             pair: e.separates.iter().map(|id| name(id)).collect::<Vec<_>>().join(" | "),
             now: significant(e.z_now, 2),
             then: significant(e.z_then, 2),
-            svg: separation(e.z_now, Some(e.z_then), ENOUGH_Z, most),
-            enough: e.z_then >= ENOUGH_Z,
+            svg: separation(e.z_now, Some(e.z_then), SEPARABLE_Z, most),
+            enough: e.z_then >= SEPARABLE_Z,
         })
         .collect()
 }
