@@ -36,13 +36,13 @@ use super::trial_record::TrialRecord;
 use crate::simulation::{MuscleParameters, SimulationError};
 use crate::study::ParameterBounds;
 
-pub(super) use grid::{between_knots, corrected, knot_count};
+pub(crate) use grid::{between_knots, corrected, knot_count};
 pub(crate) use grid::{block_means, block_starts};
-pub(super) use linearization::Linear;
+pub(crate) use linearization::Linear;
 
 /// Largest mean of a score [standard deviations]: noise of the EMG causes 1 to 3; beyond that an EMG was bent to make up for a
 /// model that is far off.
-pub(super) const LARGEST_MEAN: f64 = 4.0;
+pub(crate) const LARGEST_MEAN: f64 = 4.0;
 
 /// Where a fit stands.
 #[derive(Clone)]
@@ -71,23 +71,23 @@ pub struct Fit {
     /// Variances of the noise.
     pub levels: NoiseLevels,
     /// Covariance of their logarithms.
-    pub(super) level_spread: DMatrix<f64>,
-    pub(super) noise: Vec<TrialNoise>,
-    pub(super) factors: Vec<Cholesky<f64, Dyn>>,
+    pub(crate) level_spread: DMatrix<f64>,
+    pub(crate) noise: Vec<TrialNoise>,
+    pub(crate) factors: Vec<Cholesky<f64, Dyn>>,
     /// Per training trial: whitened columns [nuisance | effects' parameters | residual].
-    pub(super) whitened: Vec<DMatrix<f64>>,
+    pub(crate) whitened: Vec<DMatrix<f64>>,
     /// Distance of nuisance and effects from the prior's mean, and prior precision.
-    pub(super) offset: Vec<f64>,
-    pub(super) precision: Vec<f64>,
+    pub(crate) offset: Vec<f64>,
+    pub(crate) precision: Vec<f64>,
     /// Per training trial: directions at this fit, averaged over blocks.
-    pub(super) directions: Arc<Vec<DMatrix<f64>>>,
+    pub(crate) directions: Arc<Vec<DMatrix<f64>>>,
     /// Per training trial: mean score of nuisance, effects and directions when nothing else is missing.
-    pub(super) bias: Arc<Vec<DVector<f64>>>,
+    pub(crate) bias: Arc<Vec<DVector<f64>>>,
 }
 
 impl Fit {
     /// Whether one of its effects is no larger than what noise has of it in any case.
-    pub(super) fn is_within_noise(&self) -> bool {
+    pub(crate) fn is_within_noise(&self) -> bool {
         self.point.effects.iter().any(|s| s.effect.is_within_noise(&s.values))
     }
 }
@@ -101,49 +101,49 @@ pub struct Analysis<'a> {
     /// Effects under test.
     pub candidates: Vec<&'static dyn Effect>,
     /// Prior standard deviation of log F_max, log l_opt, log l_slack.
-    pub(super) prior_sd: [f64; FITTED_PER_MUSCLE],
+    pub(crate) prior_sd: [f64; FITTED_PER_MUSCLE],
     /// Blocks of directions and their columns among all directions.
     pub blocks: Vec<Block>,
     /// Per training trial.
-    pub(super) times: Vec<Arc<TrialTimes>>,
+    pub(crate) times: Vec<Arc<TrialTimes>>,
     /// How the noise goes with itself in time.
-    pub(super) kernels: Kernels,
-    pub(super) seed: u64,
+    pub(crate) kernels: Kernels,
+    pub(crate) seed: u64,
     /// Per training trial: moments to fit in place of the recorded ones [N·m].
-    pub(super) targets: Option<Vec<Vec<f64>>>,
+    pub(crate) targets: Option<Vec<Vec<f64>>>,
 }
 
 /// The noise of all training trials.
 #[derive(Clone)]
-pub(super) struct Noise {
-    pub(super) structure: Vec<TrialNoise>,
-    pub(super) levels: NoiseLevels,
-    pub(super) factors: Vec<Cholesky<f64, Dyn>>,
+pub(crate) struct Noise {
+    pub(crate) structure: Vec<TrialNoise>,
+    pub(crate) levels: NoiseLevels,
+    pub(crate) factors: Vec<Cholesky<f64, Dyn>>,
 }
 
 impl Noise {
-    pub(super) fn log_determinant(&self) -> f64 {
+    pub(crate) fn log_determinant(&self) -> f64 {
         self.factors.iter().map(|f| f.l_dirty().diagonal().map(|d| 2.0 * d.ln()).sum()).sum()
     }
 }
 
 /// A point's objective and its derivatives.
-pub(super) struct Account {
-    pub(super) whitened: Vec<DMatrix<f64>>,
-    pub(super) information: DMatrix<f64>,
-    pub(super) gradient: DVector<f64>,
+pub(crate) struct Account {
+    pub(crate) whitened: Vec<DMatrix<f64>>,
+    pub(crate) information: DMatrix<f64>,
+    pub(crate) gradient: DVector<f64>,
     /// −2 log posterior without the determinant.
-    pub(super) objective: f64,
+    pub(crate) objective: f64,
     /// Decrease of the objective that a full step promises.
-    pub(super) gain: f64,
-    pub(super) precision: Vec<f64>,
-    pub(super) offset: Vec<f64>,
+    pub(crate) gain: f64,
+    pub(crate) precision: Vec<f64>,
+    pub(crate) offset: Vec<f64>,
 }
 
 /// What of a trial's noise depends on its times and direction alone.
 ///
 /// - `kernel`: of slow disturbances
-fn trial_times(trial: &TrialRecord, kernel: &Kernel) -> Arc<TrialTimes> {
+pub(crate) fn trial_times(trial: &TrialRecord, kernel: &Kernel) -> Arc<TrialTimes> {
     let starts = block_starts(&trial.time);
     let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
     let times = block_means(&trial.time, &starts);
@@ -175,14 +175,14 @@ impl<'a> Analysis<'a> {
     }
 
     /// The moment that a training trial is fitted to [N·m].
-    pub(super) fn target(&self, position: usize) -> &[f64] {
+    pub(crate) fn target(&self, position: usize) -> &[f64] {
         match &self.targets {
             Some(targets) => &targets[position],
             None => &self.forward.trials[self.train[position]].moment,
         }
     }
 
-    pub(super) fn n_muscles(&self) -> usize {
+    pub(crate) fn n_muscles(&self) -> usize {
         self.forward.muscles.len()
     }
 
@@ -209,7 +209,7 @@ impl<'a> Analysis<'a> {
     }
 
     /// No noise in the EMG, per training trial and muscle on knots.
-    pub(super) fn no_correction(&self) -> Vec<Vec<DVector<f64>>> {
+    pub(crate) fn no_correction(&self) -> Vec<Vec<DVector<f64>>> {
         let none = |g: &usize| vec![DVector::zeros(knot_count(&self.forward.trials[*g].time)); self.n_muscles()];
         self.train.iter().map(none).collect()
     }
@@ -261,7 +261,7 @@ impl<'a> Analysis<'a> {
     }
 
     /// A point moved by a step, as a whole shortened to what the linearization may be trusted for.
-    pub(super) fn moved(&self, point: &Point, step: &DVector<f64>) -> Point {
+    pub(crate) fn moved(&self, point: &Point, step: &DVector<f64>) -> Point {
         let mut point = point.clone();
         let muscles = self.n_muscles() * FITTED_PER_MUSCLE;
         let most = |i: usize| if i < muscles { [0.7, 0.1, 0.03][i % FITTED_PER_MUSCLE] } else { 6.0 };
@@ -305,7 +305,7 @@ impl<'a> Analysis<'a> {
     }
 
     /// Objective, gradient and information at a point.
-    pub(super) fn account(&self, linear: &[Linear], point: &Point, noise: &Noise) -> Account {
+    pub(crate) fn account(&self, linear: &[Linear], point: &Point, noise: &Noise) -> Account {
         let whitened = self.whitened(linear, &noise.factors);
         let (precision, offset) = self.prior(point);
         let p = precision.len();
@@ -420,8 +420,8 @@ impl<'a> Analysis<'a> {
 }
 
 /// Prior precision of amplitudes in units of their scale: 20 scales are one standard deviation.
-pub(super) const AMPLITUDE_PRECISION: f64 = 1.0 / 400.0;
-pub(super) fn whiten(factor: &Cholesky<f64, Dyn>, columns: &DMatrix<f64>) -> DMatrix<f64> {
+pub(crate) const AMPLITUDE_PRECISION: f64 = 1.0 / 400.0;
+pub(crate) fn whiten(factor: &Cholesky<f64, Dyn>, columns: &DMatrix<f64>) -> DMatrix<f64> {
     let mut out = columns.clone();
     // The factor has a positive diagonal, so that this always succeeds.
     let solved = factor.l_dirty().solve_lower_triangular_mut(&mut out);

@@ -20,9 +20,12 @@ use rayon::prelude::*;
 
 use super::ONE_BY_ONE;
 use super::kernel::{Family, Kernel, correlated, root};
+use crate::inference::excitation::Expected;
 use crate::study::Direction;
 
-pub use restricted_likelihood::{LEAST_WHITE, best_kernel, estimate, estimate_within, restricted_deviance, spread};
+pub use restricted_likelihood::{
+    LEAST_WHITE, best_kernel, estimate, estimate_within, prior_deviance, restricted_deviance, spread,
+};
 
 /// Distance between knots of the EMG's noise [s].
 pub const KNOT_SPACING: f64 = 0.04;
@@ -153,6 +156,12 @@ impl Response {
         self.by_knots[(block, knot)] += moment;
         let rows = &mut self.rows[knot];
         *rows = if rows.start == rows.end { block..block + 1 } else { rows.start.min(block)..rows.end.max(block + 1) };
+    }
+
+    /// Of a matrix, blocks × knots.
+    fn dense(by_knots: DMatrix<f64>) -> Response {
+        let rows = vec![0..by_knots.nrows(); by_knots.ncols()];
+        Response { by_knots, rows }
     }
 
     /// G K; with `factors` on the knots G D K.
@@ -370,6 +379,33 @@ impl TrialNoise {
         let whole = self.whole.column(muscle);
         out.ger(gain, &whole, &whole, 1.0);
         out
+    }
+
+    /// The same noise, that of the EMG being what an expected true excitation leaves of it.
+    ///
+    /// - `expected`: per muscle
+    pub fn with_expected(&self, expected: &[Expected], kernel: &Kernel) -> TrialNoise {
+        let mut known =
+            self.of_angle.clone().unwrap_or_else(|| DMatrix::zeros(self.times.white.len(), self.times.white.len()));
+        let response = self.response.iter().zip(expected).map(|(g, expected)| {
+            known += &g.by_knots * &expected.known * g.by_knots.transpose();
+            Response::dense(&g.by_knots * &expected.shaping)
+        });
+        let response: Vec<Response> = response.collect();
+        let mut whole = DMatrix::zeros(self.times.white.len(), response.len());
+        for (g, mut whole) in response.iter().zip(whole.column_iter_mut()) {
+            whole.copy_from(&g.by_knots.column_sum());
+        }
+        let emg = [DMatrix::zeros(0, 0), &whole * whole.transpose(), DMatrix::zeros(0, 0)];
+        let of_angle = Some(known);
+        TrialNoise { response, whole, emg, of_angle, ..self.clone() }.with_emg_kernel(kernel)
+    }
+
+    /// Covariance of all knots of a muscle with the moment, times V⁻¹ r, for an expected true excitation.
+    ///
+    /// - `weighted`: V⁻¹ r
+    pub fn known_response(&self, muscle: usize, known: &DMatrix<f64>, weighted: &DVector<f64>) -> DVector<f64> {
+        known * self.response[muscle].by_knots.tr_mul(weighted)
     }
 
     /// Sum of V's diagonal for single samples instead of blocks [(N·m)²].

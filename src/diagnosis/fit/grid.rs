@@ -26,14 +26,14 @@ pub(crate) fn block_means(series: &[f64], starts: &[usize]) -> DVector<f64> {
     )
 }
 
-pub(in crate::diagnosis) fn knot_count(time: &[f64]) -> usize {
+pub(crate) fn knot_count(time: &[f64]) -> usize {
     ((time[time.len() - 1] - time[0]) / KNOT_SPACING).ceil() as usize + 1
 }
 
 /// A value between knots.
 ///
 /// - `t`: time since the first [s]
-pub(in crate::diagnosis) fn between_knots(values: &DVector<f64>, t: f64) -> f64 {
+pub(crate) fn between_knots(values: &DVector<f64>, t: f64) -> f64 {
     let x = t / KNOT_SPACING;
     let i = (x as usize).min(values.len() - 2);
     values[i] + (x - i as f64) * (values[i + 1] - values[i])
@@ -49,16 +49,12 @@ fn bounded(excitation: f64) -> f64 {
 }
 
 /// Of an excitation that is [`bounded`], the derivative of its logarithm by that of the excitation.
-pub(super) fn slope_of_bounded(bounded: f64) -> f64 {
+pub(crate) fn slope_of_bounded(bounded: f64) -> f64 {
     1.0 - bounded.min(1.0).powf(1.0 / BEND)
 }
 
 /// Recorded excitation times exp(correction), below 1.
-pub(in crate::diagnosis) fn corrected(
-    time: &[f64],
-    excitation: &[Vec<f64>],
-    correction: &[DVector<f64>],
-) -> Vec<Vec<f64>> {
+pub(crate) fn corrected(time: &[f64], excitation: &[Vec<f64>], correction: &[DVector<f64>]) -> Vec<Vec<f64>> {
     let corrected = |(e, w): (&Vec<f64>, &DVector<f64>)| {
         e.iter().zip(time).map(|(e, t)| bounded(e * between_knots(w, t - time[0]).exp())).collect()
     };

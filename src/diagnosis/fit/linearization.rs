@@ -24,26 +24,22 @@ const DISTURBANCE: f64 = 1e-3;
 const LACK_SCALE: f64 = 0.1;
 
 /// One trial at a point, averaged over blocks of samples.
-pub(in crate::diagnosis) struct Linear {
-    pub(in crate::diagnosis) nuisance: DMatrix<f64>,
-    pub(in crate::diagnosis) effects: DMatrix<f64>,
+pub(crate) struct Linear {
+    pub(crate) nuisance: DMatrix<f64>,
+    pub(crate) effects: DMatrix<f64>,
     /// Measured minus simulated moment.
-    pub(in crate::diagnosis) bare: DVector<f64>,
+    pub(crate) bare: DVector<f64>,
     /// The same, expected EMG noise and baselines taken into account.
-    pub(in crate::diagnosis) residual: DVector<f64>,
+    pub(crate) residual: DVector<f64>,
     /// The trial's core, for directions.
-    pub(in crate::diagnosis) core: Arc<Core>,
+    pub(crate) core: Arc<Core>,
 }
 
 /// Models on both sides of the differences by an effect's parameters: see [`ForwardModel::difference_variants`].
 type Variants<'m> = Vec<[Cow<'m, MusculoskeletalModel>; 2]>;
 
 impl Analysis<'_> {
-    pub(in crate::diagnosis) fn linearize(
-        &self,
-        point: &Point,
-        noise: &[TrialNoise],
-    ) -> Result<Vec<Linear>, SimulationError> {
+    pub(crate) fn linearize(&self, point: &Point, noise: &[TrialNoise]) -> Result<Vec<Linear>, SimulationError> {
         let variants = (0..point.effects.len())
             .map(|i| self.forward.difference_variants(&point.effects, i))
             .collect::<Result<Vec<_>, _>>()?;
@@ -51,7 +47,7 @@ impl Analysis<'_> {
     }
 
     /// As [`Analysis::linearize`], but for the columns of effects: there are none.
-    pub(in crate::diagnosis) fn linearize_muscles(&self, point: &Point) -> Result<Vec<Linear>, SimulationError> {
+    pub(crate) fn linearize_muscles(&self, point: &Point) -> Result<Vec<Linear>, SimulationError> {
         self.linearized(point, &[], &[])
     }
 
@@ -130,11 +126,7 @@ impl Analysis<'_> {
     /// A linearization as it is with one more effect, which is absent: nothing but its own columns is computed.
     ///
     /// - `point`: with that effect, the last
-    pub(in crate::diagnosis) fn with_absent(
-        &self,
-        linear: &[Linear],
-        point: &Point,
-    ) -> Result<Vec<Linear>, SimulationError> {
+    pub(crate) fn with_absent(&self, linear: &[Linear], point: &Point) -> Result<Vec<Linear>, SimulationError> {
         let which = point.effects.len() - 1;
         let variants = self.forward.difference_variants(&point.effects, which)?;
         let of_trial = |(position, l): (usize, &Linear)| {
@@ -150,7 +142,7 @@ impl Analysis<'_> {
     }
 
     /// Takes the noise of a trial into account in a linearization.
-    pub(in crate::diagnosis) fn attach(&self, linear: &mut Linear, position: usize, point: &Point, noise: &TrialNoise) {
+    pub(crate) fn attach(&self, linear: &mut Linear, position: usize, point: &Point, noise: &TrialNoise) {
         linear.residual = &linear.bare + noise.respond(&point.correction[position]);
         for m in 0..self.n_muscles() {
             let column = noise.respond_to_baseline(m) * BASELINE_SD;
@@ -159,7 +151,7 @@ impl Analysis<'_> {
         }
     }
 
-    pub(in crate::diagnosis) fn noise_structure(&self, linear: &[Linear], point: &Point) -> Vec<TrialNoise> {
+    pub(crate) fn noise_structure(&self, linear: &[Linear], point: &Point) -> Vec<TrialNoise> {
         let of_trial = |(position, l): (usize, &Linear)| self.trial_noise(position, &l.core, point);
         linear.par_iter().with_max_len(ONE_BY_ONE).enumerate().map(of_trial).collect()
     }
@@ -287,7 +279,7 @@ impl Analysis<'_> {
 
     /// Directions of all candidates' amplitudes and of lack of fit, in units of their scales, and the blocks that they form;
     /// 0 for an effect that is on.
-    pub(in crate::diagnosis) fn calc_directions(
+    pub(crate) fn calc_directions(
         &self,
         linear: &[Linear],
         point: &Point,
@@ -296,7 +288,7 @@ impl Analysis<'_> {
     }
 
     /// As [`Analysis::calc_directions`], 0 for an effect that is not wanted.
-    pub(in crate::diagnosis) fn calc_directions_of(
+    pub(crate) fn calc_directions_of(
         &self,
         linear: &[Linear],
         point: &Point,

@@ -24,14 +24,14 @@ const LEAST_WHITE_AT_WRIST: f64 = 0.01;
 
 impl Analysis<'_> {
     /// Least white noise of the moment, which goes with the joint's strength [N·m].
-    fn least_white(&self) -> f64 {
+    pub(crate) fn least_white(&self) -> f64 {
         (LEAST_WHITE_AT_WRIST * self.forward.joint.strength).max(noise::LEAST_WHITE)
     }
 
     /// Variances of the noise, all directions being among the regressors.
     ///
     /// - `directions`: at the point
-    pub(in crate::diagnosis) fn estimate_noise(
+    pub(crate) fn estimate_noise(
         &self,
         linear: &[Linear],
         noise: &[TrialNoise],
@@ -75,7 +75,7 @@ impl Analysis<'_> {
     }
 
     /// Covariance of the logarithms of the noise's variances.
-    pub(in crate::diagnosis) fn level_spread(
+    pub(crate) fn level_spread(
         &self,
         linear: &[Linear],
         noise: &Noise,

@@ -79,6 +79,11 @@ fn priors(levels: &NoiseLevels) -> impl Iterator<Item = (usize, f64, f64)> {
     of_emg.chain(SLOW.map(move |i| (i, of_directions, precision(DIRECTION_FACTOR))))
 }
 
+/// −2 log of what is expected of variances before the data, up to a constant.
+pub fn prior_deviance(levels: &NoiseLevels) -> f64 {
+    priors(levels).map(|(i, mean, precision)| precision * (levels.0[i].ln() - mean).powi(2)).sum()
+}
+
 /// How well the variances are known: covariance of their logarithms, from `½ tr(P Vᵢ P Vⱼ)` of the trials' own blocks of P and
 /// what is expected before the data.
 ///
