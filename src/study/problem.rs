@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use super::trial::{LONGEST_STEP, LONGEST_TRIAL};
+use super::trial::{LONGEST_STEP, LONGEST_TRIAL, SHORTEST_STEP};
 use crate::signals::{Finding, SignalError};
 
 /// How many problems [`StudyErrors`] prints before it only counts the rest.
@@ -365,8 +365,9 @@ pub enum Fault {
     },
     /// Time in another unit than seconds.
     #[error(
-        "median time step {median_step_s:.4} s, duration {duration_s:.4} s; expected steps of at most {LONGEST_STEP} s and a trial of at \
-         most {LONGEST_TRIAL} s"
+        "median time step {median_step_s} s, duration {duration_s} s; expected steps of {SHORTEST_STEP} s to {LONGEST_STEP} s and a \
+         trial of at most {LONGEST_TRIAL} s",
+        median_step_s = four_digits(*median_step_s), duration_s = four_digits(*duration_s)
     )]
     ImplausibleTime {
         /// Median step \[s\].
@@ -651,13 +652,20 @@ fn quoted(text: &str) -> String {
     if short.len() < text.len() { format!("`{short}…`") } else { format!("`{short}`") }
 }
 
-/// The unit of time in which a recorder's step of this size is usual: 10 µs to 100 ms.
+/// A number to four significant digits.
+fn four_digits(number: f64) -> f64 {
+    format!("{number:.3e}").parse().unwrap_or(number)
+}
+
+/// The unit of time in which a recorder's step of this size is usual, 10 µs to 100 ms; `None` if that is seconds, or no unit.
 ///
 /// - `step`: median step in that unit
 fn time_unit(step: f64) -> Option<&'static str> {
     let usual = 1e-5..=0.1;
-    let units = [("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9)];
-    units.into_iter().find(|(_, seconds)| usual.contains(&(step * seconds))).map(|(unit, _)| unit)
+    let units =
+        [("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9), ("minutes", 60.0), ("hours", 3600.0)];
+    let unit = units.into_iter().find(|(_, seconds)| usual.contains(&(step * seconds))).map(|(unit, _)| unit);
+    unit.filter(|_| !usual.contains(&step))
 }
 
 fn others(more: usize) -> String {

@@ -16,6 +16,8 @@ pub const MAX_SAMPLES: usize = 1_000_000;
 /// Longest median step, and longest mean step, of a trial: ten times the usual time constant of deactivation, 40 ms. From one such sample to the next a
 /// contraction comes and goes, so that time is in another unit \[s\].
 pub const LONGEST_STEP: f64 = 0.4;
+/// Shortest median step of a trial: a megahertz, a hundred times the rate of recorders of EMG \[s\].
+pub const SHORTEST_STEP: f64 = 1e-6;
 /// Longest trial: no contraction or passive movement on a dynamometer lasts an hour \[s\].
 pub const LONGEST_TRIAL: f64 = 3600.0;
 /// A step of more than this many median steps is a gap, unless `[checks] max_gap_s` says otherwise.
@@ -395,7 +397,9 @@ pub(crate) fn implausible_time(time: &[f64], median_step_s: f64) -> Option<Fault
     let (first, last) = (*time.first()?, *time.last()?);
     let duration_s = last - first;
     let mean_step_s = duration_s / (time.len().max(2) - 1) as f64;
-    let plausible = median_step_s <= LONGEST_STEP && mean_step_s <= LONGEST_STEP && duration_s <= LONGEST_TRIAL;
+    let plausible = (SHORTEST_STEP..=LONGEST_STEP).contains(&median_step_s)
+        && mean_step_s <= LONGEST_STEP
+        && duration_s <= LONGEST_TRIAL;
     (!plausible).then_some(Fault::ImplausibleTime { median_step_s, duration_s })
 }
 

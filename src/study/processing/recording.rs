@@ -106,9 +106,11 @@ impl Recorded {
             problems.push(Problem::error(path, None, fault));
             return None;
         }
-        let steps: Vec<f64> = recorded.time.windows(2).map(|w| w[1] - w[0]).collect();
-        problems
-            .extend(implausible_time(&recorded.time, median(&steps)).map(|fault| Problem::error(path, None, fault)));
+        if problems.len() == before {
+            let steps: Vec<f64> = recorded.time.windows(2).map(|w| w[1] - w[0]).collect();
+            let fault = implausible_time(&recorded.time, median(&steps));
+            problems.extend(fault.map(|fault| Problem::error(path, None, fault)));
+        }
         Some(recorded)
     }
 
