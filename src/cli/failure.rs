@@ -153,7 +153,8 @@ impl From<crate::study::StudyErrors> for Failure {
 /// How many messages of a kind are printed before the rest is only counted.
 const MAX_PRINTED: usize = 20;
 
-/// Prints a line to stderr. Where nobody listens, or the disk is full, the work goes on: what was asked for are the results.
+/// Prints a line to stderr. Where nobody listens, or the disk is full, the work goes on: what was asked for are the
+/// results.
 pub fn say(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }

@@ -4,7 +4,8 @@ use rayon::prelude::*;
 
 use crate::signals::{SignalError, interpolate_linear};
 
-/// Most steps of the finer recorder, on average, to a sample of either: recorders of motion at 50 Hz and of EMG at 5 kHz are the farthest apart.
+/// Most steps of the finer recorder, on average, to a sample of either: recorders of motion at 50 Hz and of EMG at 5
+/// kHz are the farthest apart.
 const MOST_STEPS: f64 = 100.0;
 /// Common samples below which a correlation means nothing.
 const MIN_OVERLAP: usize = 32;

@@ -17,7 +17,8 @@ use super::error::{DocumentError, DocumentErrorKind, OsimError, WriteError};
 /// Elements nested deeper than this are refused (OpenSim's own files reach about 20).
 const MAXIMUM_DEPTH: usize = 200;
 
-/// Bytes from `&` to `;` within which an entity or character reference ends: `&#x0010FFFF;` and one more. What is longer is text, and is
+/// Bytes from `&` to `;` within which an entity or character reference ends: `&#x0010FFFF;` and one more. What is
+/// longer is text, and is
 /// not searched to its end for every `&` in it.
 const LONGEST_REFERENCE: usize = 13;
 

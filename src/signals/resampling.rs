@@ -7,7 +7,8 @@ use super::error::{SignalError, finite, positive_rate};
 const ANTI_ALIAS_ORDER: usize = 8;
 /// Its cutoff as a fraction of half the lower rate.
 const ANTI_ALIAS_CUTOFF: f64 = 0.8;
-/// Largest ratio of a new rate to the recorded one. Between samples nothing is known; recorders of motion at 50 Hz and of EMG at 5 kHz are
+/// Largest ratio of a new rate to the recorded one. Between samples nothing is known; recorders of motion at 50 Hz and
+/// of EMG at 5 kHz are
 /// the farthest apart.
 const MOST_NEW_SAMPLES: f64 = 100.0;
 

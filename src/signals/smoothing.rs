@@ -4,7 +4,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::error::{SignalError, finite};
 
-/// Longest window \[s\]: windows of envelopes take a tenth of a second, those of maximal contractions one or two. Each sample is
+/// Longest window \[s\]: windows of envelopes take a tenth of a second, those of maximal contractions one or two. Each
+/// sample is
 /// summed over its window, so that the work grows with it.
 const LONGEST_WINDOW: f64 = 60.0;
 

@@ -36,7 +36,8 @@ pub(crate) struct ActivationDynamics {
     pub(crate) ignored: bool,
 }
 
-/// Most pieces per sample, on average over a trial: a sample every 0.4 s, the coarsest that is read, takes 60 of them at usual time constants. Time
+/// Most pieces per sample, on average over a trial: a sample every 0.4 s, the coarsest that is read, takes 40 of them
+/// at usual time constants. Time
 /// constants that need more are shorter by orders of magnitude.
 const MOST_PIECES_PER_SAMPLE: usize = 1000;
 

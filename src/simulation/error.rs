@@ -201,8 +201,8 @@ pub enum SimulationError {
     },
     /// Activation changes faster than the samples by orders of magnitude.
     #[error(
-        "{recording}: {muscle}: activation cannot be followed after {time} s: its time constants, {activation_time_constant} s and \
-         {deactivation_time_constant} s, are too short for the steps of time"
+        "{recording}: {muscle}: activation cannot be followed after {time} s: its time constants, \
+         {activation_time_constant} s and {deactivation_time_constant} s, are too short for the steps of time"
     )]
     ActivationTooFast {
         /// The recording.

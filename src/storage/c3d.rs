@@ -210,8 +210,8 @@ impl Layout {
         if channels > 0 && markers > 0 && differ(sample_rate, frame_rate * per_frame as f64) {
             let expected = frame_rate * per_frame as f64;
             warnings.push(format!(
-                "ANALOG:RATE is {sample_rate} Hz, but {per_frame} samples in each of {frame_rate} frames per second are \
-                 {expected} Hz, which are taken"
+                "ANALOG:RATE is {sample_rate} Hz, but {per_frame} samples in each of {frame_rate} frames per second \
+                 are {expected} Hz, which are taken"
             ));
             layout.sample_rate = expected;
         }
@@ -234,7 +234,8 @@ impl Layout {
         self.marker_bytes() + self.width() * self.channels * self.per_frame
     }
 
-    /// How many frames there are. The header counts to 65535, TRIAL in numbers of 32 bits; programs that cut a recording
+    /// How many frames there are. The header counts to 65535, TRIAL in numbers of 32 bits; programs that cut a
+    /// recording
     /// correct the one or the other. The largest count that the file can hold is right.
     fn count_of_frames(
         &self,

@@ -365,8 +365,8 @@ pub enum Fault {
     },
     /// Time in another unit than seconds.
     #[error(
-        "median time step {median_step_s} s, duration {duration_s} s; expected steps of {SHORTEST_STEP} s to {LONGEST_STEP} s and a \
-         trial of at most {LONGEST_TRIAL} s",
+        "median time step {median_step_s} s, duration {duration_s} s; expected steps of {SHORTEST_STEP} s to \
+         {LONGEST_STEP} s and a trial of at most {LONGEST_TRIAL} s",
         median_step_s = four_digits(*median_step_s), duration_s = four_digits(*duration_s)
     )]
     ImplausibleTime {
@@ -657,7 +657,8 @@ fn four_digits(number: f64) -> f64 {
     format!("{number:.3e}").parse().unwrap_or(number)
 }
 
-/// The unit of time in which a recorder's step of this size is usual, 10 µs to 100 ms; `None` if that is seconds, or no unit.
+/// The unit of time in which a recorder's step of this size is usual, 10 µs to 100 ms; `None` if that is seconds, or no
+/// unit.
 ///
 /// - `step`: median step in that unit
 fn time_unit(step: f64) -> Option<&'static str> {

@@ -10,10 +10,12 @@ use super::trial_list::TrialInfo;
 
 /// Fewest samples a trial may have: enough for a cubic spline with something to smooth.
 pub const MIN_SAMPLES: usize = 10;
-/// Most samples a trial may have (eight minutes at 2 kHz, an hour and more at 250 Hz). Simulated with five muscles a sample takes up to
+/// Most samples a trial may have (eight minutes at 2 kHz, an hour and more at 250 Hz). Simulated with five muscles a
+/// sample takes up to
 /// 2.6 kB, so that a trial stays below 3 GB.
 pub const MAX_SAMPLES: usize = 1_000_000;
-/// Longest median step, and longest mean step, of a trial: ten times the usual time constant of deactivation, 40 ms. From one such sample to the next a
+/// Longest median step, and longest mean step, of a trial: ten times the usual time constant of deactivation, 40 ms.
+/// From one such sample to the next a
 /// contraction comes and goes, so that time is in another unit \[s\].
 pub const LONGEST_STEP: f64 = 0.4;
 /// Shortest median step of a trial: a megahertz, a hundred times the rate of recorders of EMG \[s\].
@@ -389,7 +391,8 @@ fn check_time(trial: &Trial, max_gap: Option<f64>, problems: &mut Vec<Problem>) 
     }
 }
 
-/// What is wrong with times of which the unit cannot be seconds. The work that a trial makes grows with its duration; after this check it grows
+/// What is wrong with times of which the unit cannot be seconds. The work that a trial makes grows with its duration;
+/// after this check it grows
 /// with the number of its samples.
 ///
 /// - `median_step_s`: median step \[s\]

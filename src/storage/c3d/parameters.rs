@@ -1,6 +1,7 @@
 //! The parameters of a motion capture file: groups of named arrays.
 //!
-//! In: the bytes of the section. Out: texts and numbers by group and name, whatever type they were written in. Data stay
+//! In: the bytes of the section. Out: texts and numbers by group and name, whatever type they were written in. Data
+//! stay
 //! where they are in the file until they are asked for.
 
 use super::{StorageProblem, broken};
@@ -43,7 +44,8 @@ impl Processor {
     }
 }
 
-/// A real of DEC's format F: words of sign, 8 bits of exponent in excess of 128 and 23 bits of a fraction in [½, 1), whose
+/// A real of DEC's format F: words of sign, 8 bits of exponent in excess of 128 and 23 bits of a fraction in [½, 1),
+/// whose
 /// first bit is not written; the more significant word first, of its bytes the less significant.
 fn dec_real([low, high, lowest, middle]: [u8; 4]) -> f64 {
     let bits = u32::from_be_bytes([high, low, middle, lowest]);
@@ -94,7 +96,8 @@ impl<'a> Parameters<'a> {
     pub(super) fn of(section: &'a [u8], processor: Processor) -> Result<Parameters<'a>, StorageProblem> {
         let mut all = Parameters { processor, groups: Vec::new(), parameters: Vec::new() };
         let cut = || broken("a parameter holds more than its section");
-        // A record: letters of the name (negative: locked), number of the group (negative: this is a group), name, bytes to
+        // A record: letters of the name (negative: locked), number of the group (negative: this is a group), name,
+        // bytes to
         // the next record (0: none follows), and what it holds.
         let mut at = 4;
         while let Some(&[letters, group]) = section.get(at..at + 2) {

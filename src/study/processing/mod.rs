@@ -15,7 +15,8 @@ use super::trial_list::Contraction;
 use crate::dynamometer::{RepetitionSettings, RepetitionSignal};
 use crate::signals::{Band, Butterworth};
 
-/// Largest delay that is looked for \[s\]: two people start two recorders within ten minutes. Each delay takes a pass over the recordings.
+/// Largest delay that is looked for \[s\]: two people start two recorders within ten minutes. Each delay takes a pass
+/// over the recordings.
 const LONGEST_DELAY: f64 = 600.0;
 
 /// Everything `[processing]` says.

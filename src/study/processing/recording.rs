@@ -6,7 +6,8 @@ use crate::study::problem::{Fault, Problem, StudyErrors};
 use crate::study::table::{Row, csv_problem, missing_column, open};
 use crate::study::trial::{implausible_time, median};
 
-/// Most samples of a recording as it is: an hour at 2 kHz. It is not simulated; a sample takes about 8 bytes a column and file.
+/// Most samples of a recording as it is: an hour at 2 kHz. It is not simulated; a sample takes about 8 bytes a column
+/// and file.
 const MAX_RECORDED_SAMPLES: usize = 7_200_000;
 
 /// Columns of a recording, in the file's units.
