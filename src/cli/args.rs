@@ -34,7 +34,7 @@ pub struct Cli {
 /// Options of every command.
 #[derive(Debug, Args)]
 pub struct Global {
-    /// Threads to use (default: one per core); results do not depend on it
+    /// Threads to use, at most one per core (default: one per core); results do not depend on it
     #[arg(long, global = true, value_name = "N", help_heading = "Global options")]
     pub threads: Option<NonZeroUsize>,
     /// Seed of everything random; the same seed gives the same bytes
@@ -404,8 +404,8 @@ pub struct SensitivityArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
     pub sobol: Option<u32>,
     /// Resamples of the bootstrap behind the intervals
-    #[arg(long, value_name = "N", default_value_t = 1000)]
-    pub resamples: usize,
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
+    pub resamples: u32,
 }
 
 /// `carpus emg`

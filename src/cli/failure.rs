@@ -1,6 +1,6 @@
 //! What went wrong, for people: where, what, and what to do about it.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
@@ -12,8 +12,6 @@ pub enum Failure {
     Input(Vec<Message>),
     /// This program is at fault: exit code 2.
     Internal(String),
-    /// Whoever read our output (`| head`) has had enough: exit code 0.
-    ReaderGone,
 }
 
 /// How grave a message is.
@@ -155,6 +153,12 @@ impl From<crate::study::StudyErrors> for Failure {
 /// How many messages of a kind are printed before the rest is only counted.
 const MAX_PRINTED: usize = 20;
 
+/// Prints a line to stderr. Where nobody listens, or the disk is full, the work goes on: what was asked for are the
+/// results.
+pub fn say(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{text}");
+}
+
 /// Prints messages to stderr, the gravest last, where the eye is.
 pub fn print(messages: &[Message]) {
     let styled = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
@@ -162,10 +166,10 @@ pub fn print(messages: &[Message]) {
     for (gravity, name) in [(Gravity::Warning, "warning"), (Gravity::Error, "error")] {
         let of_kind: Vec<_> = messages.iter().filter(|m| m.gravity == gravity).collect();
         for message in of_kind.iter().take(MAX_PRINTED) {
-            eprintln!("{}", message.rendered(&renderer));
+            say(&message.rendered(&renderer));
         }
         if let Some(rest) = of_kind.len().checked_sub(MAX_PRINTED).filter(|n| *n > 0) {
-            eprintln!("… and {rest} more {name}{}", if rest == 1 { "" } else { "s" });
+            say(&format!("… and {rest} more {name}{}", if rest == 1 { "" } else { "s" }));
         }
     }
 }

@@ -26,13 +26,13 @@ mod study_run;
 mod table;
 mod units;
 
+use std::num::NonZeroUsize;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 
 use clap::Parser;
 use clap::error::ErrorKind;
 
-use crate::storage::reading_motion_capture;
 use args::{Cli, Command, Global};
 use failure::{Failure, Message};
 
@@ -67,10 +67,9 @@ fn run() -> ExitCode {
             ExitCode::from(INPUT_FAULT)
         }
         Err(Failure::Internal(what)) => {
-            eprintln!("{}", defect(&what));
+            failure::say(&defect(&what));
             ExitCode::from(OWN_FAULT)
         }
-        Err(Failure::ReaderGone) => ExitCode::SUCCESS,
     }
 }
 
@@ -107,9 +106,23 @@ fn execute(cli: &Cli) -> Result<(), Failure> {
     }
 }
 
+/// The variable by which the number of threads is set where `--threads` is not given.
+const THREADS_VARIABLE: &str = "RAYON_NUM_THREADS";
+
+/// Starts as many threads as are asked for, or as there are cores. More would only take memory and turns.
 fn start_threads(global: &Global) -> Result<(), Failure> {
-    let Some(threads) = global.threads else { return Ok(()) };
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.get());
+    let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
+    let of_variable = || std::env::var(THREADS_VARIABLE).ok()?.parse().ok().filter(|n| *n > 0);
+    let (asked, by) = match global.threads {
+        Some(threads) => (threads.get(), "--threads"),
+        None => (of_variable().unwrap_or(cores), THREADS_VARIABLE),
+    };
+    let threads = asked.min(cores);
+    if threads < asked {
+        let text = format!("{by} {asked}: there are {cores} cores; {threads} threads are started");
+        failure::print(&[Message::warning(text)]);
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
     pool.build_global().map_err(|e| Failure::Internal(format!("cannot start {threads} threads: {e}")))
 }
 
@@ -123,9 +136,6 @@ fn defect(what: &str) -> String {
 }
 
 fn report_panic(panic: &std::panic::PanicHookInfo<'_>) {
-    if reading_motion_capture() {
-        return;
-    }
     let payload = panic.payload();
     let text = payload
         .downcast_ref::<&str>()
@@ -133,10 +143,10 @@ fn report_panic(panic: &std::panic::PanicHookInfo<'_>) {
         .or_else(|| payload.downcast_ref::<String>().cloned())
         .unwrap_or_else(|| "no message".to_string());
     let at = panic.location().map(|l| format!(" ({}:{})", l.file(), l.line())).unwrap_or_default();
-    eprintln!("{}", defect(&format!("{text}{at}")));
+    failure::say(&defect(&format!("{text}{at}")));
 }
 
-/// Prints a result to stdout.
+/// Prints a result to stdout. Whoever reads it (`| head`) may have had enough: the work is done all the same.
 fn print_result(text: &str) -> Result<(), Failure> {
     use std::io::Write;
     let mut stdout = std::io::stdout().lock();
@@ -145,7 +155,7 @@ fn print_result(text: &str) -> Result<(), Failure> {
         .and_then(|()| if text.ends_with('\n') { Ok(()) } else { stdout.write_all(b"\n") });
     match written.and_then(|()| stdout.flush()) {
         Ok(()) => Ok(()),
-        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Err(Failure::ReaderGone),
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
         Err(error) => Err(Message::error(format!("cannot write to standard output: {error}")).into()),
     }
 }

@@ -21,7 +21,7 @@ use crate::scaling::{ParticipantScaling, ParticipantScalingError, scale_particip
 use crate::simulation::{
     MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, Setup, SimulationError, TrialSimulation,
 };
-use crate::study::{Contraction, MomentPart, Participant, Study, Trial, TrialUse};
+use crate::study::{Contraction, MIN_SAMPLES, MomentPart, Participant, Study, Trial, TrialUse};
 
 /// A study that was read, and the folder that its results go to.
 #[derive(Debug)]
@@ -73,7 +73,9 @@ const DIAGNOSIS_RATE: f64 = 100.0;
 
 /// Trials of which there are at least twice as many samples, averaged to a rate [Hz].
 fn averaged(trials: Vec<Trial>, rate: f64, warnings: &mut Vec<Message>) -> Vec<Trial> {
-    let count = |t: &Trial| ((t.len() - 1) as f64 / (t.duration() * rate) + 1e-6) as usize;
+    // However short a trial, samples enough to be simulated are left.
+    let most = |t: &Trial| t.len() / MIN_SAMPLES;
+    let count = |t: &Trial| (((t.len() - 1) as f64 / (t.duration() * rate) + 1e-6) as usize).min(most(t));
     let most = trials.iter().max_by_key(|t| count(t)).filter(|t| count(t) > 1);
     if let Some(fastest) = most {
         let recorded = (fastest.len() - 1) as f64 / fastest.duration();

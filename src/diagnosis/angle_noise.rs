@@ -75,7 +75,8 @@ impl AngleNoise {
     /// - `angle`: with holds that are held exactly
     pub fn draws(&self, time: &[f64], angle: &[f64], seed: u64) -> Vec<Disturbance> {
         let step = (time[time.len() - 1] - time[0]) / (time.len() - 1) as f64;
-        let width = (self.length / std::f64::consts::SQRT_2 / step).max(0.5);
+        // Noise that stays the same throughout a trial has no speed, whatever its length.
+        let width = (self.length / std::f64::consts::SQRT_2 / step).clamp(0.5, time.len().max(1) as f64);
         let reach = (4.0 * width).ceil() as usize;
         let at = |i: usize| (i as f64 - reach as f64) / width;
         let mut kernel: Vec<f64> = (0..=2 * reach).map(|i| (-0.5 * at(i).powi(2)).exp()).collect();

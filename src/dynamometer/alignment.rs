@@ -4,6 +4,9 @@ use rayon::prelude::*;
 
 use crate::signals::{SignalError, interpolate_linear};
 
+/// Most steps of the finer recorder, on average, to a sample of either: recorders of motion at 50 Hz and of EMG at 5
+/// kHz are the farthest apart.
+const MOST_STEPS: f64 = 100.0;
 /// Common samples below which a correlation means nothing.
 const MIN_OVERLAP: usize = 32;
 /// Accuracy of the delay, in steps of the finer recorder.
@@ -32,6 +35,12 @@ pub enum AlignmentError {
         /// Largest lag \[s\].
         max_lag_s: f64,
     },
+    /// One recorder's steps are much smaller than the other's.
+    #[error("the steps of one recording, {step_s} s, are more than {MOST_STEPS} times smaller than the other's")]
+    Steps {
+        /// The smaller median step \[s\].
+        step_s: f64,
+    },
     /// A signal that does not vary.
     #[error("one of the two signals does not vary")]
     Flat,
@@ -56,8 +65,15 @@ pub enum AlignmentError {
 /// [`AlignmentError`].
 pub fn align(first: (&[f64], &[f64]), second: (&[f64], &[f64]), max_lag: f64) -> Result<Alignment, AlignmentError> {
     let step = step(first.0)?.min(step(second.0)?);
+    let most = MOST_STEPS * (first.0.len() + second.0.len()) as f64;
+    let span = |time: &[f64]| (time[time.len() - 1] - time[0]) / step;
+    if !(span(first.0).max(span(second.0)) <= most) {
+        return Err(AlignmentError::Steps { step_s: step });
+    }
     let (x, y) = (Regular::new(first, step)?, Regular::new(second, step)?);
-    let lags = (max_lag / step).floor().max(1.0) as i64;
+    // Recordings that are farther apart than both are long have nothing in common.
+    let apart = (x.start - y.start).abs() / step + (x.values.len() + y.values.len()) as f64;
+    let lags = (max_lag / step).floor().clamp(1.0, apart) as i64;
     let at = |lag: i64| x.correlation(&y, x.start, lag as f64 * step);
     let correlations: Vec<Option<f64>> = (-lags..=lags).into_par_iter().map(at).collect();
     let best = (0..correlations.len())

@@ -17,6 +17,11 @@ use super::error::{DocumentError, DocumentErrorKind, OsimError, WriteError};
 /// Elements nested deeper than this are refused (OpenSim's own files reach about 20).
 const MAXIMUM_DEPTH: usize = 200;
 
+/// Bytes from `&` to `;` within which an entity or character reference ends: `&#x0010FFFF;` and one more. What is
+/// longer is text, and is
+/// not searched to its end for every `&` in it.
+const LONGEST_REFERENCE: usize = 13;
+
 /// Handle of an element of a [`Document`]; stays valid across value edits, not across insertions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct ElementId(pub usize);
@@ -477,7 +482,8 @@ fn unescape(text: &str) -> String {
     while let Some(at) = rest.find('&') {
         result.push_str(&rest[..at]);
         rest = &rest[at..];
-        let resolved = rest.find(';').filter(|&end| end <= 12).and_then(|end| Some((entity(&rest[1..end])?, end)));
+        let end = rest.bytes().take(LONGEST_REFERENCE).position(|byte| byte == b';');
+        let resolved = end.and_then(|end| Some((entity(&rest[1..end])?, end)));
         match resolved {
             Some((character, end)) => {
                 result.push(character);

@@ -77,6 +77,9 @@ impl EmgProcessing {
             None => raw,
         };
         let window = odd_window(self.rms_window_s, sample_rate_hz)?;
+        if raw.len() < window {
+            return Err(SignalError::TooShort { found: raw.len(), expected: window });
+        }
         let mut envelope = match self.envelope {
             EnvelopeKind::MovingRms => moving_rms(filtered, window)?,
             EnvelopeKind::MovingMeanOfRectified => moving_mean(&rectify(filtered), window)?,

@@ -37,11 +37,23 @@ pub enum SignalError {
         /// What was expected.
         expected: String,
     },
-    /// A window that is not a positive number of seconds.
-    #[error("window: expected a positive number of seconds, found {found_s}")]
+    /// A window that is not a positive number of seconds, or longer than any trial.
+    #[error("window: expected a positive number of seconds, at most {most_s}, found {found_s}")]
     WindowDuration {
+        /// The longest accepted \[s\].
+        most_s: f64,
         /// The duration given \[s\].
         found_s: f64,
+    },
+    /// A rate that makes many times as many samples as there are.
+    #[error("new sample rate {to_hz} Hz: expected at most {most} times the recorded one, {from_hz} Hz")]
+    NewRate {
+        /// The recorded rate \[Hz\].
+        from_hz: f64,
+        /// The rate given \[Hz\].
+        to_hz: f64,
+        /// Largest ratio accepted.
+        most: f64,
     },
     /// Fewer samples than the operation needs.
     #[error("only {found} samples; expected at least {expected}")]

@@ -7,6 +7,10 @@ use super::error::{SignalError, finite, positive_rate};
 const ANTI_ALIAS_ORDER: usize = 8;
 /// Its cutoff as a fraction of half the lower rate.
 const ANTI_ALIAS_CUTOFF: f64 = 0.8;
+/// Largest ratio of a new rate to the recorded one. Between samples nothing is known; recorders of motion at 50 Hz and
+/// of EMG at 5 kHz are
+/// the farthest apart.
+const MOST_NEW_SAMPLES: f64 = 100.0;
 
 /// Sample rate of a recording: the inverse of its median step \[Hz\].
 ///
@@ -53,7 +57,7 @@ pub fn interpolate_linear(time: &[f64], x: &[f64], at: &[f64]) -> Result<Vec<f64
 /// upwards this suits envelopes, angles and moments, which are smooth between samples, and not raw EMG.
 ///
 /// # Errors
-/// [`SignalError::SampleRate`], [`SignalError::TooShort`], [`SignalError::NotFinite`].
+/// [`SignalError::SampleRate`], [`SignalError::NewRate`], [`SignalError::TooShort`], [`SignalError::NotFinite`].
 pub fn resample(x: &[f64], from_hz: f64, to_hz: f64) -> Result<Vec<f64>, SignalError> {
     positive_rate(from_hz)?;
     positive_rate(to_hz)?;
@@ -69,6 +73,9 @@ pub fn resample(x: &[f64], from_hz: f64, to_hz: f64) -> Result<Vec<f64>, SignalE
     } else {
         x
     };
+    if to_hz > MOST_NEW_SAMPLES * from_hz {
+        return Err(SignalError::NewRate { from_hz, to_hz, most: MOST_NEW_SAMPLES });
+    }
     let last = x.len() - 1;
     // A sample that rounding puts a hair after the last one still counts.
     let n = (last as f64 * to_hz / from_hz + 1e-9).floor() as usize + 1;

@@ -4,6 +4,11 @@ use nalgebra::{DMatrix, DVector};
 
 use super::error::{SignalError, finite};
 
+/// Longest window \[s\]: windows of envelopes take a tenth of a second, those of maximal contractions one or two. Each
+/// sample is
+/// summed over its window, so that the work grows with it.
+const LONGEST_WINDOW: f64 = 60.0;
+
 /// Full-wave rectification: the absolute value of every sample.
 pub fn rectify(x: &[f64]) -> Vec<f64> {
     x.iter().map(|v| v.abs()).collect()
@@ -15,8 +20,8 @@ pub fn rectify(x: &[f64]) -> Vec<f64> {
 /// [`SignalError::WindowDuration`] if the duration is not a positive number.
 pub fn odd_window(duration_s: f64, sample_rate_hz: f64) -> Result<usize, SignalError> {
     let samples = duration_s * sample_rate_hz;
-    if !(samples > 0.0 && samples.is_finite()) {
-        return Err(SignalError::WindowDuration { found_s: duration_s });
+    if !(samples > 0.0 && duration_s <= LONGEST_WINDOW && sample_rate_hz.is_finite()) {
+        return Err(SignalError::WindowDuration { most_s: LONGEST_WINDOW, found_s: duration_s });
     }
     Ok(2 * ((samples - 1.0) / 2.0).round().max(0.0) as usize + 1)
 }

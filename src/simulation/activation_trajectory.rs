@@ -36,6 +36,18 @@ pub(crate) struct ActivationDynamics {
     pub(crate) ignored: bool,
 }
 
+/// Most pieces per sample, on average over a trial: a sample every 0.4 s, the coarsest that is read, takes 40 of them
+/// at usual time constants. Time
+/// constants that need more are shorter by orders of magnitude.
+const MOST_PIECES_PER_SAMPLE: usize = 1000;
+
+/// Activation cannot be followed: its time constants are too short for the samples.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct TooFast {
+    /// Time up to which it was followed [s].
+    pub(crate) time: f64,
+}
+
 /// One piece of a trajectory: a quintic in the local coordinate 0…1.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
@@ -174,11 +186,17 @@ impl ActivationTrajectory {
     ///
     /// Activation starts at the first excitation, within a_min…1: the muscle is taken to be in steady state when the
     /// recording starts. `time` increases strictly and has at least two samples.
-    pub(crate) fn integrate(dynamics: &ActivationDynamics, time: &[f64], excitation: &[f64]) -> ActivationTrajectory {
-        let mut trajectory = ActivationTrajectory {
-            pieces: Vec::with_capacity(4 * time.len()),
-            bounds: [dynamics.minimum_activation, 1.0],
-        };
+    ///
+    /// # Errors
+    /// [`TooFast`] where time constants are shorter than the steps of time by orders of magnitude.
+    pub(crate) fn integrate(
+        dynamics: &ActivationDynamics,
+        time: &[f64],
+        excitation: &[f64],
+    ) -> Result<ActivationTrajectory, TooFast> {
+        let mut trajectory =
+            ActivationTrajectory { pieces: Vec::with_capacity(time.len()), bounds: [dynamics.minimum_activation, 1.0] };
+        let most = MOST_PIECES_PER_SAMPLE * time.len();
         let mut a = dynamics.clamp(excitation[0]);
         let mut trial_step = f64::INFINITY;
         for k in 0..time.len() - 1 {
@@ -188,10 +206,11 @@ impl ActivationTrajectory {
                 let coefficients = [excitation[k], excitation[k + 1] - excitation[k], 0.0, 0.0, 0.0, 0.0];
                 trajectory.push(segment.start, segment.end, coefficients, Branch::Activating);
             } else {
-                a = trajectory.integrate_segment(dynamics, segment, a, &mut trial_step);
+                a = trajectory.integrate_segment(dynamics, segment, a, &mut trial_step, most)?;
             }
         }
-        trajectory
+        trajectory.pieces.shrink_to_fit();
+        Ok(trajectory)
     }
 
     fn integrate_segment(
@@ -200,7 +219,8 @@ impl ActivationTrajectory {
         segment: Segment,
         mut a: f64,
         trial_step: &mut f64,
-    ) -> f64 {
+        most: usize,
+    ) -> Result<f64, TooFast> {
         let duration = segment.end - segment.start;
         let resolution = 1e-9 * duration;
         let gap = |elapsed: f64, a: f64| segment.excitation + segment.slope * elapsed - dynamics.clamp(a);
@@ -213,6 +233,9 @@ impl ActivationTrajectory {
         };
         let mut rate = dynamics.rate(a, segment.excitation, branch);
         while duration - elapsed > resolution {
+            if self.pieces.len() >= most {
+                return Err(TooFast { time: segment.start + elapsed });
+            }
             let e = segment.excitation + segment.slope * elapsed;
             let mut h = trial_step.min(duration - elapsed);
             if duration - elapsed - h < resolution {
@@ -260,7 +283,7 @@ impl ActivationTrajectory {
                 rate = dynamics.rate(a, segment.excitation + segment.slope * elapsed, branch);
             }
         }
-        a
+        Ok(a)
     }
 
     fn push(&mut self, start: f64, end: f64, coefficients: [f64; 6], branch: Branch) {
@@ -415,13 +438,35 @@ mod tests {
         out
     }
 
+    /// A time constant of a nanosecond (of seconds, that of nanoseconds) would take memory for 10⁸ pieces a second.
+    #[test]
+    fn verif_time_constants_shorter_than_the_steps_by_orders_of_magnitude_are_refused() {
+        let time: Vec<f64> = (0..100).map(|i| 0.01 * f64::from(i)).collect();
+        let excitation: Vec<f64> = time.iter().map(|t| 0.5 + 0.4 * (6.0 * t).sin()).collect();
+        let with = |activation_time_constant: f64, deactivation_time_constant: f64| {
+            let dynamics = ActivationDynamics { activation_time_constant, deactivation_time_constant, ..DYNAMICS };
+            ActivationTrajectory::integrate(&dynamics, &time, &excitation)
+        };
+        assert!(with(1e-9, 0.04).is_err() && with(0.01, 1e-12).is_err());
+        let usual = with(0.01, 0.04).unwrap();
+        assert!(usual.pieces.len() < 10 * time.len() && usual.pieces.capacity() < 20 * time.len());
+        // A hundred times faster than muscle is followed all the same.
+        assert!(with(1e-4, 4e-4).is_ok());
+        // The coarsest samples that a study may have.
+        let coarse: Vec<f64> = (0..100).map(|i| 0.4 * f64::from(i)).collect();
+        let alternating: Vec<f64> = (0..100).map(|i| f64::from(i % 2)).collect();
+        let pieces = ActivationTrajectory::integrate(&DYNAMICS, &coarse, &alternating).unwrap().pieces.len();
+        println!("{pieces} pieces for 100 samples 0.4 s apart");
+        assert!(pieces < MOST_PIECES_PER_SAMPLE / 10 * coarse.len(), "{pieces}");
+    }
+
     #[test]
     fn verif_activation_matches_brute_force_on_rough_excitation() {
         let time: Vec<f64> = (0..60).map(|i| 0.3 + 0.01 * i as f64).collect();
         let excitation: Vec<f64> = (0..60)
             .map(|i| (0.45 + 0.45 * (0.7 * i as f64).sin() + 0.08 * (5.1 * i as f64).cos()).clamp(0.0, 1.0))
             .collect();
-        let trajectory = ActivationTrajectory::integrate(&DYNAMICS, &time, &excitation);
+        let trajectory = ActivationTrajectory::integrate(&DYNAMICS, &time, &excitation).unwrap();
         let at: Vec<f64> = (1..400).map(|i| 0.3 + 0.59 * i as f64 / 400.0).collect();
         let reference = brute_force(&time, &excitation, &at);
         let mut cursor = 0;
@@ -433,7 +478,8 @@ mod tests {
 
     #[test]
     fn verif_state_drifts_below_minimum_as_in_opensim_while_muscles_see_the_minimum() {
-        let trajectory = ActivationTrajectory::integrate(&DYNAMICS, &[0.0, 1.0, 1.001, 2.0], &[0.0, 0.0, 0.3, 0.3]);
+        let trajectory =
+            ActivationTrajectory::integrate(&DYNAMICS, &[0.0, 1.0, 1.001, 2.0], &[0.0, 0.0, 0.3, 0.3]).unwrap();
         let mut cursor = 0;
         assert_eq!(trajectory.value(0.9, &mut cursor), 0.01);
         let at = [1.002, 1.005, 1.02, 1.1];
@@ -446,7 +492,7 @@ mod tests {
     #[test]
     fn verif_ignored_dynamics_follow_excitation() {
         let dynamics = ActivationDynamics { ignored: true, ..DYNAMICS };
-        let trajectory = ActivationTrajectory::integrate(&dynamics, &[0.0, 1.0, 2.0], &[0.0, 1.2, 0.2]);
+        let trajectory = ActivationTrajectory::integrate(&dynamics, &[0.0, 1.0, 2.0], &[0.0, 1.2, 0.2]).unwrap();
         let mut cursor = 0;
         let values = [0.0, 0.5, 1.0, 1.5].map(|t| trajectory.value(t, &mut cursor));
         assert!((values[0] - 0.01).abs() < 1e-15 && (values[1] - 0.6).abs() < 1e-12);

@@ -199,6 +199,23 @@ pub enum SimulationError {
         /// Active muscles.
         expected: usize,
     },
+    /// Activation changes faster than the samples by orders of magnitude.
+    #[error(
+        "{recording}: {muscle}: activation cannot be followed after {time} s: its time constants, \
+         {activation_time_constant} s and {deactivation_time_constant} s, are too short for the steps of time"
+    )]
+    ActivationTooFast {
+        /// The recording.
+        recording: String,
+        /// The muscle.
+        muscle: String,
+        /// Time up to which it was followed [s].
+        time: f64,
+        /// Time constant of activation [s].
+        activation_time_constant: f64,
+        /// Time constant of deactivation [s].
+        deactivation_time_constant: f64,
+    },
     /// The fibre of a muscle cannot be integrated further.
     #[error("{recording}: {muscle}: no fibre length balances the forces after {time} s")]
     NoBalance {
@@ -223,6 +240,9 @@ impl SimulationError {
             }
             SimulationError::NoBalance { .. } => {
                 Some("check the muscle's tendon slack length and optimal fibre length against its path length")
+            }
+            SimulationError::ActivationTooFast { .. } => {
+                Some("usual time constants are 0.01 s and 0.04 s; are they in another unit?")
             }
             SimulationError::PostureOutOfRange { .. } => Some("posture values are degrees (metres for translations)"),
             SimulationError::Muscle(MuscleError::NotMillard2012 { .. }) => Some(

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::activation_trajectory::ActivationDynamics;
+use super::activation_trajectory::{ActivationDynamics, TooFast};
 use super::error::SimulationError;
 use super::fiber::CurveCache;
 use super::fiber::equation::{Fiber, FiberCurves};
@@ -86,6 +86,19 @@ pub(crate) struct ActiveMuscle {
     pub(crate) nominal: MuscleParameters,
     pub(crate) activation: ActivationDynamics,
     pub(crate) rigid_tendon: bool,
+}
+
+impl ActiveMuscle {
+    /// Why its activation cannot be followed through a recording.
+    pub(crate) fn too_fast(&self, recording: &str, stuck: TooFast) -> SimulationError {
+        SimulationError::ActivationTooFast {
+            recording: recording.to_owned(),
+            muscle: self.name.clone(),
+            time: stuck.time,
+            activation_time_constant: self.activation.activation_time_constant,
+            deactivation_time_constant: self.activation.deactivation_time_constant,
+        }
+    }
 }
 
 /// A passive force along a path.

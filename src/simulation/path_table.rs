@@ -9,6 +9,9 @@ use super::single_jump::SingleJump;
 
 /// Evaluations after which pieces are no longer halved: reached only around many discontinuities.
 const MOST_EVALUATIONS: usize = 20_000;
+/// Most pieces to start with, each of which takes eight evaluations: a joint turned by some hundred degrees takes a few
+/// dozen.
+const MOST_PIECES: f64 = 2_500.0;
 /// A jump is located until its height, in tolerances, times the uncertainty of its place is below this [rad or m].
 const PLACE_OF_JUMP: f64 = 1e-8;
 
@@ -54,7 +57,7 @@ impl<const N: usize> PathTable<N> {
     ) -> Result<PathTable<N>, E> {
         let [lower, upper] = range;
         // Rather a little wider than one piece more.
-        let count = ((upper - lower) / accuracy.start_width - 0.05).ceil().max(1.0) as usize;
+        let count = ((upper - lower) / accuracy.start_width - 0.05).ceil().clamp(1.0, MOST_PIECES) as usize;
         let width = (upper - lower) / count as f64;
         let table = PathTable { starts: Vec::new(), pieces: Vec::new(), evaluations: 0, discontinuities: Vec::new() };
         let mut builder = Builder { function, accuracy, table };
@@ -318,6 +321,15 @@ mod tests {
             assert!(found * height.abs() < 1e-15, "{place}: {found:e}");
         }
         assert!(table.evaluations() < 350, "{}", table.evaluations());
+    }
+
+    #[test]
+    fn verif_work_does_not_grow_with_the_range() {
+        for range in [[0.0, 1e12], [-1e300, 1e300]] {
+            let table = build(range, |x| 0.3 + 1e-3 * (x / 1e11).sin());
+            let most = MOST_EVALUATIONS + 10 * MOST_PIECES as usize;
+            assert!(table.evaluations() < most, "{range:?}: {}", table.evaluations());
+        }
     }
 
     fn accuracy(tolerance: f64) -> TableAccuracy<1> {

@@ -296,7 +296,8 @@ impl MusculoskeletalModel {
         for (i, muscle) in self.muscles.iter().enumerate() {
             muscle.check(&muscle.nominal)?;
             let activation =
-                ActivationTrajectory::integrate(&muscle.activation, recording.time, recording.excitation[i]);
+                ActivationTrajectory::integrate(&muscle.activation, recording.time, recording.excitation[i])
+                    .map_err(|stuck| muscle.too_fast(&recording.name, stuck))?;
             let plan = if muscle.rigid_tendon {
                 None
             } else {

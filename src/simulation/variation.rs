@@ -174,7 +174,8 @@ impl MusculoskeletalModel {
             } else if let Some(found) = beside.and_then(|b| b[i].as_ref()) {
                 Arc::clone(found)
             } else {
-                Arc::new(ActivationTrajectory::integrate(&muscle.activation, recording.time, excitation))
+                let followed = ActivationTrajectory::integrate(&muscle.activation, recording.time, excitation);
+                Arc::new(followed.map_err(|stuck| muscle.too_fast(&recording.name, stuck))?)
             };
             let source = Source { activation: &activation, motion: &out.motion, path: &out.tables.muscles[i] };
             let plan = match &known.plan {

@@ -70,7 +70,7 @@ pub enum StorageProblem {
         /// Number of values.
         found: usize,
     },
-    /// Fewer rows than the header says.
+    /// Fewer frames of a recording than the header says.
     #[error("expected {expected} rows, as the header says; found {found}: the file may be cut off")]
     RowCount {
         /// Rows in the header.
@@ -124,7 +124,7 @@ impl StorageError {
     /// What to do, where that is known.
     pub fn hint(&self) -> Option<String> {
         let text = match &self.problem {
-            StorageProblem::RowCount { .. } => "write the file again, or correct nRows in its header",
+            StorageProblem::RowCount { .. } => "export the recording again",
             StorageProblem::SameLabel { .. } => "rename one of them: forces and markers are found by label",
             StorageProblem::NotANumber { .. } => "decimal point, not comma; a missing value is NaN",
             _ => return None,

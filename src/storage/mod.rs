@@ -11,7 +11,7 @@ mod read;
 mod trc;
 mod write;
 
-pub use c3d::{MotionCapture, reading_motion_capture};
+pub use c3d::MotionCapture;
 pub use error::{StorageError, StorageProblem};
 pub(crate) use process::spline;
 pub use trc::Markers;

@@ -73,7 +73,8 @@ impl Storage {
         let splines: Vec<Function> = self.splines(degree)?;
         let mut time = first;
         self.time.clear();
-        while time <= last {
+        // A step may be too small for a number as large as the time to change by it.
+        while time <= last && self.time.len() <= MOST_ROWS as usize {
             self.time.push(time);
             time += step;
         }

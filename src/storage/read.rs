@@ -94,8 +94,10 @@ impl Storage {
         let mut numbers = Vec::new();
         let width = if header.vectors { 3 * (all.len() - 1) + 1 } else { all.len() };
         let mut last_line = label_line;
+        // In newer versions OpenSim reads to the end whatever the header says.
+        let bound = header.rows.filter(|_| header.version <= 1);
         for (line, text) in lines {
-            if header.rows.is_some_and(|said| rows.len() == said) {
+            if bound.is_some_and(|said| rows.len() == said) {
                 if !text.trim().is_empty() {
                     warnings.push(format!("line {line} and what follows is beyond the rows that the header says"));
                     break;
@@ -125,11 +127,14 @@ impl Storage {
         if !numbers.is_empty() {
             return Err(at(last_line, StorageProblem::RowLength { expected: width, found: numbers.len() }));
         }
-        if let Some(expected) = header.rows.filter(|said| *said > rows.len()) {
-            return Err(at(last_line, StorageProblem::RowCount { expected, found: rows.len() }));
-        }
         if rows.is_empty() {
             return Err(at(label_line, StorageProblem::NoRows));
+        }
+        if let Some(said) = header.rows.filter(|said| *said > rows.len()) {
+            let found = rows.len();
+            warnings.push(format!("the header says {said} rows, there are {found}: the file may be cut off"));
+        } else if let Some(said) = header.rows.filter(|said| bound.is_none() && *said < rows.len()) {
+            warnings.push(format!("the header says {said} rows, there are {}; all are read", rows.len()));
         }
         let mut labels = all;
         let times: Vec<f64> = match time {

@@ -20,6 +20,8 @@ pub struct Markers {
     pub rows: Vec<Vec<Vector3<f64>>>,
     /// Frames per second [Hz].
     pub data_rate: f64,
+    /// What was odd about the file, to be told to the user.
+    pub warnings: Vec<String>,
 }
 
 /// Metres of a unit of length.
@@ -46,9 +48,9 @@ impl Markers {
             }
             "sto" => Ok(Markers::from_storage(&Storage::read(path)?)),
             "c3d" => {
-                let markers = MotionCapture::read(path)?.markers;
+                let MotionCapture { markers, warnings, .. } = MotionCapture::read(path)?;
                 let none = || StorageError { file: path.to_owned(), line: 0, problem: StorageProblem::NoMarkers };
-                if markers.time.is_empty() { Err(none()) } else { Ok(markers) }
+                if markers.time.is_empty() { Err(none()) } else { Ok(Markers { warnings, ..markers }) }
             }
             found => {
                 let problem = StorageProblem::Extension { expected: ".trc, .c3d or .sto", found: found.to_owned() };
@@ -156,7 +158,7 @@ impl Markers {
         let names = storage.labels.chunks_exact(3).map(|three| stem(&three[0])).collect();
         let places = |row: &Vec<f64>| row.chunks_exact(3).map(|p| Vector3::new(p[0], p[1], p[2])).collect();
         let rows = storage.rows.iter().map(places).collect();
-        Markers { names, time: storage.time.clone(), rows, data_rate: f64::NAN }
+        Markers { names, time: storage.time.clone(), rows, data_rate: f64::NAN, warnings: storage.warnings.clone() }
     }
 
     /// The text of a `.trc` file in metres.

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use super::trial::{LONGEST_STEP, LONGEST_TRIAL, SHORTEST_STEP};
 use crate::signals::{Finding, SignalError};
 
 /// How many problems [`StudyErrors`] prints before it only counts the rest.
@@ -362,6 +363,18 @@ pub enum Fault {
         /// How many further gaps there are.
         more: usize,
     },
+    /// Time in another unit than seconds.
+    #[error(
+        "median time step {median_step_s} s, duration {duration_s} s; expected steps of {SHORTEST_STEP} s to \
+         {LONGEST_STEP} s and a trial of at most {LONGEST_TRIAL} s",
+        median_step_s = four_digits(*median_step_s), duration_s = four_digits(*duration_s)
+    )]
+    ImplausibleTime {
+        /// Median step \[s\].
+        median_step_s: f64,
+        /// From the first to the last sample \[s\].
+        duration_s: f64,
+    },
     /// The sampling is too coarse for muscle dynamics.
     #[error("median time step is {median_step_s:.4} s; expected at most {expected_s} s")]
     CoarseSampling {
@@ -577,6 +590,11 @@ impl Fault {
             }
             TimeNotIncreasing { .. } => "sort the rows by time, or split the file into two trials".to_owned(),
             TimeRepeated { .. } => "delete one of the two rows, or give time more decimals".to_owned(),
+            ImplausibleTime { median_step_s, .. } => match time_unit(*median_step_s) {
+                Some(unit) => format!("are these {unit}? carpus reads seconds"),
+                None => "time is read in seconds; cut a long recording into trials".to_owned(),
+            },
+            TooManySamples { .. } => "cut it into trials, or average it to fewer samples per second".to_owned(),
             Gap { .. } => "split the trial there, fill the samples in, or set [checks] max_gap_s".to_owned(),
             EmgOutOfRange { above: true, clamped: false, .. } => {
                 "is it in percent or mV, or was the MVC too small? Divide by the highest envelope of the session"
@@ -632,6 +650,23 @@ fn quoted(text: &str) -> String {
     }
     let short: String = text.chars().take(40).collect();
     if short.len() < text.len() { format!("`{short}…`") } else { format!("`{short}`") }
+}
+
+/// A number to four significant digits.
+fn four_digits(number: f64) -> f64 {
+    format!("{number:.3e}").parse().unwrap_or(number)
+}
+
+/// The unit of time in which a recorder's step of this size is usual, 10 µs to 100 ms; `None` if that is seconds, or no
+/// unit.
+///
+/// - `step`: median step in that unit
+fn time_unit(step: f64) -> Option<&'static str> {
+    let usual = 1e-5..=0.1;
+    let units =
+        [("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9), ("minutes", 60.0), ("hours", 3600.0)];
+    let unit = units.into_iter().find(|(_, seconds)| usual.contains(&(step * seconds))).map(|(unit, _)| unit);
+    unit.filter(|_| !usual.contains(&step))
 }
 
 fn others(more: usize) -> String {

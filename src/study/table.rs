@@ -149,7 +149,7 @@ impl Table {
 
     /// The rows.
     pub fn rows(&self) -> impl Iterator<Item = Row<'_>> {
-        self.rows.iter().map(|(line, record)| Row { table: self, line: *line, record })
+        self.rows.iter().map(|(line, record)| Row { file: &self.file, header: &self.header, line: *line, record })
     }
 }
 
@@ -165,21 +165,25 @@ pub(crate) fn missing_column(column: &str, meaning: &str, present: &[String]) ->
 
 /// One row of a table.
 pub(crate) struct Row<'t> {
-    table: &'t Table,
+    /// The file.
+    pub file: &'t Path,
+    /// Column names.
+    pub header: &'t [String],
     /// Line, counted from 1.
     pub line: usize,
-    record: &'t csv::StringRecord,
+    /// The cells.
+    pub record: &'t csv::StringRecord,
 }
 
 impl<'t> Row<'t> {
     /// Reports a fault of this row.
     pub fn error(&self, fault: Fault, problems: &mut Vec<Problem>) {
-        problems.push(Problem::error(&self.table.file, self.line, fault));
+        problems.push(Problem::error(self.file, self.line, fault));
     }
 
     /// The text of a cell; `None` if the column is absent or the cell empty.
     pub fn text(&self, column: &str) -> Option<&'t str> {
-        let index = self.table.header.iter().position(|c| c == column)?;
+        let index = self.header.iter().position(|c| c == column)?;
         self.record.get(index).filter(|text| !text.is_empty())
     }
 

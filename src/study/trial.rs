@@ -10,8 +10,18 @@ use super::trial_list::TrialInfo;
 
 /// Fewest samples a trial may have: enough for a cubic spline with something to smooth.
 pub const MIN_SAMPLES: usize = 10;
-/// Most samples a trial may have (an hour at 2 kHz), so that a wrong file does not fill the memory.
-pub const MAX_SAMPLES: usize = 7_200_000;
+/// Most samples a trial may have (eight minutes at 2 kHz, an hour and more at 250 Hz). Simulated with five muscles a
+/// sample takes up to
+/// 2.6 kB, so that a trial stays below 3 GB.
+pub const MAX_SAMPLES: usize = 1_000_000;
+/// Longest median step, and longest mean step, of a trial: ten times the usual time constant of deactivation, 40 ms.
+/// From one such sample to the next a
+/// contraction comes and goes, so that time is in another unit \[s\].
+pub const LONGEST_STEP: f64 = 0.4;
+/// Shortest median step of a trial: a megahertz, a hundred times the rate of recorders of EMG \[s\].
+pub const SHORTEST_STEP: f64 = 1e-6;
+/// Longest trial: no contraction or passive movement on a dynamometer lasts an hour \[s\].
+pub const LONGEST_TRIAL: f64 = 3600.0;
 /// A step of more than this many median steps is a gap, unless `[checks] max_gap_s` says otherwise.
 pub const GAP_IN_MEDIAN_STEPS: f64 = 5.0;
 /// EMG up to this is noise about a full contraction: clamped to 1 with a warning. Above it, an error.
@@ -366,6 +376,11 @@ fn check_time(trial: &Trial, max_gap: Option<f64>, problems: &mut Vec<Problem>) 
         problems.push(Problem::error(file, at(first), fault));
     }
     let median = median(&steps);
+    let fault = implausible_time(&trial.time, median);
+    if fault.is_some() {
+        problems.extend(fault.map(|fault| Problem::error(file, None, fault)));
+        return;
+    }
     let allowed = max_gap.unwrap_or(GAP_IN_MEDIAN_STEPS * median);
     if median <= 0.0 {
         return; // already reported: time does not increase
@@ -374,6 +389,21 @@ fn check_time(trial: &Trial, max_gap: Option<f64>, problems: &mut Vec<Problem>) 
         let fault = Fault::Gap { gap_s: steps[first], allowed_s: allowed, median_step_s: median, more };
         problems.push(Problem::error(file, at(first), fault));
     }
+}
+
+/// What is wrong with times of which the unit cannot be seconds. The work that a trial makes grows with its duration;
+/// after this check it grows
+/// with the number of its samples.
+///
+/// - `median_step_s`: median step \[s\]
+pub(crate) fn implausible_time(time: &[f64], median_step_s: f64) -> Option<Fault> {
+    let (first, last) = (*time.first()?, *time.last()?);
+    let duration_s = last - first;
+    let mean_step_s = duration_s / (time.len().max(2) - 1) as f64;
+    let plausible = (SHORTEST_STEP..=LONGEST_STEP).contains(&median_step_s)
+        && mean_step_s <= LONGEST_STEP
+        && duration_s <= LONGEST_TRIAL;
+    (!plausible).then_some(Fault::ImplausibleTime { median_step_s, duration_s })
 }
 
 /// Median; the upper one of two middle values.

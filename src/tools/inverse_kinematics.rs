@@ -123,6 +123,7 @@ pub fn run(tool: &Properties, system: System, outcome: &mut Outcome) -> Result<(
     tool.ignore_all(&["input_directory", "model_file"]);
     let tasks = read_tasks(tool, &system)?;
     let data = Markers::read(&marker_file)?;
+    data.warnings.iter().for_each(|text| outcome.warn(&marker_file, 0, text.clone()));
     let (goals, columns, names) = marker_goals(&system, &data, &tasks);
     if goals.is_empty() {
         let what = format!("none of the markers of {} that have a task is in the model", marker_file.display());

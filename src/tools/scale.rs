@@ -147,7 +147,11 @@ fn scale_model(scaler: &Properties, mass: f64, file: &mut OsimFile, outcome: &mu
     let order = scaler.words("scaling_order").unwrap_or_default();
     let preserve = scaler.boolean("preserve_mass_distribution", false)?;
     let markers = match scaler.file("marker_file") {
-        Some(path) => Some(Markers::read(path)?),
+        Some(path) => {
+            let markers = Markers::read(&path)?;
+            markers.warnings.iter().for_each(|text| outcome.warn(&path, 0, text.clone()));
+            Some(markers)
+        }
         None => None,
     };
     let range = range_of(scaler)?;
@@ -313,6 +317,7 @@ fn place_markers(
     let move_markers = placer.boolean("move_model_markers", true)?;
     placer.ignore_all(&["max_marker_movement"]);
     let data = Markers::read(&marker_file)?;
+    data.warnings.iter().for_each(|text| outcome.warn(&marker_file, 0, text.clone()));
     let system = System::of_spec(path, file.spec.clone())?;
     let tasks = read_tasks(placer, &system)?;
     let (goals, columns, _) = marker_goals(&system, &data, &tasks);

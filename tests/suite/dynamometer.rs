@@ -215,6 +215,18 @@ fn verif_two_recorders_are_aligned_to_a_fraction_of_a_sample() {
     assert!(matches!(align((&time, &x), (&later, &x), 1.0), Err(AlignmentError::NoOverlap { .. })));
 }
 
+/// Two clocks in different units, or lags longer than both recordings, take no more memory than the recordings.
+#[test]
+fn verif_recorders_of_absurd_steps_are_refused() {
+    let time = |step: f64| -> Vec<f64> { (0..500).map(|k| f64::from(k) * step).collect() };
+    let values: Vec<f64> = time(0.01).into_iter().map(quantity).collect();
+    let (slow, fast) = (time(0.01), time(1e-8));
+    let error = align((&slow, &values), (&fast, &values), 2.0).unwrap_err();
+    assert!(matches!(error, AlignmentError::Steps { .. }), "{error}");
+    let same = align((&slow, &values), (&slow, &values), 1e12).unwrap();
+    assert!(same.shift.abs() < 1e-6, "{same:?}");
+}
+
 fn root(relative: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(relative)
 }

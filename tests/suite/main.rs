@@ -27,6 +27,7 @@ mod sensitivity;
 mod signals;
 mod simulation;
 mod statistics;
+mod streams;
 mod study;
 mod study_command;
 mod tools;

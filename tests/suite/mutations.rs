@@ -169,8 +169,9 @@ fn verif_mutated_storages_and_markers_never_panic() {
 #[test]
 fn verif_mutated_motion_capture_files_never_panic() {
     let mut refused = 0;
-    for file in ["fixtures/motion_capture/float.c3d", "fixtures/motion_capture/integer.c3d"] {
-        for_each_mutation(file, 400, |bytes| refused += usize::from(MotionCapture::parse(&bytes).is_err()));
+    for name in ["float.c3d", "integer.c3d", "dec.c3d"] {
+        let file = format!("fixtures/motion_capture/{name}");
+        for_each_mutation(&file, 400, |bytes| refused += usize::from(MotionCapture::parse(&bytes).is_err()));
     }
     assert!(refused > 20, "{refused} refused");
 }

@@ -156,6 +156,20 @@ fn verif_odd_window_is_the_nearest() {
     assert!(matches!(odd_window(0.0, 1500.0), Err(SignalError::WindowDuration { .. })));
 }
 
+/// Sizes follow from the data, not from a quotient of two numbers that somebody wrote.
+#[test]
+fn verif_absurd_windows_and_rates_are_refused() {
+    for (duration, rate) in [(1e9, 1500.0), (1e300, 1e300), (0.1, f64::INFINITY), (f64::NAN, 1.0)] {
+        assert!(
+            matches!(odd_window(duration, rate), Err(SignalError::WindowDuration { .. })),
+            "{duration} s, {rate} Hz"
+        );
+    }
+    let faster = resample(&[0.0, 1.0, 4.0], 1e-6, 1e9);
+    assert_eq!(faster, Err(SignalError::NewRate { from_hz: 1e-6, to_hz: 1e9, most: 100.0 }));
+    assert_eq!(resample(&[0.0, 1.0], 1.0, 100.0).map(|x| x.len()), Ok(101));
+}
+
 #[test]
 fn verif_faults_of_use_are_errors_with_fields() {
     let band = |low_hz, high_hz| Butterworth { order: 4, band: Band::BandPass { low_hz, high_hz } };

@@ -18,11 +18,11 @@ use crate::storage::{MotionCapture, StorageError};
 pub fn run(args: &C3dArgs, global: &Global) -> Result<(), Failure> {
     let found = MotionCapture::read(&args.file).map_err(|e| unreadable(&e))?;
     let warnings: Vec<Message> =
-        found.analog.warnings.iter().map(|text| Message::warning(text.as_str()).in_file(&args.file)).collect();
+        found.warnings.iter().map(|text| Message::warning(text.as_str()).in_file(&args.file)).collect();
     failure::print(&warnings);
     let folder = OutputFolder::create(&args.out, std::slice::from_ref(&args.file))?;
     let stem = args.file.file_stem().map_or_else(|| "c3d".to_owned(), |s| s.to_string_lossy().into_owned());
-    let MotionCapture { markers, analog, units } = &found;
+    let MotionCapture { markers, analog, units, .. } = &found;
     let mut written: Vec<PathBuf> = Vec::new();
     if !markers.time.is_empty() {
         let name = format!("{stem}_markers.trc");

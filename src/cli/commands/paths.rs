@@ -53,7 +53,7 @@ pub fn run(args: &PathsArgs, global: &Global) -> Result<(), Failure> {
         let table = out.write("paths.csv", csv(&figure)?.as_bytes())?;
         let page = out.write("paths.html", crate::report::render_sweep(&figure).as_bytes())?;
         let muscles = figure.muscles.len();
-        eprintln!("{muscles} muscles at {} values of {}", figure.values.len(), figure.coordinate);
+        failure::say(&format!("{muscles} muscles at {} values of {}", figure.values.len(), figure.coordinate));
         if !global.json {
             return print_result(&format!("{}\n{}\n", table.display(), page.display()));
         }

@@ -20,7 +20,7 @@ pub fn run(args: &SensitivityArgs, global: &Global) -> Result<(), Failure> {
     let options = ScreeningOptions {
         starts: args.starts as usize,
         sobol: args.sobol.map(|n| n as usize),
-        resamples: args.resamples,
+        resamples: args.resamples as usize,
         seed: global.seed,
     };
     let bar = progress(global, study.participants.len() as u64, "screening");

@@ -71,15 +71,14 @@ impl StepPlan {
         let initial = source.drive(times[0], &mut cursor);
         let mut plan = StepPlan {
             initial,
-            steps: Vec::with_capacity(times.len() + times.len() / 4),
+            steps: Vec::new(),
             weights: vec![[0.0, 0.0, 1.0]; times.len()],
             times: times.to_vec(),
             solution: None,
         };
         let mut work = Work::default();
         let mut state = fiber.initial_state(initial, &mut work);
-        let mut ends = Vec::with_capacity(times.len() + times.len() / 4);
-        ends.push(PlannedEnd::of(&state, false));
+        let mut ends = vec![PlannedEnd::of(&state, false)];
         let last = (times.len() - 1) << TICK_BITS;
         let time_of = |tick: usize| {
             let (k, part) = (tick >> TICK_BITS, tick & ((1 << TICK_BITS) - 1));
@@ -125,6 +124,8 @@ impl StepPlan {
             tick = next;
             exponent += growth;
         }
+        plan.steps.shrink_to_fit();
+        ends.shrink_to_fit();
         plan.solution = Some(PlannedSolution { fiber: fiber.clone(), ends });
         Ok(plan)
     }

@@ -15,6 +15,10 @@ use super::trial_list::Contraction;
 use crate::dynamometer::{RepetitionSettings, RepetitionSignal};
 use crate::signals::{Band, Butterworth};
 
+/// Largest delay that is looked for \[s\]: two people start two recorders within ten minutes. Each delay takes a pass
+/// over the recordings.
+const LONGEST_DELAY: f64 = 600.0;
+
 /// Everything `[processing]` says.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ProcessingSettings {
@@ -95,6 +99,7 @@ fn second_recorder(table: &mut TomlSection<'_>) -> Option<SecondRecorder> {
     let time = table.optional_string("time").unwrap_or_else(|| "time_s".to_owned());
     let shared = table.required_string("shared", "its column of the quantity that both recorded");
     let shared_with = table.required_string("shared_with", "the trial's column of that quantity");
-    let max_delay = table.optional_number("max_delay_s", "a positive number of seconds", |v| v > 0.0).unwrap_or(2.0);
+    let expected = "a number of seconds above 0, at most 600";
+    let max_delay = table.optional_number("max_delay_s", expected, |v| v > 0.0 && v <= LONGEST_DELAY).unwrap_or(2.0);
     Some(SecondRecorder { file: file?, time, shared: shared?, shared_with: shared_with?, max_delay })
 }

@@ -3,7 +3,12 @@
 use std::path::Path;
 
 use crate::study::problem::{Fault, Problem, StudyErrors};
-use crate::study::table::{Table, missing_column};
+use crate::study::table::{Row, csv_problem, missing_column, open};
+use crate::study::trial::{implausible_time, median};
+
+/// Most samples of a recording as it is: an hour at 2 kHz. It is not simulated; a sample takes about 8 bytes a column
+/// and file.
+const MAX_RECORDED_SAMPLES: usize = 7_200_000;
 
 /// Columns of a recording, in the file's units.
 #[derive(Clone, Debug, PartialEq, Default)]
@@ -41,23 +46,45 @@ impl Recorded {
         optional: &[&str],
         problems: &mut Vec<Problem>,
     ) -> Option<Recorded> {
-        let table = Table::read(path, "recording", named_at, problems)?;
+        let (mut reader, header) = open(path, "recording", named_at, problems)?;
         let before = problems.len();
         for name in std::iter::once(&time).chain(required) {
-            if !table.header.iter().any(|column| column == name) {
-                problems.push(Problem::error(path, 1, missing_column(name, "a recorded quantity", &table.header)));
+            if !header.iter().any(|column| column == name) {
+                problems.push(Problem::error(path, 1, missing_column(name, "a recorded quantity", &header)));
             }
         }
         (problems.len() == before).then_some(())?;
         let mut names: Vec<&str> = Vec::new();
         for name in required.iter().chain(optional) {
-            if !names.contains(name) && table.header.iter().any(|column| column == name) {
+            if !names.contains(name) && header.iter().any(|column| column == name) {
                 names.push(name);
             }
         }
         let mut recorded =
             Recorded { time: Vec::new(), columns: names.iter().map(|name| ((*name).to_owned(), Vec::new())).collect() };
-        for row in table.rows() {
+        let mut record = csv::StringRecord::new();
+        loop {
+            match reader.read_record(&mut record) {
+                Ok(false) => break,
+                Ok(true) => {}
+                Err(error) => {
+                    problems.push(csv_problem(path, &error));
+                    return None;
+                }
+            }
+            if record.iter().all(str::is_empty) {
+                continue; // a row of separators, as spreadsheets leave at the end
+            }
+            let line = record.position().map_or(0, |p| p.line() as usize);
+            let row = Row { file: path, header: &header, line, record: &record };
+            if record.len() != header.len() {
+                row.error(Fault::FieldCount { expected: header.len(), found: record.len(), more: 0 }, problems);
+                return None;
+            }
+            if recorded.time.len() == MAX_RECORDED_SAMPLES {
+                row.error(Fault::TooManySamples { limit: MAX_RECORDED_SAMPLES }, problems);
+                return None;
+            }
             let mut number = |column: &str| {
                 row.required(column, "a number", problems);
                 row.number(column, "a number", |_| true, problems).unwrap_or(f64::NAN)
@@ -78,6 +105,12 @@ impl Recorded {
         if recorded.time.len() < crate::study::MIN_SAMPLES {
             let fault = Fault::TooFewSamples { found: recorded.time.len(), expected: crate::study::MIN_SAMPLES };
             problems.push(Problem::error(path, None, fault));
+            return None;
+        }
+        if problems.len() == before {
+            let steps: Vec<f64> = recorded.time.windows(2).map(|w| w[1] - w[0]).collect();
+            let fault = implausible_time(&recorded.time, median(&steps));
+            problems.extend(fault.map(|fault| Problem::error(path, None, fault)));
         }
         Some(recorded)
     }

@@ -50,6 +50,17 @@ fn verif_small_model_of_format_4() {
     assert!(!file.diagnostics.has_unsupported(), "{:?}", file.diagnostics.items);
 }
 
+/// What looks like the start of an entity is text; text of a megabyte is read in one pass.
+#[test]
+fn verif_ampersands_are_text_in_any_number() {
+    let many = "&".repeat(1_000_000);
+    let text = format!("<a name=\"{many};\">{many}&amp;&#x0010FFFF;&#65;{many}</a>");
+    let document = Document::parse(text.into_bytes(), "many.xml").unwrap();
+    let root = document.root();
+    assert_eq!(document.text(root), format!("{many}&\u{10FFFF}A{many}"));
+    assert_eq!(document.attribute(root, "name"), Some(format!("{many};")));
+}
+
 #[test]
 fn verif_coordinates_that_no_axis_uses_are_kept_where_opensim_keeps_them() {
     let last = "</Coordinate>\n\t\t\t\t\t</coordinates>";

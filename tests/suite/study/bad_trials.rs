@@ -47,6 +47,49 @@ fn verif_time_must_increase() {
     says(&folder.only_error(FILE, 12), "time 0.09 s stands twice", "delete one");
 }
 
+/// Work and memory grow with a trial's duration: in another unit than seconds it is refused, and the unit named.
+#[test]
+fn verif_time_in_another_unit_is_refused() {
+    let times = |factor: f64, gap: f64| {
+        let folder = Folder::good();
+        let text = std::fs::read_to_string(folder.path(FILE)).unwrap();
+        let scaled = text.lines().enumerate().map(|(i, line)| match line.split_once(',') {
+            Some((time, rest)) if i > 0 => {
+                let late = if i > 10 { gap } else { 0.0 };
+                format!("{},{rest}", factor * time.parse::<f64>().unwrap() + late)
+            }
+            _ => line.to_owned(),
+        });
+        folder.write(FILE, scaled.collect::<Vec<_>>().join("\n"));
+        folder
+    };
+    says(&times(1e3, 0.0).only_error(FILE, None), "median time step 10 s", "are these milliseconds?");
+    says(&times(1e6, 0.0).only_error(FILE, None), "median time step 10000 s", "are these microseconds?");
+    says(
+        &times(2e3, 0.0).only_error(FILE, None),
+        "s to 0.4 s and a trial of at most 3600 s",
+        "are these milliseconds?",
+    );
+    says(&times(1e-5, 0.0).only_error(FILE, None), "expected steps of 0.000001 s to 0.4 s", "are these hours?");
+    says(&times(1e-12, 0.0).only_error(FILE, None), "expected steps of 0.000001 s", "time is read in seconds");
+    // A gap that is allowed, of a size that no trial has.
+    let folder = times(1.0, 1e9);
+    folder.write("study.toml", format!("{TOML}[checks]\nmax_gap_s = 1e10\n"));
+    says(&folder.only_error(FILE, None), "a trial of at most 3600 s", "cut a long recording");
+}
+
+#[test]
+fn verif_more_samples_than_memory_holds_are_refused() {
+    let folder = Folder::good();
+    let mut text = format!("{TRIAL_HEADER}\n");
+    for i in 0..=carpus::study::MAX_SAMPLES {
+        text.push_str(&format!("{},0,1,0,0\n", i as f64 * 1e-3));
+    }
+    folder.write(FILE, text);
+    let found = folder.only_error(FILE, carpus::study::MAX_SAMPLES + 2);
+    says(&found, "more than 1000000 samples in one trial", "average it to fewer samples per second");
+}
+
 #[test]
 fn verif_a_gap_is_an_error_at_the_row_after_it_unless_allowed() {
     let folder = Folder::good();
