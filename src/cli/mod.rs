@@ -32,6 +32,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use clap::error::ErrorKind;
 
+use crate::printable;
 use crate::storage::reading_motion_capture;
 use args::{Cli, Command, Global};
 use failure::{Failure, Message};
@@ -136,9 +137,11 @@ fn report_panic(panic: &std::panic::PanicHookInfo<'_>) {
     eprintln!("{}", defect(&format!("{text}{at}")));
 }
 
-/// Prints a result to stdout.
+/// Prints a result to stdout, names with characters that would do something to the terminal written out.
 fn print_result(text: &str) -> Result<(), Failure> {
     use std::io::Write;
+    let is_json = text.starts_with(['{', '[']);
+    let text = if is_json { printable::visible_json(text) } else { printable::visible_lines(text) };
     let mut stdout = std::io::stdout().lock();
     let written = stdout
         .write_all(text.as_bytes())

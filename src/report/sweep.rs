@@ -2,7 +2,7 @@
 
 use askama::Template;
 
-use super::page::{SCRIPT, STYLE, content_security_policy};
+use super::page::{SCRIPT, STYLE, content_security_policy, finished};
 use super::plot::{self, Curve, CurveFigure};
 use super::results::Provenance;
 
@@ -72,7 +72,7 @@ pub fn render_sweep(figure: &SweepFigure) -> String {
         last: figure.values.last().map(|v| super::plain(*v)).unwrap_or_default(),
         muscles: figure.muscles.iter().map(|m| panel(figure, m, arm_range)).collect(),
     };
-    page.render().expect("the sweep template has no failing filter")
+    finished(&page)
 }
 
 fn panel(figure: &SweepFigure, muscle: &SweepMuscle, arm_range: [f64; 2]) -> MusclePanel {

@@ -234,8 +234,7 @@ fn findings(diagnostics: &Diagnostics, file: &str, all: bool) -> String {
         ));
         let shown = if all { found.len() } else { LISTED.min(found.len()) };
         for d in &found[..shown] {
-            let more =
-                if d.also_at.is_empty() { String::new() } else { format!(" (and at {} more lines)", d.also_at.len()) };
+            let more = model::elsewhere(d);
             text.push_str(&format!("  {file}:{}: {}: {}{more}\n", d.line, d.path, d.message));
             if let Some(hint) = &d.hint {
                 text.push_str(&format!("    hint: {hint}\n"));
