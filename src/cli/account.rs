@@ -298,10 +298,14 @@ pub fn errors_per_condition_csv(results: &[&Results]) -> Result<String, Failure>
     csv_text(header.iter().chain(&ERROR_COLUMNS), rows.into_iter())
 }
 
-const ERROR_COLUMNS: [&str; 7] = ["nrmse", "max_error", "xcorr", "objective", "rmse_n_m", "pearson_r", "r_squared"];
+const ERROR_COLUMNS: [&str; 7] =
+    ["nrmse_percent", "max_error_percent", "xcorr", "objective", "rmse_n_m", "pearson_r", "r_squared"];
 
+/// Measures in the order of [`ERROR_COLUMNS`], those that the console shows in percent in percent.
 fn error_cells(e: &Errors) -> [String; 7] {
-    let all = [e.nrmse, e.max_error, e.xcorr, e.objective, e.rmse_n_m, e.pearson_r, e.r_squared];
+    let percent = |part: Option<f64>| part.map(|part| 100.0 * part);
+    let all =
+        [percent(e.nrmse), percent(e.max_error), e.xcorr, e.objective, e.rmse_n_m, e.pearson_r, e.r_squared];
     all.map(|v| v.map(|v| rounded(v, 9).to_string()).unwrap_or_default())
 }
 

@@ -43,6 +43,7 @@ pub fn run(args: &PathsArgs, global: &Global) -> Result<(), Failure> {
         values: if translation { si.clone() } else { si.iter().map(|v| v.to_degrees()).collect() },
         held: args.set.iter().map(ToString::to_string).collect(),
         muscles: swept.collect(),
+        warnings: messages.iter().map(warning_result).collect(),
         provenance: provenance::provenance(
             global,
             vec![provenance::input_file(path, &path.display().to_string(), "model")?],
