@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::account::csv_text;
 use super::failure::Failure;
+use crate::printable::visible;
 use crate::simulation::{PreparedTrial, TrialSimulation};
 use crate::study::Trial;
 
@@ -101,7 +102,7 @@ fn sto(trial: &Trial, columns: &[Column]) -> String {
         columns.len() + 1
     );
     columns.iter().for_each(|c| {
-        let _ = write!(w, "\t{}", c.sto);
+        let _ = write!(w, "\t{}", visible(&c.sto));
     });
     w.push('\n');
     for (i, time) in trial.time.iter().enumerate() {
