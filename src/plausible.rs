@@ -352,7 +352,11 @@ pub struct MomentUnit {
 
 /// Units of moment that dynamometers export beside N·m (NIST SP 811, appendix B).
 pub static MOMENT_UNITS: [MomentUnit; 6] = [
-    MomentUnit { written: &["ftlb", "ftlbs", "ftlbf", "lbft", "lbfft", "footpounds"], symbol: "ft·lb", in_n_m: 1.355_818 },
+    MomentUnit {
+        written: &["ftlb", "ftlbs", "ftlbf", "lbft", "lbfft", "footpounds"],
+        symbol: "ft·lb",
+        in_n_m: 1.355_818,
+    },
     MomentUnit { written: &["inlb", "inlbs", "inlbf", "lbin", "lbfin"], symbol: "in·lb", in_n_m: 0.112_985 },
     MomentUnit { written: &["nmm"], symbol: "N·mm", in_n_m: 1e-3 },
     MomentUnit { written: &["ncm"], symbol: "N·cm", in_n_m: 1e-2 },

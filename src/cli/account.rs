@@ -304,8 +304,7 @@ const ERROR_COLUMNS: [&str; 7] =
 /// Measures in the order of [`ERROR_COLUMNS`], those that the console shows in percent in percent.
 fn error_cells(e: &Errors) -> [String; 7] {
     let percent = |part: Option<f64>| part.map(|part| 100.0 * part);
-    let all =
-        [percent(e.nrmse), percent(e.max_error), e.xcorr, e.objective, e.rmse_n_m, e.pearson_r, e.r_squared];
+    let all = [percent(e.nrmse), percent(e.max_error), e.xcorr, e.objective, e.rmse_n_m, e.pearson_r, e.r_squared];
     all.map(|v| v.map(|v| rounded(v, 9).to_string()).unwrap_or_default())
 }
 

@@ -45,8 +45,12 @@ impl OutputFolder {
     pub fn write(&self, relative: impl AsRef<Path>, bytes: &[u8]) -> Result<PathBuf, Failure> {
         let target = self.path.join(&relative);
         if let Some(found) = deceptive_in(&relative.as_ref().to_string_lossy()) {
-            let text = format!("the name of this file has the character {}, which does not show as it is", number_of(found));
-            return Err(Message::error(text).in_file(&target).hint("change the name that the file is made from").into());
+            let text =
+                format!("the name of this file has the character {}, which does not show as it is", number_of(found));
+            return Err(Message::error(text)
+                .in_file(&target)
+                .hint("change the name that the file is made from")
+                .into());
         }
         self.refuse_input(&target)?;
         let unwritable =

@@ -19,7 +19,8 @@ use crate::osim::spec::{ModelSpec, MotionType};
 use crate::report::results::InputFile;
 use crate::scaling::{ParticipantScaling, ParticipantScalingError, scale_participant};
 use crate::simulation::{
-    MuscleKinematics, MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, Setup, SimulationError, TrialSimulation,
+    MuscleKinematics, MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, Setup,
+    SimulationError, TrialSimulation,
 };
 use crate::study::{Contraction, MomentPart, Participant, Study, Trial, TrialUse};
 

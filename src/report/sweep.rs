@@ -158,7 +158,9 @@ mod tests {
         };
         let page = render_sweep(&figure);
         assert_eq!(page.matches("<svg class=\"figure\"").count(), 2, "an arm and a length of the one muscle that acts");
-        assert!(page.contains("1 muscle has no moment arm about flexion") && page.contains("DELT1 (200 to 210\u{202f}mm)"));
+        assert!(
+            page.contains("1 muscle has no moment arm about flexion") && page.contains("DELT1 (200 to 210\u{202f}mm)")
+        );
         assert!(page.find("the path of ECRL jumps") < page.find("id=\"muscles\""), "before the figures");
         assert!(page.contains("ECR\\u{202e}L") && !page.contains('\u{202e}') && !page.contains("L<<"));
     }

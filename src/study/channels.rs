@@ -1,10 +1,10 @@
 //! Whether EMG channels of two muscles were exchanged: each is most active in efforts of the other's direction.
 
+use super::Study;
 use super::efforts::{flexion_sign, regression, sums_of_products};
 use super::problem::{Fault, Problem};
 use super::trial::Trial;
 use super::trial_list::Direction;
-use super::Study;
 
 /// A channel is most active in the wrong direction from this ratio of mean excitations on: antagonists that hold a joint
 /// stiff stay below it.
@@ -60,7 +60,8 @@ impl Study {
                 .max_by(|a, b| a.1.unwrap_or(0.0).total_cmp(&b.1.unwrap_or(0.0)));
             let Some(((i, j), gain)) = best else { return problems };
             let name = |channel: &Channel| {
-                let names: Vec<&str> = channel.muscles.iter().map(|m| self.settings.active_muscles[*m].as_str()).collect();
+                let names: Vec<&str> =
+                    channel.muscles.iter().map(|m| self.settings.active_muscles[*m].as_str()).collect();
                 names.join(" and ")
             };
             let fault = Fault::ChannelsExchanged {

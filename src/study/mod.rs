@@ -240,7 +240,10 @@ impl Study {
         let check = |info: &&TrialInfo| {
             let levels = levels.get(info.participant.as_str()).and_then(|levels| levels.as_deref());
             let read = self.trial_with(info, levels);
-            read.map_or_else(|e| (all(e), None), |trial| (trial.warnings.clone(), Some(Effort::of(&trial, &self.settings))))
+            read.map_or_else(
+                |e| (all(e), None),
+                |trial| (trial.warnings.clone(), Some(Effort::of(&trial, &self.settings))),
+            )
         };
         let (findings, efforts): (Vec<Vec<Problem>>, Vec<Option<Effort>>) = infos.par_iter().map(check).unzip();
         let efforts: Vec<Effort> = efforts.into_iter().flatten().collect();

@@ -110,7 +110,9 @@ fn participant(
     let segment_lengths = header
         .iter()
         .filter_map(|column| Some((column.as_str(), column.strip_suffix(SEGMENT_SUFFIX)?)))
-        .filter_map(|(column, segment)| Some((segment.to_owned(), size(row, column, &plausible::SEGMENT_LENGTH, problems)?)))
+        .filter_map(|(column, segment)| {
+            Some((segment.to_owned(), size(row, column, &plausible::SEGMENT_LENGTH, problems)?))
+        })
         .collect();
     let mvc = |column: &str, problems: &mut Vec<Problem>| {
         let moment = row.number(column, "a positive moment in N·m", |v| v > 0.0, problems)?;

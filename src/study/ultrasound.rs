@@ -73,7 +73,12 @@ pub(crate) fn read(path: &Path, participants: &[&str], problems: &mut Vec<Proble
             line: row.line,
             posture: posture.map(f64::to_radians),
             muscle_belly_length: size(&row, "muscle_belly_length_m", &plausible::BELLY_LENGTH, problems),
-            external_tendon_length: size(&row, "external_tendon_length_m", &plausible::EXTERNAL_TENDON_LENGTH, problems),
+            external_tendon_length: size(
+                &row,
+                "external_tendon_length_m",
+                &plausible::EXTERNAL_TENDON_LENGTH,
+                problems,
+            ),
             cross_sectional_area: size(&row, "cross_sectional_area_m2", &plausible::CROSS_SECTIONAL_AREA, problems),
             fascicle_length: size(&row, "fascicle_length_m", &plausible::FASCICLE_LENGTH, problems),
             pennation_angle: pennation.map(f64::to_radians),

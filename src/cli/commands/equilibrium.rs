@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use crate::cli::account::warning_result;
 use crate::cli::account::csv_text;
+use crate::cli::account::warning_result;
 use crate::cli::args::{EquilibriumArgs, Global};
 use crate::cli::failure::{self, Failure, Message};
 use crate::cli::model::{self, LoadedModel, Needs};

@@ -38,7 +38,8 @@ impl Reader<'_> {
         let mut reported: Vec<(&'static Plausible, &'static str, Diagnostic)> = Vec::new();
         for (found, doubt) in found.iter().filter_map(|f| Some((f, f.plausible.doubt(f.value)?))) {
             let line = self.line_of_property(found.at, found.property);
-            let same = |r: &&mut (&Plausible, &str, Diagnostic)| std::ptr::eq(r.0, found.plausible) && r.1 == found.property;
+            let same =
+                |r: &&mut (&Plausible, &str, Diagnostic)| std::ptr::eq(r.0, found.plausible) && r.1 == found.property;
             match reported.iter_mut().find(same) {
                 Some((.., first)) => first.also_at.push(line),
                 None => {
@@ -90,7 +91,9 @@ fn look_at_muscle<'s>(
             _ => None,
         },
     };
-    for (property, time) in ["activation_time_constant", "deactivation_time_constant"].into_iter().zip(times.into_iter().flatten()) {
+    for (property, time) in
+        ["activation_time_constant", "deactivation_time_constant"].into_iter().zip(times.into_iter().flatten())
+    {
         look(property, at, time, &plausible::ACTIVATION_TIME);
     }
     for point in &muscle.path.points {

@@ -49,7 +49,8 @@ fn verif_a_model_in_millimetres_is_one_warning_a_property() {
         (">0.13<", ">130<"),
     ]);
     let of = |property: &str| found.iter().filter(|d| d.message.starts_with(property)).collect::<Vec<_>>();
-    let [points, centres, fibres, tendons] = ["location", "mass_center", "optimal_fiber_length", "tendon_slack"].map(of);
+    let [points, centres, fibres, tendons] =
+        ["location", "mass_center", "optimal_fiber_length", "tendon_slack"].map(of);
     assert_eq!([points.len(), centres.len(), fibres.len(), tendons.len()], [1; 4], "{found:?}");
     assert_eq!(points[0].also_at.len(), 1, "the second point");
     let line = FORMAT_40000[..FORMAT_40000.find("<location>").unwrap()].lines().count();

@@ -9,7 +9,11 @@ use super::folder::{Folder, PARTICIPANTS, TOML, TRIAL_HEADER, list, says};
 #[test]
 fn verif_a_mass_in_pounds_is_suspected() {
     let folder = Folder::spoilt("participants.csv", "70.5,1.75", "150,1.75");
-    says(&folder.only_warning("participants.csv", 2), "150 kg at a height of 1.75 m", "is the mass in pounds? 150 pounds are 68.0 kg");
+    says(
+        &folder.only_warning("participants.csv", 2),
+        "150 kg at a height of 1.75 m",
+        "is the mass in pounds? 150 pounds are 68.0 kg",
+    );
     let folder = Folder::spoilt("participants.csv", "70.5,1.75", "150,");
     says(&folder.only_warning("participants.csv", 2), "column `mass_kg`: 150 is not plausible in kg", "in pounds?");
     for fine in ["110,1.95", "45,1.6", "20,1.15"] {
@@ -41,10 +45,16 @@ fn verif_bounds_as_fractions_or_without_bounds_are_warned_of() {
 #[test]
 fn verif_steps_that_no_recorder_has_are_warned_of() {
     let folder = Folder::good();
-    let rows: Vec<String> = (0..50).map(|i| format!("{:e},30,{},{},0.1", 1e-14 * f64::from(i), 0.05 * f64::from(i), 0.1 + 0.01 * f64::from(i))).collect();
+    let rows: Vec<String> = (0..50)
+        .map(|i| format!("{:e},30,{},{},0.1", 1e-14 * f64::from(i), 0.05 * f64::from(i), 0.1 + 0.01 * f64::from(i)))
+        .collect();
     folder.write("data/iso.csv", format!("{TRIAL_HEADER}\n{}\n", rows.join("\n")));
     let warnings = folder.read().unwrap().warnings;
-    assert!(warnings.iter().any(|w| w.fault.to_string().contains("median time step: 1e-14 is not plausible in s")), "{}", list(&warnings));
+    assert!(
+        warnings.iter().any(|w| w.fault.to_string().contains("median time step: 1e-14 is not plausible in s")),
+        "{}",
+        list(&warnings)
+    );
 }
 
 #[test]
@@ -69,7 +79,11 @@ fn verif_an_mvc_that_the_mvc_trial_does_not_show_is_warned_of() {
     assert_eq!(mvc(1.3), []);
     let warnings = mvc(1.225 * 1.3558);
     assert_eq!(warnings.len(), 1, "{}", list(&warnings));
-    says(&warnings[0], "the largest moment of the MVC trial data/iso.csv is 1.23 N·m", "is the moment of the trials in ft·lb?");
+    says(
+        &warnings[0],
+        "the largest moment of the MVC trial data/iso.csv is 1.23 N·m",
+        "is the moment of the trials in ft·lb?",
+    );
     says(&mvc(1.225 / 1.3558)[0], "column `mvc_flexion_n_m`", "is the MVC in ft·lb?");
     says(&mvc(1.9)[0], "column `mvc_flexion_n_m`: 1.9 N·m", "the trial was not maximal");
 }
@@ -81,7 +95,11 @@ fn demo(factor: f64, exchanged: Option<[&str; 2]>) -> (tempfile::TempDir, Study)
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/wrist.osim");
     std::fs::create_dir_all(folder.path().join("data/P01")).unwrap();
     let toml = std::fs::read_to_string(source.join("study.toml")).unwrap();
-    std::fs::write(folder.path().join("study.toml"), toml.replace("../../models/wrist.osim", &model.display().to_string())).unwrap();
+    std::fs::write(
+        folder.path().join("study.toml"),
+        toml.replace("../../models/wrist.osim", &model.display().to_string()),
+    )
+    .unwrap();
     for table in ["participants.csv", "trials.csv"] {
         std::fs::copy(source.join(table), folder.path().join(table)).unwrap();
     }
@@ -149,7 +167,9 @@ fn verif_exchanged_channels_are_suspected() {
 
 #[test]
 fn verif_names_that_deceive_are_refused() {
-    for (bad, number) in [("P\u{1b}[2J", "U+001B"), ("P\u{202e}10", "U+202E"), ("P\u{feff}01", "U+FEFF"), ("\"P\n01\"", "U+000A")] {
+    for (bad, number) in
+        [("P\u{1b}[2J", "U+001B"), ("P\u{202e}10", "U+202E"), ("P\u{feff}01", "U+FEFF"), ("\"P\n01\"", "U+000A")]
+    {
         let folder = Folder::good();
         folder.write("participants.csv", PARTICIPANTS.replace("P01", bad));
         let errors = folder.errors();
