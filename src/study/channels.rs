@@ -6,7 +6,8 @@ use super::problem::{Fault, Problem};
 use super::trial::Trial;
 use super::trial_list::Direction;
 
-/// A channel is most active in the wrong direction from this ratio of mean excitations on: antagonists that hold a joint
+/// A channel is most active in the wrong direction from this ratio of mean excitations on: antagonists that hold a
+/// joint
 /// stiff stay below it.
 const CLEARLY_MORE: f64 = 1.5;
 
@@ -87,7 +88,8 @@ impl Study {
         channels
     }
 
-    /// RMS error of the moment as a multiple of Σ excitation · strength beside a quadratic of the angle, over that with two
+    /// RMS error of the moment as a multiple of Σ excitation · strength beside a quadratic of the angle, over that with
+    /// two
     /// channels exchanged.
     fn fit_gain(
         &self,

@@ -1,7 +1,9 @@
 //! What the trials of a participant say together: the direction of efforts, and the size of the largest.
 //!
-//! A dynamometer reads the moment of the effort and that of the relaxed limb together, and in a weak effort the second may be
-//! the larger one. So the effort is judged above rest: by how the moment follows the summed EMG at equal angles. A moment
+//! A dynamometer reads the moment of the effort and that of the relaxed limb together, and in a weak effort the second
+//! may be
+//! the larger one. So the effort is judged above rest: by how the moment follows the summed EMG at equal angles. A
+//! moment
 //! that is reversed in one trial is that trial's fault; reversed in all, it is the recording's.
 
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
@@ -16,14 +18,17 @@ use super::{Participant, Study};
 const LEAST_TRAVEL: f64 = 2.0 * std::f64::consts::PI / 180.0;
 /// Rest is seen in a trial whose summed EMG falls to this part of its largest: an effort begun or ended.
 const REST_PART: f64 = 0.5;
-/// Part of the moment's variation that the EMG has to explain for an effort to be judged: with less, what moves the moment
+/// Part of the moment's variation that the EMG has to explain for an effort to be judged: with less, what moves the
+/// moment
 /// is the joint's motion or noise.
 const LEAST_EXPLAINED: f64 = 0.5;
-/// Efforts from this part of the maximum on outweigh the relaxed limb \[%\]: without rest in the trial, their mean is judged.
+/// Efforts from this part of the maximum on outweigh the relaxed limb \[%\]: without rest in the trial, their mean is
+/// judged.
 const STRONG_EFFORT_PERCENT: f64 = 50.0;
 /// A mean below this part of the largest moment has no clear direction.
 const CLEAR_PART: f64 = 0.2;
-/// Stated and measured maximum voluntary moments agree to this ratio: repeated maxima of one person differ by up to a fifth.
+/// Stated and measured maximum voluntary moments agree to this ratio: repeated maxima of one person differ by up to a
+/// fifth.
 const MVC_AGREES: f64 = 1.25;
 /// Trials from which on a moment reversed in all of them is the recording's fault, not the trials'.
 const FEWEST_REVERSED: usize = 2;

@@ -586,7 +586,8 @@ pub enum Fault {
         first: String,
         /// A muscle of the other side.
         second: String,
-        /// RMS error of the moment by EMG and moment arms as recorded, over that with the channels exchanged, if it falls.
+        /// RMS error of the moment by EMG and moment arms as recorded, over that with the channels exchanged, if it
+        /// falls.
         fit_gain: Option<f64>,
     },
     /// A character in a name that does not show as what it is.

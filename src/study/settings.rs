@@ -8,7 +8,7 @@ use super::processing::{self, ProcessingSettings};
 use super::raw_emg::{self, EmgSignal};
 use super::scaling::{self, ScalingSettings, StrengthSettings};
 use super::toml_section::{Sections, TomlSection};
-use crate::plausible::{self, moment_unit_in_name};
+use crate::plausible::{self, Doubt, moment_unit_in_name};
 
 /// Bounds of table 3.2 of the study this program began with: three standard deviations of Lieber et al. (1990)
 /// and Loren & Lieber (1995) for the lengths, the span of wrist moments of Holzbaur et al. (2007) for force.
@@ -395,7 +395,10 @@ fn bounds(sections: &Sections<'_>, file: &Path, problems: &mut Vec<Problem>) -> 
         let expected = "[lower, upper] in percent, 0 < lower ≤ upper";
         if let Some([lower, upper]) = section.optional_pair(key, expected, |[a, b]| a > 0.0 && a <= b) {
             *slot = RelativeBounds { lower: lower / 100.0, upper: upper / 100.0 };
-            if let Some(doubt) = [lower, upper].into_iter().find_map(|bound| plausible.doubt(bound)) {
+            // Only a slip that explains both ends is likely.
+            let doubts: Vec<Doubt> = [lower, upper].into_iter().filter_map(|bound| plausible.doubt(bound)).collect();
+            let unexplained = doubts.iter().find(|doubt| doubt.slip().is_none());
+            if let Some(&doubt) = unexplained.or(doubts.first()) {
                 let fault = Fault::Implausible { name: format!("`{key}`"), doubt };
                 problems.push(Problem::warning(file, section.line_of(key), fault));
             }

@@ -126,7 +126,8 @@ fn coordinates(spec: &ModelSpec, model: Option<&Model>) -> Vec<CoordinateInfo> {
     spec.coordinates.iter().enumerate().map(info).collect()
 }
 
-/// Unit of a coordinate of which OpenSim says only that it is coupled: what turns its joint, wholly or among other things,
+/// Unit of a coordinate of which OpenSim says only that it is coupled: what turns its joint, wholly or among other
+/// things,
 /// is an angle. One that no axis uses may be either.
 fn coupled_unit(spec: &ModelSpec, index: CoordinateIndex) -> &'static str {
     let JointKind::Custom(axes) = &spec.joints[spec.coordinates[index.0].joint.0].kind else { return "rad or m" };
@@ -178,7 +179,8 @@ fn readable(info: &Info, all: bool) -> String {
     text
 }
 
-/// Whether a range is one that stands for none: a hundred turns or a kilometre both ways, as OpenSim writes for followers.
+/// Whether a range is one that stands for none: a hundred turns or a kilometre both ways, as OpenSim writes for
+/// followers.
 fn is_unlimited(c: &CoordinateInfo) -> bool {
     let far = if c.unit == "deg" { 36_000.0 } else { 1000.0 };
     c.range[0] <= -far && c.range[1] >= far

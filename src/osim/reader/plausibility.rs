@@ -1,6 +1,7 @@
 //! Values that OpenSim computes with and no person has: millimetres in place of metres, degrees in place of radians.
 //!
-//! Each is a warning; the number is used as it stands. What is doubtful in the same way at several places is one warning.
+//! Each is a warning; the number is used as it stands. What is doubtful in the same way at several places is one
+//! warning.
 
 use super::Reader;
 use crate::osim::diagnostics::{Diagnostic, Severity};

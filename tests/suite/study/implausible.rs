@@ -36,7 +36,7 @@ fn verif_an_effort_as_a_fraction_is_suspected() {
 fn verif_bounds_as_fractions_or_without_bounds_are_warned_of() {
     let with = |line: &str| Folder::spoilt("study.toml", "[emg]", &format!("[personalization]\n{line}\n\n[emg]"));
     let folder = with("max_isometric_force = [1, 100000]");
-    says(&folder.only_warning("study.toml", 18), "`max_isometric_force`: 1 is not plausible in %", "Holzbaur");
+    says(&folder.only_warning("study.toml", 18), "`max_isometric_force`: 100000 is not plausible in %", "Holzbaur");
     let folder = with("optimal_fiber_length = [0.8, 1.2]");
     says(&folder.only_warning("study.toml", 18), "0.8 is not plausible in %", "0.8 parts of 1 are 80 %");
     assert_eq!(with("optimal_fiber_length = [82.2, 117.8]").read().unwrap().warnings, []);
