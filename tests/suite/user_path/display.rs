@@ -55,7 +55,7 @@ fn verif_series_for_opensim_say_what_their_angles_are_in() {
     assert_eq!(found.len(), 2);
     for text in found {
         assert!(text.contains("\ninDegrees=yes\n") && text.contains("\ntime\tflexion\t"), "{}", &text[..300]);
-        let first = text.lines().nth(6).unwrap().split('\t').nth(1).unwrap().parse::<f64>().unwrap();
+        let first = text.lines().nth(7).unwrap().split('\t').nth(1).unwrap().parse::<f64>().unwrap();
         assert!(first.abs() > 10.0, "degrees: the movement begins near 35°, found {first}");
     }
 }
