@@ -20,6 +20,8 @@ pub mod numerics;
 pub mod osim;
 pub mod paths;
 pub mod personalization;
+pub mod plausible;
+pub mod printable;
 pub mod report;
 pub mod scaling;
 pub mod sensitivity;

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::failure::{Failure, Gravity, Message};
 use crate::evaluation::{ErrorMeasures, ErrorSummary, ErrorTable, SetErrors, TrialErrors};
 use crate::osim::spec::{ModelSpec, MotionType};
+use crate::printable;
 use crate::report::results::{
     Condition, ConditionErrors, Errors, HeldCoordinate, Kind, ModelResult, ParticipantResult, Provenance, Results,
     SCHEMA, Series, StudyResult, TrialResult, Use, UseErrors, WarningResult, rounded, thinned,
@@ -297,10 +298,13 @@ pub fn errors_per_condition_csv(results: &[&Results]) -> Result<String, Failure>
     csv_text(header.iter().chain(&ERROR_COLUMNS), rows.into_iter())
 }
 
-const ERROR_COLUMNS: [&str; 7] = ["nrmse", "max_error", "xcorr", "objective", "rmse_n_m", "pearson_r", "r_squared"];
+const ERROR_COLUMNS: [&str; 7] =
+    ["nrmse_percent", "max_error_percent", "xcorr", "objective", "rmse_n_m", "pearson_r", "r_squared"];
 
+/// Measures in the order of [`ERROR_COLUMNS`], those that the console shows in percent in percent.
 fn error_cells(e: &Errors) -> [String; 7] {
-    let all = [e.nrmse, e.max_error, e.xcorr, e.objective, e.rmse_n_m, e.pearson_r, e.r_squared];
+    let percent = |part: Option<f64>| part.map(|part| 100.0 * part);
+    let all = [percent(e.nrmse), percent(e.max_error), e.xcorr, e.objective, e.rmse_n_m, e.pearson_r, e.r_squared];
     all.map(|v| v.map(|v| rounded(v, 9).to_string()).unwrap_or_default())
 }
 
@@ -322,7 +326,7 @@ pub fn digits(value: f64) -> String {
     rounded(value, 9).to_string()
 }
 
-/// A CSV table.
+/// A CSV table; cells as [`printable::cell`] makes them safe.
 ///
 /// # Errors
 /// None that input can cause.
@@ -332,9 +336,10 @@ pub fn csv_text<'h>(
 ) -> Result<String, Failure> {
     let broken = |e: csv::Error| Failure::Internal(format!("CSV: {e}"));
     let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(header.copied()).map_err(broken)?;
+    let safe = |text: &str| printable::cell(text).into_owned();
+    writer.write_record(header.map(|name| safe(name))).map_err(broken)?;
     for row in rows {
-        writer.write_record(&row).map_err(broken)?;
+        writer.write_record(row.iter().map(|cell| safe(cell))).map_err(broken)?;
     }
     let bytes = writer.into_inner().map_err(|e| Failure::Internal(e.to_string()))?;
     String::from_utf8(bytes).map_err(|e| Failure::Internal(e.to_string()))

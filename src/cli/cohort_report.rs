@@ -241,10 +241,11 @@ fn means_csv(cohort: &Cohort, names: &[ModelName]) -> Result<String, Failure> {
         for measure in CohortMeasure::ALL {
             let mut push = |cells: [String; 3], chosen: &dyn Fn(&ConditionError) -> bool| {
                 if let Some(found) = cohort.over_participants(&name.id, measure, chosen) {
-                    let mut row = vec![name.id.clone(), measure.id().to_string()];
+                    let (column, factor) = measure.column();
+                    let mut row = vec![name.id.clone(), column.to_string()];
                     row.extend(cells);
                     row.push(found.participants.to_string());
-                    row.extend([found.mean, found.standard_deviation].map(digits));
+                    row.extend([found.mean, found.standard_deviation].map(|value| digits(factor * value)));
                     rows.push(row);
                 }
             };
@@ -305,19 +306,22 @@ fn pairwise(cohort: &Cohort, names: &[ModelName], parts: &mut ReportParts) -> Re
             let Ok(comparisons) = cohort.pairwise(measure, contraction, effort) else { continue };
             for c in comparisons {
                 let set = set_name((contraction, effort));
+                let (column, factor) = measure.column();
+                let [difference, error] = [c.test.mean_difference, c.test.standard_error].map(|value| factor * value);
+                let unit = if factor == 1.0 { "" } else { " [%]" };
                 if c.p_bonferroni < 0.05 {
                     shown.push(vec![
-                        measure.label().to_string(),
+                        format!("{}{unit}", measure.label()),
                         set.clone(),
                         label(&c.first),
                         label(&c.second),
-                        format!("{} ± {}", fixed(c.test.mean_difference, 3), fixed(c.test.standard_error, 3)),
+                        format!("{} ± {}", fixed(difference, 3), fixed(error, 3)),
                         p_text(c.p_bonferroni),
                     ]);
                 }
-                let mut row = vec![measure.id().to_string(), contraction.word().to_string(), effort.to_string()];
+                let mut row = vec![column.to_string(), contraction.word().to_string(), effort.to_string()];
                 row.extend([c.first, c.second]);
-                row.extend([c.test.mean_difference, c.test.standard_error, c.test.t].map(digits));
+                row.extend([difference, error, c.test.t].map(digits));
                 row.extend([
                     c.test.df.to_string(),
                     digits(c.test.p_value),

@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 
+use crate::printable::{visible, visible_lines};
+
 /// Why a command could not do its work.
 #[derive(Debug)]
 pub enum Failure {
@@ -80,13 +82,15 @@ impl Message {
             Gravity::Warning => Level::WARNING,
         };
         // A title is one line: what a lower layer wrote over several lines follows as it is.
-        let mut lines = self.text.lines();
+        let text = visible_lines(&self.text);
+        let mut lines = text.lines();
         let first = lines.next().unwrap_or_default();
         let title = match self.place() {
-            Some(place) => format!("{place}: {first}"),
+            Some(place) => format!("{}: {first}", visible(&place)),
             None => first.to_string(),
         };
-        let source = self.source_line();
+        let source = self.source_line().map(|line| visible(&line).into_owned());
+        let hint = self.hint.as_deref().map(visible_lines);
         let mut group =
             level.primary_title(title).elements(lines.map(|l| Level::NOTE.no_name().message(l.trim().to_string())));
         if let (Some(source), Some(line)) = (&source, self.line) {
@@ -95,8 +99,8 @@ impl Message {
                 .annotation(AnnotationKind::Primary.span(0..source.len()));
             group = group.element(snippet);
         }
-        if let Some(hint) = &self.hint {
-            group = group.element(Level::HELP.with_name("hint").message(hint.as_str()));
+        if let Some(hint) = &hint {
+            group = group.element(Level::HELP.with_name("hint").message(hint.as_ref()));
         }
         renderer.render(&[group])
     }

@@ -33,6 +33,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use clap::error::ErrorKind;
 
+use crate::printable;
 use args::{Cli, Command, Global};
 use failure::{Failure, Message};
 
@@ -146,9 +147,12 @@ fn report_panic(panic: &std::panic::PanicHookInfo<'_>) {
     failure::say(&defect(&format!("{text}{at}")));
 }
 
-/// Prints a result to stdout. Whoever reads it (`| head`) may have had enough: the work is done all the same.
+/// Prints a result to stdout, names with characters that would do something to the terminal written out. Whoever reads it (`| head`) may have
+/// had enough: the work is done all the same.
 fn print_result(text: &str) -> Result<(), Failure> {
     use std::io::Write;
+    let is_json = text.starts_with(['{', '[']);
+    let text = if is_json { printable::visible_json(text) } else { printable::visible_lines(text) };
     let mut stdout = std::io::stdout().lock();
     let written = stdout
         .write_all(text.as_bytes())

@@ -81,8 +81,17 @@ pub fn finding(path: &Path, diagnostic: &Diagnostic, gravity: Gravity) -> Messag
         gravity,
         file: Some(path.to_owned()),
         line: Some(diagnostic.line),
-        text: format!("{}: {}", diagnostic.path, diagnostic.message),
+        text: format!("{}: {}{}", diagnostic.path, diagnostic.message, elsewhere(diagnostic)),
         hint: diagnostic.hint.clone(),
+    }
+}
+
+/// At how many further lines the same was found.
+pub fn elsewhere(diagnostic: &Diagnostic) -> String {
+    match diagnostic.also_at.len() {
+        0 => String::new(),
+        1 => " (and at 1 more line)".to_string(),
+        n => format!(" (and at {n} more lines)"),
     }
 }
 

@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::failure::{Failure, Message};
+use crate::printable::{deceptive_in, number_of};
 
 /// A folder that was found to be writable before anything was computed. Files appear in it whole or not at all.
 #[derive(Debug)]
@@ -42,7 +43,15 @@ impl OutputFolder {
     /// # Errors
     /// The disk; or the file is one of the inputs.
     pub fn write(&self, relative: impl AsRef<Path>, bytes: &[u8]) -> Result<PathBuf, Failure> {
-        let target = self.path.join(relative);
+        let target = self.path.join(&relative);
+        if let Some(found) = deceptive_in(&relative.as_ref().to_string_lossy()) {
+            let text =
+                format!("the name of this file has the character {}, which does not show as it is", number_of(found));
+            return Err(Message::error(text)
+                .in_file(&target)
+                .hint("change the name that the file is made from")
+                .into());
+        }
         self.refuse_input(&target)?;
         let unwritable =
             |error: std::io::Error| Message::error(format!("cannot be written: {}", reason(&error))).in_file(&target);

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::account::csv_text;
 use super::failure::Failure;
+use crate::printable::visible;
 use crate::simulation::{PreparedTrial, TrialSimulation};
 use crate::study::Trial;
 
@@ -27,7 +28,8 @@ fn columns(
     let kinematics = prepared.kinematics();
     let degrees = trial.angle.iter().map(|a| a.to_degrees()).collect();
     let mut columns = vec![
-        column(format!("{coordinate}_deg"), format!("{coordinate}_deg"), degrees),
+        // OpenSim knows a coordinate by its name, and its unit by the header.
+        column(format!("{coordinate}_deg"), coordinate.to_owned(), degrees),
         column("measured_n_m".into(), "measured_moment".into(), trial.moment.clone()),
         column("simulated_n_m".into(), "simulated_moment".into(), simulation.moment.clone()),
         column("passive_n_m".into(), "passive_moment".into(), kinematics.passive_moment.clone()),
@@ -88,19 +90,19 @@ pub fn texts(
     Ok((csv_text(header.iter(), rows)?, sto(trial, &columns)))
 }
 
-/// An OpenSim storage file.
+/// An OpenSim storage file: the coordinate's angle in degrees, as `inDegrees` says, all else in SI units.
 fn sto(trial: &Trial, columns: &[Column]) -> String {
     let mut text = String::new();
     let w = &mut text;
     let name = trial.info.name();
     let _ = write!(
         w,
-        "{name}\nversion=1\nnRows={}\nnColumns={}\ninDegrees=no\nendheader\ntime",
+        "{name}\nversion=1\nnRows={}\nnColumns={}\ninDegrees=yes\nendheader\ntime",
         trial.len(),
         columns.len() + 1
     );
     columns.iter().for_each(|c| {
-        let _ = write!(w, "\t{}", c.sto);
+        let _ = write!(w, "\t{}", visible(&c.sto));
     });
     w.push('\n');
     for (i, time) in trial.time.iter().enumerate() {

@@ -19,7 +19,8 @@ use crate::osim::spec::{ModelSpec, MotionType};
 use crate::report::results::InputFile;
 use crate::scaling::{ParticipantScaling, ParticipantScalingError, scale_participant};
 use crate::simulation::{
-    MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, Setup, SimulationError, TrialSimulation,
+    MuscleKinematics, MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, Setup,
+    SimulationError, TrialSimulation,
 };
 use crate::study::{Contraction, MIN_SAMPLES, MomentPart, Participant, Study, Trial, TrialUse};
 
@@ -260,6 +261,8 @@ impl StudyRun {
             warnings.push(Message::warning(text).in_file(&loaded.path).hint(hint));
         }
         warnings.extend(path_warnings(&loaded, &model, &trials)?);
+        let strengths: Vec<Vec<Vec<f64>>> = prepared.iter().map(|trial| strengths(trial, &model)).collect();
+        warnings.extend(self.study.check_channels(&trials, &strengths).iter().map(Message::from));
         let inputs = self.inputs(participant, &loaded.path, &trials)?;
         Ok(ParticipantRun {
             participant: participant.clone(),
@@ -454,6 +457,15 @@ fn read_side_car(file: &Path, study: &Study) -> Result<(PathBuf, SideCar), Failu
 fn beside(model: &Path) -> Option<PathBuf> {
     let file = model.parent()?.join("effects.toml");
     file.is_file().then_some(file)
+}
+
+/// Moment arm times maximum isometric force [N·m], per active muscle and sample of a trial.
+fn strengths(trial: &PreparedTrial, model: &MusculoskeletalModel) -> Vec<Vec<f64>> {
+    let parameters = model.nominal_parameters();
+    let of = |(muscle, p): (&MuscleKinematics, &MuscleParameters)| {
+        muscle.moment_arm.iter().map(|arm| arm * p.max_isometric_force).collect()
+    };
+    trial.kinematics().muscles.iter().zip(&parameters).map(of).collect()
 }
 
 /// Warnings about the active muscles' paths over all angles that were recorded.

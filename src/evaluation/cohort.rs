@@ -55,6 +55,14 @@ impl CohortMeasure {
         }
     }
 
+    /// Its column in tables whose unit is in the name, and by what a value is multiplied there.
+    pub fn column(self) -> (&'static str, f64) {
+        match self {
+            CohortMeasure::Nrmse => ("nrmse_percent", 100.0),
+            CohortMeasure::PearsonR | CohortMeasure::Rmse => (self.id(), 1.0),
+        }
+    }
+
     /// Its name.
     pub fn label(self) -> &'static str {
         match self {

@@ -2,7 +2,7 @@
 
 use askama::Template;
 
-use super::page::{SCRIPT, STYLE, content_security_policy};
+use super::page::{SCRIPT, STYLE, content_security_policy, finished};
 pub use super::plot::escape;
 use super::results::Provenance;
 
@@ -83,7 +83,7 @@ struct Page<'a> {
 /// The page: one self-contained HTML page.
 pub fn render_article(article: &Article) -> String {
     let page = Page { policy: content_security_policy(), style: STYLE, script: SCRIPT, article };
-    page.render().expect("the article template has no failing filter")
+    finished(&page)
 }
 
 /// A p-value as the dissertation prints it: three decimals, with `*` below 0.05.

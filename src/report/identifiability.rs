@@ -7,7 +7,7 @@ use askama::Template;
 use serde::{Deserialize, Serialize};
 
 use super::number::significant;
-use super::page::{SCRIPT, STYLE, content_security_policy};
+use super::page::{SCRIPT, STYLE, content_security_policy, finished};
 use super::plot::{Scale, escape};
 use super::results::{Provenance, WarningResult};
 
@@ -249,7 +249,7 @@ pub fn render_identifiability(result: &IdentifiabilityResult) -> String {
             s.dispersion, s.largest_deviance_error, s.largest_r_hat, s.fewest_effective_draws, s.divergent
         ),
     };
-    page.render().expect("the identifiability template has no failing filter")
+    finished(&page)
 }
 
 /// The most correlated pairs.

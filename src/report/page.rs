@@ -7,6 +7,7 @@ use super::results::Results;
 use super::story::Story;
 use super::story_figures::standing_alone;
 use super::view::View;
+use crate::printable::visible_lines;
 
 /// Styles of every page.
 pub(super) const STYLE: &str = include_str!("assets/report.css");
@@ -37,11 +38,17 @@ struct StoryPage<'a> {
 pub fn render_report(results: &Results) -> String {
     if let Some(story) = Story::new(results) {
         let page = StoryPage { policy: content_security_policy(), style: STYLE, script: SCRIPT, view: story, results };
-        return page.render().expect("the story template has no failing filter");
+        return finished(&page);
     }
     let page =
         Page { policy: content_security_policy(), style: STYLE, script: SCRIPT, view: View::new(results), results };
-    page.render().expect("the report template has no failing filter")
+    finished(&page)
+}
+
+/// The text of a page, characters of names that would change how it is shown written out.
+pub(super) fn finished(page: &impl Template) -> String {
+    let text = page.render().expect("no template has a failing filter");
+    visible_lines(&text).into_owned()
 }
 
 /// The fall of the error as a figure of its own (SVG); `None` for results that have no diagnosis.

@@ -2,7 +2,7 @@
 
 use askama::Template;
 
-use super::page::{SCRIPT, STYLE, content_security_policy};
+use super::page::{SCRIPT, STYLE, content_security_policy, finished};
 use super::plot::{self, Curve, CurveFigure};
 use super::results::Provenance;
 
@@ -122,7 +122,7 @@ pub fn render_signals(report: &SignalReport) -> String {
         report,
         sections: report.sections.iter().map(section).collect(),
     };
-    page.render().expect("the signals template has no failing filter")
+    finished(&page)
 }
 
 fn svg(figure: &SignalFigure) -> String {

@@ -2,9 +2,10 @@
 
 use askama::Template;
 
-use super::page::{SCRIPT, STYLE, content_security_policy};
+use super::page::{SCRIPT, STYLE, content_security_policy, finished};
 use super::plot::{self, Curve, CurveFigure};
-use super::results::Provenance;
+use super::results::{Provenance, WarningResult};
+use super::warnings::{self, WarningGroup};
 
 /// Lengths and moment arms of muscles over a coordinate.
 #[derive(Clone, Debug)]
@@ -21,6 +22,8 @@ pub struct SweepFigure {
     pub held: Vec<String>,
     /// One per muscle.
     pub muscles: Vec<SweepMuscle>,
+    /// What a person should know of these paths.
+    pub warnings: Vec<WarningResult>,
     /// Program, command and inputs.
     pub provenance: Provenance,
 }
@@ -34,6 +37,14 @@ pub struct SweepMuscle {
     pub length_m: Vec<f64>,
     /// Moment arm about the coordinate [m] (for a translation: dimensionless).
     pub moment_arm_m: Vec<f64>,
+}
+
+/// A moment arm that never exceeds this is none: the muscle does not cross the joint \[m\].
+const NO_ARM: f64 = 1e-5;
+
+/// What the partial template of warnings reads.
+struct Warnings {
+    warnings: Vec<WarningGroup>,
 }
 
 struct MusclePanel {
@@ -54,7 +65,11 @@ struct Page<'a> {
     unit: &'a str,
     first: String,
     last: String,
+    view: Warnings,
+    /// Muscles that turn the coordinate, in the order of the model.
     muscles: Vec<MusclePanel>,
+    /// Name and lengths of the others.
+    without_arm: Vec<(String, String)>,
 }
 
 /// The page of a sweep: one self-contained HTML page.
@@ -62,6 +77,8 @@ pub fn render_sweep(figure: &SweepFigure) -> String {
     let arm_range = plot::extent(figure.muscles.iter().flat_map(|m| m.moment_arm_m.iter().map(|v| 1e3 * v)));
     let arm_range = plot::padded(arm_range.unwrap_or([0.0, 1.0]), 0.06);
     let arm_range = [arm_range[0].min(0.0), arm_range[1].max(0.0)];
+    let acts = |m: &&SweepMuscle| m.moment_arm_m.iter().any(|arm| arm.abs() > NO_ARM);
+    let (acting, others): (Vec<&SweepMuscle>, Vec<&SweepMuscle>) = figure.muscles.iter().partition(acts);
     let page = Page {
         policy: content_security_policy(),
         style: STYLE,
@@ -70,9 +87,24 @@ pub fn render_sweep(figure: &SweepFigure) -> String {
         unit: if figure.unit == "deg" { "°" } else { figure.unit },
         first: figure.values.first().map(|v| super::plain(*v)).unwrap_or_default(),
         last: figure.values.last().map(|v| super::plain(*v)).unwrap_or_default(),
-        muscles: figure.muscles.iter().map(|m| panel(figure, m, arm_range)).collect(),
+        view: Warnings { warnings: warnings::groups(&figure.warnings) },
+        muscles: acting.iter().map(|m| panel(figure, m, arm_range)).collect(),
+        without_arm: others.iter().map(|m| (m.name.clone(), words(&mm(&m.length_m)))).collect(),
     };
-    page.render().expect("the sweep template has no failing filter")
+    finished(&page)
+}
+
+fn mm(values: &[f64]) -> Vec<f64> {
+    values.iter().map(|v| 1e3 * v).collect()
+}
+
+/// Least and greatest of some values in millimetres; one where they are the same.
+fn words(values: &[f64]) -> String {
+    match plot::extent(values.iter().copied()).map(|ends| ends.map(|v| super::significant(v, 3))) {
+        Some([a, b]) if a == b => format!("{a}\u{202f}mm"),
+        Some([a, b]) => format!("{a} to {b}\u{202f}mm"),
+        None => String::new(),
+    }
 }
 
 fn panel(figure: &SweepFigure, muscle: &SweepMuscle, arm_range: [f64; 2]) -> MusclePanel {
@@ -92,12 +124,7 @@ fn panel(figure: &SweepFigure, muscle: &SweepMuscle, arm_range: [f64; 2]) -> Mus
         }
         .svg()
     };
-    let mm = |values: &[f64]| values.iter().map(|v| 1e3 * v).collect::<Vec<_>>();
     let (length, arm) = (mm(&muscle.length_m), mm(&muscle.moment_arm_m));
-    let words = |values: &[f64]| match plot::extent(values.iter().copied()) {
-        Some([a, b]) => format!("{} to {}\u{202f}mm", super::significant(a, 3), super::significant(b, 3)),
-        None => String::new(),
-    };
     let length_range = plot::padded(plot::extent(length.iter().copied()).unwrap_or([0.0, 1.0]), 0.08);
     MusclePanel {
         name: muscle.name.clone(),
@@ -105,5 +132,36 @@ fn panel(figure: &SweepFigure, muscle: &SweepMuscle, arm_range: [f64; 2]) -> Mus
         length_svg: draw(&length, length_range, "measured", "length", 110.0),
         arms: words(&arm),
         lengths: words(&length),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn verif_muscles_without_a_moment_arm_and_warnings_stand_where_they_are_seen() {
+        let muscle = |name: &str, arm: f64| SweepMuscle {
+            name: name.to_owned(),
+            length_m: vec![0.2, 0.21],
+            moment_arm_m: vec![arm, 0.5 * arm],
+        };
+        let figure = SweepFigure {
+            model: "arm".to_owned(),
+            coordinate: "flexion".to_owned(),
+            unit: "deg",
+            values: vec![0.0, 10.0],
+            held: Vec::new(),
+            muscles: vec![muscle("DELT1", 0.0), muscle("ECR\u{202e}L<", -0.01)],
+            warnings: vec![WarningResult { at: None, message: "the path of ECRL jumps".to_owned(), hint: None }],
+            provenance: Provenance::default(),
+        };
+        let page = render_sweep(&figure);
+        assert_eq!(page.matches("<svg class=\"figure\"").count(), 2, "an arm and a length of the one muscle that acts");
+        assert!(
+            page.contains("1 muscle has no moment arm about flexion") && page.contains("DELT1 (200 to 210\u{202f}mm)")
+        );
+        assert!(page.find("the path of ECRL jumps") < page.find("id=\"muscles\""), "before the figures");
+        assert!(page.contains("ECR\\u{202e}L") && !page.contains('\u{202e}') && !page.contains("L<<"));
     }
 }

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use super::Storage;
+use crate::printable::visible;
 
 /// A number as OpenSim prints it with its tools' `output_precision`: fixed point, padded.
 pub fn printed(value: f64, precision: usize) -> String {
@@ -31,7 +32,7 @@ impl Storage {
         }
         text.push_str("endheader\ntime");
         for label in &self.labels {
-            let _ = write!(text, "\t{label}");
+            let _ = write!(text, "\t{}", visible(label));
         }
         text.push('\n');
         for (time, row) in self.time.iter().zip(&self.rows) {

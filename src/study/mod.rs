@@ -16,6 +16,8 @@
 //! | `ultrasound.csv` | [`UltrasoundMeasurement`] | the file itself |
 //! | trial files | time, angle, moment, EMG, perhaps velocity: [`Trial`] | |
 
+mod channels;
+mod efforts;
 mod imaging_settings;
 mod lines;
 mod participants;
@@ -39,6 +41,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
+use efforts::Effort;
 pub use imaging_settings::{FascicleUse, ImagingSettings};
 pub use participants::{Participant, Sex, Side};
 pub use priors::{PriorKnowledge, PriorUnit, read_priors};
@@ -206,7 +209,15 @@ impl Study {
     pub fn load_trials(&self, participant: &str) -> Result<Vec<Trial>, StudyErrors> {
         let levels = self.mvc_levels(participant)?;
         let infos: Vec<&TrialInfo> = self.trials_of(participant).collect();
-        gather(infos.into_par_iter().map(|info| self.trial_with(info, levels.as_deref())).collect())
+        let mut trials = gather(infos.into_par_iter().map(|info| self.trial_with(info, levels.as_deref())).collect())?;
+        let efforts: Vec<Effort> = trials.iter().map(|trial| Effort::of(trial, &self.settings)).collect();
+        let doubtful = StudyErrors::settle(efforts::check(self, &efforts))?;
+        for problem in doubtful {
+            // What concerns no trial's file is said with the first trial.
+            let place = trials.iter().position(|trial| trial.info.file == problem.file).unwrap_or(0);
+            trials[place].warnings.push(problem);
+        }
+        Ok(trials)
     }
 
     /// Reads every trial that is not ignored and passes `wanted`, keeps nothing, and returns the findings in the
@@ -228,10 +239,15 @@ impl Study {
         }
         let check = |info: &&TrialInfo| {
             let levels = levels.get(info.participant.as_str()).and_then(|levels| levels.as_deref());
-            self.trial_with(info, levels).map_or_else(all, |trial| trial.warnings)
+            let read = self.trial_with(info, levels);
+            read.map_or_else(
+                |e| (all(e), None),
+                |trial| (trial.warnings.clone(), Some(Effort::of(&trial, &self.settings))),
+            )
         };
-        let findings: Vec<Vec<Problem>> = infos.par_iter().map(check).collect();
-        for problem in findings.into_iter().flatten() {
+        let (findings, efforts): (Vec<Vec<Problem>>, Vec<Option<Effort>>) = infos.par_iter().map(check).unzip();
+        let efforts: Vec<Effort> = efforts.into_iter().flatten().collect();
+        for problem in findings.into_iter().flatten().chain(efforts::check(self, &efforts)) {
             // A bad MVC file was read twice.
             if self.settings.emg == EmgSignal::Normalized || !problems.contains(&problem) {
                 problems.push(problem);

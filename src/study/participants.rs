@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::problem::{Fault, Problem};
 use super::table::{Row, Table};
+use crate::plausible::{self, Plausible};
 
 /// Columns of `participants.csv` besides `<segment>_length_m`.
 const COLUMNS: [&str; 9] = [
@@ -109,17 +110,33 @@ fn participant(
     let segment_lengths = header
         .iter()
         .filter_map(|column| Some((column.as_str(), column.strip_suffix(SEGMENT_SUFFIX)?)))
-        .filter_map(|(column, segment)| Some((segment.to_owned(), size(row, column, "m", [0.005, 1.0], problems)?)))
+        .filter_map(|(column, segment)| {
+            Some((segment.to_owned(), size(row, column, &plausible::SEGMENT_LENGTH, problems)?))
+        })
         .collect();
-    let mvc =
-        |column, problems: &mut Vec<Problem>| row.number(column, "a positive moment in N·m", |v| v > 0.0, problems);
+    let mvc = |column: &str, problems: &mut Vec<Problem>| {
+        let moment = row.number(column, "a positive moment in N·m", |v| v > 0.0, problems)?;
+        row.warn_of(column, moment, &plausible::MVC_MOMENT, problems);
+        Some(moment)
+    };
+    let mass = size(row, "mass_kg", &plausible::BODY_MASS, problems);
+    let height = size(row, "height_m", &plausible::BODY_HEIGHT, problems);
+    match (mass, height) {
+        (Some(mass_kg), Some(height_m)) => {
+            if let Some(doubt) = plausible::BODY_MASS_INDEX.doubt(mass_kg / (height_m * height_m)) {
+                row.warning(Fault::ImplausibleBuild { mass_kg, height_m, doubt }, problems);
+            }
+        }
+        (Some(mass), None) => row.warn_of("mass_kg", mass, &plausible::USUAL_BODY_MASS, problems),
+        (None, _) => {}
+    }
     Some(Participant {
         name: name.to_owned(),
         line: row.line,
         own_model: own_model.is_some(),
         model: own_model.unwrap_or_else(|| study_model.to_owned()),
-        mass: size(row, "mass_kg", "kg", [10.0, 400.0], problems),
-        height: size(row, "height_m", "m", [0.5, 2.6], problems),
+        mass,
+        height,
         sex: row.word("sex", "sex", &sexes, problems),
         side: row.word("side", "side", &sides, problems),
         segment_lengths,
@@ -132,13 +149,12 @@ fn participant(
 pub(crate) fn size(
     row: &Row<'_>,
     column: &str,
-    unit: &'static str,
-    [lower, upper]: [f64; 2],
+    plausible: &'static Plausible,
     problems: &mut Vec<Problem>,
 ) -> Option<f64> {
     let value = row.number(column, "a positive number", |v| v > 0.0, problems)?;
-    if !(lower..=upper).contains(&value) {
-        row.error(Fault::ImplausibleSize { column: column.to_owned(), value, unit, lower, upper }, problems);
+    if let Some(doubt) = plausible.doubt(value) {
+        row.error(Fault::Implausible { name: format!("column `{column}`"), doubt }, problems);
         return None;
     }
     Some(value)

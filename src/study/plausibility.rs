@@ -4,8 +4,9 @@ use super::problem::{Fault, Problem};
 use super::raw_emg::EmgSignal;
 use super::settings::AngleUnit;
 use super::trial::{Trial, median};
-use super::trial_list::{Contraction, Direction, TrialUse};
+use super::trial_list::{Contraction, Direction};
 use super::{Participant, Settings};
+use crate::plausible;
 
 /// Coarsest sampling that resolves activation dynamics (time constants of 10–40 ms) \[s\].
 const COARSEST_STEP: f64 = 0.02;
@@ -29,13 +30,16 @@ pub(crate) fn check(trial: &Trial, settings: &Settings, participant: Option<&Par
     if settings.emg == EmgSignal::Normalized {
         constant_emg(trial, settings, &mut faults); // of raw channels this is said before they are filtered
     }
-    moment(trial, settings, participant, &mut faults);
+    moment(trial, participant, &mut faults);
     faults.into_iter().map(|fault| Problem::warning(&trial.info.file, None, fault)).collect()
 }
 
 fn sampling(trial: &Trial, faults: &mut Vec<Fault>) {
     let steps: Vec<f64> = trial.time.windows(2).map(|w| w[1] - w[0]).collect();
     let median_step_s = median(&steps);
+    if let Some(doubt) = plausible::TIME_STEP.doubt(median_step_s).filter(|_| median_step_s < COARSEST_STEP) {
+        faults.push(Fault::Implausible { name: "median time step".to_owned(), doubt });
+    }
     // Times are written with few digits: a step of exactly the limit must not fail for rounding.
     if median_step_s > COARSEST_STEP * (1.0 + 1e-6) {
         faults.push(Fault::CoarseSampling { median_step_s, expected_s: COARSEST_STEP });
@@ -129,9 +133,8 @@ fn constant_emg(trial: &Trial, settings: &Settings, faults: &mut Vec<Fault>) {
     }
 }
 
-fn moment(trial: &Trial, settings: &Settings, participant: Option<&Participant>, faults: &mut Vec<Fault>) {
+fn moment(trial: &Trial, participant: Option<&Participant>, faults: &mut Vec<Fault>) {
     let max_abs_n_m = trial.max_abs_moment();
-    let mean_n_m = mean(&trial.moment);
     let info = &trial.info;
     let active = matches!(info.contraction, Contraction::Isometric | Contraction::Isotonic | Contraction::Mvc);
     let effort = info.effort_percent.unwrap_or(if info.contraction == Contraction::Mvc { 100.0 } else { 0.0 });
@@ -154,18 +157,6 @@ fn moment(trial: &Trial, settings: &Settings, participant: Option<&Participant>,
         None
     };
     faults.extend(expected.map(|expected| Fault::MomentScale { max_abs_n_m, expected }));
-
-    // Which way is positive is known only if the coordinate says so.
-    let flexion_is_positive = settings.dynamometer.coordinate.to_lowercase().contains("flexion");
-    let sign = match info.direction {
-        Direction::Flexion => 1.0,
-        Direction::Extension => -1.0,
-        Direction::None => 0.0,
-    };
-    let clearly_opposite = mean_n_m * sign < -0.2 * max_abs_n_m;
-    if active && flexion_is_positive && info.usage != TrialUse::Ignore && clearly_opposite {
-        faults.push(Fault::MomentSign { mean_n_m, direction: info.direction.word() });
-    }
 }
 
 fn mean(values: &[f64]) -> f64 {

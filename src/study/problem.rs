@@ -4,6 +4,8 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use super::trial::{LONGEST_STEP, LONGEST_TRIAL, SHORTEST_STEP};
+use crate::plausible::{Doubt, moment_unit_of_ratio};
+use crate::printable::number_of;
 use crate::signals::{Finding, SignalError};
 
 /// How many problems [`StudyErrors`] prints before it only counts the rest.
@@ -479,10 +481,12 @@ pub enum Fault {
         expected: String,
     },
     /// Moments of the wrong sign.
-    #[error("mean moment is {mean_n_m:+.3} N·m in a trial of direction `{direction}`; expected the opposite sign")]
+    #[error(
+        "the effort changes the moment by {effort_n_m:+.3} N·m in a trial of direction `{direction}`; expected the opposite sign"
+    )]
     MomentSign {
-        /// Mean moment [N·m].
-        mean_n_m: f64,
+        /// Moment of the effort, above that of the relaxed limb [N·m].
+        effort_n_m: f64,
         /// Direction stated.
         direction: &'static str,
     },
@@ -532,19 +536,92 @@ pub enum Fault {
     /// No trial that a fit could use.
     #[error("no trial has use `train`: nothing can be fitted")]
     NothingToTrain,
-    /// A length that seems to be in another unit.
-    #[error("column `{column}`: {value} is not plausible in {unit} (expected {lower} to {upper})")]
-    ImplausibleSize {
+    /// A value that no person has, or that a slip of unit explains.
+    #[error("{name}: {doubt}")]
+    Implausible {
+        /// Where it stands: "column `mass_kg`".
+        name: String,
+        /// The value, its range and the likely slip.
+        doubt: Doubt,
+    },
+    /// A mass that does not suit the height.
+    #[error("column `mass_kg`: {mass_kg} kg at a height of {height_m} m: mass over height² {doubt}")]
+    ImplausibleBuild {
+        /// Mass \[kg\].
+        mass_kg: f64,
+        /// Height \[m\].
+        height_m: f64,
+        /// Mass over height², its range and the likely slip.
+        doubt: Doubt,
+    },
+    /// A column whose name states another unit than its numbers are taken in.
+    #[error("column `{column}`: its name states {unit}; its numbers are taken as N·m")]
+    UnitInName {
         /// The column.
         column: String,
-        /// The value.
-        value: f64,
-        /// The column's unit.
+        /// The unit's symbol.
         unit: &'static str,
-        /// Least plausible.
-        lower: f64,
-        /// Greatest plausible.
-        upper: f64,
+        /// One of it \[N·m\].
+        in_n_m: f64,
+    },
+    /// A maximum voluntary moment that the MVC trials do not show.
+    #[error(
+        "column `{column}`: {stated_n_m} N·m, but the largest moment of the MVC trial {trial} is {measured_n_m:.2} N·m"
+    )]
+    MvcDisagrees {
+        /// Column of `participants.csv`.
+        column: &'static str,
+        /// Moment stated [N·m].
+        stated_n_m: f64,
+        /// Largest moment in the direction over the MVC trials [N·m].
+        measured_n_m: f64,
+        /// The trial that has it, as `trials.csv` writes it.
+        trial: String,
+    },
+    /// The moment of every trial points against the direction of its effort.
+    #[error(
+        "the moment is reversed: in all {trials} trials whose effort has a direction it points the other way ({})",
+        participants.join(", ")
+    )]
+    MomentReversed {
+        /// Column of the moment.
+        column: String,
+        /// How many trials were judged.
+        trials: usize,
+        /// Participants of whom this is so.
+        participants: Vec<String>,
+    },
+    /// Two EMG channels that are each most active where their muscle is not.
+    #[error("the EMG of {first} and {second} looks exchanged: each is most active in the other's direction{}",
+        fit_gain.map(|gain| format!(", and exchanged they fit the moment {gain:.1} times as well")).unwrap_or_default())]
+    ChannelsExchanged {
+        /// A muscle.
+        first: String,
+        /// A muscle of the other side.
+        second: String,
+        /// RMS error of the moment by EMG and moment arms as recorded, over that with the channels exchanged, if it
+        /// falls.
+        fit_gain: Option<f64>,
+    },
+    /// A character in a name that does not show as what it is.
+    #[error("{place} has the character {}, which does not show as it is", number_of(*character))]
+    DeceptiveCharacter {
+        /// What has it: "column `participant`", "a name in the header".
+        place: String,
+        /// The character.
+        character: char,
+    },
+    /// A trial's file that is not below the study's folder.
+    #[error("column `file`: `{found}` is outside the study's folder")]
+    OutsideStudy {
+        /// The path as written.
+        found: String,
+    },
+    /// A folder, device or pipe in place of a file.
+    #[error("{what} is no regular file")]
+    NotRegular {
+        /// What the file should be.
+        what: &'static str,
     },
 }
 
@@ -622,7 +699,42 @@ impl Fault {
                 "leave \"gravity\" out of include: the effect `gravity` of carpus diagnose is turned with the arm".to_owned()
             }
             PostureMismatch { .. } => "check the zero and the sign of the angle".to_owned(),
-            ImplausibleSize { .. } => "check the unit".to_owned(),
+            Implausible { doubt, .. } => doubt.hint(),
+            ImplausibleBuild { mass_kg, height_m, doubt } => match doubt.slip() {
+                Some(slip) => {
+                    let kg = mass_kg * slip.factor;
+                    format!("check the unit: is the mass in {}? {mass_kg} {0} are {kg:.1} kg", slip.unit)
+                }
+                None => format!("check mass ({mass_kg} kg) and height ({height_m} m)"),
+            },
+            UnitInName { unit, in_n_m, .. } => {
+                format!("1 {unit} is {in_n_m} N·m: multiply the column, and give it a name without the unit")
+            }
+            MvcDisagrees { stated_n_m, measured_n_m, .. } => {
+                let otherwise = "the trial was not maximal, or the MVC is of another session or posture";
+                // The one or the other is not in N·m; which of the two, only the lab knows.
+                match (moment_unit_of_ratio(measured_n_m / stated_n_m), moment_unit_of_ratio(stated_n_m / measured_n_m)) {
+                    (Some(unit), _) => {
+                        format!("1 {0} is {1:.3} N·m: is the moment of the trials in {0}? Else: {otherwise}", unit.symbol, unit.in_n_m)
+                    }
+                    (_, Some(unit)) => {
+                        format!("1 {0} is {1:.3} N·m: is the MVC in {0}? Else: {otherwise}", unit.symbol, unit.in_n_m)
+                    }
+                    _ => format!("EMG and strength are scaled by them: {otherwise}"),
+                }
+            }
+            MomentReversed { column, .. } => format!(
+                "multiply `{column}` by -1: it is the moment that the person exerts, not the machine's; or exchange flexion and extension in trials.csv"
+            ),
+            ChannelsExchanged { .. } => {
+                "check electrodes and cables, or exchange the two in [columns] emg of study.toml".to_owned()
+            }
+            DeceptiveCharacter { .. } => {
+                "control characters, line breaks, direction marks and byte order marks do not belong in names; write the name anew"
+                    .to_owned()
+            }
+            OutsideStudy { .. } => "it is read; a study that is copied elsewhere lacks it".to_owned(),
+            NotRegular { .. } => "a trial is read from a file of its own".to_owned(),
             _ => return None,
         };
         Some(text)

@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use super::imaging_settings::ImagingSettings;
-use super::problem::{Fault, Problem};
+use super::problem::{Fault, Problem, Severity};
 use super::processing::{self, ProcessingSettings};
 use super::raw_emg::{self, EmgSignal};
 use super::scaling::{self, ScalingSettings, StrengthSettings};
 use super::toml_section::{Sections, TomlSection};
+use crate::plausible::{self, Doubt, moment_unit_in_name};
 
 /// Bounds of table 3.2 of the study this program began with: three standard deviations of Lieber et al. (1990)
 /// and Loren & Lieber (1995) for the lengths, the span of wrist moments of Holzbaur et al. (2007) for force.
@@ -207,11 +208,14 @@ impl Settings {
         let active_line = muscles.line_of("active");
         muscles.finish(problems);
 
-        let mut columns = columns(&sections, active.as_deref().unwrap_or_default(), problems);
+        let mut columns = columns(&sections, active.as_deref().unwrap_or_default(), file, problems);
         columns.further_moments = further_moments;
-        let columns_sound = problems.len() == before;
+        for further in &columns.further_moments {
+            warn_of_moment_unit(&further.column, file, further.line, problems);
+        }
+        let columns_sound = problems[before..].iter().all(|problem| problem.severity != Severity::Error);
         let emg = raw_emg::settings(&sections, problems);
-        let bounds = bounds(&sections, problems);
+        let bounds = bounds(&sections, file, problems);
         let processing = processing::settings(&sections, problems);
         let scaling = scaling::linear(&sections, file, problems);
         let strength = scaling::strength(&sections, active.as_deref().unwrap_or_default(), problems);
@@ -330,7 +334,15 @@ fn radian_evidence(value: f64) -> Option<String> {
         .then(|| format!("{value} rad are {nearest}°"))
 }
 
-fn columns(sections: &Sections<'_>, active: &[String], problems: &mut Vec<Problem>) -> Columns {
+/// Warns of a column of moments whose name states another unit than N·m.
+fn warn_of_moment_unit(column: &str, file: &Path, line: usize, problems: &mut Vec<Problem>) {
+    if let Some(unit) = moment_unit_in_name(column) {
+        let fault = Fault::UnitInName { column: column.to_owned(), unit: unit.symbol, in_n_m: unit.in_n_m };
+        problems.push(Problem::warning(file, line, fault));
+    }
+}
+
+fn columns(sections: &Sections<'_>, active: &[String], file: &Path, problems: &mut Vec<Problem>) -> Columns {
     let mut section = sections.section("columns");
     let angle_unit = section
         .optional_word("angle_unit", "angle unit", &[("deg", AngleUnit::Degrees), ("rad", AngleUnit::Radians)])
@@ -351,7 +363,9 @@ fn columns(sections: &Sections<'_>, active: &[String], problems: &mut Vec<Proble
         ignore: section.optional_strings("ignore", "list of column names").unwrap_or_default(),
         angle_unit,
     };
+    let line = section.line_of("moment");
     section.finish(problems);
+    warn_of_moment_unit(&columns.moment, file, line, problems);
     columns
 }
 
@@ -373,13 +387,21 @@ fn emg_columns(section: &mut TomlSection<'_>, active: &[String]) -> Vec<String> 
     }
 }
 
-fn bounds(sections: &Sections<'_>, problems: &mut Vec<Problem>) -> ParameterBounds {
+fn bounds(sections: &Sections<'_>, file: &Path, problems: &mut Vec<Problem>) -> ParameterBounds {
     let mut section = sections.section("personalization");
     let mut bounds = ParameterBounds::default();
-    for ((key, _), slot) in DEFAULT_BOUNDS_PERCENT.iter().zip(bounds.each_mut()) {
+    let plausible = [&plausible::LENGTH_BOUND, &plausible::LENGTH_BOUND, &plausible::FORCE_BOUND];
+    for (((key, _), slot), plausible) in DEFAULT_BOUNDS_PERCENT.iter().zip(bounds.each_mut()).zip(plausible) {
         let expected = "[lower, upper] in percent, 0 < lower ≤ upper";
         if let Some([lower, upper]) = section.optional_pair(key, expected, |[a, b]| a > 0.0 && a <= b) {
             *slot = RelativeBounds { lower: lower / 100.0, upper: upper / 100.0 };
+            // Only a slip that explains both ends is likely.
+            let doubts: Vec<Doubt> = [lower, upper].into_iter().filter_map(|bound| plausible.doubt(bound)).collect();
+            let unexplained = doubts.iter().find(|doubt| doubt.slip().is_none());
+            if let Some(&doubt) = unexplained.or(doubts.first()) {
+                let fault = Fault::Implausible { name: format!("`{key}`"), doubt };
+                problems.push(Problem::warning(file, section.line_of(key), fault));
+            }
         }
     }
     section.finish(problems);

@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 use super::lines::Lines;
 use super::problem::{Fault, Problem, nearest};
+use crate::plausible::Plausible;
+use crate::printable::{cell_text, deceptive_in};
 
 /// A streaming reader of CSV whose records know their line.
 pub(crate) type CsvReader = csv::Reader<Lines<BufReader<File>>>;
@@ -25,6 +27,12 @@ pub(crate) fn open(
     named_at: Option<&str>,
     problems: &mut Vec<Problem>,
 ) -> Option<(CsvReader, Vec<String>)> {
+    // Opening a pipe waits for its writer, and a device never ends: the kind is looked at before.
+    let regular = std::fs::metadata(path).map(|found| found.is_file() || found.is_dir());
+    if matches!(regular, Ok(false)) {
+        problems.push(Problem::error(path, None, Fault::NotRegular { what }));
+        return None;
+    }
     let file = match File::open(path)
         .and_then(|file| if file.metadata()?.is_dir() { Err(ErrorKind::IsADirectory.into()) } else { Ok(file) })
     {
@@ -37,7 +45,10 @@ pub(crate) fn open(
     let mut reader =
         csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(Lines::new(BufReader::new(file)));
     let header = match reader.headers() {
-        Ok(header) => header.iter().map(|name| name.trim_start_matches('\u{feff}').to_owned()).collect::<Vec<_>>(),
+        Ok(header) => {
+            let name = |name: &str| cell_text(name.trim_start_matches('\u{feff}')).to_owned();
+            header.iter().map(name).collect::<Vec<_>>()
+        }
         Err(error) => {
             problems.push(csv_problem(path, &error));
             return None;
@@ -51,6 +62,10 @@ pub(crate) fn open(
         if let Some((_, found)) = separator {
             problems.push(Problem::error(path, 1, Fault::Separator { found }));
         }
+    }
+    if let Some(character) = header.iter().find_map(|name| deceptive_in(name)).filter(|_| problems.len() == before) {
+        let place = "a name in the header".to_owned();
+        problems.push(Problem::error(path, 1, Fault::DeceptiveCharacter { place, character }));
     }
     for (i, column) in header.iter().enumerate() {
         if header[..i].contains(column) {
@@ -94,6 +109,7 @@ impl Table {
     /// Reads a table whole.
     pub fn read(path: &Path, what: &'static str, named_at: Option<&str>, problems: &mut Vec<Problem>) -> Option<Table> {
         let (mut reader, header) = open(path, what, named_at, problems)?;
+        let before = problems.len();
         let mut rows = Vec::new();
         for record in reader.records() {
             match record {
@@ -101,7 +117,13 @@ impl Table {
                 Ok(record) => {
                     let line = record.position().map_or(0, |p| p.line() as usize);
                     if record.len() == header.len() {
-                        rows.push((line, record));
+                        let found = header.iter().zip(&record).find_map(|(c, text)| Some((c, deceptive_in(text)?)));
+                        if let Some((column, character)) = found {
+                            let place = format!("column `{column}`");
+                            problems.push(Problem::error(path, line, Fault::DeceptiveCharacter { place, character }));
+                        } else {
+                            rows.push((line, record));
+                        }
                     } else {
                         let fault = Fault::FieldCount { expected: header.len(), found: record.len(), more: 0 };
                         problems.push(Problem::error(path, line, fault));
@@ -113,7 +135,7 @@ impl Table {
                 }
             }
         }
-        if rows.is_empty() {
+        if rows.is_empty() && problems.len() == before {
             problems.push(Problem::error(path, None, Fault::Empty { what }));
         }
         Some(Table { file: path.to_owned(), header, rows })
@@ -181,10 +203,22 @@ impl<'t> Row<'t> {
         problems.push(Problem::error(self.file, self.line, fault));
     }
 
+    /// Reports something doubtful in this row.
+    pub fn warning(&self, fault: Fault, problems: &mut Vec<Problem>) {
+        problems.push(Problem::warning(self.file, self.line, fault));
+    }
+
+    /// Reports a value that is outside its plausible range.
+    pub fn warn_of(&self, column: &str, value: f64, plausible: &'static Plausible, problems: &mut Vec<Problem>) {
+        if let Some(doubt) = plausible.doubt(value) {
+            self.warning(Fault::Implausible { name: format!("column `{column}`"), doubt }, problems);
+        }
+    }
+
     /// The text of a cell; `None` if the column is absent or the cell empty.
     pub fn text(&self, column: &str) -> Option<&'t str> {
         let index = self.header.iter().position(|c| c == column)?;
-        self.record.get(index).filter(|text| !text.is_empty())
+        self.record.get(index).map(cell_text).filter(|text| !text.is_empty())
     }
 
     /// The text of a cell that must not be empty.

@@ -9,6 +9,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::problem::{Fault, Problem, nearest};
 use super::table::is_of_a_study;
+use crate::printable::{deceptive_in, visible};
 
 /// The top-level tables of a TOML document.
 pub(crate) struct Sections<'i> {
@@ -50,12 +51,12 @@ impl<'i> Sections<'i> {
             let line = error.span().map(|span| line_at(text, span.start));
             problems.push(Problem::error(file, line, Fault::TomlSyntax { message: error.message().to_owned() }));
         }
-        errors.is_empty().then(|| Sections {
-            file: file.to_owned(),
-            text,
-            table: table.into_inner(),
-            asked: RefCell::default(),
-        })
+        if !errors.is_empty() {
+            return None;
+        }
+        let table = table.into_inner();
+        report_deceptive(&table, text, file, problems);
+        Some(Sections { file: file.to_owned(), text, table, asked: RefCell::default() })
     }
 
     /// A table by name; an absent one is as an empty one.
@@ -91,6 +92,34 @@ impl<'i> Sections<'i> {
                     nearest: nearest(name, asked.iter().copied()),
                 };
                 problems.push(Problem::error(&self.file, line_at(self.text, key.span().start), fault));
+            }
+        }
+    }
+}
+
+/// Reports keys and strings with characters that do not show as they are, in all tables below.
+fn report_deceptive(table: &DeTable<'_>, text: &str, file: &Path, problems: &mut Vec<Problem>) {
+    for (key, value) in table {
+        let name: &str = key.get_ref();
+        let report = |place: String, character: char, offset: usize| {
+            Problem::error(file, line_at(text, offset), Fault::DeceptiveCharacter { place, character })
+        };
+        if let Some(character) = deceptive_in(name) {
+            problems.push(report("a key".to_owned(), character, key.span().start));
+        }
+        let inside: Vec<&Spanned<DeValue<'_>>> = match value.get_ref() {
+            DeValue::Array(items) => items.iter().collect(),
+            _ => vec![value],
+        };
+        for item in inside {
+            match item.get_ref() {
+                DeValue::String(string) => {
+                    if let Some(character) = deceptive_in(string) {
+                        problems.push(report(format!("`{}`", visible(name)), character, item.span().start));
+                    }
+                }
+                DeValue::Table(inner) => report_deceptive(inner, text, file, problems),
+                _ => {}
             }
         }
     }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use super::participants::Participant;
 use super::problem::{Fault, Problem, nearest};
 use super::table::{Row, Table};
+use crate::plausible;
 
 const COLUMNS: [&str; 10] = [
     "participant",
@@ -238,6 +239,12 @@ fn trial(row: &Row<'_>, folder: &Path, participants: &[Participant], problems: &
     row.required("direction", "flexion, extension or none", problems);
     let direction = row.word("direction", "direction", &Direction::WORDS, problems);
     let effort_percent = row.number("effort_percent", "0 to 100 percent", |v| (0.0..=100.0).contains(&v), problems);
+    if let Some(effort) = effort_percent.filter(|effort| *effort != 0.0) {
+        row.warn_of("effort_percent", effort, &plausible::EFFORT_PERCENT, problems);
+    }
+    if let Some(file) = file.filter(|file| is_outside(file, folder)) {
+        row.warning(Fault::OutsideStudy { found: file.to_owned() }, problems);
+    }
     let posture = row.number("posture_deg", "an angle in degrees", |v| v.abs() <= 360.0, problems);
     let repetition =
         row.number("repetition", "0, 1, 2, 3 …", |v| (0.0..=1e6).contains(&v) && v.fract() == 0.0, problems);
@@ -266,6 +273,15 @@ fn trial(row: &Row<'_>, folder: &Path, participants: &[Participant], problems: &
         start_time,
         arm_flipped: arm?,
     })
+}
+
+/// Whether a file that is there lies elsewhere than below the study's folder, links followed.
+fn is_outside(file: &str, folder: &Path) -> bool {
+    let folder_or_here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    match (folder.join(file).canonicalize(), folder_or_here.canonicalize()) {
+        (Ok(file), Ok(folder)) => !file.starts_with(folder),
+        _ => false, // what is not there is reported when it is read
+    }
 }
 
 fn known_participant(row: &Row<'_>, name: &str, participants: &[Participant], problems: &mut Vec<Problem>) -> bool {

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::participants::size;
 use super::problem::{Fault, Problem, nearest};
 use super::table::Table;
+use crate::plausible;
 
 const COLUMNS: [&str; 8] = [
     "participant",
@@ -71,10 +72,15 @@ pub(crate) fn read(path: &Path, participants: &[&str], problems: &mut Vec<Proble
             muscle: muscle.unwrap_or_default().to_owned(),
             line: row.line,
             posture: posture.map(f64::to_radians),
-            muscle_belly_length: size(&row, "muscle_belly_length_m", "m", [0.005, 1.0], problems),
-            external_tendon_length: size(&row, "external_tendon_length_m", "m", [0.001, 1.0], problems),
-            cross_sectional_area: size(&row, "cross_sectional_area_m2", "m²", [1e-6, 0.05], problems),
-            fascicle_length: size(&row, "fascicle_length_m", "m", [0.002, 1.0], problems),
+            muscle_belly_length: size(&row, "muscle_belly_length_m", &plausible::BELLY_LENGTH, problems),
+            external_tendon_length: size(
+                &row,
+                "external_tendon_length_m",
+                &plausible::EXTERNAL_TENDON_LENGTH,
+                problems,
+            ),
+            cross_sectional_area: size(&row, "cross_sectional_area_m2", &plausible::CROSS_SECTIONAL_AREA, problems),
+            fascicle_length: size(&row, "fascicle_length_m", &plausible::FASCICLE_LENGTH, problems),
             pennation_angle: pennation.map(f64::to_radians),
         };
         if participant.is_some() && muscle.is_some() {

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::osim::{Diagnostics, Severity};
+use crate::printable::is_deceptive;
 use crate::storage::Storage;
 
 /// A file that a tool writes.
@@ -29,9 +30,9 @@ impl Outcome {
     /// Adds a storage as OpenSim's `Storage::printResult` names it: in `folder`, `.sto` unless the name has an extension.
     pub fn add_storage(&mut self, folder: &Path, name: &str, storage: &Storage, precision: usize) {
         // Only the name counts, folders in it are dropped.
-        let name = name.rsplit(['/', '\\']).next().unwrap_or(name);
+        let name = name.rsplit(['/', '\\']).next().unwrap_or(name).replace(is_deceptive, "_");
         let has_extension = name.rsplit_once('.').is_some_and(|(stem, end)| !stem.is_empty() && !end.is_empty());
-        let name = if has_extension { name.to_owned() } else { format!("{name}.sto") };
+        let name = if has_extension { name } else { format!("{name}.sto") };
         self.files.push(ResultFile { path: folder.join(name), bytes: storage.text(precision).into_bytes() });
     }
 

@@ -2,8 +2,9 @@
 
 mod against_opensim;
 mod editing;
+mod implausible;
 mod reading;
-mod small_models;
+pub mod small_models;
 mod upgrading;
 
 use carpus::osim::{Document, OsimFile, Severity};

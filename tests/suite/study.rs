@@ -5,6 +5,7 @@ mod bad_tables;
 mod bad_trials;
 mod folder;
 mod good;
+mod implausible;
 mod random_bytes;
 mod raw_emg;
 mod warnings;

@@ -1,6 +1,7 @@
 //! The commands as a user types them, on bundled input; what bad input is answered with is a module of its own.
 
 mod bad_input;
+mod display;
 
 use std::path::{Path, PathBuf};
 

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::cli::account::csv_text;
 use crate::cli::account::warning_result;
 use crate::cli::args::{EquilibriumArgs, Global};
 use crate::cli::failure::{self, Failure, Message};
@@ -228,8 +229,6 @@ fn readable(rows: &[Row]) -> String {
 }
 
 fn csv(rows: &[Row]) -> Result<String, Failure> {
-    let broken = |e: csv::Error| Failure::Internal(format!("CSV: {e}"));
-    let mut writer = csv::Writer::from_writer(Vec::new());
     let mut header: Vec<String> = [
         "muscle",
         "path_length_m",
@@ -248,8 +247,7 @@ fn csv(rows: &[Row]) -> Result<String, Failure> {
         let names = first.moments.iter().map(|m| &m.coordinate);
         header.extend(names.flat_map(|n| [format!("{n}_moment_arm_m"), format!("{n}_moment_n_m")]));
     }
-    writer.write_record(&header).map_err(broken)?;
-    for r in rows {
+    let cells = rows.iter().map(|r| {
         let numbers = [
             r.path_length_m,
             r.fiber_length_m,
@@ -264,8 +262,8 @@ fn csv(rows: &[Row]) -> Result<String, Failure> {
         cells.extend(numbers.map(|v| format!("{v:.9}")));
         cells.push(r.status.to_string());
         cells.extend(r.moments.iter().flat_map(|m| [m.moment_arm_m, m.moment_n_m]).map(|v| format!("{v:.9}")));
-        writer.write_record(&cells).map_err(broken)?;
-    }
-    let bytes = writer.into_inner().map_err(|e| Failure::Internal(e.to_string()))?;
-    String::from_utf8(bytes).map_err(|e| Failure::Internal(e.to_string()))
+        cells
+    });
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    csv_text(header.iter(), cells)
 }

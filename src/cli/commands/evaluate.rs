@@ -199,7 +199,7 @@ pub fn errors_csv(errors: &[ConditionError]) -> Result<String, Failure> {
         "effort_percent",
         "direction",
         "trials",
-        "nrmse",
+        "nrmse_percent",
         "pearson_r",
         "rmse_n_m",
     ];
@@ -211,7 +211,7 @@ pub fn errors_csv(errors: &[ConditionError]) -> Result<String, Failure> {
             e.effort_percent.to_string(),
             e.direction.word().to_string(),
             e.trials.to_string(),
-            account::digits(e.nrmse),
+            account::digits(100.0 * e.nrmse),
             e.pearson_r.map(account::digits).unwrap_or_default(),
             account::digits(e.rmse_n_m),
         ]

@@ -7,7 +7,7 @@ use crate::cli::failure::{Failure, Gravity, Message};
 use crate::cli::table::table;
 use crate::cli::{model, print_result};
 use crate::multibody::Model;
-use crate::osim::spec::{ModelSpec, MotionType, MuscleKind, MuscleSpec};
+use crate::osim::spec::{CoordinateIndex, JointKind, ModelSpec, MotionType, MuscleKind, MuscleSpec};
 use crate::osim::{Diagnostics, OsimFile, Severity};
 
 /// A coordinate, for people and programs.
@@ -103,14 +103,13 @@ pub fn run(args: &InfoArgs, global: &Global) -> Result<(), Failure> {
 
 fn coordinates(spec: &ModelSpec, model: Option<&Model>) -> Vec<CoordinateInfo> {
     let info = |(i, c): (usize, &crate::osim::spec::CoordinateSpec)| {
+        let index = CoordinateIndex(i);
         let (motion_type, unit) = match c.motion_type {
             MotionType::Rotational => ("rotational", "deg"),
             MotionType::Translational => ("translational", "m"),
-            // OpenSim itself reads and writes coupled coordinates in radians or metres.
-            MotionType::Coupled => ("coupled", "rad or m"),
+            MotionType::Coupled => ("coupled", coupled_unit(spec, index)),
         };
-        let shown = |v: f64| if c.motion_type == MotionType::Rotational { v.to_degrees() } else { v };
-        let index = crate::osim::spec::CoordinateIndex(i);
+        let shown = |v: f64| if unit == "deg" { v.to_degrees() } else { v };
         let follows = model.filter(|m| m.is_dependent(index)).map(|m| m.coordinates[m.root_of(index).0].name.clone());
         CoordinateInfo {
             name: c.name.clone(),
@@ -125,6 +124,18 @@ fn coordinates(spec: &ModelSpec, model: Option<&Model>) -> Vec<CoordinateInfo> {
         }
     };
     spec.coordinates.iter().enumerate().map(info).collect()
+}
+
+/// Unit of a coordinate of which OpenSim says only that it is coupled: what turns its joint, wholly or among other
+/// things,
+/// is an angle. One that no axis uses may be either.
+fn coupled_unit(spec: &ModelSpec, index: CoordinateIndex) -> &'static str {
+    let JointKind::Custom(axes) = &spec.joints[spec.coordinates[index.0].joint.0].kind else { return "rad or m" };
+    match axes.iter().position(|axis| axis.coordinates.contains(&index)) {
+        Some(0..3) => "deg",
+        Some(_) => "m",
+        None => "rad or m",
+    }
 }
 
 fn muscle(spec: &MuscleSpec) -> MuscleInfo {
@@ -168,6 +179,13 @@ fn readable(info: &Info, all: bool) -> String {
     text
 }
 
+/// Whether a range is one that stands for none: a hundred turns or a kilometre both ways, as OpenSim writes for
+/// followers.
+fn is_unlimited(c: &CoordinateInfo) -> bool {
+    let far = if c.unit == "deg" { 36_000.0 } else { 1000.0 };
+    c.range[0] <= -far && c.range[1] >= far
+}
+
 fn coordinate_table(coordinates: &[CoordinateInfo]) -> String {
     let rows = coordinates.iter().map(|c| {
         let mut notes = Vec::new();
@@ -180,7 +198,11 @@ fn coordinate_table(coordinates: &[CoordinateInfo]) -> String {
             c.motion_type.to_string(),
             notes.join(", "),
             number(c.default_value),
-            format!("{} to {}", number(c.range[0]), number(c.range[1])),
+            if is_unlimited(c) {
+                "unlimited".to_string()
+            } else {
+                format!("{} to {}", number(c.range[0]), number(c.range[1]))
+            },
             c.unit.to_string(),
         ]
     });
@@ -234,8 +256,7 @@ fn findings(diagnostics: &Diagnostics, file: &str, all: bool) -> String {
         ));
         let shown = if all { found.len() } else { LISTED.min(found.len()) };
         for d in &found[..shown] {
-            let more =
-                if d.also_at.is_empty() { String::new() } else { format!(" (and at {} more lines)", d.also_at.len()) };
+            let more = model::elsewhere(d);
             text.push_str(&format!("  {file}:{}: {}: {}{more}\n", d.line, d.path, d.message));
             if let Some(hint) = &d.hint {
                 text.push_str(&format!("    hint: {hint}\n"));

@@ -1,6 +1,6 @@
 //! `carpus paths`: muscle lengths and moment arms over a coordinate.
 
-use crate::cli::account::warning_result;
+use crate::cli::account::{csv_text, warning_result};
 use crate::cli::args::{Global, PathsArgs};
 use crate::cli::failure::{self, Failure, Message};
 use crate::cli::model::{self, Needs};
@@ -43,6 +43,7 @@ pub fn run(args: &PathsArgs, global: &Global) -> Result<(), Failure> {
         values: if translation { si.clone() } else { si.iter().map(|v| v.to_degrees()).collect() },
         held: args.set.iter().map(ToString::to_string).collect(),
         muscles: swept.collect(),
+        warnings: messages.iter().map(warning_result).collect(),
         provenance: provenance::provenance(
             global,
             vec![provenance::input_file(path, &path.display().to_string(), "model")?],
@@ -63,25 +64,21 @@ pub fn run(args: &PathsArgs, global: &Global) -> Result<(), Failure> {
 
 /// One row per value: the coordinate, all lengths, all moment arms.
 fn csv(figure: &SweepFigure) -> Result<String, Failure> {
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    let broken = |e: csv::Error| Failure::Internal(format!("CSV: {e}"));
     let names = figure.muscles.iter().map(|m| &m.name);
     // About a translation the moment arm has no unit.
     let arm = if figure.unit == "deg" { "moment_arm_m" } else { "moment_arm" };
-    let header = std::iter::once(format!("{}_{}", figure.coordinate, figure.unit))
+    let header: Vec<String> = std::iter::once(format!("{}_{}", figure.coordinate, figure.unit))
         .chain(names.clone().map(|n| format!("{n}_length_m")))
-        .chain(names.map(|n| format!("{n}_{arm}")));
-    writer.write_record(header).map_err(broken)?;
-    for (i, value) in figure.values.iter().enumerate() {
+        .chain(names.map(|n| format!("{n}_{arm}")))
+        .collect();
+    let rows = figure.values.iter().enumerate().map(|(i, value)| {
         let lengths = figure.muscles.iter().map(|m| m.length_m[i]);
         let arms = figure.muscles.iter().map(|m| m.moment_arm_m[i]);
-        let row = lengths.chain(arms).map(|v| format!("{v:.9}"));
-        writer
-            .write_record(std::iter::once(crate::report::results::rounded(*value, 12).to_string()).chain(row))
-            .map_err(broken)?;
-    }
-    let bytes = writer.into_inner().map_err(|e| Failure::Internal(e.to_string()))?;
-    String::from_utf8(bytes).map_err(|e| Failure::Internal(e.to_string()))
+        let numbers = lengths.chain(arms).map(|v| format!("{v:.9}"));
+        std::iter::once(crate::report::results::rounded(*value, 12).to_string()).chain(numbers).collect()
+    });
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    csv_text(header.iter(), rows)
 }
 
 fn json(figure: &SweepFigure, warnings: &[Message]) -> String {

@@ -15,6 +15,7 @@ mod leftovers;
 mod muscles;
 mod other_muscles;
 mod paths;
+mod plausibility;
 mod properties;
 mod sockets;
 mod station_frames;
@@ -177,6 +178,7 @@ impl Reader<'_> {
         self.read_constraints(&object, &components);
         self.read_forces(&object, &components);
         self.read_markers(&object);
+        self.report_implausible();
         self.report_leftovers(model, "");
     }
 

@@ -110,7 +110,17 @@ impl Reader<'_> {
     /// A number, or `default` if the property is absent or empty.
     pub(super) fn number(&mut self, object: &Object, names: &[&'static str], default: f64, bound: Bound) -> f64 {
         let Some(element) = self.property(object, names) else { return default };
+        self.warn_if_empty(element, object, names[0], &default.to_string());
         self.number_at(element, object, names[0], bound).unwrap_or(default)
+    }
+
+    /// Says that a property without text stands for the class' own value: whoever emptied it may have meant none.
+    fn warn_if_empty(&mut self, element: ElementId, object: &Object, property: &str, default: &str) {
+        if self.document.text(element).is_empty() {
+            let message = format!("{property} is empty: taken as {default}, the default of the class, as OpenSim does");
+            let hint = "write the number, or leave the property out".to_owned();
+            self.diagnose(Severity::Warning, element, &object.path, message, Some(hint));
+        }
     }
 
     /// A number that may be absent or empty.
@@ -190,6 +200,8 @@ impl Reader<'_> {
         };
         let Some(values) = self.numbers_at(element, object, names[0], expected) else { return default };
         if values.is_empty() {
+            let written: Vec<String> = default.iter().map(f64::to_string).collect();
+            self.warn_if_empty(element, object, names[0], &written.join(" "));
             return default;
         }
         self.warn_surplus(element, object, names[0], values.len(), N);

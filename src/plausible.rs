@@ -1,0 +1,436 @@
+//! What quantities can be: one table of ranges with their sources, and the slips that explain a value outside.
+//!
+//! In: a number in the unit of its row. Out: nothing, or a [`Doubt`] that names the range and, where a usual slip of
+//! unit
+//! explains the value, that slip. Nothing is refused here: who asks decides whether a doubt is a warning or an error.
+//!
+//! Ranges are wide on purpose. They hold for people of any age and for the animals whose models are published; a value
+//! outside is a slip far more often than a finding.
+
+use std::fmt;
+
+/// A quantity and the values that it can have.
+#[derive(Debug, PartialEq)]
+pub struct Plausible {
+    /// What it is, in the field's words.
+    pub quantity: &'static str,
+    /// Unit of `range`; empty for a number without unit.
+    pub unit: &'static str,
+    /// Least and greatest plausible value.
+    pub range: [f64; 2],
+    /// Where the range is from.
+    pub source: &'static str,
+    /// What is usually wrong with a value outside, the likeliest first.
+    pub slips: &'static [Slip],
+}
+
+/// A usual mistake: the number is in another unit.
+#[derive(Debug, PartialEq)]
+pub struct Slip {
+    /// The unit that the number may be in.
+    pub unit: &'static str,
+    /// How many of the expected unit one of `unit` is.
+    pub factor: f64,
+}
+
+/// A value outside its plausible range.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Doubt {
+    /// The row of the table.
+    pub of: &'static Plausible,
+    /// The value, in the unit of the row.
+    pub value: f64,
+}
+
+impl Plausible {
+    /// A doubt, if the value is outside the range.
+    pub fn doubt(&'static self, value: f64) -> Option<Doubt> {
+        let [lower, upper] = self.range;
+        (!(lower..=upper).contains(&value)).then_some(Doubt { of: self, value })
+    }
+}
+
+impl Doubt {
+    /// The slip that makes a plausible value of this one.
+    pub fn slip(&self) -> Option<&'static Slip> {
+        let [lower, upper] = self.of.range;
+        self.of.slips.iter().find(|slip| (lower..=upper).contains(&(self.value * slip.factor)))
+    }
+
+    /// What may be wrong, as a question; without a slip, where the range is from.
+    pub fn hint(&self) -> String {
+        match self.slip() {
+            Some(slip) => {
+                let (value, unit) = (Number(self.value), self.of.unit);
+                let meant = Number(self.value * slip.factor);
+                let space = if unit.is_empty() { "" } else { " " };
+                format!("check the unit: is it in {}? {value} {0} are {meant}{space}{unit}", slip.unit)
+            }
+            None => format!("check the unit; the range is that of {}", self.of.source),
+        }
+    }
+}
+
+impl fmt::Display for Doubt {
+    /// `1e-9 is not plausible in m (expected 0.001 to 0.6)`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [lower, upper] = self.of.range.map(Number);
+        let unit = if self.of.unit.is_empty() { String::new() } else { format!(" in {}", self.of.unit) };
+        write!(f, "{} is not plausible{unit} (expected {lower} to {upper})", Number(self.value))
+    }
+}
+
+/// A number with at most four significant digits.
+struct Number(f64);
+
+impl fmt::Display for Number {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let size = self.0.abs();
+        if size != 0.0 && !(1e-4..1e7).contains(&size) {
+            return write!(f, "{:e}", format!("{:.3e}", self.0).parse::<f64>().unwrap_or(self.0));
+        }
+        let decimals = if size == 0.0 { 0 } else { (3 - size.log10().floor() as i32).max(0) as usize };
+        write!(f, "{}", format!("{:.decimals$}", self.0).parse::<f64>().unwrap_or(self.0))
+    }
+}
+
+const MILLIMETRES: Slip = Slip { unit: "mm", factor: 1e-3 };
+const CENTIMETRES: Slip = Slip { unit: "cm", factor: 1e-2 };
+const INCHES: Slip = Slip { unit: "inches", factor: 0.0254 };
+const DEGREES: Slip = Slip { unit: "degrees", factor: std::f64::consts::PI / 180.0 };
+const MILLISECONDS: Slip = Slip { unit: "ms", factor: 1e-3 };
+const GRAMS: Slip = Slip { unit: "g", factor: 1e-3 };
+
+/// Length of a fibre at which it is strongest.
+pub static OPTIMAL_FIBER_LENGTH: Plausible = Plausible {
+    quantity: "optimal fibre length",
+    unit: "m",
+    range: [1e-3, 0.6],
+    source: "Ward et al. 2009 (sartorius, 0.40 m) and small animals (rat hindlimb from 0.003 m, Johnson et al. 2008)",
+    slips: &[MILLIMETRES, CENTIMETRES],
+};
+
+/// Length of an unloaded tendon; a muscle may have none.
+pub static TENDON_SLACK_LENGTH: Plausible = Plausible {
+    quantity: "tendon slack length",
+    unit: "m",
+    range: [0.0, 1.0],
+    source: "Rajagopal et al. 2016 (gracilis and the long toe flexors stay below 0.5 m)",
+    slips: &[MILLIMETRES, CENTIMETRES],
+};
+
+/// Largest isometric force of a muscle. Zero is a muscle that is switched off.
+pub static MAX_ISOMETRIC_FORCE: Plausible = Plausible {
+    quantity: "maximum isometric force",
+    unit: "N",
+    range: [0.01, 3e4],
+    source: "Rajagopal et al. 2016 (soleus, 6195 N), muscles lumped into one above it, small animals below",
+    slips: &[],
+};
+
+/// Pennation angle at optimal fibre length.
+pub static PENNATION_ANGLE: Plausible = Plausible {
+    quantity: "pennation angle at optimal fibre length",
+    unit: "rad",
+    range: [0.0, 1.05],
+    source: "Ward et al. 2009 (30° at rest) and Maganaris et al. 1998 (up to 60° under load)",
+    slips: &[DEGREES],
+};
+
+/// Largest shortening velocity.
+pub static MAX_CONTRACTION_VELOCITY: Plausible = Plausible {
+    quantity: "maximum contraction velocity",
+    unit: "optimal fibre lengths/s",
+    range: [0.5, 50.0],
+    source: "Zajac 1989 (10), slow and fast fibres of man and animals beside it",
+    slips: &[],
+};
+
+/// Time constants of activation and deactivation.
+pub static ACTIVATION_TIME: Plausible = Plausible {
+    quantity: "time constant of activation",
+    unit: "s",
+    range: [5e-4, 0.5],
+    source: "Winters 1995 (0.01 to 0.05 s), slow muscles up to ten times as slow",
+    slips: &[MILLISECONDS],
+};
+
+/// Mass of one body of a model.
+pub static SEGMENT_MASS: Plausible = Plausible {
+    quantity: "mass of a body",
+    unit: "kg",
+    range: [0.0, 300.0],
+    source: "de Leva 1996 (trunk, 43 % of the body) and people of up to 400 kg with a load",
+    slips: &[GRAMS],
+};
+
+/// How far a point of a body lies from the body's origin: path points, joints, mass centres.
+pub static POINT_DISTANCE: Plausible = Plausible {
+    quantity: "distance from the origin of its frame",
+    unit: "m",
+    range: [0.0, 10.0],
+    source: "the height of a person, which no body exceeds, and what stands in a laboratory beside it",
+    slips: &[MILLIMETRES, CENTIMETRES],
+};
+
+/// Size of the acceleration due to gravity.
+pub static GRAVITY: Plausible = Plausible {
+    quantity: "gravity",
+    unit: "m/s²",
+    range: [0.0, 30.0],
+    source: "the Earth (9.81), with none and with a centrifuge's beside it",
+    slips: &[Slip { unit: "mm/s²", factor: 1e-3 }, Slip { unit: "cm/s²", factor: 1e-2 }],
+};
+
+/// Mass of a person.
+pub static BODY_MASS: Plausible = Plausible {
+    quantity: "body mass",
+    unit: "kg",
+    range: [10.0, 400.0],
+    source: "children of two years to the heaviest adults",
+    slips: &[Slip { unit: "pounds", factor: 0.453_592_37 }, GRAMS, Slip { unit: "stones", factor: 6.350_293_18 }],
+};
+
+/// Mass of a person whose height is not known. Heavier people are measured, but pounds are written more often.
+pub static USUAL_BODY_MASS: Plausible = Plausible {
+    quantity: "body mass",
+    unit: "kg",
+    range: [15.0, 140.0],
+    source: "Fryar et al. 2021 (NHANES: 95 of 100 adults weigh less than 127 kg)",
+    slips: BODY_MASS.slips,
+};
+
+/// Mass over height squared.
+pub static BODY_MASS_INDEX: Plausible = Plausible {
+    quantity: "mass over height²",
+    unit: "kg/m²",
+    range: [12.0, 46.0],
+    source: "Fryar et al. 2021 (NHANES: 95 of 100 adults have less than 44 kg/m²) and the thinnest who live",
+    slips: BODY_MASS.slips,
+};
+
+/// Height of a person.
+pub static BODY_HEIGHT: Plausible = Plausible {
+    quantity: "body height",
+    unit: "m",
+    range: [0.5, 2.6],
+    source: "newborns to the tallest adults",
+    slips: &[CENTIMETRES, Slip { unit: "feet", factor: 0.3048 }, INCHES, MILLIMETRES],
+};
+
+/// Length of a segment of the arm or leg.
+pub static SEGMENT_LENGTH: Plausible = Plausible {
+    quantity: "segment length",
+    unit: "m",
+    range: [0.005, 1.0],
+    source: "Winter 2009, from a phalanx to a whole leg",
+    slips: &[CENTIMETRES, MILLIMETRES, INCHES],
+};
+
+/// Moment of a maximum voluntary contraction, as `participants.csv` states it.
+pub static MVC_MOMENT: Plausible = Plausible {
+    quantity: "maximum voluntary moment",
+    unit: "N·m",
+    range: [0.2, 500.0],
+    source: "Delp et al. 1996 (wrist, 3 to 20 N·m) with fingers below and the knee above",
+    slips: &[Slip { unit: "N·cm", factor: 1e-2 }, Slip { unit: "N·mm", factor: 1e-3 }],
+};
+
+/// Effort that was asked for; zero is none.
+pub static EFFORT_PERCENT: Plausible = Plausible {
+    quantity: "effort",
+    unit: "%",
+    range: [1.0, 100.0],
+    source: "protocols: 1 % of the maximum is rest to any dynamometer",
+    slips: &[Slip { unit: "parts of 1", factor: 100.0 }],
+};
+
+/// Time between two samples of a trial.
+pub static TIME_STEP: Plausible = Plausible {
+    quantity: "time step",
+    unit: "s",
+    range: [1e-5, 0.02],
+    source: "recorders (100 kHz at most) and activation dynamics (time constants of 10 to 40 ms)",
+    slips: &[
+        MILLISECONDS,
+        Slip { unit: "µs", factor: 1e-6 },
+        Slip { unit: "minutes", factor: 60.0 },
+        Slip { unit: "hours", factor: 3600.0 },
+        Slip { unit: "days", factor: 86_400.0 },
+    ],
+};
+
+/// Optimal fibre length and tendon slack length relative to a scaled model.
+pub static LENGTH_BOUND: Plausible = Plausible {
+    quantity: "bound of a length",
+    unit: "%",
+    range: [50.0, 200.0],
+    source: "Lieber et al. 1990, Loren & Lieber 1995 (standard deviations of 4 to 6 %), eight of them and more",
+    slips: &[Slip { unit: "parts of 1", factor: 100.0 }],
+};
+
+/// Maximum isometric force relative to a scaled model.
+pub static FORCE_BOUND: Plausible = Plausible {
+    quantity: "bound of the force",
+    unit: "%",
+    range: [5.0, 1000.0],
+    source: "Holzbaur et al. 2007 (the strongest wrist has six times the moment of the weakest)",
+    slips: &[Slip { unit: "parts of 1", factor: 100.0 }],
+};
+
+/// Length of a muscle's belly in an image.
+pub static BELLY_LENGTH: Plausible = Plausible {
+    quantity: "length of the muscle belly",
+    unit: "m",
+    range: [0.005, 1.0],
+    source: "Ward et al. 2009, and lumbricals below",
+    slips: &[MILLIMETRES, CENTIMETRES],
+};
+
+/// Length of a tendon outside the belly.
+pub static EXTERNAL_TENDON_LENGTH: Plausible = Plausible {
+    quantity: "length of the external tendon",
+    unit: "m",
+    range: [0.001, 1.0],
+    source: "Loren & Lieber 1995 (wrist, 0.2 m), short and long ones beside them",
+    slips: &[MILLIMETRES, CENTIMETRES],
+};
+
+/// Cross-section of a muscle's belly.
+pub static CROSS_SECTIONAL_AREA: Plausible = Plausible {
+    quantity: "cross-sectional area",
+    unit: "m²",
+    range: [1e-6, 0.05],
+    source: "Holzbaur et al. 2007 (arm) and the vasti above",
+    slips: &[Slip { unit: "cm²", factor: 1e-4 }, Slip { unit: "mm²", factor: 1e-6 }],
+};
+
+/// Length of a fascicle in an image.
+pub static FASCICLE_LENGTH: Plausible = Plausible {
+    quantity: "fascicle length",
+    unit: "m",
+    range: [0.002, 1.0],
+    source: "Ward et al. 2009 (sartorius, 0.40 m) and muscles of the hand",
+    slips: &[MILLIMETRES, CENTIMETRES],
+};
+
+/// The table: every range that anything is compared with.
+pub static TABLE: [&Plausible; 23] = [
+    &OPTIMAL_FIBER_LENGTH,
+    &TENDON_SLACK_LENGTH,
+    &MAX_ISOMETRIC_FORCE,
+    &PENNATION_ANGLE,
+    &MAX_CONTRACTION_VELOCITY,
+    &ACTIVATION_TIME,
+    &SEGMENT_MASS,
+    &POINT_DISTANCE,
+    &GRAVITY,
+    &BODY_MASS,
+    &USUAL_BODY_MASS,
+    &BODY_MASS_INDEX,
+    &BODY_HEIGHT,
+    &SEGMENT_LENGTH,
+    &MVC_MOMENT,
+    &EFFORT_PERCENT,
+    &TIME_STEP,
+    &LENGTH_BOUND,
+    &FORCE_BOUND,
+    &BELLY_LENGTH,
+    &EXTERNAL_TENDON_LENGTH,
+    &CROSS_SECTIONAL_AREA,
+    &FASCICLE_LENGTH,
+];
+
+/// A unit of moment that is not N·m: how names write it, its symbol, and what one of it is in N·m.
+pub struct MomentUnit {
+    /// Ends of column names, letters and digits only, in lower case.
+    pub written: &'static [&'static str],
+    /// Symbol.
+    pub symbol: &'static str,
+    /// One of it \[N·m\].
+    pub in_n_m: f64,
+}
+
+/// Units of moment that dynamometers export beside N·m (NIST SP 811, appendix B).
+pub static MOMENT_UNITS: [MomentUnit; 6] = [
+    MomentUnit {
+        written: &["ftlb", "ftlbs", "ftlbf", "lbft", "lbfft", "footpounds"],
+        symbol: "ft·lb",
+        in_n_m: 1.355_818,
+    },
+    MomentUnit { written: &["inlb", "inlbs", "inlbf", "lbin", "lbfin"], symbol: "in·lb", in_n_m: 0.112_985 },
+    MomentUnit { written: &["nmm"], symbol: "N·mm", in_n_m: 1e-3 },
+    MomentUnit { written: &["ncm"], symbol: "N·cm", in_n_m: 1e-2 },
+    MomentUnit { written: &["kgm", "kgfm", "kpm"], symbol: "kgf·m", in_n_m: 9.806_65 },
+    MomentUnit { written: &["kgcm", "kgfcm", "kpcm"], symbol: "kgf·cm", in_n_m: 0.098_066_5 },
+];
+
+/// The unit that the end of a column's name states, of those in which a moment must not be.
+pub fn moment_unit_in_name(column: &str) -> Option<&'static MomentUnit> {
+    // A unit is what follows the quantity: `torque_ft_lb`, `Torque [ft-lb]`, `moment(Nmm)`.
+    let plain: String = column.chars().filter(char::is_ascii_alphanumeric).map(|c| c.to_ascii_lowercase()).collect();
+    MOMENT_UNITS.iter().find(|unit| unit.written.iter().any(|end| plain.ends_with(end)))
+}
+
+/// The unit in which a moment was written that is `ratio` times what was expected in N·m, within 4 %: repeated maximum
+/// contractions differ by as much.
+pub fn moment_unit_of_ratio(ratio: f64) -> Option<&'static MomentUnit> {
+    MOMENT_UNITS.iter().find(|unit| (ratio * unit.in_n_m - 1.0).abs() < 0.04)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn verif_every_row_has_a_range_a_source_and_slips_that_lead_into_it() {
+        for row in TABLE {
+            let [lower, upper] = row.range;
+            assert!(lower < upper && !row.quantity.is_empty() && row.source.len() > 10, "{row:?}");
+            for slip in row.slips {
+                assert!(slip.factor > 0.0 && slip.factor != 1.0, "{row:?}");
+                // A value of the middle of the range, written in that unit, is found out unless it lies inside, too.
+                let middle = 0.5 * (lower + upper);
+                if let Some(doubt) = row.doubt(middle / slip.factor) {
+                    assert!(doubt.slip().is_some(), "{row:?} {slip:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn verif_doubts_name_the_likely_slip() {
+        let hint = |row: &'static Plausible, value| row.doubt(value).map(|d| (d.to_string(), d.hint()));
+        let (what, why) = hint(&OPTIMAL_FIBER_LENGTH, 62.0).unwrap();
+        assert_eq!(what, "62 is not plausible in m (expected 0.001 to 0.6)");
+        assert_eq!(why, "check the unit: is it in mm? 62 mm are 0.062 m");
+        assert_eq!(hint(&OPTIMAL_FIBER_LENGTH, 0.062), None);
+        let (what, why) = hint(&OPTIMAL_FIBER_LENGTH, 1e-9).unwrap();
+        assert!(what.starts_with("1e-9 is") && why.contains("Ward"), "{what} {why}");
+        assert!(hint(&MAX_ISOMETRIC_FORCE, 1e-300).unwrap().0.starts_with("1e-300 is"));
+        assert!(hint(&PENNATION_ANGLE, 1.55).unwrap().1.contains("is it in degrees?"));
+        assert!(hint(&BODY_MASS_INDEX, 150.0 / (1.75 * 1.75)).unwrap().1.contains("is it in pounds?"));
+        assert!(hint(&USUAL_BODY_MASS, 150.0).unwrap().1.contains("150 pounds are 68.04 kg"));
+        assert!(hint(&BODY_HEIGHT, 5.9).unwrap().1.contains("5.9 feet are 1.798 m"));
+        assert!(hint(&EFFORT_PERCENT, 0.25).unwrap().1.contains("0.25 parts of 1 are 25 %"));
+        assert!(hint(&TIME_STEP, 10.0).unwrap().1.contains("is it in ms?"));
+        assert!(hint(&TIME_STEP, 1e-14).is_some());
+    }
+
+    #[test]
+    fn verif_moment_units_are_read_from_names_and_ratios() {
+        let named = |column| moment_unit_in_name(column).map(|unit| unit.symbol);
+        for (column, unit) in [
+            ("torque_ft_lb", Some("ft·lb")),
+            ("Torque [ft-lbs]", Some("ft·lb")),
+            ("moment (Nmm)", Some("N·mm")),
+            ("moment_n_m", None),
+            ("torque", None),
+            ("moment_Nm", None),
+        ] {
+            assert_eq!(named(column), unit, "{column}");
+        }
+        let of = |ratio| moment_unit_of_ratio(ratio).map(|unit| unit.symbol);
+        assert_eq!([of(1.0 / 1.3558), of(1000.0), of(1.0), of(0.9)], [Some("ft·lb"), Some("N·mm"), None, None]);
+    }
+}
