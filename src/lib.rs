@@ -13,7 +13,6 @@ pub mod forces;
 pub mod functions;
 pub mod identifiability;
 pub mod imaging;
-pub mod inference;
 pub mod multibody;
 pub mod muscles;
 pub mod numerics;

@@ -20,7 +20,6 @@ use rayon::prelude::*;
 
 use super::ONE_BY_ONE;
 use super::kernel::{Family, Kernel, correlated, root};
-use crate::inference::excitation::Expected;
 use crate::study::Direction;
 
 pub use restricted_likelihood::{
@@ -383,13 +382,17 @@ impl TrialNoise {
 
     /// The same noise, that of the EMG being what an expected true excitation leaves of it.
     ///
-    /// - `expected`: per muscle
-    pub fn with_expected(&self, expected: &[Expected], kernel: &Kernel) -> TrialNoise {
+    /// - `shaping`, `known`: per muscle, what of the noise is left, and the covariance of what was smoothed away
+    pub fn with_expected<'e>(
+        &self,
+        expected: impl Iterator<Item = (&'e DMatrix<f64>, &'e DMatrix<f64>)>,
+        kernel: &Kernel,
+    ) -> TrialNoise {
         let mut known =
             self.of_angle.clone().unwrap_or_else(|| DMatrix::zeros(self.times.white.len(), self.times.white.len()));
-        let response = self.response.iter().zip(expected).map(|(g, expected)| {
-            known += &g.by_knots * &expected.known * g.by_knots.transpose();
-            Response::dense(&g.by_knots * &expected.shaping)
+        let response = self.response.iter().zip(expected).map(|(g, (shaping, covariance))| {
+            known += &g.by_knots * covariance * g.by_knots.transpose();
+            Response::dense(&g.by_knots * shaping)
         });
         let response: Vec<Response> = response.collect();
         let mut whole = DMatrix::zeros(self.times.white.len(), response.len());

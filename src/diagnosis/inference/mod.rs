@@ -10,11 +10,9 @@
 //! - [`excitation`]: the true excitation, given the recorded EMG
 //! - [`linear_model`]: the session around one point, as a linear Gaussian model
 //! - [`discrepancy`]: columns of h and g
-//! - [`account`]: what muscles and every missing effect take of the error
 //! - [`search`]: which sets of effects are missing
 //! - [`session`]: the joint mode: relinearized, noise and EMG estimated along the way
 
-pub mod account;
 pub mod discrepancy;
 pub mod excitation;
 pub mod linear_model;

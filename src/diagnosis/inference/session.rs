@@ -1,15 +1,16 @@
 //! The joint mode of a session: point, noise, discrepancy and the sets of effects that the data call for.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
-use super::account::{Raw, Share, shares, step_of};
 use super::discrepancy::{self, Ranges};
 use super::excitation::{self, Expected};
 use super::linear_model::{LinearModel, Posterior, Prior, SizePriors, Sizes};
 use super::search::{Budget, Sets, search};
+use crate::diagnosis::diagnose::ParameterEstimate;
 use crate::diagnosis::effect::{Effect, Role, interpolate};
 use crate::diagnosis::fit::{
     Analysis, Linear, Point, block_means, block_starts, corrected, knot_count, trial_times, whiten,
@@ -38,6 +39,8 @@ const SCREENED: usize = 12;
 const FIRST_STEPS: usize = 3;
 /// Rounds of search, simulation of other sets, noise and relinearization, at most.
 const ROUNDS: usize = 4;
+/// An effect may stand in another's place where the set with it has more than this share of the probability.
+const STANDS_IN: f64 = 0.1;
 /// Beyond this part of the way the joint mode itself is handed over.
 const ALL_OF_IT: f64 = 0.9;
 /// Another set takes over when its −2 log posterior is lower by more than this.
@@ -55,7 +58,7 @@ struct EffectColumns {
 }
 
 /// How noise enters all trials.
-pub struct Passage {
+pub(crate) struct Passage {
     /// The EMG's by its response alone.
     bare: Vec<TrialNoise>,
     /// Per trial and muscle: what is expected of the EMG's error.
@@ -129,11 +132,11 @@ pub struct State {
     /// Variances of the noise.
     pub levels: NoiseLevels,
     /// How noise enters every trial.
-    pub noise: Passage,
+    pub(crate) noise: Passage,
     /// Factors of V.
     pub factors: Vec<Cholesky<f64, Dyn>>,
     /// Around the point.
-    pub linear: Vec<Linear>,
+    pub(crate) linear: Vec<Linear>,
     /// Directions of effects that are absent, and of the moment's discrepancy.
     pub directions: Vec<DMatrix<f64>>,
     /// The linear model.
@@ -478,29 +481,64 @@ impl<'a> Session<'a> {
         Ok(HandedOver { parameters: parameters.collect(), effects, part, left_out_ratio })
     }
 
-    /// What every effect of the best set takes of the mean square of the training residual [(N·m)²], and that mean square with muscles alone
-    /// and with all effects.
-    pub fn shares(&self, state: &State) -> (Vec<Share>, [f64; 2]) {
-        let columns = self.all_columns(&state.linear, &state.directions);
-        let columns: Vec<DMatrix<f64>> = columns
-            .into_iter()
-            .zip(&state.linear)
-            .map(|(mut c, l)| {
-                let last = c.ncols() - 1;
-                c.set_column(last, &l.bare);
-                c
-            })
-            .collect();
-        let samples: Vec<Vec<usize>> = self
-            .analysis
-            .train
-            .iter()
-            .map(|g| block_starts(&self.forward().trials[*g].time).windows(2).map(|w| w[1] - w[0]).collect())
-            .collect();
-        let raw = Raw::new(&columns, &samples);
-        let best = state.sets.best();
-        let ends = [&[][..], &best.effects].map(|set| raw.mean_square(&step_of(&state.model, set, &best.sizes)));
-        (shares(&state.model, &raw, &best.effects, &best.sizes), ends)
+    /// Estimates of the effects at the joint mode, by `effect.parameter`, with 95 % intervals.
+    pub fn estimates(&self, state: &State) -> BTreeMap<String, ParameterEstimate> {
+        let forward = self.forward();
+        let posterior = state.model.posterior(&self.places(&state.point.effects), &state.sets.best().sizes);
+        let mut column = self.analysis.n_nuisance();
+        let mut out = BTreeMap::new();
+        for setting in &state.point.effects {
+            let description = setting.effect.description();
+            let reported = |values: &[f64]| setting.effect.reported(values, &forward.muscles);
+            let value = reported(&setting.values);
+            for (i, p) in description.parameters.iter().enumerate() {
+                let half = 1.96 * posterior.sd_of(column) * forward.joint.scale(p);
+                let side = |sign: f64| {
+                    let mut values = setting.values.clone();
+                    values[i] += sign * half;
+                    reported(&values)[i]
+                };
+                let (a, b) = (side(-1.0), side(1.0));
+                let estimate = ParameterEstimate {
+                    value: value[i],
+                    unit: p.unit,
+                    ci95: [a.min(b), a.max(b)],
+                    plausible: forward.joint.plausible(p),
+                };
+                out.insert(format!("{}.{}", description.id, p.name), estimate);
+                column += 1;
+            }
+        }
+        out
+    }
+
+    /// Standard deviation of the noise of a sample of the training trials [N·m].
+    pub fn noise_floor(&self, state: &State) -> f64 {
+        let total: f64 = state.noise.bare.iter().map(|n| n.variance_of_samples(&state.levels)).sum();
+        let blocks: usize = state.linear.iter().map(|l| l.bare.len()).sum();
+        (total / blocks.max(1) as f64).sqrt()
+    }
+
+    /// Effects that may stand in an effect's place: its probability and that of all of them together.
+    ///
+    /// - `effect`: place of one of the point's effects
+    pub fn group(&self, state: &State, effect: usize) -> (Vec<usize>, f64) {
+        let set = self.places(&state.point.effects);
+        let probability = |candidate: &[usize]| {
+            let found = state.sets.found.iter().zip(&state.sets.probability).find(|(s, _)| s.effects == candidate);
+            found.map_or(0.0, |(_, p)| *p)
+        };
+        let own = probability(&set);
+        let exchanged = |other: usize| {
+            let mut set: Vec<usize> = set.iter().copied().filter(|e| *e != effect).chain([other]).collect();
+            set.sort_unstable();
+            set
+        };
+        let stands_in = |other: &usize| !set.contains(other) && probability(&exchanged(*other)) > own * STANDS_IN;
+        let mut group = vec![effect];
+        group.extend(self.testable().into_iter().filter(stands_in));
+        let together = state.sets.of_any(&group);
+        (group, together)
     }
 
     fn ids(&self, set: &[usize]) -> Vec<&'static str> {
@@ -666,7 +704,11 @@ impl<'a> Session<'a> {
         let bare = self.analysis.noise_structure(linear, point);
         let expected = excitation::expected(&self.envelopes(), levels, &self.analysis.kernels.emg);
         let kernel = &self.analysis.kernels.emg;
-        let noise = bare.par_iter().zip(&expected).map(|(n, e)| n.with_expected(e, kernel)).collect();
+        let noise = bare
+            .par_iter()
+            .zip(&expected)
+            .map(|(n, e)| n.with_expected(e.iter().map(|e| (&e.shaping, &e.known)), kernel))
+            .collect();
         let passage = Passage { bare, expected, noise };
         self.attach(linear, point, &passage);
         passage
@@ -764,7 +806,7 @@ impl<'a> Session<'a> {
     }
 
     /// Places of effects among the candidates, ascending.
-    fn places(&self, effects: &[Setting]) -> Vec<usize> {
+    pub(crate) fn places(&self, effects: &[Setting]) -> Vec<usize> {
         let place =
             |s: &Setting| self.analysis.candidates.iter().position(|c| c.description().id == s.effect.description().id);
         let mut out: Vec<usize> = effects.iter().filter_map(place).collect();

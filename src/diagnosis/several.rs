@@ -1,0 +1,255 @@
+//! Where many things are a little wrong at once: which effects are missing all the same, and what each takes of the error.
+//!
+//! In a laboratory no model with one effect more leaves nothing. [`Session`] allows for a little of every effect and for a
+//! smooth discrepancy, and says which effects are beyond that. Here it is decided whether a participant's trials are of this kind, and the answer
+//! is put into the terms of a diagnosis.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::diagnose::{ParameterEstimate, Request, simulate};
+use super::effect::Effect;
+use super::forward_model::{ForwardModel, Setting};
+use super::inference::search::Budget;
+use super::inference::session::{HandedOver, Session, State};
+use crate::simulation::{MuscleParameters, SimulationError};
+use crate::study::TrialUse;
+
+/// Sets whose neighbours are looked at in a round.
+const EXPANSIONS: usize = 12;
+/// What a laboratory has of every effect, as a share of what is plausible: beyond this many things are a little wrong, and a search for the one
+/// effect that leaves nothing is in vain. A clean session with one effect has 0.002 to 0.01, laboratories 0.03 to 0.3.
+const LABORATORY: f64 = 0.02;
+/// More effects than this are many things, too.
+const FEW: usize = 2;
+/// An effect, or one of its group, is named from this probability on: more likely than not.
+const NAMED: f64 = 0.5;
+/// The first effect is dominant if it takes this share of the mean square of the model as given's error, beyond what recalibration takes.
+const DOMINANT: f64 = 0.05;
+
+/// An effect that is missing.
+#[derive(Clone, Debug, Serialize)]
+pub struct NamedEffect {
+    /// Effect.
+    pub effect: &'static str,
+    /// Effects that these trials cannot tell from it, itself first.
+    pub group: Vec<&'static str>,
+    /// Probability that one of the group is missing.
+    pub probability: f64,
+    /// Whether it takes more of the error than a little of everything does.
+    pub dominant: bool,
+    /// Share of the mean square of the error of the model as given that comes back when the effect is taken out and all else
+    /// stays: value and 95 % interval over trials.
+    pub share_of_error: Shares,
+    /// Parameters by name, at the joint mode.
+    pub parameters: BTreeMap<String, ParameterEstimate>,
+}
+
+/// Shares of training and held-out trials.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Shares {
+    /// Training trials.
+    pub train: [f64; 3],
+    /// Held-out trials.
+    pub held_out: Option<[f64; 3]>,
+}
+
+/// A step of the account of the error: RMSE / session MVC moment.
+#[derive(Clone, Debug, Serialize)]
+pub struct AccountStep {
+    /// What the model has: `as_given`, `recalibrated`, an effect, or `noise`.
+    pub step: String,
+    /// Training trials.
+    pub train: f64,
+    /// Held-out trials.
+    pub held_out: Option<f64>,
+}
+
+/// What is missing from a model of a session in which many things are a little wrong.
+#[derive(Clone, Debug)]
+pub struct Several {
+    /// Effects, the largest share first.
+    pub effects: Vec<NamedEffect>,
+    /// The error, step by step.
+    pub account: Vec<AccountStep>,
+    /// What is handed over: muscles and effects.
+    pub handed_over: HandedOver,
+    /// Muscles alone.
+    pub recalibrated: HandedOver,
+    /// Noise of a sample [N·m].
+    pub noise_floor: f64,
+}
+
+/// A model fitted with effects.
+pub struct Fitted {
+    /// What is handed over.
+    pub handed_over: HandedOver,
+    /// Estimates at the joint mode.
+    pub estimates: BTreeMap<String, ParameterEstimate>,
+    /// Noise of a sample [N·m].
+    pub noise_floor: f64,
+}
+
+fn session<'a>(request: &'a Request) -> Session<'a> {
+    let train = request.forward.trials_for(TrialUse::Train);
+    Session::new(request.forward, train, request.candidates.clone(), &request.bounds, Budget { expansions: EXPANSIONS })
+}
+
+/// The muscles fitted with these effects and no others.
+///
+/// # Errors
+/// A trial that cannot be simulated.
+pub fn fitted_with(request: &Request, effects: &[&str]) -> Result<Fitted, SimulationError> {
+    let mut session = session(request);
+    let state = session.estimate(effects, true, &|_| {})?;
+    Ok(Fitted {
+        handed_over: session.handed_over(&state)?,
+        estimates: session.estimates(&state),
+        noise_floor: session.noise_floor(&state),
+    })
+}
+
+/// What is missing, if many things are a little wrong; `None` if one effect, or two, may leave nothing.
+///
+/// # Errors
+/// A trial that cannot be simulated.
+pub fn several(request: &Request) -> Result<Option<Several>, SimulationError> {
+    let mut session = session(request);
+    let state = session.estimate(&[], false, &|_| {})?;
+    let best = state.sets.best();
+    if best.sizes.everything < LABORATORY && state.point.effects.len() <= FEW {
+        return Ok(None);
+    }
+    let handed_over = session.handed_over(&state)?;
+    let recalibrated = fitted_with(request, &[])?.handed_over;
+    let mut effects = named(request, &session, &state, &handed_over)?;
+    effects.sort_by(|a, b| b.share_of_error.train[0].total_cmp(&a.share_of_error.train[0]));
+    let noise_floor = session.noise_floor(&state);
+    let account = account(request, &effects, &handed_over, &recalibrated, noise_floor)?;
+    Ok(Some(Several { effects, account, handed_over, recalibrated, noise_floor }))
+}
+
+/// Mean squares of the residuals of every trial of a use [(N·m)²], weighted by samples.
+fn squares(
+    forward: &ForwardModel,
+    parameters: &[MuscleParameters],
+    effects: &[Setting],
+    usage: TrialUse,
+) -> Result<Vec<[f64; 2]>, SimulationError> {
+    let of = |(g, moment): (usize, Vec<f64>)| {
+        let left = forward.trials[g].moment.iter().zip(&moment).map(|(y, m)| (y - m).powi(2)).sum();
+        [left, moment.len() as f64]
+    };
+    Ok(simulate(forward, parameters, effects, usage)?.into_iter().map(of).collect())
+}
+
+/// Root mean square over trials [N·m].
+fn rms(squares: &[[f64; 2]]) -> Option<f64> {
+    let count: f64 = squares.iter().map(|s| s[1]).sum();
+    (count > 0.0).then(|| (squares.iter().map(|s| s[0]).sum::<f64>() / count).sqrt())
+}
+
+/// (Σ without − Σ with) / Σ given over trials, and its 95 % interval by the jackknife; `None` without trials.
+fn share(given: &[[f64; 2]], with: &[[f64; 2]], without: &[[f64; 2]]) -> Option<[f64; 3]> {
+    let n = given.len();
+    let total = |all: &[[f64; 2]], left_out: Option<usize>| -> f64 {
+        all.iter().enumerate().filter(|(i, _)| Some(*i) != left_out).map(|(_, s)| s[0]).sum()
+    };
+    let value = |left_out| {
+        let of_given = total(given, left_out).max(f64::MIN_POSITIVE);
+        (total(without, left_out) - total(with, left_out)) / of_given
+    };
+    let all = (n > 0).then(|| value(None))?;
+    let others: Vec<f64> = (0..n).map(|i| value(Some(i))).collect();
+    let mean = others.iter().sum::<f64>() / n as f64;
+    let spread = others.iter().map(|v| (v - mean).powi(2)).sum::<f64>() * (n as f64 - 1.0) / n as f64;
+    let half = 1.96 * spread.sqrt();
+    Some([all, all - half, all + half])
+}
+
+fn named(
+    request: &Request,
+    session: &Session,
+    state: &State,
+    handed_over: &HandedOver,
+) -> Result<Vec<NamedEffect>, SimulationError> {
+    let forward = request.forward;
+    let nominal = forward.nominal_parameters();
+    let estimates = session.estimates(state);
+    let squares_of = |parameters: &[MuscleParameters], effects: &[Setting]| {
+        let of = |usage| squares(forward, parameters, effects, usage);
+        Ok::<_, SimulationError>([of(TrialUse::Train)?, of(TrialUse::Test)?])
+    };
+    let given = squares_of(&nominal, &[])?;
+    let with = squares_of(&handed_over.parameters, &handed_over.effects)?;
+    let mut out = Vec::new();
+    for place in session.places(&state.point.effects) {
+        let effect: &'static dyn Effect = session.analysis.candidates[place];
+        let id = effect.description().id;
+        let (group, probability) = session.group(state, place);
+        if probability < NAMED {
+            continue;
+        }
+        let others = |s: &&Setting| s.effect.description().id != id;
+        let rest: Vec<Setting> = handed_over.effects.iter().filter(others).cloned().collect();
+        let without = squares_of(&handed_over.parameters, &rest)?;
+        let shares = [0, 1].map(|i| share(&given[i], &with[i], &without[i]));
+        let train = shares[0].unwrap_or([0.0; 3]);
+        let own = |(name, e): (&String, &ParameterEstimate)| {
+            let name = name.strip_prefix(id)?.strip_prefix('.')?;
+            Some((name.to_owned(), e.clone()))
+        };
+        out.push(NamedEffect {
+            effect: id,
+            group: group.into_iter().map(|e| session.analysis.candidates[e].description().id).collect(),
+            probability,
+            dominant: train[0] >= DOMINANT,
+            share_of_error: Shares { train, held_out: shares[1] },
+            parameters: estimates.iter().filter_map(own).collect(),
+        });
+    }
+    Ok(out)
+}
+
+fn account(
+    request: &Request,
+    effects: &[NamedEffect],
+    handed_over: &HandedOver,
+    recalibrated: &HandedOver,
+    noise_floor: f64,
+) -> Result<Vec<AccountStep>, SimulationError> {
+    let forward = request.forward;
+    let step = |name: String, parameters: &[MuscleParameters], effects: &[Setting]| {
+        let error = |usage| Ok::<_, SimulationError>(rms(&squares(forward, parameters, effects, usage)?));
+        let of_mvc = |e: f64| e / request.mvc;
+        let train = error(TrialUse::Train)?.map_or(0.0, of_mvc);
+        Ok::<_, SimulationError>(AccountStep { step: name, train, held_out: error(TrialUse::Test)?.map(of_mvc) })
+    };
+    let mut out = vec![step("as_given".to_owned(), &forward.nominal_parameters(), &[])?];
+    out.push(step("recalibrated".to_owned(), &recalibrated.parameters, &recalibrated.effects)?);
+    if !effects.is_empty() {
+        let names: Vec<&str> = effects.iter().map(|e| e.effect).collect();
+        out.push(step(names.join("+"), &handed_over.parameters, &handed_over.effects)?);
+    }
+    let floor = noise_floor / request.mvc;
+    out.push(AccountStep { step: "noise".to_owned(), train: floor, held_out: None });
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn verif_shares_are_of_the_mean_square_and_their_interval_of_trials() {
+        let given = [[4.0, 10.0], [6.0, 10.0], [5.0, 10.0]];
+        let with = [[1.0, 10.0], [1.5, 10.0], [1.25, 10.0]];
+        let without = [[2.0, 10.0], [3.0, 10.0], [2.5, 10.0]];
+        let [value, low, high] = share(&given, &with, &without).unwrap();
+        assert!((value - 0.25).abs() < 1e-12 && (high - low).abs() < 1e-12, "{low} {high}");
+        let [value, low, high] = share(&given, &with, &[[2.0, 10.0], [1.5, 10.0], [4.0, 10.0]]).unwrap();
+        assert!(low < value && value < high);
+        assert!(share(&[], &[], &[]).is_none());
+    }
+}
