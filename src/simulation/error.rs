@@ -71,6 +71,12 @@ pub enum SimulationError {
         /// The model's muscles.
         available: Vec<String>,
     },
+    /// An active muscle that the model lets apply no force, so that it would be silent in OpenSim.
+    #[error("muscle `{name}` applies no force in the model (<appliesForce> is false, or <isDisabled> true)")]
+    AppliesNoForce {
+        /// The muscle.
+        name: String,
+    },
     /// A muscle is listed twice.
     #[error("muscle `{name}` is listed twice")]
     RepeatedMuscle {
@@ -223,6 +229,9 @@ impl SimulationError {
             }
             SimulationError::NoBalance { .. } => {
                 Some("check the muscle's tendon slack length and optimal fibre length against its path length")
+            }
+            SimulationError::AppliesNoForce { .. } => {
+                Some("let it apply its force in the model, or leave it out of [muscles] active in study.toml")
             }
             SimulationError::PostureOutOfRange { .. } => Some("posture values are degrees (metres for translations)"),
             SimulationError::Muscle(MuscleError::NotMillard2012 { .. }) => Some(

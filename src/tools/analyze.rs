@@ -19,6 +19,9 @@ use crate::storage::{Storage, spline};
 const ANALYSES: &str = "Kinematics, BodyKinematics, PointKinematics, StatesReporter, MuscleAnalysis, ForceReporter, \
                         Actuation, JointReaction, StaticOptimization";
 
+/// Digits behind the point that are written at most: doubles have no more than 17 that mean something.
+const MOST_DIGITS: usize = 40;
+
 /// Properties that all tools with a model have (`AbstractTool`).
 pub struct Frame {
     /// Name, the beginning of results' names.
@@ -31,6 +34,38 @@ pub struct Frame {
     pub time: [f64; 2],
     /// Whether muscles are brought to equilibrium.
     pub equilibrate: bool,
+    /// How a motion is integrated.
+    pub integrator: IntegratorSettings,
+}
+
+/// How a motion is integrated. Sizes of steps are checked and otherwise not used: those of the implicit integrator follow from
+/// the error alone.
+#[derive(Clone, Copy, Debug)]
+pub struct IntegratorSettings {
+    /// Error allowed per step, as Simbody's `Integrator::setAccuracy` takes it.
+    pub error_tolerance: f64,
+    /// Steps of a simulation, rejected ones among them, at most.
+    pub most_steps: usize,
+}
+
+impl IntegratorSettings {
+    /// Reads them, with the defaults of OpenSim's `AbstractTool`.
+    ///
+    /// # Errors
+    /// Values that no integrator can work with.
+    fn read(tool: &Properties) -> Result<IntegratorSettings, ToolError> {
+        let is_accuracy = |value: f64| value > 0.0 && value < 1.0;
+        let error_tolerance =
+            tool.number_that("integrator_error_tolerance", 1e-5, "a number above 0 and below 1", is_accuracy)?;
+        let is_step = |value: f64| value > 0.0;
+        let largest = tool.number_that("maximum_integrator_step_size", 1.0, "a time above 0 s", is_step)?;
+        let expected = format!("a time from 0 s to maximum_integrator_step_size ({largest} s)");
+        tool.number_that("minimum_integrator_step_size", 0.0, &expected, |value| (0.0..=largest).contains(&value))?;
+        // Of formats of old; it has no effect in OpenSim 4.6 either.
+        tool.number_that("integrator_fine_tolerance", 1e-5, "a number above 0", is_step)?;
+        let most_steps = tool.count("maximum_number_of_integrator_steps", 20_000, 1..=usize::MAX)?;
+        Ok(IntegratorSettings { error_tolerance, most_steps })
+    }
 }
 
 impl Frame {
@@ -45,12 +80,18 @@ impl Frame {
             }
         }
         tool.ignore_all(&["model_file"]);
-        let precision = tool.integer("output_precision", 8)?.clamp(0, 40) as usize;
+        let precision = tool.count("output_precision", 8, 0..=MOST_DIGITS)?;
+        let time = [tool.time("initial_time", 0.0)?, tool.time("final_time", 1.0)?];
+        if time[1] < time[0] {
+            let expected = format!("a time from initial_time ({} s) on", time[0]);
+            return Err(tool.bad_value("final_time", &expected, &format!("{}", time[1])));
+        }
         Ok(Frame {
             name: tool.name(),
             results: tool.setup().resolve(&tool.string("results_directory")),
             precision,
-            time: [tool.number("initial_time", 0.0)?, tool.number("final_time", 1.0)?],
+            time,
+            integrator: IntegratorSettings::read(tool)?,
             equilibrate: tool.boolean("solve_for_equilibrium_for_auxiliary_states", false)?,
         })
     }
@@ -105,7 +146,7 @@ pub fn record<'s>(
     state: &SystemState,
     step: Option<usize>,
 ) -> Result<Option<DynamicsError>, ToolError> {
-    let proceeds = |a: &dyn Analysis| step.is_none_or(|step| step as i64 % a.options().step_interval == 0);
+    let proceeds = |a: &dyn Analysis| step.is_none_or(|step| step % a.options().step_interval == 0);
     if !analyses.iter().any(|a| proceeds(a.as_ref())) {
         return Ok(None);
     }
@@ -160,13 +201,6 @@ impl UndeterminedAccelerations {
 pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &mut Outcome) -> Result<(), ToolError> {
     let frame = Frame::read(tool, &mut system, outcome)?;
     let cutoff = tool.number("lowpass_cutoff_frequency_for_coordinates", -1.0)?;
-    tool.ignore_all(&[
-        "maximum_number_of_integrator_steps",
-        "maximum_integrator_step_size",
-        "minimum_integrator_step_size",
-        "integrator_error_tolerance",
-        "integrator_fine_tolerance",
-    ]);
     if tool.file("controls_file").is_some() {
         let text = "controls_file is not used along a given motion: activations are those of the states";
         outcome.warn(tool.setup().path(), tool.line(), text);

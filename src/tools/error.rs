@@ -50,6 +50,9 @@ pub enum ToolProblem {
         /// What stands there.
         found: String,
     },
+    /// A result that would take the place of a file that is read.
+    #[error("this is one of the files that are read; it is not overwritten")]
+    Overwrites,
     /// A property that has to be given.
     #[error("{property} is missing: expected {expected}")]
     Missing {
@@ -145,6 +148,14 @@ impl ToolError {
             ToolProblem::Unknown { nearest, .. } => nearest.as_ref().map(|name| format!("did you mean `{name}`?")),
             ToolProblem::Storage(error) => error.hint(),
             ToolProblem::Osim(error) => error.hint(),
+            ToolProblem::Plant(PlantError::StepLimit { .. }) => Some(
+                "a control, a load or a muscle that changes very fast needs many steps; \
+                 maximum_number_of_integrator_steps of the setup allows more"
+                    .to_owned(),
+            ),
+            ToolProblem::Overwrites => {
+                Some("name another results_directory, tool name or output file in the setup".to_owned())
+            }
             ToolProblem::Missing { property, .. } if property == "model_file" => {
                 Some("name the model with --model MODEL.osim, or in the setup's <model_file>".to_owned())
             }

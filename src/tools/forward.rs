@@ -32,13 +32,6 @@ const STABILIZATION: f64 = 50.0;
 /// The setup, its files, or a motion that cannot be integrated.
 pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &mut Outcome) -> Result<(), ToolError> {
     let frame = Frame::read(tool, &mut system, outcome)?;
-    let accuracy = tool.number("integrator_error_tolerance", 1e-5)?;
-    tool.ignore_all(&[
-        "maximum_number_of_integrator_steps",
-        "maximum_integrator_step_size",
-        "minimum_integrator_step_size",
-        "integrator_fine_tolerance",
-    ]);
     let specified = tool.boolean("use_specified_dt", false)?;
     system.require_all_forces(&|_| false)?;
     system.read_controllers(document, tool, outcome)?;
@@ -98,7 +91,7 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         dissipated_energy: state.dissipated_energy.clone(),
         actuator_activation: state.actuator_activation.clone(),
     };
-    let options = ForwardOptions { times, accuracy: accuracy.min(1e-5), first_step: 1e-3 };
+    let options = ForwardOptions { times, accuracy: frame.integrator.error_tolerance.min(1e-5), first_step: 1e-3, most_steps: frame.integrator.most_steps };
     let excite = |time: f64, values: &mut [f64]| {
         values.iter_mut().zip(&driven).for_each(|(value, name)| *value = system.controls.at(name, time).unwrap_or(0.0));
     };

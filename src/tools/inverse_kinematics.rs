@@ -31,13 +31,14 @@ pub fn read_tasks(tool: &Properties, system: &System) -> Result<Tasks, ToolError
     let mut tasks = Tasks::default();
     let mut splines: Option<Vec<Option<Function>>> = None;
     for task in tool.objects("IKTaskSet") {
-        let applies = task.boolean("apply", true)?;
-        let weight = task.number("weight", 0.0)?;
-        let kind = task.string("value_type").to_lowercase();
-        let value = task.number("value", 0.0)?;
-        if !applies {
+        if !task.boolean("apply", true)? {
+            task.ignore();
             continue;
         }
+        let is_weight = |weight: f64| (0.0..f64::INFINITY).contains(&weight);
+        let weight = task.number_that("weight", 0.0, "a weight of 0 or more", is_weight)?;
+        let kind = task.string("value_type").to_lowercase();
+        let value = task.number("value", 0.0)?;
         match task.class() {
             "IKMarkerTask" => tasks.markers.push((task.name(), weight)),
             "IKCoordinateTask" => {
@@ -114,8 +115,9 @@ pub fn run(tool: &Properties, system: System, outcome: &mut Outcome) -> Result<(
     let setup = tool.setup().path().to_owned();
     let results = tool.setup().resolve(&tool.string("results_directory"));
     let constraint_weight = tool.number("constraint_weight", f64::INFINITY)?;
-    let _accuracy = tool.number("accuracy", 1e-5)?;
-    let [start, end] = tool.numbers("time_range", [f64::NEG_INFINITY, f64::INFINITY])?;
+    // Searches end at the minimum, whatever accuracy is asked for.
+    tool.number_that("accuracy", 1e-5, "a number above 0 and below 1", |value| value > 0.0 && value < 1.0)?;
+    let [start, end] = tool.time_range("time_range", [f64::NEG_INFINITY, f64::INFINITY])?;
     let report_errors = tool.boolean("report_errors", true)?;
     let report_places = tool.boolean("report_marker_locations", false)?;
     let output = tool.file("output_motion_file");
