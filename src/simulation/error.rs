@@ -175,8 +175,8 @@ pub enum SimulationError {
         /// What is wrong.
         source: FunctionError,
     },
-    /// A muscle's path has no finite length at some angle.
-    #[error("{muscle}: the path has length {length} m at {angle} rad")]
+    /// A muscle's path has no length that a muscle can have at some angle.
+    #[error("{muscle}: the path is {length} m long at {angle} rad, expected a length above 0 m and below 20 m")]
     PathLength {
         /// The muscle or force.
         muscle: String,
@@ -230,6 +230,10 @@ impl SimulationError {
             SimulationError::NoBalance { .. } => {
                 Some("check the muscle's tendon slack length and optimal fibre length against its path length")
             }
+            SimulationError::PathLength { .. } => Some(
+                "lengths of a model are in metres, not millimetres; else one of the path's points or wrapping surfaces lies far outside \
+                 of the body",
+            ),
             SimulationError::AppliesNoForce { .. } => {
                 Some("let it apply its force in the model, or leave it out of [muscles] active in study.toml")
             }

@@ -67,6 +67,11 @@ pub trait Analysis {
         true
     }
 
+    /// Whether what it writes depends on forces.
+    fn uses_forces(&self) -> bool {
+        self.needs_forces()
+    }
+
     /// Records an instant.
     ///
     /// # Errors

@@ -79,6 +79,32 @@ pub enum ToolProblem {
         /// The nearest name there is.
         nearest: Option<String>,
     },
+    /// A value in a file of numbers that is none.
+    #[error("column `{column}` at t = {time} s: expected a finite number, found {found}")]
+    Gap {
+        /// Label of the column.
+        column: String,
+        /// Time of the row [s].
+        time: f64,
+        /// What stands there.
+        found: f64,
+    },
+    /// A result that is not finite.
+    #[error("{owner}: {quantity} is {value} at t = {time} s, at {pose}{cause}")]
+    NotFinite {
+        /// Muscle or other force.
+        owner: String,
+        /// What of it.
+        quantity: &'static str,
+        /// Its value.
+        value: f64,
+        /// The first time [s].
+        time: f64,
+        /// Coordinates on which it depends.
+        pose: String,
+        /// Why, where that is known, after a semicolon.
+        cause: String,
+    },
     /// Data that do not belong to the model.
     #[error("{what}")]
     Data {
@@ -153,6 +179,9 @@ impl ToolError {
                  maximum_number_of_integrator_steps of the setup allows more"
                     .to_owned(),
             ),
+            ToolProblem::Gap { .. } => {
+                Some("a gap has to be filled, or the rows left out, before it is read here".to_owned())
+            }
             ToolProblem::Overwrites => {
                 Some("name another results_directory, tool name or output file in the setup".to_owned())
             }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::analyze::Faults;
 use super::error::{ToolError, ToolProblem};
 use super::external_loads::add_external_loads;
 use super::motion::{columns_of, coordinate_splines, read_coordinates, to_radians};
@@ -41,7 +42,7 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
     system.require_all_forces(&muscles_excluded)?;
     system.read_controllers_as_needed(document, tool, &is_excluded, outcome)?;
 
-    let mut data = read_coordinates(&file, cutoff)?;
+    let mut data = read_coordinates(&file, cutoff, &system)?;
     data.warnings.iter().for_each(|text| outcome.warn(&file, 0, text.clone()));
     to_radians(&mut data, &system);
     let columns = columns_of(&data, &system);
@@ -127,6 +128,7 @@ fn solve(
         let evaluation = system.evaluate(&mut work, &state, &|k| acts[k]);
         let generalized = work.dynamics.inverse_dynamics(&state.q, &state.u, &udot, &evaluation.applied);
         if !generalized.iter().all(|f| f.is_finite()) {
+            Faults::default().require_finite(system, &mut work, &state, &|k| acts[k])?;
             let source = crate::dynamics::DynamicsError::NotFinite;
             return Err(ToolError::new(&system.path, ToolProblem::Dynamics { time, source }));
         }

@@ -28,6 +28,8 @@ pub const DESCRIPTION: &str = "\nUnits are S.I. units (second, meters, Newtons, 
 /// Tasks of another class, coordinates that the model or the file lacks.
 pub fn read_tasks(tool: &Properties, system: &System) -> Result<Tasks, ToolError> {
     let file = tool.file("coordinate_file");
+    // As in OpenSim a file that is named has to be there, whether a task needs it or not.
+    file.as_ref().map(Storage::read).transpose()?;
     let mut tasks = Tasks::default();
     let mut splines: Option<Vec<Option<Function>>> = None;
     for task in tool.objects("IKTaskSet") {
@@ -56,7 +58,7 @@ pub fn read_tasks(tool: &Properties, system: &System) -> Result<Tasks, ToolError
                         };
                         if splines.is_none() {
                             // OpenSim takes angles of this file for degrees, whatever its header says.
-                            let mut storage = read_coordinates(file, -1.0)?;
+                            let mut storage = read_coordinates(file, -1.0, system)?;
                             storage.in_degrees = true;
                             super::motion::to_radians(&mut storage, system);
                             splines = Some(coordinate_splines(&storage, &columns_of(&storage, system), file)?);
@@ -114,10 +116,15 @@ const OPENSIM_DEFAULT_END: f64 = 2.0;
 pub fn run(tool: &Properties, system: System, outcome: &mut Outcome) -> Result<(), ToolError> {
     let setup = tool.setup().path().to_owned();
     let results = tool.setup().resolve(&tool.string("results_directory"));
-    let constraint_weight = tool.number("constraint_weight", f64::INFINITY)?;
+    let constraint_weight =
+        tool.number_that("constraint_weight", f64::INFINITY, "a number from 0 on, or Inf", |weight| weight >= 0.0)?;
+    if constraint_weight.is_finite() {
+        let text = format!("constraint_weight {constraint_weight} has no effect, as in OpenSim 4.6: constraints hold");
+        outcome.warn(&setup, tool.child("constraint_weight").map_or(0, |weight| weight.line()), text);
+    }
     // Searches end at the minimum, whatever accuracy is asked for.
     tool.number_that("accuracy", 1e-5, "a number above 0 and below 1", |value| value > 0.0 && value < 1.0)?;
-    let [start, end] = tool.time_range("time_range", [f64::NEG_INFINITY, f64::INFINITY])?;
+    let [start, end] = tool.time_range("time_range", [f64::NEG_INFINITY, OPENSIM_DEFAULT_END])?;
     let report_errors = tool.boolean("report_errors", true)?;
     let report_places = tool.boolean("report_marker_locations", false)?;
     let output = tool.file("output_motion_file");
@@ -139,9 +146,11 @@ pub fn run(tool: &Properties, system: System, outcome: &mut Outcome) -> Result<(
         );
     }
     let (first, last) = (data.time[0], data.time[data.time.len() - 1]);
-    if tool.text("time_range").is_none() && last > OPENSIM_DEFAULT_END {
-        let text =
-            format!("no time_range: all of the marker data are taken; OpenSim 4.6 stops at {OPENSIM_DEFAULT_END} s");
+    if tool.string("time_range").is_empty() && last > OPENSIM_DEFAULT_END {
+        let text = format!(
+            "no time_range: as in OpenSim 4.6 frames after {OPENSIM_DEFAULT_END} s are left out, of data to {last} s; \
+             <time_range> takes more"
+        );
         outcome.warn(&setup, 0, text);
     }
     let (start, end) = (start.max(first), end.min(last));
@@ -150,7 +159,7 @@ pub fn run(tool: &Properties, system: System, outcome: &mut Outcome) -> Result<(
     }
     let frames = data.nearest(start)..=data.nearest(end);
 
-    let mut solver = InverseKinematics::new(&system, constraint_weight);
+    let mut solver = InverseKinematics::new(&system);
     solver.markers = goals;
     solver.coordinates =
         tasks.coordinates.iter().map(|(c, weight, _)| CoordinateGoal { coordinate: *c, weight: *weight }).collect();

@@ -117,6 +117,10 @@ impl Analysis for MuscleAnalysis {
         false
     }
 
+    fn uses_forces(&self) -> bool {
+        true
+    }
+
     fn record(&mut self, instant: &mut Instant) -> Result<(), ToolError> {
         let (system, state, evaluation) = (instant.system, instant.state, instant.evaluation);
         // As in OpenSim, TendonForce and moments are of what a muscle actuates: nothing where it applies no force. All else is of

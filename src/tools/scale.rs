@@ -341,7 +341,7 @@ fn place_markers(
         seen().sum::<Vector3<f64>>() / seen().count() as f64
     };
     let means: Vec<Vector3<f64>> = (0..data.names.len()).map(mean).collect();
-    let mut solver = InverseKinematics::new(&system, f64::INFINITY);
+    let mut solver = InverseKinematics::new(&system);
     solver.markers = goals;
     solver.coordinates =
         tasks.coordinates.iter().map(|(c, weight, _)| CoordinateGoal { coordinate: *c, weight: *weight }).collect();
