@@ -271,8 +271,10 @@ impl Faults {
             outcome.warn(&system.path, 0, text);
         }
         if let (times, Some((time, error))) = &self.undetermined {
-            let text =
-                format!("accelerations are not numbers at {}, the first t = {time} s: {error}", counted(*times, "time"));
+            let text = format!(
+                "accelerations are not numbers at {}, the first t = {time} s: {error}",
+                counted(*times, "time")
+            );
             outcome.warn(&system.path, 0, text);
         }
         Ok(())

@@ -93,7 +93,12 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         dissipated_energy: state.dissipated_energy.clone(),
         actuator_activation: state.actuator_activation.clone(),
     };
-    let options = ForwardOptions { times, accuracy: frame.integrator.error_tolerance.min(1e-5), first_step: 1e-3, most_steps: frame.integrator.most_steps };
+    let options = ForwardOptions {
+        times,
+        accuracy: frame.integrator.error_tolerance.min(1e-5),
+        first_step: 1e-3,
+        most_steps: frame.integrator.most_steps,
+    };
     let excite = |time: f64, values: &mut [f64]| {
         values.iter_mut().zip(&driven).for_each(|(value, name)| *value = system.controls.at(name, time).unwrap_or(0.0));
     };

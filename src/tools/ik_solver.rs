@@ -18,6 +18,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use super::system::System;
 use crate::dynamics::Dynamics;
 use crate::multibody::BaseIndex;
+use crate::numerics::symmetric_eigen;
 use crate::osim::spec::CoordinateIndex;
 
 /// Most iterations of one frame.
@@ -158,8 +159,11 @@ impl<'a> InverseKinematics<'a> {
         let total: f64 = seen_markers().map(|(m, _)| m.weight).sum();
         let squared = |m: &MarkerGoal, p: &Vector3<f64>| (cache.X_GB(m.base) * m.station - p).norm_squared();
         let of_markers = seen_markers().filter(|(m, _)| m.weight > 0.0).map(|(m, p)| m.weight / total * squared(m, p));
-        let of_coordinates =
-            self.coordinates.iter().zip(values).map(|(goal, value)| goal.weight * (q[goal.coordinate.0] - value).powi(2));
+        let of_coordinates = self
+            .coordinates
+            .iter()
+            .zip(values)
+            .map(|(goal, value)| goal.weight * (q[goal.coordinate.0] - value).powi(2));
         0.5 * (of_markers.sum::<f64>() + of_coordinates.sum::<f64>())
     }
 
@@ -186,29 +190,36 @@ impl<'a> InverseKinematics<'a> {
         left
     }
 
-    /// Second derivative of the Lagrangian by differences of its gradient; steps are along speeds.
+    /// Second derivative of the Lagrangian by differences of its gradient along speeds, with the absolute values of its curvatures:
+    /// steps lead down from saddles and maxima, to which they would lead else.
+    ///
+    /// - `at`: the gradient at `q`
     fn curvature(
         &mut self,
         time: f64,
         q: &[f64],
         seen: &[Vector3<f64>],
         values: &[f64],
-        multipliers: &DVector<f64>,
+        (at, multipliers): (&Linearization, &DVector<f64>),
     ) -> DMatrix<f64> {
         let n = q.len();
+        let lagrangian = |at: &Linearization| match multipliers.is_empty() {
+            true => at.gradient.clone(),
+            false => &at.gradient + at.jacobian.tr_mul(multipliers),
+        };
+        let here = lagrangian(at);
         let mut matrix = DMatrix::zeros(n, n);
         let mut moved = q.to_vec();
-        for j in 0..n {
-            let [up, down] = [DIFFERENCE, -DIFFERENCE].map(|step| {
-                moved[j] = q[j] + step;
-                let at = self.linearize(time, &moved, seen, values, Order::Gradient);
-                let forces = if multipliers.is_empty() { DVector::zeros(n) } else { at.jacobian.tr_mul(multipliers) };
-                at.gradient + forces
-            });
+        // What is locked does not move: its curvature plays no part.
+        for j in (0..n).filter(|j| !self.system.model.coordinates[*j].locked) {
+            moved[j] = q[j] + DIFFERENCE;
+            let there = lagrangian(&self.linearize(time, &moved, seen, values, Order::Gradient));
             moved[j] = q[j];
-            matrix.column_mut(j).copy_from(&((up - down) / (2.0 * DIFFERENCE)));
+            matrix.column_mut(j).copy_from(&((there - &here) / DIFFERENCE));
         }
-        0.5 * (&matrix + matrix.transpose())
+        let eigen = symmetric_eigen(0.5 * (&matrix + matrix.transpose()));
+        let scaled = &eigen.eigenvectors * DMatrix::from_diagonal(&eigen.eigenvalues.abs());
+        scaled * eigen.eigenvectors.transpose()
     }
 
     /// Rates of coordinates for a step along speeds, at `q`.
@@ -307,7 +318,7 @@ impl<'a> InverseKinematics<'a> {
             let violation = if at.violation.is_empty() { 0.0 } else { at.violation.amax() };
             let scale = at.hessian.diagonal().amax().max(1e-12);
             if slow >= 2 && violation < 1e-6 {
-                at.hessian = self.curvature(time, q, seen, values, &multipliers);
+                at.hessian = self.curvature(time, q, seen, values, (&at, &multipliers));
             }
             // Coordinates at their range that the step would push outward are held; found by solving again.
             let mut held = vec![false; n];

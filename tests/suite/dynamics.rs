@@ -509,7 +509,8 @@ fn verif_the_mcfarland_hand_falls_for_a_second() {
     let (q, u) = (model.default_coordinates(), vec![0.0; model.n_coordinates()]);
     let mut work = plant.new_work();
     let start = plant.equilibrium_state(0.0, &q, &u, &excitation, &mut work).expect("equilibrium");
-    let options = ForwardOptions { times: vec![0.0, 0.5, 1.0], accuracy: 1e-5, first_step: 1e-3, most_steps: 1_000_000 };
+    let options =
+        ForwardOptions { times: vec![0.0, 0.5, 1.0], accuracy: 1e-5, first_step: 1e-3, most_steps: 1_000_000 };
     let excite = |_: f64, e: &mut [f64]| e.copy_from_slice(&excitation);
     let trajectory = simulate_forward(&plant, &start, excite, &options).expect("trajectory");
     println!("{:?}", trajectory.cost);

@@ -15,9 +15,14 @@ fn idle(class: &str) -> String {
 fn verif_muscles_that_apply_no_force_actuate_nothing() {
     for class in [MILLARD, "Thelen2003Muscle", "DeGrooteFregly2016Muscle", "RigidTendonMuscle"] {
         let [on, off] = ["true", "false"].map(|applies| {
-            let properties = format!("<appliesForce>{applies}</appliesForce>");
+            // So short that fibres are stretched: a rigid tendon without a control carries passive force alone.
+            let properties =
+                format!("<appliesForce>{applies}</appliesForce><tendon_slack_length>0.15</tendon_slack_length>");
             let folder = Folder::new(&(muscle(class, "m", &properties) + &muscle(MILLARD, "other", "")));
-            let inner = ANALYSES.replace("<solve_for_equilibrium_for_auxiliary_states>true", "<solve_for_equilibrium_for_auxiliary_states>false");
+            let inner = ANALYSES.replace(
+                "<solve_for_equilibrium_for_auxiliary_states>true",
+                "<solve_for_equilibrium_for_auxiliary_states>false",
+            );
             folder.run("AnalyzeTool", &inner).unwrap_or_else(|e| panic!("{class}: {e}"))
         });
         let column = |outcome, end: &str| -> Vec<f64> { table(outcome, end).rows.iter().map(|row| row[0]).collect() };
@@ -88,7 +93,10 @@ fn verif_a_tendon_of_no_length_does_not_cost_the_analysis() {
     assert!(with.iter().zip(&without).all(|(with, without)| with[1] == without[0]));
     // Rates that are not finite cannot be integrated.
     let error = folder.error("ForwardTool", "<initial_time>0</initial_time><final_time>0.1</final_time>");
-    assert!(error.contains("short") && error.contains("tendon_slack_length is 0, expected a number above 0"), "{error}");
+    assert!(
+        error.contains("short") && error.contains("tendon_slack_length is 0, expected a number above 0"),
+        "{error}"
+    );
 }
 
 /// A muscle without balance is one muscle at many times; what it makes of the results is an error with muscle, pose and cause.
@@ -103,7 +111,11 @@ fn verif_a_force_that_is_not_finite_is_an_error_with_its_muscle_pose_and_cause()
     let model = std::fs::read_to_string(folder.path("small.osim")).unwrap();
     let line = 1 + model.lines().position(|line| line.contains("\"long\"")).unwrap();
     assert!(error.starts_with(&format!("small.osim:{line}: long: ")), "{error}");
-    for part in [" at t = 0 s, at bend 40.11°", "could not be balanced at 11 times, the first t = 0 s", "no fibre length balances"] {
+    for part in [
+        " at t = 0 s, at bend 40.11°",
+        "could not be balanced at 11 times, the first t = 0 s",
+        "no fibre length balances",
+    ] {
         assert!(error.contains(part), "{part}: {error}");
     }
     assert!(!error.contains("NaN"), "{error}");
@@ -130,14 +142,16 @@ fn verif_a_simulation_ends_at_the_number_of_steps_that_the_setup_allows() {
 /// The frame of a joint's load by its name, and by its path from the model, its bodies or its joints on.
 #[test]
 fn val_opensim_frames_of_joint_loads() {
-    let frames = ["fore", "/bodyset/fore", "bodyset/fore", "/jointset/wrist/fore_wrist", "wrist/fore_wrist", "child", "/ground"];
+    let frames =
+        ["fore", "/bodyset/fore", "bodyset/fore", "/jointset/wrist/fore_wrist", "wrist/fore_wrist", "child", "/ground"];
     let analysis = |frame: &str| {
         format!(
             "<output_precision>12</output_precision><initial_time>0</initial_time><final_time>0.5</final_time><coordinates_file>motion.mot</coordinates_file><AnalysisSet name=\"Analyses\"><objects><JointReaction name=\"J\"><joint_names>elbow</joint_names><apply_on_bodies>child</apply_on_bodies><express_in_frame>{frame}</express_in_frame></JointReaction></objects></AnalysisSet>"
         )
     };
     let folder = Folder::new("");
-    let outcomes = frames.map(|frame| folder.run("AnalyzeTool", &analysis(frame)).unwrap_or_else(|e| panic!("{frame}: {e}")));
+    let outcomes =
+        frames.map(|frame| folder.run("AnalyzeTool", &analysis(frame)).unwrap_or_else(|e| panic!("{frame}: {e}")));
     let loads = |i: usize| table(&outcomes[i], "_ReactionLoads.sto");
     assert!((1..3).all(|i| loads(i) == loads(0)) && loads(3) == loads(4) && loads(3).rows != loads(0).rows);
     assert!(loads(3).labels[0].contains("elbow_on_fore_in_fore_wrist_fx"), "{:?}", loads(3).labels);
@@ -147,6 +161,11 @@ fn val_opensim_frames_of_joint_loads() {
     bench.write("small.osim", &model(""));
     bench.write("motion.mot", &motion());
     for frame in frames {
-        bench.compare("frames of joint loads", &bench.path("small.osim"), &setup("AnalyzeTool", &analysis(frame)), &|_| 1e-5);
+        bench.compare(
+            "frames of joint loads",
+            &bench.path("small.osim"),
+            &setup("AnalyzeTool", &analysis(frame)),
+            &|_| 1e-5,
+        );
     }
 }

@@ -26,14 +26,19 @@ fn verif_no_result_takes_the_place_of_a_file_that_is_read() {
         assert!(error.contains(&expected), "{inner}: {error}");
     };
     let with_loads = format!("{ID}<external_loads_file>loads.xml</external_loads_file>");
-    refused("InverseDynamicsTool", &format!("{ID}<output_gen_force_file>motion.mot</output_gen_force_file>"), "motion.mot");
+    refused(
+        "InverseDynamicsTool",
+        &format!("{ID}<output_gen_force_file>motion.mot</output_gen_force_file>"),
+        "motion.mot",
+    );
     // What a file names that the setup names, and what names it is not the setup itself.
     for file in ["loads.sto", "loads.xml", "small.osim", "setup.xml"] {
         let inner = format!("{with_loads}<output_gen_force_file>{file}</output_gen_force_file>");
         refused("InverseDynamicsTool", &inner, file);
     }
     // A file that another tool would read.
-    let inner = format!("{ID}<speeds_file>unused.mot</speeds_file><output_gen_force_file>unused.mot</output_gen_force_file>");
+    let inner =
+        format!("{ID}<speeds_file>unused.mot</speeds_file><output_gen_force_file>unused.mot</output_gen_force_file>");
     refused("InverseDynamicsTool", &inner, "unused.mot");
     // A result whose name follows from that of the tool.
     std::fs::copy(folder.path("motion.mot"), folder.path("run_K_q.sto")).unwrap();
@@ -46,7 +51,11 @@ fn verif_no_result_takes_the_place_of_a_file_that_is_read() {
     #[cfg(unix)]
     {
         std::os::unix::fs::symlink(folder.path("motion.mot"), folder.path("link.sto")).unwrap();
-        refused("InverseDynamicsTool", &format!("{ID}<output_gen_force_file>link.sto</output_gen_force_file>"), "link.sto");
+        refused(
+            "InverseDynamicsTool",
+            &format!("{ID}<output_gen_force_file>link.sto</output_gen_force_file>"),
+            "link.sto",
+        );
     }
     // Results of a run before are no inputs.
     let inner = format!("{ID}<output_gen_force_file>id.sto</output_gen_force_file>");
@@ -63,7 +72,10 @@ fn verif_settings_that_nothing_can_work_with_are_refused() {
     let ik = "<marker_file>m.trc</marker_file>";
     let task = "<IKTaskSet><objects><IKMarkerTask name=\"U1\"><apply>true</apply><weight>VALUE</weight></IKMarkerTask></objects></IKTaskSet>";
     let of_property = |property: &str| format!("<{property}>VALUE</{property}>");
-    let analysis = ANALYSIS.replace("<Kinematics name=\"K\"/>", "<Kinematics name=\"K\"><step_interval>VALUE</step_interval></Kinematics>");
+    let analysis = ANALYSIS.replace(
+        "<Kinematics name=\"K\"/>",
+        "<Kinematics name=\"K\"><step_interval>VALUE</step_interval></Kinematics>",
+    );
     let fault = |class: &str, inner: String, values: &[&str], expected: &str| {
         for value in values {
             let error = folder.error(class, &inner.replace("VALUE", value));
@@ -87,13 +99,38 @@ fn verif_settings_that_nothing_can_work_with_are_refused() {
     let cutoff = of_property("lowpass_cutoff_frequency_for_coordinates");
     fault("AnalyzeTool", format!("{ANALYSIS}{cutoff}"), &["nan", "inf"], "expected a number");
     let range = of_property("time_range");
-    fault("InverseDynamicsTool", format!("{ID}{range}").replacen("<low", "<low", 1), &["0 nan", "1 0"], "expected 2 numbers, the first and the last time");
+    fault(
+        "InverseDynamicsTool",
+        format!("{ID}{range}").replacen("<low", "<low", 1),
+        &["0 nan", "1 0"],
+        "expected 2 numbers, the first and the last time",
+    );
     fault("InverseKinematicsTool", format!("{ik}{range}"), &["nan 1", "0.5 0.2"], "time_range: expected 2 numbers");
-    fault("InverseKinematicsTool", format!("{ik}{}", of_property("accuracy")), &["0", "-1e-5", "2"], "accuracy: expected");
-    fault("InverseKinematicsTool", format!("{ik}{}", of_property("constraint_weight")), &["-1", "nan"], "expected a number from 0 on, or Inf");
-    fault("InverseKinematicsTool", format!("{ik}{task}"), &["-1", "nan", "inf"], "weight: expected a weight of 0 or more");
+    fault(
+        "InverseKinematicsTool",
+        format!("{ik}{}", of_property("accuracy")),
+        &["0", "-1e-5", "2"],
+        "accuracy: expected",
+    );
+    fault(
+        "InverseKinematicsTool",
+        format!("{ik}{}", of_property("constraint_weight")),
+        &["-1", "nan"],
+        "expected a number from 0 on, or Inf",
+    );
+    fault(
+        "InverseKinematicsTool",
+        format!("{ik}{task}"),
+        &["-1", "nan", "inf"],
+        "weight: expected a weight of 0 or more",
+    );
     let scales = "<GenericModelMaker><model_file>small.osim</model_file></GenericModelMaker><ModelScaler><scaling_order>manualScale</scaling_order><ScaleSet><objects><Scale><segment>hand</segment><scales>VALUE</scales></Scale></objects></ScaleSet></ModelScaler>";
-    fault("ScaleTool", scales.to_owned(), &["0 1 1", "1 -1 1", "1 nan 1", "inf 1 1"], "scales: expected 3 numbers above 0");
+    fault(
+        "ScaleTool",
+        scales.to_owned(),
+        &["0 1 1", "1 -1 1", "1 nan 1", "inf 1 1"],
+        "scales: expected 3 numbers above 0",
+    );
     // What the defaults of OpenSim say is fine, empty or not.
     for value in ["", "1e-5", "0.5"] {
         let inner = format!("{ANALYSIS}<integrator_error_tolerance>{value}</integrator_error_tolerance>");
@@ -114,7 +151,12 @@ fn verif_a_value_that_is_none_is_located() {
     for (class, inner) in [
         ("InverseDynamicsTool", ID),
         ("AnalyzeTool", ANALYSIS),
-        ("AnalyzeTool", &format!("{ANALYSIS}<lowpass_cutoff_frequency_for_coordinates>6</lowpass_cutoff_frequency_for_coordinates>")),
+        (
+            "AnalyzeTool",
+            &format!(
+                "{ANALYSIS}<lowpass_cutoff_frequency_for_coordinates>6</lowpass_cutoff_frequency_for_coordinates>"
+            ),
+        ),
     ] {
         let error = folder.error(class, &inner.replace("motion.mot", "gap.mot"));
         assert!(error.contains(&expected), "{error}");
@@ -136,7 +178,9 @@ fn verif_external_loads_are_no_forces_of_the_model() {
     folder.write("loads.xml", &loads("loads.sto"));
     folder.write("loads.sto", LOADS);
     let moments = |excluded: &str, loads: &str| {
-        let inner = format!("{ID}<forces_to_exclude>{excluded}</forces_to_exclude><external_loads_file>{loads}</external_loads_file>");
+        let inner = format!(
+            "{ID}<forces_to_exclude>{excluded}</forces_to_exclude><external_loads_file>{loads}</external_loads_file>"
+        );
         table(&folder.run("InverseDynamicsTool", &inner).unwrap(), "inverse_dynamics.sto").rows.concat()
     };
     let (loaded, unloaded) = (moments("", "loads.xml"), moments("", ""));

@@ -61,8 +61,9 @@ fn verif_constraints_hold_at_every_weight() {
     folder.write("m.trc", &trc(&times(11, 0.05), |_, _| Vector3::zeros()));
     let solved = |weight: &str| {
         let inner = IK.replace("RESULTS", ".");
-        let outcome =
-            folder.run("InverseKinematicsTool", &format!("{inner}<constraint_weight>{weight}</constraint_weight>")).unwrap();
+        let outcome = folder
+            .run("InverseKinematicsTool", &format!("{inner}<constraint_weight>{weight}</constraint_weight>"))
+            .unwrap();
         let has_note = warnings(&outcome).contains("has no effect, as in OpenSim 4.6: constraints hold");
         assert_eq!(has_note, weight != "Inf");
         assert!(!warnings(&outcome).contains("converge"), "{}", warnings(&outcome));
@@ -88,7 +89,12 @@ fn val_opensim_marker_search_with_soft_constraints() {
     for weight in ["0", "0.01", "20"] {
         let inner = format!("{IK}<constraint_weight>{weight}</constraint_weight>");
         let bar = |_: &str| 1e-5;
-        bench.compare("marker search, soft constraints", &bench.path("small.osim"), &setup("InverseKinematicsTool", &inner), &bar);
+        bench.compare(
+            "marker search, soft constraints",
+            &bench.path("small.osim"),
+            &setup("InverseKinematicsTool", &inner),
+            &bar,
+        );
     }
 }
 

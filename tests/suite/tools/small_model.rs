@@ -117,7 +117,8 @@ impl Folder {
 /// The result whose name ends so.
 pub fn table(outcome: &Outcome, end: &str) -> Storage {
     let file = outcome.files.iter().find(|f| f.path.to_string_lossy().ends_with(end));
-    let file = file.unwrap_or_else(|| panic!("no {end} among {:?}", outcome.files.iter().map(|f| &f.path).collect::<Vec<_>>()));
+    let file = file
+        .unwrap_or_else(|| panic!("no {end} among {:?}", outcome.files.iter().map(|f| &f.path).collect::<Vec<_>>()));
     Storage::parse(&file.bytes, Path::new(end)).unwrap()
 }
 
