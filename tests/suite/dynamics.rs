@@ -406,6 +406,14 @@ fn verif_assembled_states_satisfy_constraints_whose_forces_do_no_work() {
         let size = solution.constraint_forces.amax();
         assert!(size > 0.1, "{}: constraints carry load", case.name);
         assert!(power.abs() < 1e-10 * size, "{}: constraint forces do work: {power} W", case.name);
+        // The equations are linear in forces.
+        let mut pushed = AppliedForces::new(&case.model);
+        pushed.mobility[0] = 3.0;
+        pushed.bodies[1] = SpatialForce { moment: Vector3::new(1.0, -2.0, 0.5), force: Vector3::new(5.0, 4.0, -3.0) };
+        let together = dynamics.accelerations(0.0, &q, &u, &pushed).expect("accelerations").udot;
+        let alone = dynamics.responses(0.0, &q, &u, std::slice::from_ref(&pushed)).expect("responses");
+        let error = (&together - &solution.udot - alone.column(0)).amax();
+        assert!(alone.amax() > 0.1 && error < 1e-9 * together.amax(), "{}: {error}", case.name);
         // A short time later the constraints still hold, to second order.
         let h = 1e-4;
         let qdot = dynamics.qdot().to_vec();

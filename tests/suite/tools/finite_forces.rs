@@ -169,3 +169,27 @@ fn val_opensim_frames_of_joint_loads() {
         );
     }
 }
+
+/// A path that no muscle has is refused before rounding fills tables.
+#[test]
+fn verif_a_path_of_kilometres_is_refused() {
+    use carpus::simulation::{MusculoskeletalModel, Options, Recording, Setup, SimulationError};
+    let far = muscle(MILLARD, "far", "").replace("0.02 -0.02 0<", "0.02 1000 0<");
+    let folder = Folder::new(&far);
+    let spec = carpus::osim::OsimFile::read(folder.path("small.osim")).unwrap().spec;
+    let setup = Setup {
+        coordinate: "bend".into(),
+        posture: Vec::new(),
+        active_muscles: vec!["far".into()],
+        parts: vec![carpus::study::MomentPart::Muscles],
+        dynamometer_damping: 0.0,
+        allow_unsupported: false,
+    };
+    let model = MusculoskeletalModel::compile(&spec, &setup).unwrap();
+    let (time, angle, excitation) = ([0.0, 0.1, 0.2, 0.3, 0.4], [0.1, 0.2, 0.3, 0.4, 0.5], [0.5; 5]);
+    let recording = Recording { name: "t".into(), time: &time, angle: &angle, excitation: vec![&excitation] };
+    let Err(error) = model.prepare(&recording, &Options::default()) else { panic!("a path of a kilometre") };
+    assert!(matches!(&error, SimulationError::PathLength { muscle, .. } if muscle == "far"), "{error}");
+    assert!(error.to_string().contains("expected a length above 0 m and below 20 m"), "{error}");
+    assert!(error.hint().unwrap().contains("millimetres"));
+}
