@@ -218,7 +218,8 @@ impl Thelen2003 {
         let force = self.max_isometric_force;
         let length = at.fiber_length;
         let fiber_velocity = at.norm_velocity * self.max_contraction_velocity * self.optimal_fiber_length;
-        let angular = -(fiber_velocity / length) * (at.sin / at.cos);
+        // As in OpenSim a fibre along the tendon does not turn, however fast it is.
+        let angular = if at.sin == 0.0 { 0.0 } else { -(fiber_velocity / length) * (at.sin / at.cos) };
         let along = fiber_velocity * at.cos - length * at.sin * angular;
         let (along, angular, tendon_velocity) =
             if at.clamped { (0.0, 0.0, path_speed) } else { (along, angular, path_speed - along) };

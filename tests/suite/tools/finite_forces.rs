@@ -80,9 +80,13 @@ fn verif_a_tendon_of_no_length_does_not_cost_the_analysis() {
     let outcome = folder.run("AnalyzeTool", ANALYSES).unwrap();
     let expected = "short: its force is not finite, as in OpenSim: tendon_slack_length is 0";
     assert!(warnings(&outcome).contains(expected), "{}", warnings(&outcome));
-    for (end, is_finite) in
-        [("_Length.sto", true), ("_MomentArm_bend.sto", true), ("_FiberLength.sto", true), ("_TendonForce.sto", false)]
-    {
+    for (end, is_finite) in [
+        ("_Length.sto", true),
+        ("_PennationAngularVelocity.sto", true),
+        ("_MomentArm_bend.sto", true),
+        ("_FiberLength.sto", true),
+        ("_TendonForce.sto", false),
+    ] {
         let found = table(&outcome, end);
         assert!(found.rows.iter().all(|row| row[0].is_finite() == is_finite && row[1].is_finite()), "{end}");
     }
