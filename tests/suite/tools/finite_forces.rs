@@ -190,7 +190,7 @@ fn verif_a_path_of_kilometres_is_refused() {
         allow_unsupported: false,
     };
     let model = MusculoskeletalModel::compile(&spec, &setup).unwrap();
-    let (time, angle, excitation) = ([0.0, 0.1, 0.2, 0.3, 0.4], [0.1, 0.2, 0.3, 0.4, 0.5], [0.5; 5]);
+    let (time, angle, excitation) = ([0.0, 0.1, 0.2, 0.3, 0.4, 0.5], [0.1, 0.2, 0.3, 0.4, 0.5, 0.6], [0.5; 6]);
     let recording = Recording { name: "t".into(), time: &time, angle: &angle, excitation: vec![&excitation] };
     let Err(error) = model.prepare(&recording, &Options::default()) else { panic!("a path of a kilometre") };
     assert!(matches!(&error, SimulationError::PathLength { muscle, .. } if muscle == "far"), "{error}");
