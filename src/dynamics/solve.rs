@@ -325,7 +325,8 @@ impl Space {
     }
 }
 
-/// Solves symmetric positive definite systems whose rows may differ in size by many orders of magnitude, for several right sides.
+/// Solves symmetric positive definite systems whose rows may differ in size by many orders of magnitude, for several
+/// right sides.
 fn solve_scaled(matrix: DMatrix<f64>, right: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let n = matrix.nrows();
     if n == 0 {

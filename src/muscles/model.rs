@@ -99,8 +99,8 @@ impl MuscleModel {
         }
     }
 
-    /// Whether its states have rates: old files give muscles of the oldest kinds a `time_scale` of 0, by which OpenSim divides, and
-    /// Thelen's a tendon of no length.
+    /// Whether its states have rates: old files give muscles of the oldest kinds a `time_scale` of 0, by which OpenSim
+    /// divides, and Thelen's a tendon of no length.
     ///
     /// # Errors
     /// [`MuscleError::InvalidProperty`], if not.

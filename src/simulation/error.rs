@@ -231,8 +231,8 @@ impl SimulationError {
                 Some("check the muscle's tendon slack length and optimal fibre length against its path length")
             }
             SimulationError::PathLength { .. } => Some(
-                "lengths of a model are in metres, not millimetres; else one of the path's points or wrapping surfaces lies far outside \
-                 of the body",
+                "lengths of a model are in metres, not millimetres; else one of the path's points or wrapping surfaces \
+                 lies far outside of the body",
             ),
             SimulationError::AppliesNoForce { .. } => {
                 Some("let it apply its force in the model, or leave it out of [muscles] active in study.toml")

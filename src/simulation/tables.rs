@@ -18,8 +18,8 @@ pub(crate) const UNIT_SPEED: usize = 2;
 /// force). Moment arms: reached only within about 0.1° of an angle where wrapping starts and the arm has a kink.
 const PATH_ACCURACY: TableAccuracy<3> =
     TableAccuracy { tolerance: [5e-8, 5e-6, 5e-6], start_width: 0.4, min_width: 1e-4 };
-/// Length from which on a path is refused [m]: no muscle of any animal is as long, a model whose lengths are millimetres is, and a point
-/// or surface that far away makes rounding as large as what is tabulated.
+/// Length from which on a path is refused [m]: no muscle of any animal is as long, a model whose lengths are
+/// millimetres is, and a point or surface that far away makes rounding as large as what is tabulated.
 const LONGEST_PATH: f64 = 20.0;
 /// Of moments [N·m], viscosity [N·m·s], and inertia [kg·m²].
 const FORCE_ACCURACY: TableAccuracy<5> =

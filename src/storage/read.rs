@@ -162,8 +162,8 @@ impl Storage {
     }
 }
 
-/// Times, rows and their lines without those that another row of the same time follows, as OpenSim's `Storage::append`; also the
-/// number of these.
+/// Times, rows and their lines without those that another row of the same time follows, as OpenSim's `Storage::append`;
+/// also the number of these.
 fn without_repeated_times(
     times: Vec<f64>,
     rows: Vec<Vec<f64>>,

@@ -39,8 +39,8 @@ pub struct Frame {
     pub integrator: IntegratorSettings,
 }
 
-/// How a motion is integrated. Sizes of steps are checked and otherwise not used: those of the implicit integrator follow from
-/// the error alone.
+/// How a motion is integrated. Sizes of steps are checked and otherwise not used: those of the implicit integrator
+/// follow from the error alone.
 #[derive(Clone, Copy, Debug)]
 pub struct IntegratorSettings {
     /// Error allowed per step, as Simbody's `Integrator::setAccuracy` takes it.
@@ -246,8 +246,8 @@ impl Faults {
         Some(ToolError::at(&system.path, line, problem))
     }
 
-    /// Warns of what OpenSim goes on with: accelerations that are not determined are not numbers, muscles that cannot be balanced keep
-    /// their default fibre length.
+    /// Warns of what OpenSim goes on with: accelerations that are not determined are not numbers, muscles that cannot
+    /// be balanced keep their default fibre length.
     ///
     /// # Errors
     /// A force that is not finite, with muscle, pose and cause.

@@ -6,8 +6,9 @@
 //! as Simbody's `Assembler` weighs OpenSim's goals. Gauss–Newton with Levenberg's damping on exact Jacobians; steps solve
 //! the constraints' linearization, and a coordinate that reaches its range stays there while it is pushed outward.
 //!
-//! Constraints hold whatever `constraint_weight` a setup gives: the constructor of OpenSim 4.6's `InverseKinematicsSolver` that
-//! its tool calls sets the weight to infinity, so that locked coordinates and couplers are exact there, too.
+//! Constraints hold whatever `constraint_weight` a setup gives: the constructor of OpenSim 4.6's
+//! `InverseKinematicsSolver` that its tool calls sets the weight to infinity, so that locked coordinates and couplers
+//! are exact there, too.
 //!
 //! Searches end at the minimum. OpenSim's ends where its `accuracy` allows (1e-5 in inverse kinematics; 1e-4, which no
 //! setup can change, in the static pose of a `ScaleTool`), with lumbar and arm angles up to some degrees from the minimum on
@@ -25,11 +26,11 @@ use crate::osim::spec::CoordinateIndex;
 const ITERATIONS: usize = 200;
 /// Steps smaller than this end the search [rad or m].
 const CONVERGED: f64 = 1e-9;
-/// A step that is predicted to lower the cost by less than this share of it ends the search: near a minimum it is some 1e-9 rad
-/// long, except along directions that no marker determines, where steps never become small.
+/// A step that is predicted to lower the cost by less than this share of it ends the search: near a minimum it is some
+/// 1e-9 rad long, except along directions that no marker determines, where steps never become small.
 const NO_GAIN: f64 = 1e-14;
-/// Least damping over the largest curvature: along directions that no marker determines rounding of the gradient (some 1e-17 of
-/// it) moves coordinates by no more than 1e-8 rad.
+/// Least damping over the largest curvature: along directions that no marker determines rounding of the gradient (some
+/// 1e-17 of it) moves coordinates by no more than 1e-8 rad.
 const LEAST_DAMPING: f64 = 1e-9;
 /// Of two fits whose costs differ by less than this share the one that is nearer to where the search began is taken.
 const EQUAL_FIT: f64 = 1e-6;
@@ -167,8 +168,8 @@ impl<'a> InverseKinematics<'a> {
         0.5 * (of_markers.sum::<f64>() + of_coordinates.sum::<f64>())
     }
 
-    /// Moves coordinates back onto the constraints, by as little as the linearization asks for; returns the violation that is
-    /// left [rad or m].
+    /// Moves coordinates back onto the constraints, by as little as the linearization asks for; returns the violation
+    /// that is left [rad or m].
     fn project(&mut self, time: f64, q: &mut [f64]) -> f64 {
         let mut left = 0.0;
         for _ in 0..PROJECTIONS {
@@ -190,8 +191,8 @@ impl<'a> InverseKinematics<'a> {
         left
     }
 
-    /// Second derivative of the Lagrangian by differences of its gradient along speeds, with the absolute values of its curvatures:
-    /// steps lead down from saddles and maxima, to which they would lead else.
+    /// Second derivative of the Lagrangian by differences of its gradient along speeds, with the absolute values of its
+    /// curvatures: steps lead down from saddles and maxima, to which they would lead else.
     ///
     /// - `at`: the gradient at `q`
     fn curvature(

@@ -7,11 +7,12 @@ use super::error::{ToolError, ToolProblem};
 use super::result::Outcome;
 use crate::osim::Document;
 
-/// Names of files whose text may name further files: setups, models, external loads, controls, sets of forces and markers.
+/// Names of files whose text may name further files: setups, models, external loads, controls, sets of forces and
+/// markers.
 const NAMING: [&str; 2] = ["xml", "osim"];
 
-/// Fails if a result would take the place of a file that the setup names, or one that such a file names, whatever calls it so:
-/// only the properties whose names begin with `output_` name results. Links are followed.
+/// Fails if a result would take the place of a file that the setup names, or one that such a file names, whatever calls
+/// it so: only the properties whose names begin with `output_` name results. Links are followed.
 ///
 /// Of two results of the same path the later stays, as in OpenSim, with a warning.
 ///

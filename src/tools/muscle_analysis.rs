@@ -123,8 +123,8 @@ impl Analysis for MuscleAnalysis {
 
     fn record(&mut self, instant: &mut Instant) -> Result<(), ToolError> {
         let (system, state, evaluation) = (instant.system, instant.state, instant.evaluation);
-        // As in OpenSim, TendonForce and moments are of what a muscle actuates: nothing where it applies no force. All else is of
-        // its state, whether it applies force or not.
+        // As in OpenSim, TendonForce and moments are of what a muscle actuates: nothing where it applies no force. All
+        // else is of its state, whether it applies force or not.
         let is_idle = |i: usize| !system.muscles[i].applies_force;
         for ((name, quantity), store) in QUANTITIES.iter().zip(&mut self.stores) {
             let value = |i: &usize| {

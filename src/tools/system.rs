@@ -597,7 +597,8 @@ impl System {
         joints.collect()
     }
 
-    /// The frame of a body or ground by its name, or of any frame by its path, from the model, its bodies or its joints on.
+    /// The frame of a body or ground by its name, or of any frame by its path, from the model, its bodies or its joints
+    /// on.
     pub fn frame(&self, name: &str) -> Option<FrameIndex> {
         let mut steps: Vec<&str> = Vec::new();
         for step in name.split('/').filter(|step| !step.is_empty() && *step != ".") {

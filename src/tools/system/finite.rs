@@ -23,8 +23,8 @@ pub struct NotFinite {
 }
 
 impl System {
-    /// The first force that acts and is not finite, if any. Muscles of which something is finite at no state are passed over: of those
-    /// the user is told ([`System::muscles_never_finite`]).
+    /// The first force that acts and is not finite, if any. Muscles of which something is finite at no state are passed
+    /// over: of those the user is told ([`System::muscles_never_finite`]).
     ///
     /// - `evaluation`: at the state
     /// - `acts`: whether an actor applies its force

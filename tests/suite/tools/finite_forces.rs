@@ -103,7 +103,8 @@ fn verif_a_tendon_of_no_length_does_not_cost_the_analysis() {
     );
 }
 
-/// A muscle without balance is one muscle at many times; what it makes of the results is an error with muscle, pose and cause.
+/// A muscle without balance is one muscle at many times; what it makes of the results is an error with muscle, pose and
+/// cause.
 #[test]
 fn verif_a_force_that_is_not_finite_is_an_error_with_its_muscle_pose_and_cause() {
     let folder = Folder::new(
