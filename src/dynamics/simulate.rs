@@ -43,8 +43,9 @@ pub struct Trajectory {
 ///
 /// - `excite`: excitation of every muscle at a time
 ///
-/// # Errors [`PlantError::Stopped`] where no step is small enough, [`PlantError::StepLimit`] where the end is not
-/// reached in as many steps as are allowed.
+/// # Errors
+/// [`PlantError::Stopped`] where no step is small enough, [`PlantError::StepLimit`] where the end is not reached in as
+/// many steps as are allowed.
 pub fn simulate_forward(
     plant: &Plant,
     start: &PlantState,
