@@ -144,10 +144,19 @@ pub fn over_range(
     Ok(muscles.iter().zip(&samples).flat_map(|(m, s)| swept(loaded, *m, moved, s)).collect())
 }
 
+/// The error that a path is not finite at a pose.
+fn not_finite(loaded: &LoadedModel, muscle: MuscleIndex, pose: &str, length: f64, moment_arm: f64) -> Message {
+    let name = &loaded.file.spec.muscles[muscle.0].name;
+    let line = loaded.file.spec.muscles[muscle.0].path.at.line;
+    let text = format!("the path of {name} has the length {length} m and the moment arm {moment_arm} at {pose}");
+    let hint = "one of its points or wrapping surfaces lies where numbers end, or a coordinate does";
+    loaded.message(text).at_line(line).hint(hint)
+}
+
 /// Each muscle's path at each value [rad or m] of the coordinate.
 ///
 /// # Errors
-/// A path that cannot be compiled.
+/// A path that cannot be compiled, or whose length or moment arm is not finite.
 pub fn samples(
     loaded: &LoadedModel,
     muscles: &[MuscleIndex],
@@ -158,6 +167,11 @@ pub fn samples(
     let model = &loaded.model;
     let mut paths = loaded.muscle_paths(muscles)?;
     let mut samples = vec![Vec::with_capacity(values.len()); muscles.len()];
+    let coordinate = &model.coordinates[moved.0];
+    let at = |value: f64| match coordinate.motion_type {
+        MotionType::Translational => format!("{} = {value} m", coordinate.name),
+        _ => format!("{} = {}°", coordinate.name, value.to_degrees()),
+    };
     let mut cache = model.new_cache();
     let mut q = posture.to_vec();
     for &value in values {
@@ -165,10 +179,13 @@ pub fn samples(
         model.satisfy_couplers(&mut q);
         model.update_positions(&q, &mut cache);
         model.update_unit_motion(&q, moved, &mut cache);
-        for ((path, geometry), samples) in paths.iter_mut().zip(&mut samples) {
+        for (((path, geometry), samples), muscle) in paths.iter_mut().zip(&mut samples).zip(muscles) {
             path.update(&q, &cache, geometry);
             let (length, polyline) = (geometry.length(), path.polyline_length(&q, &cache));
             let moment_arm = path.moment_arm(&q, &cache, geometry);
+            if !(length.is_finite() && moment_arm.is_finite()) {
+                return Err(not_finite(loaded, *muscle, &at(value), length, moment_arm).into());
+            }
             samples.push(PathSample { value, length, polyline, moment_arm });
         }
     }

@@ -348,7 +348,9 @@ impl StudyRun {
                 let held = settings.posture.iter().find(|p| p.coordinate == *name).map(|p| p.line);
                 held.or(Some(settings.dynamometer.coordinate_line).filter(|_| settings.dynamometer.coordinate == *name))
             }
-            SimulationError::RepeatedMuscle { .. } => Some(settings.active_line),
+            SimulationError::RepeatedMuscle { .. } | SimulationError::AppliesNoForce { .. } => {
+                Some(settings.active_line)
+            }
             SimulationError::Muscle(
                 MuscleError::NotMillard2012 { muscle, .. } | MuscleError::InMuscle { muscle, .. },
             ) => {

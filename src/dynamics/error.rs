@@ -39,6 +39,16 @@ pub enum PlantError {
         /// Name of the coordinate.
         constraint: String,
     },
+    /// The end was not reached in as many steps as are allowed.
+    #[error("{most_steps} integrator steps lead to t = {time} s only, of {end} s")]
+    StepLimit {
+        /// Steps allowed.
+        most_steps: usize,
+        /// Time reached [s].
+        time: f64,
+        /// Time wanted [s].
+        end: f64,
+    },
     /// The integration ended early.
     #[error("integration ended at t = {time} s: {reason}")]
     Stopped {

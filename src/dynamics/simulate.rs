@@ -24,6 +24,8 @@ pub struct ForwardOptions {
     pub accuracy: f64,
     /// Largest first step [s].
     pub first_step: f64,
+    /// Steps at most, rejected ones among them.
+    pub most_steps: usize,
 }
 
 /// What a simulation gives.
@@ -42,7 +44,8 @@ pub struct Trajectory {
 /// - `excite`: excitation of every muscle at a time
 ///
 /// # Errors
-/// [`PlantError::Stopped`] where no step is small enough.
+/// [`PlantError::Stopped`] where no step is small enough, [`PlantError::StepLimit`] where the end is not reached in as
+/// many steps as are allowed.
 pub fn simulate_forward(
     plant: &Plant,
     start: &PlantState,
@@ -76,6 +79,9 @@ pub fn simulate_forward(
         }
         if states.len() == options.times.len() {
             return Ok(Trajectory { times: options.times.clone(), states, cost: bdf.cost });
+        }
+        if bdf.cost.steps + bdf.cost.rejected >= options.most_steps {
+            return Err(PlantError::StepLimit { most_steps: options.most_steps, time: bdf.time, end: last });
         }
         bdf.step(&mut system, last)
             .map_err(|error| PlantError::Stopped { time: bdf.time, reason: error.to_string() })?;

@@ -84,6 +84,12 @@ impl<'a> Dynamics<'a> {
         &self.cache
     }
 
+    /// Positions alone at coordinates.
+    pub fn update_positions(&mut self, q: &[f64]) -> &Cache {
+        self.model.update_positions(q, &mut self.cache);
+        &self.cache
+    }
+
     /// Kinematics of the state last given to [`Dynamics::update`].
     pub fn cache(&self) -> &Cache {
         &self.cache
@@ -124,13 +130,46 @@ impl<'a> Dynamics<'a> {
         let particular = space.particular(&rows.b);
         let reduced_mass = space.free.tr_mul(&(&self.mass_matrix * &space.free));
         let right = space.free.tr_mul(&(&force - &self.mass_matrix * &particular));
+        let right = DMatrix::from_column_slice(right.len(), 1, right.as_slice());
         let udot = match solve_scaled(reduced_mass, &right) {
-            Some(y) => particular + &space.free * y,
+            Some(y) => particular + &space.free * y.column(0),
             None => return Err(self.massless(&space)),
         };
         let constraint_forces = &self.mass_matrix * &udot - force;
         let multipliers = -space.inverse.tr_mul(&constraint_forces);
         Ok(Accelerations { udot, constraint_forces, multipliers })
+    }
+
+    /// By how much each of further forces changes the accelerations, in a column each; what else acts does not matter.
+    ///
+    /// Call [`Dynamics::update`] with the same state first.
+    ///
+    /// # Errors
+    /// As [`Dynamics::accelerations`].
+    pub fn responses(
+        &mut self,
+        time: f64,
+        q: &[f64],
+        u: &[f64],
+        forces: &[AppliedForces],
+    ) -> Result<DMatrix<f64>, DynamicsError> {
+        let n = self.model.n_coordinates();
+        let rest = self.free_force(q, u, &AppliedForces::new(self.model));
+        let mut along = DMatrix::zeros(n, forces.len());
+        for (mut column, applied) in along.column_iter_mut().zip(forces) {
+            column.copy_from(&(self.free_force(q, u, applied) - &rest));
+        }
+        self.mass_matrix();
+        let rows = self.constraints.rows(self.model, time, q, &self.qdot, &self.cache);
+        if !is_finite(&along) || !is_finite(&self.mass_matrix) {
+            return Err(DynamicsError::NotFinite);
+        }
+        let space = Space::of(&rows.G, n);
+        let reduced_mass = space.free.tr_mul(&(&self.mass_matrix * &space.free));
+        match solve_scaled(reduced_mass, &space.free.tr_mul(&along)) {
+            Some(changes) => Ok(&space.free * changes),
+            None => Err(self.massless(&space)),
+        }
     }
 
     /// Generalized forces that accelerations need beyond gravity and applied forces: `M u̇ + c − f`.
@@ -184,7 +223,9 @@ impl<'a> Dynamics<'a> {
     /// Violation of the constraints at coordinates [rad or m], and its derivative by the speeds.
     pub fn constraint_jacobian(&mut self, time: f64, q: &[f64]) -> (DVector<f64>, DMatrix<f64>) {
         let zero = vec![0.0; q.len()];
-        let rows = self.rows_at(time, q, &zero);
+        self.update(q, &zero);
+        // What the rows say of accelerations is not looked at: those of bodies are not brought up to date.
+        let rows = self.constraints.rows(self.model, time, q, &self.qdot, &self.cache);
         (rows.error, rows.G)
     }
 
@@ -284,11 +325,12 @@ impl Space {
     }
 }
 
-/// Solves a symmetric positive definite system whose rows may differ in size by many orders of magnitude.
-fn solve_scaled(matrix: DMatrix<f64>, right: &DVector<f64>) -> Option<DVector<f64>> {
+/// Solves symmetric positive definite systems whose rows may differ in size by many orders of magnitude, for several
+/// right sides.
+fn solve_scaled(matrix: DMatrix<f64>, right: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let n = matrix.nrows();
     if n == 0 {
-        return Some(DVector::zeros(0));
+        return Some(DMatrix::zeros(0, right.ncols()));
     }
     let scale = DVector::from_fn(n, |i, _| matrix[(i, i)].max(0.0).sqrt().recip());
     if !scale.iter().all(|s| s.is_finite()) {
@@ -300,5 +342,6 @@ fn solve_scaled(matrix: DMatrix<f64>, right: &DVector<f64>) -> Option<DVector<f6
     if solver.l_dirty().diagonal().iter().any(|pivot| pivot * pivot < 1e-14) {
         return None;
     }
-    Some(solver.solve(&right.component_mul(&scale)).component_mul(&scale))
+    let scaled_rows = |columns: &DMatrix<f64>| DMatrix::from_fn(n, right.ncols(), |i, j| scale[i] * columns[(i, j)]);
+    Some(scaled_rows(&solver.solve(&scaled_rows(right))))
 }

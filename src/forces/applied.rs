@@ -23,6 +23,12 @@ impl AppliedForces {
         }
     }
 
+    /// The first of its numbers that is not finite.
+    pub fn first_not_finite(&self) -> Option<f64> {
+        let of_bodies = self.bodies.iter().flat_map(|force| force.moment.iter().chain(force.force.iter()));
+        self.mobility.iter().chain(of_bodies).copied().find(|value| !value.is_finite())
+    }
+
     /// Back to none.
     pub fn clear(&mut self) {
         self.mobility.fill(0.0);

@@ -64,6 +64,16 @@ pub enum EquilibriumError {
         /// Length of the path [m].
         path_length: f64,
     },
+    /// The search of a class ended at no length at all.
+    #[error("{muscle}: no fibre length balances fibre and tendon, path {path_length} m, activation {activation}")]
+    NoLength {
+        /// Muscle name.
+        muscle: String,
+        /// Length of the path [m].
+        path_length: f64,
+        /// Activation.
+        activation: f64,
+    },
     /// The search ended with forces that do not balance.
     #[error(
         "{muscle}: fibre and tendon differ by {residual:e}·Fmax at {fiber_length} m, path {path_length} m, activation {activation}"
@@ -101,6 +111,18 @@ struct Solution {
     iterations: usize,
     status: EquilibriumStatus,
     opensim_converges: bool,
+}
+
+impl EquilibriumError {
+    /// The muscle.
+    pub fn muscle(&self) -> &str {
+        match self {
+            EquilibriumError::NotFinite { muscle, .. }
+            | EquilibriumError::PathLength { muscle, .. }
+            | EquilibriumError::NoLength { muscle, .. }
+            | EquilibriumError::NotConverged { muscle, .. } => muscle,
+        }
+    }
 }
 
 impl<S: Scalar> Millard2012<S> {

@@ -86,13 +86,28 @@ impl MuscleModel {
         built.map_err(|source| MuscleError::InMuscle { muscle: spec.name.clone(), source: Box::new(source) })
     }
 
-    /// Whether its states have rates: old files give muscles of the oldest kinds a `time_scale` of 0, by which OpenSim divides.
+    /// What of it is finite at no state, as in OpenSim, and why; `None` for nearly all muscles.
+    pub fn never_finite(&self) -> Option<&'static str> {
+        match self {
+            MuscleModel::Thelen2003(m) if m.tendon_slack_length == 0.0 => {
+                Some("its force is not finite, as in OpenSim: tendon_slack_length is 0")
+            }
+            MuscleModel::Deprecated(m) if m.require_rates().is_err() => {
+                Some("its velocities are not finite, as in OpenSim: time_scale is not above 0")
+            }
+            _ => None,
+        }
+    }
+
+    /// Whether its states have rates: old files give muscles of the oldest kinds a `time_scale` of 0, by which OpenSim
+    /// divides, and Thelen's a tendon of no length.
     ///
     /// # Errors
     /// [`MuscleError::InvalidProperty`], if not.
     pub fn require_rates(&self) -> Result<(), MuscleError> {
         let found = match self {
             MuscleModel::Deprecated(m) => m.require_rates(),
+            MuscleModel::Thelen2003(m) => m.require_rates(),
             _ => Ok(()),
         };
         found.map_err(|source| MuscleError::InMuscle { muscle: self.name().to_owned(), source: Box::new(source) })
@@ -293,13 +308,7 @@ impl MuscleModel {
             MuscleModel::RigidTendon(m) => Some(m.fiber_length(path_length)),
             MuscleModel::Deprecated(m) => Some(m.isometric(path_length, activation).0),
         };
-        found.ok_or_else(|| EquilibriumError::NotConverged {
-            muscle: self.name().to_owned(),
-            residual: f64::NAN,
-            fiber_length: f64::NAN,
-            path_length,
-            activation,
-        })
+        found.ok_or_else(|| EquilibriumError::NoLength { muscle: self.name().to_owned(), path_length, activation })
     }
 
     /// Every quantity at a state.

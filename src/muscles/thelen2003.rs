@@ -61,7 +61,8 @@ impl Thelen2003 {
         require(threshold > 1.0 / p.flen, "fv_linear_extrap_threshold", "a number above 1/Flen", threshold)?;
         require(p.minimum_activation >= 0.01, "minimum_activation", "at least 0.01", p.minimum_activation)?;
         let slack = spec.tendon_slack_length;
-        require(slack > 0.0 && slack.is_finite(), "tendon_slack_length", "a number above 0", slack)?;
+        // Of 0 OpenSim computes infinite forces, and all of the muscle that does not depend on them.
+        require(slack >= 0.0 && slack.is_finite(), "tendon_slack_length", "a number of 0 or more", slack)?;
         let velocity = spec.max_contraction_velocity;
         require(velocity > 0.0, "max_contraction_velocity", "a number above 0", velocity)?;
         let pennation = FixedWidthPennation::new(
@@ -82,6 +83,12 @@ impl Thelen2003 {
             e_toe,
             k_lin: 0.67 / (p.fmax_tendon_strain - e_toe),
         })
+    }
+
+    /// Whether its states have finite rates.
+    pub(super) fn require_rates(&self) -> Result<(), MuscleError> {
+        let slack = self.tendon_slack_length;
+        MuscleError::require(slack > 0.0, "tendon_slack_length", "a number above 0", slack)
     }
 
     /// Activation dynamics.
@@ -211,7 +218,8 @@ impl Thelen2003 {
         let force = self.max_isometric_force;
         let length = at.fiber_length;
         let fiber_velocity = at.norm_velocity * self.max_contraction_velocity * self.optimal_fiber_length;
-        let angular = -(fiber_velocity / length) * (at.sin / at.cos);
+        // As in OpenSim a fibre along the tendon does not turn, however fast it is.
+        let angular = if at.sin == 0.0 { 0.0 } else { -(fiber_velocity / length) * (at.sin / at.cos) };
         let along = fiber_velocity * at.cos - length * at.sin * angular;
         let (along, angular, tendon_velocity) =
             if at.clamped { (0.0, 0.0, path_speed) } else { (along, angular, path_speed - along) };
@@ -263,6 +271,9 @@ impl Thelen2003 {
     /// # References
     /// OpenSim `Thelen2003Muscle::initMuscleState`.
     pub fn equilibrium(&self, path_length: f64, path_speed: f64, activation: f64) -> Option<f64> {
+        if self.tendon_slack_length == 0.0 {
+            return None;
+        }
         let force = self.max_isometric_force;
         let tolerance = (1e-8 * force).max(10.0 * significant_real());
         let shortest = self.minimum_fiber_length();

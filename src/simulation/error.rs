@@ -71,6 +71,12 @@ pub enum SimulationError {
         /// The model's muscles.
         available: Vec<String>,
     },
+    /// An active muscle that the model lets apply no force, so that it would be silent in OpenSim.
+    #[error("muscle `{name}` applies no force in the model (<appliesForce> is false, or <isDisabled> true)")]
+    AppliesNoForce {
+        /// The muscle.
+        name: String,
+    },
     /// A muscle is listed twice.
     #[error("muscle `{name}` is listed twice")]
     RepeatedMuscle {
@@ -169,8 +175,8 @@ pub enum SimulationError {
         /// What is wrong.
         source: FunctionError,
     },
-    /// A muscle's path has no finite length at some angle.
-    #[error("{muscle}: the path has length {length} m at {angle} rad")]
+    /// A muscle's path has no length that a muscle can have at some angle.
+    #[error("{muscle}: the path is {length} m long at {angle} rad, expected a length above 0 m and below 20 m")]
     PathLength {
         /// The muscle or force.
         muscle: String,
@@ -243,6 +249,13 @@ impl SimulationError {
             }
             SimulationError::ActivationTooFast { .. } => {
                 Some("usual time constants are 0.01 s and 0.04 s; are they in another unit?")
+            }
+            SimulationError::PathLength { .. } => Some(
+                "lengths of a model are in metres, not millimetres; else one of the path's points or wrapping surfaces \
+                 lies far outside of the body",
+            ),
+            SimulationError::AppliesNoForce { .. } => {
+                Some("let it apply its force in the model, or leave it out of [muscles] active in study.toml")
             }
             SimulationError::PostureOutOfRange { .. } => Some("posture values are degrees (metres for translations)"),
             SimulationError::Muscle(MuscleError::NotMillard2012 { .. }) => Some(

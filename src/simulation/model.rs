@@ -318,6 +318,9 @@ fn active_muscle(
         name: name.to_owned(),
         available: spec.muscles.iter().map(|m| m.name.clone()).collect(),
     })?;
+    if !muscle.applies_force {
+        return Err(SimulationError::AppliesNoForce { name: name.to_owned() });
+    }
     active_muscle_along(muscle, Arc::new(compile_path(&muscle.path, spec, skeleton, name)?), cache)
 }
 

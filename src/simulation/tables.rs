@@ -18,6 +18,9 @@ pub(crate) const UNIT_SPEED: usize = 2;
 /// force). Moment arms: reached only within about 0.1° of an angle where wrapping starts and the arm has a kink.
 const PATH_ACCURACY: TableAccuracy<3> =
     TableAccuracy { tolerance: [5e-8, 5e-6, 5e-6], start_width: 0.4, min_width: 1e-4 };
+/// Length from which on a path is refused [m]: no muscle of any animal is as long, a model whose lengths are
+/// millimetres is, and a point or surface that far away makes rounding as large as what is tabulated.
+const LONGEST_PATH: f64 = 20.0;
 /// Of moments [N·m], viscosity [N·m·s], and inertia [kg·m²].
 const FORCE_ACCURACY: TableAccuracy<5> =
     TableAccuracy { tolerance: [1e-5, 1e-5, 1e-6, 1e-8, 1e-8], start_width: 0.2, min_width: 2e-4 };
@@ -134,7 +137,7 @@ fn path_table(
         path.update(&posed.q, &posed.cache, &mut geometry);
         skeleton.update_velocities_of_unit_motion_in(&posed.moving, &posed.q, &mut posed.cache);
         let length = geometry.length();
-        if !(length > 0.0 && length.is_finite()) {
+        if !(length > 0.0 && length < LONGEST_PATH) {
             return Err(SimulationError::PathLength { muscle: owner.to_owned(), angle, length });
         }
         Ok([

@@ -32,6 +32,8 @@ pub struct Storage {
     pub time: Vec<f64>,
     /// One row per time, one value per label.
     pub rows: Vec<Vec<f64>>,
+    /// Line of every row in the file, counted from 1; empty where rows are not those of a file.
+    pub lines: Vec<usize>,
     /// What was odd about the file, to be told to the user.
     pub warnings: Vec<String>,
 }
@@ -91,6 +93,12 @@ impl Storage {
             .or_else(|| joint.as_deref().and_then(|label| self.find(label)))
             .or_else(|| self.find(&short))
             .or_else(|| self.labels.iter().position(|l| l.ends_with(&format!("/{short}"))))
+    }
+
+    /// The first value that is no finite number among some columns: its row and column.
+    pub fn first_not_finite(&self, columns: &[usize]) -> Option<(usize, usize)> {
+        let in_row = |row: &Vec<f64>| columns.iter().copied().find(|column| !row[*column].is_finite());
+        self.rows.iter().enumerate().find_map(|(i, row)| Some((i, in_row(row)?)))
     }
 
     /// Row at or before a time; the first row for earlier times (`Storage::findIndex`).

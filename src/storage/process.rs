@@ -30,6 +30,7 @@ impl Storage {
             return;
         }
         self.time = padded(&self.time, size);
+        self.lines.clear();
         let columns: Vec<Vec<f64>> = (0..self.labels.len()).map(|i| padded(&self.column(i), size)).collect();
         self.rows = (0..self.time.len()).map(|r| columns.iter().map(|c| c[r]).collect()).collect();
     }
@@ -73,8 +74,9 @@ impl Storage {
         let splines: Vec<Function> = self.splines(degree)?;
         let mut time = first;
         self.time.clear();
-        // A step may be too small for a number as large as the time to change by it.
-        while time <= last && self.time.len() <= MOST_ROWS as usize {
+        self.lines.clear();
+        // A step below the rounding of a late time would never arrive.
+        while time <= last && self.time.last() != Some(&time) && self.time.len() <= MOST_ROWS as usize {
             self.time.push(time);
             time += step;
         }

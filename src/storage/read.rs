@@ -90,7 +90,7 @@ impl Storage {
         };
         // OpenSim takes the first column for time, whatever its label, if one is called so.
         time = time.map(|_| 0);
-        let mut rows: Vec<Vec<f64>> = Vec::new();
+        let (mut rows, mut row_lines): (Vec<Vec<f64>>, Vec<usize>) = (Vec::new(), Vec::new());
         let mut numbers = Vec::new();
         let width = if header.vectors { 3 * (all.len() - 1) + 1 } else { all.len() };
         let mut last_line = label_line;
@@ -120,6 +120,7 @@ impl Storage {
             last_line = line;
             if numbers.len() == width {
                 rows.push(std::mem::take(&mut numbers));
+                row_lines.push(line);
             } else if !numbers.is_empty() && !text.trim().is_empty() && header.version > 1 {
                 return Err(at(line, StorageProblem::RowLength { expected: width, found: numbers.len() }));
             }
@@ -151,7 +152,7 @@ impl Storage {
         if header.vectors {
             labels = labels.iter().flat_map(|label| (1..=3).map(move |k| format!("{label}_{k}"))).collect();
         }
-        let (times, rows, repeated) = without_repeated_times(times, rows);
+        let (times, rows, lines, repeated) = without_repeated_times(times, rows, row_lines);
         if repeated > 0 {
             warnings.push(format!("{repeated} rows have the time of the row before: of such rows the last is taken"));
         }
@@ -162,19 +163,25 @@ impl Storage {
         let is_motion = extension(file) == "mot";
         let in_degrees = header.in_degrees.unwrap_or(false) || (header.version < 1 && is_motion);
         let (name, description) = (header.name, header.description);
-        Ok(Storage { name, in_degrees, description, labels, time: times, rows, warnings })
+        Ok(Storage { name, in_degrees, description, labels, time: times, rows, lines, warnings })
     }
 }
 
-/// Rows without those that another one of the same time follows, as OpenSim's `Storage::append`; also their number.
-fn without_repeated_times(times: Vec<f64>, rows: Vec<Vec<f64>>) -> (Vec<f64>, Vec<Vec<f64>>, usize) {
+/// Times, rows and their lines without those that another row of the same time follows, as OpenSim's `Storage::append`;
+/// also the number of these.
+fn without_repeated_times(
+    times: Vec<f64>,
+    rows: Vec<Vec<f64>>,
+    lines: Vec<usize>,
+) -> (Vec<f64>, Vec<Vec<f64>>, Vec<usize>, usize) {
     let all = times.len();
     let keep: Vec<bool> = (0..all).map(|i| times.get(i + 1) != Some(&times[i])).collect();
     let kept = |i: &usize| keep[*i];
     let rows: Vec<Vec<f64>> = rows.into_iter().enumerate().filter(|(i, _)| kept(i)).map(|(_, row)| row).collect();
+    let lines: Vec<usize> = lines.into_iter().enumerate().filter(|(i, _)| kept(i)).map(|(_, line)| line).collect();
     let times: Vec<f64> = times.into_iter().enumerate().filter(|(i, _)| kept(i)).map(|(_, time)| time).collect();
     let repeated = all - times.len();
-    (times, rows, repeated)
+    (times, rows, lines, repeated)
 }
 
 /// Lower-case extension of a file's name.

@@ -14,7 +14,7 @@ pub struct Options {
     /// Name of the analysis, part of its files' names.
     pub name: String,
     /// Every how manieth step is recorded.
-    pub step_interval: i64,
+    pub step_interval: usize,
     /// Whether angles are written in degrees.
     pub in_degrees: bool,
 }
@@ -30,7 +30,7 @@ impl Options {
         let name = analysis.name();
         Ok(Options {
             name: if name.is_empty() { analysis.class().to_owned() } else { name },
-            step_interval: analysis.integer("step_interval", 1)?.max(1),
+            step_interval: analysis.count("step_interval", 1, 1..=usize::MAX)?,
             in_degrees: analysis.boolean("in_degrees", true)?,
         })
     }
@@ -65,6 +65,11 @@ pub trait Analysis {
     /// Whether it uses forces of everything that acts.
     fn needs_forces(&self) -> bool {
         true
+    }
+
+    /// Whether what it writes depends on forces.
+    fn uses_forces(&self) -> bool {
+        self.needs_forces()
     }
 
     /// Records an instant.

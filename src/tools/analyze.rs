@@ -5,19 +5,23 @@ use super::error::{ToolError, ToolProblem};
 use super::external_loads::add_external_loads;
 use super::force_analyses::{Actuation, ForceReporter, JointReaction};
 use super::kinematics::{BodyKinematics, Kinematics, PointKinematics, StatesReporter};
-use super::motion::{Motion, read_coordinates};
+use super::motion::{Motion, read_coordinates, require_finite};
 use super::muscle_analysis::MuscleAnalysis;
 use super::result::Outcome;
 use super::setup::Properties;
 use super::static_optimization::StaticOptimization;
-use super::system::{System, SystemState, SystemWork};
+use super::system::{NotFinite, System, SystemState, SystemWork};
 use crate::dynamics::DynamicsError;
+use crate::muscles::EquilibriumError;
 use crate::osim::Document;
 use crate::storage::{Storage, spline};
 
 /// Analyses that are run.
 const ANALYSES: &str = "Kinematics, BodyKinematics, PointKinematics, StatesReporter, MuscleAnalysis, ForceReporter, \
                         Actuation, JointReaction, StaticOptimization";
+
+/// Digits behind the point that are written at most: doubles have no more than 17 that mean something.
+const MOST_DIGITS: usize = 40;
 
 /// Properties that all tools with a model have (`AbstractTool`).
 pub struct Frame {
@@ -31,6 +35,38 @@ pub struct Frame {
     pub time: [f64; 2],
     /// Whether muscles are brought to equilibrium.
     pub equilibrate: bool,
+    /// How a motion is integrated.
+    pub integrator: IntegratorSettings,
+}
+
+/// How a motion is integrated. Sizes of steps are checked and otherwise not used: those of the implicit integrator
+/// follow from the error alone.
+#[derive(Clone, Copy, Debug)]
+pub struct IntegratorSettings {
+    /// Error allowed per step, as Simbody's `Integrator::setAccuracy` takes it.
+    pub error_tolerance: f64,
+    /// Steps of a simulation, rejected ones among them, at most.
+    pub most_steps: usize,
+}
+
+impl IntegratorSettings {
+    /// Reads them, with the defaults of OpenSim's `AbstractTool`.
+    ///
+    /// # Errors
+    /// Values that no integrator can work with.
+    fn read(tool: &Properties) -> Result<IntegratorSettings, ToolError> {
+        let is_accuracy = |value: f64| value > 0.0 && value < 1.0;
+        let error_tolerance =
+            tool.number_that("integrator_error_tolerance", 1e-5, "a number above 0 and below 1", is_accuracy)?;
+        let is_step = |value: f64| value > 0.0;
+        let largest = tool.number_that("maximum_integrator_step_size", 1.0, "a time above 0 s", is_step)?;
+        let expected = format!("a time from 0 s to maximum_integrator_step_size ({largest} s)");
+        tool.number_that("minimum_integrator_step_size", 0.0, &expected, |value| (0.0..=largest).contains(&value))?;
+        // Of formats of old; it has no effect in OpenSim 4.6 either.
+        tool.number_that("integrator_fine_tolerance", 1e-5, "a number above 0", is_step)?;
+        let most_steps = tool.count("maximum_number_of_integrator_steps", 20_000, 1..=usize::MAX)?;
+        Ok(IntegratorSettings { error_tolerance, most_steps })
+    }
 }
 
 impl Frame {
@@ -45,12 +81,18 @@ impl Frame {
             }
         }
         tool.ignore_all(&["model_file"]);
-        let precision = tool.integer("output_precision", 8)?.clamp(0, 40) as usize;
+        let precision = tool.count("output_precision", 8, 0..=MOST_DIGITS)?;
+        let time = [tool.time("initial_time", 0.0)?, tool.time("final_time", 1.0)?];
+        if time[1] < time[0] {
+            let expected = format!("a time from initial_time ({} s) on", time[0]);
+            return Err(tool.bad_value("final_time", &expected, &format!("{}", time[1])));
+        }
         Ok(Frame {
             name: tool.name(),
             results: tool.setup().resolve(&tool.string("results_directory")),
             precision,
-            time: [tool.number("initial_time", 0.0)?, tool.number("final_time", 1.0)?],
+            time,
+            integrator: IntegratorSettings::read(tool)?,
             equilibrate: tool.boolean("solve_for_equilibrium_for_auxiliary_states", false)?,
         })
     }
@@ -93,8 +135,7 @@ pub fn read_analyses(
     Ok(analyses)
 }
 
-/// Lets analyses record an instant. Where the equations of motion have no solution accelerations are not numbers, as in OpenSim;
-/// why is returned.
+/// Lets analyses record an instant, and notes what is not finite of it.
 ///
 /// # Errors
 /// What cannot be computed.
@@ -104,51 +145,145 @@ pub fn record<'s>(
     work: &mut SystemWork<'s>,
     state: &SystemState,
     step: Option<usize>,
-) -> Result<Option<DynamicsError>, ToolError> {
-    let proceeds = |a: &dyn Analysis| step.is_none_or(|step| step as i64 % a.options().step_interval == 0);
+    faults: &mut Faults,
+) -> Result<(), ToolError> {
+    let proceeds = |a: &dyn Analysis| step.is_none_or(|step| step % a.options().step_interval == 0);
     if !analyses.iter().any(|a| proceeds(a.as_ref())) {
-        return Ok(None);
+        return Ok(());
     }
     let evaluation = system.evaluate(work, state, &|_| true);
-    let (mut udot, mut multipliers, mut undetermined) = (None, None, None);
+    if analyses.iter().any(|a| proceeds(a.as_ref()) && a.uses_forces()) {
+        faults.note_not_finite(system.not_finite(work, state, &evaluation, &|_| true));
+        // The check may have evaluated single forces.
+        work.dynamics.update(&state.q, &state.u);
+    }
+    let (mut udot, mut multipliers) = (None, None);
     if analyses.iter().any(|a| a.needs_accelerations() && proceeds(a.as_ref())) {
         let (found, error) = system.accelerations(work, state, &evaluation.applied);
         // Accelerations of bodies into the buffers.
         work.dynamics.inverse_dynamics(&state.q, &state.u, found.udot.as_slice(), &evaluation.applied);
-        (udot, multipliers, undetermined) = (Some(found.udot), Some(found.multipliers), error);
+        (udot, multipliers) = (Some(found.udot), Some(found.multipliers));
+        faults.note_undetermined(state.time, error);
     }
     for analysis in analyses.iter_mut().filter(|a| proceeds(a.as_ref())) {
         let (udot, multipliers) = (udot.as_ref(), multipliers.as_ref());
         let mut instant = Instant { system, work, state, evaluation: &evaluation, udot, multipliers };
         analysis.record(&mut instant)?;
     }
-    Ok(undetermined)
+    Ok(())
 }
 
-/// Times at which accelerations are not determined.
+/// What went wrong along a motion: with how many times, and the first.
 #[derive(Default)]
-pub struct UndeterminedAccelerations {
-    times: usize,
-    first: Option<(f64, DynamicsError)>,
+pub struct Faults {
+    /// Times at which accelerations are not determined.
+    undetermined: (usize, Option<(f64, DynamicsError)>),
+    /// Times at which a force is not finite.
+    not_finite: (usize, Option<NotFinite>),
+    /// Muscles that could not be balanced: at how many times, the first of them, and why.
+    unbalanced: Vec<(String, usize, f64, EquilibriumError)>,
 }
 
-impl UndeterminedAccelerations {
-    /// Notes what [`record`] returned.
-    pub fn note(&mut self, time: f64, found: Option<DynamicsError>) {
+impl Faults {
+    fn note_undetermined(&mut self, time: f64, found: Option<DynamicsError>) {
         if let Some(error) = found {
-            self.times += 1;
-            self.first.get_or_insert((time, error));
+            self.undetermined.0 += 1;
+            self.undetermined.1.get_or_insert((time, error));
         }
     }
 
-    /// Warns of them.
-    pub fn warn(&self, system: &System, outcome: &mut Outcome) {
-        if let Some((time, error)) = &self.first {
-            let text =
-                format!("accelerations are not numbers at {} times, the first t = {time} s: {error}", self.times);
+    fn note_not_finite(&mut self, found: Option<NotFinite>) {
+        if let Some(found) = found {
+            self.not_finite.0 += 1;
+            self.not_finite.1.get_or_insert(found);
+        }
+    }
+
+    /// Notes muscles that could not be balanced at a time.
+    pub fn note_unbalanced(&mut self, time: f64, failed: Vec<EquilibriumError>) {
+        for error in failed {
+            match self.unbalanced.iter_mut().find(|(muscle, ..)| muscle == error.muscle()) {
+                Some((_, times, ..)) => *times += 1,
+                None => self.unbalanced.push((error.muscle().to_owned(), 1, time, error)),
+            }
+        }
+    }
+
+    /// Fails if a force that acts is not finite at a state.
+    ///
+    /// - `acts`: whether an actor applies its force
+    ///
+    /// # Errors
+    /// Its muscle, pose and cause.
+    pub fn require_finite(
+        &mut self,
+        system: &System,
+        work: &mut SystemWork,
+        state: &SystemState,
+        acts: &dyn Fn(usize) -> bool,
+    ) -> Result<(), ToolError> {
+        let evaluation = system.evaluate(work, state, acts);
+        self.note_not_finite(system.not_finite(work, state, &evaluation, acts));
+        self.not_finite_error(system).map_or(Ok(()), Err)
+    }
+
+    fn not_finite_error(&self, system: &System) -> Option<ToolError> {
+        let (times, found) = (self.not_finite.0, self.not_finite.1.as_ref()?);
+        let own = self.unbalanced.iter().find(|(muscle, ..)| *muscle == found.owner);
+        let unbalanced = own.map(|(_, times, first, error)| {
+            format!("; it could not be balanced at {}, the first t = {first} s: {error}", counted(*times, "time"))
+        });
+        let others = (times > 1).then(|| format!("; so it is at {} in all", counted(times, "time")));
+        let problem = ToolProblem::NotFinite {
+            owner: found.owner.clone(),
+            quantity: found.quantity,
+            value: found.value,
+            time: found.time,
+            pose: found.pose.clone(),
+            cause: unbalanced.or(others).unwrap_or_default(),
+        };
+        let line = system.spec.muscles.iter().find(|m| m.name == found.owner).map_or(0, |m| m.at.line);
+        Some(ToolError::at(&system.path, line, problem))
+    }
+
+    /// Warns of what OpenSim goes on with: accelerations that are not determined are not numbers, muscles that cannot
+    /// be balanced keep their default fibre length.
+    ///
+    /// # Errors
+    /// A force that is not finite, with muscle, pose and cause.
+    pub fn conclude(self, system: &System, outcome: &mut Outcome) -> Result<(), ToolError> {
+        let is_told = system.muscles_never_finite();
+        let told = |muscle: &str| is_told.iter().any(|(i, _)| system.muscles[*i].name == muscle);
+        for (i, why) in &is_told {
+            let (muscle, line) = (&system.muscles[*i].name, system.spec.muscles[*i].at.line);
+            outcome.warn(&system.path, line, format!("{muscle}: {why}"));
+        }
+        if let Some(error) = self.not_finite_error(system) {
+            return Err(error);
+        }
+        let unbalanced: Vec<_> = self.unbalanced.iter().filter(|(muscle, ..)| !told(muscle)).collect();
+        if let Some((_, times, time, error)) = unbalanced.first() {
+            let muscles = counted(unbalanced.len(), "muscle");
+            let text = format!(
+                "{muscles} could not be balanced; the first at {}, from t = {time} s on: {error}",
+                counted(*times, "time")
+            );
             outcome.warn(&system.path, 0, text);
         }
+        if let (times, Some((time, error))) = &self.undetermined {
+            let text = format!(
+                "accelerations are not numbers at {}, the first t = {time} s: {error}",
+                counted(*times, "time")
+            );
+            outcome.warn(&system.path, 0, text);
+        }
+        Ok(())
     }
+}
+
+/// A number of things in words.
+fn counted(number: usize, what: &str) -> String {
+    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
 }
 
 /// Runs the tool.
@@ -160,13 +295,6 @@ impl UndeterminedAccelerations {
 pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &mut Outcome) -> Result<(), ToolError> {
     let frame = Frame::read(tool, &mut system, outcome)?;
     let cutoff = tool.number("lowpass_cutoff_frequency_for_coordinates", -1.0)?;
-    tool.ignore_all(&[
-        "maximum_number_of_integrator_steps",
-        "maximum_integrator_step_size",
-        "minimum_integrator_step_size",
-        "integrator_error_tolerance",
-        "integrator_fine_tolerance",
-    ]);
     if tool.file("controls_file").is_some() {
         let text = "controls_file is not used along a given motion: activations are those of the states";
         outcome.warn(tool.setup().path(), tool.line(), text);
@@ -182,7 +310,7 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
             (states_from_file(&file, &system, outcome)?, None)
         }
         None => {
-            let storage = read_coordinates(&file, cutoff)?;
+            let storage = read_coordinates(&file, cutoff, &system)?;
             storage.warnings.iter().for_each(|text| outcome.warn(&file, 0, text.clone()));
             let motion = Motion::from_storage(storage, &system, &file)?;
             (states_from_motion(motion, tool, &system, outcome)?, Some(system.default_state()?))
@@ -199,7 +327,7 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         system.require_all_forces(&|_| false)?;
     }
     let mut work = system.new_work();
-    let (mut unbalanced, mut undetermined) = (Vec::new(), UndeterminedAccelerations::default());
+    let mut faults = Faults::default();
     for (i, state) in states.iter().enumerate().take(last + 1).skip(first) {
         let mut state = match &others {
             Some(others) => SystemState { time: state.time, q: state.q.clone(), u: state.u.clone(), ..others.clone() },
@@ -208,15 +336,12 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         system.assemble(state.time, &mut state.q)?;
         if frame.equilibrate {
             let failed = system.equilibrate(&mut work, &mut state);
-            unbalanced.extend(failed.into_iter().map(|text| format!("at t = {} s: {text}", state.time)));
+            faults.note_unbalanced(state.time, failed);
         }
         let step = (i != first && i != last).then_some(i);
-        undetermined.note(state.time, record(&mut analyses, &system, &mut work, &state, step)?);
+        record(&mut analyses, &system, &mut work, &state, step, &mut faults)?;
     }
-    undetermined.warn(&system, outcome);
-    if let Some(text) = unbalanced.first() {
-        outcome.warn(&system.path, 0, format!("{} muscles could not be balanced, the first {text}", unbalanced.len()));
-    }
+    faults.conclude(&system, outcome)?;
     for analysis in &analyses {
         analysis.warnings().into_iter().for_each(|text| outcome.warn(tool.setup().path(), 0, text));
         add_results(analysis.as_ref(), &frame.name, &frame.results, frame.precision, outcome);
@@ -244,6 +369,7 @@ pub fn states_from_file(
     let default = system.default_state()?;
     let names = system.state_names();
     let columns: Vec<Option<usize>> = names.iter().map(|name| storage.find_state(name)).collect();
+    require_finite(&storage, &columns.iter().flatten().copied().collect::<Vec<_>>(), file)?;
     let missing: Vec<&str> = names.iter().zip(&columns).filter(|(_, c)| c.is_none()).map(|(n, _)| n.as_str()).collect();
     if !missing.is_empty() {
         let shown = missing.iter().take(4).copied().collect::<Vec<_>>().join(", ");
@@ -289,6 +415,7 @@ fn states_from_motion(
             .iter()
             .map(|c| speeds.find_state(&format!("{}/speed", c.at.path)).or_else(|| speeds.find(&c.name)))
             .collect();
+        require_finite(&speeds, &columns.iter().flatten().copied().collect::<Vec<_>>(), &file)?;
         for state in &mut states {
             let row = speeds.at(state.time);
             for (u, column) in state.u.iter_mut().zip(&columns) {

@@ -2,6 +2,7 @@
 
 use super::correction::ELSEWHERE;
 use super::error::{ToolError, ToolProblem};
+use super::motion::require_finite;
 use super::result::Outcome;
 use super::setup::{Properties, Setup};
 use crate::functions::Function;
@@ -99,6 +100,7 @@ impl Controls {
                     continue;
                 }
                 require(&actuator, actuators, controller)?;
+                require_finite(&storage, &[i], &file)?;
                 let (x, y) = (storage.time.clone(), storage.column(i));
                 let spec = match method {
                     0 => FunctionSpec::PiecewiseConstant { x, y },
@@ -152,6 +154,7 @@ impl Controls {
             for (i, label) in storage.labels.iter().enumerate() {
                 let actuator = label.strip_suffix(".excitation").unwrap_or(label);
                 require(actuator, actuators, controller)?;
+                require_finite(&storage, &[i], &file)?;
                 let spec = FunctionSpec::PiecewiseLinear { x: storage.time.clone(), y: storage.column(i) };
                 self.add_column(actuator, &spec, controller)?;
             }

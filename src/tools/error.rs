@@ -50,6 +50,9 @@ pub enum ToolProblem {
         /// What stands there.
         found: String,
     },
+    /// A result that would take the place of a file that is read.
+    #[error("this is one of the files that are read; it is not overwritten")]
+    Overwrites,
     /// A property that has to be given.
     #[error("{property} is missing: expected {expected}")]
     Missing {
@@ -75,6 +78,32 @@ pub enum ToolProblem {
         name: String,
         /// The nearest name there is.
         nearest: Option<String>,
+    },
+    /// A value in a file of numbers that is none.
+    #[error("column `{column}` at t = {time} s: expected a finite number, found {found}")]
+    Gap {
+        /// Label of the column.
+        column: String,
+        /// Time of the row [s].
+        time: f64,
+        /// What stands there.
+        found: f64,
+    },
+    /// A result that is not finite.
+    #[error("{owner}: {quantity} is {value} at t = {time} s, at {pose}{cause}")]
+    NotFinite {
+        /// Muscle or other force.
+        owner: String,
+        /// What of it.
+        quantity: &'static str,
+        /// Its value.
+        value: f64,
+        /// The first time [s].
+        time: f64,
+        /// Coordinates on which it depends.
+        pose: String,
+        /// Why, where that is known, after a semicolon.
+        cause: String,
     },
     /// Data that do not belong to the model.
     #[error("{what}")]
@@ -145,6 +174,17 @@ impl ToolError {
             ToolProblem::Unknown { nearest, .. } => nearest.as_ref().map(|name| format!("did you mean `{name}`?")),
             ToolProblem::Storage(error) => error.hint(),
             ToolProblem::Osim(error) => error.hint(),
+            ToolProblem::Plant(PlantError::StepLimit { .. }) => Some(
+                "a control, a load or a muscle that changes very fast needs many steps; \
+                 maximum_number_of_integrator_steps of the setup allows more"
+                    .to_owned(),
+            ),
+            ToolProblem::Gap { .. } => {
+                Some("a gap has to be filled, or the rows left out, before it is read here".to_owned())
+            }
+            ToolProblem::Overwrites => {
+                Some("name another results_directory, tool name or output file in the setup".to_owned())
+            }
             ToolProblem::Missing { property, .. } if property == "model_file" => {
                 Some("name the model with --model MODEL.osim, or in the setup's <model_file>".to_owned())
             }

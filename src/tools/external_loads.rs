@@ -5,6 +5,7 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use super::error::{ToolError, ToolProblem};
+use super::motion::require_finite;
 use super::setup::{Properties, Setup};
 use super::system::{Actor, System};
 use crate::forces::AppliedForces;
@@ -110,8 +111,8 @@ pub fn add_external_loads(path: &Path, system: &mut System) -> Result<Vec<String
         // OpenSim says so and goes on.
     }
     loads.ignore_all(&["lowpass_cutoff_frequency_for_load_kinematics"]);
-    let data = match loads.file("datafile") {
-        Some(data) => Storage::read(data)?,
+    let (data, file) = match loads.file("datafile") {
+        Some(file) => (Storage::read(&file)?, file),
         None => return Err(loads.missing("datafile", "a .sto or .mot file with the forces")),
     };
     let mut warnings = data.warnings.clone();
@@ -119,7 +120,7 @@ pub fn add_external_loads(path: &Path, system: &mut System) -> Result<Vec<String
         if force.class() != "ExternalForce" {
             return Err(force.unsupported(force.class(), "expected ExternalForce (format 20301 or later)"));
         }
-        if let Some(force) = read_force(&force, &data, system, &mut warnings)? {
+        if let Some(force) = read_force(&force, (&data, &file), system, &mut warnings)? {
             system.actors.push(Actor::External(Box::new(force)));
         }
     }
@@ -131,7 +132,7 @@ pub fn add_external_loads(path: &Path, system: &mut System) -> Result<Vec<String
 
 fn read_force(
     force: &Properties,
-    data: &Storage,
+    (data, file): (&Storage, &Path),
     system: &System,
     warnings: &mut Vec<String>,
 ) -> Result<Option<ExternalForce>, ToolError> {
@@ -167,10 +168,14 @@ fn read_force(
             let what = format!("{} columns of the data begin with \"{identifier}\"", columns.len());
             return Err(force.bad_value(property, "the beginning of the labels of three columns", &what));
         };
+        if !applies {
+            return Ok(None);
+        }
+        require_finite(data, &columns, file)?;
         let function = |column: usize| function_of(&data.time, &data.column(column));
         let made = columns.map(function);
         let [x, y, z] = made;
-        let wrap = |f: Result<Function, _>| f.map_err(|e: crate::functions::FunctionError| force.error_at(property, e));
+        let wrap = |f: Result<Function, _>| f.map_err(|e: crate::functions::FunctionError| ToolError::new(file, e));
         Ok(Some([wrap(x)?, wrap(y)?, wrap(z)?]))
     };
     let made = ExternalForce {
@@ -183,7 +188,7 @@ fn read_force(
         point: functions("point_identifier")?,
         torque: functions("torque_identifier")?,
     };
-    if made.force.is_none() && made.torque.is_none() {
+    if applies && made.force.is_none() && made.torque.is_none() {
         return Err(force.missing("force_identifier", "a force_identifier or a torque_identifier"));
     }
     Ok(applies.then_some(made))

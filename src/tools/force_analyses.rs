@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use super::analysis::{Analysis, Instant, Options, UNITS};
 use super::error::ToolError;
+use super::motion::require_finite;
 use super::setup::Properties;
 use super::system::{Actor, System};
 use crate::forces::{BushingLaw, ForceLaw, PathForce};
@@ -416,7 +417,16 @@ impl JointReaction {
         let mut store = Storage::new("Joint Reaction Loads", labels);
         store.description = "\nThis file contains the reaction forces and moments\napplied to the specified body of a joint pair and expressed  in the specified reference frame.\n\nUnits are S.I. units (seconds, meters, Newtons, ...)".to_owned();
         let forces = match analysis.file("forces_file") {
-            Some(file) => Some(Storage::read(file)?),
+            Some(file) => {
+                let forces = Storage::read(&file)?;
+                let of_actuator = |actor: &Actor| match actor.is_actuator() {
+                    true => forces.find(actor.name(&system.muscles)),
+                    false => None,
+                };
+                let columns: Vec<usize> = system.actors.iter().filter_map(of_actuator).collect();
+                require_finite(&forces, &columns, &file)?;
+                Some(forces)
+            }
             None => None,
         };
         Ok(JointReaction { options, reactions, forces, store, warnings })

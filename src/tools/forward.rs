@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use super::analysis::add_results;
-use super::analyze::{Frame, UndeterminedAccelerations, read_analyses, record, states_from_file};
+use super::analyze::{Faults, Frame, read_analyses, record, states_from_file};
 use super::correction::Correction;
 use super::error::{ToolError, ToolProblem};
 use super::result::{Outcome, ResultFile};
@@ -32,13 +32,6 @@ const STABILIZATION: f64 = 50.0;
 /// The setup, its files, or a motion that cannot be integrated.
 pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &mut Outcome) -> Result<(), ToolError> {
     let frame = Frame::read(tool, &mut system, outcome)?;
-    let accuracy = tool.number("integrator_error_tolerance", 1e-5)?;
-    tool.ignore_all(&[
-        "maximum_number_of_integrator_steps",
-        "maximum_integrator_step_size",
-        "minimum_integrator_step_size",
-        "integrator_fine_tolerance",
-    ]);
     let specified = tool.boolean("use_specified_dt", false)?;
     system.require_all_forces(&|_| false)?;
     system.read_controllers(document, tool, outcome)?;
@@ -76,10 +69,12 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
     system.assemble(start, &mut state.q)?;
     system.project_speeds(start, &state.q, &mut state.u);
     let mut work = system.new_work();
+    let mut faults = Faults::default();
     if frame.equilibrate {
         let failed = system.equilibrate(&mut work, &mut state);
-        failed.into_iter().for_each(|text| outcome.warn(&system.path, 0, format!("not balanced: {text}")));
+        faults.note_unbalanced(start, failed);
     }
+    faults.require_finite(&system, &mut work, &state, &|_| true)?;
     let plant = plant_of(&system).map_err(|e| ToolError::new(&system.path, e))?;
     let times = match times_of_file.filter(|times| specified && times.len() > 1) {
         Some(times) => times,
@@ -98,7 +93,12 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         dissipated_energy: state.dissipated_energy.clone(),
         actuator_activation: state.actuator_activation.clone(),
     };
-    let options = ForwardOptions { times, accuracy: accuracy.min(1e-5), first_step: 1e-3 };
+    let options = ForwardOptions {
+        times,
+        accuracy: frame.integrator.error_tolerance.min(1e-5),
+        first_step: 1e-3,
+        most_steps: frame.integrator.most_steps,
+    };
     let excite = |time: f64, values: &mut [f64]| {
         values.iter_mut().zip(&driven).for_each(|(value, name)| *value = system.controls.at(name, time).unwrap_or(0.0));
     };
@@ -107,7 +107,7 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
     let mut analyses = read_analyses(tool, &system, None)?;
     let mut states = Storage::new(&frame.name, system.state_names());
     let last = trajectory.times.len() - 1;
-    let (mut full, mut undetermined) = (state.clone(), UndeterminedAccelerations::default());
+    let mut full = state.clone();
     for (k, (time, found)) in trajectory.times.iter().zip(&trajectory.states).enumerate() {
         (full.time, full.q, full.u) = (*time, found.q.clone(), found.u.clone());
         for (j, i) in positions.iter().enumerate() {
@@ -119,10 +119,10 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         states.push(*time, system.state_values(&full));
         if !analyses.is_empty() {
             let step = (k != 0 && k != last).then_some(k);
-            undetermined.note(*time, record(&mut analyses, &system, &mut work, &full, step)?);
+            record(&mut analyses, &system, &mut work, &full, step, &mut faults)?;
         }
     }
-    undetermined.warn(&system, outcome);
+    faults.conclude(&system, outcome)?;
     for analysis in &analyses {
         analysis.warnings().into_iter().for_each(|text| outcome.warn(tool.setup().path(), 0, text));
         add_results(analysis.as_ref(), &frame.name, &frame.results, frame.precision, outcome);

@@ -6,6 +6,10 @@
 //! as Simbody's `Assembler` weighs OpenSim's goals. Gauss–Newton with Levenberg's damping on exact Jacobians; steps solve
 //! the constraints' linearization, and a coordinate that reaches its range stays there while it is pushed outward.
 //!
+//! Constraints hold whatever `constraint_weight` a setup gives: the constructor of OpenSim 4.6's
+//! `InverseKinematicsSolver` that its tool calls sets the weight to infinity, so that locked coordinates and couplers
+//! are exact there, too.
+//!
 //! Searches end at the minimum. OpenSim's ends where its `accuracy` allows (1e-5 in inverse kinematics; 1e-4, which no
 //! setup can change, in the static pose of a `ScaleTool`), with lumbar and arm angles up to some degrees from the minimum on
 //! gait models; asked for 1e-9 it arrives here within 1e-7 rad.
@@ -15,14 +19,27 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use super::system::System;
 use crate::dynamics::Dynamics;
 use crate::multibody::BaseIndex;
+use crate::numerics::symmetric_eigen;
 use crate::osim::spec::CoordinateIndex;
 
 /// Most iterations of one frame.
 const ITERATIONS: usize = 200;
 /// Steps smaller than this end the search [rad or m].
 const CONVERGED: f64 = 1e-9;
+/// A step that is predicted to lower the cost by less than this share of it ends the search: near a minimum it is some
+/// 1e-9 rad long, except along directions that no marker determines, where steps never become small.
+const NO_GAIN: f64 = 1e-14;
+/// Least damping over the largest curvature: along directions that no marker determines rounding of the gradient (some
+/// 1e-17 of it) moves coordinates by no more than 1e-8 rad.
+const LEAST_DAMPING: f64 = 1e-9;
+/// Of two fits whose costs differ by less than this share the one that is nearer to where the search began is taken.
+const EQUAL_FIT: f64 = 1e-6;
 /// First dampings of a search from afar.
-const BOLDNESS: [f64; 4] = [1.0, 1e-1, 1e-2, 1e-9];
+const BOLDNESS: [f64; 4] = [1.0, 1e-1, 1e-2, LEAST_DAMPING];
+/// Iterations of the way back onto the constraints, each of which squares a small violation.
+const PROJECTIONS: usize = 20;
+/// Violation of constraints that counts as none [rad or m].
+const SATISFIED: f64 = 1e-12;
 /// Step of differences [rad or m].
 const DIFFERENCE: f64 = 1e-6;
 
@@ -54,8 +71,6 @@ pub struct InverseKinematics<'a> {
     pub markers: Vec<MarkerGoal>,
     /// Coordinates.
     pub coordinates: Vec<CoordinateGoal>,
-    /// Weight of constraints; infinite: they hold.
-    pub constraint_weight: f64,
 }
 
 /// How far a [`Linearization`] goes.
@@ -76,9 +91,9 @@ struct Linearization {
 
 impl<'a> InverseKinematics<'a> {
     /// For a system, without goals.
-    pub fn new(system: &'a System, constraint_weight: f64) -> Self {
+    pub fn new(system: &'a System) -> Self {
         let dynamics = Dynamics::new(&system.model, &system.constraints);
-        InverseKinematics { system, dynamics, markers: Vec::new(), coordinates: Vec::new(), constraint_weight }
+        InverseKinematics { system, dynamics, markers: Vec::new(), coordinates: Vec::new() }
     }
 
     /// Where the markers are at coordinates.
@@ -132,53 +147,80 @@ impl<'a> InverseKinematics<'a> {
                 hessian[(c, c)] += goal.weight;
             }
         }
-        if self.constraint_weight.is_finite() {
-            let weight = self.constraint_weight;
-            cost += 0.5 * weight * violation.norm_squared();
-            gradient += weight * jacobian.tr_mul(&violation);
-            if order == Order::Hessian {
-                hessian += weight * jacobian.tr_mul(&jacobian);
-            }
-            return Linearization {
-                cost,
-                gradient,
-                hessian,
-                violation: DVector::zeros(0),
-                jacobian: DMatrix::zeros(0, n),
-            };
-        }
         Linearization { cost, gradient, hessian, violation, jacobian }
     }
 
-    /// Cost and largest violation of constraints.
-    fn merit(&mut self, time: f64, q: &[f64], seen: &[Vector3<f64>], values: &[f64]) -> (f64, f64) {
-        let at = self.linearize(time, q, seen, values, Order::Gradient);
-        (at.cost, if at.violation.is_empty() { 0.0 } else { at.violation.amax() })
+    /// Cost at coordinates.
+    fn cost(&mut self, q: &[f64], seen: &[Vector3<f64>], values: &[f64]) -> f64 {
+        let cache = self.dynamics.update_positions(q);
+        let seen_markers = || {
+            let pairs = self.markers.iter().zip(seen);
+            pairs.filter(|(_, p)| p.iter().all(|x| x.is_finite()))
+        };
+        let total: f64 = seen_markers().map(|(m, _)| m.weight).sum();
+        let squared = |m: &MarkerGoal, p: &Vector3<f64>| (cache.X_GB(m.base) * m.station - p).norm_squared();
+        let of_markers = seen_markers().filter(|(m, _)| m.weight > 0.0).map(|(m, p)| m.weight / total * squared(m, p));
+        let of_coordinates = self
+            .coordinates
+            .iter()
+            .zip(values)
+            .map(|(goal, value)| goal.weight * (q[goal.coordinate.0] - value).powi(2));
+        0.5 * (of_markers.sum::<f64>() + of_coordinates.sum::<f64>())
     }
 
-    /// Second derivative of the Lagrangian by differences of its gradient; steps are along speeds.
+    /// Moves coordinates back onto the constraints, by as little as the linearization asks for; returns the violation
+    /// that is left [rad or m].
+    fn project(&mut self, time: f64, q: &mut [f64]) -> f64 {
+        let mut left = 0.0;
+        for _ in 0..PROJECTIONS {
+            let (violation, jacobian) = self.dynamics.constraint_jacobian(time, q);
+            left = if violation.is_empty() { 0.0 } else { violation.amax() };
+            if !(left > SATISFIED) {
+                return left;
+            }
+            let mut gram = &jacobian * jacobian.transpose();
+            // Redundant constraints leave their multipliers open.
+            let slack = 1e-13 * gram.diagonal().amax();
+            (0..gram.nrows()).for_each(|k| gram[(k, k)] += slack);
+            let Some(factors) = gram.cholesky() else { break };
+            let step = -jacobian.tr_mul(&factors.solve(&violation));
+            let shorten = 1.0 / (step.amax() / 0.5).max(1.0);
+            let rates = self.along(q, &step);
+            q.iter_mut().zip(&rates).for_each(|(q, rate)| *q += shorten * rate);
+        }
+        left
+    }
+
+    /// Second derivative of the Lagrangian by differences of its gradient along speeds, with the absolute values of its
+    /// curvatures: steps lead down from saddles and maxima, to which they would lead else.
+    ///
+    /// - `at`: the gradient at `q`
     fn curvature(
         &mut self,
         time: f64,
         q: &[f64],
         seen: &[Vector3<f64>],
         values: &[f64],
-        multipliers: &DVector<f64>,
+        (at, multipliers): (&Linearization, &DVector<f64>),
     ) -> DMatrix<f64> {
         let n = q.len();
+        let lagrangian = |at: &Linearization| match multipliers.is_empty() {
+            true => at.gradient.clone(),
+            false => &at.gradient + at.jacobian.tr_mul(multipliers),
+        };
+        let here = lagrangian(at);
         let mut matrix = DMatrix::zeros(n, n);
         let mut moved = q.to_vec();
-        for j in 0..n {
-            let [up, down] = [0, 1].map(|side| {
-                moved[j] = q[j] + if side == 0 { DIFFERENCE } else { -DIFFERENCE };
-                let at = self.linearize(time, &moved, seen, values, Order::Gradient);
-                let forces = if multipliers.is_empty() { DVector::zeros(n) } else { at.jacobian.tr_mul(multipliers) };
-                at.gradient + forces
-            });
+        // What is locked does not move: its curvature plays no part.
+        for j in (0..n).filter(|j| !self.system.model.coordinates[*j].locked) {
+            moved[j] = q[j] + DIFFERENCE;
+            let there = lagrangian(&self.linearize(time, &moved, seen, values, Order::Gradient));
             moved[j] = q[j];
-            matrix.column_mut(j).copy_from(&((up - down) / (2.0 * DIFFERENCE)));
+            matrix.column_mut(j).copy_from(&((there - &here) / DIFFERENCE));
         }
-        0.5 * (&matrix + matrix.transpose())
+        let eigen = symmetric_eigen(0.5 * (&matrix + matrix.transpose()));
+        let scaled = &eigen.eigenvectors * DMatrix::from_diagonal(&eigen.eigenvalues.abs());
+        scaled * eigen.eigenvectors.transpose()
     }
 
     /// Rates of coordinates for a step along speeds, at `q`.
@@ -194,7 +236,7 @@ impl<'a> InverseKinematics<'a> {
     }
 
     /// Changes `q` so that it fits best, from far away: searches with steps of different boldness, from `q` and from the
-    /// middle of the ranges; the best fit is taken.
+    /// middle of the ranges; the best fit is taken, without whole turns.
     ///
     /// Arguments and result as [`InverseKinematics::solve`].
     pub fn solve_from_afar(&mut self, time: f64, q: &mut [f64], seen: &[Vector3<f64>], values: &[f64]) -> bool {
@@ -207,12 +249,19 @@ impl<'a> InverseKinematics<'a> {
         }
         self.system.model.satisfy_couplers(&mut middle);
         let mut best: Option<(f64, bool, Vec<f64>)> = None;
+        let from = q.to_vec();
+        let distance = |to: &[f64]| to.iter().zip(&from).map(|(to, from)| (to - from).powi(2)).sum::<f64>();
         for start in [q.to_vec(), middle] {
             for damping in BOLDNESS {
                 let mut found = start.clone();
                 let converged = self.search(time, &mut found, seen, values, damping);
-                let (cost, violation) = self.merit(time, &found, seen, values);
-                let better = best.as_ref().is_none_or(|(least, _, _)| cost < least * (1.0 - 1e-6));
+                self.without_turns(time, &mut found, seen, values);
+                let violation = self.project(time, &mut found.clone());
+                let cost = self.cost(&found, seen, values);
+                let better = best.as_ref().is_none_or(|(least, _, other)| {
+                    let near = cost < least * (1.0 + EQUAL_FIT);
+                    cost < least * (1.0 - EQUAL_FIT) || (near && distance(&found) < distance(other) - EQUAL_FIT)
+                });
                 if violation < 1e-8 && better {
                     best = Some((cost, converged, found));
                 }
@@ -223,6 +272,25 @@ impl<'a> InverseKinematics<'a> {
         converged
     }
 
+    /// Takes whole turns off coordinates beyond half a turn, where the fit and the constraints stay what they are.
+    fn without_turns(&mut self, time: f64, q: &mut [f64], seen: &[Vector3<f64>], values: &[f64]) {
+        const TURN: f64 = std::f64::consts::TAU;
+        let before = self.cost(q, seen, values);
+        for i in 0..q.len() {
+            let turns = (q[i] / TURN).round();
+            if turns == 0.0 || !self.system.is_angle(i) {
+                continue;
+            }
+            let with = q[i];
+            q[i] -= turns * TURN;
+            let same = (self.cost(q, seen, values) - before).abs() <= 1e-9 * before + 1e-15;
+            let (violation, _) = self.dynamics.constraint_jacobian(time, q);
+            if !same || violation.iter().any(|v| v.abs() > 1e-9) {
+                q[i] = with;
+            }
+        }
+    }
+
     /// Changes `q` so that it fits best.
     ///
     /// - `seen`: where each marker was seen [m]; NaN: not
@@ -230,7 +298,7 @@ impl<'a> InverseKinematics<'a> {
     ///
     /// Returns whether the search converged.
     pub fn solve(&mut self, time: f64, q: &mut [f64], seen: &[Vector3<f64>], values: &[f64]) -> bool {
-        self.search(time, q, seen, values, 1e-9)
+        self.search(time, q, seen, values, LEAST_DAMPING)
     }
 
     fn search(&mut self, time: f64, q: &mut [f64], seen: &[Vector3<f64>], values: &[f64], mut damping: f64) -> bool {
@@ -242,7 +310,7 @@ impl<'a> InverseKinematics<'a> {
                 *q = q.clamp(low.min(*high), high.max(*low));
             }
         }
-        let strict = !self.constraint_weight.is_finite();
+        self.project(time, q);
         let mut multipliers = DVector::zeros(0);
         // Gauss-Newton first; where it gets slow, the true curvature.
         let (mut last_size, mut slow) = (f64::INFINITY, 0);
@@ -251,7 +319,7 @@ impl<'a> InverseKinematics<'a> {
             let violation = if at.violation.is_empty() { 0.0 } else { at.violation.amax() };
             let scale = at.hessian.diagonal().amax().max(1e-12);
             if slow >= 2 && violation < 1e-6 {
-                at.hessian = self.curvature(time, q, seen, values, &multipliers);
+                at.hessian = self.curvature(time, q, seen, values, (&at, &multipliers));
             }
             // Coordinates at their range that the step would push outward are held; found by solving again.
             let mut held = vec![false; n];
@@ -274,7 +342,9 @@ impl<'a> InverseKinematics<'a> {
             if !size.is_finite() {
                 return false;
             }
-            if size < CONVERGED && violation < 1e-10 {
+            let gain = -(at.gradient.dot(&step) + 0.5 * step.dot(&(&at.hessian * &step)));
+            let is_least = size < CONVERGED || gain.abs() <= NO_GAIN * at.cost;
+            if is_least && violation < 1e-10 {
                 return true;
             }
             slow = if size > 0.3 * last_size { slow + 1 } else { slow };
@@ -299,19 +369,19 @@ impl<'a> InverseKinematics<'a> {
             }
             // Back onto the constraints, so that costs can be compared.
             let kept = moved.clone();
-            if strict && self.dynamics.assemble(time, &mut moved).is_err() {
+            let mut left = self.project(time, &mut moved);
+            let out = |i: usize| ranges[i].is_some_and(|[low, high]| moved[i] < low - 1e-9 || moved[i] > high + 1e-9);
+            if left > 1e-9 || (0..n).any(out) {
+                let (violation, _) = self.dynamics.constraint_jacobian(time, &kept);
+                left = if violation.is_empty() { 0.0 } else { violation.amax() };
                 moved = kept;
             }
-            let out = |i: usize| ranges[i].is_some_and(|[low, high]| moved[i] < low - 1e-9 || moved[i] > high + 1e-9);
-            if (0..n).any(out) {
-                moved = q.iter().zip(&rates).map(|(q, s)| q + share * s).collect();
-            }
-            let (cost, left) = self.merit(time, &moved, seen, values);
+            let cost = self.cost(&moved, seen, values);
             // Far from the constraints only they count.
             let better = cost <= at.cost * (1.0 + 1e-13) + 1e-20 || (left < 0.5 * violation && violation > 1e-8);
             if better {
                 q.copy_from_slice(&moved);
-                damping = (damping * 0.1).max(1e-12);
+                damping = (damping * 0.1).max(LEAST_DAMPING);
             } else {
                 damping *= 10.0;
                 if damping > 1e4 {

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::analyze::Faults;
 use super::error::{ToolError, ToolProblem};
 use super::external_loads::add_external_loads;
 use super::motion::{columns_of, coordinate_splines, read_coordinates, to_radians};
@@ -21,7 +22,7 @@ use crate::storage::Storage;
 pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &mut Outcome) -> Result<(), ToolError> {
     let setup = tool.setup().path().to_owned();
     let results = tool.setup().resolve(&tool.string("results_directory"));
-    let [start, end] = tool.numbers("time_range", [f64::NEG_INFINITY, f64::INFINITY])?;
+    let [start, end] = tool.time_range("time_range", [f64::NEG_INFINITY, f64::INFINITY])?;
     let excluded = tool.words("forces_to_exclude").unwrap_or_default();
     let cutoff = tool.number("lowpass_cutoff_frequency_for_coordinates", -1.0)?;
     let file = tool.file("coordinates_file").ok_or_else(|| tool.missing("coordinates_file", "a .mot or .sto file"))?;
@@ -41,7 +42,7 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
     system.require_all_forces(&muscles_excluded)?;
     system.read_controllers_as_needed(document, tool, &is_excluded, outcome)?;
 
-    let mut data = read_coordinates(&file, cutoff)?;
+    let mut data = read_coordinates(&file, cutoff, &system)?;
     data.warnings.iter().for_each(|text| outcome.warn(&file, 0, text.clone()));
     to_radians(&mut data, &system);
     let columns = columns_of(&data, &system);
@@ -77,7 +78,7 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
     Ok(())
 }
 
-/// Whether a force of this name is excluded: by name, or as muscle, actuator or any.
+/// Whether a force of the model's force set is excluded: by name, or as muscle, actuator or any.
 pub fn exclusion(names: &[String]) -> impl Fn(&str, bool, bool) -> bool + '_ {
     let keyword = |word: &str| names.iter().any(|n| n.eq_ignore_ascii_case(word));
     let (all, actuators, muscles) = (keyword("ALL"), keyword("ACTUATORS"), keyword("MUSCLES"));
@@ -106,7 +107,9 @@ fn solve(
         .iter()
         .map(|actor| {
             let is_muscle = matches!(actor, Actor::Muscle(_));
-            !is_excluded(actor.name(&system.muscles), is_muscle, actor.is_actuator())
+            // External loads are no members of the model's force set, the only forces that OpenSim excludes.
+            matches!(actor, Actor::External(_))
+                || !is_excluded(actor.name(&system.muscles), is_muscle, actor.is_actuator())
         })
         .collect();
     let mut solutions = Vec::with_capacity(times.len());
@@ -125,6 +128,7 @@ fn solve(
         let evaluation = system.evaluate(&mut work, &state, &|k| acts[k]);
         let generalized = work.dynamics.inverse_dynamics(&state.q, &state.u, &udot, &evaluation.applied);
         if !generalized.iter().all(|f| f.is_finite()) {
+            Faults::default().require_finite(system, &mut work, &state, &|k| acts[k])?;
             let source = crate::dynamics::DynamicsError::NotFinite;
             return Err(ToolError::new(&system.path, ToolProblem::Dynamics { time, source }));
         }

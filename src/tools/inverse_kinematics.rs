@@ -28,16 +28,19 @@ pub const DESCRIPTION: &str = "\nUnits are S.I. units (second, meters, Newtons, 
 /// Tasks of another class, coordinates that the model or the file lacks.
 pub fn read_tasks(tool: &Properties, system: &System) -> Result<Tasks, ToolError> {
     let file = tool.file("coordinate_file");
+    // As in OpenSim a file that is named has to be there, whether a task needs it or not.
+    file.as_ref().map(Storage::read).transpose()?;
     let mut tasks = Tasks::default();
     let mut splines: Option<Vec<Option<Function>>> = None;
     for task in tool.objects("IKTaskSet") {
-        let applies = task.boolean("apply", true)?;
-        let weight = task.number("weight", 0.0)?;
-        let kind = task.string("value_type").to_lowercase();
-        let value = task.number("value", 0.0)?;
-        if !applies {
+        if !task.boolean("apply", true)? {
+            task.ignore();
             continue;
         }
+        let is_weight = |weight: f64| (0.0..f64::INFINITY).contains(&weight);
+        let weight = task.number_that("weight", 0.0, "a weight of 0 or more", is_weight)?;
+        let kind = task.string("value_type").to_lowercase();
+        let value = task.number("value", 0.0)?;
         match task.class() {
             "IKMarkerTask" => tasks.markers.push((task.name(), weight)),
             "IKCoordinateTask" => {
@@ -55,7 +58,7 @@ pub fn read_tasks(tool: &Properties, system: &System) -> Result<Tasks, ToolError
                         };
                         if splines.is_none() {
                             // OpenSim takes angles of this file for degrees, whatever its header says.
-                            let mut storage = read_coordinates(file, -1.0)?;
+                            let mut storage = read_coordinates(file, -1.0, system)?;
                             storage.in_degrees = true;
                             super::motion::to_radians(&mut storage, system);
                             splines = Some(coordinate_splines(&storage, &columns_of(&storage, system), file)?);
@@ -113,9 +116,15 @@ const OPENSIM_DEFAULT_END: f64 = 2.0;
 pub fn run(tool: &Properties, system: System, outcome: &mut Outcome) -> Result<(), ToolError> {
     let setup = tool.setup().path().to_owned();
     let results = tool.setup().resolve(&tool.string("results_directory"));
-    let constraint_weight = tool.number("constraint_weight", f64::INFINITY)?;
-    let _accuracy = tool.number("accuracy", 1e-5)?;
-    let [start, end] = tool.numbers("time_range", [f64::NEG_INFINITY, f64::INFINITY])?;
+    let constraint_weight =
+        tool.number_that("constraint_weight", f64::INFINITY, "a number from 0 on, or Inf", |weight| weight >= 0.0)?;
+    if constraint_weight.is_finite() {
+        let text = format!("constraint_weight {constraint_weight} has no effect, as in OpenSim 4.6: constraints hold");
+        outcome.warn(&setup, tool.child("constraint_weight").map_or(0, |weight| weight.line()), text);
+    }
+    // Searches end at the minimum, whatever accuracy is asked for.
+    tool.number_that("accuracy", 1e-5, "a number above 0 and below 1", |value| value > 0.0 && value < 1.0)?;
+    let [start, end] = tool.time_range("time_range", [f64::NEG_INFINITY, OPENSIM_DEFAULT_END])?;
     let report_errors = tool.boolean("report_errors", true)?;
     let report_places = tool.boolean("report_marker_locations", false)?;
     let output = tool.file("output_motion_file");
@@ -138,9 +147,11 @@ pub fn run(tool: &Properties, system: System, outcome: &mut Outcome) -> Result<(
         );
     }
     let (first, last) = (data.time[0], data.time[data.time.len() - 1]);
-    if tool.text("time_range").is_none() && last > OPENSIM_DEFAULT_END {
-        let text =
-            format!("no time_range: all of the marker data are taken; OpenSim 4.6 stops at {OPENSIM_DEFAULT_END} s");
+    if tool.string("time_range").is_empty() && last > OPENSIM_DEFAULT_END {
+        let text = format!(
+            "no time_range: as in OpenSim 4.6 frames after {OPENSIM_DEFAULT_END} s are left out, of data to {last} s; \
+             <time_range> takes more"
+        );
         outcome.warn(&setup, 0, text);
     }
     let (start, end) = (start.max(first), end.min(last));
@@ -149,7 +160,7 @@ pub fn run(tool: &Properties, system: System, outcome: &mut Outcome) -> Result<(
     }
     let frames = data.nearest(start)..=data.nearest(end);
 
-    let mut solver = InverseKinematics::new(&system, constraint_weight);
+    let mut solver = InverseKinematics::new(&system);
     solver.markers = goals;
     solver.coordinates =
         tasks.coordinates.iter().map(|(c, weight, _)| CoordinateGoal { coordinate: *c, weight: *weight }).collect();

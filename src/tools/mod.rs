@@ -13,6 +13,7 @@ mod force_analyses;
 mod force_sets;
 mod forward;
 mod ik_solver;
+mod inputs;
 mod inverse_dynamics;
 mod inverse_kinematics;
 mod kinematics;
@@ -45,7 +46,7 @@ const TOOLS: [&str; 5] = ["AnalyzeTool", "ForwardTool", "InverseDynamicsTool", "
 /// - `allow_unsupported`: leave out forces that are not computed, instead of refusing them
 ///
 /// # Errors
-/// The setup, the files that it names, or what it asks for.
+/// The setup, the files that it names, what it asks for, or a result that would take the place of a file that is read.
 pub fn run_tool(setup: &Path, model: Option<&Path>, allow_unsupported: bool) -> Result<Outcome, ToolError> {
     let setup = Setup::read(setup)?;
     let tool = setup.object();
@@ -104,6 +105,7 @@ pub fn run_tool(setup: &Path, model: Option<&Path>, allow_unsupported: bool) -> 
     for (line, tag) in setup.unread() {
         outcome.warn(setup.path(), line, format!("<{tag}> is no property of {} and was not used", tool.class()));
     }
+    inputs::refuse_to_overwrite(setup.path(), model, &mut outcome)?;
     Ok(outcome)
 }
 

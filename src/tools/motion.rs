@@ -20,12 +20,34 @@ pub struct Motion {
     pub missing: Vec<String>,
 }
 
-/// Reads a file of coordinates and filters it.
+/// Fails where a column of a file holds something else than finite numbers.
 ///
 /// # Errors
-/// The file; a spline that cannot be made.
-pub fn read_coordinates(path: &Path, cutoff_hz: f64) -> Result<Storage, ToolError> {
+/// The first such value, with its line and column.
+pub fn require_finite(storage: &Storage, columns: &[usize], file: &Path) -> Result<(), ToolError> {
+    let Some((row, column)) = storage.first_not_finite(columns) else { return Ok(()) };
+    let problem = ToolProblem::Gap {
+        column: storage.labels[column].clone(),
+        time: storage.time[row],
+        found: storage.rows[row][column],
+    };
+    Err(ToolError::at(file, storage.lines.get(row).copied().unwrap_or(0), problem))
+}
+
+/// Reads a file of coordinates, without columns of anything else, and filters it.
+///
+/// # Errors
+/// The file; a value of a coordinate that is not finite; a spline that cannot be made.
+pub fn read_coordinates(path: &Path, cutoff_hz: f64, system: &System) -> Result<Storage, ToolError> {
     let mut storage = Storage::read(path)?;
+    let mut columns: Vec<usize> = columns_of(&storage, system).into_iter().flatten().collect();
+    columns.sort_unstable();
+    columns.dedup();
+    require_finite(&storage, &columns, path)?;
+    storage.labels = columns.iter().map(|column| storage.labels[*column].clone()).collect();
+    for row in &mut storage.rows {
+        *row = columns.iter().map(|column| row[*column]).collect();
+    }
     if cutoff_hz >= 0.0 {
         storage.pad(storage.len() / 2);
         storage.lowpass(cutoff_hz).map_err(|e| ToolError::new(path, ToolProblem::Function(e)))?;

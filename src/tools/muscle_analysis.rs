@@ -5,7 +5,7 @@ use super::error::ToolError;
 use super::setup::Properties;
 use super::system::System;
 use crate::dynamics::Dynamics;
-use crate::muscles::{MuscleDynamics, MuscleModel};
+use crate::muscles::MuscleDynamics;
 use crate::osim::spec::CoordinateIndex;
 use crate::storage::Storage;
 
@@ -117,18 +117,20 @@ impl Analysis for MuscleAnalysis {
         false
     }
 
+    fn uses_forces(&self) -> bool {
+        true
+    }
+
     fn record(&mut self, instant: &mut Instant) -> Result<(), ToolError> {
         let (system, state, evaluation) = (instant.system, instant.state, instant.evaluation);
-        // Tendon forces of OpenSim's deprecated muscles are what they actuate: nothing where they apply no force.
-        let is_idle = |i: usize| {
-            let muscle = &system.muscles[i];
-            !muscle.applies_force && matches!(muscle.law, Some(MuscleModel::Deprecated(_)))
-        };
+        // As in OpenSim, TendonForce and moments are of what a muscle actuates: nothing where it applies no force. All
+        // else is of its state, whether it applies force or not.
+        let is_idle = |i: usize| !system.muscles[i].applies_force;
         for ((name, quantity), store) in QUANTITIES.iter().zip(&mut self.stores) {
             let value = |i: &usize| {
                 let (length, speed) = (evaluation.muscle_length[*i], evaluation.muscle_speed[*i]);
                 match &evaluation.muscles[*i] {
-                    Some(_) if *name == "TendonForce" && is_idle(*i) => 0.0,
+                    _ if *name == "TendonForce" && is_idle(*i) => 0.0,
                     Some(muscle) => quantity(muscle, length, speed),
                     None if *name == "Length" => length,
                     None => f64::NAN,
@@ -153,7 +155,7 @@ impl Analysis for MuscleAnalysis {
                 self.muscles.iter().map(arm).collect()
             };
             let force = |i: &usize| match &evaluation.muscles[*i] {
-                Some(_) if is_idle(*i) => 0.0,
+                _ if is_idle(*i) => 0.0,
                 found => found.as_ref().map_or(f64::NAN, |m| m.tendon_force),
             };
             let moments = arms.iter().zip(&self.muscles).map(|(arm, i)| arm * force(i)).collect();

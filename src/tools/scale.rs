@@ -130,7 +130,7 @@ fn named(file: &OsimFile, name: &str) -> Vec<u8> {
 
 fn range_of(properties: &Properties) -> Result<Option<[f64; 2]>, ToolError> {
     match properties.words("time_range") {
-        Some(words) if words.len() >= 2 => properties.numbers("time_range", [0.0, 0.0]).map(Some),
+        Some(words) if words.len() >= 2 => properties.time_range("time_range", [0.0, 0.0]).map(Some),
         _ => Ok(None),
     }
 }
@@ -200,7 +200,9 @@ fn scale_model(scaler: &Properties, mass: f64, file: &mut OsimFile, outcome: &mu
             "manualScale" => {
                 for scale in &scales {
                     let body = scale.string("segment");
-                    let values = scale.numbers("scales", [1.0; 3])?;
+                    let values = scale.numbers_that("scales", [1.0; 3], "3 numbers above 0", |factors| {
+                        factors.iter().all(|factor| *factor > 0.0 && factor.is_finite())
+                    })?;
                     if scale.boolean("apply", true)? {
                         set(&body, [true; 3], values);
                     }
@@ -286,6 +288,10 @@ fn measure(
     if factor.is_nan() {
         return Ok(Err(format!("measurement {}: a marker is not seen in all frames", measurement.name())));
     }
+    if !(factor > 0.0 && factor.is_finite()) {
+        let text = "two of its markers are at the same place, in the model or in the marker file";
+        return Ok(Err(format!("measurement {}: {text}", measurement.name())));
+    }
     Ok(Ok(factor))
 }
 
@@ -340,7 +346,7 @@ fn place_markers(
         seen().sum::<Vector3<f64>>() / seen().count() as f64
     };
     let means: Vec<Vector3<f64>> = (0..data.names.len()).map(mean).collect();
-    let mut solver = InverseKinematics::new(&system, f64::INFINITY);
+    let mut solver = InverseKinematics::new(&system);
     solver.markers = goals;
     solver.coordinates =
         tasks.coordinates.iter().map(|(c, weight, _)| CoordinateGoal { coordinate: *c, weight: *weight }).collect();

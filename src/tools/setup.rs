@@ -2,6 +2,7 @@
 //! file was not understood.
 
 use std::cell::RefCell;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -247,12 +248,39 @@ impl<'a> Properties<'a> {
         }
     }
 
-    /// A number.
+    /// A finite number.
     ///
     /// # Errors
     /// Something else stands there.
     pub fn number(&self, property: &str, default: f64) -> Result<f64, ToolError> {
-        self.value(property, default, "a number")
+        self.number_that(property, default, "a number", f64::is_finite)
+    }
+
+    /// A number, infinite ones among them, that some rule allows; the default always.
+    ///
+    /// - `expected`: the rule in words
+    ///
+    /// # Errors
+    /// Something else stands there.
+    pub fn number_that(
+        &self,
+        property: &str,
+        default: f64,
+        expected: &str,
+        is_allowed: impl Fn(f64) -> bool,
+    ) -> Result<f64, ToolError> {
+        let text = self.text(property).filter(|text| !text.is_empty());
+        let Some(text) = text else { return Ok(default) };
+        let found = text.parse().ok().filter(|value| is_allowed(*value));
+        found.ok_or_else(|| self.bad_value(property, expected, &text))
+    }
+
+    /// A time [s], infinite ones among them.
+    ///
+    /// # Errors
+    /// Something else stands there.
+    pub fn time(&self, property: &str, default: f64) -> Result<f64, ToolError> {
+        self.number_that(property, default, "a time", |time| !time.is_nan())
     }
 
     /// A whole number.
@@ -261,6 +289,21 @@ impl<'a> Properties<'a> {
     /// Something else stands there.
     pub fn integer(&self, property: &str, default: i64) -> Result<i64, ToolError> {
         self.value(property, default, "a whole number")
+    }
+
+    /// A whole number within a range.
+    ///
+    /// # Errors
+    /// Something else stands there.
+    pub fn count(&self, property: &str, default: usize, range: RangeInclusive<usize>) -> Result<usize, ToolError> {
+        let text = self.text(property).filter(|text| !text.is_empty());
+        let Some(text) = text else { return Ok(default) };
+        let expected = match (*range.start(), *range.end()) {
+            (start, usize::MAX) => format!("a whole number from {start} on"),
+            (start, end) => format!("a whole number from {start} to {end}"),
+        };
+        let found = text.parse().ok().filter(|count| range.contains(count));
+        found.ok_or_else(|| self.bad_value(property, &expected, &text))
     }
 
     /// `true` or `false`.
@@ -290,15 +333,39 @@ impl<'a> Properties<'a> {
         }
     }
 
-    /// Numbers.
+    /// Finite numbers.
     ///
     /// # Errors
     /// Something else stands there, or another count.
     pub fn numbers<const N: usize>(&self, property: &str, default: [f64; N]) -> Result<[f64; N], ToolError> {
+        self.numbers_that(property, default, &format!("{N} numbers"), |n| n.iter().all(|x| x.is_finite()))
+    }
+
+    /// First and last time [s], infinite ones among them.
+    ///
+    /// # Errors
+    /// Something else stands there, or the last time lies before the first.
+    pub fn time_range(&self, property: &str, default: [f64; 2]) -> Result<[f64; 2], ToolError> {
+        self.numbers_that(property, default, "2 numbers, the first and the last time", |[first, last]| first <= last)
+    }
+
+    /// Numbers that some rule allows; the default always.
+    ///
+    /// - `expected`: the rule in words
+    ///
+    /// # Errors
+    /// Something else stands there, or another count.
+    pub fn numbers_that<const N: usize>(
+        &self,
+        property: &str,
+        default: [f64; N],
+        expected: &str,
+        is_allowed: impl Fn(&[f64; N]) -> bool,
+    ) -> Result<[f64; N], ToolError> {
         let Some(text) = self.text(property).filter(|t| !t.is_empty()) else { return Ok(default) };
         let numbers: Result<Vec<f64>, _> = text.split_ascii_whitespace().map(str::parse).collect();
-        let found = numbers.ok().and_then(|n| <[f64; N]>::try_from(n).ok());
-        found.ok_or_else(|| self.bad_value(property, &format!("{N} numbers"), &text))
+        let found = numbers.ok().and_then(|n| <[f64; N]>::try_from(n).ok()).filter(is_allowed);
+        found.ok_or_else(|| self.bad_value(property, expected, &text))
     }
 
     /// Three numbers.

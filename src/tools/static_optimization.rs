@@ -13,6 +13,7 @@ use super::error::{ToolError, ToolProblem};
 use super::force_analyses::{force_storage, record_values};
 use super::setup::Properties;
 use super::system::{Actor, System};
+use crate::forces::AppliedForces;
 use crate::storage::Storage;
 
 /// Most iterations.
@@ -56,6 +57,8 @@ impl StaticOptimization {
         let (mut actuators, mut ranges, mut labels) = (Vec::new(), Vec::new(), Vec::new());
         for (k, actor) in system.actors.iter().enumerate() {
             let range = match actor {
+                // A muscle whose force is not computed is left out, where that is allowed.
+                Actor::Muscle(i) if system.muscles[*i].law.is_none() => continue,
                 Actor::Muscle(i) => {
                     let spec = &system.spec.muscles[*i];
                     [spec.min_control, spec.max_control]
@@ -124,26 +127,26 @@ impl Analysis for StaticOptimization {
         let fail = |source| ToolError::new(&system.path, ToolProblem::Dynamics { time: state.time, source });
         let optimal: Vec<f64> = self.actuators.iter().map(|k| self.optimal_force(instant, *k)).collect();
         let names: Vec<&str> = self.actuators.iter().map(|k| system.actors[*k].name(&system.muscles)).collect();
-        let mut acceleration = |controls: &dyn Fn(usize) -> f64| {
-            let force = |name: &str| names.iter().position(|n| *n == name).map(|i| controls(i) * optimal[i]);
-            let applied = system.with_actuator_forces(instant.work, state, &force);
-            let found = instant.work.dynamics.accelerations(state.time, &state.q, &state.u, &applied).map_err(fail)?;
-            Ok::<_, ToolError>(DVector::from_iterator(
-                self.coordinates.len(),
-                self.coordinates.iter().map(|c| found.udot[*c]),
-            ))
-        };
-        let rest = acceleration(&|_| 0.0)?;
-        let mut matrix = DMatrix::zeros(self.coordinates.len(), self.actuators.len());
-        for i in 0..self.actuators.len() {
-            if optimal[i] != 0.0 {
-                matrix.column_mut(i).copy_from(&(acceleration(&|k| f64::from(u8::from(k == i)))? - &rest));
+        let none = |name: &str| names.contains(&name).then_some(0.0);
+        let applied = system.with_actuator_forces(instant.work, state, &none);
+        let full = |(k, force): (&usize, &f64)| {
+            let mut alone = AppliedForces::new(&system.model);
+            if *force != 0.0 {
+                system.apply_actuator(instant.work, state, *k, *force, &mut alone);
             }
-        }
+            alone
+        };
+        let alone: Vec<AppliedForces> = self.actuators.iter().zip(&optimal).map(full).collect();
+        let dynamics = &mut instant.work.dynamics;
+        let rest = dynamics.accelerations(state.time, &state.q, &state.u, &applied).map_err(fail)?.udot;
+        let responses = dynamics.responses(state.time, &state.q, &state.u, &alone).map_err(fail)?;
+        let rest = DVector::from_iterator(self.coordinates.len(), self.coordinates.iter().map(|c| rest[*c]));
+        let matrix = responses.select_rows(&self.coordinates);
         let wanted = self.wanted.at(state.time);
         let wanted = DVector::from_iterator(self.coordinates.len(), self.coordinates.iter().map(|c| wanted[*c]));
         let (controls, left) = least_powers(&matrix, &(wanted - rest), &self.ranges, self.exponent);
-        if left > 1e-4 {
+        // Also where it is not a number.
+        if !(left <= 1e-4) {
             self.warnings.push(format!(
                 "{}: at t = {} s the actuators cannot make the motion, {left:.3e} rad/s² or m/s² are missing",
                 self.options.name, state.time

@@ -1,6 +1,7 @@
 //! A model with all that acts in it, evaluated at given states.
 
 mod actor;
+mod finite;
 mod states;
 
 use std::path::{Path, PathBuf};
@@ -15,7 +16,7 @@ use super::setup::{Properties, Setup};
 use crate::dynamics::{Accelerations, Constraints, Dynamics, DynamicsError};
 use crate::forces::{AppliedForces, Forces};
 use crate::multibody::{Cache, Model};
-use crate::muscles::{MuscleDynamics, MuscleModel, MuscleState};
+use crate::muscles::{EquilibriumError, MuscleDynamics, MuscleModel, MuscleState};
 use crate::numerics::is_finite;
 use crate::osim::Document;
 use crate::osim::spec::{
@@ -26,6 +27,7 @@ use crate::paths::{Path as MusclePath, PathGeometry};
 use crate::spatial::SpatialForce;
 
 pub use actor::{Actor, PathActuator, SystemMuscle};
+pub use finite::NotFinite;
 
 /// Generalized forces up to this are none (Simbody's `SignificantReal`).
 const SIGNIFICANT: f64 = 2.008_771_736_785_476_6e-14;
@@ -301,8 +303,8 @@ impl System {
 
     /// Length of every path, then state of every muscle at equilibrium.
     ///
-    /// Muscles that cannot be balanced keep their fibre length; their names are returned.
-    pub fn equilibrate(&self, work: &mut SystemWork, state: &mut SystemState) -> Vec<String> {
+    /// Muscles that cannot be balanced keep their fibre length; why is returned.
+    pub fn equilibrate(&self, work: &mut SystemWork, state: &mut SystemState) -> Vec<EquilibriumError> {
         work.dynamics.update(&state.q, &state.u);
         let mut failed = Vec::new();
         for (i, muscle) in self.muscles.iter().enumerate() {
@@ -313,7 +315,7 @@ impl System {
             let speed = muscle.path.lengthening_speed(&state.q, qdot, cache, &work.paths[i]);
             match law.equilibrium(work.paths[i].length(), speed, self.muscle_state(state, i).activation) {
                 Ok(found) => state.fiber_length[i] = found,
-                Err(error) => failed.push(error.to_string()),
+                Err(error) => failed.push(error),
             }
         }
         failed
@@ -495,26 +497,39 @@ impl System {
             })
             .collect();
         let mut applied = self.evaluate(work, state, &|k| given[k].is_none()).applied;
-        for (k, (actor, force)) in self.actors.iter().zip(&given).enumerate() {
-            let Some(force) = force else { continue };
-            match actor {
-                Actor::Muscle(i) => {
-                    let cache = work.dynamics.cache();
-                    apply_tension(&self.muscles[*i].path, &state.q, cache, &work.paths[*i], *force, &mut applied);
-                }
-                Actor::Actuator(actuator) => {
-                    actuator.apply(&self.model, work.dynamics.cache(), *force, &mut applied);
-                }
-                Actor::PathActuator(actuator) => {
-                    let (cache, geometry) = (work.dynamics.cache(), &work.others[k]);
-                    if let Some(geometry) = geometry {
-                        apply_tension(&actuator.path, &state.q, cache, geometry, *force, &mut applied);
-                    }
-                }
-                _ => {}
+        for (k, force) in given.iter().enumerate() {
+            if let Some(force) = force {
+                self.apply_actuator(work, state, k, *force, &mut applied);
             }
         }
         applied
+    }
+
+    /// Adds a force of one actuator at the state last evaluated.
+    ///
+    /// - `k`: its position among the actors
+    /// - `force`: [N or N·m]
+    pub fn apply_actuator(
+        &self,
+        work: &SystemWork,
+        state: &SystemState,
+        k: usize,
+        force: f64,
+        applied: &mut AppliedForces,
+    ) {
+        let cache = work.dynamics.cache();
+        match &self.actors[k] {
+            Actor::Muscle(i) => {
+                apply_tension(&self.muscles[*i].path, &state.q, cache, &work.paths[*i], force, applied);
+            }
+            Actor::Actuator(actuator) => actuator.apply(&self.model, cache, force, applied),
+            Actor::PathActuator(actuator) => {
+                if let Some(geometry) = &work.others[k] {
+                    apply_tension(&actuator.path, &state.q, cache, geometry, force, applied);
+                }
+            }
+            _ => {}
+        }
     }
 
     /// Accelerations at the state last evaluated; where the equations of motion have no solution not numbers, as in OpenSim, and
@@ -582,15 +597,23 @@ impl System {
         joints.collect()
     }
 
-    /// The frame of a body or ground by its name, or of any frame by its path.
+    /// The frame of a body or ground by its name, or of any frame by its path, from the model, its bodies or its joints
+    /// on.
     pub fn frame(&self, name: &str) -> Option<FrameIndex> {
-        let by_path = || {
-            let absolute = format!("/{}", name.trim_start_matches("./").trim_start_matches('/'));
-            self.spec.frames.iter().position(|f| f.at.path == absolute).map(FrameIndex)
-        };
-        if name == "ground" {
+        let mut steps: Vec<&str> = Vec::new();
+        for step in name.split('/').filter(|step| !step.is_empty() && *step != ".") {
+            match step {
+                ".." => drop(steps.pop()),
+                step => steps.push(step),
+            }
+        }
+        let relative = steps.join("/");
+        let at = |path: String| self.spec.frames.iter().position(|f| f.at.path == path).map(FrameIndex);
+        if relative == "ground" {
             return Some(FrameIndex(0));
         }
+        let sets = ["", "/bodyset", "/jointset"];
+        let by_path = || sets.iter().find_map(|set| at(format!("{set}/{relative}")));
         by_path().or_else(|| self.spec.bodies.iter().find(|b| b.name == name).map(|b| b.frame))
     }
 

@@ -51,9 +51,12 @@ fn trial_opened(document: &Document, tool: ElementId, has_root: bool) -> Edits {
     };
     let Some(trial) = document.child(objects, "IKTrial") else { return Vec::new() };
     let (around, content) = (document.range(trials), document.inner(trial));
-    let defaults = [("constraint_weight", "20.0"), ("accuracy", if has_root { "1e-4" } else { "1e-5" })];
-    let absent = defaults.iter().filter(|(property, _)| document.child(tool, property).is_none());
-    let added: String = absent.map(|(property, value)| format!("<{property}>{value}</{property}>")).collect();
+    // OpenSim adds a constraint_weight of 20 as well, which has no effect.
+    let accuracy = if has_root { "1e-4" } else { "1e-5" };
+    let added = match document.child(tool, "accuracy") {
+        Some(_) => String::new(),
+        None => format!("<accuracy>{accuracy}</accuracy>"),
+    };
     let mut edits = vec![
         removed(document, around.start..content.start),
         removed(document, content.end..document.range(trial).end),

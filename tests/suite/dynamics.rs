@@ -406,6 +406,14 @@ fn verif_assembled_states_satisfy_constraints_whose_forces_do_no_work() {
         let size = solution.constraint_forces.amax();
         assert!(size > 0.1, "{}: constraints carry load", case.name);
         assert!(power.abs() < 1e-10 * size, "{}: constraint forces do work: {power} W", case.name);
+        // The equations are linear in forces.
+        let mut pushed = AppliedForces::new(&case.model);
+        pushed.mobility[0] = 3.0;
+        pushed.bodies[1] = SpatialForce { moment: Vector3::new(1.0, -2.0, 0.5), force: Vector3::new(5.0, 4.0, -3.0) };
+        let together = dynamics.accelerations(0.0, &q, &u, &pushed).expect("accelerations").udot;
+        let alone = dynamics.responses(0.0, &q, &u, std::slice::from_ref(&pushed)).expect("responses");
+        let error = (&together - &solution.udot - alone.column(0)).amax();
+        assert!(alone.amax() > 0.1 && error < 1e-9 * together.amax(), "{}: {error}", case.name);
         // A short time later the constraints still hold, to second order.
         let h = 1e-4;
         let qdot = dynamics.qdot().to_vec();
@@ -458,7 +466,7 @@ fn compare_trajectory(spec: &ModelSpec, reference: &Value, accuracy: f64) -> (Di
         .equilibrium_state(0.0, &of(&rows[0], "q"), &of(&rows[0], "u"), &excitation, &mut work)
         .expect("equilibrium");
     let times = rows.iter().map(|row| row["time"].as_f64().expect("time")).collect();
-    let options = ForwardOptions { times, accuracy, first_step: 1e-3 };
+    let options = ForwardOptions { times, accuracy, first_step: 1e-3, most_steps: 1_000_000 };
     let trajectory = simulate_forward(&plant, &start, excite, &options).expect("trajectory");
     let mut differences = Differences::new("coordinate along a forward simulation", "rad or m");
     for (state, row) in trajectory.states.iter().zip(rows) {
@@ -509,7 +517,8 @@ fn verif_the_mcfarland_hand_falls_for_a_second() {
     let (q, u) = (model.default_coordinates(), vec![0.0; model.n_coordinates()]);
     let mut work = plant.new_work();
     let start = plant.equilibrium_state(0.0, &q, &u, &excitation, &mut work).expect("equilibrium");
-    let options = ForwardOptions { times: vec![0.0, 0.5, 1.0], accuracy: 1e-5, first_step: 1e-3 };
+    let options =
+        ForwardOptions { times: vec![0.0, 0.5, 1.0], accuracy: 1e-5, first_step: 1e-3, most_steps: 1_000_000 };
     let excite = |_: f64, e: &mut [f64]| e.copy_from_slice(&excitation);
     let trajectory = simulate_forward(&plant, &start, excite, &options).expect("trajectory");
     println!("{:?}", trajectory.cost);
@@ -559,7 +568,7 @@ fn verif_motion_goes_through_the_pole_of_a_bushing() {
         actuator_activation: Vec::new(),
     };
     let times = (0..=8).map(|k| 0.05 * f64::from(k)).collect();
-    let options = ForwardOptions { times, accuracy: 1e-7, first_step: 1e-3 };
+    let options = ForwardOptions { times, accuracy: 1e-7, first_step: 1e-3, most_steps: 1_000_000 };
     let trajectory = simulate_forward(&plant, &start, |_, _| {}, &options).expect("trajectory");
     let energy = |state: &PlantState| 5e-4 * (state.u[0].powi(2) + state.u[1].powi(2));
     for (time, state) in trajectory.times.iter().zip(&trajectory.states) {

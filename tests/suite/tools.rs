@@ -2,11 +2,15 @@
 
 mod components;
 mod files;
+mod finite_forces;
 mod force_sets;
+mod inputs;
+mod marker_search;
 mod motion_capture;
 mod odd_models;
 mod old_setups;
 mod opensim;
 mod references;
 mod setups;
+mod small_model;
 mod unusual_models;

@@ -47,7 +47,7 @@ fn verif_faults_of_setups_are_told_with_their_line() {
         (tool("InverseDynamicsTool", model), "setup.xml:2: coordinates_file is missing"),
         (
             tool("InverseDynamicsTool", &format!("{model}<time_range>0 x</time_range>")),
-            "setup.xml:4: time_range: expected 2 numbers, found \"0 x\"",
+            "setup.xml:4: time_range: expected 2 numbers, the first and the last time, found \"0 x\"",
         ),
         (
             tool("InverseKinematicsTool", &format!("{model}<marker_file>gone.trc</marker_file>")),
