@@ -43,7 +43,7 @@ pub use imaging_settings::{FascicleUse, ImagingSettings};
 pub use participants::{Participant, Sex, Side};
 pub use priors::{PriorKnowledge, PriorUnit, read_priors};
 pub use problem::{Fault, MAX_LISTED, Problem, Severity, StudyErrors};
-pub(crate) use problem::{coordinate_value, nearest};
+pub(crate) use problem::{nearest, outside_range};
 pub use processed_emg::{ParticipantEmg, ProcessedEmg};
 pub use processing::{
     DelayFound, ProcessedTrial, ProcessingError, ProcessingResult, ProcessingSettings, Recorded, SecondRecorder,
@@ -54,6 +54,7 @@ pub use settings::{
     AngleUnit, Columns, Dynamometer, FurtherMoment, MomentPart, ParameterBounds, PostureCoordinate, RelativeBounds,
     Settings,
 };
+pub(crate) use table::named_file;
 pub use trial::{
     ANGLE_RANGE_TOLERANCE, ANGLE_RANGE_WARNING, EMG_NOISE_ABOVE, EMG_NOISE_BELOW, GAP_IN_MEDIAN_STEPS, MAX_SAMPLES,
     MIN_SAMPLES, POSITION_RANGE_WARNING, Trial,
@@ -368,6 +369,6 @@ fn read_settings(file: &Path, folder: &Path, problems: &mut Vec<Problem>) -> Opt
         return None;
     };
     let (mut settings, columns_sound) = Settings::parse(&text, file, problems)?;
-    settings.model = folder.join(&settings.model);
+    settings.model = table::named_file(folder, &settings.model.to_string_lossy());
     Some((settings, columns_sound))
 }

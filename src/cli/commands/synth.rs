@@ -59,6 +59,7 @@ pub fn run(args: &SynthArgs, global: &Global) -> Result<(), Failure> {
     }
     bar.finish_and_clear();
     write_study(&study, &made, &noise, global)?;
+    study.close("synth")?;
     if global.json {
         let text = json!({ "schema": "carpus.synth/1", "study": study.out.path().join("study.toml"), "participants": made.iter().map(|m| m.truth.clone()).collect::<Vec<_>>() });
         return print_result(&text.to_string());
@@ -167,13 +168,8 @@ fn write_study(study: &StudyRun, made: &[Made], noise: &RecordingNoise, global: 
     };
     let mut listed = Vec::new();
     for one in made {
-        let mut taken: Vec<String> = Vec::new();
         for trial in &one.synthetic.trials {
-            let stem = trial.info.name();
-            let again = taken.iter().filter(|name| **name == stem).count();
-            taken.push(stem.clone());
-            let stem = if again == 0 { stem } else { format!("{stem}_{}", again + 1) };
-            let file = format!("data/{}/{stem}.csv", one.participant.name);
+            let file = format!("data/{}/{}.csv", one.participant.name, trial.info.name);
             put(&file, csv(write::trial_rows(trial, &settings.active_muscles))?.as_bytes())?;
             listed.push((trial, file));
         }
