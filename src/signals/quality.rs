@@ -1,6 +1,6 @@
 //! What can be wrong with a recorded channel.
 
-use super::smoothing::moving_mean;
+use super::smoothing::savitzky_golay;
 
 /// Frequencies of mains supply \[Hz\].
 pub const MAINS_FREQUENCIES_HZ: [f64; 2] = [50.0, 60.0];
@@ -141,7 +141,8 @@ pub fn check_excitation(excitation: &[f64], limits: &QualityLimits) -> Option<Fi
 pub fn check_artefact(raw: &[f64], excitation: &[f64], sample_rate_hz: f64, limits: &QualityLimits) -> Option<Finding> {
     let samples = |seconds: f64| (seconds * sample_rate_hz).round().max(1.0) as usize;
     let (own, about) = (samples(OWN_TIME_S), samples(ABOUT_S));
-    let slow = moving_mean(raw, 2 * own + 1).ok()?;
+    // Moving mean; at the ends, where the window is cut, a line, which slow drift is there.
+    let slow = savitzky_golay(raw, 1, 2 * own + 1).ok()?;
     let size: Vec<f64> = raw.iter().zip(&slow).map(|(x, slow)| (x - slow).abs()).collect();
     let (at, largest) = size.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
     let is_about = |k: &usize| k.abs_diff(at) > own;

@@ -198,9 +198,9 @@ pub enum SimulationError {
         /// Active muscles.
         expected: usize,
     },
-    /// A result that is no number.
+    /// A result that is no number, or one far beyond what can be computed with.
     #[error(
-        "{recording}: {}{quantity} is {value} at {time} s (coordinate at {angle} rad or m); expected a finite number",
+        "{recording}: {}{quantity} is {value} at {time} s (coordinate at {angle} rad or m); expected a number that can be computed with",
         of_muscle(.muscle)
     )]
     NotFiniteResult {

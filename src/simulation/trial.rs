@@ -43,6 +43,10 @@ impl<'a> From<&'a Trial> for Recording<'a> {
     }
 }
 
+/// Results as large as this are none: squares of larger ones, summed over ten million samples, leave the range of
+/// floating-point numbers, so that no error can be computed, and no muscle is so strong by more than a hundred powers of ten.
+const LARGEST_RESULT: f64 = 1e150;
+
 /// How a trial is simulated.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Options {
@@ -505,10 +509,10 @@ impl PreparedTrial {
         Ok(out)
     }
 
-    /// Finds the first number of a simulation that is none: numbers of a model that are too large or too small overflow.
+    /// Finds the first number of a simulation that is none, or that is too large to be computed with ([`LARGEST_RESULT`]).
     fn check_finite(&self, simulation: &TrialSimulation) -> Result<(), SimulationError> {
         let fails = |muscle: Option<usize>, quantity: &'static str, series: &[f64]| {
-            let Some(k) = series.iter().position(|v| !v.is_finite()) else { return Ok(()) };
+            let Some(k) = series.iter().position(|v| !(v.abs() < LARGEST_RESULT)) else { return Ok(()) };
             Err(SimulationError::NotFiniteResult {
                 recording: self.name.clone(),
                 muscle: muscle.map(|i| self.muscles[i].muscle.name.clone()),

@@ -139,7 +139,8 @@ impl Study {
         let file = if path.is_dir() { path.join("study.toml") } else { path.to_owned() };
         let folder = file.parent().map(Path::to_owned).unwrap_or_default();
         let settings = read_settings(&file, &folder, &mut problems);
-        if settings.is_none() && !file.exists() {
+        let no_study = problems.iter().any(|p| matches!(p.fault, Fault::NotAStudy { .. })) || !file.exists();
+        if settings.is_none() && no_study {
             return Parts { study: None, problems, columns_sound: false }; // a wrong path: complaints about its neighbours would only hide that
         }
         let study_model = settings.as_ref().map(|(s, _)| s.model.clone()).unwrap_or_default();

@@ -96,6 +96,8 @@ impl Question {
         seed: u64,
     ) -> Result<(IdentifiabilityResult, Identifiability, Vec<Message>), Failure> {
         let mut warnings = Vec::new();
+        // What cannot be simulated has no intervals: better said at once.
+        run.simulate(&run.model.nominal_parameters())?;
         let free = parameters(study, run, &self.properties, &self.priors, &self.options, &mut warnings)?;
         if free.iter().any(|p| p.property == MuscleProperty::MaxIsometricForce) {
             warnings.push(Message::warning(TOO_NARROW));
