@@ -54,7 +54,7 @@ pub use settings::{
     AngleUnit, Columns, Dynamometer, FurtherMoment, MomentPart, ParameterBounds, PostureCoordinate, RelativeBounds,
     Settings,
 };
-pub(crate) use table::named_file;
+pub(crate) use table::{is_of_a_study, named_file};
 pub use trial::{
     ANGLE_RANGE_TOLERANCE, ANGLE_RANGE_WARNING, EMG_NOISE_ABOVE, EMG_NOISE_BELOW, GAP_IN_MEDIAN_STEPS, MAX_SAMPLES,
     MIN_SAMPLES, POSITION_RANGE_WARNING, Trial,

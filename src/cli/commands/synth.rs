@@ -20,7 +20,7 @@ use crate::diagnosis::forward_model::{ForwardModel, Setting};
 use crate::diagnosis::holds::steadied_trials;
 use crate::diagnosis::synthesis::{RecordingNoise, Synthetic, largest_moments, synthesize};
 use crate::report::results::{InputFile, rounded};
-use crate::study::{Participant, Trial, write};
+use crate::study::{Participant, Trial, is_of_a_study, write};
 
 /// What the files say about where they come from.
 const ORIGIN: &str = "Simulated by Carpus itself, not by OpenSim and not by a person: for teaching and for tests.";
@@ -54,7 +54,9 @@ pub fn run(args: &SynthArgs, global: &Global) -> Result<(), Failure> {
     let bar = progress(global, study.participants.len() as u64, "simulating");
     let mut made = Vec::new();
     for participant in &study.participants {
-        made.push(make(args, global, &study, participant, &noise)?);
+        let one = make(args, global, &study, participant, &noise)?;
+        one.synthetic.trials.iter().try_for_each(holdable)?;
+        made.push(one);
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -155,6 +157,19 @@ fn truth(
         })
         .collect();
     json!({ "participant": run.participant.name, "effects": effects.collect::<Vec<_>>(), "muscles": muscles })
+}
+
+/// Fails if a study cannot hold a trial's numbers: no command would read what is written.
+fn holdable(trial: &Trial) -> Result<(), Failure> {
+    let numbers = trial.moment.iter().chain(&trial.angle).chain(trial.excitation.iter().flatten());
+    match numbers.copied().find(|v| !is_of_a_study(*v)) {
+        Some(number) => {
+            let text =
+                format!("trial {}: the effects make a number of {number:e}, which no study can hold", trial.info.name);
+            Err(Message::error(text).hint("give the effects smaller sizes").into())
+        }
+        None => Ok(()),
+    }
 }
 
 fn write_study(study: &StudyRun, made: &[Made], noise: &RecordingNoise, global: &Global) -> Result<(), Failure> {
