@@ -82,7 +82,7 @@ pub fn results(setting: Setting, trials: &[Trial], runs: &[ModelRun]) -> Result<
 fn error_table(trials: &[Trial], run: &ModelRun) -> Result<ErrorTable, Failure> {
     let errors = trials.iter().zip(&run.moments).map(|(trial, simulated)| {
         TrialErrors::calc(&trial.info, &trial.moment, simulated)
-            .map_err(|e| Failure::Internal(format!("trial {} with model {}: {e}", trial.info.name(), run.id)))
+            .map_err(|e| Failure::Internal(format!("trial {} with model {}: {e}", trial.info.name, run.id)))
     });
     Ok(ErrorTable::from_trials(errors.collect::<Result<_, _>>()?))
 }
@@ -128,14 +128,14 @@ fn trial_result<'r>(
     let degrees: Vec<f64> = trial.angle.iter().map(|a| a.to_degrees()).collect();
     let info = &trial.info;
     TrialResult {
-        id: info.name(),
+        id: info.name.clone(),
         file: info.file_as_written.clone(),
         condition: condition(info.contraction.word(), info.effort_percent, info.direction.word()),
         posture_deg: info.posture.map(|p| rounded(p.to_degrees(), 12)),
         repetition: info.repetition,
         trial_use: usage(info),
         samples: trial.len(),
-        moment_noise_n_m: scatter(&trial.moment),
+        moment_noise_n_m: scatter(&trial.own_moment()),
         errors,
         series: Series {
             time_s: kept.iter().map(|i| rounded(trial.time[*i], 9)).collect(),
@@ -147,15 +147,29 @@ fn trial_result<'r>(
 }
 
 /// Standard deviation of the noise between neighbouring samples, robust against the signal itself: the median of the
-/// absolute second differences over the value that white noise of standard deviation 1 has.
+/// absolute second differences over the value that white noise of standard deviation 1 has. `None` where they do not tell: of
+/// a signal without noise, or one that was filtered, second differences over two steps are four times those over one.
 fn scatter(values: &[f64]) -> Option<f64> {
     /// Median of |N(0, 1)|.
     const MEDIAN_ABSOLUTE_NORMAL: f64 = 0.674_489_750_196_081_7;
-    let mut seconds: Vec<f64> = values.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).abs()).collect();
-    seconds.sort_by(f64::total_cmp);
-    let median = seconds.get(seconds.len() / 2)?;
+    /// Ratio of second differences over two steps to those over one from which these are of the signal: it is 1 of white noise,
+    /// 4 of a smooth signal.
+    const SMOOTH: f64 = 3.0;
+    /// Second differences of a signal as large as 1 that are rounding alone.
+    const ROUNDING: f64 = 1e-12;
+    let median = |step: usize| {
+        let mut seconds: Vec<f64> =
+            values.windows(2 * step + 1).map(|w| (w[0] - 2.0 * w[step] + w[2 * step]).abs()).collect();
+        seconds.sort_by(f64::total_cmp);
+        seconds.get(seconds.len() / 2).copied()
+    };
+    let found = median(1)?;
+    let largest = values.iter().fold(0.0, |max: f64, v| max.max(v.abs()));
+    if found <= ROUNDING * largest || median(2).is_some_and(|twice| twice > SMOOTH * found) {
+        return None;
+    }
     // The second difference of white noise has variance 1 + 4 + 1.
-    Some(rounded(median / MEDIAN_ABSOLUTE_NORMAL / 6f64.sqrt(), 4))
+    Some(rounded(found / MEDIAN_ABSOLUTE_NORMAL / 6f64.sqrt(), 4))
 }
 
 fn condition(contraction: &str, effort_percent: Option<f64>, direction: &str) -> Condition {
@@ -363,5 +377,9 @@ mod tests {
         let found = scatter(&values).unwrap();
         assert!((found - 0.05).abs() < 0.004, "{found}");
         assert_eq!(scatter(&[1.0, 2.0]), None);
+        // Filtered, or without noise: what is between samples is the signal.
+        let smooth: Vec<f64> = (0..5000).map(|i| 10.0 * (f64::from(i) * 1e-3).sin()).collect();
+        assert_eq!(scatter(&smooth), None);
+        assert_eq!(scatter(&(0..5000).map(f64::from).collect::<Vec<_>>()), None, "a straight line");
     }
 }

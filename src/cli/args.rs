@@ -201,7 +201,7 @@ pub struct StudyArgs {
     /// Use this model instead of the one the study names
     #[arg(long, value_name = "OTHER.osim")]
     pub model: Option<PathBuf>,
-    /// Folder for the results: one folder per participant
+    /// Folder for the results of this study: one folder per participant; carpus-output.json says who made what
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
     /// Go on although the model has components that would change the result and are not supported

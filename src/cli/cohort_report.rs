@@ -80,7 +80,7 @@ pub fn representatives(run: &ParticipantRun, held_out: &[usize]) -> Vec<Represen
         let kept = thinned(trial.len(), DRAWN_SAMPLES);
         found.push(Representative {
             participant: run.participant.name.clone(),
-            trial: info.name(),
+            trial: info.name.clone(),
             contraction: info.contraction,
             effort_percent,
             direction: info.direction,
@@ -283,7 +283,10 @@ fn anova(cohort: &Cohort, parts: &mut ReportParts) -> Result<(), Failure> {
             note: "Within participants; where Mauchly's test rejects sphericity or cannot be made, the corrected p counts."
                 .to_string(),
         }));
-        json.insert(measure.id().to_string(), super::units::value(&effects)?);
+        json.insert(
+            measure.id().to_string(),
+            serde_json::to_value(&effects).map_err(|e| Failure::Internal(e.to_string()))?,
+        );
         rows.extend(effects.iter().map(|e| {
             let mut row = vec![measure.id().to_string(), e.name()];
             row.extend(effect_columns(e));

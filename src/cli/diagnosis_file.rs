@@ -76,6 +76,9 @@ pub fn known_or_made(
     let name = &run.participant.name;
     let file = study.out.path().join(name).join("diagnosis.json");
     if let Some((value, result)) = read(&file, &run.inputs, global) {
+        for file in ["diagnosis.json", "results.json", "report.html", "error.svg"] {
+            study.out.keep(Path::new(name).join(file));
+        }
         return Ok(KnownDiagnosis { value, result });
     }
     if file.exists() {

@@ -154,8 +154,8 @@ impl From<crate::study::StudyErrors> for Failure {
     }
 }
 
-/// How many messages of a kind are printed before the rest is only counted.
-const MAX_PRINTED: usize = 20;
+/// How many messages of a kind are printed before the rest is only counted: a person mends the first few and asks again.
+const MAX_PRINTED: usize = crate::study::MAX_LISTED;
 
 /// Prints a line to stderr. Where nobody listens, or the disk is full, the work goes on: what was asked for are the
 /// results.
@@ -168,7 +168,13 @@ pub fn print(messages: &[Message]) {
     let styled = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
     let renderer = if styled { Renderer::styled() } else { Renderer::plain() };
     for (gravity, name) in [(Gravity::Warning, "warning"), (Gravity::Error, "error")] {
-        let of_kind: Vec<_> = messages.iter().filter(|m| m.gravity == gravity).collect();
+        let mut of_kind: Vec<&Message> = Vec::new();
+        for message in messages.iter().filter(|m| m.gravity == gravity) {
+            // Participants share tables and models: what is wrong with these is said once.
+            if !of_kind.contains(&message) {
+                of_kind.push(message);
+            }
+        }
         for message in of_kind.iter().take(MAX_PRINTED) {
             say(&message.rendered(&renderer));
         }

@@ -34,7 +34,7 @@ pub fn report(all: &[IdentifiabilityResult]) -> Result<ReportParts, Failure> {
     let (total, determined) = parameters
         .iter()
         .flat_map(|p| &p.of)
-        .fold((0, 0), |(n, d), (_, k)| (n + 1, d + usize::from(k.end_from_data == [true, true])));
+        .fold((0, 0), |(n, d), (_, k)| (n + 1, d + usize::from(k.is_determined())));
     let header = ["muscle", "property", "determined in", "at a bound in", "median ± %", "median share from data"];
     let rows: Vec<Vec<String>> = parameters.iter().map(summary).collect();
     let mut warnings: Vec<String> = Vec::new();
@@ -118,8 +118,7 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 
 fn summary(p: &Parameter) -> Vec<String> {
     let n = p.of.len();
-    let determined: Vec<&ParameterKnowledge> =
-        p.of.iter().map(|(_, k)| *k).filter(|k| k.end_from_data == [true, true]).collect();
+    let determined: Vec<&ParameterKnowledge> = p.of.iter().map(|(_, k)| *k).filter(|k| k.is_determined()).collect();
     let half = |k: &&ParameterKnowledge| 50.0 * (k.interval[1] - k.interval[0]) / k.most_likely;
     let width = median(determined.iter().map(half).collect());
     let share = median(p.of.iter().map(|(_, k)| k.share_from_data).collect());

@@ -8,6 +8,7 @@ use crate::multibody::Model;
 use crate::osim::spec::{CoordinateIndex, MotionType, MuscleIndex};
 use crate::osim::{Diagnostic, OsimError, OsimFile, Severity};
 use crate::paths::{Path as MusclePath, PathGeometry};
+use crate::study::outside_range;
 
 /// A model that was read and compiled.
 #[derive(Debug)]
@@ -214,12 +215,9 @@ impl LoadedModel {
     /// The warning that a value lies outside a coordinate's range.
     pub fn outside_range(&self, index: CoordinateIndex, value: f64) -> Message {
         let coordinate = &self.model.coordinates[index.0];
-        let show = |v: f64| match coordinate.motion_type {
-            MotionType::Translational => format!("{v:.4} m"),
-            _ => format!("{:.1}°", v.to_degrees()),
-        };
-        let [low, high] = coordinate.range.map(show);
-        let text = format!("coordinate `{}` is {}, outside its range of {low} to {high}", coordinate.name, show(value));
+        let is_translation = coordinate.motion_type == MotionType::Translational;
+        let outside = outside_range(value, coordinate.range, is_translation);
+        let text = format!("coordinate `{}` is {outside}", coordinate.name);
         Message { gravity: Gravity::Warning, ..self.message(text) }.at_line(self.file.spec.coordinates[index.0].at.line)
     }
 

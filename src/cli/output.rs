@@ -1,10 +1,24 @@
-//! The folder that a command writes into.
+//! The folder that a command writes into, and what says who made the files in it.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use serde::{Deserialize, Serialize};
 
 use super::failure::{Failure, Message};
 use crate::printable::{deceptive_in, number_of};
+use super::provenance::hash_of;
+
+/// The file that says who made the others.
+const MANIFEST: &str = "carpus-output.json";
+const SCHEMA: &str = "carpus.output/1";
+/// Stands for the command in the manifest where a run ended early: the next run of any command removes what it does not write.
+const UNFINISHED: &str = "unfinished run";
+/// Files that a message names before it counts the rest.
+const NAMED: usize = 5;
 
 /// A folder that was found to be writable before anything was computed. Files appear in it whole or not at all.
 #[derive(Debug)]
@@ -12,6 +26,31 @@ pub struct OutputFolder {
     path: PathBuf,
     /// Files that must not be overwritten, as canonical paths.
     inputs: Vec<PathBuf>,
+    /// Whose results these are, and what lay here before; `None` for results that are of no study.
+    claim: Option<Manifest>,
+    /// Hash of every file that was written, by its path in the folder.
+    written: Mutex<BTreeMap<String, String>>,
+    /// Files of earlier runs that are of this one, too, by their paths.
+    kept: Mutex<BTreeSet<String>>,
+    /// Whether the manifest is written.
+    closed: AtomicBool,
+}
+
+/// Who made the files of a folder.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Manifest {
+    schema: String,
+    /// The study's name, and its study.toml.
+    study: String,
+    study_file: PathBuf,
+    files: BTreeMap<String, Made>,
+}
+
+/// One file.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Made {
+    command: String,
+    sha256: String,
 }
 
 impl OutputFolder {
@@ -30,7 +69,136 @@ impl OutputFolder {
         std::fs::create_dir_all(path).map_err(unwritable)?;
         tempfile::Builder::new().prefix(".carpus-").tempfile_in(path).map_err(unwritable)?;
         let inputs = inputs.iter().filter_map(|file| file.canonicalize().ok()).collect();
-        Ok(OutputFolder { path: path.to_owned(), inputs })
+        let (written, kept, closed) = Default::default();
+        Ok(OutputFolder { path: path.to_owned(), inputs, claim: None, written, kept, closed })
+    }
+
+    /// Takes the folder for the results of a study.
+    ///
+    /// # Errors
+    /// It holds those of another study.
+    pub fn claimed_for(mut self, name: &str, study_file: &Path) -> Result<OutputFolder, Failure> {
+        let study_file = study_file.canonicalize().unwrap_or_else(|_| study_file.to_owned());
+        let manifest = Manifest::read(&self.path.join(MANIFEST));
+        let found = manifest.filter(|known| known.files.keys().any(|file| self.path.join(file).exists()));
+        self.claim = Some(match found {
+            Some(known) if !known.is_of(name, &study_file, &self.path) => {
+                let text =
+                    format!("holds results of another study, `{}` ({})", known.study, known.study_file.display());
+                let hint =
+                    "choose another folder with --out, or delete this one; beside each other they would be mixed up";
+                return Err(Message::error(text).in_file(&self.path).hint(hint).into());
+            }
+            Some(known) => known,
+            None => {
+                let (schema, study) = (SCHEMA.to_owned(), name.to_owned());
+                Manifest { schema, study, study_file, files: BTreeMap::new() }
+            }
+        });
+        Ok(self)
+    }
+
+    /// Ends a run: removes what earlier runs of the command left that is not of this one, and says in the folder who made what.
+    /// What was changed by hand is never removed. Returns what a person should know.
+    ///
+    /// - `command`: the command's name
+    /// - `others`: participants of the study that the run was not about; what is theirs stays
+    ///
+    /// # Errors
+    /// The disk.
+    pub fn close(&self, command: &str, others: &[&str]) -> Result<Vec<Message>, Failure> {
+        let Some(mut manifest) = self.claim.clone() else { return Ok(Vec::new()) };
+        let written = lock(&self.written);
+        let kept = lock(&self.kept);
+        let of_others = |file: &str| {
+            let mut parts = file.split('/').map(|part| part.strip_suffix(".html").unwrap_or(part));
+            parts.any(|part| others.contains(&part))
+        };
+        let is_left = |file: &String, made: &Made| {
+            [command, UNFINISHED].contains(&made.command.as_str())
+                && !written.contains_key(file)
+                && !kept.contains(file)
+                && !of_others(file)
+        };
+        let left: Vec<(String, Made)> = manifest
+            .files
+            .iter()
+            .filter(|(file, made)| is_left(file, made))
+            .map(|(f, m)| (f.clone(), m.clone()))
+            .collect();
+        let (mut removed, mut changed) = (Vec::new(), Vec::new());
+        for (file, made) in left {
+            manifest.files.remove(&file);
+            match self.removes(&file, &made.sha256)? {
+                Some(true) => removed.push(file),
+                Some(false) => changed.push(file),
+                None => {}
+            }
+        }
+        self.write_manifest(manifest, command, &written)?;
+        self.closed.store(true, Ordering::Relaxed);
+        let mut messages = Vec::new();
+        if !removed.is_empty() {
+            let text = format!("removed what an earlier run of {command} had left here: {}", listed(&removed));
+            messages.push(Message::warning(text).in_file(&self.path));
+        }
+        if !changed.is_empty() {
+            let text =
+                format!("of an earlier run of {command}, changed since then and left here: {}", listed(&changed));
+            messages.push(Message::warning(text).in_file(&self.path).hint("these files are not of this run"));
+        }
+        Ok(messages)
+    }
+
+    /// Says in the folder who made what.
+    fn write_manifest(
+        &self,
+        mut manifest: Manifest,
+        command: &str,
+        written: &BTreeMap<String, String>,
+    ) -> Result<(), Failure> {
+        for (file, sha256) in written {
+            let made = Made { command: command.to_owned(), sha256: sha256.clone() };
+            manifest.files.insert(file.clone(), made);
+        }
+        let text = serde_json::to_string_pretty(&manifest).map_err(|e| Failure::Internal(e.to_string()))? + "\n";
+        self.put(MANIFEST.as_ref(), text.as_bytes()).map(|_| ())
+    }
+
+    /// Removes a file of an earlier run with the folders that it leaves empty. Whether it was; `None` if it is not there.
+    fn removes(&self, file: &str, sha256: &str) -> Result<Option<bool>, Failure> {
+        let path = self.path.join(file);
+        // A manifest may be anybody's: nothing but plain files below this folder is touched.
+        let is_below = Path::new(file).components().all(|part| matches!(part, Component::Normal(_)));
+        let root = self.path.canonicalize().ok();
+        let parent = path.parent().and_then(|folder| folder.canonicalize().ok());
+        let is_here = root.zip(parent).is_some_and(|(root, parent)| parent.starts_with(root));
+        let is_file = path.symlink_metadata().is_ok_and(|data| data.is_file());
+        if !(is_below && is_here && is_file) {
+            return Ok(None);
+        }
+        let unreadable =
+            |error: std::io::Error| Message::error(format!("cannot be removed: {}", reason(&error))).in_file(&path);
+        if hash_of(&std::fs::read(&path).map_err(unreadable)?) != sha256 || self.refuse_input(&path).is_err() {
+            return Ok(Some(false));
+        }
+        std::fs::remove_file(&path).map_err(unreadable)?;
+        let mut folder = path.parent();
+        while let Some(empty) = folder.filter(|folder| *folder != self.path && std::fs::remove_dir(folder).is_ok()) {
+            folder = empty.parent();
+        }
+        Ok(Some(true))
+    }
+
+    /// Says that files of an earlier run are of this one, too: a file, or all below a folder of which nothing was written.
+    pub fn keep(&self, relative: impl AsRef<Path>) {
+        let relative = name_of(relative.as_ref());
+        let below = |file: &str| file == relative || file.strip_prefix(&relative).is_some_and(|r| r.starts_with('/'));
+        if lock(&self.written).keys().any(|file| below(file)) {
+            return;
+        }
+        let files = self.claim.iter().flat_map(|manifest| manifest.files.keys());
+        lock(&self.kept).extend(files.filter(|file| below(file)).cloned());
     }
 
     /// Where it is.
@@ -43,8 +211,20 @@ impl OutputFolder {
     /// # Errors
     /// The disk; or the file is one of the inputs.
     pub fn write(&self, relative: impl AsRef<Path>, bytes: &[u8]) -> Result<PathBuf, Failure> {
-        let target = self.path.join(&relative);
-        if let Some(found) = deceptive_in(&relative.as_ref().to_string_lossy()) {
+        let target = self.put(relative.as_ref(), bytes)?;
+        if self.claim.is_some() {
+            lock(&self.written).insert(name_of(relative.as_ref()), hash_of(bytes));
+        }
+        Ok(target)
+    }
+
+    /// As [`OutputFolder::write`], of a file that is no result and stays when another run does not write it.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn put(&self, relative: &Path, bytes: &[u8]) -> Result<PathBuf, Failure> {
+        let target = self.path.join(relative);
+        if let Some(found) = deceptive_in(&relative.to_string_lossy()) {
             let text =
                 format!("the name of this file has the character {}, which does not show as it is", number_of(found));
             return Err(Message::error(text)
@@ -76,6 +256,54 @@ impl OutputFolder {
             _ => Ok(()),
         }
     }
+}
+
+impl Drop for OutputFolder {
+    /// A run that ends early says, too, what it wrote.
+    fn drop(&mut self) {
+        let written = std::mem::take(&mut *lock(&self.written));
+        if let Some(manifest) =
+            self.claim.take().filter(|_| !written.is_empty() && !self.closed.load(Ordering::Relaxed))
+        {
+            // The run has failed already, and its own reason is what a person needs to know.
+            let _ = self.write_manifest(manifest, UNFINISHED, &written);
+        }
+    }
+}
+
+impl Manifest {
+    /// The manifest of a folder; `None` if there is none that can be read.
+    fn read(file: &Path) -> Option<Manifest> {
+        let manifest: Manifest = serde_json::from_slice(&std::fs::read(file).ok()?).ok()?;
+        (manifest.schema == SCHEMA).then_some(manifest)
+    }
+
+    /// Whether the files are of this study: the same study.toml, the same study that was moved, or one that was made here.
+    fn is_of(&self, name: &str, study_file: &Path, folder: &Path) -> bool {
+        let moved = self.study == name && !self.study_file.exists();
+        let made_here =
+            || self.files.keys().any(|file| folder.join(file).canonicalize().is_ok_and(|f| f == study_file));
+        self.study_file == study_file || moved || made_here()
+    }
+}
+
+/// A path in the folder as the manifest writes it.
+fn name_of(relative: &Path) -> String {
+    let parts = relative.components().filter(|part| *part != Component::CurDir);
+    parts.map(|part| part.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/")
+}
+
+fn listed(files: &[String]) -> String {
+    let named = files.iter().take(NAMED).map(String::as_str).collect::<Vec<_>>().join(", ");
+    match files.len().saturating_sub(NAMED) {
+        0 => named,
+        rest => format!("{named} and {rest} more"),
+    }
+}
+
+/// A lock whose holder panicked holds whole values all the same.
+fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
 /// Temporary files are private to the user; results are not.
@@ -112,6 +340,85 @@ mod tests {
         assert_eq!(std::fs::read_to_string(folder.path().join("a/b/other.txt")).unwrap(), "text");
         let left = std::fs::read_dir(folder.path()).unwrap().count();
         assert_eq!(left, 2, "no temporary file stays behind");
+    }
+
+    /// A run of a command that writes these files.
+    fn run(folder: &Path, study: &Path, command: &str, others: &[&str], files: &[&str]) -> Vec<Message> {
+        let out = OutputFolder::create(folder, &[]).unwrap().claimed_for("s", study).unwrap();
+        files.iter().for_each(|file| drop(out.write(file, file.as_bytes()).unwrap()));
+        out.close(command, others).unwrap()
+    }
+
+    #[test]
+    fn verif_a_run_leaves_nothing_of_the_run_before_that_is_not_its_own() {
+        let place = tempfile::tempdir().unwrap();
+        let (folder, study) = (place.path().join("out"), place.path().join("study.toml"));
+        std::fs::write(&study, "").unwrap();
+        let there = |file: &str| folder.join(file).exists();
+        let first = ["P01/series/a.csv", "P01/series/b/c.csv", "P01/mine.osim", "P02/series/a.csv", "all.csv"];
+        assert!(run(&folder, &study, "simulate", &[], &first).is_empty());
+        assert!(
+            run(&folder, &study, "compare", &[], &["P01/errors.csv"]).is_empty(),
+            "another command removes nothing"
+        );
+        std::fs::write(folder.join("P01/mine.osim"), "changed by hand").unwrap();
+        std::fs::write(folder.join("P01/notes.txt"), "not of this program").unwrap();
+        let said = run(&folder, &study, "simulate", &["P02"], &["P01/series/a.csv"]);
+        assert_eq!(said.len(), 2);
+        assert!(said[0].text.contains("P01/series/b/c.csv") && said[0].text.contains("all.csv"), "{}", said[0].text);
+        assert!(said[1].text.contains("P01/mine.osim"), "{}", said[1].text);
+        assert!(!there("P01/series/b") && !there("all.csv"), "folders left empty go, too");
+        for kept in ["P01/series/a.csv", "P01/mine.osim", "P01/notes.txt", "P02/series/a.csv", "P01/errors.csv"] {
+            assert!(there(kept), "{kept}");
+        }
+        assert!(run(&folder, &study, "simulate", &[], &["P01/series/a.csv"])[0].text.contains("P02/series/a.csv"));
+    }
+
+    #[test]
+    fn verif_what_a_run_that_failed_left_goes_with_the_next() {
+        let place = tempfile::tempdir().unwrap();
+        let (folder, study) = (place.path().join("out"), place.path().join("study.toml"));
+        std::fs::write(&study, "").unwrap();
+        let out = OutputFolder::create(&folder, &[]).unwrap().claimed_for("s", &study).unwrap();
+        out.write("P01/a.csv", b"a").unwrap();
+        drop(out);
+        assert_eq!(run(&folder, &study, "simulate", &[], &["P01/b.csv"]).len(), 1);
+        assert!(!folder.join("P01/a.csv").exists() && folder.join("P01/b.csv").exists());
+    }
+
+    #[test]
+    fn verif_a_folder_with_results_of_another_study_is_refused() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path().join("out");
+        let [one, other] = ["one.toml", "other.toml"].map(|name| place.path().join(name));
+        std::fs::write(&one, "").unwrap();
+        std::fs::write(&other, "").unwrap();
+        run(&folder, &one, "simulate", &[], &["a.csv", "study.toml"]);
+        let claim = |name: &str, study: &Path| OutputFolder::create(&folder, &[]).unwrap().claimed_for(name, study);
+        assert!(matches!(claim("s", &other), Err(Failure::Input(m)) if m[0].text.contains("another study")));
+        assert!(claim("s", &folder.join("study.toml")).is_ok(), "a study that was made here");
+        std::fs::remove_file(&one).unwrap();
+        assert!(claim("s", &other).is_ok(), "the study was moved");
+        assert!(claim("t", &other).is_err());
+        std::fs::remove_file(folder.join("a.csv")).unwrap();
+        std::fs::remove_file(folder.join("study.toml")).unwrap();
+        assert!(claim("t", &other).is_ok(), "nothing is left of it");
+    }
+
+    #[test]
+    fn verif_a_manifest_cannot_name_files_elsewhere() {
+        let place = tempfile::tempdir().unwrap();
+        let (folder, study) = (place.path().join("out"), place.path().join("study.toml"));
+        std::fs::write(&study, "mine").unwrap();
+        run(&folder, &study, "simulate", &[], &["a.csv"]);
+        let file = folder.join(MANIFEST);
+        let manifest = std::fs::read_to_string(&file).unwrap();
+        let hostile =
+            manifest.replace("\"a.csv\": {", "\"../study.toml\": {").replace(&hash_of(b"a.csv"), &hash_of(b"mine"));
+        assert_ne!(manifest, hostile);
+        std::fs::write(&file, hostile).unwrap();
+        assert!(run(&folder, &study, "simulate", &[], &["b.csv"]).is_empty());
+        assert_eq!(std::fs::read_to_string(&study).unwrap(), "mine");
     }
 
     #[test]

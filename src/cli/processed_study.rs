@@ -5,7 +5,11 @@ use std::path::{Path, PathBuf};
 use super::account::csv_text;
 use super::failure::{Failure, Message};
 use super::output::OutputFolder;
+use crate::report::results::rounded;
 use crate::study::{AngleUnit, MomentPart, Participant, ProcessedTrial, Study, TrialInfo, TrialUse};
+
+/// Significant digits of a posture: what was read in degrees comes back as it was written, without the rounding of radians.
+const POSTURE_DIGITS: i32 = 12;
 
 /// A trial of the new study.
 pub struct NewTrial<'a> {
@@ -19,8 +23,8 @@ pub struct NewTrial<'a> {
 pub fn trial_file(trial: &ProcessedTrial) -> String {
     let info = &trial.info;
     let name = match trial.repetition {
-        Some(repetition) => format!("{}_{repetition}", info.name()),
-        None => info.name(),
+        Some(repetition) => format!("{}_{repetition}", info.name),
+        None => info.name.clone(),
     };
     format!("data/{}/{name}.csv", info.participant)
 }
@@ -37,12 +41,13 @@ pub fn write_trial(study: &Study, out: &OutputFolder, new: &NewTrial<'_>) -> Res
         AngleUnit::Radians => v,
     };
     let mut header = vec![columns.time.as_str(), &columns.angle, &columns.velocity, &columns.moment];
-    header.extend(trial.emg.iter().map(|(name, _)| name.as_str()));
+    let further = || trial.further_moments.iter().chain(&trial.emg);
+    header.extend(further().map(|(name, _)| name.as_str()));
     let rows = (0..trial.time.len()).map(|i| {
         let mut row = [trial.time[i], unit(trial.angle[i]), unit(trial.velocity[i]), trial.moment[i]]
             .map(|v| v.to_string())
             .to_vec();
-        row.extend(trial.emg.iter().map(|(_, samples)| samples[i].to_string()));
+        row.extend(further().map(|(_, samples)| samples[i].to_string()));
         row
     });
     out.write(&new.file, csv_text(header.iter(), rows)?.as_bytes())?;
@@ -96,7 +101,6 @@ pub fn write_tables(
 /// stay as they are.
 fn new_toml(study: &Study, text: &str, model: &str) -> String {
     let settings = &study.settings;
-    let quoted = |text: &str| serde_json::Value::String(text.to_owned()).to_string();
     let words = [
         (MomentPart::Muscles, "muscles"),
         (MomentPart::Passive, "passive"),
@@ -120,21 +124,73 @@ fn new_toml(study: &Study, text: &str, model: &str) -> String {
         quoted(&settings.dynamometer.coordinate),
         include.join(", ")
     );
+    let further = settings.columns.further_moments.iter();
+    let further: Vec<String> = further.map(|f| format!("{} = {}", quoted(&f.coordinate), quoted(&f.column))).collect();
+    if !further.is_empty() {
+        out.push_str(&format!("further_moments = {{ {} }}\n", further.join(", ")));
+    }
+    out.push_str(&other_tables(text));
+    out
+}
+
+/// Whether a table of study.toml is copied into the new study: those that are not are written anew, or done with.
+fn is_copied(table: &str) -> bool {
+    !matches!(table, "study" | "dynamometer" | "processing")
+}
+
+/// The tables that are copied, line by line with their comments; where the lines would say something else (keys above the
+/// first header, text over several lines) as the parser understood them.
+fn other_tables(text: &str) -> String {
+    let mut lines = String::new();
     let mut kept = false;
     for line in text.lines() {
         if let Some(table) = table_name(line) {
-            let top = table.split('.').next().unwrap_or_default().trim();
-            kept = !matches!(top, "study" | "dynamometer" | "processing");
+            kept = is_copied(table.split('.').next().unwrap_or_default().trim());
             if kept {
-                out.push('\n');
+                lines.push('\n');
             }
         }
         if kept && !line.trim().is_empty() {
-            out.push_str(line);
-            out.push('\n');
+            lines.push_str(line);
+            lines.push('\n');
         }
     }
-    out
+    // A study that was read is valid TOML.
+    let mut meant: toml::Table = text.trim_start_matches('\u{feff}').parse().unwrap_or_default();
+    meant.retain(|name, _| is_copied(name));
+    if lines.parse::<toml::Table>().is_ok_and(|said| said == meant) {
+        return lines;
+    }
+    let keys = |table: &toml::Table| -> String {
+        table.iter().map(|(key, value)| format!("{} = {}\n", quoted(key), in_one_line(value))).collect()
+    };
+    let section = |(name, value): (&String, &toml::Value)| {
+        value.as_table().map(|table| format!("\n[{}]\n{}", quoted(name), keys(table)))
+    };
+    meant.iter().filter_map(section).collect()
+}
+
+/// A value of TOML on one line.
+fn in_one_line(value: &toml::Value) -> String {
+    match value {
+        toml::Value::String(text) => quoted(text),
+        toml::Value::Integer(number) => number.to_string(),
+        toml::Value::Float(number) => format!("{number:?}"),
+        toml::Value::Boolean(flag) => flag.to_string(),
+        toml::Value::Datetime(date) => date.to_string(),
+        toml::Value::Array(items) => {
+            format!("[{}]", items.iter().map(in_one_line).collect::<Vec<_>>().join(", "))
+        }
+        toml::Value::Table(table) => {
+            let pairs = table.iter().map(|(key, value)| format!("{} = {}", quoted(key), in_one_line(value)));
+            format!("{{ {} }}", pairs.collect::<Vec<_>>().join(", "))
+        }
+    }
+}
+
+/// A basic string of TOML: JSON's escapes are among TOML's.
+fn quoted(text: &str) -> String {
+    serde_json::Value::from(text).to_string()
 }
 
 /// The name in a table's header, `[name]`.
@@ -192,7 +248,7 @@ fn trials_csv(trials: &[NewTrial<'_>], study: &Study) -> Result<String, Failure>
             info.contraction.word().to_owned(),
             info.effort_percent.map(|v| v.to_string()).unwrap_or_default(),
             info.direction.word().to_owned(),
-            info.posture.map(|v| crate::report::plain(v.to_degrees())).unwrap_or_default(),
+            info.posture.map(|v| rounded(v.to_degrees(), POSTURE_DIGITS).to_string()).unwrap_or_default(),
             new.trial.repetition.or(info.repetition).map(|v| v.to_string()).unwrap_or_default(),
             usage.word().to_owned(),
         ];
@@ -210,7 +266,7 @@ fn trials_csv(trials: &[NewTrial<'_>], study: &Study) -> Result<String, Failure>
 
 #[cfg(test)]
 mod tests {
-    use super::table_name;
+    use super::{other_tables, table_name};
 
     #[test]
     fn verif_headers_of_tables_are_told_from_lists() {
@@ -219,5 +275,18 @@ mod tests {
         assert_eq!(table_name("active = [\"A\"]"), None);
         assert_eq!(table_name("[\"ECRL\", \"ECU\"],"), None);
         assert_eq!(table_name("[\"ECRL\"]"), None);
+    }
+
+    #[test]
+    fn verif_other_tables_are_copied_however_they_are_written() {
+        let plain = "[study]\nname = \"x\"\n\n[emg] # raw\nkind = \"raw\"\n[processing]\nfilter_hz = 6\n";
+        assert_eq!(other_tables(plain), "\n[emg] # raw\nkind = \"raw\"\n");
+        // A table above the first header, a text that looks like a header, a quoted name, keys with dots.
+        let odd = "posture_deg = { elbow_flexion = 90 }\nstudy.name = \"\"\"\n[emg]\n\"\"\"\nprocessing.filter_hz = 6\n\
+                   [\"columns\"]\nignore = [\n  \"a\",\n  \"b\",\n]\n";
+        let copied: toml::Table = other_tables(odd).parse().unwrap();
+        assert_eq!(copied.keys().collect::<Vec<_>>(), ["columns", "posture_deg"]);
+        assert_eq!(copied["posture_deg"]["elbow_flexion"].as_integer(), Some(90));
+        assert_eq!(copied["columns"]["ignore"].as_array().map(Vec::len), Some(2));
     }
 }

@@ -49,6 +49,11 @@ pub fn input_file(path: &Path, shown: &str, role: &str) -> Result<InputFile, Fai
     Ok(InputFile { path: shown.to_string(), role: role.to_string(), sha256: hexadecimal(&hasher.finalize()) })
 }
 
+/// SHA-256 of bytes, hexadecimal.
+pub fn hash_of(bytes: &[u8]) -> String {
+    hexadecimal(&Sha256::digest(bytes))
+}
+
 /// SHA-256 of texts, hexadecimal; where one text ends and the next begins counts.
 pub fn hash(texts: &[&str]) -> String {
     let mut hasher = Sha256::new();

@@ -146,7 +146,7 @@ pub fn screened(
         participant: run.participant.name.clone(),
         contraction,
         effort_percent,
-        trials: chosen.iter().map(|&i| run.trials[i].info.name()).collect(),
+        trials: chosen.iter().map(|&i| run.trials[i].info.name.clone()).collect(),
         convergence: morris.convergence(&partial_starts(options.starts)),
         morris,
         sobol,

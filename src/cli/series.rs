@@ -94,7 +94,7 @@ pub fn texts(
 fn sto(trial: &Trial, columns: &[Column]) -> String {
     let mut text = String::new();
     let w = &mut text;
-    let name = trial.info.name();
+    let name = &trial.info.name;
     let _ = write!(
         w,
         "{name}\nversion=1\nnRows={}\nnColumns={}\ninDegrees=yes\nendheader\ntime",

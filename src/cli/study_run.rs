@@ -14,7 +14,6 @@ use crate::diagnosis::export::SideCar;
 use crate::diagnosis::forward_model::{ForwardModel, Setting};
 use crate::diagnosis::moments::simulate_all as simulate_effects;
 use crate::multibody::Model;
-use crate::muscles::MuscleError;
 use crate::osim::spec::{ModelSpec, MotionType};
 use crate::report::results::InputFile;
 use crate::scaling::{ParticipantScaling, ParticipantScalingError, scale_participant};
@@ -101,11 +100,15 @@ impl<T> Outcomes<T> {
         (self.done, self.failed)
     }
 
-    /// Prints the result of those that could be done, then fails with the reasons of those that could not.
+    /// Closes the output folder, prints the result of those that could be done, then fails with the reasons of those that could
+    /// not.
+    ///
+    /// - `command`: its name
     ///
     /// # Errors
-    /// Writing to stdout; any participant that could not be done.
-    pub fn print(self, text: &str) -> Result<(), Failure> {
+    /// The disk; writing to stdout; any participant that could not be done.
+    pub fn print(self, study: &StudyRun, command: &str, text: &str) -> Result<(), Failure> {
+        study.close(command)?;
         print_result(text)?;
         if self.failed.is_empty() { Ok(()) } else { Err(Failure::Input(self.failed)) }
     }
@@ -131,6 +134,17 @@ impl StudyRun {
         Ok(outcomes)
     }
 
+    /// Ends the work in the output folder: what an earlier run of the command left there goes, and is said.
+    ///
+    /// # Errors
+    /// The disk.
+    pub fn close(&self, command: &str) -> Result<(), Failure> {
+        let is_other = |name: &&str| !self.participants.iter().any(|p| p.name == *name);
+        let others: Vec<&str> = self.study.participants.iter().map(|p| p.name.as_str()).filter(is_other).collect();
+        super::failure::print(&self.out.close(command, &others)?);
+        Ok(())
+    }
+
     /// Reads the study's tables and makes the output folder.
     ///
     /// # Errors
@@ -144,6 +158,18 @@ impl StudyRun {
     /// # Errors
     /// The study; the side-car; an unknown participant; the output folder.
     pub fn prepare_with(args: &StudyArgs, effects: Option<&Path>) -> Result<StudyRun, Failure> {
+        StudyRun::prepare_for(args, effects, None)
+    }
+
+    /// As [`StudyRun::prepare`], of a study that was made of another, whose results these are.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn prepare_processed(args: &StudyArgs, of: &Study) -> Result<StudyRun, Failure> {
+        StudyRun::prepare_for(args, None, Some(of))
+    }
+
+    fn prepare_for(args: &StudyArgs, effects: Option<&Path>, of: Option<&Study>) -> Result<StudyRun, Failure> {
         let is_wanted = |p: &Participant| args.participant.is_empty() || args.participant.contains(&p.name);
         let study = Study::read_tables_for(&args.study, |p| args.model.is_none() && is_wanted(p))?;
         let side_car = effects.map(|file| read_side_car(file, &study)).transpose()?;
@@ -151,7 +177,8 @@ impl StudyRun {
         let mut inputs = study.input_files();
         inputs.extend(args.model.clone());
         inputs.extend(effects.map(Path::to_owned));
-        let out = OutputFolder::create(&args.out, &inputs)?;
+        let owner = of.unwrap_or(&study);
+        let out = OutputFolder::create(&args.out, &inputs)?.claimed_for(&owner.settings.name, &owner.file)?;
         for participant in &participants {
             out.refuse_input(&args.out.join(&participant.name).join("model.osim"))?;
         }
@@ -232,9 +259,9 @@ impl StudyRun {
         let needs = if settings.dynamometer.includes(MomentPart::Passive) { Needs::Forces } else { Needs::Motion };
         let mut loaded = self.load_model(participant, needs, &mut warnings)?;
         let scaling = self.scaled_to(participant, &mut loaded, &mut warnings)?;
-        let at_study = |e: SimulationError| Failure::from(simulation_message(&e, &loaded.path));
         let model = MusculoskeletalModel::compile(&loaded.file.spec, &self.setup())
             .map_err(|e| self.compile_message(&e, &loaded))?;
+        let at_study = |e: SimulationError| Failure::from(simulation_message(&e, &loaded));
         let left_out = model.left_out().iter().map(|(name, class)| format!("{name} ({class})")).collect::<Vec<_>>();
         if !left_out.is_empty() {
             warnings.push(Message::warning(format!("left out: {}", left_out.join(", "))).in_file(&loaded.path));
@@ -321,7 +348,7 @@ impl StudyRun {
         chosen: &[usize],
     ) -> Result<Vec<TrialSimulation>, Failure> {
         let recordings: Vec<Recording> = chosen.iter().map(|&i| Recording::from(&run.trials[i])).collect();
-        let failed = |e: SimulationError| Failure::from(simulation_message(&e, &run.loaded.path));
+        let failed = |e: SimulationError| Failure::from(simulation_message(&e, &run.loaded));
         let model = MusculoskeletalModel::compile(spec, &self.setup()).map_err(failed)?;
         // Another model may have another range.
         check_angles(chosen.iter().map(|&i| &run.trials[i]), &model)?;
@@ -341,7 +368,7 @@ impl StudyRun {
 
     /// Why a model does not suit the study: where `study.toml` asks for what it does not have, that line; else its own.
     fn compile_message(&self, error: &SimulationError, loaded: &LoadedModel) -> Message {
-        let message = simulation_message(error, &loaded.path);
+        let message = simulation_message(error, loaded);
         let settings = &self.study.settings;
         let line = match error {
             SimulationError::PostureOutOfRange { name, .. } | SimulationError::DependentCoordinate { name, .. } => {
@@ -350,12 +377,6 @@ impl StudyRun {
             }
             SimulationError::RepeatedMuscle { .. } | SimulationError::AppliesNoForce { .. } => {
                 Some(settings.active_line)
-            }
-            SimulationError::Muscle(
-                MuscleError::NotMillard2012 { muscle, .. } | MuscleError::InMuscle { muscle, .. },
-            ) => {
-                let found = loaded.file.spec.muscles.iter().find(|m| m.name == *muscle);
-                return message.at_line(found.map(|m| m.at.line));
             }
             _ => None,
         };
@@ -413,7 +434,7 @@ impl ParticipantRun {
     /// A muscle whose forces cannot be balanced.
     pub fn simulate(&self, parameters: &[MuscleParameters]) -> Result<Vec<TrialSimulation>, Failure> {
         crate::simulation::simulate_all(&self.prepared, parameters)
-            .map_err(|e| simulation_message(&e, &self.loaded.path).into())
+            .map_err(|e| simulation_message(&e, &self.loaded).into())
     }
 
     /// Simulates all trials with the model as it is: its own parameters, and the effects beside it.
@@ -521,8 +542,10 @@ fn checked_angles() -> Options {
     Options { allow_angle_outside_range: true, ..Options::default() }
 }
 
-fn simulation_message(error: &SimulationError, model: &Path) -> Message {
-    let message = Message::error(error.to_string()).in_file(model);
+/// Why a trial cannot be simulated: at the line of the muscle, where one is at fault.
+pub fn simulation_message(error: &SimulationError, loaded: &LoadedModel) -> Message {
+    let muscle = error.muscle().and_then(|name| loaded.file.spec.muscles.iter().find(|m| m.name == name));
+    let message = Message::error(error.to_string()).in_file(&loaded.path).at_line(muscle.map(|m| m.at.line));
     match error.hint() {
         Some(hint) => message.hint(hint),
         None => message,

@@ -15,7 +15,7 @@ use super::failure::{Failure, Message};
 use super::output::OutputFolder;
 use super::provenance::{self, hash};
 
-const SCHEMA: &str = "carpus.unit/1";
+const SCHEMA: &str = "carpus.unit/2";
 
 /// What a unit computes.
 pub type Work<'a> = Box<dyn Fn() -> Result<Value, Failure> + Send + Sync + 'a>;
@@ -28,6 +28,16 @@ pub struct Unit<'a> {
     pub depends_on: String,
     /// The work.
     pub work: Work<'a>,
+}
+
+/// What lies at the place of a unit.
+enum Stored {
+    /// Nothing, or the result of other inputs.
+    Nothing,
+    /// A finished unit.
+    Finished(Value),
+    /// Something that this program did not write so.
+    Damaged,
 }
 
 /// Units that are finished, on disk and in memory.
@@ -54,24 +64,31 @@ impl<'o> UnitStore<'o> {
     }
 
     /// Does the units that are not finished, on as many threads as there are, each unit on one; a unit that cannot be done
-    /// does not keep the others from being done. The reasons of those come back, in the order of the units.
+    /// does not keep the others from being done. The reasons of those come back, in the order of the units, after warnings
+    /// of what was stored and is damaged: it is computed again.
     ///
     /// - `inputs`: hashes of the files that all of these units depend on
     ///
     /// # Errors
     /// A fault of this program, the disk.
     pub fn run(&self, units: &[Unit], inputs: &str, done: &(dyn Fn(&str) + Sync)) -> Result<Vec<Message>, Failure> {
+        let mut messages = Vec::new();
         let keys: Vec<String> =
             units.iter().map(|u| hash(&[self.program.as_str(), &u.place, &u.depends_on, inputs])).collect();
         let mut open: Vec<usize> = Vec::new();
         for (i, (unit, key)) in units.iter().zip(&keys).enumerate() {
             match self.stored(&unit.place, key) {
-                Some(value) => {
+                Stored::Finished(value) => {
                     self.counts[0].fetch_add(1, Ordering::Relaxed);
                     self.finish(&unit.place, value);
                     done(&unit.place);
                 }
-                None => open.push(i),
+                Stored::Nothing => open.push(i),
+                Stored::Damaged => {
+                    let text = "was changed or damaged after it was stored: it is computed again";
+                    messages.push(Message::warning(text).in_file(&self.out.path().join(self.file(&unit.place))));
+                    open.push(i);
+                }
             }
         }
         let next = AtomicUsize::new(0);
@@ -105,7 +122,6 @@ impl<'o> UnitStore<'o> {
         })?;
         let mut failures = failures.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
         failures.sort_by_key(|(i, _)| *i);
-        let mut messages = Vec::new();
         for (_, failure) in failures {
             match failure {
                 Failure::Input(more) => messages.extend(more),
@@ -164,20 +180,28 @@ impl<'o> UnitStore<'o> {
         PathBuf::from(format!("timings/{place}.txt"))
     }
 
-    /// What is stored at a place, if it is whole and of this key.
-    fn stored(&self, place: &str, key: &str) -> Option<Value> {
-        let text = std::fs::read_to_string(self.out.path().join(self.file(place))).ok()?;
-        let mut stored: Value = serde_json::from_str(&text).ok()?;
-        let same = stored["schema"] == SCHEMA && stored["key"] == key;
-        same.then(|| stored["value"].take())
+    /// What is stored at a place; a value counts if it is of this key and has the checksum it was stored with.
+    fn stored(&self, place: &str, key: &str) -> Stored {
+        let Ok(bytes) = std::fs::read(self.out.path().join(self.file(place))) else { return Stored::Nothing };
+        let Ok(mut stored) = serde_json::from_slice::<Value>(&bytes) else { return Stored::Damaged };
+        let text_of = |name: &str| stored.get(name).and_then(Value::as_str);
+        match (text_of("schema"), text_of("key"), text_of("sha256"), stored.get("value")) {
+            (Some(SCHEMA), Some(_), Some(sum), Some(value)) if checksum(value) != sum => Stored::Damaged,
+            (Some(SCHEMA), Some(known), Some(_), Some(_)) if known == key => Stored::Finished(stored["value"].take()),
+            (Some(SCHEMA), Some(_), Some(_), Some(_)) => Stored::Nothing,
+            // Units of other versions of this program are no use, and no damage.
+            (Some(other), ..) if other != SCHEMA && other.starts_with("carpus.unit/") => Stored::Nothing,
+            _ => Stored::Damaged,
+        }
     }
 
     fn store(&self, place: &str, key: &str, value: Value, seconds: f64) -> Result<(), Failure> {
-        let stored = serde_json::json!({ "schema": SCHEMA, "key": key, "value": value });
+        let sum = checksum(&value);
+        let stored = serde_json::json!({ "schema": SCHEMA, "key": key, "sha256": sum, "value": value });
         let mut text = serde_json::to_string(&stored).map_err(|e| Failure::Internal(e.to_string()))?;
         text.push('\n');
-        self.out.write(self.timing(place), format!("{seconds:.6}\n").as_bytes())?;
-        self.out.write(self.file(place), text.as_bytes())?;
+        self.out.put(&self.timing(place), format!("{seconds:.6}\n").as_bytes())?;
+        self.out.put(&self.file(place), text.as_bytes())?;
         // What goes on is what a later run will read.
         let mut read: Value = serde_json::from_str(&text).map_err(|e| Failure::Internal(e.to_string()))?;
         self.finish(place, read["value"].take());
@@ -194,12 +218,23 @@ fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
-/// A value for a unit.
+/// Checksum of a unit's value, whatever the white space around it.
+fn checksum(value: &Value) -> String {
+    hash(&[&value.to_string()])
+}
+
+/// A value for a unit, as a later run will read it.
 ///
 /// # Errors
-/// A value that JSON cannot hold: a fault of this program.
-pub fn value(of: &impl Serialize) -> Result<Value, Failure> {
-    serde_json::to_value(of).map_err(|e| Failure::Internal(e.to_string()))
+/// A result that JSON cannot hold, a number that is not finite before all: such a unit is not stored, and said to be not done.
+pub fn value<T: Serialize + DeserializeOwned>(of: &T) -> Result<Value, Failure> {
+    let value = serde_json::to_value(of).map_err(|e| Failure::Internal(e.to_string()))?;
+    match T::deserialize(&value) {
+        Ok(_) => Ok(value),
+        Err(e) => Err(Message::error(format!("the result cannot be stored, a number is not finite: {e}"))
+            .hint("a number of the model or the trials is too large or too small to be computed with")
+            .into()),
+    }
 }
 
 #[cfg(test)]
@@ -232,11 +267,56 @@ mod tests {
         assert_eq!(run("o", "i"), 2, "nothing is done again");
         assert_eq!(run("o2", "i"), 4);
         assert_eq!(run("o2", "j"), 6);
-        // Half a file, as after a crash of the disk, is no result.
+    }
+
+    #[test]
+    fn verif_what_was_changed_or_damaged_is_computed_again_and_said() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = OutputFolder::create(folder.path(), &[]).unwrap();
+        let count = AtomicUsize::new(0);
+        let run = || {
+            let store = UnitStore::new(&out).unwrap();
+            let said = store.run(&[unit("s/P01/a", "", &count)], "", &|_| ()).unwrap();
+            let values: Vec<Value> = store.finished("s").unwrap();
+            assert_eq!(values, vec![serde_json::json!({ "x": 0.1 + 0.2 })], "never what lies there");
+            said
+        };
+        assert!(run().is_empty() && run().is_empty());
+        assert_eq!(count.load(Ordering::Relaxed), 1);
         let file = folder.path().join("units/s/P01/a.json");
-        let text = std::fs::read_to_string(&file).unwrap();
-        std::fs::write(&file, &text[..text.len() / 2]).unwrap();
-        assert_eq!(run("o2", "j"), 7);
+        let whole = std::fs::read_to_string(&file).unwrap();
+        assert!(whole.contains("0.30000000000000004"), "{whole}");
+        let damages: [Vec<u8>; 7] = [
+            // A flipped digit, half a file as after a crash of the disk, JSON of another form, no text, nothing.
+            whole.replace("0.30000000000000004", "0.30000000000000014").into(),
+            whole[..whole.len() / 2].into(),
+            whole.replace("\"x\"", "\"y\"").into(),
+            "[]".into(),
+            "{\"schema\": 3}".into(),
+            vec![0xff, 0xfe, 0x00],
+            Vec::new(),
+        ];
+        for (i, damage) in damages.iter().enumerate() {
+            std::fs::write(&file, damage).unwrap();
+            let said = run();
+            assert_eq!((said.len(), count.load(Ordering::Relaxed)), (1, i + 2), "{damage:?}");
+            assert_eq!(said[0].file.as_deref(), Some(file.as_path()));
+            assert!(said[0].text.contains("computed again"), "{}", said[0].text);
+            assert!(run().is_empty(), "it is whole again");
+        }
+        // Other white space is the same value; another version's unit is no damage.
+        std::fs::write(&file, whole.replace("\"x\":", "\"x\" : ")).unwrap();
+        assert!(run().is_empty());
+        assert_eq!(count.load(Ordering::Relaxed), 8);
+        std::fs::write(&file, whole.replace("carpus.unit/2", "carpus.unit/1")).unwrap();
+        assert!(run().is_empty());
+        assert_eq!(count.load(Ordering::Relaxed), 9);
+    }
+
+    #[test]
+    fn verif_a_result_that_json_cannot_hold_is_not_stored() {
+        assert!(value(&vec![1.0]).is_ok());
+        assert!(matches!(value(&vec![1.0, f64::NAN]), Err(Failure::Input(_))));
     }
 
     #[test]

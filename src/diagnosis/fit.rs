@@ -147,7 +147,8 @@ pub(crate) fn trial_times(trial: &TrialRecord, kernel: &Kernel) -> Arc<TrialTime
     let starts = block_starts(&trial.time);
     let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
     let times = block_means(&trial.time, &starts);
-    Arc::new(TrialTimes::correlated(trial.info.direction, times.as_slice(), &counts, kernel))
+    let times = TrialTimes::correlated(trial.info.direction, times.as_slice(), &counts, kernel);
+    Arc::new(times.sampled_every(trial.rows_per_moment))
 }
 
 impl<'a> Analysis<'a> {

@@ -231,6 +231,14 @@ impl TrialTimes {
         let white = DVector::from_iterator(times.len(), counts.iter().map(|c| 1.0 / *c as f64));
         TrialTimes { direction, white, slow: kernel.matrix(times) }
     }
+
+    /// The same of a moment that has fewer samples of its own than there are.
+    ///
+    /// - `rows`: samples for one of its own, 1 or more
+    pub fn sampled_every(mut self, rows: f64) -> TrialTimes {
+        self.white *= rows;
+        self
+    }
 }
 
 /// How noise enters one trial.

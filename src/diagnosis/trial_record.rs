@@ -13,6 +13,8 @@ pub struct TrialRecord {
     pub angle: Vec<f64>,
     /// Recorded moment [N·m].
     pub moment: Vec<f64>,
+    /// Samples for one of the moment's own, 1 or more.
+    pub rows_per_moment: f64,
     /// Recorded excitation of each active muscle.
     pub excitation: Vec<Vec<f64>>,
     /// Place in the session, 0 to 1.
@@ -57,6 +59,7 @@ pub(super) fn records(trials: &[Trial], muscles: usize) -> Vec<TrialRecord> {
             time: trial.time.clone(),
             angle: trial.angle.clone(),
             moment: trial.moment.clone(),
+            rows_per_moment: trial.rows_per_moment(),
             excitation: trial.excitation.clone(),
             session: (start(i) - first) / span,
             exposure: exposure.clone(),

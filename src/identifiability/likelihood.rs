@@ -582,7 +582,8 @@ fn trial_times(trial: &RecordedTrial, starts: &[usize], kernel: &Kernel) -> Arc<
     let all_times: Vec<f64> =
         (0..channels).flat_map(|c| times.iter().map(move |t| t + CHANNEL_OFFSET * c as f64)).collect();
     let all_counts: Vec<usize> = (0..channels).flat_map(|_| counts.iter().copied()).collect();
-    Arc::new(TrialTimes::correlated(trial.direction, &all_times, &all_counts, kernel))
+    let times = TrialTimes::correlated(trial.direction, &all_times, &all_counts, kernel);
+    Arc::new(times.sampled_every(trial.rows_per_moment))
 }
 
 /// What estimates of the noise are made from.

@@ -30,6 +30,8 @@ pub struct RecordedTrial {
     pub time: Vec<f64>,
     /// Angle of the moving coordinate [rad].
     pub angle: Vec<f64>,
+    /// Samples for one of the moment's own, 1 or more.
+    pub rows_per_moment: f64,
     /// Excitation of every active muscle, as recorded.
     pub excitation: Vec<Vec<f64>>,
     /// What was measured.
@@ -54,6 +56,7 @@ impl RecordedTrial {
             direction,
             time: recording.time.to_vec(),
             angle: recording.angle.to_vec(),
+            rows_per_moment: 1.0,
             excitation: recording.excitation.iter().map(|e| e.to_vec()).collect(),
             channels: vec![Channel {
                 coordinate: coordinate.to_string(),
@@ -63,6 +66,11 @@ impl RecordedTrial {
             }],
             prepared: prepared.clone(),
         }
+    }
+
+    /// The same trial with moments that were held or interpolated: as many samples for one of their own.
+    pub fn sampled_every(self, rows: f64) -> RecordedTrial {
+        RecordedTrial { rows_per_moment: rows, ..self }
     }
 
     /// The same trial with the moment about a further coordinate, which muscles alone make.

@@ -68,10 +68,9 @@ pub fn axis_panels(
     all.extend(before.iter().flat_map(|r| values(r)));
     // One wild band must not flatten all others.
     all.sort_by(f64::total_cmp);
-    let [low, high] = match (all.get(all.len() / 50), all.get(all.len() - 1 - all.len() / 50)) {
-        (Some(low), Some(high)) => [low.min(0.0), high.max(0.0)],
-        _ => return Vec::new(),
-    };
+    let Some(last) = all.len().checked_sub(1) else { return Vec::new() };
+    let cut = all.len() / 50;
+    let [low, high] = [all[cut].min(0.0), all[last - cut].max(0.0)];
     let range = plot::padded([low, high], 0.08);
     after.axes.iter().map(|a| panel(before.and_then(|b| b.axis(&a.axis)), a, range, tests)).collect()
 }

@@ -6,6 +6,7 @@ use std::fmt::Write;
 use askama::Template;
 use serde::{Deserialize, Serialize};
 
+use super::intervals::{NOT_VALID, holds, with_validity};
 use super::number::significant;
 use super::page::{SCRIPT, STYLE, content_security_policy, finished};
 use super::plot::{Scale, escape};
@@ -87,9 +88,20 @@ pub struct ParameterKnowledge {
 }
 
 impl ParameterKnowledge {
+    /// Whether its interval holds the most likely value.
+    pub fn is_valid(&self) -> bool {
+        holds(self.interval, self.most_likely)
+    }
+
+    /// Whether the data set both ends of a valid interval.
+    pub fn is_determined(&self) -> bool {
+        self.end_from_data == [true, true] && self.is_valid()
+    }
+
     /// What the data do for it.
     pub fn verdict(&self) -> &'static str {
         match self.end_from_data {
+            _ if !self.is_valid() => NOT_VALID,
             [true, true] => "determined",
             [true, false] => "only bounded below",
             [false, true] => "only bounded above",
@@ -193,7 +205,7 @@ struct Page<'a> {
 
 /// The page of a result: one self-contained HTML page.
 pub fn render_identifiability(result: &IdentifiabilityResult) -> String {
-    let determined = result.parameters.iter().filter(|p| p.end_from_data == [true, true]).count();
+    let determined = result.parameters.iter().filter(|p| p.is_determined()).count();
     let percent = |v: f64| format!("{} %", significant(v, 2));
     let combination = |c: &CombinationResult| {
         [c.words.clone(), format!("±{}", percent(c.sd_percent)), format!("±{}", percent(c.prior_sd_percent))]
@@ -301,7 +313,11 @@ fn row(p: &ParameterKnowledge) -> Row {
         unit: unit.to_string(),
         likely: number(p.most_likely),
         interval: format!("{} … {}", end(0), end(1)),
-        credible: format!("{} … {}", number(p.credible[0]), number(p.credible[1])),
+        credible: with_validity(
+            format!("{} … {}", number(p.credible[0]), number(p.credible[1])),
+            p.credible,
+            p.posterior_median,
+        ),
         share: format!("{:.0} %", 100.0 * p.share_from_data),
         verdict: p.verdict(),
         note: notes.join("; "),

@@ -4,6 +4,24 @@ use std::fmt::Write;
 
 use super::plot::{Scale, escape, extent, tick_label, ticks};
 
+/// Said of an interval that does not hold its own estimate: the two come of fits that disagree, so that the interval does not
+/// say how far off the estimate may be.
+pub const NOT_VALID: &str = "not valid: does not hold the estimate";
+
+/// Whether an interval holds its estimate. Files round both, to seven digits or more.
+pub fn holds(interval: [f64; 2], estimate: f64) -> bool {
+    /// A unit of the seventh digit.
+    const ROUNDING: f64 = 1e-6;
+    let [low, high] = interval;
+    let slack = ROUNDING * estimate.abs();
+    low - slack <= estimate && estimate <= high + slack
+}
+
+/// The text of an interval, and that it is not valid where it does not hold its estimate.
+pub fn with_validity(text: String, interval: [f64; 2], estimate: f64) -> String {
+    if holds(interval, estimate) { text } else { format!("{text} ({NOT_VALID})") }
+}
+
 /// A value with its interval.
 #[derive(Clone, Debug)]
 pub struct IntervalRow {
@@ -45,8 +63,9 @@ pub fn intervals(description: &str, rows: &[IntervalRow]) -> String {
         let [a, b] = row.interval.map(|v| x.at(v));
         let label = escape(&row.label);
         let _ = write!(w, r#"<text class="tick y" x="{:.1}" y="{:.1}">{label}</text>"#, left - 4.0, y + 3.5);
-        let class = if row.ends == [true, true] { "link fell" } else { "link rose" };
-        let title = format!("{label}: {:.3} ({:.3} to {:.3})", row.value, row.interval[0], row.interval[1]);
+        let class = if row.ends == [true, true] && holds(row.interval, row.value) { "link fell" } else { "link rose" };
+        let text = format!("{:.3} to {:.3}", row.interval[0], row.interval[1]);
+        let title = format!("{label}: {:.3} ({})", row.value, with_validity(text, row.interval, row.value));
         let _ = write!(
             w,
             r#"<line class="{class}" x1="{a:.1}" x2="{b:.1}" y1="{y:.1}" y2="{y:.1}"><title>{title}</title></line>"#
@@ -60,6 +79,17 @@ pub fn intervals(description: &str, rows: &[IntervalRow]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn verif_an_interval_that_does_not_hold_its_estimate_is_said_to_be_not_valid() {
+        assert!(holds([517.0, 722.0], 517.0) && holds([517.0, 722.0], 722.000_01) && !holds([517.0, 722.0], 412.0));
+        assert!(holds([-2.0, -1.0], -1.0) && !holds([-2.0, -1.0], 0.0) && !holds([0.1, 0.2], f64::NAN));
+        assert_eq!(with_validity("1 to 2".into(), [1.0, 2.0], 1.5), "1 to 2");
+        assert!(with_validity("1 to 2".into(), [1.0, 2.0], 3.0).contains(NOT_VALID));
+        let row = IntervalRow { label: "a".into(), value: 0.8, interval: [0.9, 1.1], ends: [true, true] };
+        let svg = intervals("d", &[row]);
+        assert!(svg.contains("link rose") && svg.contains(NOT_VALID), "{svg}");
+    }
 
     #[test]
     fn verif_every_interval_is_drawn_where_it_is() {

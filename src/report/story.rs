@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::axis_figures::{AxisPanel, axis_panels, p_words, repetition_words};
 use super::diagnosis::{CandidateResult, DiagnosisResult, ExplanationResult};
+use super::intervals::with_validity;
 use super::ledger::Estimate;
 use super::number::{percent, plain, significant};
 use super::residuals::{FrequencyBand, ResidualResult};
@@ -426,7 +427,10 @@ fn estimates(parameters: &BTreeMap<String, Estimate>) -> Vec<EstimateRow> {
             name: name.split_once('.').map_or(name.as_str(), |(_, p)| p).replace('_', " "),
             estimate: format!("{}{unit}", significant(e.value, 3)),
             ci: match is_determined(e.ci95) {
-                true => format!("{} to {}", significant(e.ci95[0], 3), significant(e.ci95[1], 3)),
+                true => {
+                    let text = format!("{} to {}", significant(e.ci95[0], 3), significant(e.ci95[1], 3));
+                    with_validity(text, e.ci95, e.value)
+                }
                 false => "not determined".to_owned(),
             },
             plausible: format!("{} to {}{unit}", plain(e.plausible[0]), plain(e.plausible[1])),
@@ -516,11 +520,8 @@ fn candidates(diagnosis: &DiagnosisResult) -> Vec<CandidateRow> {
                 .min_by_key(|(key, _)| amplitude_first(&c.effect, key))
                 .map(|(_, e)| {
                     let [low, high] = e.ci95.map(|v| significant(v, 2));
-                    format!(
-                        "{} ({low} to {high}) {}",
-                        significant(e.value, 2),
-                        if e.unit == "1" { "" } else { &e.unit }
-                    )
+                    let interval = with_validity(format!("{low} to {high}"), e.ci95, e.value);
+                    format!("{} ({interval}) {}", significant(e.value, 2), if e.unit == "1" { "" } else { &e.unit })
                 })
                 .unwrap_or_default(),
         }

@@ -1,6 +1,7 @@
 //! What the report page shows, worked out from the results: sentences, rows and figures, all formatted.
 
 use super::axis_figures::{AxisPanel, axis_panels, repetition_words};
+use super::intervals::with_validity;
 use super::number::{percent, plain, quantity, significant};
 use super::plot::{self, Curve, CurveFigure};
 use super::results::{Condition, Errors, Kind, ModelResult, ParameterResult, Results, StageResult, TrialResult, Use};
@@ -590,7 +591,8 @@ fn uncertainty(p: &ParameterResult) -> String {
         if by_data { text } else { format!("[{text}]") }
     };
     let [lower, upper] = interval.end_from_data;
-    format!("{} to {}", end(interval.lower, lower), end(interval.upper, upper))
+    let text = format!("{} to {}", end(interval.lower, lower), end(interval.upper, upper));
+    with_validity(text, [interval.lower, interval.upper], p.after)
 }
 
 fn signed_percent(fraction: f64) -> String {

@@ -12,13 +12,15 @@ mod emg;
 mod error;
 mod quality;
 mod resampling;
+mod sampling;
 mod sections;
 mod smoothing;
 
 pub use butterworth::{Band, Butterworth};
 pub use emg::{EmgProcessing, EnvelopeKind, MvcLevel, SavitzkyGolay, mvc_level};
 pub use error::SignalError;
-pub use quality::{Finding, MAINS_FREQUENCIES_HZ, QualityLimits, check_channel, check_excitation};
+pub use quality::{Finding, MAINS_FREQUENCIES_HZ, QualityLimits, check_artefact, check_channel, check_excitation};
 pub use resampling::{interpolate_linear, resample, sample_rate};
+pub use sampling::{OwnSamples, Resampled, own_samples};
 pub use sections::{SecondOrderSections, Section};
 pub use smoothing::{moving_mean, moving_rms, odd_window, rectify, savitzky_golay};

@@ -1,11 +1,24 @@
 //! What can be wrong with a recorded channel.
 
+use super::smoothing::savitzky_golay;
+
 /// Frequencies of mains supply \[Hz\].
 pub const MAINS_FREQUENCIES_HZ: [f64; 2] = [50.0, 60.0];
 /// Harmonics of the mains that are looked at besides the fundamental.
 const HIGHEST_HARMONIC: usize = 3;
 /// Half width of the neighbourhood that a mains line is compared with \[Hz\].
 const NEIGHBOURHOOD_HZ: std::ops::Range<f64> = 4.0..10.0;
+
+/// Half the time that belongs to a sample that stands out \[s\]: an artefact of a switch or a cable is over after that, and
+/// slower drift is no part of it.
+const OWN_TIME_S: f64 = 0.025;
+/// Half the time whose signal a sample is compared with \[s\]: an effort hardly changes within it.
+const ABOUT_S: f64 = 0.25;
+/// Quantile of the signal's size about a sample that stands for that signal: of noise with normal distribution two standard
+/// deviations, and few further artefacts do not move it.
+const QUANTILE_ABOUT: f64 = 0.95;
+/// Fewest samples that say what the signal about a sample is.
+const FEWEST_ABOUT: usize = 20;
 
 /// Beyond which values a channel is worth a look.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,11 +33,24 @@ pub struct QualityLimits {
     pub mains_prominence: f64,
     /// Excitation (1 = MVC) above which the MVC trials were no maximum.
     pub above_mvc: f64,
+    /// How many times a sample has to exceed the signal about it to be an artefact. The largest of a million samples of normal
+    /// noise does so 2.5 times, action potentials of single motor units in an effort up to 5 times.
+    pub artefact_ratio: f64,
+    /// Excitation (1 = MVC) that an artefact has to cause to be worth a look: single motor units stand out of silence, too.
+    pub artefact_excitation: f64,
 }
 
 impl Default for QualityLimits {
     fn default() -> Self {
-        Self { clipped_run: 3, clipped_fraction: 1e-3, mains_fraction: 0.05, mains_prominence: 10.0, above_mvc: 1.05 }
+        Self {
+            clipped_run: 3,
+            clipped_fraction: 1e-3,
+            mains_fraction: 0.05,
+            mains_prominence: 10.0,
+            above_mvc: 1.05,
+            artefact_ratio: 8.0,
+            artefact_excitation: 0.1,
+        }
     }
 }
 
@@ -61,6 +87,14 @@ pub enum Finding {
         frequency_hz: f64,
         /// Fraction of the channel's power (variance) in the line and its harmonics.
         fraction: f64,
+    },
+    /// A sample or two far beyond the signal about them: not of a muscle.
+    #[error("artefact: the sample {after_s:.3} s after the start is {ratio:.0} times as large as the signal about it")]
+    Artefact {
+        /// Its time since the trial's first sample \[s\].
+        after_s: f64,
+        /// How many times the size of the signal about it.
+        ratio: f64,
     },
     /// Excitation above that of the maximum voluntary contractions.
     #[error("{:.1} % of samples are above MVC, the highest {highest:.2} of it", 100.0 * fraction)]
@@ -99,6 +133,26 @@ pub fn check_excitation(excitation: &[f64], limits: &QualityLimits) -> Option<Fi
     let above = excitation.iter().filter(|e| **e > limits.above_mvc).count();
     let highest = excitation.iter().copied().fold(0.0, f64::max);
     (above > 0).then(|| Finding::AboveMvc { highest, fraction: above as f64 / excitation.len() as f64 })
+}
+
+/// Checks a raw channel for an artefact that matters: the sample that stands out most, if its envelope is an excitation.
+///
+/// - `excitation`: the channel's envelope over its level at maximum voluntary contraction, at the same samples
+pub fn check_artefact(raw: &[f64], excitation: &[f64], sample_rate_hz: f64, limits: &QualityLimits) -> Option<Finding> {
+    let samples = |seconds: f64| (seconds * sample_rate_hz).round().max(1.0) as usize;
+    let (own, about) = (samples(OWN_TIME_S), samples(ABOUT_S));
+    // Moving mean; at the ends, where the window is cut, a line, which slow drift is there.
+    let slow = savitzky_golay(raw, 1, 2 * own + 1).ok()?;
+    let size: Vec<f64> = raw.iter().zip(&slow).map(|(x, slow)| (x - slow).abs()).collect();
+    let (at, largest) = size.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
+    let is_about = |k: &usize| k.abs_diff(at) > own;
+    let mut others: Vec<f64> =
+        (at.saturating_sub(about)..(at + about + 1).min(size.len())).filter(is_about).map(|k| size[k]).collect();
+    others.sort_by(f64::total_cmp);
+    let usual = *others.get((QUANTILE_ABOUT * others.len() as f64) as usize)?;
+    let counts = excitation.get(at).is_some_and(|e| *e >= limits.artefact_excitation);
+    let stands_out = others.len() >= FEWEST_ABOUT && *largest > limits.artefact_ratio * usual;
+    (counts && stands_out).then(|| Finding::Artefact { after_s: at as f64 / sample_rate_hz, ratio: largest / usual })
 }
 
 /// Samples in runs of at least `shortest_run` at exactly `level`.

@@ -5,7 +5,7 @@ use crate::functions::FunctionError;
 use crate::multibody::CompileError;
 use crate::muscles::MuscleError;
 use crate::paths::PathError;
-use crate::study::coordinate_value;
+use crate::study::outside_range;
 
 /// Why a model or a trial cannot be simulated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -47,9 +47,8 @@ pub enum SimulationError {
     },
     /// A value that a coordinate is held at is outside its range.
     #[error(
-        "coordinate `{name}` is held at {}, outside its range of {} to {}",
-        coordinate_value(*value, *is_translation), coordinate_value(*lower, *is_translation),
-        coordinate_value(*upper, *is_translation)
+        "coordinate `{name}` is held at {}",
+        outside_range(*value, [*lower, *upper], *is_translation)
     )]
     PostureOutOfRange {
         /// The coordinate.
@@ -222,6 +221,25 @@ pub enum SimulationError {
         /// Time constant of deactivation [s].
         deactivation_time_constant: f64,
     },
+    /// A result that is no number, or one far beyond what can be computed with.
+    #[error(
+        "{recording}: {}{quantity} is {value} at {time} s (coordinate at {angle} rad or m); expected a number that can be computed with",
+        of_muscle(.muscle)
+    )]
+    NotFiniteResult {
+        /// The recording.
+        recording: String,
+        /// The muscle, if it is of one.
+        muscle: Option<String>,
+        /// What is not finite, with its unit.
+        quantity: &'static str,
+        /// Its value.
+        value: f64,
+        /// Time [s].
+        time: f64,
+        /// The moving coordinate then [rad or m].
+        angle: f64,
+    },
     /// The fibre of a muscle cannot be integrated further.
     #[error("{recording}: {muscle}: no fibre length balances the forces after {time} s")]
     NoBalance {
@@ -235,6 +253,20 @@ pub enum SimulationError {
 }
 
 impl SimulationError {
+    /// The muscle that it is about, if it is about one.
+    pub fn muscle(&self) -> Option<&str> {
+        match self {
+            SimulationError::NotFiniteResult { muscle, .. } => muscle.as_deref(),
+            SimulationError::PathLength { muscle, .. }
+            | SimulationError::InvalidParameter { muscle, .. }
+            | SimulationError::NoBalance { muscle, .. }
+            | SimulationError::Muscle(
+                MuscleError::NotMillard2012 { muscle, .. } | MuscleError::InMuscle { muscle, .. },
+            ) => Some(muscle),
+            _ => None,
+        }
+    }
+
     /// What a person may do about it, where there is something.
     pub fn hint(&self) -> Option<&'static str> {
         match self {
@@ -257,6 +289,9 @@ impl SimulationError {
             SimulationError::AppliesNoForce { .. } => {
                 Some("let it apply its force in the model, or leave it out of [muscles] active in study.toml")
             }
+            SimulationError::NotFiniteResult { .. } => Some(
+                "a number of the model is too large or too small to be computed with: check those of this muscle and the bodies",
+            ),
             SimulationError::PostureOutOfRange { .. } => Some("posture values are degrees (metres for translations)"),
             SimulationError::Muscle(MuscleError::NotMillard2012 { .. }) => Some(
                 "leave it out of [muscles] active in study.toml, or make it a Millard2012EquilibriumMuscle in the model",
@@ -264,6 +299,10 @@ impl SimulationError {
             _ => None,
         }
     }
+}
+
+fn of_muscle(name: &Option<String>) -> String {
+    name.as_ref().map(|name| format!("{name}: ")).unwrap_or_default()
 }
 
 fn list(items: &[(String, String)]) -> String {

@@ -43,6 +43,10 @@ impl<'a> From<&'a Trial> for Recording<'a> {
     }
 }
 
+/// Results as large as this are none: squares of larger ones, summed over ten million samples, leave the range of
+/// floating-point numbers, so that no error can be computed, and no muscle is so strong by more than a hundred powers of ten.
+const LARGEST_RESULT: f64 = 1e150;
+
 /// How a trial is simulated.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Options {
@@ -502,7 +506,33 @@ impl PreparedTrial {
             }
             out.muscles.push(series);
         }
+        self.check_finite(&out)?;
         Ok(out)
+    }
+
+    /// Finds the first number of a simulation that is none, or that is too large to be computed with ([`LARGEST_RESULT`]).
+    fn check_finite(&self, simulation: &TrialSimulation) -> Result<(), SimulationError> {
+        let fails = |muscle: Option<usize>, quantity: &'static str, series: &[f64]| {
+            let Some(k) = series.iter().position(|v| !(v.abs() < LARGEST_RESULT)) else { return Ok(()) };
+            Err(SimulationError::NotFiniteResult {
+                recording: self.name.clone(),
+                muscle: muscle.map(|i| self.muscles[i].muscle.name.clone()),
+                quantity,
+                value: series[k],
+                time: self.time[k],
+                angle: self.kinematics.angle[k],
+            })
+        };
+        for (i, muscle) in simulation.muscles.iter().enumerate() {
+            fails(Some(i), "fibre length [m]", &muscle.fiber_length)?;
+            fails(Some(i), "tendon force [N]", &muscle.tendon_force)?;
+            fails(Some(i), "moment [N·m]", &muscle.moment)?;
+        }
+        let kinematics = &self.kinematics;
+        fails(None, "moment of passive forces [N·m]", &kinematics.passive_moment)?;
+        fails(None, "moment of gravity [N·m]", &kinematics.gravity_moment)?;
+        fails(None, "moment of inertia [N·m]", &kinematics.inertia_moment)?;
+        fails(None, "sum of all moments [N·m]", &simulation.moment)
     }
 
     /// Adds the moment of one muscle per unit of maximum isometric force to `moment` [m]; allocates nothing.

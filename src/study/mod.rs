@@ -46,7 +46,7 @@ pub use imaging_settings::{FascicleUse, ImagingSettings};
 pub use participants::{Participant, Sex, Side};
 pub use priors::{PriorKnowledge, PriorUnit, read_priors};
 pub use problem::{Fault, MAX_LISTED, Problem, Severity, StudyErrors};
-pub(crate) use problem::{coordinate_value, nearest};
+pub(crate) use problem::{nearest, outside_range};
 pub use processed_emg::{ParticipantEmg, ProcessedEmg};
 pub use processing::{
     DelayFound, ProcessedTrial, ProcessingError, ProcessingResult, ProcessingSettings, Recorded, SecondRecorder,
@@ -57,6 +57,7 @@ pub use settings::{
     AngleUnit, Columns, Dynamometer, FurtherMoment, MomentPart, ParameterBounds, PostureCoordinate, RelativeBounds,
     Settings,
 };
+pub(crate) use table::{is_of_a_study, named_file};
 pub use trial::{
     ANGLE_RANGE_TOLERANCE, ANGLE_RANGE_WARNING, EMG_NOISE_ABOVE, EMG_NOISE_BELOW, GAP_IN_MEDIAN_STEPS, MAX_SAMPLES,
     MIN_SAMPLES, POSITION_RANGE_WARNING, Trial,
@@ -141,7 +142,8 @@ impl Study {
         let file = if path.is_dir() { path.join("study.toml") } else { path.to_owned() };
         let folder = file.parent().map(Path::to_owned).unwrap_or_default();
         let settings = read_settings(&file, &folder, &mut problems);
-        if settings.is_none() && !file.exists() {
+        let no_study = problems.iter().any(|p| matches!(p.fault, Fault::NotAStudy { .. })) || !file.exists();
+        if settings.is_none() && no_study {
             return Parts { study: None, problems, columns_sound: false }; // a wrong path: complaints about its neighbours would only hide that
         }
         let study_model = settings.as_ref().map(|(s, _)| s.model.clone()).unwrap_or_default();
@@ -384,6 +386,6 @@ fn read_settings(file: &Path, folder: &Path, problems: &mut Vec<Problem>) -> Opt
         return None;
     };
     let (mut settings, columns_sound) = Settings::parse(&text, file, problems)?;
-    settings.model = folder.join(&settings.model);
+    settings.model = table::named_file(folder, &settings.model.to_string_lossy());
     Some((settings, columns_sound))
 }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use super::problem::{Fault, Problem};
-use super::table::{Row, Table};
+use super::table::{Row, Table, named_file};
 use crate::plausible::{self, Plausible};
 
 /// Columns of `participants.csv` besides `<segment>_length_m`.
@@ -103,7 +103,7 @@ fn participant(
         row.bad("participant", "a name that can name a folder (no / \\ :)", name, problems);
         return None;
     }
-    let own_model = row.text("model").map(|model| folder.join(model));
+    let own_model = row.text("model").map(|model| named_file(folder, model));
     let sexes =
         [("female", Sex::Female), ("male", Sex::Male), ("other", Sex::Other), ("f", Sex::Female), ("m", Sex::Male)];
     let sides = [("left", Side::Left), ("right", Side::Right), ("l", Side::Left), ("r", Side::Right)];

@@ -44,6 +44,10 @@ fn sampling(trial: &Trial, faults: &mut Vec<Fault>) {
     if median_step_s > COARSEST_STEP * (1.0 + 1e-6) {
         faults.push(Fault::CoarseSampling { median_step_s, expected_s: COARSEST_STEP });
     }
+    if let Some(own) = &trial.moment_samples {
+        let rate_hz = (trial.len() - 1) as f64 / trial.duration();
+        faults.push(Fault::MomentResampled { how: own.how, own_rate_hz: rate_hz / own.step, rate_hz });
+    }
 }
 
 fn angle(trial: &Trial, settings: &Settings, faults: &mut Vec<Fault>) {

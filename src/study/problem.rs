@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use super::trial::{LONGEST_STEP, LONGEST_TRIAL, SHORTEST_STEP};
 use crate::plausible::{Doubt, moment_unit_of_ratio};
 use crate::printable::number_of;
-use crate::signals::{Finding, SignalError};
+use crate::signals::{Finding, Resampled, SignalError};
 
-/// How many problems [`StudyErrors`] prints before it only counts the rest.
-pub const MAX_LISTED: usize = 20;
+/// How many problems [`StudyErrors`] prints before it only counts the rest: a person mends the first few and asks again.
+pub const MAX_LISTED: usize = 10;
 
 /// Whether a study can be used in spite of a problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
@@ -146,6 +146,14 @@ pub enum Fault {
     TomlSyntax {
         /// The parser's words.
         message: String,
+    },
+    /// A file of another kind where a study is expected.
+    #[error("this is {found}; expected a study: its study.toml, or the folder that it is in")]
+    NotAStudy {
+        /// What it is, with its article.
+        found: &'static str,
+        /// What to give instead, or the command that takes such a file.
+        hint: &'static str,
     },
     /// Broken CSV.
     #[error("not valid CSV: {message}")]
@@ -413,10 +421,9 @@ pub enum Fault {
     },
     /// Angle outside the coordinate's range.
     #[error(
-        "{count} of {samples} samples have {} outside the range of coordinate `{coordinate}`, {} to {}; farthest: {}",
+        "{count} of {samples} samples have {} outside the range of coordinate `{coordinate}`, {}",
         if *is_translation { "a position" } else { "an angle" },
-        coordinate_value(*lower, *is_translation), coordinate_value(*upper, *is_translation),
-        coordinate_value(*extreme, *is_translation)
+        farthest(*extreme, [*lower, *upper], *is_translation)
     )]
     AngleOutOfRange {
         /// OpenSim coordinate.
@@ -479,6 +486,19 @@ pub enum Fault {
         max_abs_n_m: f64,
         /// What was expected.
         expected: String,
+    },
+    /// A moment that was put on a faster grid than it was recorded on.
+    #[error(
+        "the moment was {} to {rate_hz:.0} Hz: {own_rate_hz:.0} of its samples a second are its own",
+        match how { Resampled::Held => "held", Resampled::Interpolated => "interpolated" }
+    )]
+    MomentResampled {
+        /// What was done to it.
+        how: Resampled,
+        /// Its own samples a second [Hz].
+        own_rate_hz: f64,
+        /// Rows of the file a second [Hz].
+        rate_hz: f64,
     },
     /// Moments of the wrong sign.
     #[error(
@@ -655,12 +675,21 @@ impl Fault {
             EmgChannel { finding: Finding::AboveMvc { .. }, .. } => {
                 "excitation is held at 1 there; record MVC trials that reach the maximum of every muscle".to_owned()
             }
+            EmgChannel { finding: Finding::Artefact { .. }, .. } => {
+                "put the mean of its neighbours there, or leave the trial out; in an MVC trial it sets the level by which the channel is divided in all trials"
+                    .to_owned()
+            }
             EmgChannel { finding: Finding::MainsHum { .. }, .. } => {
                 "raise the lower edge of [emg] band_pass_hz above the mains frequency, or record again".to_owned()
             }
             UnequalSteps { .. } => "resample the recording at equal steps".to_owned(),
+            NotAStudy { hint, .. } => (*hint).to_owned(),
+            TomlSyntax { message } if message.contains("escape") => {
+                "between double quotes a backslash is written twice; between folders write /".to_owned()
+            }
             NotText => "save the file as UTF-8".to_owned(),
             Separator { .. } => "export with commas between columns and points as decimal marks".to_owned(),
+            BadNumber { found, .. } if found.contains(['−', '–']) => "use a hyphen, -, as minus sign".to_owned(),
             BadNumber { found, .. } if found.contains(',') => "use a point as decimal mark".to_owned(),
             BadNumber { found, .. } if found.is_empty() || found.eq_ignore_ascii_case("nan") => {
                 "cut the samples off or fill them in; carpus does not guess missing samples".to_owned()
@@ -697,6 +726,9 @@ impl Fault {
             }
             OwnGravityNotTurned => {
                 "leave \"gravity\" out of include: the effect `gravity` of carpus diagnose is turned with the arm".to_owned()
+            }
+            MomentResampled { .. } => {
+                "its noise is estimated from its own samples alone; nothing else needs to be done".to_owned()
             }
             PostureMismatch { .. } => "check the zero and the sign of the angle".to_owned(),
             Implausible { doubt, .. } => doubt.hint(),
@@ -741,11 +773,36 @@ impl Fault {
     }
 }
 
-/// A coordinate's value as people read it.
+/// Coordinate values beside the range that one of them leaves, as people read them: with as many decimals as tell the value
+/// from the ends, at least two of degrees and four of metres.
 ///
-/// - `value`: [rad or m]
-pub(crate) fn coordinate_value(value: f64, is_translation: bool) -> String {
-    if is_translation { format!("{value:.4} m") } else { format!("{:.2}°", value.to_degrees()) }
+/// - `value`, `range`: [rad or m]
+pub(crate) fn value_and_range(value: f64, range: [f64; 2], is_translation: bool) -> (String, [String; 2]) {
+    /// Decimals beyond which two numbers of this size do not differ.
+    const MOST: usize = 13;
+    let show = |v: f64, decimals: usize| match is_translation {
+        true => format!("{v:.decimals$} m"),
+        false => format!("{:.decimals$}°", v.to_degrees()),
+    };
+    let least = if is_translation { 4 } else { 2 };
+    let differs =
+        |decimals: &usize| range.iter().all(|end| *end == value || show(*end, *decimals) != show(value, *decimals));
+    let decimals = (least..MOST).find(differs).unwrap_or(MOST);
+    (show(value, decimals), range.map(|end| show(end, decimals)))
+}
+
+/// A value and the range that it leaves, in words.
+///
+/// - `value`, `range`: [rad or m]
+pub(crate) fn outside_range(value: f64, range: [f64; 2], is_translation: bool) -> String {
+    let (value, [lower, upper]) = value_and_range(value, range, is_translation);
+    format!("{value}, outside its range of {lower} to {upper}")
+}
+
+/// The range of recorded angles or positions, and the farthest of them.
+fn farthest(extreme: f64, range: [f64; 2], is_translation: bool) -> String {
+    let (extreme, [lower, upper]) = value_and_range(extreme, range, is_translation);
+    format!("{lower} to {upper}; farthest: {extreme}")
 }
 
 fn known_list(title: &str, known: &[String]) -> String {
@@ -833,6 +890,14 @@ mod tests {
         assert_eq!(nearest("colums", names).as_deref(), Some("columns"));
         assert_eq!(nearest("trigger", names), None);
         assert_eq!(nearest("", names), None);
+    }
+
+    #[test]
+    fn verif_a_value_outside_a_range_shows_what_tells_it_from_the_ends() {
+        let of_degrees = |value: f64| outside_range(value.to_radians(), [-90.0, 180.0].map(f64::to_radians), false);
+        assert_eq!(of_degrees(200.0), "200.00°, outside its range of -90.00° to 180.00°");
+        assert_eq!(of_degrees(180.0004), "180.0004°, outside its range of -90.0000° to 180.0000°");
+        assert_eq!(outside_range(0.12001, [0.0, 0.12], true), "0.12001 m, outside its range of 0.00000 m to 0.12000 m");
     }
 
     #[test]

@@ -4,7 +4,9 @@ use rayon::prelude::*;
 
 use super::raw_emg::{self, EmgSignal};
 use super::{Problem, Study, StudyErrors, Trial, TrialInfo, gather};
-use crate::signals::{EmgProcessing, Finding, QualityLimits, check_channel, check_excitation, mvc_level, resample};
+use crate::signals::{
+    EmgProcessing, Finding, QualityLimits, check_artefact, check_channel, check_excitation, mvc_level, resample,
+};
 
 /// The EMG of a participant.
 #[derive(Clone, Debug)]
@@ -70,7 +72,7 @@ fn level_trial(trials: &[ProcessedEmg], channel: usize, processing: &EmgProcessi
         let Ok(envelope) = processing.envelope(&trial.raw[channel], trial.recorded_rate_hz) else { continue };
         let level = mvc_level(&[(&envelope, trial.recorded_rate_hz)], processing.mvc_level).unwrap_or(0.0);
         if level > best.0 {
-            best = (level, trial.info.name());
+            best = (level, trial.info.name.clone());
         }
     }
     best.1
@@ -91,6 +93,7 @@ fn processed(
         let mut found = check_channel(raw, rate, &limits);
         let envelope = processing.envelope(raw, rate).and_then(|mut envelope| {
             envelope.iter_mut().for_each(|e| *e /= levels[i]);
+            found.extend(check_artefact(raw, &envelope, rate, &limits));
             found.extend(check_excitation(&envelope, &limits));
             match processing.resample_hz {
                 // What the lower rate cannot carry is filtered away, which undershoots.

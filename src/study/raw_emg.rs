@@ -8,8 +8,8 @@ use super::settings::Columns;
 use super::toml_section::{Sections, TomlSection};
 use super::trial::Trial;
 use crate::signals::{
-    EmgProcessing, EnvelopeKind, Finding, MvcLevel, QualityLimits, SavitzkyGolay, check_channel, check_excitation,
-    mvc_level,
+    EmgProcessing, EnvelopeKind, Finding, MvcLevel, QualityLimits, SavitzkyGolay, check_artefact, check_channel,
+    check_excitation, mvc_level,
 };
 
 /// Steps of a raw recording stay within this fraction of their mean: filters need equal steps, and times written with few
@@ -156,6 +156,7 @@ pub(crate) fn to_excitation(
         match emg.envelope(raw, rate) {
             Ok(mut excitation) => {
                 excitation.iter_mut().for_each(|e| *e /= levels[channel]);
+                check_artefact(raw, &excitation, rate, &limits).into_iter().for_each(&mut report);
                 check_excitation(&excitation, &limits).into_iter().for_each(&mut report);
                 excitation.iter_mut().for_each(|e| *e = e.min(1.0));
                 trial.excitation[channel] = excitation;

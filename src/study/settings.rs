@@ -364,9 +364,29 @@ fn columns(sections: &Sections<'_>, active: &[String], file: &Path, problems: &m
         angle_unit,
     };
     let line = section.line_of("moment");
+    one_quantity_each(&mut section, &columns);
     section.finish(problems);
     warn_of_moment_unit(&columns.moment, file, line, problems);
     columns
+}
+
+/// Reports columns that are to hold two quantities; muscles alone may share one, that of their EMG.
+fn one_quantity_each(section: &mut TomlSection<'_>, columns: &Columns) {
+    let own = [
+        ("time", &columns.time),
+        ("angle", &columns.angle),
+        ("velocity", &columns.velocity),
+        ("moment", &columns.moment),
+    ];
+    let emg = columns.emg.iter().map(|name| ("emg", name));
+    let mut known: Vec<(&str, &String)> = Vec::new();
+    for (key, name) in own.into_iter().chain(emg) {
+        match known.iter().find(|(_, before)| *before == name) {
+            Some(("emg", _)) => {}
+            Some((other, _)) => section.bad_value(key, "a column of its own", &format!("`{name}`, that of `{other}`")),
+            None => known.push((key, name)),
+        }
+    }
 }
 
 /// Column per active muscle: a template with `{muscle}`, or a table muscle → column.

@@ -20,6 +20,13 @@ pub(crate) fn is_of_a_study(number: f64) -> bool {
     number.abs() <= LARGEST_NUMBER
 }
 
+/// The file that a study names, relative to the study's folder. Backslashes separate folders as they do on Windows, except
+/// where there is a file whose very name has them.
+pub(crate) fn named_file(folder: &Path, written: &str) -> PathBuf {
+    let literal = folder.join(written);
+    if !written.contains('\\') || literal.exists() { literal } else { folder.join(written.replace('\\', "/")) }
+}
+
 /// Opens a CSV file and reads its header; problems with either are reported.
 pub(crate) fn open(
     path: &Path,

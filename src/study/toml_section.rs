@@ -38,6 +38,25 @@ struct Entry<'a> {
     value: &'a DeValue<'a>,
 }
 
+/// What a text is that is not TOML, if its beginning says so.
+fn other_kind(text: &str) -> Option<Fault> {
+    let text = text.trim_start_matches('\u{feff}').trim_start();
+    let first_line = text.lines().next().unwrap_or_default();
+    let (found, hint) = if text.starts_with('<') && text.contains("<Model") {
+        ("a model", "give the study that names the model; `carpus info` shows what is in a model")
+    } else if text.starts_with('<') {
+        ("an XML file", "setup files of OpenSim's tools are run by `carpus run-tool`")
+    } else if text.starts_with('{') {
+        ("a JSON file", "give the study that it was made of")
+    } else if first_line.contains([',', ';', '\t']) && !first_line.contains('=') && !first_line.starts_with(['[', '#'])
+    {
+        ("a table", "give the study that names the table")
+    } else {
+        return None;
+    };
+    Some(Fault::NotAStudy { found, hint })
+}
+
 /// Line of a byte offset, counted from 1.
 fn line_at(text: &str, offset: usize) -> usize {
     1 + text.as_bytes()[..offset.min(text.len())].iter().filter(|b| **b == b'\n').count()
@@ -47,6 +66,10 @@ impl<'i> Sections<'i> {
     /// Parses a document; every syntax error is reported. `None` if there was one.
     pub fn parse(text: &'i str, file: &Path, problems: &mut Vec<Problem>) -> Option<Self> {
         let (table, errors) = DeTable::parse_recoverable(text);
+        if let Some(fault) = other_kind(text).filter(|_| !errors.is_empty()) {
+            problems.push(Problem::error(file, None, fault));
+            return None;
+        }
         for error in &errors {
             let line = error.span().map(|span| line_at(text, span.start));
             problems.push(Problem::error(file, line, Fault::TomlSyntax { message: error.message().to_owned() }));

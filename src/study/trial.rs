@@ -7,6 +7,7 @@ use super::raw_emg::{self, EmgSignal};
 use super::settings::{Columns, Settings};
 use super::table::{csv_problem, is_of_a_study, missing_column, open};
 use super::trial_list::TrialInfo;
+use crate::signals::{OwnSamples, own_samples};
 
 /// Fewest samples a trial may have: enough for a cubic spline with something to smooth.
 pub const MIN_SAMPLES: usize = 10;
@@ -52,6 +53,8 @@ pub struct Trial {
     pub further_moments: Vec<Vec<f64>>,
     /// Excitation of each active muscle, 0 to 1, in the order of the study's active muscles.
     pub excitation: Vec<Vec<f64>>,
+    /// The moment's own samples, where it was held or interpolated to the grid of the file; `None`: one a row.
+    pub moment_samples: Option<OwnSamples>,
     /// What a person should look at.
     pub warnings: Vec<Problem>,
     /// Line of each sample in the file; empty if the trial was not read from a file.
@@ -68,7 +71,8 @@ impl Trial {
         excitation: Vec<Vec<f64>>,
     ) -> Self {
         let (velocity, further_moments, warnings, lines) = (None, Vec::new(), Vec::new(), Vec::new());
-        Self { info, time, angle, velocity, moment, further_moments, excitation, warnings, lines }
+        let moment_samples = None;
+        Self { info, time, angle, velocity, moment, further_moments, excitation, moment_samples, warnings, lines }
     }
 
     /// Number of samples.
@@ -91,13 +95,34 @@ impl Trial {
         self.moment.iter().fold(0.0, |max, m| f64::max(max, m.abs()))
     }
 
+    /// Rows of the file from one sample of the moment to the next: 1 where every row is one.
+    pub fn rows_per_moment(&self) -> f64 {
+        self.moment_samples.as_ref().map_or(1.0, |own| own.step)
+    }
+
+    /// The moment [N·m] at its own samples: all that tells of its noise.
+    pub fn own_moment(&self) -> Vec<f64> {
+        match &self.moment_samples {
+            Some(own) => own.at.iter().map(|k| self.moment[*k]).collect(),
+            None => self.moment.clone(),
+        }
+    }
+
     /// With so many samples averaged to one; what is over at the end is left out.
     pub fn averaged(&self, count: usize) -> Trial {
         let mean = |x: &Vec<f64>| -> Vec<f64> {
             x.chunks_exact(count.max(1)).map(|part| part.iter().sum::<f64>() / part.len() as f64).collect()
         };
+        let coarser = |own: &OwnSamples| {
+            let mut at: Vec<usize> = own.at.iter().map(|k| k / count.max(1)).collect();
+            at.dedup();
+            at.retain(|k| *k < self.len() / count.max(1));
+            let step = own.step / count.max(1) as f64;
+            (step > 1.0).then_some(OwnSamples { at, step, ..*own })
+        };
         Trial {
             info: self.info.clone(),
+            moment_samples: self.moment_samples.as_ref().and_then(coarser),
             time: mean(&self.time),
             angle: mean(&self.angle),
             velocity: self.velocity.as_ref().map(mean),
@@ -160,6 +185,7 @@ impl Trial {
         let trial = read_samples(info, settings, trials_file, &mut problems).map(|mut trial| {
             let before = problems.len();
             check_time(&trial, settings.max_gap, &mut problems);
+            trial.moment_samples = own_samples(&trial.moment);
             match &settings.emg {
                 EmgSignal::Normalized => check_excitation(&mut trial, settings, &mut problems),
                 EmgSignal::Raw(emg) => {

@@ -1,11 +1,11 @@
 //! `trials.csv`: which trials were recorded, under which condition, and what each is for.
 
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use super::participants::Participant;
 use super::problem::{Fault, Problem, nearest};
-use super::table::{Row, Table};
+use super::table::{Row, Table, named_file};
 use crate::plausible;
 
 const COLUMNS: [&str; 10] = [
@@ -37,6 +37,9 @@ pub struct TrialInfo {
     pub place: usize,
     /// Line of the row.
     pub line: usize,
+    /// Short name that no other trial of the participant has, not even in other case: the file's name without extension;
+    /// where several trials have that, with as many of its folders in front as tell them apart.
+    pub name: String,
     /// Name of the participant.
     pub participant: String,
     /// The trial's file.
@@ -82,6 +85,7 @@ impl TrialInfo {
             index: 0,
             place: 0,
             line: 2,
+            name: "trial".to_owned(),
             participant: "P01".to_owned(),
             file: "trial.csv".into(),
             file_as_written: "trial.csv".to_owned(),
@@ -94,11 +98,6 @@ impl TrialInfo {
             start_time: None,
             arm_flipped: false,
         }
-    }
-
-    /// A short name: the file's name without extension.
-    pub fn name(&self) -> String {
-        self.file.file_stem().map_or_else(|| format!("trial_{}", self.index + 1), |s| s.to_string_lossy().into_owned())
     }
 }
 
@@ -227,7 +226,44 @@ pub(crate) fn read(
         }
         trials.push(trial);
     }
+    name_trials(&mut trials, folder);
     trials
+}
+
+/// Gives every trial its name: a trial is a row, and two rows may have files of one name.
+fn name_trials(trials: &mut [TrialInfo], folder: &Path) {
+    let parts = |trial: &TrialInfo| -> Vec<String> {
+        let path = trial.file.strip_prefix(folder).unwrap_or(&trial.file).with_extension("");
+        let normal = path.components().filter_map(|part| match part {
+            Component::Normal(name) => Some(name.to_string_lossy().into_owned()),
+            _ => None,
+        });
+        normal.collect()
+    };
+    let parts: Vec<Vec<String>> = trials.iter().map(parts).collect();
+    // How many parts of its path a trial's name has; 0: its path says nothing, the row alone does.
+    let mut used = vec![1; trials.len()];
+    loop {
+        for ((trial, parts), used) in trials.iter_mut().zip(&parts).zip(&used) {
+            let row = format!("row_{}", trial.line);
+            trial.name = match parts.len() {
+                0 => row,
+                n if *used > n => format!("{}_{row}", parts.join("_")),
+                n => parts[n - used..].join("_"),
+            };
+        }
+        let mut owners: HashMap<(String, String), Vec<usize>> = HashMap::new();
+        for (i, trial) in trials.iter().enumerate() {
+            owners.entry((trial.participant.clone(), trial.name.to_lowercase())).or_default().push(i);
+        }
+        let shared: Vec<usize> = owners.into_values().filter(|of| of.len() > 1).flatten().collect();
+        // A name with its row in it differs from all others of this kind: nobody takes more than one part beyond its path.
+        let longer: Vec<usize> = shared.into_iter().filter(|&i| used[i] <= parts[i].len()).collect();
+        if longer.is_empty() {
+            return;
+        }
+        longer.into_iter().for_each(|i| used[i] += 1);
+    }
 }
 
 fn trial(row: &Row<'_>, folder: &Path, participants: &[Participant], problems: &mut Vec<Problem>) -> Option<TrialInfo> {
@@ -261,8 +297,9 @@ fn trial(row: &Row<'_>, folder: &Path, participants: &[Participant], problems: &
         index: 0,
         place: 0,
         line: row.line,
+        name: String::new(),
         participant: participant?.to_owned(),
-        file: folder.join(file?),
+        file: named_file(folder, file?),
         file_as_written: file?.to_owned(),
         contraction: contraction?,
         effort_percent,

@@ -26,7 +26,7 @@ fn forward(study: &Study, trials: &[Trial], file: &OsimFile) -> ForwardModel {
 /// Trials that excite everything: an isometric one, a movement, a passive sweep.
 fn few(trials: Vec<Trial>) -> Vec<Trial> {
     let names = ["isometric_25_flexion_+30deg_1", "isotonic_25_extension_1", "passive_1"];
-    trials.into_iter().filter(|t| names.contains(&t.info.name().as_str())).collect()
+    trials.into_iter().filter(|t| names.contains(&t.info.name.as_str())).collect()
 }
 
 fn moments(forward: &ForwardModel, effects: &[Setting]) -> Vec<Vec<f64>> {

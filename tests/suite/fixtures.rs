@@ -81,7 +81,7 @@ fn regress_demo_study_reads_and_holds_out_every_condition() {
     assert_eq!(conditions(TrialUse::Train), conditions(TrialUse::Test));
     assert_eq!(conditions(TrialUse::Train).len(), 9, "isometric and isotonic, two efforts, two directions; passive");
     let trials = study.load_trials("P01").unwrap_or_else(|errors| panic!("{errors}"));
-    let peak = |name: &str| trials.iter().find(|t| t.info.name() == name).map(|t| t.max_abs_moment());
+    let peak = |name: &str| trials.iter().find(|t| t.info.name == name).map(|t| t.max_abs_moment());
     // A plausible person: flexion and extension strength within the spread of Delp et al. 1996.
     assert!(matches!(peak("mvc_flexion"), Some(m) if (5.0..19.0).contains(&m)), "{:?}", peak("mvc_flexion"));
     assert!(matches!(peak("mvc_extension"), Some(m) if (3.0..15.0).contains(&m)), "{:?}", peak("mvc_extension"));

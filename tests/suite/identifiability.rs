@@ -48,14 +48,14 @@ fn known() -> Known {
     let model = MusculoskeletalModel::compile(&file.spec, &setup).unwrap();
     let all: Vec<Trial> = study
         .trials_of("P01")
-        .filter(|t| t.usage == TrialUse::Train && TRIALS.contains(&t.name().as_str()))
+        .filter(|t| t.usage == TrialUse::Train && TRIALS.contains(&t.name.as_str()))
         .map(|t| study.trial(t).unwrap())
         .collect();
     assert_eq!(all.len(), TRIALS.len());
     let recordings: Vec<Recording> = all
         .iter()
         .map(|t| Recording {
-            name: t.info.name(),
+            name: t.info.name.clone(),
             time: &t.time,
             angle: &t.angle,
             excitation: columns.iter().map(|c| t.excitation[*c].as_slice()).collect(),

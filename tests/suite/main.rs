@@ -22,6 +22,7 @@ mod paths;
 mod personalization;
 mod reference;
 mod report;
+mod round_trip;
 mod scaling;
 mod sensitivity;
 mod signals;

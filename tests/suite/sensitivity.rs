@@ -324,7 +324,7 @@ mod of_muscles {
     fn isotonic() -> (Study, ModelSpec, Trial) {
         let study = Study::read_tables(study()).expect("the bundled study");
         let file = OsimFile::read(&study.settings.model).expect("the bundled model");
-        let info = study.trials.iter().find(|t| t.name() == "isotonic_25_flexion_1").expect("a trial");
+        let info = study.trials.iter().find(|t| t.name == "isotonic_25_flexion_1").expect("a trial");
         let trial = study.trial(info).expect("readable");
         (study, file.spec, trial)
     }

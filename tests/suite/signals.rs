@@ -235,3 +235,30 @@ fn verif_quality_finds_what_was_put_in() {
     let finding = check_excitation(&[0.1, 1.5, 0.2, 0.3], &limits);
     assert_eq!(finding, Some(Finding::AboveMvc { highest: 1.5, fraction: 0.25 }));
 }
+
+#[test]
+fn verif_an_artefact_that_is_an_excitation_is_found() {
+    let limits = QualityLimits::default();
+    let clean = clean_channel();
+    let effort = vec![0.5; clean.len()];
+    assert_eq!(check_artefact(&clean, &effort, 1500.0, &limits), None);
+    let size = clean.iter().fold(0.0, |max: f64, v| max.max(v.abs()));
+    for (width, times) in [(1, 860.0), (1, 20.0), (5, 30.0)] {
+        // Wherever it stands, also on drift that is larger.
+        for at in [0, 2100, clean.len() - width] {
+            let mut spoilt: Vec<f64> =
+                clean.iter().enumerate().map(|(k, v)| v + 50.0 * size * (1e-3 * k as f64).sin()).collect();
+            assert_eq!(check_artefact(&spoilt, &effort, 1500.0, &limits), None);
+            spoilt[at..at + width].iter_mut().for_each(|v| *v += times * size);
+            match check_artefact(&spoilt, &effort, 1500.0, &limits) {
+                Some(Finding::Artefact { after_s, ratio }) => {
+                    assert!((after_s - at as f64 / 1500.0).abs() <= width as f64 / 1500.0, "{after_s}");
+                    assert!(ratio > times, "{ratio}: the largest of a thousand is beyond the quantile");
+                }
+                other => panic!("{width} {times} {at}: {other:?}"),
+            }
+            // A single motor unit in silence stands out as far, and excites nothing.
+            assert_eq!(check_artefact(&spoilt, &vec![0.05; clean.len()], 1500.0, &limits), None);
+        }
+    }
+}

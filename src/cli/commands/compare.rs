@@ -41,7 +41,7 @@ pub fn run(args: &CompareArgs, global: &Global) -> Result<(), Failure> {
     }
     if global.json {
         let text = serde_json::Value::Array(done.iter().map(summary).collect()).to_string();
-        return outcomes.print(&text);
+        return outcomes.print(&study, "compare", &text);
     }
     let mut text = error_table(done);
     done.iter().for_each(|results| text.push_str(&where_it_fails(results)));
@@ -50,7 +50,7 @@ pub fn run(args: &CompareArgs, global: &Global) -> Result<(), Failure> {
         let report = study.out.path().join(&results.participant.id).join("report.html");
         text.push_str(&format!("{}\n", report.display()));
     }
-    outcomes.print(&text)
+    outcomes.print(&study, "compare", &text)
 }
 
 /// Writes both error tables.

@@ -59,6 +59,7 @@ pub fn run(args: &DemoArgs, global: &Global) -> Result<(), Failure> {
     for participant in &study.participants {
         outcomes.push(personalize::personalize(&study, participant, Path::new(""), true, global)?);
     }
+    study.close("demo")?;
     if global.json {
         return print_result(&personalize::json(&outcomes));
     }

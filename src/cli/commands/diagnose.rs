@@ -25,6 +25,7 @@ use crate::diagnosis::moments::simulate_all;
 use crate::diagnosis::separation::{Laboratory, SEPARABLE_Z, Separation};
 use crate::diagnosis::synthesis::sized;
 use crate::osim::spec::MuscleSpec;
+use crate::report::intervals::with_validity;
 use crate::report::results::{Kind, Results};
 use crate::simulation::MuscleParameters;
 use crate::study::TrialUse;
@@ -61,12 +62,12 @@ pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
     let outcomes = outcomes?;
     if global.json {
         let text = serde_json::Value::Array(outcomes.done.iter().map(|(_, value)| value.clone()).collect()).to_string();
-        return outcomes.print(&text);
+        return outcomes.print(&study, "diagnose", &text);
     }
     let page = |d: &Diagnosis| study.out.path().join(&d.participant).join("report.html").display().to_string();
     let shown = |(d, _): &(Diagnosis, serde_json::Value)| format!("{}\n\n{}", readable(d), page(d));
     let text = outcomes.done.iter().map(shown).collect::<Vec<_>>().join("\n\n");
-    outcomes.print(&text)
+    outcomes.print(&study, "diagnose", &text)
 }
 
 /// The results of a diagnosis: the model as given, with its muscles refitted, and with the best explanation.
@@ -260,7 +261,7 @@ pub fn in_words(diagnosis: &Diagnosis) -> String {
 fn estimate_rows(parameters: &BTreeMap<String, ParameterEstimate>, last: &str) -> Vec<Vec<String>> {
     let row = |(name, p): (&String, &ParameterEstimate)| {
         let interval = match is_determined(p.ci95) {
-            true => format!("[{:.4}, {:.4}]", p.ci95[0], p.ci95[1]),
+            true => with_validity(format!("[{:.4}, {:.4}]", p.ci95[0], p.ci95[1]), p.ci95, p.value),
             false => "(not determined)".to_owned(),
         };
         vec![

@@ -16,7 +16,7 @@ use crate::report::results::InputFile;
 use crate::report::signals::{SignalFigure, SignalPanel, SignalReport, SignalSection, SignalTable, thinned_signal};
 use crate::report::{render_signals, significant};
 use crate::signals::Band;
-use crate::study::{Participant, ProcessedTrial, ProcessingError, ProcessingResult, ProcessingSettings};
+use crate::study::{Participant, ProcessedTrial, ProcessingError, ProcessingResult, ProcessingSettings, named_file};
 
 /// Points of a drawn signal.
 const DRAWN: usize = 400;
@@ -88,7 +88,7 @@ pub fn run(args: &DynamometerArgs, global: &Global) -> Result<(), Failure> {
     }
     let outcomes = process(&study, global)?;
     for (file, text) in outcomes.done.iter().flat_map(|o| &o.findings) {
-        failure::print(&[Message::warning(text.clone()).in_file(&study.study.folder.join(file))]);
+        failure::print(&[Message::warning(text.clone()).in_file(&named_file(&study.study.folder, file))]);
     }
     let mut inputs: Vec<InputFile> = Vec::new();
     for file in outcomes.done.iter().flat_map(|outcome| &outcome.inputs) {
@@ -104,7 +104,7 @@ pub fn run(args: &DynamometerArgs, global: &Global) -> Result<(), Failure> {
     let json = serde_json::to_string_pretty(&results).map_err(|e| Failure::Internal(e.to_string()))?;
     study.out.write("dynamometer.json", json.as_bytes())?;
     let text = if global.json { results.to_string() } else { readable(&outcomes.done, study.out.path()) };
-    outcomes.print(&text)
+    outcomes.print(&study, "dynamometer", &text)
 }
 
 /// Processes the recordings of all participants and writes them as a study, with a page each.
@@ -124,7 +124,8 @@ pub fn process(study: &StudyRun, global: &Global) -> Result<Outcomes<Outcome>, F
         outcomes.done.iter().filter_map(|o| o.result.as_ref()).flat_map(|result| &result.trials).collect();
     let new: Vec<NewTrial<'_>> = all.iter().map(|trial| NewTrial { file: trial_file(trial), trial }).collect();
     for (i, trial) in new.iter().enumerate() {
-        if new[..i].iter().any(|before| before.file == trial.file) {
+        // Names that differ by case alone are one file on some disks.
+        if new[..i].iter().any(|before| before.file.to_lowercase() == trial.file.to_lowercase()) {
             let text = format!("two recordings would both become {}", trial.file);
             return Err(Message::error(text).hint("give the files of a participant different names").into());
         }
@@ -248,7 +249,7 @@ fn panel(trial: &ProcessedTrial) -> SignalPanel {
         note: format!("{} samples", trial.time.len()),
         findings: Vec::new(),
         figures: vec![SignalFigure {
-            description: format!("moment of {}", trial.info.name()),
+            description: format!("moment of {}", trial.info.name),
             x_name: ("t", "s"),
             x: time,
             unit: "N·m",

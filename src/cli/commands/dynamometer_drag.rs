@@ -8,8 +8,9 @@ use crate::cli::print_result;
 use crate::cli::provenance::{input_file, provenance};
 use crate::cli::table::{fixed, table};
 use crate::dynamometer::{DragError, DragEstimate, MachineRun, estimate_drag};
+use crate::report::results::rounded;
 use crate::report::significant;
-use crate::study::{AngleUnit, Recorded, Study};
+use crate::study::{AngleUnit, Recorded, Study, named_file};
 
 /// A machine's recording, in radians.
 struct Run {
@@ -94,7 +95,7 @@ fn estimated(files: &[PathBuf], names: &Names) -> Result<DragEstimate, Failure> 
 /// The machine's recordings that a study names, and how their columns are called.
 fn named_by(study: &Study) -> (Vec<PathBuf>, Names) {
     let columns = study.settings.columns.clone();
-    let files = study.settings.processing.drag_runs.iter().map(|file| study.folder.join(file)).collect();
+    let files = study.settings.processing.drag_runs.iter().map(|file| named_file(&study.folder, file)).collect();
     let names = Names {
         time: columns.time,
         angle: columns.angle,
@@ -162,6 +163,12 @@ fn readable(drag: &DragEstimate, files: &[PathBuf]) -> String {
         None => text.push_str("Coulomb friction   counted as drag: the runs have one speed or one direction\n"),
     }
     text.push_str(&format!("viscous drag       95 %: {low} to {high} N·m·s/deg\n\nfor study.toml:\n"));
-    text.push_str(&format!("[dynamometer]\ndamping_n_m_s_per_deg = {}\n", significant(drag.damping * per_degree, 4)));
+    let damping = rounded(drag.damping * per_degree, 4);
+    match damping < 0.0 {
+        true => {
+            text.push_str("nothing: the drag is negative, so the sign of moment or angle is turned in these runs\n")
+        }
+        false => text.push_str(&format!("[dynamometer]\ndamping_n_m_s_per_deg = {damping}\n")),
+    }
     text
 }

@@ -11,7 +11,7 @@ use crate::cli::failure::{self, Failure, Message};
 use crate::cli::provenance::{input_file, provenance};
 use crate::cli::study_run::{StudyRun, progress};
 use crate::cli::table::{fixed, table};
-use crate::report::results::InputFile;
+use crate::report::results::{InputFile, rounded};
 use crate::report::signals::{SignalFigure, SignalPanel, SignalReport, SignalSection, SignalTable, thinned_signal};
 use crate::report::{render_signals, significant};
 use crate::signals::{EmgProcessing, EnvelopeKind, MvcLevel};
@@ -96,7 +96,7 @@ pub fn run(args: &EmgArgs, global: &Global) -> Result<(), Failure> {
     let json = serde_json::to_string_pretty(&results).map_err(|e| Failure::Internal(e.to_string()))?;
     study.out.write("emg.json", json.as_bytes())?;
     let text = if global.json { results.to_string() } else { readable(&outcomes.done, study.out.path()) };
-    outcomes.print(&text)
+    outcomes.print(&study, "emg", &text)
 }
 
 /// A participant's EMG, written with a page into a folder of the results.
@@ -122,7 +122,7 @@ pub fn processed(
             row
         });
         let text = csv_text(header.iter(), rows)?;
-        study.out.write(folder.join("emg").join(format!("{}.csv", trial.info.name())), text.as_bytes())?;
+        study.out.write(folder.join("emg").join(format!("{}.csv", trial.info.name)), text.as_bytes())?;
         Ok(())
     };
     emg.trials.par_iter().map(write).collect::<Vec<_>>().into_iter().collect::<Result<(), Failure>>()?;
@@ -149,7 +149,7 @@ pub fn processed(
         mvc_trial: emg.level_trials[*i].clone(),
     };
     let trial = |t: &ProcessedEmg| Trial {
-        trial: t.info.name(),
+        trial: t.info.name.clone(),
         file: t.info.file_as_written.clone(),
         sample_rate_hz: t.recorded_rate_hz,
         channels: of_muscles
@@ -287,7 +287,7 @@ pub fn rows(outcomes: &[Outcome]) -> Vec<Vec<String>> {
                 outcome.participant.clone(),
                 channel.column.clone(),
                 channel.mvc_trial.clone(),
-                significant(channel.mvc_level, 4),
+                rounded(channel.mvc_level, 4).to_string(),
                 outcome.trials.len().to_string(),
                 fixed(of_trials().map(|c| c.highest).fold(0.0, f64::max), 3),
                 of_trials().map(|c| c.findings.len()).sum::<usize>().to_string(),

@@ -87,10 +87,10 @@ pub fn run(args: &EvaluateArgs, global: &Global) -> Result<(), Failure> {
             "anova": report.anova,
             "report": page,
         });
-        return outcomes.print(&result.to_string());
+        return outcomes.print(&study, "evaluate", &result.to_string());
     }
     let text = format!("{}\n\n{}", report.readable, page.display());
-    outcomes.print(&text)
+    outcomes.print(&study, "evaluate", &text)
 }
 
 /// The models of a participant in the folders given: `DIR/PARTICIPANT/*.osim`. A file `model.osim`, as `personalize` writes
@@ -171,13 +171,13 @@ pub fn evaluate(
         let simulated = study.simulate_some(run, spec, &held_out)?;
         let trial_errors = held_out.iter().zip(&simulated).map(|(&i, simulation)| {
             TrialErrors::calc(&run.trials[i].info, &run.trials[i].moment, &simulation.moment)
-                .map_err(|e| Failure::Internal(format!("trial {}: {e}", run.trials[i].info.name())))
+                .map_err(|e| Failure::Internal(format!("trial {}: {e}", run.trials[i].info.name)))
         });
         let table = ErrorTable::from_trials(trial_errors.collect::<Result<_, _>>()?);
         errors.extend(condition_errors(&run.participant.name, name, &table));
         if shown.contains(&name.as_str()) {
             for curve in &mut curves {
-                let at = held_out.iter().position(|&i| run.trials[i].info.name() == curve.trial);
+                let at = held_out.iter().position(|&i| run.trials[i].info.name == curve.trial);
                 if let Some(at) = at {
                     curve.add(name, &simulated[at].moment);
                 }

@@ -6,7 +6,7 @@ use crate::cli::account::{csv_text, warning_result};
 use crate::cli::args::{Global, IdentifyArgs, IdentifyOptions};
 use crate::cli::failure::{self, Failure, Message};
 use crate::cli::provenance::{input_file, provenance};
-use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
+use crate::cli::study_run::{ParticipantRun, StudyRun, progress, simulation_message};
 use crate::cli::table::{fixed, table};
 use crate::identifiability::{
     ConfidenceInterval, FreeParameter, Identifiability, IdentifiabilityError, Knowledge, MuscleProperty, Prior,
@@ -18,6 +18,7 @@ use crate::report::identifiability::{
     CombinationResult, IDENTIFIABILITY_SCHEMA, IdentifiabilityResult, NextTrialResult, NoiseResult, ParameterKnowledge,
     SoundnessResult, render_identifiability,
 };
+use crate::report::intervals::with_validity;
 use crate::report::results::{Provenance, rounded};
 use crate::simulation::{Recording, SimulationError};
 use crate::study::{FurtherMoment, PriorKnowledge, PriorUnit, TrialUse, read_priors};
@@ -63,7 +64,7 @@ pub fn run(args: &IdentifyArgs, global: &Global) -> Result<(), Failure> {
     } else {
         outcomes.done.iter().map(|r| readable(r, &study)).collect::<Vec<_>>().join("\n\n")
     };
-    outcomes.print(&text)
+    outcomes.print(&study, "identify", &text)
 }
 
 /// What is asked of every participant.
@@ -95,6 +96,8 @@ impl Question {
         seed: u64,
     ) -> Result<(IdentifiabilityResult, Identifiability, Vec<Message>), Failure> {
         let mut warnings = Vec::new();
+        // What cannot be simulated has no intervals: better said at once.
+        run.simulate(&run.model.nominal_parameters())?;
         let free = parameters(study, run, &self.properties, &self.priors, &self.options, &mut warnings)?;
         if free.iter().any(|p| p.property == MuscleProperty::MaxIsometricForce) {
             warnings.push(Message::warning(TOO_NARROW));
@@ -254,7 +257,10 @@ pub fn usual_intervals(study: &StudyRun, run: &ParticipantRun, seed: u64) -> Res
 }
 
 fn failed(run: &ParticipantRun, error: IdentifiabilityError) -> Failure {
-    Message::error(error.to_string()).in_file(&run.loaded.path).into()
+    match error {
+        IdentifiabilityError::Simulation(error) => simulation_message(&error, &run.loaded).into(),
+        other => Message::error(other.to_string()).in_file(&run.loaded.path).into(),
+    }
 }
 
 /// A request without candidates for the next trial.
@@ -273,7 +279,8 @@ fn request(
         .filter(|(t, _)| t.info.usage == TrialUse::Train)
         .map(|(t, p)| {
             let trial =
-                RecordedTrial::new(&t.info.name(), t.info.direction, coordinate, &Recording::from(t), &t.moment, p);
+                RecordedTrial::new(&t.info.name, t.info.direction, coordinate, &Recording::from(t), &t.moment, p)
+                    .sampled_every(t.rows_per_moment());
             further.iter().zip(&t.further_moments).try_fold(trial, |trial, (about, measured)| {
                 let arms = run.model.moment_arms_about(&about.coordinate, &t.angle)?;
                 Ok(trial.with_channel(&about.coordinate, measured, arms))
@@ -432,7 +439,7 @@ fn draws_csv(result: &IdentifiabilityResult, found: &Identifiability) -> Result<
 }
 
 /// Columns of a parameter's interval in a table.
-pub const INTERVAL_COLUMNS: [&str; 17] = [
+pub const INTERVAL_COLUMNS: [&str; 18] = [
     "muscle",
     "property",
     "unit",
@@ -450,6 +457,7 @@ pub const INTERVAL_COLUMNS: [&str; 17] = [
     "credible_upper",
     "share_from_data",
     "prior_source",
+    "valid",
 ];
 
 /// A parameter's row of [`INTERVAL_COLUMNS`].
@@ -462,6 +470,7 @@ pub fn interval_row(p: &ParameterKnowledge) -> Vec<String> {
     row.push(p.degrees_of_freedom.to_string());
     row.extend([p.posterior_median, p.credible[0], p.credible[1], p.share_from_data].map(|v| v.to_string()));
     row.push(p.prior_source.clone());
+    row.push(p.is_valid().to_string());
     row
 }
 
@@ -485,7 +494,7 @@ fn readable(r: &IdentifiabilityResult, study: &StudyRun) -> String {
             number(p.model),
             number(p.most_likely),
             end(0),
-            end(1),
+            with_validity(end(1), p.interval, p.most_likely),
             format!("{} … {}", number(p.credible[0]), number(p.credible[1])),
             format!("{:.0} %", 100.0 * p.share_from_data),
         ]

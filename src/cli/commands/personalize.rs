@@ -15,6 +15,7 @@ use crate::personalization::{
     FitOptions, FitProblem, FittedParameter, Personalization, Progress, Property, RestingFiber, Stage, TrainingTrial,
     WriteBackError, write_parameters,
 };
+use crate::report::intervals::{NOT_VALID, holds};
 use crate::report::results::{IntervalResult, Kind, ParameterResult, Results, StageResult, rounded};
 use crate::simulation::MuscleParameters;
 use crate::study::{FascicleUse, Participant, TrialUse};
@@ -34,7 +35,7 @@ pub fn run(args: &PersonalizeArgs, global: &Global) -> Result<(), Failure> {
     }
     if global.json {
         let text = json(done);
-        return outcomes.print(&text);
+        return outcomes.print(&study, "personalize", &text);
     }
     let mut text = readable(done);
     text.push_str("\n\n");
@@ -42,7 +43,7 @@ pub fn run(args: &PersonalizeArgs, global: &Global) -> Result<(), Failure> {
         let folder = study.out.path().join(&results.participant.id);
         text.push_str(&format!("{}\n{}\n", folder.join("model.osim").display(), folder.join("report.html").display()));
     }
-    outcomes.print(&text)
+    outcomes.print(&study, "personalize", &text)
 }
 
 /// Fits a participant's parameters and writes the model, the results and the report into `folder` of the output.
@@ -213,6 +214,15 @@ pub fn readable(outcomes: &[Results]) -> String {
             .filter(|p| p.interval.as_ref().is_some_and(|i| !i.is_determined()))
             .map(|p| format!("{} {}", p.muscle, p.property))
             .collect();
+        let invalid: Vec<_> = results
+            .parameters
+            .iter()
+            .filter(|p| p.interval.as_ref().is_some_and(|i| !holds([i.lower, i.upper], p.after)))
+            .map(|p| format!("{} {}", p.muscle, p.property))
+            .collect();
+        if !invalid.is_empty() {
+            text.push_str(&format!("\n\n{}: interval {NOT_VALID}: {}", results.participant.id, invalid.join(", ")));
+        }
         if !open.is_empty() {
             text.push_str(&format!(
                 "\n\n{}: not determined by these trials: {}",

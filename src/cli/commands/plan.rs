@@ -64,10 +64,10 @@ pub fn run(args: &PlanArgs, global: &Global) -> Result<(), Failure> {
     if global.json {
         let one = |p: &Planned| json!({ "participant": p.participant, "separating_experiments": p.separations });
         let text = Value::Array(outcomes.done.iter().map(one).collect()).to_string();
-        return outcomes.print(&text);
+        return outcomes.print(&study, "plan", &text);
     }
     let text = outcomes.done.iter().map(readable).collect::<Vec<_>>().join("\n\n");
-    outcomes.print(&text)
+    outcomes.print(&study, "plan", &text)
 }
 
 /// How far an effect of a size would be from none and from every other.
@@ -104,7 +104,7 @@ fn of_effect(asked: &EffectSize, args: &PlanArgs, global: &Global) -> Result<(),
     let outcomes = outcomes?;
     if global.json {
         let text = Value::Array(outcomes.done.iter().map(|(_, _, value)| value.clone()).collect()).to_string();
-        return outcomes.print(&text);
+        return outcomes.print(&study, "plan --effect", &text);
     }
     let shown = |(name, distances, _): &(String, Vec<Distance>, Value)| {
         let rows = distances.iter().map(|d| {
@@ -118,7 +118,7 @@ fn of_effect(asked: &EffectSize, args: &PlanArgs, global: &Global) -> Result<(),
         format!("{title}\n{}", table(&["in its place", "z", "told apart"], 1, rows))
     };
     let text = outcomes.done.iter().map(shown).collect::<Vec<_>>().join("\n\n");
-    outcomes.print(&text)
+    outcomes.print(&study, "plan --effect", &text)
 }
 
 /// The effects to tell apart: those of the explanations, and the strongest others where these are fewer than two.

@@ -109,7 +109,7 @@ fn scale_study(args: &ScaleArgs, global: &Global) -> Result<(), Failure> {
     })?;
     let outcomes = study.each(|participant| scaled(&study, participant))?;
     let text = finish(&study.out, &outcomes.done, global)?;
-    outcomes.print(&text)
+    outcomes.print(&study, "scale", &text)
 }
 
 fn scaled(study: &StudyRun, participant: &Participant) -> Result<Outcome, Failure> {

@@ -67,5 +67,5 @@ pub fn run(args: &SensitivityArgs, global: &Global) -> Result<(), Failure> {
     };
     let page = study.out.write("report.html", render_article(&article).as_bytes())?;
     let text = if global.json { results.to_string() } else { format!("{}\n\n{}", report.readable, page.display()) };
-    outcomes.print(&text)
+    outcomes.print(&study, "sensitivity", &text)
 }

@@ -37,14 +37,14 @@ pub fn run(args: &SimulateArgs, global: &Global) -> Result<(), Failure> {
     let outcomes = outcomes?;
     if global.json {
         let text = serde_json::Value::Array(outcomes.done.iter().map(summary).collect()).to_string();
-        return outcomes.print(&text);
+        return outcomes.print(&study, "simulate", &text);
     }
     let lines = outcomes.done.iter().map(|r| {
         let report = study.out.path().join(&r.participant.id).join("report.html");
         format!("{}: {} trials simulated, {}\n", r.participant.id, r.trials.len(), report.display())
     });
     let text = lines.collect::<String>();
-    outcomes.print(&text)
+    outcomes.print(&study, "simulate", &text)
 }
 
 /// The results of a participant.
@@ -85,7 +85,7 @@ pub fn write_series(
         let trial = &run.trials[i];
         let (csv, sto) =
             series::texts(coordinate, &muscles, trial, &run.prepared[i], &simulations[i], !run.given.is_empty())?;
-        let name = folder.join("series").join(trial.info.name());
+        let name = folder.join("series").join(&trial.info.name);
         study.out.write(with_extension(&name, "csv"), csv.as_bytes())?;
         study.out.write(with_extension(&name, "sto"), sto.as_bytes())?;
         Ok(())

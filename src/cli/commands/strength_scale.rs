@@ -13,7 +13,7 @@ use crate::cli::study_run::StudyRun;
 use crate::cli::table::{fixed, table};
 use crate::report::results::{InputFile, WarningResult};
 use crate::scaling::{GroupScaling, StrengthError, StrengthScaling, TargetSource, scale_participant, strength_scale};
-use crate::study::{Direction, Participant};
+use crate::study::{Direction, Participant, named_file};
 
 /// A participant's scaling.
 #[derive(Serialize)]
@@ -70,7 +70,7 @@ pub fn run(args: &StrengthScaleArgs, global: &Global) -> Result<(), Failure> {
     study.out.write("strength.csv", csv(done)?.as_bytes())?;
     study.out.write("strength.json", json.as_bytes())?;
     let text = if global.json { results.to_string() } else { readable(done, study.out.path()) };
-    outcomes.print(&text)
+    outcomes.print(&study, "strength-scale", &text)
 }
 
 fn scaled(study: &StudyRun, participant: &Participant, linear: bool) -> Result<Outcome, Failure> {
@@ -111,7 +111,7 @@ fn inputs(
     let mut inputs = study.inputs(participant, model, &[])?;
     for group in &scaling.groups {
         if let TargetSource::Trial(file) = &group.source {
-            let path = study.study.folder.join(file);
+            let path = named_file(&study.study.folder, file);
             inputs.push(crate::cli::provenance::input_file(&path, file, "trial")?);
         }
     }

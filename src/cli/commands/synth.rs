@@ -20,7 +20,7 @@ use crate::diagnosis::forward_model::{ForwardModel, Setting};
 use crate::diagnosis::holds::steadied_trials;
 use crate::diagnosis::synthesis::{RecordingNoise, Synthetic, largest_moments, synthesize};
 use crate::report::results::{InputFile, rounded};
-use crate::study::{Participant, Trial, write};
+use crate::study::{Participant, Trial, is_of_a_study, write};
 
 /// What the files say about where they come from.
 const ORIGIN: &str = "Simulated by Carpus itself, not by OpenSim and not by a person: for teaching and for tests.";
@@ -54,11 +54,14 @@ pub fn run(args: &SynthArgs, global: &Global) -> Result<(), Failure> {
     let bar = progress(global, study.participants.len() as u64, "simulating");
     let mut made = Vec::new();
     for participant in &study.participants {
-        made.push(make(args, global, &study, participant, &noise)?);
+        let one = make(args, global, &study, participant, &noise)?;
+        one.synthetic.trials.iter().try_for_each(holdable)?;
+        made.push(one);
         bar.inc(1);
     }
     bar.finish_and_clear();
     write_study(&study, &made, &noise, global)?;
+    study.close("synth")?;
     if global.json {
         let text = json!({ "schema": "carpus.synth/1", "study": study.out.path().join("study.toml"), "participants": made.iter().map(|m| m.truth.clone()).collect::<Vec<_>>() });
         return print_result(&text.to_string());
@@ -156,6 +159,19 @@ fn truth(
     json!({ "participant": run.participant.name, "effects": effects.collect::<Vec<_>>(), "muscles": muscles })
 }
 
+/// Fails if a study cannot hold a trial's numbers: no command would read what is written.
+fn holdable(trial: &Trial) -> Result<(), Failure> {
+    let numbers = trial.moment.iter().chain(&trial.angle).chain(trial.excitation.iter().flatten());
+    match numbers.copied().find(|v| !is_of_a_study(*v)) {
+        Some(number) => {
+            let text =
+                format!("trial {}: the effects make a number of {number:e}, which no study can hold", trial.info.name);
+            Err(Message::error(text).hint("give the effects smaller sizes").into())
+        }
+        None => Ok(()),
+    }
+}
+
 fn write_study(study: &StudyRun, made: &[Made], noise: &RecordingNoise, global: &Global) -> Result<(), Failure> {
     let settings = &study.study.settings;
     let mut outputs = BTreeMap::new();
@@ -167,13 +183,8 @@ fn write_study(study: &StudyRun, made: &[Made], noise: &RecordingNoise, global: 
     };
     let mut listed = Vec::new();
     for one in made {
-        let mut taken: Vec<String> = Vec::new();
         for trial in &one.synthetic.trials {
-            let stem = trial.info.name();
-            let again = taken.iter().filter(|name| **name == stem).count();
-            taken.push(stem.clone());
-            let stem = if again == 0 { stem } else { format!("{stem}_{}", again + 1) };
-            let file = format!("data/{}/{stem}.csv", one.participant.name);
+            let file = format!("data/{}/{}.csv", one.participant.name, trial.info.name);
             put(&file, csv(write::trial_rows(trial, &settings.active_muscles))?.as_bytes())?;
             listed.push((trial, file));
         }

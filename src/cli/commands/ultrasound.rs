@@ -36,7 +36,7 @@ pub fn run(args: &UltrasoundArgs, global: &Global) -> Result<(), Failure> {
         let message = Message::error("there are no measurements to compare with").in_file(&table_file);
         return Err(message.hint("columns: participant, muscle, posture_deg, muscle_belly_length_m, …").into());
     }
-    let out = OutputFolder::create(&args.out, &study.input_files())?;
+    let out = OutputFolder::create(&args.out, &study.input_files())?.claimed_for(&study.settings.name, &study.file)?;
     let mut warnings: Vec<Message> = study.warnings.iter().map(Message::from).collect();
     let mut inputs = vec![
         input_file(&study.file, &study.file.display().to_string(), "study")?,
@@ -63,6 +63,7 @@ pub fn run(args: &UltrasoundArgs, global: &Global) -> Result<(), Failure> {
         warnings: warnings.iter().map(warning_result).collect(),
     };
     write(&out, &result)?;
+    failure::print(&out.close("ultrasound", &[])?);
     if global.json {
         return print_result(&serde_json::to_string(&result).map_err(|e| Failure::Internal(e.to_string()))?);
     }

@@ -1,5 +1,7 @@
 //! A participant's recordings, processed.
 
+use std::path::Path;
+
 use rayon::prelude::*;
 
 use super::{ProcessingSettings, Recorded, SecondRecorder};
@@ -8,6 +10,7 @@ use crate::dynamometer::{
     find_repetitions, fit_passive,
 };
 use crate::signals::{SignalError, interpolate_linear};
+use crate::study::table::named_file;
 use crate::study::{Contraction, Study, StudyErrors, TrialInfo};
 
 /// A participant's recordings, processed.
@@ -36,6 +39,8 @@ pub struct ProcessedTrial {
     pub moment: Vec<f64>,
     /// Moment as measured [N·m].
     pub measured: Vec<f64>,
+    /// Moments about further coordinates [N·m], filtered as the moment, by column.
+    pub further_moments: Vec<(String, Vec<f64>)>,
     /// EMG columns, as recorded.
     pub emg: Vec<(String, Vec<f64>)>,
     /// How the second recorder was brought to the dynamometer's clock.
@@ -165,6 +170,7 @@ impl Study {
         let named_at = format!("{}:{}", self.folder.join("trials.csv").display(), info.line);
         let emg: Vec<&str> = columns.emg.iter().map(String::as_str).collect();
         let mut required = vec![columns.angle.as_str(), columns.moment.as_str()];
+        required.extend(columns.further_moments.iter().map(|further| further.column.as_str()));
         if columns.velocity_required {
             required.push(&columns.velocity);
         }
@@ -198,6 +204,11 @@ impl Study {
             let damping = self.settings.dynamometer.damping;
             moment.iter_mut().zip(&velocity).for_each(|(m, v)| *m += damping * v);
         }
+        let further_moments = columns
+            .further_moments
+            .iter()
+            .map(|further| Ok((further.column.clone(), smooth(column(&further.column))?)))
+            .collect::<Result<_, ProcessingError>>()?;
         let mut kept: Vec<(String, Vec<f64>)> = Vec::new();
         for name in &emg {
             if !kept.iter().any(|(known, _)| known == name) {
@@ -212,6 +223,7 @@ impl Study {
             velocity,
             moment,
             measured,
+            further_moments,
             emg: kept,
             delay,
             beyond_passive: 0.0,
@@ -228,7 +240,8 @@ fn merge(
     named_at: &str,
 ) -> Result<DelayFound, ProcessingError> {
     let stem = info.file.file_stem().unwrap_or_default().to_string_lossy();
-    let file = info.file.with_file_name(second.file.replace("{trial}", &stem));
+    let beside = info.file.parent().unwrap_or(Path::new(""));
+    let file = named_file(beside, &second.file.replace("{trial}", &stem));
     let mut required = vec![second.shared.as_str()];
     required.extend(emg);
     let other = Recorded::read(&file, Some(named_at), &second.time, &required, &[])?;
@@ -245,15 +258,14 @@ fn merge(
     let faster = if other.mean_rate_hz() > recorded.mean_rate_hz() { &shifted } else { &recorded.time };
     // The clock stays the dynamometer's.
     let time: Vec<f64> = faster.iter().copied().filter(|t| *t >= overlap[0] && *t <= overlap[1]).collect();
+    // EMG is the second recorder's, everything else the dynamometer's; the shared quantity may be among either.
+    let of_emg = |(name, _): &&(String, Vec<f64>)| emg.contains(&name.as_str());
+    let own = recorded.columns.iter().filter(|column| !of_emg(column)).map(|column| (&recorded.time, column));
+    let theirs = other.columns.iter().filter(of_emg).map(|column| (&shifted, column));
     let mut columns = Vec::new();
-    for (from, all) in [(&recorded.time, &recorded.columns), (&shifted, &other.columns)] {
-        for (name, samples) in all.iter().filter(|(name, _)| *name != second.shared || recorded.column(name).is_some())
-        {
-            let values = interpolate_linear(from, samples, &time).map_err(|error| failed(error.into()))?;
-            if !columns.iter().any(|(known, _)| known == name) {
-                columns.push((name.clone(), values));
-            }
-        }
+    for (from, (name, samples)) in own.chain(theirs) {
+        let values = interpolate_linear(from, samples, &time).map_err(|error| failed(error.into()))?;
+        columns.push((name.clone(), values));
     }
     *recorded = Recorded { time, columns };
     Ok(DelayFound { file, alignment })
@@ -297,6 +309,11 @@ fn cut(trial: ProcessedTrial, settings: &ProcessingSettings) -> Result<Vec<Proce
             velocity: take(&trial.velocity),
             moment: take(&trial.moment),
             measured: take(&trial.measured),
+            further_moments: trial
+                .further_moments
+                .iter()
+                .map(|(name, samples)| (name.clone(), take(samples)))
+                .collect(),
             emg: trial.emg.iter().map(|(name, samples)| (name.clone(), take(samples))).collect(),
             delay: trial.delay.clone(),
             beyond_passive: trial.beyond_passive,

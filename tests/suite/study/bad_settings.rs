@@ -103,3 +103,28 @@ fn verif_not_text() {
     folder.write("study.toml", b"\xff\xfe\x00");
     says(&folder.only_error("study.toml", None), "not UTF-8", "UTF-8");
 }
+
+#[test]
+fn verif_a_file_that_is_no_study_is_told_in_one_error() {
+    let mut rows = "time_s,angle_deg\n".to_owned();
+    (0..2000).for_each(|i| rows += &format!("{i},{i}\n"));
+    let model = include_str!("../../../models/wrist.osim");
+    let setup = "<?xml version=\"1.0\"?>\n<OpenSimDocument><AnalyzeTool/></OpenSimDocument>";
+    for (text, found) in
+        [(model, "a model"), (setup, "an XML file"), (rows.as_str(), "a table"), ("{\n\"a\": 1}", "a JSON file")]
+    {
+        let folder = Folder::good();
+        folder.write("study.toml", text);
+        let problem = folder.only_error("study.toml", None);
+        says(&problem, &format!("this is {found}; expected a study"), "");
+        assert!(problem.hint().is_some());
+    }
+}
+
+#[test]
+fn verif_a_column_holds_one_quantity() {
+    let folder = Folder::good();
+    folder.write("study.toml", format!("{TOML}\n[columns]\nmoment = \"emg_FCR\"\n"));
+    let errors = folder.errors();
+    assert!(errors.iter().any(|e| e.to_string().contains("expected a column of its own")), "{}", list(&errors));
+}

@@ -68,7 +68,7 @@ fn verif_tables_are_read_whole() {
     let trial = &study.trials[1];
     assert_eq!((trial.contraction, trial.direction), (Contraction::Isotonic, Direction::Extension));
     assert_eq!((trial.usage, trial.repetition, trial.effort_percent), (TrialUse::Test, Some(1), Some(50.0)));
-    assert_eq!((trial.posture, trial.start_time, trial.name()), (None, None, "dyn".to_owned()));
+    assert_eq!((trial.posture, trial.start_time, trial.name.as_str()), (None, None, "dyn"));
     assert_eq!((trial.index, trial.place, trial.arm_flipped), (1, 1, false));
     assert_relative_eq!(study.ultrasound[0].pennation_angle.unwrap(), 9f64.to_radians());
     assert_eq!((study.ultrasound[0].fascicle_length, study.ultrasound[0].line), (None, 2));
@@ -227,4 +227,54 @@ fn verif_trial_out_of_range_of_its_coordinate_is_a_warning_and_far_out_of_it_an_
         let said = format!("a position outside the range of coordinate `slide`, {lower:.4} m to");
         super::folder::says(&problem, &said, "");
     }
+}
+
+/// Names of the trials of these rows, `participant,file`.
+fn names_of(rows: &[&str]) -> Vec<String> {
+    let folder = Folder::good();
+    let trial = std::fs::read_to_string(folder.path("data/iso.csv")).unwrap();
+    let mut table = "participant,file,contraction,effort_percent,direction\n".to_owned();
+    for row in rows {
+        table += &format!("{row},isometric,25,flexion\n");
+        folder.write(row.split_once(',').unwrap().1, &trial);
+    }
+    folder.write("participants.csv", "participant\nP01\nP02\n");
+    folder.write("trials.csv", table);
+    folder.read().unwrap_or_else(|e| panic!("{e}")).trials.into_iter().map(|t| t.name).collect()
+}
+
+#[test]
+fn verif_a_trial_is_its_row_and_not_its_files_name() {
+    assert_eq!(names_of(&["P01,P01/t.csv", "P01,P01/day2/t.csv", "P01,a.csv"]), ["P01_t", "day2_t", "a"]);
+    assert_eq!(names_of(&["P01,P01/t.csv", "P02,P02/t.csv"]), ["t", "t"], "participants have folders of their own");
+    // Other case is the same file on some disks; another extension is the same name.
+    assert_eq!(names_of(&["P01,x/T.csv", "P01,y/t.csv"]), ["x_T", "y_t"]);
+    assert_eq!(names_of(&["P01,x/t.csv", "P01,x/t.txt"]), ["x_t_row_2", "x_t_row_3"]);
+    // Folders that make the same name again.
+    let names = names_of(&["P01,a/b/t.csv", "P01,c/b/t.csv", "P01,b_t.csv", "P01,b/t.csv"]);
+    let mut different = names.clone();
+    different.sort();
+    different.dedup();
+    assert_eq!(different.len(), 4, "{names:?}");
+    assert_eq!(names[..2], ["a_b_t", "c_b_t"]);
+}
+
+#[test]
+fn verif_backslashes_between_folders_are_read_as_windows_does() {
+    let folder = Folder::spoilt("trials.csv", "data/iso.csv", r"data\iso.csv");
+    folder.spoil("study.toml", "\"wrist.osim\"", r"'models\wrist.osim'");
+    folder.write("models/wrist.osim", "<OpenSimDocument Version=\"40000\"/>");
+    folder.write("participants.csv", "participant,model\nP01,models\\wrist.osim\n");
+    let study = folder.read().unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(study.trials[0].file, folder.path("data/iso.csv"));
+    assert_eq!(study.settings.model, folder.path("models/wrist.osim"));
+    assert_eq!(study.participants[0].model, folder.path("models/wrist.osim"));
+    // A file whose very name has one is that file.
+    if cfg!(unix) {
+        folder.write(r"data\iso.csv", std::fs::read(folder.path("data/dyn.csv")).unwrap());
+        assert_eq!(folder.read().unwrap().trials[0].file, folder.path(r"data\iso.csv"));
+    }
+    // One file under two spellings is one file.
+    let twice = Folder::spoilt("trials.csv", "data/dyn.csv", r"data\iso.csv");
+    assert!(twice.errors()[0].to_string().contains("stands here again"), "{}", twice.errors()[0]);
 }

@@ -49,7 +49,7 @@ pub fn print(
             value
         };
         let text = serde_json::Value::Array(outcomes.done.iter().map(one).collect()).to_string();
-        return outcomes.print(&text);
+        return outcomes.print(study, "effect", &text);
     }
     let mut text = String::new();
     for results in &outcomes.done {
@@ -64,7 +64,7 @@ pub fn print(
         let (report, back) = (folder.join("report.html"), folder.display());
         text.push_str(&format!("report   {}\na step back: carpus effect remove {back}\n\n", report.display()));
     }
-    outcomes.print(text.trim_end())
+    outcomes.print(study, "effect", text.trim_end())
 }
 
 /// The effects of these identifiers, each once.

@@ -8,6 +8,7 @@ mod steps;
 use crate::cli::args::{EffectArgs, EffectCommand, Global};
 use crate::cli::failure::Failure;
 use crate::cli::table::{fixed, table};
+use crate::report::intervals::with_validity;
 use crate::report::ledger::Ledger;
 
 /// Runs the command.
@@ -46,7 +47,11 @@ fn readable(ledger: &Ledger) -> String {
             let of = |v: f64| crate::report::significant(v, 4).replace('−', "-");
             vec![
                 name.clone(),
-                format!("{} [{}, {}] {}", of(e.value), of(e.ci95[0]), of(e.ci95[1]), e.unit),
+                with_validity(
+                    format!("{} [{}, {}] {}", of(e.value), of(e.ci95[0]), of(e.ci95[1]), e.unit),
+                    e.ci95,
+                    e.value,
+                ),
                 format!("{} to {}{plausible}", e.plausible[0], e.plausible[1]),
             ]
         });

@@ -45,12 +45,14 @@ pub fn prepare(args: &StudyArgs, global: &Global) -> Result<(StudyRun, Option<Pr
     let (constants, damping) =
         (constants(&settings.processing, settings.dynamometer.damping), settings.dynamometer.damping);
     let drag = dynamometer_drag::of_study(&given.study)?;
-    let raw = StudyRun::prepare(&StudyArgs { out: args.out.join(FOLDER), ..args.clone() })?;
+    let raw = StudyRun::prepare_processed(&StudyArgs { out: args.out.join(FOLDER), ..args.clone() }, &given.study)?;
     raw.out.refuse_input(&raw.out.path().join("study.toml"))?;
     let (outcomes, failures) = process(&raw, global)?.into_parts();
+    raw.close("dynamometer")?;
     let file = raw.out.path().join("study.toml");
     let participant = outcomes.iter().map(|o| o.participant.clone()).collect();
-    let study = StudyRun::prepare(&StudyArgs { study: file, participant, ..args.clone() })?.scaling_models();
+    let args = StudyArgs { study: file, participant, ..args.clone() };
+    let study = StudyRun::prepare_processed(&args, &given.study)?.scaling_models();
     Ok((study, Some(Processed { constants, outcomes, drag, damping, failures })))
 }
 

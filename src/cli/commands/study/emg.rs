@@ -34,6 +34,12 @@ impl Step for Emg {
         Ok(vec![Unit { place, depends_on: String::new(), work: Box::new(work) }])
     }
 
+    fn write(&self, context: &Context, run: &ParticipantRun) -> Result<(), Failure> {
+        // A unit that was found finished wrote its files then.
+        context.study.out.keep(Path::new(self.id()).join(&run.participant.name));
+        Ok(())
+    }
+
     fn section(&self, context: &Context) -> Result<Told, Failure> {
         let EmgSignal::Raw(processing) = &context.study.study.settings.emg else {
             return Ok(Told::NotRun("the study's EMG is normalized already ([emg] kind = \"normalized\")".to_string()));

@@ -17,7 +17,7 @@ mod ultrasound;
 
 use crate::cli::args::{Global, WholeStudyArgs};
 use crate::cli::commands::evaluate::ReportParts;
-use crate::cli::failure::{self, Failure, Message};
+use crate::cli::failure::{self, Failure, Gravity, Message};
 use crate::cli::output::OutputFolder;
 use crate::cli::print_result;
 use crate::cli::provenance::provenance;
@@ -131,7 +131,12 @@ pub fn run(args: &WholeStudyArgs, global: &Global) -> Result<(), Failure> {
                 Err(other) => return Err(other),
             };
             let done = |place: &str| bar.set_message(place.to_string());
-            failures.extend(store.run(&units, &hashes.join(" "), &done)?);
+            let said = store.run(&units, &hashes.join(" "), &done)?;
+            let (damaged, not_done): (Vec<_>, Vec<_>) =
+                said.into_iter().partition(|message| message.gravity == Gravity::Warning);
+            // Said now, and not in the report, which does not depend on what lay in the folder.
+            failure::print(&damaged);
+            failures.extend(not_done);
             step.write(&context, &run)?;
             bar.inc(1);
         }
@@ -149,6 +154,8 @@ pub fn run(args: &WholeStudyArgs, global: &Global) -> Result<(), Failure> {
         .collect();
     write(&study.out, &article, &parts)?;
     write_timings(&store, &study.out)?;
+    // Of a run of some steps the others' results stay.
+    study.close(if args.steps.is_empty() { "study" } else { "study --steps" })?;
     let report = study.out.path().join("report.html");
     let [found, computed] = store.counts();
     if global.json {
@@ -271,6 +278,6 @@ fn write(out: &OutputFolder, article: &Article, parts: &[(&dyn Step, &ReportPart
 fn write_timings(store: &UnitStore, out: &OutputFolder) -> Result<(), Failure> {
     let rows = store.seconds().into_iter().map(|(place, seconds)| vec![place, format!("{seconds:.3}")]);
     let text = crate::cli::account::csv_text(["unit", "processor_seconds"].iter(), rows)?;
-    out.write("timings.csv", text.as_bytes())?;
+    out.put("timings.csv".as_ref(), text.as_bytes())?;
     Ok(())
 }

@@ -1,0 +1,298 @@
+//! Whatever a command writes, the next one reads; and an output folder holds what the last run wrote, nothing of another.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+use carpus::storage::Storage;
+use carpus::study::Study;
+use predicates::prelude::*;
+use predicates::str::contains;
+
+use super::reference::shared;
+
+fn root(relative: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(relative)
+}
+
+fn carpus(words: &[&str], study: &Path, out: &Path) -> assert_cmd::assert::Assert {
+    let mut command = Command::cargo_bin("carpus").expect("the program");
+    command.timeout(std::time::Duration::from_secs(600));
+    command.args(words).arg(study).arg("--out").arg(out).assert()
+}
+
+/// Largest relative difference of a number written with nine significant digits in CSV and with ten in `.sto`: half a unit of
+/// either last digit.
+const ROUNDING: f64 = 5.5e-9;
+
+const SHORT: [&str; 2] = ["data/P01/isotonic_25_flexion_1.csv", "data/P01/isotonic_25_flexion_2.csv"];
+
+/// The bundled study with two trials, in files of these names.
+fn study(folder: &Path, files: [&str; 2]) -> PathBuf {
+    let source = root("fixtures/demo_study");
+    let toml = std::fs::read_to_string(source.join("study.toml")).unwrap();
+    std::fs::write(folder.join("study.toml"), toml.replace("../../models/wrist.osim", "wrist.osim")).unwrap();
+    std::fs::copy(root("models/wrist.osim"), folder.join("wrist.osim")).unwrap();
+    std::fs::copy(source.join("participants.csv"), folder.join("participants.csv")).unwrap();
+    let mut table = "participant,file,contraction,effort_percent,direction,posture_deg,repetition,use\n".to_owned();
+    for (i, (from, to)) in SHORT.iter().zip(files).enumerate() {
+        std::fs::create_dir_all(folder.join(to).parent().unwrap()).unwrap();
+        std::fs::copy(source.join(from), folder.join(to)).unwrap();
+        let usage = ["train", "test"][i];
+        writeln!(table, "P01,{to},isotonic,25,flexion,,{},{usage}", i + 1).unwrap();
+    }
+    std::fs::write(folder.join("trials.csv"), table).unwrap();
+    folder.join("study.toml")
+}
+
+/// Files below a folder, by their paths in it.
+fn files(folder: &Path) -> BTreeMap<String, PathBuf> {
+    let mut found = BTreeMap::new();
+    let mut open = vec![folder.to_path_buf()];
+    while let Some(here) = open.pop() {
+        for entry in std::fs::read_dir(&here).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                open.push(path);
+            } else {
+                found.insert(path.strip_prefix(folder).unwrap().to_string_lossy().into_owned(), path);
+            }
+        }
+    }
+    found
+}
+
+/// Every table below a folder is one that programs read: numbers have no sign or space that only people read.
+fn tables_are_for_programs(folder: &Path) -> usize {
+    let tables: Vec<(String, PathBuf)> = files(folder).into_iter().filter(|(name, _)| name.ends_with(".csv")).collect();
+    for (name, path) in &tables {
+        let mut reader = csv::Reader::from_path(path).unwrap();
+        for record in reader.records() {
+            for cell in record.unwrap_or_else(|e| panic!("{name}: {e}")).iter() {
+                let like_a_number = cell.starts_with(['−', '–']) || cell.contains("e−") || cell.contains('\u{202f}');
+                assert!(!like_a_number, "{name}: `{cell}`");
+            }
+        }
+    }
+    tables.len()
+}
+
+#[test]
+fn verif_two_trials_of_one_file_name_keep_their_results_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = study(folder.path(), ["P01/t.csv", "P01/day2/t.csv"]);
+    for command in ["simulate", "compare"] {
+        let out = folder.path().join(command);
+        carpus(&[command], &study, &out).success();
+        let series: Vec<String> = files(&out.join("P01/series")).into_keys().collect();
+        assert_eq!(series, ["P01_t.csv", "P01_t.sto", "day2_t.csv", "day2_t.sto"]);
+        let json = std::fs::read_to_string(out.join("P01/results.json")).unwrap();
+        let results = carpus::report::results::Results::parse(&json).unwrap();
+        let ids: Vec<&str> = results.trials.iter().map(|t| t.id.as_str()).collect();
+        assert_eq!(ids, ["P01_t", "day2_t"]);
+        // Each series is that of its own file.
+        for (id, file) in ids.iter().zip(["P01/t.csv", "P01/day2/t.csv"]) {
+            let first = |path: PathBuf, column: usize| -> f64 {
+                let text = std::fs::read_to_string(path).unwrap();
+                text.lines().nth(1).unwrap().split(',').nth(column).unwrap().parse().unwrap()
+            };
+            let written = first(out.join(format!("P01/series/{id}.csv")), 2);
+            assert_eq!(written, first(folder.path().join(file), 2), "{id}");
+        }
+    }
+    let errors = std::fs::read_to_string(folder.path().join("compare/P01/errors_per_trial.csv")).unwrap();
+    assert!(errors.contains("P01,P01_t,train") && errors.contains("P01,day2_t,test"), "{errors}");
+    let json = std::fs::read_to_string(folder.path().join("compare/P01/results.json")).unwrap();
+    assert!(json.contains("P01/day2/t.csv"), "the file is told as it is written");
+}
+
+#[test]
+fn verif_an_output_folder_holds_nothing_of_another_run() {
+    let place = tempfile::tempdir().unwrap();
+    let [one, other] = ["one", "other"].map(|name| {
+        std::fs::create_dir(place.path().join(name)).unwrap();
+        study(&place.path().join(name), SHORT)
+    });
+    let out = place.path().join("out");
+    carpus(&["simulate"], &one, &out).success();
+    let there = |file: &str| out.join(file).exists();
+    assert!(there("P01/series/isotonic_25_flexion_2.sto") && there("carpus-output.json"));
+    // Another study is refused before anything is computed; nothing is touched.
+    let before = files(&out).into_keys().collect::<Vec<_>>();
+    carpus(&["compare"], &other, &out).code(1).stderr(contains("another study").and(contains("hint: choose another")));
+    assert_eq!(files(&out).into_keys().collect::<Vec<_>>(), before);
+    // With one trial less its results go, and it is said; what another command made stays.
+    carpus(&["compare"], &one, &out).success().stderr(contains("removed").not());
+    let table = std::fs::read_to_string(one.with_file_name("trials.csv")).unwrap();
+    std::fs::write(one.with_file_name("trials.csv"), table.lines().take(2).collect::<Vec<_>>().join("\n")).unwrap();
+    let run = carpus(&["compare"], &one, &out).success();
+    run.stderr(contains("removed what an earlier run of compare had left here").and(contains("isotonic_25_flexion_2")));
+    assert!(!there("P01/series/isotonic_25_flexion_2.sto") && there("P01/series/isotonic_25_flexion_1.sto"));
+}
+
+#[test]
+fn verif_what_simulation_and_comparison_write_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = study(folder.path(), SHORT);
+    let out = folder.path().join("out");
+    carpus(&["compare"], &study, &out).success();
+    let sto = Storage::read(out.join("P01/series/isotonic_25_flexion_1.sto")).unwrap_or_else(|e| panic!("{e}"));
+    let mut csv = csv::Reader::from_path(out.join("P01/series/isotonic_25_flexion_1.csv")).unwrap();
+    let rows: Vec<Vec<f64>> =
+        csv.records().map(|row| row.unwrap().iter().map(|cell| cell.parse().unwrap()).collect()).collect();
+    assert_eq!((sto.len(), sto.labels.len() + 1), (rows.len(), rows[0].len()));
+    for (k, row) in rows.iter().enumerate() {
+        assert!((sto.time[k] - row[0]).abs() < 1e-9);
+        for (a, b) in sto.rows[k].iter().zip(&row[1..]) {
+            assert!((a - b).abs() <= ROUNDING * b.abs().max(1e-9), "{k}: {a} {b}");
+        }
+    }
+    // Paths and equilibria, with negative numbers among theirs.
+    let sweep = ["paths", "--sweep", "flexion=-60:60:30deg"];
+    carpus(&sweep, &root("models/wrist.osim"), &out).success();
+    let csv = out.join("rest.csv");
+    let mut rest = Command::cargo_bin("carpus").unwrap();
+    rest.arg("equilibrium").arg(root("models/wrist.osim")).args(["--set", "flexion=-30deg", "--csv"]).arg(&csv);
+    rest.assert().success();
+    assert!(tables_are_for_programs(&out) >= 6);
+}
+
+#[test]
+fn verif_a_synthetic_study_is_read_with_its_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = study(folder.path(), ["P01/t.csv", "P01/day2/t.csv"]);
+    let toml = std::fs::read_to_string(&study).unwrap();
+    std::fs::write(&study, toml.replace("Carpus demo", "\\\"−5°\\\" \\u00e9")).unwrap();
+    let out = folder.path().join("out");
+    carpus(&["synth"], &study, &out).success();
+    let given = Study::read(&study).unwrap_or_else(|e| panic!("{e}"));
+    let made = Study::read(out.join("study.toml")).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(made.settings.name, format!("{}, simulated", given.settings.name));
+    let names = |study: &Study| study.trials.iter().map(|t| t.name.clone()).collect::<Vec<_>>();
+    assert_eq!(names(&made), names(&given));
+    assert_eq!(made.settings.dynamometer.include, given.settings.dynamometer.include);
+    assert!((made.settings.dynamometer.damping / given.settings.dynamometer.damping - 1.0).abs() < 1e-6);
+    assert!(tables_are_for_programs(&out) >= 4);
+    // What no command would read is not written.
+    let absurd = ["synth", "--effect", "gravity:moment_at_zero=1e300"];
+    carpus(&absurd, &study, &folder.path().join("absurd")).code(1).stderr(contains("no study can hold"));
+    assert!(!folder.path().join("absurd/study.toml").exists());
+}
+
+/// A recording at 100 Hz of a torque with noise, and its EMG at 2 kHz on a second recorder, which shares the EMG itself.
+fn two_recorders(folder: &Path) {
+    let mut state = 1u64;
+    let mut noise = || {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (state >> 33) as f64 / (1u64 << 30) as f64 - 1.0
+    };
+    let effort = |t: f64| (3.0 * t).sin() + 0.6 * (7.1 * t).cos() + 0.4 * (13.7 * t).sin();
+    let mut slow = "time_s,angle_deg,moment_n_m,ulnar_n_m,sync\n".to_owned();
+    for i in 0..400 {
+        let t = 0.01 * f64::from(i);
+        let (m, u) = (-3.0 + 0.5 * effort(t) + 0.1 * noise(), 0.2 + 0.05 * noise());
+        writeln!(slow, "{t},{},{m},{u},{}", -30.0 + 0.1 * noise(), effort(t)).unwrap();
+    }
+    let mut fast = "time_s,emg_FCR\n".to_owned();
+    for i in 0..7600 {
+        let t = 0.0005 * f64::from(i);
+        writeln!(fast, "{t},{}", effort(t + 0.1003)).unwrap();
+    }
+    std::fs::write(folder.join("a.csv"), slow).unwrap();
+    std::fs::write(folder.join("a_emg.csv"), fast).unwrap();
+}
+
+#[test]
+fn verif_a_processed_study_is_read_whatever_its_study_says() {
+    let folder = tempfile::tempdir().unwrap();
+    two_recorders(folder.path());
+    std::fs::copy(root("models/wrist.osim"), folder.path().join("wrist.osim")).unwrap();
+    // A table above the first header, a negative posture, a start time, an arm turned over, a further moment, Windows' paths.
+    let toml = "posture_deg = { elbow_flexion = 90 }\nmuscles.active = [\"FCR\"]\n\n[study]\nname = \"−30°\"\nmodel = '.\\wrist.osim'\n\n\
+                [dynamometer]\ncoordinate = \"flexion\"\nfurther_moments = { deviation = \"ulnar_n_m\" }\n\n\
+                [emg]\nkind = \"raw\"\n\n[processing]\nremove_drag = true\n[processing.second_recorder]\n\
+                file = \"{trial}_emg.csv\"\nshared = \"emg_FCR\"\nshared_with = \"sync\"\n";
+    std::fs::write(folder.path().join("study.toml"), toml).unwrap();
+    std::fs::write(folder.path().join("participants.csv"), "participant\nP01\n").unwrap();
+    let rows = "participant,file,contraction,effort_percent,direction,posture_deg,repetition,use,start_time_s,arm\n\
+                P01,.\\a.csv,isometric,12.5,extension,-30.25,1,mvc,1.5,flipped\n";
+    std::fs::write(folder.path().join("trials.csv"), rows).unwrap();
+    let out = folder.path().join("out");
+    carpus(&["dynamometer"], &folder.path().join("study.toml"), &out).success();
+    let given = Study::read_tables(folder.path()).unwrap_or_else(|e| panic!("{e}"));
+    let made = Study::read(out.join("study.toml")).unwrap_or_else(|e| panic!("{e}"));
+    let (a, b) = (&given.trials[0], &made.trials[0]);
+    assert!((b.posture.unwrap().to_degrees() + 30.25).abs() < 1e-9, "{:?}", b.posture);
+    assert_eq!((a.effort_percent, a.start_time, a.arm_flipped), (b.effort_percent, b.start_time, b.arm_flipped));
+    assert_eq!(
+        (a.contraction, a.direction, a.repetition, a.usage),
+        (b.contraction, b.direction, b.repetition, b.usage)
+    );
+    assert_eq!((&made.settings.name, &made.settings.emg), (&given.settings.name, &given.settings.emg));
+    assert_eq!(made.settings.posture[0].value_deg_or_m, 90.0);
+    assert_eq!(made.settings.columns.further_moments[0].column, "ulnar_n_m");
+    assert!(tables_are_for_programs(&out) >= 3);
+
+    // EMG at 2 kHz, and a torque of 100 Hz on its grid, which is recognized.
+    let trial = made.trial(&made.trials[0]).unwrap_or_else(|e| panic!("{e}"));
+    assert!(trial.len() > 7000);
+    assert!((trial.rows_per_moment() - 20.0).abs() < 0.1, "{}", trial.rows_per_moment());
+    let said = made.warnings.iter().any(|w| w.to_string().contains("the moment was interpolated to 2000 Hz: 100 of"));
+    assert!(said, "{:?}", made.warnings);
+    // Uniform noise of ±0.1 N·m has a standard deviation of 0.058 N·m.
+    let compared = folder.path().join("compared");
+    carpus(&["compare"], &out.join("study.toml"), &compared).success();
+    let json = std::fs::read_to_string(compared.join("P01/results.json")).unwrap();
+    let results = carpus::report::results::Results::parse(&json).unwrap();
+    let found = results.trials[0].moment_noise_n_m.expect("noise");
+    assert!((found / 0.0577 - 1.0).abs() < 0.3, "{found}");
+}
+
+#[test]
+fn verif_an_artefact_in_an_mvc_trial_is_found() {
+    let Some(study) = shared("faults/bug-08-emg-artefact-in-mvc-unnoticed") else { return };
+    let out = tempfile::tempdir().unwrap();
+    carpus(&["emg"], &study, out.path()).success();
+    let text = std::fs::read_to_string(out.path().join("emg.json")).unwrap();
+    let results: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let mut found = Vec::new();
+    for trial in results["participants"][0]["trials"].as_array().unwrap() {
+        for channel in trial["channels"].as_array().unwrap() {
+            let of = |name: &str| channel[name].as_array().unwrap().clone();
+            let name = format!("{} {}", trial["trial"].as_str().unwrap(), channel["column"].as_str().unwrap());
+            found.extend(
+                of("findings").iter().filter(|f| f.as_str().unwrap().starts_with("artefact")).map(|_| name.clone()),
+            );
+        }
+    }
+    assert_eq!(found, ["mvc_flexion emg_FCR"]);
+    let simulated = carpus(&["simulate"], &study, &out.path().join("simulated")).success();
+    simulated.stderr(contains("mvc_flexion.csv: column `emg_FCR`: artefact").and(contains("sets the level")));
+}
+
+#[test]
+fn verif_a_study_with_backslashes_is_read() {
+    let Some(folder) = shared("faults/bug-21-backslash-in-trials-csv") else { return };
+    let study = Study::read_tables(folder.join("study")).unwrap_or_else(|e| panic!("{e}"));
+    assert!(!study.trials.is_empty() && study.trials.iter().all(|trial| trial.file.is_file()));
+}
+
+#[test]
+fn verif_a_number_of_the_model_that_overflows_is_the_users_and_has_its_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = study(folder.path(), SHORT);
+    let text = std::fs::read_to_string(root("models/wrist.osim")).unwrap();
+    let at = text.find("<max_isometric_force>").unwrap();
+    let end = at + text[at..].find("</max_isometric_force>").unwrap();
+    let spoilt = format!("{}<max_isometric_force>1e308{}", &text[..at], &text[end..]);
+    std::fs::write(folder.path().join("wrist.osim"), spoilt).unwrap();
+    for command in ["simulate", "compare", "personalize"] {
+        let out = folder.path().join(command);
+        let failed = carpus(&[command], &study, &out).code(1);
+        let said = String::from_utf8(failed.get_output().stderr.clone()).unwrap();
+        let errors: Vec<&str> = said.lines().filter(|line| line.starts_with("error")).collect();
+        assert_eq!(errors.len(), 1, "{said}");
+        assert!(errors[0].contains("wrist.osim:") && !said.contains("internal error"), "{said}");
+    }
+}
