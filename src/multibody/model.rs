@@ -64,9 +64,19 @@ pub struct WrapPlacement {
     pub X_BW: Transform,
 }
 
+/// A body of which a loop of joints took a part: the two halves, welded to one another.
+#[derive(Clone, Debug)]
+pub struct LoopWeld {
+    /// The joint that was cut.
+    pub joint: JointIndex,
+    /// The body and its part, whose frames coincide.
+    pub bases: [BaseIndex; 2],
+}
+
 /// The compiled skeleton: bodies, frames, joints, coordinates and couplers. Immutable.
 ///
-/// All indices equal those of the [`ModelSpec`] that it was compiled from.
+/// All indices equal those of the [`ModelSpec`] that it was compiled from. Parts of bodies that close loops of joints follow
+/// its bodies.
 #[derive(Clone, Debug)]
 pub struct Model {
     /// Model name.
@@ -85,6 +95,9 @@ pub struct Model {
     pub couplers: Vec<Coupler>,
     /// Names and classes of enforced constraints that this program does not enforce.
     pub unsupported_constraints: Vec<(String, String)>,
+    /// Loops of joints: a joint that closes one connects a part of its child instead, with an equal share of the mass, which is
+    /// welded to it by a constraint, as in OpenSim.
+    pub loop_welds: Vec<LoopWeld>,
     /// Bodies without any joint. OpenSim gives them a FreeJoint; here they rest at ground, its default pose.
     pub unattached_bodies: Vec<BodyIndex>,
     /// Tree nodes, inboard before outboard.

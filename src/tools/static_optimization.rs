@@ -54,7 +54,9 @@ impl StaticOptimization {
         let physiology = analysis.boolean("use_muscle_physiology", true)?;
         analysis.ignore_all(&["optimizer_convergence_criterion", "optimizer_max_iterations"]);
         let (mut actuators, mut ranges, mut labels) = (Vec::new(), Vec::new(), Vec::new());
-        for (k, actor) in system.actors.iter().enumerate() {
+        let outside = system.outside_of_force_set();
+        let is_given = |actor: &Actor| outside.iter().any(|name| name == actor.name(&system.muscles));
+        for (k, actor) in system.actors.iter().enumerate().filter(|(_, actor)| !is_given(actor)) {
             let range = match actor {
                 Actor::Muscle(i) => {
                     let spec = &system.spec.muscles[*i];

@@ -3,6 +3,7 @@
 mod components;
 mod files;
 mod force_sets;
+mod model_kinds;
 mod motion_capture;
 mod odd_models;
 mod old_setups;

@@ -111,7 +111,7 @@ fn coordinates(spec: &ModelSpec, model: Option<&Model>) -> Vec<CoordinateInfo> {
         };
         let shown = |v: f64| if c.motion_type == MotionType::Rotational { v.to_degrees() } else { v };
         let index = crate::osim::spec::CoordinateIndex(i);
-        let follows = model.filter(|m| m.is_dependent(index)).map(|m| m.coordinates[m.root_of(index).0].name.clone());
+        let follows = model.filter(|m| m.is_dependent(index)).map(|m| m.names_of_roots(index, ""));
         CoordinateInfo {
             name: c.name.clone(),
             line: c.at.line,

@@ -2,15 +2,14 @@
 
 use super::functions::is_function;
 use super::properties::Bound;
-use super::{Names, Object, Reader};
+use super::{FreeComponents, Names, Object, Reader};
 use crate::osim::diagnostics::Severity;
-use crate::osim::document::ElementId;
 use crate::osim::error::ProblemKind;
 use crate::osim::spec::{ConstraintKind, ConstraintSpec, CoordinateIndex, FrameIndex};
 use nalgebra::Vector3;
 
 impl Reader<'_> {
-    pub(super) fn read_constraints(&mut self, model: &Object, components: &[ElementId]) {
+    pub(super) fn read_constraints(&mut self, model: &Object, components: &FreeComponents) {
         let is_constraint = |tag: &str| tag.ends_with("Constraint");
         let elements = self.set_and_components(model, &["ConstraintSet"], "/constraintset", components, is_constraint);
         let mut names = Names::default();
@@ -20,10 +19,13 @@ impl Reader<'_> {
             let class = self.document.tag(element).to_owned();
             let is_enforced = self.enabled(&object, "isEnforced");
             let kind = match class.as_str() {
-                "CoordinateCouplerConstraint" => match self.coupler(&object) {
-                    Some(kind) => kind,
-                    None => ConstraintKind::Unsupported { class },
-                },
+                "CoordinateCouplerConstraint" => self.coupler(&object).unwrap_or_else(|| {
+                    // What is not supported is the function, if there is one.
+                    let holder = self.property(&object, &["coupled_coordinates_function"]);
+                    let function = holder.and_then(|holder| self.document.children(holder).first().copied());
+                    let class = function.map_or(class, |f| format!("{class} by a {}", self.document.tag(f)));
+                    ConstraintKind::Unsupported { class }
+                }),
                 _ => {
                     let severity = if is_enforced { Severity::Unsupported } else { Severity::Ignored };
                     let kind = self.joining_constraint(&class, &object);

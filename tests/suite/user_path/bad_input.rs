@@ -351,3 +351,17 @@ fn verif_a_muscle_without_force_model_is_refused_or_left_out() {
     let shown = run().arg("--allow-unsupported").assert().success();
     shown.stderr(contains("warning: ")).stdout(contains("FCU").and(contains("ECRL").not()));
 }
+
+#[test]
+fn verif_a_name_of_several_coordinates_is_ambiguous() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("equal.osim");
+    let text = std::fs::read_to_string(model()).unwrap();
+    let names: Vec<&str> =
+        text.split("<Coordinate name=\"").skip(1).map(|rest| rest.split('"').next().unwrap()).collect();
+    let (first, second) = (names[0], names[1]);
+    std::fs::write(&file, text.replace(&format!("\"{second}\""), &format!("\"{first}\""))).unwrap();
+    let set = format!("{first}=1deg");
+    let run = carpus().args(["equilibrium", "--set", &set, "--allow-unsupported"]).arg(&file).assert();
+    run.stderr(contains(format!("coordinate `{first}` is ambiguous: ")).and(contains("is taken, as in OpenSim")));
+}
