@@ -290,10 +290,8 @@ impl<'a> Dynamics<'a> {
             let shorten = 1.0 / (step.amax() / 0.5).max(1.0);
             q.iter_mut().zip(&rates).for_each(|(q, rate)| *q += shorten * rate);
         }
-        if violation.is_nan() {
-            return Err(DynamicsError::NotFinite);
-        }
-        if violation > 1e3 * ASSEMBLED { Err(DynamicsError::NotAssembled { violation }) } else { Ok(()) }
+        // Where the nearest place is not found, any on the constraints.
+        if violation <= ASSEMBLED { Ok(()) } else { self.assemble(time, q) }
     }
 
     /// Changes speeds as little as possible so that they satisfy the constraints at `q`.
