@@ -19,13 +19,10 @@ impl Reader<'_> {
             let class = self.document.tag(element).to_owned();
             let is_enforced = self.enabled(&object, "isEnforced");
             let kind = match class.as_str() {
-                "CoordinateCouplerConstraint" => self.coupler(&object).unwrap_or_else(|| {
-                    // What is not supported is the function, if there is one.
-                    let holder = self.property(&object, &["coupled_coordinates_function"]);
-                    let function = holder.and_then(|holder| self.document.children(holder).first().copied());
-                    let class = function.map_or(class, |f| format!("{class} by a {}", self.document.tag(f)));
-                    ConstraintKind::Unsupported { class }
-                }),
+                "CoordinateCouplerConstraint" => match self.coupler(&object) {
+                    Some(kind) => kind,
+                    None => ConstraintKind::Unsupported { class: self.class_of_coupler(class, &object) },
+                },
                 _ => {
                     let severity = if is_enforced { Severity::Unsupported } else { Severity::Ignored };
                     let kind = self.joining_constraint(&class, &object);
@@ -84,6 +81,16 @@ impl Reader<'_> {
             function,
             scale_factor,
         })
+    }
+
+    /// What of a coupler is not supported: its function, if there is one.
+    fn class_of_coupler(&mut self, class: String, object: &Object) -> String {
+        let holder = self.property(object, &["coupled_coordinates_function"]);
+        let function = holder.and_then(|holder| self.document.children(holder).first().copied());
+        match function {
+            Some(function) => format!("{class} by a {}", self.document.tag(function)),
+            None => class,
+        }
     }
 
     /// Constraints between two bodies; `None` for other classes, or if something is missing (reported).
