@@ -17,6 +17,8 @@ pub struct Coupler {
     function: CouplingFunction,
     /// Multiplies the function.
     scale_factor: f64,
+    /// Whether second rates are those of OpenSim where its functions of several variables contradict their derivatives.
+    follows_opensim: bool,
 }
 
 /// What a coupler evaluates.
@@ -27,6 +29,11 @@ enum CouplingFunction {
 }
 
 impl Coupler {
+    /// The same, its second rates those of OpenSim.
+    pub(super) fn with_second_rates_of_opensim(self) -> Coupler {
+        Coupler { follows_opensim: true, ..self }
+    }
+
     /// The only argument; `None` where there are several.
     pub fn only_argument(&self) -> Option<CoordinateIndex> {
         match self.independent[..] {
@@ -74,6 +81,13 @@ impl Coupler {
                 CouplingFunction::One(function) => {
                     function.second_derivative(q[self.independent[0].0]) * rate(0) * rate(0)
                 }
+                // `MultivariatePolynomialFunction` gives its derivative by the first variable where one by two is asked for.
+                CouplingFunction::Several(function) if self.follows_opensim => {
+                    let n = self.independent.len();
+                    let slope = |k: usize| function.derivative(|k| q[self.independent[k].0], k);
+                    let by_first: f64 = (0..n).map(|k| slope(k) * rate(k)).sum();
+                    by_first * (0..n).map(rate).sum::<f64>()
+                }
                 CouplingFunction::Several(function) => {
                     let n = self.independent.len();
                     let value = |k: usize| q[self.independent[k].0];
@@ -119,7 +133,10 @@ pub(super) fn compile_couplers(spec: &ModelSpec) -> Result<Vec<Coupler>, Compile
             return Err(problem(spec, number, dependent, CouplerProblem::DrivenTwice));
         }
         let name = constraint.name.clone();
-        couplers.push((number, Coupler { name, independent, dependent, function, scale_factor: *scale_factor }));
+        couplers.push((
+            number,
+            Coupler { name, independent, dependent, function, scale_factor: *scale_factor, follows_opensim: false },
+        ));
     }
     // Length of the longest chain of couplers that drives the arguments of each.
     let mut depths = vec![0; couplers.len()];

@@ -135,10 +135,21 @@ impl Model {
         self.nodes.iter().filter(|node| node.mobilizer.in_simbody.is_some()).map(|node| node.joint)
     }
 
-    /// The same model, its accelerations those of OpenSim where these contradict their velocities, too
-    /// ([`Model::contradictory_joints`]; Simbody `MobilizedBody::FunctionBased`).
+    /// The same model, its accelerations those of OpenSim where these contradict velocities or masses, too: joints of which
+    /// one coordinate turns several axes ([`Model::contradictory_joints`]; Simbody `MobilizedBody::FunctionBased`), couplers of
+    /// several coordinates (second derivatives of `MultivariatePolynomialFunction`), and parts of bodies that close loops, whose
+    /// inertia about the mass centre is that of 1 kg about the body's origin (`Body::extendConnectToModel`).
     pub fn with_accelerations_of_opensim(mut self) -> Model {
         self.nodes.iter_mut().for_each(|node| node.mobilizer.follows_simbody = true);
+        self.couplers = self.couplers.into_iter().map(Coupler::with_second_rates_of_opensim).collect();
+        for part in self.loop_welds.iter().filter_map(|weld| weld.bases[1].body()) {
+            let body = &mut self.bodies[part.0];
+            if body.mass > 0.0 {
+                let c = body.mass_center;
+                let of_center = Matrix3::from_diagonal_element(c.norm_squared()) - c * c.transpose();
+                body.inertia = body.inertia / body.mass + of_center;
+            }
+        }
         self
     }
 

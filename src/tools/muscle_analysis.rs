@@ -81,7 +81,10 @@ impl MuscleAnalysis {
         let list = analysis.words("moment_arm_coordinate_list").unwrap_or_else(|| vec!["all".into()]);
         if analysis.boolean("compute_moments", true)? {
             if list.first().is_some_and(|first| first.eq_ignore_ascii_case("all")) {
-                coordinates = (0..system.model.n_coordinates()).map(CoordinateIndex).collect();
+                // By its name: of several coordinates of one name OpenSim takes the first.
+                let is_first =
+                    |c: &CoordinateIndex| system.model.coordinate(&system.model.coordinates[c.0].name) == Some(*c);
+                coordinates = (0..system.model.n_coordinates()).map(CoordinateIndex).filter(is_first).collect();
             } else {
                 for name in &list {
                     match system.model.coordinate(name) {

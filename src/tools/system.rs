@@ -215,14 +215,27 @@ impl System {
         }
     }
 
-    /// The state in which OpenSim's `initSystem` leaves the model: default values, constraints satisfied.
+    /// The state in which OpenSim's `initSystem` leaves the model: default values, constraints satisfied if they can be.
     ///
     /// # Errors
-    /// Constraints that cannot be satisfied.
+    /// Numbers that are not finite.
     pub fn default_state(&self) -> Result<SystemState, ToolError> {
         let mut q: Vec<f64> = self.model.coordinates.iter().map(|c| c.default_value).collect();
         let mut u: Vec<f64> = self.model.coordinates.iter().map(|c| c.default_speed_value).collect();
-        self.assemble(0.0, &mut q)?;
+        let given = q.clone();
+        match self.assemble(0.0, &mut q) {
+            Ok(()) => {}
+            // What needs constraints assembles again where it starts; what does not goes on, as in OpenSim.
+            Err(error)
+                if matches!(
+                    &*error.problem,
+                    ToolProblem::Dynamics { source: DynamicsError::NotAssembled { .. }, .. }
+                ) =>
+            {
+                q = given;
+            }
+            Err(error) => return Err(error),
+        }
         self.project_speeds(0.0, &q, &mut u);
         let of = |get: fn(MuscleState) -> f64| {
             let one = |m: &SystemMuscle| m.law.as_ref().map_or(f64::NAN, |law| get(law.default_state()));
