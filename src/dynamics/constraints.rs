@@ -408,9 +408,10 @@ impl Kind {
                 let (one, two) = (first.motion(cache), second.motion(cache));
                 let between = two.p - one.p;
                 let relative = two.v - one.v;
-                // ½ (d² − L²) and its derivatives.
+                // ½ (d² − L²) and its derivative, then d d̈: where speeds lengthen the rod, OpenSim asks that they go on to.
                 rows.error[at] = 0.5 * (between.norm_squared() - distance * distance);
-                rows.b[at] = -(between.dot(&(two.a - one.a)) + relative.norm_squared());
+                let lengthening = between.dot(&relative).powi(2) / between.norm_squared().max(f64::MIN_POSITIVE);
+                rows.b[at] = lengthening - between.dot(&(two.a - one.a)) - relative.norm_squared();
                 for (station, sign) in [(second, 1.0), (first, -1.0)] {
                     station.for_each_velocity(model, cache, |c, v| rows.G[(at, c)] += sign * between.dot(&v));
                 }
