@@ -186,15 +186,27 @@ impl LoadedModel {
             return Err(message.into());
         }
         if self.model.is_dependent(index) {
-            let driver = &self.model.coordinates[self.model.root_of(index).0].name;
-            let message = self.message(format!("coordinate `{name}` follows `{driver}` through a coupler"));
-            return Err(message.hint(format!("set `{driver}` instead")).into());
+            let drivers = self.model.names_of_roots(index, "`");
+            let message = self.message(format!("coordinate `{name}` follows {drivers} through a coupler"));
+            return Err(message.hint(format!("set {drivers} instead")).into());
         }
         Ok(index)
     }
 
+    /// The warning that several coordinates have a name: the first of them is meant, as in OpenSim.
+    pub fn ambiguous(&self, index: CoordinateIndex) -> Option<Message> {
+        let specs = &self.file.spec.coordinates;
+        let name = &specs[index.0].name;
+        let same: Vec<&str> = specs.iter().filter(|c| c.name == *name).map(|c| c.at.path.as_str()).collect();
+        let [first, others @ ..] = same.as_slice() else { return None };
+        let text =
+            format!("coordinate `{name}` is ambiguous: {first} is taken, as in OpenSim, not {}", others.join(", "));
+        let message = Message { gravity: Gravity::Warning, ..self.message(text) }.at_line(specs[index.0].at.line);
+        (!others.is_empty()).then(|| message.hint("give each coordinate a name of its own".to_owned()))
+    }
+
     /// The default posture with some coordinates set and couplers followed [rad or m]. Values outside a coordinate's
-    /// range are used, with a warning.
+    /// range are used, with a warning, and so is the first of several coordinates of one name.
     ///
     /// # Errors
     /// A coordinate that the model does not have, follows another, or is of another kind than the unit.
@@ -202,6 +214,7 @@ impl LoadedModel {
         let mut q = self.model.default_coordinates();
         for assignment in set {
             let index = self.check_settable(&assignment.coordinate, assignment.value)?;
+            messages.extend(self.ambiguous(index));
             q[index.0] = assignment.value.si();
             let coordinate = &self.model.coordinates[index.0];
             if !coordinate.in_range(q[index.0]) {

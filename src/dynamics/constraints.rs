@@ -3,6 +3,7 @@
 //! Every constraint gives rows in the space of coordinate rates q̇ or of speeds u; rows of q̇ are turned into rows of u
 //! by N(q), which is the identity for all joints but ball and free joints.
 
+use super::reduction::Reduction;
 use crate::functions::Function;
 use crate::multibody::{BaseIndex, Cache, Coupler, Model};
 use crate::osim::spec::{ConstraintKind, CoordinateIndex, FrameIndex, Location, ModelSpec};
@@ -26,6 +27,15 @@ pub enum ConstraintError {
         /// The constraint.
         at: Location,
     },
+}
+
+impl ConstraintError {
+    /// The constraint that it is about.
+    pub fn at(&self) -> &Location {
+        match self {
+            ConstraintError::Unsupported { at, .. } | ConstraintError::NoDirection { at } => at,
+        }
+    }
 }
 
 /// A point fixed in a base.
@@ -60,6 +70,23 @@ impl Kind {
         !matches!(self, Kind::Coupler(_) | Kind::Locked { .. } | Kind::Prescribed { .. })
     }
 
+    /// Whether speeds follow from it in another way than one from one other.
+    fn ties_several(&self) -> bool {
+        match self {
+            Kind::Coupler(coupler) => coupler.only_argument().is_none(),
+            kind => kind.joins_bodies(),
+        }
+    }
+
+    /// Whether a reduction to free coordinates satisfies it.
+    fn is_satisfied_by(&self, reduction: &Reduction) -> bool {
+        match self {
+            Kind::Coupler(coupler) => reduction.follows(coupler),
+            Kind::Locked { coordinate, .. } | Kind::Prescribed { coordinate, .. } => reduction.holds(*coordinate),
+            _ => false,
+        }
+    }
+
     fn rows(&self) -> usize {
         match self {
             Kind::Coupler(_) | Kind::Locked { .. } | Kind::Prescribed { .. } | Kind::Distance { .. } => 1,
@@ -74,7 +101,8 @@ impl Kind {
 #[derive(Clone, Debug)]
 pub struct Constraints {
     kinds: Vec<Kind>,
-    /// Position of every kind among the constraints of the specification; `None`: a locked or prescribed coordinate.
+    /// Position of every kind among the constraints of the specification; `None`: a locked or prescribed coordinate, or a
+    /// loop of joints.
     origins: Vec<Option<usize>>,
     rows: usize,
 }
@@ -82,7 +110,7 @@ pub struct Constraints {
 /// What one constraint does at a state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConstraintForce {
-    /// Position among the constraints of the specification; `None`: a locked or prescribed coordinate.
+    /// Position among the constraints of the specification; `None`: a locked or prescribed coordinate, or a loop of joints.
     pub constraint: Option<usize>,
     /// Forces on the two bodies that it joins at their origins, expressed in ground; empty for constraints of
     /// coordinates.
@@ -188,6 +216,11 @@ impl Constraints {
             });
             origins.push(Some(index));
         }
+        for weld in &model.loop_welds {
+            let [first, second] = weld.bases.map(|base| (base, Transform::identity()));
+            kinds.push(Kind::Weld { first, second });
+            origins.push(None);
+        }
         let rows = kinds.iter().map(Kind::rows).sum();
         Ok(Constraints { kinds, origins, rows })
     }
@@ -197,9 +230,9 @@ impl Constraints {
         Constraints { kinds: Vec::new(), origins: Vec::new(), rows: 0 }
     }
 
-    /// Those that join bodies: without couplers, locked and prescribed coordinates.
-    pub fn between_bodies(mut self) -> Constraints {
-        let keep: Vec<bool> = self.kinds.iter().map(Kind::joins_bodies).collect();
+    /// Those that a reduction to free coordinates does not satisfy.
+    pub fn beyond(mut self, reduction: &Reduction) -> Constraints {
+        let keep: Vec<bool> = self.kinds.iter().map(|kind| !kind.is_satisfied_by(reduction)).collect();
         let mut kept = keep.iter();
         self.kinds.retain(|_| kept.next().copied().unwrap_or(false));
         let mut kept = keep.iter();
@@ -208,9 +241,9 @@ impl Constraints {
         self
     }
 
-    /// Whether any of them joins bodies, so that speeds depend on one another in other ways than by couplers.
-    pub fn join_bodies(&self) -> bool {
-        self.kinds.iter().any(Kind::joins_bodies)
+    /// Whether by any of them speeds depend on one another in other ways than one on one other.
+    pub fn tie_several(&self) -> bool {
+        self.kinds.iter().any(Kind::ties_several)
     }
 
     /// Number of scalar equations.
@@ -235,10 +268,18 @@ impl Constraints {
 
     /// Jacobian, right sides and violations.
     ///
-    /// - `cache`: positions, joint axes, velocities of `u`, and accelerations of `u` with u̇ = 0
+    /// - `cache`: positions, joint axes, velocities of `u`, and accelerations of `u` with u̇ = `udot`
     /// - `qdot`: rates of the coordinates that belong to `u`
+    /// - `udot`: rates of speeds beyond which the right sides of accelerations are wanted; `None`: 0
     #[allow(non_snake_case)]
-    pub(super) fn rows(&self, model: &Model, time: f64, q: &[f64], qdot: &[f64], cache: &Cache) -> Rows {
+    pub(super) fn rows(
+        &self,
+        model: &Model,
+        time: f64,
+        (q, qdot): (&[f64], &[f64]),
+        udot: Option<&[f64]>,
+        cache: &Cache,
+    ) -> Rows {
         let n = model.n_coordinates();
         let mut rows = Rows {
             G: DMatrix::zeros(self.rows, n),
@@ -249,6 +290,10 @@ impl Constraints {
         let mut at = 0;
         for kind in &self.kinds {
             kind.fill(model, time, q, qdot, cache, at, &mut rows);
+            if let Some(udot) = udot.filter(|_| !kind.joins_bodies()) {
+                // Accelerations of bodies are in the cache, those of coordinates are not.
+                rows.b[at] -= udot.iter().enumerate().map(|(c, udot)| rows.G[(at, c)] * udot).sum::<f64>();
+            }
             at += kind.rows();
         }
         rows
@@ -277,9 +322,9 @@ impl Kind {
         let vector = |from: usize| Vector3::new(multipliers[from], multipliers[from + 1], multipliers[from + 2]);
         match self {
             Kind::Coupler(coupler) => {
-                let slope = coupler.derivative(q[coupler.independent.0]);
                 let force = multipliers[0];
-                (Vec::new(), vec![(coupler.independent, slope * force), (coupler.dependent, -force)])
+                let on_arguments = coupler.derivatives(q).map(|(argument, slope)| (argument, slope * force));
+                (Vec::new(), on_arguments.chain([(coupler.dependent, -force)]).collect())
             }
             Kind::Locked { coordinate, .. } | Kind::Prescribed { coordinate, .. } => {
                 (Vec::new(), vec![(*coordinate, -multipliers[0])])
@@ -316,12 +361,12 @@ impl Kind {
     fn fill(&self, model: &Model, time: f64, q: &[f64], qdot: &[f64], cache: &Cache, at: usize, rows: &mut Rows) {
         match self {
             Kind::Coupler(coupler) => {
-                let (i, d) = (coupler.independent, coupler.dependent);
-                let slope = coupler.derivative(q[i.0]);
-                rows.error[at] = q[d.0] - coupler.value(q[i.0]);
-                rows.b[at] = coupler.second_derivative(q[i.0]) * qdot[i.0] * qdot[i.0];
-                model.add_rate_row(cache, d, 1.0, qdot, |c, g| rows.G[(at, c)] += g, |b| rows.b[at] -= b);
-                model.add_rate_row(cache, i, -slope, qdot, |c, g| rows.G[(at, c)] += g, |b| rows.b[at] -= b);
+                let d = coupler.dependent;
+                rows.error[at] = q[d.0] - coupler.value(q);
+                rows.b[at] = coupler.second_rate_at_constant_rates(q, qdot);
+                for (c, factor) in [(d, 1.0)].into_iter().chain(coupler.derivatives(q).map(|(i, slope)| (i, -slope))) {
+                    model.add_rate_row(cache, c, factor, qdot, |c, g| rows.G[(at, c)] += g, |b| rows.b[at] -= b);
+                }
             }
             Kind::Locked { coordinate, value } => {
                 rows.error[at] = q[coordinate.0] - value;
@@ -363,9 +408,10 @@ impl Kind {
                 let (one, two) = (first.motion(cache), second.motion(cache));
                 let between = two.p - one.p;
                 let relative = two.v - one.v;
-                // ½ (d² − L²) and its derivatives.
+                // ½ (d² − L²) and its derivative, then d d̈: where speeds lengthen the rod, OpenSim asks that they go on to.
                 rows.error[at] = 0.5 * (between.norm_squared() - distance * distance);
-                rows.b[at] = -(between.dot(&(two.a - one.a)) + relative.norm_squared());
+                let lengthening = between.dot(&relative).powi(2) / between.norm_squared().max(f64::MIN_POSITIVE);
+                rows.b[at] = lengthening - between.dot(&(two.a - one.a)) - relative.norm_squared();
                 for (station, sign) in [(second, 1.0), (first, -1.0)] {
                     station.for_each_velocity(model, cache, |c, v| rows.G[(at, c)] += sign * between.dot(&v));
                 }

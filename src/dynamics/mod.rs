@@ -8,6 +8,7 @@
 
 mod constraints;
 mod error;
+mod mass;
 mod plant;
 mod reduction;
 mod simulate;

@@ -7,8 +7,9 @@ mod linearize;
 
 use super::constraints::Constraints;
 use super::error::PlantError;
+use super::mass::MassSolver;
 use super::reduction::{Reduction, Relation};
-use super::solve::DynamicsError;
+use super::solve::{DynamicsError, without_solution};
 use crate::forces::{Actuator, AppliedForces, Forces, PathForce};
 use crate::multibody::{BodySubset, Cache, DynamicsBuffers, Model};
 use crate::muscles::{MuscleModel, MuscleState};
@@ -79,9 +80,9 @@ pub struct Plant {
     pub model: Model,
     /// Free and dependent coordinates.
     pub reduction: Reduction,
-    /// Constraints between bodies.
+    /// Constraints that the reduction does not satisfy: between bodies, above all.
     joining: Constraints,
-    /// Rate at which violations of constraints between bodies decay while the plant is integrated [1/s] (Baumgarte);
+    /// Rate at which violations of those constraints decay while the plant is integrated [1/s] (Baumgarte);
     /// 0: accelerations satisfy the constraints and nothing else.
     pub stabilization: f64,
     /// Muscles that apply force, in the order of the file.
@@ -172,7 +173,7 @@ impl Plant {
     /// Any component that cannot be built, or is not computed.
     pub fn compile(spec: &ModelSpec, model: &Model, allow_unsupported: bool) -> Result<Plant, PlantError> {
         let reduction = Reduction::new(model, true)?;
-        let joining = Constraints::compile(spec, model, false, false)?.between_bodies();
+        let joining = Constraints::compile(spec, model, true, true)?.beyond(&reduction);
         let forces = Forces::compile(spec, model)?;
         let acts = |class: &str| !WITHOUT_CONTROL.contains(&class);
         let mut unsupported: Vec<_> = forces.unsupported.iter().filter(|(_, class)| acts(class)).cloned().collect();
@@ -467,9 +468,9 @@ impl Plant {
 
     /// Forces of springs, bushings, limits, lagged actuators and loads.
     fn collect_forces(&self, work: &mut Work) {
-        let Work { q, u, lagged, qdot, cache, applied, time, .. } = work;
+        let Work { q, u, lagged, cache, applied, time, .. } = work;
         applied.clear();
-        self.forces.apply(&self.model, q, qdot, cache, applied);
+        self.forces.apply(&self.model, q, u, cache, applied);
         self.forces.over_time.iter().for_each(|force| force.apply(&self.model, *time, cache, applied));
         for (own, activation) in self.lagged.iter().zip(lagged) {
             if let Some(actuator) = &own.actuator {
@@ -521,17 +522,18 @@ impl Plant {
         if !right.iter().all(|x| x.is_finite()) {
             return Err(DynamicsError::NotFinite);
         }
-        let Some(solver) = reduced_mass.clone().cholesky() else {
+        let Some(solver) = MassSolver::of(reduced_mass.clone()) else {
             let names = self.reduction.free.iter().map(|i| self.model.coordinates[*i].name.clone());
-            return Err(DynamicsError::Massless { coordinates: names.collect() });
+            return Err(without_solution(&self.model, || DynamicsError::Massless { coordinates: names.collect() }));
         };
         solver.solve_mut(right);
         *joint = None;
         if self.joining.n_rows() > 0 {
             // The cache has accelerations of the bias, so that the right sides are less what it does.
-            let at = self.joining.rows(&self.model, *time, q, qdot, cache);
+            let at = self.joining.rows(&self.model, *time, (q, qdot), Some(relation.bias()), cache);
             let rows = relation.reduce_columns(&at.G, free);
-            let response = solver.solve(&rows.transpose());
+            let mut response = rows.transpose();
+            solver.solve_columns_mut(&mut response);
             let compliance = &rows * &response;
             let smallest = REDUNDANT * compliance.amax();
             if !is_finite(&compliance) {

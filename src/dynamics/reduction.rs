@@ -1,8 +1,12 @@
 //! Free coordinates, and all others as functions of them: couplers, locked and prescribed coordinates.
+//!
+//! Couplers of several coordinates, and coordinates whose speeds are not their rates, are not reduced: they stay free, and
+//! constraints hold them.
 
 use super::error::PlantError;
 use crate::functions::Function;
 use crate::multibody::{Coupler, Model};
+use crate::osim::spec::CoordinateIndex;
 use nalgebra::{DMatrix, DVector};
 
 #[derive(Clone, Debug)]
@@ -39,6 +43,9 @@ impl Reduction {
     pub fn new(model: &Model, keep_locked: bool) -> Result<Reduction, PlantError> {
         let mut held = Vec::new();
         for (i, coordinate) in model.coordinates.iter().enumerate() {
+            if !model.speed_is_rate(CoordinateIndex(i)) {
+                continue;
+            }
             let dependent = model.couplers.iter().any(|c| c.dependent.0 == i);
             let hold = match &coordinate.prescribed {
                 Some(function) => Held::Along(Box::new(function.clone())),
@@ -50,7 +57,11 @@ impl Reduction {
             }
             held.push((i, hold));
         }
-        let couplers = model.couplers.clone();
+        let is_reduced = |c: &&Coupler| {
+            let argument = c.only_argument();
+            argument.is_some_and(|argument| model.speed_is_rate(argument)) && model.speed_is_rate(c.dependent)
+        };
+        let couplers: Vec<Coupler> = model.couplers.iter().filter(is_reduced).cloned().collect();
         let is_held = |i: &usize| held.iter().any(|(h, _)| h == i) || couplers.iter().any(|c| c.dependent.0 == *i);
         let free = (0..model.n_coordinates()).filter(|i| !is_held(i)).collect();
         Ok(Reduction { free, held, couplers })
@@ -59,6 +70,16 @@ impl Reduction {
     /// Number of free coordinates.
     pub fn n_free(&self) -> usize {
         self.free.len()
+    }
+
+    /// Whether it holds a coordinate at a value or along a function.
+    pub fn holds(&self, coordinate: CoordinateIndex) -> bool {
+        self.held.iter().any(|(held, _)| *held == coordinate.0)
+    }
+
+    /// Whether a coupler's dependent coordinate follows in it.
+    pub fn follows(&self, coupler: &Coupler) -> bool {
+        self.couplers.iter().any(|own| own.dependent == coupler.dependent)
     }
 
     /// Buffers.
@@ -87,10 +108,10 @@ impl Reduction {
             (relation.root[*i], relation.slope[*i]) = (None, 0.0);
         }
         for coupler in &self.couplers {
-            let (i, d) = (coupler.independent.0, coupler.dependent.0);
-            let slope = coupler.derivative(q[i]);
-            q[d] = coupler.value(q[i]);
-            relation.bias[d] = slope * relation.bias[i] + coupler.second_derivative(q[i]) * u[i] * u[i];
+            let (Some(i), d) = (coupler.only_argument().map(|i| i.0), coupler.dependent.0) else { continue };
+            let slope = coupler.derivative(q, 0);
+            q[d] = coupler.value(q);
+            relation.bias[d] = slope * relation.bias[i] + coupler.second_rate_at_constant_rates(q, u);
             u[d] = slope * u[i];
             (relation.root[d], relation.slope[d]) = (relation.root[i], slope * relation.slope[i]);
         }

@@ -1,16 +1,20 @@
 //! Accelerations from forces, forces from accelerations, and states that satisfy the constraints.
 
 use super::constraints::{Constraints, Rows};
+use super::mass::MassSolver;
 use crate::forces::AppliedForces;
-use crate::multibody::{Cache, DynamicsBuffers, Model};
+use crate::multibody::{Body, Cache, DynamicsBuffers, Model};
 use crate::numerics::{is_finite, symmetric_eigen};
-use crate::osim::spec::CoordinateIndex;
+use crate::osim::spec::{CoordinateIndex, negative_principal_moment};
 use nalgebra::{DMatrix, DVector};
 
 /// Singular values of the constraints' Jacobian below this share of the largest count as zero: redundant constraints.
 const RANK_TOLERANCE: f64 = 1e-10;
 /// Largest violation of constraints that assembly leaves [rad or m].
 const ASSEMBLED: f64 = 1e-12;
+/// Largest step along the constraints at which assembly ends [rad or m]: far below what motion capture can tell, and above
+/// rounding of sums of some hundred squares.
+const SETTLED: f64 = 1e-10;
 /// Iterations of assembly.
 const ASSEMBLY_ITERATIONS: usize = 100;
 
@@ -22,6 +26,12 @@ pub enum DynamicsError {
     Massless {
         /// Coordinates with the largest part in the massless motion.
         coordinates: Vec<String>,
+    },
+    /// Equations without a unique solution in a model whose bodies do not all have inertias of bodies.
+    #[error("the mass matrix is singular: {} has a negative principal moment of inertia", .bodies.join(", "))]
+    Singular {
+        /// The bodies that have such an inertia.
+        bodies: Vec<String>,
     },
     /// Constraints cannot be satisfied together.
     #[error("constraints cannot be satisfied: a violation of {violation:.2e} rad or m is left")]
@@ -122,7 +132,7 @@ impl<'a> Dynamics<'a> {
         let n = self.model.n_coordinates();
         let force = self.free_force(q, u, applied);
         self.mass_matrix();
-        let rows = self.constraints.rows(self.model, time, q, &self.qdot, &self.cache);
+        let rows = self.constraints.rows(self.model, time, (q, &self.qdot), None, &self.cache);
         if !force.iter().chain(rows.b.iter()).chain(self.mass_matrix.iter()).all(|x| x.is_finite()) {
             return Err(DynamicsError::NotFinite);
         }
@@ -133,7 +143,7 @@ impl<'a> Dynamics<'a> {
         let right = DMatrix::from_column_slice(right.len(), 1, right.as_slice());
         let udot = match solve_scaled(reduced_mass, &right) {
             Some(y) => particular + &space.free * y.column(0),
-            None => return Err(self.massless(&space)),
+            None => return Err(without_solution(self.model, || self.massless(&space))),
         };
         let constraint_forces = &self.mass_matrix * &udot - force;
         let multipliers = -space.inverse.tr_mul(&constraint_forces);
@@ -160,7 +170,7 @@ impl<'a> Dynamics<'a> {
             column.copy_from(&(self.free_force(q, u, applied) - &rest));
         }
         self.mass_matrix();
-        let rows = self.constraints.rows(self.model, time, q, &self.qdot, &self.cache);
+        let rows = self.constraints.rows(self.model, time, (q, &self.qdot), None, &self.cache);
         if !is_finite(&along) || !is_finite(&self.mass_matrix) {
             return Err(DynamicsError::NotFinite);
         }
@@ -168,7 +178,7 @@ impl<'a> Dynamics<'a> {
         let reduced_mass = space.free.tr_mul(&(&self.mass_matrix * &space.free));
         match solve_scaled(reduced_mass, &space.free.tr_mul(&along)) {
             Some(changes) => Ok(&space.free * changes),
-            None => Err(self.massless(&space)),
+            None => Err(without_solution(self.model, || self.massless(&space))),
         }
     }
 
@@ -188,7 +198,7 @@ impl<'a> Dynamics<'a> {
     pub fn imbalance(&mut self, time: f64, q: &[f64], u: &[f64], udot: &[f64], applied: &AppliedForces) -> (f64, f64) {
         let zero = vec![0.0; self.model.n_coordinates()];
         self.model.update_accelerations_of_speeds(q, u, &zero, &mut self.cache);
-        let rows = self.constraints.rows(self.model, time, q, &self.qdot, &self.cache);
+        let rows = self.constraints.rows(self.model, time, (q, &self.qdot), None, &self.cache);
         let force = self.inverse_dynamics(q, u, udot, applied);
         let space = Space::of(&rows.G, udot.len());
         let free = space.free.tr_mul(&force);
@@ -217,7 +227,7 @@ impl<'a> Dynamics<'a> {
         self.update(q, u);
         let zero = vec![0.0; self.model.n_coordinates()];
         self.model.update_accelerations_of_speeds(q, u, &zero, &mut self.cache);
-        self.constraints.rows(self.model, time, q, &self.qdot, &self.cache)
+        self.constraints.rows(self.model, time, (q, &self.qdot), None, &self.cache)
     }
 
     /// Violation of the constraints at coordinates [rad or m], and its derivative by the speeds.
@@ -225,7 +235,7 @@ impl<'a> Dynamics<'a> {
         let zero = vec![0.0; q.len()];
         self.update(q, &zero);
         // What the rows say of accelerations is not looked at: those of bodies are not brought up to date.
-        let rows = self.constraints.rows(self.model, time, q, &self.qdot, &self.cache);
+        let rows = self.constraints.rows(self.model, time, (q, &self.qdot), None, &self.cache);
         (rows.error, rows.G)
     }
 
@@ -271,6 +281,60 @@ impl<'a> Dynamics<'a> {
         if violation > 1e3 * ASSEMBLED { Err(DynamicsError::NotAssembled { violation }) } else { Ok(()) }
     }
 
+    /// Moves coordinates so that they satisfy the constraints and some of them are as near as possible to where they were,
+    /// in sum of squares (OpenSim's `AssemblySolver`).
+    ///
+    /// - `drawn`: whether a coordinate is drawn to where it was; the others move as constraints ask
+    ///
+    /// # Errors
+    /// Constraints that cannot be satisfied together.
+    pub fn assemble_near(&mut self, time: f64, q: &mut [f64], drawn: &[bool]) -> Result<(), DynamicsError> {
+        let n = q.len();
+        let goals: Vec<usize> = (0..n).filter(|i| drawn[*i]).collect();
+        let (start, zero) = (q.to_vec(), vec![0.0; n]);
+        let (mut violation, mut rates) = (0.0, vec![0.0; n]);
+        for iteration in 0..ASSEMBLY_ITERATIONS {
+            let rows = self.rows_at(time, q, &zero);
+            violation = rows.error.amax();
+            if iteration == 0 && !(violation > ASSEMBLED) {
+                break;
+            }
+            let space = Space::of(&rows.G, n);
+            let mut step = space.particular(&-rows.error);
+            if !step.iter().all(|v| v.is_finite()) {
+                return Err(DynamicsError::NotFinite);
+            }
+            // Along the constraints: what brings the drawn ones back most.
+            let mut by_free = DMatrix::zeros(goals.len(), space.free.ncols());
+            for (k, column) in space.free.column_iter().enumerate() {
+                let speeds: Vec<f64> = column.iter().copied().collect();
+                self.model.rates_of_speeds(&self.cache, &speeds, &mut rates);
+                goals.iter().enumerate().for_each(|(row, i)| by_free[(row, k)] = rates[*i]);
+            }
+            self.model.rates_of_speeds(&self.cache, step.as_slice(), &mut rates);
+            let away = DVector::from_iterator(goals.len(), goals.iter().map(|i| start[*i] - q[*i] - rates[*i]));
+            let mut along = 0.0;
+            if !by_free.is_empty() && is_finite(&by_free) {
+                let decomposed = by_free.svd(true, true);
+                let smallest = RANK_TOLERANCE * decomposed.singular_values.max();
+                if let Ok(back) = decomposed.solve(&away, smallest) {
+                    let back = &space.free * back;
+                    along = back.amax();
+                    step += back;
+                }
+            }
+            if !(violation > ASSEMBLED) && !(along > SETTLED) {
+                break;
+            }
+            self.model.rates_of_speeds(&self.cache, step.as_slice(), &mut rates);
+            // No step turns a joint by more than half a radian.
+            let shorten = 1.0 / (step.amax() / 0.5).max(1.0);
+            q.iter_mut().zip(&rates).for_each(|(q, rate)| *q += shorten * rate);
+        }
+        // Where the nearest place is not found, any on the constraints.
+        if violation <= ASSEMBLED { Ok(()) } else { self.assemble(time, q) }
+    }
+
     /// Changes speeds as little as possible so that they satisfy the constraints at `q`.
     pub fn project_speeds(&mut self, time: f64, q: &[f64], u: &mut [f64]) {
         let rows = self.rows_at(time, q, u);
@@ -278,6 +342,13 @@ impl<'a> Dynamics<'a> {
         let change = Space::of(&rows.G, u.len()).particular(&violation);
         u.iter_mut().zip(change.iter()).for_each(|(u, change)| *u += change);
     }
+}
+
+/// Why equations of motion have no unique solution: an inertia that no body has, or else motion without mass.
+pub(super) fn without_solution(model: &Model, massless: impl FnOnce() -> DynamicsError) -> DynamicsError {
+    let is_negative = |body: &&Body| negative_principal_moment(&body.inertia).is_some();
+    let bodies: Vec<String> = model.bodies.iter().filter(is_negative).map(|body| body.name.clone()).collect();
+    if bodies.is_empty() { massless() } else { DynamicsError::Singular { bodies } }
 }
 
 /// Speeds that constraints leave free, and the smallest speeds that satisfy them.
@@ -325,23 +396,21 @@ impl Space {
     }
 }
 
-/// Solves symmetric positive definite systems whose rows may differ in size by many orders of magnitude, for several
-/// right sides.
+/// Solves a symmetric system whose rows may differ in size by many orders of magnitude, for several right sides; `None` if it is singular.
 fn solve_scaled(matrix: DMatrix<f64>, right: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let n = matrix.nrows();
     if n == 0 {
         return Some(DMatrix::zeros(0, right.ncols()));
     }
-    let scale = DVector::from_fn(n, |i, _| matrix[(i, i)].max(0.0).sqrt().recip());
+    // Of a matrix that is not positive definite a row may have nothing on the diagonal.
+    let size = |i: usize| if matrix[(i, i)] == 0.0 { matrix.row(i).amax() } else { matrix[(i, i)].abs() };
+    let scale = DVector::from_fn(n, |i, _| size(i).sqrt().recip());
     if !scale.iter().all(|s| s.is_finite()) {
         return None;
     }
     let scaled = DMatrix::from_fn(n, n, |i, j| scale[i] * matrix[(i, j)] * scale[j]);
-    let solver = scaled.cholesky()?;
-    // A pivot at the level of rounding is not a mass.
-    if solver.l_dirty().diagonal().iter().any(|pivot| pivot * pivot < 1e-14) {
-        return None;
-    }
     let scaled_rows = |columns: &DMatrix<f64>| DMatrix::from_fn(n, right.ncols(), |i, j| scale[i] * columns[(i, j)]);
-    Some(scaled_rows(&solver.solve(&scaled_rows(right))))
+    let mut found = scaled_rows(right);
+    MassSolver::of_scaled(scaled)?.solve_columns_mut(&mut found);
+    Some(scaled_rows(&found))
 }

@@ -11,7 +11,7 @@ use crate::osim::spec::{CoordinateIndex, ForceKind, ForceSpec, MotionType};
 /// ```text
 /// s_up  = step(0 → 1 over q_up … q_up + transition)
 /// s_low = step(1 → 0 over q_low − transition … q_low)
-/// f = −K_up·s_up·(q − q_up) + K_low·s_low·(q_low − q) − d·(s_up + s_low)·q̇
+/// f = −K_up·s_up·(q − q_up) + K_low·s_low·(q_low − q) − d·(s_up + s_low)·u
 /// ```
 /// The file gives limits and transition in degrees and stiffness and damping per degree if, and only if, the coordinate
 /// is rotational; here they are SI. OpenSim computes the damping from s·K/K and so gives NaN for zero stiffness; here it
@@ -90,12 +90,12 @@ impl CoordinateLimitForce {
     /// Force on the coordinate itself [N·m or N] (OpenSim: `calcLimitForce`).
     ///
     /// - `q`: value of the coordinate [rad or m]
-    /// - `qdot`: its rate [rad/s or m/s]
-    pub fn limit_force(&self, q: f64, qdot: f64) -> f64 {
+    /// - `u`: its speed [rad/s or m/s]
+    pub fn limit_force(&self, q: f64, u: f64) -> f64 {
         let (s_up, s_low) = (self.upper_step.value(q), self.lower_step.value(q));
         let upper = -self.upper_stiffness * s_up * (q - self.upper_limit);
         let lower = self.lower_stiffness * s_low * (self.lower_limit - q);
-        upper + lower - self.damping * (s_up + s_low) * qdot
+        upper + lower - self.damping * (s_up + s_low) * u
     }
 
     /// Energy stored in the stiffness [J] (OpenSim: `computePotentialEnergy`).
@@ -115,8 +115,8 @@ impl CoordinateLimitForce {
     }
 
     /// Generalized force about the coordinate of the cache's unit motion.
-    pub fn generalized_force(&self, q: &[f64], qdot: &[f64], cache: &Cache) -> f64 {
+    pub fn generalized_force(&self, q: &[f64], u: &[f64], cache: &Cache) -> f64 {
         let coupling = cache.coupling()[self.coordinate.0];
-        if coupling == 0.0 { 0.0 } else { coupling * self.limit_force(q[self.coordinate.0], qdot[self.coordinate.0]) }
+        if coupling == 0.0 { 0.0 } else { coupling * self.limit_force(q[self.coordinate.0], u[self.coordinate.0]) }
     }
 }

@@ -5,7 +5,7 @@ use crate::functions::Expression;
 use crate::multibody::{Cache, Model};
 use crate::osim::spec::{CoordinateIndex, ForceKind, ForceSpec};
 
-/// OpenSim's `ExpressionBasedCoordinateForce`: f(q, q̇), in SI units always.
+/// OpenSim's `ExpressionBasedCoordinateForce`: f(q, u), of value and speed, which formulas call `qdot`, in SI units always.
 #[derive(Clone, Debug)]
 pub struct ExpressionBasedCoordinateForce {
     /// The coordinate.
@@ -26,13 +26,13 @@ impl ExpressionBasedCoordinateForce {
     }
 
     /// Force on the coordinate itself [N·m or N].
-    pub fn force(&self, q: f64, qdot: f64) -> f64 {
-        self.expression.value(q, qdot)
+    pub fn force(&self, q: f64, u: f64) -> f64 {
+        self.expression.value(q, u)
     }
 
     /// Generalized force about the coordinate of the cache's unit motion.
-    pub fn generalized_force(&self, q: &[f64], qdot: &[f64], cache: &Cache) -> f64 {
+    pub fn generalized_force(&self, q: &[f64], u: &[f64], cache: &Cache) -> f64 {
         let coupling = cache.coupling()[self.coordinate.0];
-        if coupling == 0.0 { 0.0 } else { coupling * self.force(q[self.coordinate.0], qdot[self.coordinate.0]) }
+        if coupling == 0.0 { 0.0 } else { coupling * self.force(q[self.coordinate.0], u[self.coordinate.0]) }
     }
 }

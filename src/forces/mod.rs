@@ -210,15 +210,16 @@ impl Forces {
     }
 
     /// Sum of the generalized forces of [`Forces::forces`]; see [`Force::generalized_force`].
-    pub fn generalized_force(&self, model: &Model, q: &[f64], qdot: &[f64], cache: &Cache) -> f64 {
-        self.forces.iter().map(|force| force.generalized_force(model, q, qdot, cache)).sum()
+    pub fn generalized_force(&self, model: &Model, q: &[f64], u: &[f64], cache: &Cache) -> f64 {
+        self.forces.iter().map(|force| force.generalized_force(model, q, u, cache)).sum()
     }
 
     /// Adds what [`Forces::forces`] do to bodies and coordinates.
     ///
-    /// - `q`, `qdot`: coordinates and their rates, for which `cache` holds positions and velocities
-    pub fn apply(&self, model: &Model, q: &[f64], qdot: &[f64], cache: &Cache, applied: &mut AppliedForces) {
-        self.forces.iter().for_each(|force| force.apply(model, q, qdot, cache, applied));
+    /// - `q`, `u`: coordinates and speeds, for which `cache` holds positions and velocities. What damps a coordinate sees its
+    ///   speed as OpenSim defines it ([`Model::speeds_of_rates`]), which in some joints is not its rate.
+    pub fn apply(&self, model: &Model, q: &[f64], u: &[f64], cache: &Cache, applied: &mut AppliedForces) {
+        self.forces.iter().for_each(|force| force.apply(model, q, u, cache, applied));
     }
 
     /// Every `BushingForce`, in the order of the file: those of which OpenSim keeps the energy that they took up.
@@ -255,12 +256,12 @@ impl Force {
     /// Generalized force [N·m or N] about the coordinate that [`Model::update_unit_motion`] was last called for on
     /// `cache`, couplers followed.
     ///
-    /// - `q`, `qdot`: coordinates and their rates, for which `cache` holds positions and velocities
-    pub fn generalized_force(&self, model: &Model, q: &[f64], qdot: &[f64], cache: &Cache) -> f64 {
+    /// - `q`, `u`: coordinates and speeds, for which `cache` holds positions and velocities
+    pub fn generalized_force(&self, model: &Model, q: &[f64], u: &[f64], cache: &Cache) -> f64 {
         match &self.law {
-            ForceLaw::CoordinateLimit(force) => force.generalized_force(q, qdot, cache),
-            ForceLaw::SpringGeneralized(force) => force.generalized_force(q, qdot, cache),
-            ForceLaw::ExpressionBasedCoordinate(force) => force.generalized_force(q, qdot, cache),
+            ForceLaw::CoordinateLimit(force) => force.generalized_force(q, u, cache),
+            ForceLaw::SpringGeneralized(force) => force.generalized_force(q, u, cache),
+            ForceLaw::ExpressionBasedCoordinate(force) => force.generalized_force(q, u, cache),
             ForceLaw::Bushing(force) => force.generalized_force(model, cache),
             ForceLaw::PointToPointSpring(force) => force.generalized_force(cache),
         }
@@ -269,19 +270,19 @@ impl Force {
 
 impl Force {
     /// Adds what the force does to bodies and coordinates; arguments as [`Forces::apply`].
-    pub fn apply(&self, model: &Model, q: &[f64], qdot: &[f64], cache: &Cache, applied: &mut AppliedForces) {
+    pub fn apply(&self, model: &Model, q: &[f64], u: &[f64], cache: &Cache, applied: &mut AppliedForces) {
         let (coordinate, force) = match &self.law {
             ForceLaw::CoordinateLimit(force) => {
                 let c = force.coordinate;
-                (c, force.limit_force(q[c.0], qdot[c.0]))
+                (c, force.limit_force(q[c.0], u[c.0]))
             }
             ForceLaw::SpringGeneralized(force) => {
                 let c = force.coordinate;
-                (c, force.force(q[c.0], qdot[c.0]))
+                (c, force.force(q[c.0], u[c.0]))
             }
             ForceLaw::ExpressionBasedCoordinate(force) => {
                 let c = force.coordinate;
-                (c, force.force(q[c.0], qdot[c.0]))
+                (c, force.force(q[c.0], u[c.0]))
             }
             ForceLaw::PointToPointSpring(spring) => return spring.apply(cache, applied),
             ForceLaw::Bushing(bushing) => {
@@ -299,7 +300,7 @@ impl Force {
     /// Whether the force can have a generalized force about coordinate `c`, couplers followed: whether what it acts
     /// between moves with the coordinate.
     pub fn can_act_about(&self, model: &Model, c: CoordinateIndex) -> bool {
-        let follows = |own: CoordinateIndex| own == c || model.root_of(own) == model.root_of(c);
+        let follows = |own: CoordinateIndex| model.are_coupled(own, c);
         match &self.law {
             ForceLaw::CoordinateLimit(force) => follows(force.coordinate),
             ForceLaw::SpringGeneralized(force) => follows(force.coordinate),

@@ -4,7 +4,7 @@ use super::{ForceError, check_finite, check_index};
 use crate::multibody::{Cache, Model};
 use crate::osim::spec::{CoordinateIndex, ForceKind, ForceSpec};
 
-/// OpenSim's `SpringGeneralizedForce`: `f = −stiffness·(q − rest_length) − viscosity·q̇`, in SI units always.
+/// OpenSim's `SpringGeneralizedForce`: `f = −stiffness·(q − rest_length) − viscosity·u`, in SI units always.
 #[derive(Clone, Copy, Debug)]
 pub struct SpringGeneralizedForce {
     /// The coordinate.
@@ -30,13 +30,13 @@ impl SpringGeneralizedForce {
     }
 
     /// Force on the coordinate itself [N·m or N].
-    pub fn force(&self, q: f64, qdot: f64) -> f64 {
-        -self.stiffness * (q - self.rest_length) - self.viscosity * qdot
+    pub fn force(&self, q: f64, u: f64) -> f64 {
+        -self.stiffness * (q - self.rest_length) - self.viscosity * u
     }
 
     /// Generalized force about the coordinate of the cache's unit motion.
-    pub fn generalized_force(&self, q: &[f64], qdot: &[f64], cache: &Cache) -> f64 {
+    pub fn generalized_force(&self, q: &[f64], u: &[f64], cache: &Cache) -> f64 {
         let coupling = cache.coupling()[self.coordinate.0];
-        if coupling == 0.0 { 0.0 } else { coupling * self.force(q[self.coordinate.0], qdot[self.coordinate.0]) }
+        if coupling == 0.0 { 0.0 } else { coupling * self.force(q[self.coordinate.0], u[self.coordinate.0]) }
     }
 }

@@ -1,4 +1,5 @@
-//! OpenSim's functions of one variable, with first and second derivatives; and formulas in a coordinate and its speed.
+//! OpenSim's functions of one variable, and of several, with first and second derivatives; and formulas in a coordinate and
+//! its speed.
 //!
 //! In: a [`FunctionSpec`] as the file states it. Out: a [`Function`] with all coefficients computed, which evaluates
 //! exactly as OpenSim 4.6 does, extrapolation included, without allocating.
@@ -6,9 +7,11 @@
 mod expression;
 mod gcv_spline;
 mod piecewise;
+mod several;
 mod simm_spline;
 
 pub use expression::{Expression, ExpressionError};
+pub use several::FunctionOfSeveral;
 
 use crate::osim::spec::FunctionSpec;
 use gcv_spline::GcvSpline;
@@ -80,6 +83,24 @@ pub enum FunctionError {
     /// A `PolynomialFunction` without coefficients.
     #[error("PolynomialFunction: expected at least one coefficient, found none")]
     NoCoefficients,
+    /// A polynomial of several variables with another number of coefficients than its dimension and order ask for.
+    #[error("{class}: expected {expected} coefficients for its dimension and order, found {found}")]
+    CoefficientCount {
+        /// OpenSim class name.
+        class: &'static str,
+        /// Number of terms.
+        expected: usize,
+        /// Number of coefficients found.
+        found: usize,
+    },
+    /// A function of another number of variables.
+    #[error("expected a function of {expected} variables, found one of {found}")]
+    Dimension {
+        /// Number of variables that it is given.
+        expected: usize,
+        /// Number that it takes.
+        found: usize,
+    },
 }
 
 /// A function of one variable, ready to be evaluated.
@@ -135,6 +156,19 @@ impl Function {
                     finite("PolynomialFunction", "coefficients", coefficient)?;
                 }
                 Kind::Polynomial(coefficients.clone().into())
+            }
+            FunctionSpec::MultivariatePolynomial { dimension: 1, order, coefficients } => {
+                let (class, expected, found) = ("MultivariatePolynomialFunction", order + 1, coefficients.len());
+                if expected != found {
+                    return Err(FunctionError::CoefficientCount { class, expected, found });
+                }
+                for &coefficient in coefficients {
+                    finite(class, "coefficients", coefficient)?;
+                }
+                Kind::Polynomial(coefficients.iter().rev().copied().collect())
+            }
+            FunctionSpec::MultivariatePolynomial { dimension, .. } => {
+                return Err(FunctionError::Dimension { expected: 1, found: *dimension });
             }
             FunctionSpec::Multiplier { scale, function } => Kind::Multiplier {
                 scale: finite("MultiplierFunction", "scale", *scale)?,

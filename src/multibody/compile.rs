@@ -5,7 +5,7 @@ use super::coordinate::Coordinate;
 use super::coupler::compile_couplers;
 use super::error::CompileError;
 use super::mobilizer::{Axis, AxisMotion, Mobilizer, Node, Speeds, turning_in_simbody};
-use super::model::{BaseIndex, Body, Frame, Model, WrapPlacement, coordinate_in};
+use super::model::{BaseIndex, Body, Frame, LoopWeld, Model, WrapPlacement, coordinate_in};
 use crate::functions::Function;
 use crate::osim::spec::{
     BodyIndex, ConstraintKind, CoordinateIndex, FrameIndex, FrameKind, FunctionSpec, JointIndex, JointKind, JointSpec,
@@ -21,17 +21,18 @@ impl Model {
     /// Compiles a specification.
     ///
     /// # Errors
-    /// Any [`CompileError`]: dangling references, frames or couplers that form cycles, joints that form closed loops
-    /// or have parallel axes, functions that cannot be built, numbers that are not finite.
+    /// Any [`CompileError`]: dangling references, frames or couplers that form cycles, joints that have parallel axes,
+    /// functions that cannot be built, numbers that are not finite.
     pub fn compile(spec: &ModelSpec) -> Result<Model, CompileError> {
         let frames = compile_frames(spec)?;
-        let (nodes, unattached_bodies) = compile_tree(spec, &frames)?;
+        let loop_welds = cut_loops(spec);
+        let (nodes, unattached_bodies) = compile_tree(spec, &frames, &loop_welds)?;
         let couplers = compile_couplers(spec)?;
         let mut driven_by = vec![None; spec.coordinates.len()];
         for (i, coupler) in couplers.iter().enumerate() {
             driven_by[coupler.dependent.0] = Some(i);
         }
-        let mut node_of_base = vec![None; spec.bodies.len() + 1];
+        let mut node_of_base = vec![None; spec.bodies.len() + loop_welds.len() + 1];
         for (i, node) in nodes.iter().enumerate() {
             node_of_base[node.outboard.0] = Some(i);
         }
@@ -39,11 +40,12 @@ impl Model {
             name: spec.name.clone(),
             gravity: spec.gravity,
             coordinates: compile_coordinates(spec)?,
-            bodies: compile_bodies(spec)?,
+            bodies: compile_bodies(spec, &loop_welds)?,
             wrap_objects: compile_wrap_objects(spec, &frames)?,
             frames,
             couplers,
-            unsupported_constraints: unsupported_constraints(spec),
+            unsupported_constraints: unsupported_constraints(spec, &loop_welds),
+            loop_welds,
             unattached_bodies,
             nodes,
             node_of_base,
@@ -52,8 +54,20 @@ impl Model {
     }
 }
 
-fn compile_bodies(spec: &ModelSpec) -> Result<Vec<Body>, CompileError> {
-    spec.bodies
+/// Takes a part of the child of every joint that closes a loop.
+fn cut_loops(spec: &ModelSpec) -> Vec<LoopWeld> {
+    let joints = spec.loop_joints().into_iter();
+    let cut = |(k, joint): (usize, JointIndex)| {
+        let whole = spec.base_of(spec.joints[joint.0].child_frame).map_or(BaseIndex::GROUND, BaseIndex::from);
+        LoopWeld { joint, bases: [whole, BaseIndex(spec.bodies.len() + 1 + k)] }
+    };
+    joints.enumerate().map(cut).collect()
+}
+
+/// Bodies, then the parts that loops take of them; a body and its parts share its mass evenly.
+fn compile_bodies(spec: &ModelSpec, loop_welds: &[LoopWeld]) -> Result<Vec<Body>, CompileError> {
+    let mut bodies = spec
+        .bodies
         .iter()
         .map(|body| {
             check_finite(&body.at, "mass", &[body.mass])?;
@@ -62,7 +76,28 @@ fn compile_bodies(spec: &ModelSpec) -> Result<Vec<Body>, CompileError> {
             let inertia = if body.mass == 0.0 { Matrix3::zeros() } else { body.inertia };
             Ok(Body { name: body.name.clone(), mass: body.mass, mass_center: body.mass_center, inertia })
         })
-        .collect()
+        .collect::<Result<Vec<_>, _>>()?;
+    let parts_of = |whole: BaseIndex| loop_welds.iter().filter(move |weld| weld.bases[0] == whole).count();
+    for (i, body) in bodies.iter_mut().enumerate() {
+        let share = 1.0 / (1 + parts_of(BaseIndex::from(BodyIndex(i)))) as f64;
+        body.mass *= share;
+        body.inertia *= share;
+    }
+    for (k, weld) in loop_welds.iter().enumerate() {
+        let number = loop_welds[..k].iter().filter(|other| other.bases[0] == weld.bases[0]).count();
+        let part = match weld.bases[0].body() {
+            Some(body) => Body { name: format!("{}_slave_{number}", bodies[body.0].name), ..bodies[body.0].clone() },
+            // Ground has no mass.
+            None => Body {
+                name: format!("ground_slave_{number}"),
+                mass: 0.0,
+                mass_center: Vector3::zeros(),
+                inertia: Matrix3::zeros(),
+            },
+        };
+        bodies.push(part);
+    }
+    Ok(bodies)
 }
 
 fn compile_coordinates(spec: &ModelSpec) -> Result<Vec<Coordinate>, CompileError> {
@@ -84,18 +119,21 @@ fn compile_coordinates(spec: &ModelSpec) -> Result<Vec<Coordinate>, CompileError
                 clamped: c.clamped,
                 locked: c.locked,
                 prescribed,
+                is_free_to_satisfy_constraints: c.is_free_to_satisfy_constraints,
                 motion_type: c.motion_type,
             })
         })
         .collect()
 }
 
-fn unsupported_constraints(spec: &ModelSpec) -> Vec<(String, String)> {
+fn unsupported_constraints(spec: &ModelSpec, loop_welds: &[LoopWeld]) -> Vec<(String, String)> {
+    let loops = loop_welds.iter();
     spec.constraints
         .iter()
         .filter(|c| c.is_enforced)
         .filter(|c| !matches!(c.kind, ConstraintKind::CoordinateCoupler { .. }))
         .map(|c| (c.name.clone(), c.kind.class().to_owned()))
+        .chain(loops.map(|weld| (spec.joints[weld.joint.0].name.clone(), "joint that closes a loop".to_owned())))
         .collect()
 }
 
@@ -147,10 +185,14 @@ fn compile_wrap_objects(spec: &ModelSpec, frames: &[Frame]) -> Result<Vec<WrapPl
 }
 
 /// Sorts joints into a tree rooted at ground. Also returns the bodies that no joint connects to ground.
-fn compile_tree(spec: &ModelSpec, frames: &[Frame]) -> Result<(Vec<Node>, Vec<BodyIndex>), CompileError> {
+fn compile_tree(
+    spec: &ModelSpec,
+    frames: &[Frame],
+    loop_welds: &[LoopWeld],
+) -> Result<(Vec<Node>, Vec<BodyIndex>), CompileError> {
     let mut pending: Vec<usize> = (0..spec.joints.len()).collect();
     let mut nodes = Vec::with_capacity(spec.joints.len());
-    let mut attached = vec![false; spec.bodies.len() + 1];
+    let mut attached = vec![false; spec.bodies.len() + loop_welds.len() + 1];
     let mut unattached = Vec::new();
     attached[BaseIndex::GROUND.0] = true;
     loop {
@@ -160,12 +202,15 @@ fn compile_tree(spec: &ModelSpec, frames: &[Frame]) -> Result<(Vec<Node>, Vec<Bo
             let joint = &spec.joints[joint_number];
             let parent = frame_in(frames, joint.parent_frame, &joint.at)?;
             let child = frame_in(frames, joint.child_frame, &joint.at)?;
+            // A joint that closes a loop holds a part of its child.
+            let weld = loop_welds.iter().find(|weld| weld.joint.0 == joint_number);
+            let child = &Frame { base: weld.map_or(child.base, |weld| weld.bases[1]), ..child.clone() };
             if parent.base == child.base {
                 return Err(CompileError::JointWithinBody { at: joint.at.clone(), body: base_name(spec, parent.base) });
             }
             match (attached[parent.base.0], attached[child.base.0]) {
-                (true, true) => return Err(CompileError::ClosedLoop { at: joint.at.clone() }),
-                (false, false) => left.push(joint_number),
+                // Loops are cut, so that not both are attached.
+                (true, true) | (false, false) => left.push(joint_number),
                 (parent_attached, _) => {
                     let reversed = !parent_attached;
                     let (inboard, outboard) = if reversed { (child, parent) } else { (parent, child) };

@@ -22,6 +22,8 @@ pub struct Coordinate {
     pub locked: bool,
     /// Prescribed value as a function of time [s], if prescribed.
     pub prescribed: Option<Function>,
+    /// Whether assembly moves it as constraints ask, without drawing it to its value.
+    pub is_free_to_satisfy_constraints: bool,
     /// Rotational, translational or coupled, as OpenSim classifies it.
     pub motion_type: MotionType,
 }

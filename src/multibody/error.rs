@@ -32,12 +32,6 @@ pub enum CompileError {
         /// The body.
         body: String,
     },
-    /// Joints form a closed loop, which OpenSim would close with constraints.
-    #[error("{}: the joint closes a loop of joints; expected a tree", .at.path)]
-    ClosedLoop {
-        /// A joint of the loop.
-        at: Location,
-    },
     /// A joint has another number of coordinates than its class.
     #[error("{}: expected {expected} coordinates, found {found}", .at.path)]
     CoordinateCount {
@@ -123,7 +117,6 @@ impl CompileError {
             CompileError::BadReference { at, .. }
             | CompileError::FrameCycle { at }
             | CompileError::JointWithinBody { at, .. }
-            | CompileError::ClosedLoop { at }
             | CompileError::CoordinateCount { at, .. }
             | CompileError::ParallelAxes { at, .. }
             | CompileError::DegenerateAxis { at, .. }

@@ -25,5 +25,5 @@ pub use coordinate::Coordinate;
 pub use coupler::Coupler;
 pub use dynamics::DynamicsBuffers;
 pub use error::{CompileError, CouplerProblem};
-pub use model::{BaseIndex, Body, Frame, Model, WrapPlacement};
+pub use model::{BaseIndex, Body, Frame, LoopWeld, Model, WrapPlacement};
 pub use subset::BodySubset;

@@ -64,9 +64,19 @@ pub struct WrapPlacement {
     pub X_BW: Transform,
 }
 
+/// A body of which a loop of joints took a part: the two halves, welded to one another.
+#[derive(Clone, Debug)]
+pub struct LoopWeld {
+    /// The joint that was cut.
+    pub joint: JointIndex,
+    /// The body and its part, whose frames coincide.
+    pub bases: [BaseIndex; 2],
+}
+
 /// The compiled skeleton: bodies, frames, joints, coordinates and couplers. Immutable.
 ///
-/// All indices equal those of the [`ModelSpec`] that it was compiled from.
+/// All indices equal those of the [`ModelSpec`] that it was compiled from. Parts of bodies that close loops of joints follow
+/// its bodies.
 #[derive(Clone, Debug)]
 pub struct Model {
     /// Model name.
@@ -85,6 +95,9 @@ pub struct Model {
     pub couplers: Vec<Coupler>,
     /// Names and classes of enforced constraints that this program does not enforce.
     pub unsupported_constraints: Vec<(String, String)>,
+    /// Loops of joints: a joint that closes one connects a part of its child instead, with an equal share of the mass, which is
+    /// welded to it by a constraint, as in OpenSim.
+    pub loop_welds: Vec<LoopWeld>,
     /// Bodies without any joint. OpenSim gives them a FreeJoint; here they rest at ground, its default pose.
     pub unattached_bodies: Vec<BodyIndex>,
     /// Tree nodes, inboard before outboard.
@@ -122,10 +135,21 @@ impl Model {
         self.nodes.iter().filter(|node| node.mobilizer.in_simbody.is_some()).map(|node| node.joint)
     }
 
-    /// The same model, its accelerations those of OpenSim where these contradict their velocities, too
-    /// ([`Model::contradictory_joints`]; Simbody `MobilizedBody::FunctionBased`).
+    /// The same model, its accelerations those of OpenSim where these contradict velocities or masses, too: joints of which
+    /// one coordinate turns several axes ([`Model::contradictory_joints`]; Simbody `MobilizedBody::FunctionBased`), couplers of
+    /// several coordinates (second derivatives of `MultivariatePolynomialFunction`), and parts of bodies that close loops, whose
+    /// inertia about the mass centre is that of 1 kg about the body's origin (`Body::extendConnectToModel`).
     pub fn with_accelerations_of_opensim(mut self) -> Model {
         self.nodes.iter_mut().for_each(|node| node.mobilizer.follows_simbody = true);
+        self.couplers = self.couplers.into_iter().map(Coupler::with_second_rates_of_opensim).collect();
+        for part in self.loop_welds.iter().filter_map(|weld| weld.bases[1].body()) {
+            let body = &mut self.bodies[part.0];
+            if body.mass > 0.0 {
+                let c = body.mass_center;
+                let of_center = Matrix3::from_diagonal_element(c.norm_squared()) - c * c.transpose();
+                body.inertia = body.inertia / body.mass + of_center;
+            }
+        }
         self
     }
 

@@ -13,6 +13,13 @@ impl Model {
         self.nodes.iter().all(|node| node.mobilizer.speeds == Speeds::CoordinateRates)
     }
 
+    /// Whether the speed of a coordinate is its rate.
+    pub fn speed_is_rate(&self, coordinate: CoordinateIndex) -> bool {
+        let turns =
+            |node: &Node| node.mobilizer.rotations.iter().any(|axis| axis.motion.coordinate() == Some(coordinate));
+        !self.turning_nodes().any(|(_, node)| turns(node))
+    }
+
     /// Rates of the coordinates for given speeds. Not finite where the three angles of a ball joint lock.
     ///
     /// - `cache`: positions of the coordinates

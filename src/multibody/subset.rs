@@ -78,11 +78,11 @@ impl Model {
     /// The bodies whose poses change when the given coordinates do, couplers followed. With the others up to date
     /// once, only the intersection of this with [`Model::body_subset`] needs updating while these coordinates move.
     pub fn bodies_moved_by(&self, coordinates: &[CoordinateIndex]) -> BodySubset {
-        let roots: Vec<CoordinateIndex> = coordinates.iter().map(|&c| self.root_of(c)).collect();
+        let moved_by = |own: CoordinateIndex| coordinates.iter().any(|&c| self.are_coupled(own, c));
         let mut moved = vec![false; self.nodes.len()];
         for (i, node) in self.nodes.iter().enumerate() {
             moved[i] = self.node_of_base[node.inboard.0].is_some_and(|inboard| moved[inboard])
-                || node.mobilizer.coordinates().any(|c| roots.contains(&self.root_of(c)));
+                || node.mobilizer.coordinates().any(moved_by);
         }
         BodySubset::from_nodes(self, |i| moved[i])
     }
@@ -90,13 +90,12 @@ impl Model {
     /// Whether one of two bodies moves relative to the other when coordinate `c` does, couplers followed: whether a joint
     /// between them does.
     pub fn moves_between(&self, a: impl Into<BaseIndex>, b: impl Into<BaseIndex>, c: CoordinateIndex) -> bool {
-        let root = self.root_of(c);
         let (mut a, mut b) = (self.node_of_base[a.into().0], self.node_of_base[b.into().0]);
         // The tree is sorted: of two different nodes the later one is not inboard of the other.
         while a != b {
             let later = if a > b { &mut a } else { &mut b };
             let Some(node) = later.map(|i| &self.nodes[i]) else { break };
-            if node.mobilizer.coordinates().any(|c| self.root_of(c) == root) {
+            if node.mobilizer.coordinates().any(|own| self.are_coupled(own, c)) {
                 return true;
             }
             *later = self.node_of_base[node.inboard.0];

@@ -142,7 +142,7 @@ impl Path {
         let mut bases = self.points.iter().map(|p| p.base).chain(self.wraps.iter().map(|w| w.base));
         let Some(first) = bases.next() else { return false };
         bases.any(|base| model.moves_between(first, base, c))
-            || self.direct_coordinates().into_iter().any(|own| model.root_of(own) == model.root_of(c))
+            || self.direct_coordinates().into_iter().any(|own| model.are_coupled(own, c))
     }
 
     /// Wrap objects of the path, in the order of its wraps.

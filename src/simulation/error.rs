@@ -36,11 +36,11 @@ pub enum SimulationError {
         available: Vec<String>,
     },
     /// A coupler determines the coordinate, so that it cannot be set.
-    #[error("coordinate `{name}` follows `{driver}` through coupler `{coupler}`; set `{driver}` instead")]
+    #[error("coordinate `{name}` follows {driver} through coupler `{coupler}`; set {driver} instead")]
     DependentCoordinate {
         /// The coordinate.
         name: String,
-        /// The coordinate that it follows.
+        /// The coordinates that it follows, as they are named in a sentence.
         driver: String,
         /// The coupler.
         coupler: String,

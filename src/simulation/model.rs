@@ -269,7 +269,7 @@ pub(crate) fn independent_coordinate(skeleton: &Model, name: &str) -> Result<Coo
         None => Ok(coordinate),
         Some(coupler) => Err(SimulationError::DependentCoordinate {
             name: name.to_owned(),
-            driver: skeleton.coordinates[skeleton.root_of(coordinate).0].name.clone(),
+            driver: skeleton.names_of_roots(coordinate, "`"),
             coupler: coupler.name.clone(),
         }),
     }

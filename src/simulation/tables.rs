@@ -46,9 +46,9 @@ pub(crate) struct CoordinateTables {
     pub(crate) muscles: Vec<PathTable<3>>,
     /// Per passive force along a path.
     pub(crate) passive_paths: Vec<PathTable<3>>,
-    /// Per force given by a formula: value of its coordinate and that one's speed per speed of the moving coordinate;
-    /// `None` if it does not follow the moving coordinate.
-    pub(crate) expressions: Vec<Option<PathTable<2>>>,
+    /// Per force given by a formula: value of its coordinate, force about the moving coordinate by force on that one, and
+    /// speed of that one for unit rate of the moving one; `None` if it does not follow the moving coordinate.
+    pub(crate) expressions: Vec<Option<PathTable<3>>>,
     /// Everything else; `None` if none of it is part of the moment.
     forces: Option<PathTable<5>>,
 }
@@ -149,22 +149,25 @@ fn path_table(
     PathTable::build(range, PATH_ACCURACY, &mut evaluate)
 }
 
-/// Value and relative speed of a coordinate that the moving one may drive.
+/// Value of a coordinate that the moving one may drive, force about that one by force on it, and speed for unit rate of that
+/// one.
 fn follower_table(
     model: &MusculoskeletalModel,
     coordinate: CoordinateIndex,
     range: [f64; 2],
-) -> Result<Option<PathTable<2>>, SimulationError> {
+) -> Result<Option<PathTable<3>>, SimulationError> {
     let skeleton = &model.skeleton;
-    if coordinate != model.coordinate && skeleton.root_of(coordinate) != model.coordinate {
+    if !skeleton.are_coupled(coordinate, model.coordinate) {
         return Ok(None);
     }
     let mut posed = Posed::new(model, skeleton.bodies_moved_by(&[model.coordinate]));
+    let mut speeds = vec![0.0; skeleton.n_coordinates()];
     let mut evaluate = |angle: f64| {
         posed.set(angle);
-        Ok([posed.q[coordinate.0], posed.cache.coupling()[coordinate.0]])
+        skeleton.speeds_of_rates(&posed.cache, posed.cache.coupling(), &mut speeds);
+        Ok([posed.q[coordinate.0], posed.cache.coupling()[coordinate.0], speeds[coordinate.0]])
     };
-    let accuracy = TableAccuracy { tolerance: [1e-9, 1e-9], start_width: 0.2, min_width: 2e-4 };
+    let accuracy = TableAccuracy { tolerance: [1e-9; 3], start_width: 0.2, min_width: 2e-4 };
     PathTable::build(range, accuracy, &mut evaluate).map(Some)
 }
 
@@ -181,7 +184,8 @@ fn force_table(model: &MusculoskeletalModel, range: [f64; 2]) -> Result<Option<P
     if !(passive || gravity || inertia) {
         return Ok(None);
     }
-    let bodies = if gravity || inertia {
+    // Speeds that are not rates follow from the poses of their joints.
+    let bodies = if gravity || inertia || !skeleton.speeds_are_rates() {
         skeleton.all_bodies()
     } else {
         skeleton.body_subset(&acting.iter().flat_map(|f| f.bodies(skeleton)).collect::<Vec<_>>())
@@ -190,6 +194,7 @@ fn force_table(model: &MusculoskeletalModel, range: [f64; 2]) -> Result<Option<P
     let mut rates = vec![0.0; skeleton.n_coordinates()];
     let mut accelerations = vec![0.0; skeleton.n_coordinates()];
     let zero = vec![0.0; skeleton.n_coordinates()];
+    let mut speeds = zero.clone();
     let mut evaluate = |angle: f64| {
         posed.set(angle);
         let Posed { q, cache, moving, .. } = &mut posed;
@@ -199,7 +204,8 @@ fn force_table(model: &MusculoskeletalModel, range: [f64; 2]) -> Result<Option<P
             skeleton.update_velocities_in(moving, q, &zero, cache);
             at[0] = acting.iter().map(|f| f.generalized_force(skeleton, q, &zero, cache)).sum();
             skeleton.update_velocities_in(moving, q, &rates, cache);
-            let at_speed: f64 = acting.iter().map(|f| f.generalized_force(skeleton, q, &rates, cache)).sum();
+            skeleton.speeds_of_rates(cache, &rates, &mut speeds);
+            let at_speed: f64 = acting.iter().map(|f| f.generalized_force(skeleton, q, &speeds, cache)).sum();
             at[1] = at_speed - at[0];
         }
         if gravity {

@@ -404,8 +404,8 @@ impl MusculoskeletalModel {
                 let formulas = self.forces.expressions().zip(&tables.expressions).zip(&mut followers);
                 for ((force, table), cursor) in formulas {
                     if let Some(table) = table {
-                        let [value, coupling] = table.values(angle, cursor);
-                        passive_moment += coupling * force.force(value, coupling * speed);
+                        let [value, coupling, unit_speed] = table.values(angle, cursor);
+                        passive_moment += coupling * force.force(value, unit_speed * speed);
                     }
                 }
             }

@@ -93,18 +93,17 @@ pub fn record_values(instant: &Instant, position: usize, control: &dyn Fn(usize)
         Actor::External(force) => force.record(&system.model, cache, instant.state.time),
         Actor::Correction(correction) => correction.forces(instant.state.time, &instant.state.q, &instant.state.u),
         Actor::Law(force) => {
-            let qdot = instant.work.dynamics.qdot();
-            let q = &instant.state.q;
+            let (q, u) = (&instant.state.q, &instant.state.u);
             match &force.law {
                 ForceLaw::CoordinateLimit(force) => {
                     let c = force.coordinate.0;
-                    vec![force.limit_force(q[c], qdot[c]), force.potential_energy(q[c])]
+                    vec![force.limit_force(q[c], u[c]), force.potential_energy(q[c])]
                 }
                 ForceLaw::SpringGeneralized(force) => {
-                    vec![force.force(q[force.coordinate.0], qdot[force.coordinate.0])]
+                    vec![force.force(q[force.coordinate.0], u[force.coordinate.0])]
                 }
                 ForceLaw::ExpressionBasedCoordinate(force) => {
-                    vec![force.force(q[force.coordinate.0], qdot[force.coordinate.0])]
+                    vec![force.force(q[force.coordinate.0], u[force.coordinate.0])]
                 }
                 ForceLaw::PointToPointSpring(spring) => {
                     let force = spring.force(cache);
@@ -287,8 +286,12 @@ impl Actuation {
     /// Values that cannot be used.
     pub fn read(analysis: &Properties, system: &System) -> Result<Actuation, ToolError> {
         let options = Options::read(analysis)?;
-        let is_actuator = |k: &usize| system.actors[*k].is_actuator();
-        let actuators: Vec<usize> = (0..system.actors.len()).filter(is_actuator).collect();
+        let outside = system.outside_of_force_set();
+        let is_listed = |k: &usize| {
+            let actor = &system.actors[*k];
+            actor.is_actuator() && !outside.iter().any(|name| name == actor.name(&system.muscles))
+        };
+        let actuators: Vec<usize> = (0..system.actors.len()).filter(is_listed).collect();
         let labels: Vec<String> =
             actuators.iter().map(|k| system.actors[*k].name(&system.muscles).to_owned()).collect();
         let description = format!(

@@ -67,6 +67,8 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
     }
     state.time = start;
     system.assemble(start, &mut state.q)?;
+    // OpenSim's integrator starts on all constraints.
+    system.project(start, &mut state.q)?;
     system.project_speeds(start, &state.q, &mut state.u);
     let mut work = system.new_work();
     let mut faults = Faults::default();

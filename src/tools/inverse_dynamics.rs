@@ -34,7 +34,11 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         let warnings = add_external_loads(&loads, &mut system)?;
         warnings.into_iter().for_each(|text| outcome.warn(&loads, 0, text));
     }
-    let is_excluded = exclusion(&excluded);
+    let named = exclusion(&excluded);
+    let outside = system.outside_of_force_set();
+    let is_excluded = |name: &str, is_muscle: bool, is_actuator: bool| {
+        named(name, is_muscle, is_actuator) && !outside.iter().any(|other| other == name)
+    };
     let muscles_excluded = |name: &str| {
         let is_muscle = system.muscles.iter().any(|m| m.name == name);
         is_excluded(name, is_muscle, is_muscle || system.is_actuator(name))

@@ -102,7 +102,7 @@ impl BodyKinematics {
         for name in &names {
             match name.as_str() {
                 "all" => {
-                    bodies = (0..system.model.bodies.len()).map(BodyIndex).collect();
+                    bodies = (0..system.spec.bodies.len()).map(BodyIndex).collect();
                     center_of_mass = true;
                     break;
                 }

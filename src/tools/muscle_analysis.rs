@@ -56,12 +56,14 @@ impl MuscleAnalysis {
         let options = Options::read(analysis)?;
         let mut warnings = Vec::new();
         let names = analysis.words("muscle_list").unwrap_or_else(|| vec!["all".into()]);
+        // Muscles of OpenSim's model are those of its force set.
+        let is_listed = |i: &usize| system.spec.muscles[*i].at.is_in_force_set();
         let muscles = if names == ["all"] {
-            (0..system.muscles.len()).collect()
+            (0..system.muscles.len()).filter(is_listed).collect()
         } else {
             let mut found = Vec::new();
             for name in &names {
-                match system.muscles.iter().position(|m| m.name == *name) {
+                match (0..system.muscles.len()).filter(is_listed).find(|i| system.muscles[*i].name == *name) {
                     Some(i) => found.push(i),
                     None => warnings.push(format!("{}: the model has no muscle `{name}`", options.name)),
                 }
@@ -79,7 +81,10 @@ impl MuscleAnalysis {
         let list = analysis.words("moment_arm_coordinate_list").unwrap_or_else(|| vec!["all".into()]);
         if analysis.boolean("compute_moments", true)? {
             if list.first().is_some_and(|first| first.eq_ignore_ascii_case("all")) {
-                coordinates = (0..system.model.n_coordinates()).map(CoordinateIndex).collect();
+                // By its name: of several coordinates of one name OpenSim takes the first.
+                let is_first =
+                    |c: &CoordinateIndex| system.model.coordinate(&system.model.coordinates[c.0].name) == Some(*c);
+                coordinates = (0..system.model.n_coordinates()).map(CoordinateIndex).filter(is_first).collect();
             } else {
                 for name in &list {
                     match system.model.coordinate(name) {
@@ -139,7 +144,7 @@ impl Analysis for MuscleAnalysis {
             store.push(state.time, self.muscles.iter().map(value).collect());
         }
         let mut cache = instant.work.dynamics.cache().clone();
-        let joined = system.constraints.join_bodies();
+        let joined = system.constraints.tie_several();
         let mut dynamics = joined.then(|| Dynamics::new(&system.model, &system.constraints));
         for (k, coordinate) in self.coordinates.iter().enumerate() {
             let paths = &instant.work.paths;

@@ -55,7 +55,9 @@ impl StaticOptimization {
         let physiology = analysis.boolean("use_muscle_physiology", true)?;
         analysis.ignore_all(&["optimizer_convergence_criterion", "optimizer_max_iterations"]);
         let (mut actuators, mut ranges, mut labels) = (Vec::new(), Vec::new(), Vec::new());
-        for (k, actor) in system.actors.iter().enumerate() {
+        let outside = system.outside_of_force_set();
+        let is_given = |actor: &Actor| outside.iter().any(|name| name == actor.name(&system.muscles));
+        for (k, actor) in system.actors.iter().enumerate().filter(|(_, actor)| !is_given(actor)) {
             let range = match actor {
                 // A muscle whose force is not computed is left out, where that is allowed.
                 Actor::Muscle(i) if system.muscles[*i].law.is_none() => continue,

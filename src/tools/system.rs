@@ -131,7 +131,8 @@ impl System {
             ToolError::at(file.map_or(path, PathBuf::as_path), at.line, problem)
         };
         let model = Model::compile(&spec).map_err(|e| fail(&e.at().clone(), e.into()))?.with_accelerations_of_opensim();
-        let constraints = Constraints::compile(&spec, &model, true, true).map_err(|e| ToolError::new(path, e))?;
+        let constraints =
+            Constraints::compile(&spec, &model, true, true).map_err(|e| fail(&e.at().clone(), e.into()))?;
         let forces = Forces::compile(&spec, &model).map_err(|e| fail(&e.at().clone(), e.into()))?;
         let mut muscles = Vec::new();
         let mut actors = Vec::new();
@@ -216,14 +217,27 @@ impl System {
         }
     }
 
-    /// The state in which OpenSim's `initSystem` leaves the model: default values, constraints satisfied.
+    /// The state in which OpenSim's `initSystem` leaves the model: default values, constraints satisfied if they can be.
     ///
     /// # Errors
-    /// Constraints that cannot be satisfied.
+    /// Numbers that are not finite.
     pub fn default_state(&self) -> Result<SystemState, ToolError> {
         let mut q: Vec<f64> = self.model.coordinates.iter().map(|c| c.default_value).collect();
         let mut u: Vec<f64> = self.model.coordinates.iter().map(|c| c.default_speed_value).collect();
-        self.assemble(0.0, &mut q)?;
+        let given = q.clone();
+        match self.assemble(0.0, &mut q) {
+            Ok(()) => {}
+            // What needs constraints assembles again where it starts; what does not goes on, as in OpenSim.
+            Err(error)
+                if matches!(
+                    &*error.problem,
+                    ToolProblem::Dynamics { source: DynamicsError::NotAssembled { .. }, .. }
+                ) =>
+            {
+                q = given;
+            }
+            Err(error) => return Err(error),
+        }
         self.project_speeds(0.0, &q, &mut u);
         let of = |get: fn(MuscleState) -> f64| {
             let one = |m: &SystemMuscle| m.law.as_ref().map_or(f64::NAN, |law| get(law.default_state()));
@@ -242,7 +256,9 @@ impl System {
     }
 
     /// Moves coordinates as little as possible so that they satisfy the constraints; couplers are followed first, as in
-    /// OpenSim a dependent coordinate gives way. Speeds stay as they are, as in OpenSim's `Model::assemble`.
+    /// OpenSim a dependent coordinate gives way, and so does one that is free to satisfy constraints. Speeds stay as they
+    /// are. A model without any constraint of its own is left as it is, loops of joints open, unless a coordinate is held
+    /// (OpenSim's `Model::assemble`).
     ///
     /// # Errors
     /// Constraints that cannot be satisfied.
@@ -252,10 +268,23 @@ impl System {
                 q[i] = function.value(time);
             }
         }
+        if self.spec.constraints.is_empty() {
+            let is_held = (0..q.len()).any(|i| self.is_constrained(i));
+            return if is_held { self.project(time, q) } else { Ok(()) };
+        }
         self.model.satisfy_couplers(q);
-        let mut dynamics = Dynamics::new(&self.model, &self.constraints);
+        let drawn: Vec<bool> = (0..q.len()).map(|i| !self.follows_constraints(i)).collect();
         let fail = |source| ToolError::new(&self.path, ToolProblem::Dynamics { time, source });
-        dynamics.assemble(time, q).map_err(fail)
+        Dynamics::new(&self.model, &self.constraints).assemble_near(time, q, &drawn).map_err(fail)
+    }
+
+    /// Moves coordinates onto all constraints, each as little as it must, loops of joints among them.
+    ///
+    /// # Errors
+    /// Constraints that cannot be satisfied.
+    pub fn project(&self, time: f64, q: &mut [f64]) -> Result<(), ToolError> {
+        let fail = |source| ToolError::new(&self.path, ToolProblem::Dynamics { time, source });
+        Dynamics::new(&self.model, &self.constraints).assemble(time, q).map_err(fail)
     }
 
     /// Changes speeds as little as possible so that they satisfy the constraints at `q`.
@@ -385,6 +414,14 @@ impl System {
         }
     }
 
+    /// Names of muscles and other forces that act but do not stand in the force set, so that OpenSim's tools neither exclude
+    /// nor list them.
+    pub fn outside_of_force_set(&self) -> Vec<String> {
+        let muscles = self.spec.muscles.iter().map(|m| (&m.at, &m.name));
+        let all = muscles.chain(self.spec.forces.iter().map(|f| (&f.at, &f.name)));
+        all.filter(|(at, _)| !at.is_in_force_set()).map(|(_, name)| name.clone()).collect()
+    }
+
     /// Names of all muscles and other actuators in the order of the file, also of those that apply no force.
     pub fn actuator_names(&self) -> Vec<String> {
         let is_actuator = |f: &&ForceSpec| matches!(f.kind, ForceKind::Actuator(_));
@@ -433,7 +470,7 @@ impl System {
                 }
                 Actor::Law(force) => {
                     if acts(k) {
-                        force.apply(&self.model, &state.q, &qdot, cache, applied);
+                        force.apply(&self.model, &state.q, &state.u, cache, applied);
                     }
                 }
                 Actor::Along { path, law, .. } => {
@@ -650,10 +687,18 @@ impl System {
         }
     }
 
-    /// Whether a coordinate cannot be moved by a force: locked, prescribed or dependent (`Coordinate::isConstrained`).
+    /// Whether a coordinate cannot be moved by a force: locked, prescribed, dependent, or free to satisfy constraints
+    /// (`Coordinate::isConstrained`).
     pub fn is_constrained(&self, coordinate: usize) -> bool {
         let c = &self.model.coordinates[coordinate];
-        c.locked || c.prescribed.is_some() || self.model.is_dependent(CoordinateIndex(coordinate))
+        c.locked || c.prescribed.is_some() || self.follows_constraints(coordinate)
+    }
+
+    /// Whether constraints give a coordinate its value: a coupler's dependent one, or one that is free to satisfy them
+    /// (`Coordinate::isDependent`).
+    fn follows_constraints(&self, coordinate: usize) -> bool {
+        self.model.coordinates[coordinate].is_free_to_satisfy_constraints
+            || self.model.is_dependent(CoordinateIndex(coordinate))
     }
 
     /// Whether a coordinate is an angle in OpenSim's files.

@@ -6,6 +6,7 @@ mod finite_forces;
 mod force_sets;
 mod inputs;
 mod marker_search;
+mod model_kinds;
 mod motion_capture;
 mod odd_models;
 mod old_setups;

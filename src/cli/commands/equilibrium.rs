@@ -56,6 +56,9 @@ pub fn run(args: &EquilibriumArgs, global: &Global) -> Result<(), Failure> {
     let muscles = computed_muscles(&loaded, args, &mut messages)?;
     let posture = loaded.posture(&args.set, &mut messages)?;
     let about = coordinates(&loaded, args)?;
+    if !args.moment_about.is_empty() {
+        messages.extend(about.iter().filter_map(|coordinate| loaded.ambiguous(*coordinate)));
+    }
     let mut wound = Vec::new();
     let rows = rows(&loaded, &muscles, &posture, &about, args.activation, &mut wound)?;
     let set: Vec<String> = args.set.iter().map(ToString::to_string).collect();

@@ -110,7 +110,7 @@ fn coordinates(spec: &ModelSpec, model: Option<&Model>) -> Vec<CoordinateInfo> {
             MotionType::Coupled => ("coupled", coupled_unit(spec, index)),
         };
         let shown = |v: f64| if unit == "deg" { v.to_degrees() } else { v };
-        let follows = model.filter(|m| m.is_dependent(index)).map(|m| m.coordinates[m.root_of(index).0].name.clone());
+        let follows = model.filter(|m| m.is_dependent(index)).map(|m| m.names_of_roots(index, ""));
         CoordinateInfo {
             name: c.name.clone(),
             line: c.at.line,

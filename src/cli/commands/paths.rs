@@ -19,6 +19,7 @@ pub fn run(args: &PathsArgs, global: &Global) -> Result<(), Failure> {
     let mut messages = Vec::new();
     let loaded = model::load(path, Needs::Motion, args.model.allow_unsupported, &mut messages)?;
     let moved = loaded.check_settable(&args.sweep.coordinate, args.sweep.first())?;
+    messages.extend(loaded.ambiguous(moved));
     let muscles = loaded.muscles(&args.muscles)?;
     let posture = loaded.posture(&args.set, &mut messages)?;
     let values = args.sweep.values();

@@ -1,6 +1,6 @@
 //! Derivatives of a plant's rates by its states: muscles exactly, coordinates and speeds by differences.
 
-use super::{DynamicsError, Plant, PlantMuscle, Work};
+use super::{DynamicsError, MassSolver, Plant, PlantMuscle, Work};
 use crate::paths::Path;
 use nalgebra::{DMatrix, DVector};
 
@@ -57,7 +57,7 @@ impl Plant {
             residual: DVector::zeros(free),
         };
         self.rates(time, x, excitation, work, &mut base.rates)?;
-        let solver = work.reduced_mass.clone().cholesky().ok_or(DynamicsError::NotFinite)?;
+        let solver = MassSolver::of(work.reduced_mass.clone()).ok_or(DynamicsError::NotFinite)?;
         let muscles = self.muscles.len();
         for (k, path) in self.paths().enumerate() {
             self.arms(k, path, work, &mut base.arms[k]);
@@ -147,7 +147,7 @@ impl Plant {
                 jacobian[(i, j)] = (moved.rates[i] - rates[i]) / width;
             }
         }
-        solver.solve_mut(&mut by_state);
+        solver.solve_columns_mut(&mut by_state);
         jacobian.view_mut((free, 0), (free, 2 * free)).copy_from(&by_state);
         if jacobian.iter().all(|x| x.is_finite()) { Ok(()) } else { Err(DynamicsError::NotFinite) }
     }

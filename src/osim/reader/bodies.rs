@@ -5,12 +5,13 @@ use nalgebra::{Matrix3, Vector3};
 use super::properties::Bound;
 use super::sockets::UnresolvedOffset;
 use super::upgrade::six_significant_digits;
-use super::{Names, Object, Reader};
+use super::{COMPONENT_SET, FreeComponents, Names, Object, Reader};
 use crate::osim::diagnostics::Severity;
 use crate::osim::document::ElementId;
 use crate::osim::error::ProblemKind;
 use crate::osim::spec::{
     BodyIndex, BodySpec, FrameIndex, FrameKind, FrameSpec, Location, Quadrant, WrapObjectSpec, WrapShape,
+    negative_principal_moment,
 };
 
 /// The inertia's properties before format 30500.
@@ -23,7 +24,7 @@ fn is_negligible(mass: f64) -> bool {
 }
 
 impl Reader<'_> {
-    pub(super) fn read_ground_and_bodies(&mut self, model: &Object, components: &[ElementId]) {
+    pub(super) fn read_ground_and_bodies(&mut self, model: &Object, components: &FreeComponents) {
         let is_body = |tag: &str| tag == "Body";
         let mut elements = self.set_and_components(model, &["BodySet"], "/bodyset", components, is_body);
         let ground = self.ground_element(model, &mut elements);
@@ -47,20 +48,17 @@ impl Reader<'_> {
             bodies.push((object, frame));
         }
         // OpenSim visits the model's own components first, then ground, then the bodies.
-        for &element in components {
-            if self.document.tag(element) == "PhysicalOffsetFrame" {
-                let name = self.component_name(element, &mut names, "/");
-                let object = self.object(element, "", &name);
-                self.read_offset_frame(&object, &name);
-            }
-        }
-        self.read_station_frames(components, "/", &mut names);
+        self.read_offset_frames(&components.own, "", &mut names);
+        self.read_station_frames(&components.own, "/", &mut names);
         self.search_order.push(FrameIndex(0));
         self.read_frame_contents(&ground_object, FrameIndex(0));
         for (object, frame) in bodies {
             self.search_order.push(frame);
             self.read_frame_contents(&object, frame);
         }
+        let mut names = Names::default();
+        self.read_offset_frames(&components.of_set, COMPONENT_SET, &mut names);
+        self.read_station_frames(&components.of_set, COMPONENT_SET, &mut names);
     }
 
     /// `<Ground>`, or the body called ground in old files, which is taken out of `bodies`.
@@ -117,6 +115,13 @@ impl Reader<'_> {
                 let message = "massless body with an inertia: the inertia is taken as zero, as in OpenSim".to_owned();
                 self.diagnose(Severity::Approximated, element, &object.path, message, None);
             }
+        }
+        if let (Some(element), Some(smallest)) = (object.element, negative_principal_moment(&inertia)) {
+            let message = format!(
+                "inertia has a principal moment of {smallest:.3e} kg·m², which no body has: it is taken as it is, as in OpenSim"
+            );
+            let hint = "check the inertia's signs and products".to_owned();
+            self.diagnose(Severity::Warning, element, &object.path, message, Some(hint));
         }
         let at = self.location(object);
         self.spec.bodies.push(BodySpec { name, at, mass, mass_center, inertia, frame });

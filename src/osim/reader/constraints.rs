@@ -2,15 +2,14 @@
 
 use super::functions::is_function;
 use super::properties::Bound;
-use super::{Names, Object, Reader};
+use super::{FreeComponents, Names, Object, Reader};
 use crate::osim::diagnostics::Severity;
-use crate::osim::document::ElementId;
 use crate::osim::error::ProblemKind;
 use crate::osim::spec::{ConstraintKind, ConstraintSpec, CoordinateIndex, FrameIndex};
 use nalgebra::Vector3;
 
 impl Reader<'_> {
-    pub(super) fn read_constraints(&mut self, model: &Object, components: &[ElementId]) {
+    pub(super) fn read_constraints(&mut self, model: &Object, components: &FreeComponents) {
         let is_constraint = |tag: &str| tag.ends_with("Constraint");
         let elements = self.set_and_components(model, &["ConstraintSet"], "/constraintset", components, is_constraint);
         let mut names = Names::default();
@@ -22,7 +21,7 @@ impl Reader<'_> {
             let kind = match class.as_str() {
                 "CoordinateCouplerConstraint" => match self.coupler(&object) {
                     Some(kind) => kind,
-                    None => ConstraintKind::Unsupported { class },
+                    None => ConstraintKind::Unsupported { class: self.class_of_coupler(class, &object) },
                 },
                 _ => {
                     let severity = if is_enforced { Severity::Unsupported } else { Severity::Ignored };
@@ -82,6 +81,16 @@ impl Reader<'_> {
             function,
             scale_factor,
         })
+    }
+
+    /// What of a coupler is not supported: its function, if there is one.
+    fn class_of_coupler(&mut self, class: String, object: &Object) -> String {
+        let holder = self.property(object, &["coupled_coordinates_function"]);
+        let function = holder.and_then(|holder| self.document.children(holder).first().copied());
+        match function {
+            Some(function) => format!("{class} by a {}", self.document.tag(function)),
+            None => class,
+        }
     }
 
     /// Constraints between two bodies; `None` for other classes, or if something is missing (reported).

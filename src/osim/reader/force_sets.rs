@@ -6,14 +6,10 @@ use super::{Names, OLDEST_FORCE_SET, Reader, Version, format_version};
 use crate::osim::diagnostics::{Diagnostics, Severity};
 use crate::osim::document::{Document, ElementId};
 use crate::osim::error::OsimError;
-use crate::osim::spec::Location;
+use crate::osim::spec::{Location, is_in_force_set};
 
 /// Path of the force set.
 const FORCE_SET: &str = "/forceset";
-
-fn is_in_force_set(path: &str) -> bool {
-    path.strip_prefix(FORCE_SET).is_some_and(|rest| rest.starts_with('/'))
-}
 
 /// The `<ForceSet>` of a document, under its root or, in the oldest files, the root itself; and the format version.
 pub(super) fn force_set_element(document: &Document) -> Result<(ElementId, Version), OsimError> {
@@ -32,7 +28,7 @@ pub(super) fn force_set_element(document: &Document) -> Result<(ElementId, Versi
 impl<'a> Reader<'a> {
     /// Takes the forces of the force set away, after everything that belongs to them was read.
     pub(super) fn remove_force_set(&mut self) {
-        let stays = |at: &Location| !is_in_force_set(&at.path);
+        let stays = |at: &Location| !at.is_in_force_set();
         self.spec.muscles.retain(|muscle| stays(&muscle.at));
         self.spec.forces.retain(|force| stays(&force.at));
         self.frames_by_path.retain(|path, _| !is_in_force_set(path));
@@ -49,7 +45,7 @@ impl<'a> Reader<'a> {
         let muscles = self.spec.muscles.iter().map(|muscle| (&muscle.at, &muscle.name));
         let all = muscles.chain(self.spec.forces.iter().map(|force| (&force.at, &force.name)));
         let written: HashSet<String> =
-            all.filter(|(at, _)| is_in_force_set(&at.path)).map(|(_, name)| name.clone()).collect();
+            all.filter(|(at, _)| at.is_in_force_set()).map(|(_, name)| name.clone()).collect();
         let mut names = (Names(written.clone()), written);
         let mut diagnostics = Vec::with_capacity(documents.len());
         for (i, document) in documents.iter().enumerate() {

@@ -7,7 +7,7 @@ use super::muscles::is_muscle;
 use super::properties::Bound;
 use super::sockets::UnresolvedOffset;
 use super::upgrade::present_class;
-use super::{Names, Object, Reader};
+use super::{FreeComponents, Names, Object, Reader};
 use crate::osim::diagnostics::Severity;
 use crate::osim::document::ElementId;
 use crate::osim::error::ProblemKind;
@@ -45,7 +45,7 @@ fn is_force(tag: &str) -> bool {
 }
 
 impl Reader<'_> {
-    pub(super) fn read_forces(&mut self, model: &Object, components: &[ElementId]) {
+    pub(super) fn read_forces(&mut self, model: &Object, components: &FreeComponents) {
         let elements = self.set_and_components(model, &["ForceSet", "ActuatorSet"], "/forceset", components, is_force);
         let mut names = Names::default();
         for (element, owner) in elements {

@@ -69,6 +69,7 @@ impl Reader<'_> {
                 }
                 FunctionSpec::Polynomial { coefficients }
             }
+            "MultivariatePolynomialFunction" => self.multivariate(&object),
             "MultiplierFunction" => {
                 let scale = self.number(&object, &["scale"], 1.0, Bound::Finite);
                 let inner = self.own_property(&object, &["function"]);
@@ -99,8 +100,42 @@ impl Reader<'_> {
         match values[..] {
             [] => Some(FunctionSpec::Linear { slope: 1.0, intercept: 0.0 }),
             [slope, intercept] => Some(FunctionSpec::Linear { slope, intercept }),
-            // One number is an intercept without slopes, three are a function of two variables.
-            _ => None,
+            // One number is an intercept without slopes.
+            [_] => None,
+            // Slopes, then the intercept: the order of a polynomial's coefficients, reversed.
+            _ => Some(FunctionSpec::MultivariatePolynomial {
+                dimension: values.len() - 1,
+                order: 1,
+                coefficients: values.into_iter().rev().collect(),
+            }),
+        }
+    }
+
+    fn multivariate(&mut self, object: &Object) -> FunctionSpec {
+        // OpenSim takes up to six variables; an order beyond a hundred has more terms than any file states.
+        let dimension = self.whole_number(object, "dimension", 1..=6);
+        let order = self.whole_number(object, "order", 0..=100);
+        let coefficients = self.list(object, "coefficients");
+        FunctionSpec::MultivariatePolynomial { dimension, order, coefficients }
+    }
+
+    /// A whole number in a range, its lowest if there is none.
+    fn whole_number(
+        &mut self,
+        object: &Object,
+        property: &'static str,
+        range: std::ops::RangeInclusive<usize>,
+    ) -> usize {
+        let lowest = *range.start();
+        let found = self.number(object, &[property], lowest as f64, Bound::Finite);
+        match range.into_iter().find(|n| *n as f64 == found) {
+            Some(number) => number,
+            None => {
+                let expected = "a whole number that the class takes";
+                let kind = ProblemKind::OutOfRange { property: property.to_owned(), expected, found };
+                self.problem(object.line, &object.path, kind);
+                lowest
+            }
         }
     }
 

@@ -6,7 +6,7 @@ use super::functions::is_function;
 use super::properties::Bound;
 use super::sockets::UnresolvedOffset;
 use super::upgrade::six_significant_digits;
-use super::{Names, Object, Reader};
+use super::{FreeComponents, Names, Object, Reader};
 use crate::osim::diagnostics::{Diagnostic, Severity};
 use crate::osim::document::ElementId;
 use crate::osim::error::ProblemKind;
@@ -46,7 +46,7 @@ pub(super) fn is_joint(tag: &str) -> bool {
 
 impl Reader<'_> {
     /// Joints with their coordinates and inner frames; the frames they connect are resolved later.
-    pub(super) fn read_joints(&mut self, model: &Object, components: &[ElementId]) {
+    pub(super) fn read_joints(&mut self, model: &Object, components: &FreeComponents) {
         let mut names = Names::default();
         let mut pending = Vec::new();
         for (element, owner, child) in self.joint_elements(model, components) {
@@ -61,13 +61,29 @@ impl Reader<'_> {
             pending.push(PendingJoint { object, child });
         }
         self.pending_joints = pending;
+        self.report_equal_names();
+    }
+
+    /// Coordinates of one name: wherever a name stands for a coordinate, OpenSim takes the first.
+    fn report_equal_names(&mut self) {
+        for i in 0..self.spec.coordinates.len() {
+            let at = |k: usize| &self.spec.coordinates[k].at;
+            let name = &self.spec.coordinates[i].name;
+            let Some(first) = (0..i).find(|k| self.spec.coordinates[*k].name == *name) else { continue };
+            let Some(element) = at(i).element.map(ElementId) else { continue };
+            let message =
+                format!("{} has this name already: `{name}` means that coordinate, as in OpenSim", at(first).path);
+            let path = at(i).path.clone();
+            let hint = "give each coordinate a name of its own".to_owned();
+            self.diagnose(Severity::Warning, element, &path, message, Some(hint));
+        }
     }
 
     /// Element, path of the owner and, in old formats, the child body of every joint.
     fn joint_elements(
         &mut self,
         model: &Object,
-        components: &[ElementId],
+        components: &FreeComponents,
     ) -> Vec<(ElementId, &'static str, Option<String>)> {
         if !self.version.has_joints_in_bodies() {
             let joints = self.set_and_components(model, &["JointSet"], "/jointset", components, is_joint);
@@ -321,9 +337,8 @@ impl Reader<'_> {
             },
         };
         self.diagnostics.understood("Coordinate");
-        // Known and without influence: motion_type follows from the joint.
-        let _ = self.own_property(&object, &["motion_type", "is_free_to_satisfy_constraints"]);
-        let _ = self.own_property(&object, &["is_free_to_satisfy_constraints"]);
+        // Known and without influence: it follows from the joint.
+        let _ = self.own_property(&object, &["motion_type"]);
         let prescribed_function = self.prescribed_function(&object);
         let spec = CoordinateSpec {
             at: self.location(&object),
@@ -335,6 +350,7 @@ impl Reader<'_> {
             locked: self.boolean(&object, &["locked"], false),
             prescribed: self.boolean(&object, &["prescribed"], false) && prescribed_function.is_some(),
             prescribed_function,
+            is_free_to_satisfy_constraints: self.boolean(&object, &["is_free_to_satisfy_constraints"], false),
             motion_type,
             name,
         };
@@ -448,6 +464,17 @@ impl Reader<'_> {
             joint.child_frame = child;
         }
         self.free_unconnected_bodies();
+        self.report_loops();
+    }
+
+    /// Says which joints close loops.
+    fn report_loops(&mut self) {
+        for joint in self.spec.loop_joints() {
+            let at = self.spec.joints[joint.0].at.clone();
+            let Some(element) = at.element.map(ElementId) else { continue };
+            let message = "the joint closes a loop of joints: its child is cut in two there, as in OpenSim, and not held together where motion is prescribed";
+            self.diagnose(Severity::Unsupported, element, &at.path, message.to_owned(), None);
+        }
     }
 
     /// A body without joint is free in OpenSim (`Model::extendConnectToModel`).

@@ -45,11 +45,6 @@ fn ignored(tag: &str) -> Option<&'static str> {
     })
 }
 
-/// Sets whose members change forces or motion, or may do so.
-fn is_set_of_unsupported(tag: &str) -> bool {
-    matches!(tag, "ControllerSet" | "ComponentSet")
-}
-
 /// Components that only record.
 fn only_reports(tag: &str) -> bool {
     tag.ends_with("Reporter") || tag.ends_with("Probe") || tag.starts_with("TableSource")
@@ -73,7 +68,7 @@ impl Reader<'_> {
                     if shown && !self.used[child.0] {
                         self.ignore_once(&mut once, child, path, &tag, reason);
                     }
-                } else if is_set_of_unsupported(&tag) {
+                } else if tag == "ControllerSet" {
                     self.unsupported_members(child, &path);
                 } else if !self.used[child.0] {
                     self.report_unread(element, child, path, &tag);
@@ -127,15 +122,19 @@ impl Reader<'_> {
             let tag = self.document.tag(member).to_owned();
             let name = self.document.attribute(member, "name").unwrap_or_else(|| tag.to_lowercase());
             let path = format!("{path}/{name}");
-            let (severity, message) = if only_reports(&tag) {
-                (Severity::Ignored, format!("{tag} only reports"))
-            } else if tag.ends_with("Controller") {
-                (Severity::Unsupported, format!("{tag} is not used: excitations come from the study"))
-            } else {
-                (Severity::Unsupported, format!("{tag} is not supported"))
-            };
-            self.diagnose(severity, member, &path, message, None);
+            self.report_unsupported(member, &path, &tag);
         }
+    }
+
+    fn report_unsupported(&mut self, element: ElementId, path: &str, tag: &str) {
+        let (severity, message) = if only_reports(tag) {
+            (Severity::Ignored, format!("{tag} only reports"))
+        } else if tag.ends_with("Controller") {
+            (Severity::Unsupported, format!("{tag} is not used: excitations come from the study"))
+        } else {
+            (Severity::Unsupported, format!("{tag} is not supported"))
+        };
+        self.diagnose(severity, element, path, message, None);
     }
 
     fn report_unread(&mut self, parent: ElementId, element: ElementId, path: String, tag: &str) {
@@ -144,10 +143,8 @@ impl Reader<'_> {
             return;
         }
         if owner == "components" || owner == "objects" || tag.chars().next().is_some_and(char::is_uppercase) {
-            if only_reports(tag) {
-                self.diagnose(Severity::Ignored, element, &path, format!("{tag} only reports"), None);
-            } else if !(self.is_empty(element) && tag.ends_with("Set")) {
-                self.diagnose(Severity::Unsupported, element, &path, format!("{tag} is not supported"), None);
+            if !(self.is_empty(element) && tag.ends_with("Set")) {
+                self.report_unsupported(element, &path, tag);
             }
             return;
         }

@@ -50,6 +50,17 @@ struct Object {
     line: usize,
 }
 
+/// Path of the model's `<ComponentSet>`.
+const COMPONENT_SET: &str = "/componentset";
+
+/// Components of the model that stand in none of its sets of bodies, joints, forces and so on; they act like those.
+struct FreeComponents {
+    /// In its `<components>`.
+    own: Vec<ElementId>,
+    /// In its `<ComponentSet>`.
+    of_set: Vec<ElementId>,
+}
+
 /// State of one reading.
 struct Reader<'a> {
     document: &'a Document,
@@ -168,7 +179,7 @@ impl Reader<'_> {
         self.spec.name = self.component_name(model, &mut Names::default(), "/");
         self.spec.gravity = self.vector3(&object, &["gravity"], nalgebra::Vector3::new(0.0, -9.80665, 0.0));
         self.check_units(&object);
-        let components = self.model_components(model);
+        let components = self.model_components(&object);
         self.read_ground_and_bodies(&object, &components);
         self.read_joints(&object, &components);
         self.register_markers(&object);
@@ -216,11 +227,14 @@ impl Reader<'_> {
         }
     }
 
-    /// Elements of the model's own `<components>` list.
-    fn model_components(&mut self, model: ElementId) -> Vec<ElementId> {
-        let Some(list) = self.document.child(model, "components") else { return Vec::new() };
-        self.mark(list);
-        self.document.children(list).to_vec()
+    /// Elements of the model's own `<components>` list and of its `<ComponentSet>`.
+    fn model_components(&mut self, model: &Object) -> FreeComponents {
+        let own = model.element.and_then(|element| self.document.child(element, "components"));
+        if let Some(list) = own {
+            self.mark(list);
+        }
+        let own = own.map_or_else(Vec::new, |list| self.document.children(list).to_vec());
+        FreeComponents { own, of_set: self.set_objects(model, &["ComponentSet"]) }
     }
 
     /// Elements of a set (`<BodySet><objects>…`) that is a child of the model.
@@ -232,20 +246,21 @@ impl Reader<'_> {
         self.document.children(objects).to_vec()
     }
 
-    /// Objects of a set followed by those of the model's `<components>` with one of the classes, each with the path
-    /// of its owner.
+    /// Objects of a set, those of the model's `<components>` with one of the classes before and those of its
+    /// `<ComponentSet>` behind, each with the path of its owner.
     fn set_and_components(
         &mut self,
         model: &Object,
         tags: &[&'static str],
         owner: &'static str,
-        components: &[ElementId],
+        components: &FreeComponents,
         belongs: fn(&str) -> bool,
     ) -> Vec<(ElementId, &'static str)> {
-        let free = components.iter().filter(|&&element| belongs(self.document.tag(element)));
-        let mut all: Vec<_> = free.map(|&element| (element, "")).collect();
-        all.extend(self.set_objects(model, tags).into_iter().map(|element| (element, owner)));
-        all
+        let objects = self.set_objects(model, tags);
+        let belongs = |element: &&ElementId| belongs(self.document.tag(**element));
+        let before = components.own.iter().filter(belongs).map(|&element| (element, ""));
+        let behind = components.of_set.iter().filter(belongs).map(|&element| (element, COMPONENT_SET));
+        before.chain(objects.into_iter().map(|element| (element, owner))).chain(behind).collect()
     }
 
     fn mark(&mut self, element: ElementId) {

@@ -70,11 +70,6 @@ impl Reader<'_> {
     ) -> Option<FrameIndex> {
         let found = self.find_frame(&object.path, text);
         if found.is_none() {
-            let names: Vec<&str> = if text.contains('/') {
-                self.frames_by_path.keys().map(String::as_str).collect()
-            } else {
-                self.spec.frames.iter().map(|frame| frame.name.as_str()).collect()
-            };
             let kind = match self.unsupported_frame(text) {
                 Some(frame) => ProblemKind::UnsupportedFrame {
                     property: property.to_owned(),
@@ -82,7 +77,7 @@ impl Reader<'_> {
                     class: self.document.tag(frame).to_owned(),
                     line: self.document.line(frame),
                 },
-                None => self.unknown(property, "body or frame", text, &names),
+                None => self.unknown_path(property, "body or frame", text, self.frames_by_path.keys()),
             };
             let line = element.map_or(object.line, |element| self.document.line(element));
             self.problem(line, &object.path.clone(), kind);
@@ -153,6 +148,31 @@ impl Reader<'_> {
         }
     }
 
+    /// A reference that leads nowhere, with the path that may be meant: of what has the same name, or a name or path like it.
+    fn unknown_path<'p>(
+        &self,
+        property: &str,
+        what: &'static str,
+        text: &str,
+        paths: impl Iterator<Item = &'p String>,
+    ) -> ProblemKind {
+        let last = |path: &str| path.rsplit('/').next().unwrap_or_default().to_owned();
+        let mut paths: Vec<&str> = paths.map(String::as_str).collect();
+        // Shortest first: a body before frames of its name that joints own.
+        paths.sort_by_key(|path| (path.matches('/').count(), path.len(), *path));
+        let (name, is_path) = (last(text), text.contains('/'));
+        let named = |name: &str| paths.iter().find(|path| last(path) == name).map(|path| (*path).to_owned());
+        let like = || match is_path {
+            true => nearest(text, paths.iter().copied()),
+            false => {
+                let names: Vec<String> = paths.iter().map(|path| last(path)).collect();
+                nearest(&name, names.iter().map(String::as_str)).and_then(|name| named(&name))
+            }
+        };
+        let nearest = named(&name).or_else(like);
+        ProblemKind::UnknownReference { property: property.to_owned(), what, name: text.to_owned(), nearest }
+    }
+
     /// The coordinate with this name anywhere in the model; a problem if there is none.
     pub(super) fn coordinate_named(
         &mut self,
@@ -187,8 +207,7 @@ impl Reader<'_> {
             let last = text.rsplit('/').next().unwrap_or(text).to_owned();
             return self.coordinate_named(object, element, property, &last);
         }
-        let paths: Vec<&str> = self.coordinates_by_path.keys().map(String::as_str).collect();
-        let kind = self.unknown(property, "coordinate", text, &paths);
+        let kind = self.unknown_path(property, "coordinate", text, self.coordinates_by_path.keys());
         let line = element.map_or(object.line, |element| self.document.line(element));
         self.problem(line, &object.path.clone(), kind);
         None

@@ -65,6 +65,15 @@ pub enum FunctionSpec {
         /// Coefficients, highest power first.
         coefficients: Vec<f64>,
     },
+    /// `MultivariatePolynomialFunction`, and `LinearFunction` of several variables.
+    MultivariatePolynomial {
+        /// Number of variables.
+        dimension: usize,
+        /// Largest sum of powers in a term.
+        order: usize,
+        /// Coefficients of the terms; powers of the last variable change first, lowest first.
+        coefficients: Vec<f64>,
+    },
     /// `MultiplierFunction`.
     Multiplier {
         /// Factor.

@@ -111,6 +111,8 @@ pub struct CoordinateSpec {
     pub prescribed: bool,
     /// Prescribed value as a function of time [s].
     pub prescribed_function: Option<FunctionSpec>,
+    /// Whether assembly moves it as constraints ask, without drawing it to its value.
+    pub is_free_to_satisfy_constraints: bool,
     /// OpenSim's motion type, as OpenSim itself would determine it.
     pub motion_type: MotionType,
 }

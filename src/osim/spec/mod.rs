@@ -7,6 +7,7 @@ mod constraints;
 mod forces;
 mod functions;
 mod joints;
+mod loops;
 mod muscles;
 mod paths;
 
@@ -73,10 +74,27 @@ pub struct Location {
 }
 
 impl Location {
-    /// Key that sorts components in the order in which they were read.
-    pub fn order(&self) -> (usize, Option<usize>, usize) {
-        (self.source, self.element, self.line)
+    /// Key that sorts components of one kind in the model's order: those in its own list, in its sets, in its component set;
+    /// and within each of these as they were read.
+    pub fn order(&self) -> (usize, usize, Option<usize>, usize) {
+        let list = match self.path.trim_start_matches('/').split_once('/') {
+            None => 0,
+            Some(("componentset", _)) => 2,
+            Some(_) => 1,
+        };
+        (list, self.source, self.element, self.line)
     }
+
+    /// Whether it stands in the model's force set: those are the forces and muscles that OpenSim's tools leave out, control or
+    /// list by name. Others act all the same.
+    pub fn is_in_force_set(&self) -> bool {
+        is_in_force_set(&self.path)
+    }
+}
+
+/// Whether a component's path leads into the model's force set.
+pub(in crate::osim) fn is_in_force_set(path: &str) -> bool {
+    path.strip_prefix("/forceset").is_some_and(|rest| rest.starts_with('/'))
 }
 
 /// A model as its file states it.
@@ -124,6 +142,17 @@ pub struct BodySpec {
     pub inertia: Matrix3<f64>,
     /// The body's frame.
     pub frame: FrameIndex,
+}
+
+/// Share of an inertia up to which a negative principal moment is rounding of the numbers in files, which have six digits.
+const INERTIA_ROUNDING: f64 = 1e-6;
+
+/// The smallest principal moment of an inertia [kg·m²], if it is negative: no body has such a one.
+pub fn negative_principal_moment(inertia: &Matrix3<f64>) -> Option<f64> {
+    let size = inertia.norm();
+    // The decomposition of what is not finite would not end.
+    let smallest = size.is_finite().then(|| inertia.symmetric_eigenvalues().min())?;
+    (smallest < -INERTIA_ROUNDING * size).then_some(smallest)
 }
 
 /// A frame that something can be fixed to.

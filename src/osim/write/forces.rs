@@ -14,19 +14,28 @@ impl Writer<'_> {
         let forces = spec.forces.iter().enumerate().map(|(i, f)| (f.at.order(), Err(i)));
         let mut all: Vec<_> = muscles.chain(forces).collect();
         all.sort_by_key(|(at, _)| *at);
-        if all.is_empty() {
-            return;
-        }
-        self.xml.open("ForceSet", &[("name", "forceset")]);
-        self.xml.open("objects", &[]);
-        for (_, one) in all {
-            match one {
-                Ok(i) => self.muscle(&spec.muscles[i]),
-                Err(i) => self.force(&spec.forces[i]),
+        let at = |one: &Result<usize, usize>| match one {
+            Ok(i) => &spec.muscles[*i].at,
+            Err(i) => &spec.forces[*i].at,
+        };
+        let is_in = |one: &Result<usize, usize>, set: &str| at(one).path.starts_with(&format!("/{set}/"));
+        let all: Vec<_> = all.into_iter().map(|(_, one)| one).collect();
+        let (behind, own): (Vec<_>, Vec<_>) = all.into_iter().partition(|one| is_in(one, "componentset"));
+        for (class, name, members) in [("ForceSet", "forceset", own), ("ComponentSet", "componentset", behind)] {
+            if members.is_empty() {
+                continue;
             }
+            self.xml.open(class, &[("name", name)]);
+            self.xml.open("objects", &[]);
+            for one in members {
+                match one {
+                    Ok(i) => self.muscle(&spec.muscles[i]),
+                    Err(i) => self.force(&spec.forces[i]),
+                }
+            }
+            self.xml.close();
+            self.xml.close();
         }
-        self.xml.close();
-        self.xml.close();
     }
 
     fn force(&mut self, force: &ForceSpec) {

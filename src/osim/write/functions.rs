@@ -56,6 +56,12 @@ impl Xml {
                 self.open("PolynomialFunction", &[]);
                 self.text("coefficients", &numbers(coefficients));
             }
+            FunctionSpec::MultivariatePolynomial { dimension, order, coefficients } => {
+                self.open("MultivariatePolynomialFunction", &[]);
+                self.text("dimension", &dimension.to_string());
+                self.text("order", &order.to_string());
+                self.text("coefficients", &numbers(coefficients));
+            }
             FunctionSpec::Multiplier { scale, function } => {
                 self.open("MultiplierFunction", &[]);
                 self.function("function", function);

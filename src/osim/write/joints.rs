@@ -73,6 +73,7 @@ impl Writer<'_> {
             self.xml.function("prescribed_function", function);
         }
         self.xml.boolean("prescribed", c.prescribed);
+        self.xml.boolean("is_free_to_satisfy_constraints", c.is_free_to_satisfy_constraints);
         self.xml.close();
     }
 

@@ -33,13 +33,24 @@ fn verif_frame_cycle_is_named() {
 }
 
 #[test]
-fn verif_loop_of_joints_is_named() {
-    let e = error(|spec| {
-        let mut joint = spec.joints[0].clone();
-        joint.name = "second".into();
-        spec.joints.push(joint);
-    });
-    assert!(matches!(e, CompileError::ClosedLoop { .. }), "{e}");
+fn verif_loop_of_joints_is_cut_at_the_child() {
+    let mut spec = spec();
+    let whole = Model::compile(&spec).expect("compiles");
+    let mut joint = spec.joints[0].clone();
+    joint.name = "second".into();
+    spec.joints.push(joint);
+    let model = Model::compile(&spec).expect("compiles");
+    let [weld] = model.loop_welds.as_slice() else { panic!("one loop") };
+    assert_eq!(weld.joint.0, spec.joints.len() - 1);
+    // Body and part share the mass.
+    let child = weld.bases[0].body().expect("a body");
+    let part = weld.bases[1].body().expect("a part");
+    assert_eq!(part.0, spec.bodies.len());
+    for body in [child, part] {
+        assert_eq!(model.bodies[body.0].mass, 0.5 * whole.bodies[child.0].mass);
+        assert_eq!(model.bodies[body.0].inertia, 0.5 * whole.bodies[child.0].inertia);
+    }
+    assert_eq!(model.bodies[part.0].name, format!("{}_slave_0", whole.bodies[child.0].name));
 }
 
 #[test]

@@ -200,6 +200,7 @@ fn function(spec: &FunctionSpec) -> Value {
         FunctionSpec::Polynomial { coefficients } => {
             json!({ "class": "PolynomialFunction", "coefficients": coefficients })
         }
+        FunctionSpec::MultivariatePolynomial { .. } => json!({ "class": "MultivariatePolynomialFunction" }),
         FunctionSpec::PiecewiseConstant { .. } => json!({ "class": "PiecewiseConstantFunction" }),
         FunctionSpec::Step { .. } => json!({ "class": "StepFunction" }),
         FunctionSpec::GcvSpline { .. } => json!({ "class": "GCVSpline" }),

@@ -255,6 +255,48 @@ fn verif_messages_say_where_what_and_found() {
 }
 
 #[test]
+fn verif_hints_are_paths_that_lead_somewhere() {
+    let socket = "<socket_parent_frame>/bodyset/forearm</socket_parent_frame>";
+    let hint = |written: &str| {
+        let new = format!("<socket_parent_frame>{written}</socket_parent_frame>");
+        with(socket, &new).expect_err("no such frame").hint().expect("a hint")
+    };
+    // The name alone, in another place, misspelt alone and in place: never what was written.
+    for written in ["forearm", "/jointset/forearm", "foreram", "/bodyset/foreram"] {
+        assert_eq!(hint(written), "did you mean \"/bodyset/forearm\"?", "{written}");
+    }
+    assert_eq!(hint("ground_offset"), "did you mean \"/jointset/elbow/ground_offset\"?");
+}
+
+#[test]
+fn verif_a_component_set_is_read_like_the_sets_of_its_members() {
+    let spring = |name: &str| {
+        format!(
+            "<SpringGeneralizedForce name=\"{name}\"><coordinate>elbow_flexion</coordinate><stiffness>5</stiffness></SpringGeneralizedForce>"
+        )
+    };
+    let set = format!(
+        "<ComponentSet name=\"componentset\"><objects>{}<TableReporter name=\"r\"/><Odd name=\"o\"/></objects></ComponentSet>\n</Model>",
+        spring("s")
+    );
+    let file = with("</Model>", &set).expect("valid");
+    let spring = file.spec.forces.iter().find(|f| f.name == "s").expect("read");
+    assert_eq!(spring.at.path, "/componentset/s");
+    assert!(!spring.at.is_in_force_set() && file.spec.muscles[0].at.is_in_force_set());
+    assert!(file.spec.muscles[0].at.order() < spring.at.order());
+    let unsupported: Vec<&str> = file.diagnostics.of(Severity::Unsupported).map(|d| d.path.as_str()).collect();
+    assert_eq!(unsupported, ["/componentset/o"]);
+}
+
+#[test]
+fn verif_a_negative_moment_of_inertia_is_warned_of() {
+    let file = with("<inertia>0.001 0.01 0.01 0 0 0<", "<inertia>0.001 -0.01 0.01 0 0 0<").expect("valid");
+    let warning = file.diagnostics.of(Severity::Warning).next().expect("a warning");
+    assert!(warning.message.contains("principal moment of -1.000e-2") && warning.path == "/bodyset/forearm");
+    assert_eq!(with("A & B", "A").expect("valid").diagnostics.of(Severity::Warning).count(), 0);
+}
+
+#[test]
 fn verif_misspelt_properties_and_foreign_components_are_listed() {
     let file = with("<upper_limit>140</upper_limit>", "<uper_limit>140</uper_limit>").expect("valid");
     let warning = file.diagnostics.of(Severity::Warning).next().expect("a warning");

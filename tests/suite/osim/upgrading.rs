@@ -96,3 +96,30 @@ fn val_opensim_upgraded_lab_models() {
         }
     }
 }
+
+#[test]
+fn verif_upgrade_keeps_what_assembly_and_sets_need() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/upgrade/arm_30000.osim");
+    let text = std::fs::read_to_string(path).unwrap();
+    let coordinate = text.find("<Coordinate name=").expect("a coordinate");
+    let at = coordinate + text[coordinate..].find('>').expect("its end") + 1;
+    let name = text[coordinate..].split('"').nth(1).expect("its name");
+    let free = "<is_free_to_satisfy_constraints>true</is_free_to_satisfy_constraints>";
+    let set = format!(
+        "<ComponentSet name=\"componentset\"><objects><SpringGeneralizedForce name=\"s\"><coordinate>{name}</coordinate><stiffness>5</stiffness></SpringGeneralizedForce></objects></ComponentSet></Model>"
+    );
+    let text = format!("{}{free}{}", &text[..at], &text[at..]).replace("</Model>", &set);
+    let old = OsimFile::parse(text.into_bytes(), "old.osim").unwrap();
+    let new = old.upgraded().unwrap().file;
+    for file in [&old, &new] {
+        let free: Vec<&str> = file
+            .spec
+            .coordinates
+            .iter()
+            .filter(|c| c.is_free_to_satisfy_constraints)
+            .map(|c| c.name.as_str())
+            .collect();
+        assert_eq!(free, [name]);
+        assert!(file.spec.forces.iter().any(|f| f.at.path == "/componentset/s"));
+    }
+}

@@ -351,3 +351,10 @@ fn verif_a_muscle_without_force_model_is_refused_or_left_out() {
     let shown = run().arg("--allow-unsupported").assert().success();
     shown.stderr(contains("warning: ")).stdout(contains("FCU").and(contains("ECRL").not()));
 }
+
+#[test]
+fn verif_a_name_of_several_coordinates_is_ambiguous() {
+    let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/model_kinds/equal_names.osim");
+    let says = "coordinate `q` is ambiguous: /jointset/j1/q is taken, as in OpenSim, not /jointset/j2/q";
+    carpus().args(["equilibrium", "--set", "q=10deg"]).arg(file).assert().code(0).stderr(contains(says));
+}
