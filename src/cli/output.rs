@@ -9,8 +9,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use serde::{Deserialize, Serialize};
 
 use super::failure::{Failure, Message};
-use crate::printable::{deceptive_in, number_of};
 use super::provenance::hash_of;
+use crate::printable::{deceptive_in, number_of};
 
 /// The file that says who made the others.
 const MANIFEST: &str = "carpus-output.json";

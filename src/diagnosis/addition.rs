@@ -10,6 +10,7 @@ use super::effect::Effect;
 use super::fit::{Analysis, Fit, Point};
 use super::forward_model::Setting;
 use super::joint_traits::JointTraits;
+use super::several;
 use crate::simulation::{MuscleParameters, SimulationError};
 use crate::study::TrialUse;
 
@@ -53,6 +54,46 @@ pub fn fit_steps(
         progress(1 + count);
     }
     Ok(fits.into_iter().map(|fit| step(&analysis, request, fit)).collect())
+}
+
+/// The same where many things are a little wrong at once: every step by [`several::fitted_with`].
+///
+/// # Errors
+/// A trial that cannot be simulated.
+pub fn fit_steps_of_several(
+    request: &Request,
+    effects: &[&'static dyn Effect],
+    progress: &dyn Fn(usize),
+) -> Result<Vec<FittedStep>, SimulationError> {
+    let ids: Vec<&str> = effects.iter().map(|e| e.description().id).collect();
+    let step = |count: usize| {
+        let fitted = several::fitted_with(request, &ids[..count])?;
+        progress(1 + count);
+        // What is handed over may be short of the joint mode: an interval holds both.
+        let forward = request.forward;
+        let mut estimates = fitted.estimates;
+        for setting in &fitted.handed_over.effects {
+            let description = setting.effect.description();
+            let reported = setting.effect.reported(&setting.values, &forward.muscles);
+            for (p, value) in description.parameters.iter().zip(reported) {
+                if let Some(e) = estimates.get_mut(&format!("{}.{}", description.id, p.name)) {
+                    e.value = value;
+                    e.ci95 = [e.ci95[0].min(value), e.ci95[1].max(value)];
+                }
+            }
+        }
+        // In the order in which they were asked for.
+        let mut added = fitted.handed_over.effects;
+        added.sort_by_key(|s| ids.iter().position(|id| *id == s.effect.description().id));
+        Ok(FittedStep {
+            parameters: fitted.handed_over.parameters,
+            effects: added,
+            estimates,
+            p_value: None,
+            noise_floor: fitted.noise_floor,
+        })
+    };
+    (0..=effects.len()).map(step).collect()
 }
 
 /// Of the fits from several starts the one that moments and EMG are nearest to, as between explanations by the same effects; the

@@ -15,8 +15,9 @@ use super::forward_model::{ForwardModel, Setting};
 use super::noise::NoiseLevels;
 use super::score_test::{BlockScore, Omnibus};
 use super::separation::{Laboratory, Separation, most_useful, separations};
+use super::several::{self, Several};
 use super::where_it_fails::along_axes;
-use crate::simulation::SimulationError;
+use crate::simulation::{MuscleParameters, SimulationError};
 use crate::study::{Direction, ParameterBounds, TrialUse};
 
 pub use account::{
@@ -87,6 +88,8 @@ pub struct Outcome {
     pub refit: Fit,
     /// Fit of the first explanation.
     pub best: Option<Fit>,
+    /// What is missing where many things are a little wrong at once.
+    pub several: Option<Several>,
     /// What baselines need.
     pub ingredients: Ingredients,
 }
@@ -123,7 +126,10 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let judge =
         Judge { request, analysis: &analysis, null: &null, near, not_testable: &not_testable, uncentred, refit_error };
     let rejected = null_p_value < REJECT_NULL;
-    let singles = if rejected { judge.singles(&left)? } else { Vec::new() };
+    // Where many things are a little wrong, no single effect leaves nothing: none is looked for.
+    let several = if rejected { several::several(request)? } else { None };
+    let alone = rejected && several.is_none();
+    let singles = if alone { judge.singles(&left)? } else { Vec::new() };
     let above = |p_value: f64| -> Vec<(Fit, Explanation)> {
         singles.iter().filter(|s| s.1.p_value > p_value).cloned().collect()
     };
@@ -136,7 +142,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     };
     explanations.extend(singles.iter().filter(stays).cloned());
     let mut farther = judge.keep_the_near(&mut explanations, &singles);
-    if rejected && explanations.is_empty() {
+    if alone && explanations.is_empty() {
         let pairs = judge.pairs(&singles)?;
         let explain = |pair: &(Fit, Explanation)| pair.1.explains() && judge.needs_both(pair, &singles);
         explanations = pairs.iter().filter(|pair| explain(pair)).cloned().collect();
@@ -159,9 +165,15 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     judge.drop_the_improbable(&left, &mut explanations);
     let best = explanations.first().map(|e| e.0.clone());
     let fall = explanations.first().map_or(0.0, |e| e.1.error_fall);
-    let error = judge.errors(&null, best.as_ref())?;
+    let error = match &several {
+        Some(several) => judge.errors_of(several)?,
+        None => judge.errors(&null, best.as_ref())?,
+    };
+    let of_several = several.as_ref().map(|s| s.effects.len());
     let verdict = match explanations.as_slice() {
         _ if !rejected => Verdict::NothingDetectable,
+        _ if of_several == Some(1) => Verdict::Dominant,
+        _ if of_several.is_some_and(|count| count > 1) => Verdict::Several,
         [] => Verdict::Unknown,
         _ if implausible => Verdict::Implausible,
         _ if fall < NEGLIGIBLE => Verdict::Negligible,
@@ -193,7 +205,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         }
     }
     let diagnosis = Diagnosis {
-        schema: "carpus.diagnosis/1",
+        schema: "carpus.diagnosis/2",
         participant: request.participant.clone(),
         verdict,
         null_p_value,
@@ -202,6 +214,9 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         confusion: judge.confusion(&null, &left, &kept),
         separating_experiments,
         explanations: explanations.into_iter().map(|e| e.1).collect(),
+        effects: several.as_ref().map(|s| s.effects.clone()).unwrap_or_default(),
+        account: several.as_ref().map(|s| s.account.clone()).unwrap_or_default(),
+        part_of_the_way: several.as_ref().map(|s| s.handed_over.part),
         not_listed,
         not_fitted,
         not_testable,
@@ -211,7 +226,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         noise_correlation: analysis.kernels,
     };
     let ingredients = Ingredients::of(&analysis, &null);
-    Ok(Outcome { diagnosis, refit: null, best, ingredients })
+    Ok(Outcome { diagnosis, refit: null, best, several, ingredients })
 }
 
 /// The fit without effects, tested.
@@ -352,6 +367,28 @@ impl Judge<'_> {
             train: steps(TrialUse::Train)?.unwrap_or(nothing),
             held_out: steps(TrialUse::Test)?,
             noise_floor: self.analysis.noise_floor(best.unwrap_or(null)) / self.request.mvc,
+            measure: "RMSE / session MVC moment",
+        })
+    }
+
+    /// Errors of what is handed over where many things are a little wrong.
+    fn errors_of(&self, several: &Several) -> Result<Errors, SimulationError> {
+        let forward = self.request.forward;
+        let steps = |usage| -> Result<Option<Steps>, SimulationError> {
+            let error = |parameters: &[MuscleParameters], effects: &[Setting]| {
+                Ok::<_, SimulationError>(self.rmse(&simulate(forward, parameters, effects, usage)?))
+            };
+            let base = error(&forward.nominal_parameters(), &[])?;
+            let refit = error(&several.recalibrated.parameters, &several.recalibrated.effects)?;
+            let with = error(&several.handed_over.parameters, &several.handed_over.effects)?;
+            let with_effect = with.filter(|_| !several.handed_over.effects.is_empty());
+            Ok(base.zip(refit).map(|(base, refit_only)| Steps { base, refit_only, with_effect }))
+        };
+        let nothing = Steps { base: 0.0, refit_only: 0.0, with_effect: None };
+        Ok(Errors {
+            train: steps(TrialUse::Train)?.unwrap_or(nothing),
+            held_out: steps(TrialUse::Test)?,
+            noise_floor: several.noise_floor / self.request.mvc,
             measure: "RMSE / session MVC moment",
         })
     }
@@ -497,7 +534,7 @@ pub fn estimates(fit: &Fit, forward: &ForwardModel) -> BTreeMap<String, Paramete
 /// A muscle whose forces cannot be balanced.
 pub fn simulate(
     forward: &ForwardModel,
-    parameters: &[crate::simulation::MuscleParameters],
+    parameters: &[MuscleParameters],
     effects: &[Setting],
     usage: TrialUse,
 ) -> Result<Vec<(usize, Vec<f64>)>, SimulationError> {

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::catalogue::CATALOGUE;
 use super::diagnose::{ParameterEstimate, Request, simulate};
 use super::effect::Effect;
 use super::forward_model::{ForwardModel, Setting};
@@ -93,7 +94,8 @@ pub struct Fitted {
 
 fn session<'a>(request: &'a Request) -> Session<'a> {
     let train = request.forward.trials_for(TrialUse::Train);
-    Session::new(request.forward, train, request.candidates.clone(), &request.bounds, Budget { expansions: EXPANSIONS })
+    let candidates = if request.candidates.is_empty() { CATALOGUE.to_vec() } else { request.candidates.clone() };
+    Session::new(request.forward, train, candidates, &request.bounds, Budget { expansions: EXPANSIONS })
 }
 
 /// The muscles fitted with these effects and no others.

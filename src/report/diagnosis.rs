@@ -19,6 +19,9 @@ pub struct DiagnosisResult {
     /// The confidence set.
     #[serde(default)]
     pub explanations: Vec<ExplanationResult>,
+    /// Where many things are a little wrong at once: effects that are missing beyond that.
+    #[serde(default)]
+    pub effects: Vec<NamedEffectResult>,
     /// Effects that were fitted and leave something.
     #[serde(default)]
     pub ruled_out: Vec<String>,
@@ -51,6 +54,37 @@ pub struct DiagnosisResult {
     /// Standard deviations of the noise.
     #[serde(default)]
     pub noise: BTreeMap<String, Option<f64>>,
+}
+
+/// An effect that is missing where many things are a little wrong at once.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct NamedEffectResult {
+    /// Effect.
+    pub effect: String,
+    /// Effects that these trials cannot tell from it, itself first.
+    #[serde(default)]
+    pub group: Vec<String>,
+    /// Probability that one of the group is missing.
+    pub probability: f64,
+    /// Whether it takes more of the error than a little of everything does.
+    #[serde(default)]
+    pub dominant: bool,
+    /// Share of the model's mean squared error that comes back without it.
+    #[serde(default)]
+    pub share_of_error: SharesResult,
+    /// Parameters by name.
+    #[serde(default)]
+    pub parameters: BTreeMap<String, Estimate>,
+}
+
+/// Shares with 95 % intervals.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SharesResult {
+    /// Training trials.
+    pub train: [f64; 3],
+    /// Held-out trials.
+    #[serde(default)]
+    pub held_out: Option<[f64; 3]>,
 }
 
 /// Effects that leave nothing.

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use super::axis_figures::{AxisPanel, axis_panels, p_words, repetition_words};
-use super::diagnosis::{CandidateResult, DiagnosisResult, ExplanationResult};
+use super::diagnosis::{CandidateResult, DiagnosisResult, ExplanationResult, NamedEffectResult};
 use super::intervals::with_validity;
 use super::ledger::Estimate;
 use super::number::{percent, plain, significant};
 use super::residuals::{FrequencyBand, ResidualResult};
 use super::results::{Kind, Results};
-use super::story_figures::{WaterfallStep, interval, p_bar, separation, waterfall};
+use super::story_figures::{WaterfallStep, interval, p_bar, separation, share_bar, waterfall};
 use super::view::{Fact, Group, Pair, ParameterGroup, facts, groups, maybe, parameter_groups};
 use super::warnings::{self, WarningGroup};
 use crate::diagnosis::catalogue::effect;
@@ -34,6 +34,8 @@ pub struct Story {
     pub waterfall: String,
     pub measure: String,
     pub explanations: Vec<ExplanationView>,
+    /// Effects that are missing where many things are a little wrong.
+    pub several: Vec<SeveralView>,
     /// Which effects were considered.
     pub considered: String,
     pub candidates: Vec<CandidateRow>,
@@ -68,6 +70,19 @@ pub struct ExplanationView {
     pub equation: String,
     pub p_value: String,
     pub held_out: String,
+    pub parameters: Vec<EstimateRow>,
+}
+
+/// An effect that is missing where many things are a little wrong.
+pub struct SeveralView {
+    pub title: String,
+    pub equation: String,
+    /// Effects that these trials cannot tell from it.
+    pub others: String,
+    pub probability: String,
+    pub train: String,
+    pub held_out: String,
+    pub svg: String,
     pub parameters: Vec<EstimateRow>,
 }
 
@@ -193,6 +208,7 @@ impl Story {
             waterfall: waterfall(&steps, floor),
             measure: diagnosis.error.measure.clone(),
             explanations: explanations(results, diagnosis),
+            several: several(diagnosis),
             candidates: candidates(diagnosis).into_iter().take(SHOWN_CANDIDATES).collect(),
             considered: considered(diagnosis),
             more_candidates: diagnosis.candidates.len().saturating_sub(SHOWN_CANDIDATES),
@@ -228,7 +244,9 @@ fn steps(results: &Results, diagnosis: &DiagnosisResult) -> Vec<WaterfallStep> {
             .collect();
     }
     let (train, held_out) = (&diagnosis.error.train, diagnosis.error.held_out.as_ref());
+    let several: Vec<String> = diagnosis.effects.iter().map(|e| e.effect.clone()).collect();
     let with = diagnosis.explanations.first().map(|e| format!("+ {}", names(&e.effects)));
+    let with = with.or((!several.is_empty()).then(|| format!("+ {}", names(&several))));
     let step =
         |label: String, train: f64, held_out: Option<f64>| WaterfallStep { label, train, held_out, current: false };
     let mut steps = vec![
@@ -253,6 +271,8 @@ fn verdict_words(verdict: &str) -> (&'static str, &'static str) {
         "nothing_detectable" => ("nothing detectable", "good"),
         "negligible" => ("negligible", "good"),
         "implausible" => ("implausible", "bad"),
+        "dominant" => ("one effect beyond a little of everything", "good"),
+        "several" => ("several effects beyond a little of everything", "good"),
         _ => ("unknown cause", "bad"),
     }
 }
@@ -333,6 +353,10 @@ fn told(
         "nothing_detectable" => "Nothing is missing that these trials could show".to_owned(),
         "negligible" => "Something is missing, but it hardly matters for the moment".to_owned(),
         "implausible" => "Only effects of an implausible size would explain the recordings".to_owned(),
+        "dominant" | "several" => {
+            let all: Vec<String> = diagnosis.effects.iter().map(|e| in_sentence(&e.effect)).collect();
+            format!("Many things are a little wrong; beyond that the model lacks {}", all.join(", "))
+        }
         _ if diagnosis.restricted_to.is_empty() => {
             "Something is missing that no effect of the catalogue explains".to_owned()
         }
@@ -354,6 +378,7 @@ fn told(
         "nothing_detectable" => "With the muscles' strengths and lengths fitted, what is left looks like noise of EMG, angle and moment. An effect smaller than the sizes listed below would have gone unnoticed.".to_owned(),
         "negligible" => format!("The trials are consistent with {}, but the error falls by very little.", sets.join("; or with ")),
         "implausible" => format!("With {} {leaves}, but at a size outside of what is plausible: a cause that is not in the catalogue, or a fault of the recordings, is more likely.", sets.join(" or ")),
+        "dominant" | "several" => "As in most laboratories, no single effect leaves nothing. Muscles, EMG errors, every effect of the catalogue and a smooth discrepancy of each muscle's moment were estimated together; the effects below are larger than the little that a laboratory has of everything.".to_owned(),
         _ => "Whatever effect was fitted together with the muscles, something systematic is left. The figures below show what it depends on.".to_owned(),
     }];
     lead.extend((diagnosis.verdict == "unknown").then(|| nearest(diagnosis)).flatten());
@@ -470,6 +495,29 @@ fn explanations(results: &Results, diagnosis: &DiagnosisResult) -> Vec<Explanati
     let other = |e: &&ExplanationResult| now.is_none_or(|s| s.effects != e.effects);
     all.extend(diagnosis.explanations.iter().filter(other).map(|e| view(e, names(&e.effects))));
     all
+}
+
+/// Effects that are missing where many things are a little wrong, the largest share first.
+fn several(diagnosis: &DiagnosisResult) -> Vec<SeveralView> {
+    let most = diagnosis.effects.iter().map(|e| e.share_of_error.train[2]).fold(0.05, f64::max);
+    let share = |[value, low, high]: [f64; 3]| {
+        format!("{:.0}\u{202f}% ({:.0} to {:.0})", 100.0 * value, 100.0 * low, 100.0 * high)
+    };
+    let view = |e: &NamedEffectResult| {
+        let parameters: BTreeMap<String, Estimate> =
+            e.parameters.iter().map(|(name, p)| (format!("{}.{name}", e.effect), p.clone())).collect();
+        SeveralView {
+            title: name(&e.effect),
+            equation: effect(&e.effect).map_or("", |known| known.description().equation).to_owned(),
+            others: e.group.iter().skip(1).map(|id| in_sentence(id)).collect::<Vec<_>>().join(", "),
+            probability: significant(e.probability, 2),
+            train: share(e.share_of_error.train),
+            held_out: e.share_of_error.held_out.map(share).unwrap_or_default(),
+            svg: share_bar(e.share_of_error.train, most),
+            parameters: estimates(&parameters),
+        }
+    };
+    diagnosis.effects.iter().map(view).collect()
 }
 
 /// Amplitudes before shapes, each in the catalogue's order.

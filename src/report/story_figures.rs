@@ -155,6 +155,30 @@ pub fn interval(value: f64, ci: [f64; 2], plausible: [f64; 2]) -> String {
     )
 }
 
+/// A share of the error with its interval.
+///
+/// - `share`: value, ends of the interval; `most`: end of the axis
+pub fn share_bar([value, low, high]: [f64; 3], most: f64) -> String {
+    let (width, height) = (280.0, 22.0);
+    let x = Scale { data: [0.0, most.max(1e-6)], drawn: [4.0, width - 4.0] };
+    let at = |v: f64| x.at(v.clamp(0.0, most));
+    format!(
+        concat!(
+            r#"<svg class="row" viewBox="0 0 {w} {h}" aria-hidden="true">"#,
+            r#"<rect class="plausible" x="{o:.1}" y="4" width="{pw:.1}" height="14" rx="3"/>"#,
+            r#"<line class="link fell" x1="{c:.1}" x2="{d:.1}" y1="11" y2="11"/>"#,
+            r#"<circle class="dot after" cx="{v:.1}" cy="11" r="5"/></svg>"#
+        ),
+        w = width,
+        h = height,
+        o = at(0.0),
+        pw = at(most) - at(0.0),
+        c = at(low),
+        d = at(high),
+        v = at(value)
+    )
+}
+
 /// How far apart two explanations are, now and with an experiment; the line is where they count as told apart.
 pub fn separation(now: f64, then: Option<f64>, enough: f64, most: f64) -> String {
     let (width, height) = (280.0, 22.0);

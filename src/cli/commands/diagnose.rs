@@ -23,6 +23,7 @@ use crate::diagnosis::forward_model::{ForwardModel, Setting};
 use crate::diagnosis::joint_traits::JointTraits;
 use crate::diagnosis::moments::simulate_all;
 use crate::diagnosis::separation::{Laboratory, SEPARABLE_Z, Separation};
+use crate::diagnosis::several::NamedEffect;
 use crate::diagnosis::synthesis::sized;
 use crate::osim::spec::MuscleSpec;
 use crate::report::intervals::with_validity;
@@ -83,13 +84,15 @@ pub fn with_models(
     global: &Global,
 ) -> Result<Results, Failure> {
     let nominal = forward.nominal_parameters();
-    let mut fitted: Vec<(&str, String, &[MuscleParameters], &[Setting])> = vec![
-        ("base", "As given".to_owned(), &nominal, &[]),
-        ("refit", "Muscles refitted".to_owned(), &outcome.refit.point.parameters, &[]),
-    ];
-    if let Some(best) = &outcome.best {
-        let names = best.point.effects.iter().map(|s| s.effect.description().name).collect::<Vec<_>>().join(" + ");
-        fitted.push(("with_effect", format!("With {names}"), &best.point.parameters, &best.point.effects));
+    let several = outcome.several.as_ref();
+    let refitted = several.map_or(&outcome.refit.point.parameters, |s| &s.recalibrated.parameters);
+    let mut fitted: Vec<(&str, String, &[MuscleParameters], &[Setting])> =
+        vec![("base", "As given".to_owned(), &nominal, &[]), ("refit", "Muscles refitted".to_owned(), refitted, &[])];
+    let best = outcome.best.as_ref().map(|fit| (&fit.point.parameters, &fit.point.effects));
+    let handed_over = several.map(|s| (&s.handed_over.parameters, &s.handed_over.effects));
+    if let Some((parameters, effects)) = best.or(handed_over).filter(|(_, effects)| !effects.is_empty()) {
+        let names = effects.iter().map(|s| s.effect.description().name).collect::<Vec<_>>().join(" + ");
+        fitted.push(("with_effect", format!("With {names}"), parameters, effects));
     }
     let mut models = Vec::new();
     let mut residuals = Vec::new();
@@ -254,7 +257,45 @@ pub fn in_words(diagnosis: &Diagnosis) -> String {
         }
         Verdict::Unknown => "something is missing, and no effect of the catalogue explains it".to_string(),
         Verdict::Implausible => format!("only implausible sizes explain the data: {}", sets.join("; ")),
+        Verdict::Dominant => format!("many things are a little wrong; missing beyond that: {}", groups(diagnosis)),
+        Verdict::Several => {
+            format!("many things are a little wrong; missing beyond that, the largest first: {}", groups(diagnosis))
+        }
     }
+}
+
+/// Effects that are missing where many things are a little wrong, each with those that cannot be told from it.
+fn groups(diagnosis: &Diagnosis) -> String {
+    let name = |e: &NamedEffect| match e.group.as_slice() {
+        [_] => names_of(&[e.effect]),
+        group => format!("one of {}", group.iter().map(|id| names_of(&[*id])).collect::<Vec<_>>().join(" / ")),
+    };
+    diagnosis.effects.iter().map(name).collect::<Vec<_>>().join("; ")
+}
+
+/// A row per effect that is missing where many things are a little wrong: probability, share of the error, parameters.
+fn several_rows(diagnosis: &Diagnosis) -> Vec<Vec<String>> {
+    let row = |e: &NamedEffect| {
+        let parameters = e.parameters.iter().map(|(name, p)| {
+            format!(
+                "{name} {:.4} [{:.4}, {:.4}] {}",
+                p.value,
+                p.ci95[0],
+                p.ci95[1],
+                if p.unit == "1" { "" } else { p.unit }
+            )
+        });
+        let percent =
+            |[value, low, high]: [f64; 3]| format!("{:.0} [{:.0}, {:.0}]", 100.0 * value, 100.0 * low, 100.0 * high);
+        vec![
+            e.effect.to_owned(),
+            fixed(e.probability, 2),
+            percent(e.share_of_error.train),
+            e.share_of_error.held_out.map_or("–".to_owned(), percent),
+            parameters.map(|p| p.trim_end().to_owned()).collect::<Vec<_>>().join("\n"),
+        ]
+    };
+    diagnosis.effects.iter().map(row).collect()
 }
 
 /// A row per parameter: name, estimate, what is plausible, and one more column.
@@ -313,7 +354,12 @@ fn readable(diagnosis: &Diagnosis) -> String {
     }
     text.push_str("\nRMSE in % of the session's MVC moment\n");
     text.push_str(&table(&["trials", "as given", "muscles refitted", "with effect", "noise floor"], 1, rows));
-    if !diagnosis.explanations.is_empty() {
+    if !diagnosis.effects.is_empty() {
+        text.push_str("\n\nMissing effects: probability, and share of the model's mean squared error that comes back without each\n");
+        let header = ["effect", "probability", "training %", "held out %", "parameters, 95 % intervals"];
+        text.push_str(&table(&header, 4, several_rows(diagnosis)));
+        text.push_str("\n`carpus effect auto STUDY` adds them, one after the other");
+    } else if !diagnosis.explanations.is_empty() {
         let survive = diagnosis.explanations.iter().all(|e| e.p_value >= REJECT_EXPLANATION);
         text.push_str("\n\nExplanations that leave nothing");
         text.push_str(if survive { "\n" } else { ", or what chance may leave\n" });

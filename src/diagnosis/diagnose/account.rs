@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::super::noise::Kernels;
 use super::super::separation::Separation;
+use super::super::several::{AccountStep, NamedEffect};
 use super::super::where_it_fails::AxisResult;
 
 /// What the data say.
@@ -26,6 +27,10 @@ pub enum Verdict {
     Unknown,
     /// Only with implausible sizes do single effects explain the data.
     Implausible,
+    /// Many things are a little wrong at once; one effect is missing beyond that.
+    Dominant,
+    /// Many things are a little wrong at once; several effects are missing beyond that.
+    Several,
 }
 
 /// A parameter of an explanation.
@@ -180,6 +185,13 @@ pub struct Diagnosis {
     pub null_sign_flip_p_value: f64,
     /// The confidence set.
     pub explanations: Vec<Explanation>,
+    /// Where many things are a little wrong at once: effects that are missing beyond that, the largest share of the error first.
+    pub effects: Vec<NamedEffect>,
+    /// There: the error, step by step.
+    pub account: Vec<AccountStep>,
+    /// There: how far what is handed over is from the model as given (0) to the joint mode (1), as trials left out one at a time
+    /// are predicted best.
+    pub part_of_the_way: Option<f64>,
     /// Effects that were fitted jointly with the muscles and are no explanations.
     #[serde(flatten)]
     pub not_listed: NotListed,

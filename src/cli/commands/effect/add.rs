@@ -9,6 +9,7 @@ use crate::cli::diagnosis_file::{KnownDiagnosis, known_or_made};
 use crate::cli::failure::{self, Failure, Message};
 use crate::cli::study_run::StudyRun;
 use crate::diagnosis::effect::Effect;
+use crate::report::diagnosis::DiagnosisResult;
 use crate::report::results::Results;
 
 /// Runs the command.
@@ -84,6 +85,14 @@ pub fn is_explanation(explanations: &[Vec<String>], chosen: &[String]) -> bool {
     explanations.iter().any(|e| e.len() == chosen.len() && e.iter().all(|id| chosen.contains(id)))
 }
 
+/// Whether the diagnosis supports these effects: one of its explanations, or some of those that are missing where many things are a
+/// little wrong, or effects that cannot be told from these.
+pub fn is_supported(diagnosis: &DiagnosisResult, chosen: &[String]) -> bool {
+    let explanations: Vec<Vec<String>> = diagnosis.explanations.iter().map(|e| e.effects.clone()).collect();
+    let is_missing = |id: &String| diagnosis.effects.iter().any(|e| e.group.contains(id));
+    is_explanation(&explanations, chosen) || !diagnosis.effects.is_empty() && chosen.iter().all(is_missing)
+}
+
 /// What the diagnosis has against the choice: errors unless a person insists.
 fn objections(participant: &str, diagnosis: &KnownDiagnosis, chosen: &[String], i_choose: bool) -> Vec<Message> {
     let result = &diagnosis.result;
@@ -92,7 +101,15 @@ fn objections(participant: &str, diagnosis: &KnownDiagnosis, chosen: &[String], 
     let text = match result.verdict.as_str() {
         "unknown" => "something is missing, and no effect of the catalogue explains it".to_owned(),
         "cannot_tell" => format!("the data are consistent with any of: {}; they cannot tell which", listed.join("; ")),
-        _ if is_explanation(&explanations, chosen) => return Vec::new(),
+        _ if is_supported(result, chosen) => return Vec::new(),
+        "dominant" | "several" => {
+            let missing: Vec<String> = result.effects.iter().map(|e| e.effect.clone()).collect();
+            format!(
+                "beyond a little of everything the data call for {}, not for {}",
+                names_of(&missing),
+                names_of(chosen)
+            )
+        }
         "nothing_detectable" => "the data call for no effect: muscle parameters and noise explain them".to_owned(),
         _ => format!("the data are consistent with {}, not with {}", listed.join("; "), names_of(chosen)),
     };

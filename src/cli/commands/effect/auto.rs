@@ -32,13 +32,17 @@ pub fn run(args: &EffectAutoArgs, global: &Global) -> Result<(), Failure> {
     add::print(&study, outcomes, global)
 }
 
-/// The effects to add, at most two, and why none is if none is.
+/// The effects to add, and why none is if none is.
 fn decide(diagnosis: &DiagnosisResult) -> Result<(Vec<&'static dyn Effect>, Option<String>), Failure> {
     let none = |why: &str| Ok((Vec::new(), Some(format!("no effect is added: {why}"))));
     match (diagnosis.verdict.as_str(), diagnosis.explanations.as_slice()) {
         ("identified" | "two_effects", [only, ..]) => {
             let effects = only.effects.iter().map(|id| known(id)).collect::<Result<Vec<_>, _>>()?;
             Ok((effects, None))
+        }
+        ("dominant" | "several", _) => {
+            let ids = diagnosis.effects.iter().map(|e| e.effect.as_str());
+            Ok((ids.map(known).collect::<Result<Vec<_>, _>>()?, None))
         }
         ("cannot_tell", all) => {
             let sets: Vec<String> = all.iter().map(|e| names_of(&e.effects)).collect();
