@@ -52,7 +52,7 @@ fn regress_reference_outputs_match_their_manifests() {
     assert_eq!(check_outputs("fixtures/laboratory/manifest.json"), 3 * (14 + 4));
 }
 
-/// Numbers that stand alone in a text: not part of a longer number, not behind a decimal point; underscores are left out.
+/// Numbers that stand alone in a text, not part of a longer number nor behind a decimal point; without underscores.
 fn whole_numbers(text: &str) -> impl Iterator<Item = u64> {
     text.split(|c: char| !c.is_ascii_alphanumeric() && c != '_' && c != '.')
         .filter_map(|word| word.trim_end_matches('.').replace('_', "").parse().ok())
