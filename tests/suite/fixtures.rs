@@ -49,6 +49,36 @@ fn regress_reference_outputs_match_their_manifests() {
     assert_eq!(check_outputs("fixtures/demo_study/manifest.json"), 28 + 4);
     assert_eq!(check_outputs("fixtures/two_axes/manifest.json"), 17 + 4);
     assert_eq!(check_outputs("fixtures/hidden_effects/manifest.json"), 7 * (19 + 4));
+    assert_eq!(check_outputs("fixtures/laboratory/manifest.json"), 3 * (14 + 4));
+}
+
+/// Numbers that stand alone in a text, not part of a longer number nor behind a decimal point; without underscores.
+fn whole_numbers(text: &str) -> impl Iterator<Item = u64> {
+    text.split(|c: char| !c.is_ascii_alphanumeric() && c != '_' && c != '.')
+        .filter_map(|word| word.trim_end_matches('.').replace('_', "").parse().ok())
+}
+
+/// Every file below a folder.
+fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    let paths = entries.map(|entry| entry.expect("a readable folder").path());
+    paths.flat_map(|path| if path.is_dir() { files_below(&path) } else { vec![path] }).collect()
+}
+
+#[test]
+fn regress_no_source_names_a_final_participant_of_the_laboratory() {
+    let reserved = (930_000 + 1)..932_000;
+    let generator = root().join("fixtures/scripts/laboratory.py");
+    let generated = std::fs::read_to_string(&generator).expect("the laboratory's generator");
+    let seeds = whole_numbers(&generated).filter(|number| reserved.contains(number)).count();
+    assert!(seeds >= 5, "the generator's final participants and studies are in the reserved range, found {seeds}");
+    let folders = ["src", "tests", "benches", "fixtures/scripts"].map(|folder| root().join(folder));
+    let sources = folders.iter().flat_map(|folder| files_below(folder)).filter(|path| *path != generator);
+    for path in sources {
+        let text = String::from_utf8_lossy(&std::fs::read(&path).expect("a readable file")).into_owned();
+        let named: Vec<u64> = whole_numbers(&text).filter(|number| reserved.contains(number)).collect();
+        assert_eq!(named, [], "{}: nothing may be tuned on the final laboratory", path.display());
+    }
 }
 
 #[test]
