@@ -184,8 +184,10 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let kept: Vec<&str> = explanations.iter().flat_map(|e| e.1.effects.clone()).collect();
     let ids = || analysis.candidates.iter().map(|e| e.description().id);
     let fitted: Vec<&str> = singles.iter().flat_map(|s| s.1.effects.clone()).collect();
+    let missing: Vec<&str> = several.iter().flat_map(|s| &s.effects).map(|e| e.effect).collect();
     let not_fitted =
-        ids().filter(|id| !fitted.contains(id) && !kept.contains(id) && !not_testable.contains(id)).collect();
+        ids().filter(|id| ![&fitted, &kept, &missing].iter().any(|list| list.contains(id)) && !not_testable.contains(id));
+    let not_fitted = not_fitted.collect();
     let residuals = judge.residuals(&null)?;
     let separating_experiments = match verdict {
         // Trials that nobody recorded must not cost the diagnosis: where one cannot be simulated, `carpus plan` says why.

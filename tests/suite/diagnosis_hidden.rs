@@ -48,6 +48,24 @@ fn folder(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("fixtures/hidden_effects").join(name)
 }
 
+/// A study of a laboratory in which many things are a little wrong at once, and what was hidden in it.
+fn of_laboratory(name: &str) -> (Diagnosis, Value) {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("fixtures/laboratory").join(name);
+    let found = asked(&folder, &[], diagnosis);
+    let effects: Vec<_> = found.effects.iter().map(|e| (&e.group, e.probability, e.share_of_error.train)).collect();
+    println!("{name}: {:?} {effects:?} {:?}", found.verdict, found.account);
+    let truth = std::fs::read_to_string(folder.join("truth.json")).unwrap();
+    (found, serde_json::from_str(&truth).unwrap())
+}
+
+/// What is handed over predicts held-out trials no worse than the model as given.
+fn assert_never_worse(found: &Diagnosis) {
+    let held_out = found.error.held_out.unwrap();
+    let handed_over = held_out.with_effect.unwrap_or(held_out.refit_only);
+    assert!(handed_over <= 1.02 * held_out.base, "{handed_over} after {}", held_out.base);
+    assert!(held_out.refit_only <= 1.02 * held_out.base, "{} after {}", held_out.refit_only, held_out.base);
+}
+
 /// What is asked of a study.
 fn asked<T>(folder: &Path, candidates: &[&str], ask: impl FnOnce(&Request) -> T) -> T {
     asked_of(1.0, folder, &|_| {}, candidates, ask)
@@ -304,4 +322,35 @@ fn val_opensim_passive_trials_alone_do_not_carry_the_muscles_away() {
         println!("RMSE as given {given:.3}, muscles refitted {fitted:.3} N·m");
         assert!(fitted < 1.5 * given, "{fitted} instead of {given}");
     });
+}
+
+#[test]
+fn val_opensim_a_dominant_effect_is_found_where_everything_is_a_little_wrong() {
+    let (found, truth) = of_laboratory("one_effect");
+    assert!(matches!(found.verdict, Verdict::Dominant | Verdict::Several), "{:?}", found.verdict);
+    let hidden = truth["effects"][0].as_str().unwrap();
+    let first = &found.effects[0];
+    assert!(first.group.contains(&hidden) && first.dominant, "{first:?}");
+    assert!(first.probability > 0.9 && first.share_of_error.held_out.unwrap()[0] > 0.0, "{first:?}");
+    assert_never_worse(&found);
+    // As given, recalibrated, with the effects, and noise.
+    assert!(found.account.windows(2).all(|w| w[1].train < w[0].train), "{:?}", found.account);
+}
+
+#[test]
+fn val_opensim_two_effects_are_found_where_everything_is_a_little_wrong() {
+    let (found, truth) = of_laboratory("two_effects");
+    assert_eq!(found.verdict, Verdict::Several);
+    for hidden in truth["effects"].as_array().unwrap() {
+        let hidden = hidden.as_str().unwrap();
+        assert!(found.effects.iter().any(|e| e.group.contains(&hidden)), "{hidden}");
+    }
+    assert_never_worse(&found);
+}
+
+#[test]
+fn val_opensim_nothing_dominates_where_everything_is_a_little_wrong() {
+    let (found, _) = of_laboratory("no_effect");
+    assert!(found.effects.iter().all(|e| !e.dominant), "{:?}", found.effects);
+    assert_never_worse(&found);
 }
