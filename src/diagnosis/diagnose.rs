@@ -185,8 +185,8 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let ids = || analysis.candidates.iter().map(|e| e.description().id);
     let fitted: Vec<&str> = singles.iter().flat_map(|s| s.1.effects.clone()).collect();
     let missing: Vec<&str> = several.iter().flat_map(|s| &s.effects).map(|e| e.effect).collect();
-    let not_fitted =
-        ids().filter(|id| ![&fitted, &kept, &missing].iter().any(|list| list.contains(id)) && !not_testable.contains(id));
+    let not_fitted = ids()
+        .filter(|id| ![&fitted, &kept, &missing].iter().any(|list| list.contains(id)) && !not_testable.contains(id));
     let not_fitted = not_fitted.collect();
     let residuals = judge.residuals(&null)?;
     let separating_experiments = match verdict {

@@ -40,8 +40,8 @@ pub struct NamedEffect {
     pub probability: f64,
     /// Whether it takes more of the error than a little of everything does.
     pub dominant: bool,
-    /// Share of the mean square of the error of the model as given that comes back when the effect is taken out and all else
-    /// stays: value and 95 % interval over trials.
+    /// Share of the mean square of the error of the model as given that comes back when the effect is taken out and muscles and the other
+    /// effects make up for it as they can: value and 95 % interval over trials.
     pub share_of_error: Shares,
     /// Parameters by name, at the joint mode.
     pub parameters: BTreeMap<String, ParameterEstimate>,
@@ -193,9 +193,8 @@ fn named(
         if probability < NAMED {
             continue;
         }
-        let others = |s: &&Setting| s.effect.description().id != id;
-        let rest: Vec<Setting> = handed_over.effects.iter().filter(others).cloned().collect();
-        let without = squares_of(&handed_over.parameters, &rest)?;
+        let (parameters, rest) = session.without(state, place, handed_over.part);
+        let without = squares_of(&parameters, &rest)?;
         let shares = [0, 1].map(|i| share(&given[i], &with[i], &without[i]));
         let train = shares[0].unwrap_or([0.0; 3]);
         let own = |(name, e): (&String, &ParameterEstimate)| {

@@ -39,18 +39,20 @@ const SCREENED: usize = 12;
 const FIRST_STEPS: usize = 3;
 /// Rounds of search, simulation of other sets, noise and relinearization, at most.
 const ROUNDS: usize = 4;
-/// An effect may stand in another's place where the set with it has more than this share of the probability.
-const STANDS_IN: f64 = 0.1;
-/// Beyond this part of the way the joint mode itself is handed over.
-const ALL_OF_IT: f64 = 0.9;
-/// Another set takes over when its −2 log posterior is lower by more than this.
-const DEEPER: f64 = 1.0;
-/// Gauss–Newton steps in a round.
+/// Gauss–Newton steps with a set of effects.
 const STEPS: usize = 5;
 /// Most probable sets beside the best that are tried by simulation.
 const OTHERS: usize = 4;
 /// Largest expected error of the logarithm of the EMG.
 const LARGEST_NOISE: f64 = 0.7;
+/// An effect may stand in another's place where the set with it has more than this share of the probability.
+const STANDS_IN: f64 = 0.1;
+/// Beyond this part of the way the joint mode itself is handed over.
+const ALL_OF_IT: f64 = 0.9;
+/// Of the sets that were tried in a round, those first whose noise is estimated anew.
+const ASSESSED: usize = 3;
+/// The estimate has settled when a round lowers −2 log posterior by less than this.
+const SETTLED: f64 = 1.0;
 
 /// An effect's columns in the linear model.
 struct EffectColumns {
@@ -87,8 +89,6 @@ struct WhitenedDirections {
 struct Reached {
     set: Vec<usize>,
     point: Point,
-    linear: Vec<Linear>,
-    directions: Vec<DMatrix<f64>>,
     sizes: Sizes,
     /// −2 log posterior, the noise held, up to a constant.
     deviance: f64,
@@ -390,27 +390,30 @@ impl<'a> Session<'a> {
                 kernels_are_known = true;
                 report(&format!("kernels {:?} {:.1?}", self.analysis.kernels, clock.elapsed()));
             }
-            let next = |state: &State| self.advanced(state, None).and_then(|s| self.assessed(s, &candidates, &always));
-            if let Ok(next) = next(&state) {
+            let next = self.advanced(&state, None)?.into_iter().next();
+            if let Some(Ok(next)) = next.map(|start| self.assessed(start, &candidates, &always)) {
                 state = next;
             }
             report(&format!("start {} {:.1?}", self.in_words(&state), clock.elapsed()));
             followed.push(state);
         }
         let mut best = followed.into_iter().min_by(|a, b| a.deviance.total_cmp(&b.deviance));
-        for round in 0..ROUNDS {
+        for _ in 0..ROUNDS {
             let Some(state) = &best else { break };
-            let next = self.assessed(self.advanced(state, Some((&candidates, &always)))?, &candidates, &always)?;
+            let next = self
+                .advanced(state, Some((&candidates, &always)))?
+                .into_iter()
+                .filter_map(|start| self.assessed(start, &candidates, &always).ok())
+                .min_by(|a, b| a.deviance.total_cmp(&b.deviance));
+            let Some(next) = next else { break };
             report(&format!("round {} {:.1?}", self.in_words(&next), clock.elapsed()));
-            let settled = round > 0 && next.sets.best().effects == state.sets.best().effects;
-            best = Some(next);
-            if settled {
+            let fall = state.deviance - next.deviance;
+            if fall > 0.0 {
+                best = Some(next);
+            }
+            if fall < SETTLED {
                 break;
             }
-        }
-        // Once more without a change of the set.
-        if let Some(state) = &best {
-            best = Some(self.assessed(self.advanced(state, None)?, &candidates, &always)?);
         }
         best.ok_or(SimulationError::ParameterCount { found: 0, expected: 1 })
     }
@@ -459,14 +462,21 @@ impl<'a> Session<'a> {
         }
         let part = if sums[2] > 0.0 { (-sums[1] / sums[2]).clamp(0.0, 1.0) } else { 0.0 };
         let part = if part > ALL_OF_IT { 1.0 } else { part };
-        let parameters = given.iter().zip(&state.point.parameters).map(|(from, to)| {
-            let between = |from: f64, to: f64| from * (to / from).powf(part);
-            MuscleParameters {
-                max_isometric_force: between(from.max_isometric_force, to.max_isometric_force),
-                optimal_fiber_length: between(from.optimal_fiber_length, to.optimal_fiber_length),
-                tendon_slack_length: between(from.tendon_slack_length, to.tendon_slack_length),
-                ..*to
-            }
+        let (parameters, effects) = self.part_of_the_way(&state.point, part);
+        let left_out_ratio = ((sums[0] + 2.0 * sums[1] + sums[2]) / sums[0].max(f64::MIN_POSITIVE)).max(0.0).sqrt();
+        Ok(HandedOver { parameters, effects, part, left_out_ratio })
+    }
+
+    /// Muscles and effects at a part of the way from the model as given to a point.
+    fn part_of_the_way(&self, point: &Point, part: f64) -> (Vec<MuscleParameters>, Vec<Setting>) {
+        let forward = self.forward();
+        let between = |from: f64, to: f64| from * (to / from).powf(part);
+        let given = forward.nominal_parameters();
+        let parameters = given.iter().zip(&point.parameters).map(|(from, to)| MuscleParameters {
+            max_isometric_force: between(from.max_isometric_force, to.max_isometric_force),
+            optimal_fiber_length: between(from.optimal_fiber_length, to.optimal_fiber_length),
+            tendon_slack_length: between(from.tendon_slack_length, to.tendon_slack_length),
+            ..*to
         });
         let shortened = |setting: &Setting| {
             let mut setting = setting.clone();
@@ -476,9 +486,21 @@ impl<'a> Session<'a> {
             }
             setting
         };
-        let effects = state.point.effects.iter().map(shortened).collect();
-        let left_out_ratio = ((sums[0] + 2.0 * sums[1] + sums[2]) / sums[0].max(f64::MIN_POSITIVE)).max(0.0).sqrt();
-        Ok(HandedOver { parameters: parameters.collect(), effects, part, left_out_ratio })
+        (parameters.collect(), point.effects.iter().map(shortened).collect())
+    }
+
+    /// What would be handed over without one of the effects: muscles and the others take, to first order, what it leaves.
+    ///
+    /// - `effect`: its place
+    pub fn without(&self, state: &State, effect: usize, part: f64) -> (Vec<MuscleParameters>, Vec<Setting>) {
+        let set: Vec<usize> = self.places(&state.point.effects).into_iter().filter(|e| *e != effect).collect();
+        let posterior = state.model.posterior(&set, &state.sets.best().sizes);
+        let own = self.analysis.n_nuisance() + state.point.effects.iter().map(|s| s.values.len()).sum::<usize>();
+        let step = (&posterior.mean - &state.model.offset).rows(0, own).into_owned();
+        let mut point = self.analysis.moved(&state.point, &step);
+        let id = self.analysis.candidates[effect].description().id;
+        point.effects.retain(|s| s.effect.description().id != id);
+        self.part_of_the_way(&point, part)
     }
 
     /// Estimates of the effects at the joint mode, by `effect.parameter`, with 95 % intervals.
@@ -596,11 +618,7 @@ impl<'a> Session<'a> {
             sets.par_iter().with_max_len(1).filter_map(|set| self.reach(&from, set, FIRST_STEPS).ok()).collect();
         reached.sort_by(|a, b| a.deviance.total_cmp(&b.deviance));
         reached.truncate(STARTS);
-        let begun = |mut r: Reached| {
-            self.correct(&mut r.point, &r.linear, &passage, &factors, &levels, &r.directions, &r.set, &r.sizes)?;
-            Ok(Start { point: r.point, levels, set: r.set, sizes: r.sizes })
-        };
-        reached.into_iter().map(begun).collect()
+        Ok(reached.into_iter().map(|r| Start { point: r.point, levels, set: r.set, sizes: r.sizes }).collect())
     }
 
     /// Noise, linear model and sets at a point.
@@ -648,8 +666,8 @@ impl<'a> Session<'a> {
         state.deviance = determinant + state.sets.best().deviance + noise::prior_deviance(&state.levels);
     }
 
-    /// A step on: the best set reached by descent, and with `among` others tried by simulation.
-    fn advanced(&self, state: &State, among: Option<(&[usize], &[usize])>) -> Result<Start, SimulationError> {
+    /// Steps on: the best set reached by descent; with `among`, others tried by simulation, too: the most probable, the noise held.
+    fn advanced(&self, state: &State, among: Option<(&[usize], &[usize])>) -> Result<Vec<Start>, SimulationError> {
         let best = state.sets.best();
         let from = Around {
             point: &state.point,
@@ -664,15 +682,11 @@ impl<'a> Session<'a> {
             sets.extend(self.alternatives(&best.effects, &state.sets, candidates, always));
         }
         let found: Vec<_> = sets.par_iter().with_max_len(1).map(|set| self.reach(&from, set, STEPS)).collect();
-        let mut found = found.into_iter();
-        let first = found.next().ok_or(SimulationError::ParameterCount { found: 0, expected: 1 })?;
-        let nearest = found.flatten().fold(first, |known, next| match known {
-            Ok(known) if known.deviance - DEEPER <= next.deviance => Ok(known),
-            _ => Ok(next),
-        })?;
-        let Reached { mut point, set, sizes, linear, directions, .. } = nearest;
-        self.correct(&mut point, &linear, &state.noise, &state.factors, &state.levels, &directions, &set, &sizes)?;
-        Ok(Start { point, levels: state.levels, set, sizes })
+        let mut reached: Vec<Reached> = found.into_iter().flatten().collect();
+        reached.sort_by(|a, b| a.deviance.total_cmp(&b.deviance));
+        reached.truncate(ASSESSED);
+        let start = |r: Reached| Start { point: r.point, levels: state.levels, set: r.set, sizes: r.sizes };
+        Ok(reached.into_iter().map(start).collect())
     }
 
     /// Takes the excitations that are expected before the moment is looked at.
@@ -842,7 +856,7 @@ impl<'a> Session<'a> {
             self.descend(&mut point, &mut linear, from.noise, from.factors, &directions, set, from.sizes, steps)?;
         let (sizes, deviance) = model.sizes_for(set, from.sizes, 2);
         let deviance = deviance + 2.0 * ODDS.ln() * set.len() as f64;
-        Ok(Reached { set: set.to_vec(), point, linear, directions, sizes, deviance })
+        Ok(Reached { set: set.to_vec(), point, sizes, deviance })
     }
 
     /// Gauss–Newton steps of muscles, baselines and effects; directions and discrepancy are profiled out.
@@ -890,49 +904,6 @@ impl<'a> Session<'a> {
             }
         }
         Ok(model)
-    }
-
-    /// Expected errors of the EMG, once everything else has taken its step.
-    fn correct(
-        &self,
-        point: &mut Point,
-        linear: &[Linear],
-        noise: &Passage,
-        factors: &[Cholesky<f64, Dyn>],
-        levels: &NoiseLevels,
-        directions: &[DMatrix<f64>],
-        set: &[usize],
-        sizes: &Sizes,
-    ) -> Result<(), SimulationError> {
-        let columns = self.all_columns(linear, directions);
-        let model = self.model(point, &columns, factors);
-        let posterior = model.posterior(set, sizes);
-        let step = &posterior.mean - &model.offset;
-        let p = model.len();
-        let found: Vec<Result<_, SimulationError>> = columns
-            .par_iter()
-            .enumerate()
-            .map(|(position, c)| {
-                let left = c.column(p) - c.columns(0, p) * &step;
-                let weighted = factors[position].solve(&left);
-                let mut correction = noise.noise[position].expected_noise(levels, &weighted);
-                for (m, (w, expected)) in correction.iter_mut().zip(&noise.expected[position]).enumerate() {
-                    *w = &expected.shaping * &*w + noise.bare[position].known_response(m, &expected.known, &weighted);
-                    *w += &expected.mean;
-                }
-                for w in correction.iter_mut().flat_map(|w| w.iter_mut()) {
-                    *w = w.clamp(-LARGEST_NOISE, LARGEST_NOISE);
-                }
-                let g = self.analysis.train[position];
-                let record = &self.forward().trials[g];
-                let excitation = corrected(&record.time, &record.excitation, &correction);
-                Ok((correction, Arc::new(self.forward().input(g, excitation)?)))
-            })
-            .collect();
-        for (position, found) in found.into_iter().enumerate() {
-            (point.correction[position], point.inputs[position]) = found?;
-        }
-        Ok(())
     }
 
     /// Chooses how noise is autocorrelated by restricted likelihood: of the EMG's, then of the moment's.
