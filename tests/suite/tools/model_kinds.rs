@@ -9,6 +9,9 @@ use super::references::{References, written};
 const TOLERANCE: f64 = 1e-8;
 /// The same of inverse dynamics, which is written with eight digits.
 const OF_EIGHT_DIGITS: f64 = 2e-8;
+/// The same where OpenSim's tool assembles states that satisfy constraints already: it moves them by up to 1e-9 rad, which
+/// accelerations of tens of rad/s² multiply.
+const REASSEMBLED: f64 = 1e-7;
 /// The same where OpenSim's assembly decides on the motion: it ends where the sum of squares changes by 1e-9.
 const ASSEMBLED: f64 = 1e-5;
 
@@ -47,7 +50,7 @@ fn val_opensim_forces_and_muscles_of_a_component_set() {
 
 #[test]
 fn val_opensim_coupler_of_two_coordinates() {
-    of(&["coupler_of_two.osim"]).compare("coupler_of_two.xml", "coupler_of_two", TOLERANCE);
+    of(&["coupler_of_two.osim"]).compare("coupler_of_two.xml", "coupler_of_two", REASSEMBLED);
 }
 
 #[test]
