@@ -62,7 +62,7 @@ pub fn weight(column: usize) -> f64 {
 ///
 /// - `moment`: of the muscle [N·m]
 pub fn columns(ranges: &Ranges, kinematics: &TrialKinematics, muscle: usize, moment: &[f64]) -> Vec<Vec<f64>> {
-    let mut out = vec![Vec::with_capacity(moment.len()); PER_MUSCLE];
+    let mut out: Vec<Vec<f64>> = (0..PER_MUSCLE).map(|_| Vec::with_capacity(moment.len())).collect();
     for (k, moment) in moment.iter().enumerate() {
         let q = ranges.of_angle(kinematics.angle[k]);
         let v = ranges.of_speed(kinematics.speed[k]);
