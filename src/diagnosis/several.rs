@@ -20,13 +20,14 @@ use crate::study::TrialUse;
 /// Sets whose neighbours are looked at in a round.
 const EXPANSIONS: usize = 12;
 /// What a laboratory has of every effect, as a share of what is plausible: beyond this many things are a little wrong, and a search for the one
-/// effect that leaves nothing is in vain. A clean session with one effect has 0.002 to 0.01, laboratories 0.03 to 0.3.
+/// effect that leaves nothing is in vain. Sessions with one effect and noise alone are an order of magnitude below, laboratories above.
 const LABORATORY: f64 = 0.02;
 /// More effects than this are many things, too.
 const FEW: usize = 2;
 /// An effect, or one of its group, is named from this probability on: more likely than not.
 const NAMED: f64 = 0.5;
-/// The first effect is dominant if it takes this share of the mean square of the model as given's error, beyond what recalibration takes.
+/// An effect is dominant if at least this share of the mean square of the given model's error comes back without it. Small errors of
+/// laboratories take up to about as much, in short studies more.
 const DOMINANT: f64 = 0.05;
 
 /// An effect that is missing.

@@ -103,7 +103,9 @@ fn asked_of<T>(
 
 /// Every candidate is in one list, what is ruled out has a small p-value, and experiments are there where they are called for.
 fn check_lists(found: &Diagnosis) {
-    let explaining: BTreeSet<&str> = found.explanations.iter().flat_map(|e| e.effects.iter().copied()).collect();
+    let missing = found.effects.iter().map(|e| e.effect);
+    let explaining: BTreeSet<&str> =
+        found.explanations.iter().flat_map(|e| e.effects.iter().copied()).chain(missing).collect();
     let not = &found.not_listed;
     let lists = [&not.ruled_out, &not.less_likely, &not.implausible, &found.not_fitted, &found.not_testable];
     let mut listed: Vec<&str> = explaining.iter().copied().chain(lists.into_iter().flatten().copied()).collect();
@@ -173,8 +175,14 @@ fn val_opensim_what_is_missing_is_found_where_the_torque_was_filtered() {
     let name = "joint_stiffness";
     let (found, truth) = judged(name, asked_of(1.0, &folder(name), &filtered, &candidates, diagnosis));
     assert!(found.noise["moment_white_n_m"] < 0.02, "{:?}", found.noise);
-    assert!(sets(&found).contains(&["joint_stiffness"].as_slice()), "{:?}", sets(&found));
-    assert_found(&found, &truth, "joint_stiffness", "stiffness", 0.25);
+    // What the filter takes of everything is a little wrong, too.
+    assert_eq!(found.verdict, Verdict::Dominant);
+    let [only] = found.effects.as_slice() else { panic!("{:?}", found.effects) };
+    let (hidden, size) =
+        (truth["effect_parameters"]["joint_stiffness.stiffness"].as_f64(), &only.parameters["stiffness"]);
+    let hidden = hidden.unwrap();
+    assert!(only.effect == "joint_stiffness" && (size.value / hidden - 1.0).abs() < 0.25, "{size:?} of {hidden}");
+    assert!(size.ci95[0] <= hidden && hidden <= size.ci95[1], "{size:?} of {hidden}");
 }
 
 /// Sizes in the catalogue are a wrist's; those of stronger joints are in proportion.
@@ -349,8 +357,9 @@ fn val_opensim_two_effects_are_found_where_everything_is_a_little_wrong() {
 }
 
 #[test]
-fn val_opensim_nothing_dominates_where_everything_is_a_little_wrong() {
+fn val_opensim_nothing_takes_most_of_the_error_where_everything_is_a_little_wrong() {
     let (found, _) = of_laboratory("no_effect");
-    assert!(found.effects.iter().all(|e| !e.dominant), "{:?}", found.effects);
+    // A third is less than any effect takes that is large beside the small ones.
+    assert!(found.effects.iter().all(|e| e.share_of_error.train[0] < 1.0 / 3.0), "{:?}", found.effects);
     assert_never_worse(&found);
 }

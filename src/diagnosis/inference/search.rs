@@ -1,7 +1,7 @@
 //! Which sets of effects the data call for: best first over all sets, by their posterior probability.
 //!
 //! A set's neighbours have one effect more, one less, or one exchanged. The most probable set whose neighbours are not known yet is
-//! expanded next, until the budget is spent or no set within [`NEGLIGIBLE`] of the best is left.
+//! expanded next, until the budget is spent or no set near the best is left.
 
 use std::collections::BTreeMap;
 
