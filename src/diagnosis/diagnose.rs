@@ -126,8 +126,9 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let judge =
         Judge { request, analysis: &analysis, null: &null, near, not_testable: &not_testable, uncentred, refit_error };
     let rejected = null_p_value < REJECT_NULL;
-    // Where many things are a little wrong, no single effect leaves nothing: none is looked for.
-    let several = if rejected { several::several(request)? } else { None };
+    // Where many things are a little wrong, no single effect leaves nothing: none is looked for. Where that cannot be found out, because a
+    // trial cannot be simulated at some point of the search, single effects are.
+    let several = if rejected { several::several(request).unwrap_or_default() } else { None };
     let alone = rejected && several.is_none();
     let singles = if alone { judge.singles(&left)? } else { Vec::new() };
     let above = |p_value: f64| -> Vec<(Fit, Explanation)> {
