@@ -129,7 +129,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     // Where many things are a little wrong, no single effect leaves nothing: none is looked for. Where that cannot be found out, because a
     // trial cannot be simulated at some point of the search, single effects are.
     let several = if rejected { several::several(request).unwrap_or_default() } else { None };
-    let alone = rejected && several.is_none();
+    let alone = rejected && several.as_ref().is_none_or(|s| s.effects.len() <= several::FEW);
     let singles = if alone { judge.singles(&left)? } else { Vec::new() };
     let above = |p_value: f64| -> Vec<(Fit, Explanation)> {
         singles.iter().filter(|s| s.1.p_value > p_value).cloned().collect()
@@ -158,6 +158,8 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         explanations.retain(|e| e.1.lowers_error() && lowers_held_out(&e.1));
         farther.extend(judge.keep_the_near(&mut explanations, &singles));
     }
+    // What leaves nothing needs nothing beside it.
+    let several = several.filter(|_| explanations.is_empty());
     let implausible = !explanations.is_empty() && explanations.iter().all(|e| !e.1.plausible);
     if !implausible {
         explanations.retain(|e| e.1.plausible);

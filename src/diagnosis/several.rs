@@ -22,8 +22,8 @@ const EXPANSIONS: usize = 12;
 /// What a laboratory has of every effect, as a share of what is plausible: beyond this many things are a little wrong, and a search for the one
 /// effect that leaves nothing is in vain. Sessions with one effect and noise alone are an order of magnitude below, laboratories above.
 const LABORATORY: f64 = 0.02;
-/// More effects than this are many things, too.
-const FEW: usize = 2;
+/// More effects than this are many things, too; of so few it is asked whether one, or both, leave nothing.
+pub const FEW: usize = 2;
 /// An effect, or one of its group, is named from this probability on: more likely than not.
 const NAMED: f64 = 0.5;
 /// An effect is dominant if at least this share of the mean square of the given model's error comes back without it. Small errors of
