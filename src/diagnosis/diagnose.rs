@@ -100,6 +100,10 @@ pub struct Outcome {
 /// A trial that cannot be simulated.
 pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let forward = request.forward;
+    if std::env::var("CARPUS_SCRATCH").is_ok() {
+        several::scratch(request)?;
+        std::process::exit(0);
+    }
     let all: Vec<&'static dyn Effect> =
         if request.candidates.is_empty() { CATALOGUE.to_vec() } else { request.candidates.clone() };
     let train = forward.trials_for(TrialUse::Train);

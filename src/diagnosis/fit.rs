@@ -226,7 +226,7 @@ impl<'a> Analysis<'a> {
     }
 
     /// Prior precision and present distance from the prior's mean, of nuisance and effects.
-    fn prior(&self, point: &Point) -> (Vec<f64>, Vec<f64>) {
+    pub(crate) fn prior(&self, point: &Point) -> (Vec<f64>, Vec<f64>) {
         let mut precision = self.nuisance_precision();
         let mut offset = Vec::new();
         for (p, nominal) in point.parameters.iter().zip(self.forward.nominal_parameters()) {
@@ -245,7 +245,7 @@ impl<'a> Analysis<'a> {
     }
 
     /// Whitened columns [nuisance | effects | residual] of every trial.
-    fn whitened(&self, linear: &[Linear], factors: &[Cholesky<f64, Dyn>]) -> Vec<DMatrix<f64>> {
+    pub(crate) fn whitened(&self, linear: &[Linear], factors: &[Cholesky<f64, Dyn>]) -> Vec<DMatrix<f64>> {
         linear
             .par_iter()
             .with_max_len(ONE_BY_ONE)

@@ -113,6 +113,31 @@ pub fn fitted_with(request: &Request, effects: &[&str]) -> Result<Fitted, Simula
     })
 }
 
+/// Scratch.
+pub fn scratch(request: &Request) -> Result<(), SimulationError> {
+    let clock = std::time::Instant::now();
+    let trace = |s: &str| eprintln!("  {:.1?} {s}", clock.elapsed());
+    let mut session = session(request);
+    let state = session.estimate(&[], false, &trace)?;
+    for (s, p) in state.sets.found.iter().zip(&state.sets.probability).take(6) {
+        let ids: Vec<_> = s.effects.iter().map(|e| session.analysis.candidates[*e].description().id).collect();
+        trace(&format!("set {p:.3} {ids:?} {:?}", s.sizes));
+    }
+    let skip = super::addition::unidentifiable(&session.analysis);
+    let show = |session: &Session, what: &str, state: &State| {
+        let fit = session.as_fit(state);
+        trace("fit");
+        let left = session.analysis.anything_left(&fit, &skip).unwrap();
+        let mut blocks: Vec<_> = left.blocks.iter().map(|b| (b.p_value, b.name.clone())).collect();
+        blocks.sort_by(|a, b| a.0.total_cmp(&b.0));
+        trace(&format!("{what} p {:.4} flip {:.4} {:?}", left.p_value, left.sign_flip_p_value, &blocks[..4]));
+    };
+    show(&session, "best", &state);
+    let alone = session.estimate(&[], true, &trace)?;
+    show(&session, "alone", &alone);
+    Ok(())
+}
+
 /// What is missing, if many things are a little wrong; `None` if one effect, or two, may leave nothing.
 ///
 /// # Errors

@@ -27,15 +27,16 @@ const SMALLEST: f64 = 0.005;
 const RATES_WHEN_HELD: [f64; 4] = [0.1, 0.2, 0.4, 0.8];
 /// Correlation lengths of the rate that are compared [s].
 const RATE_LENGTHS: [f64; 3] = [0.1, 0.2, 0.4];
-/// Half of the time over which the recorded envelope's own rate is taken [s]: longer than the noise's correlation, shorter than an effort.
-const HALF_WINDOW: f64 = 0.3;
+/// Halves of the times over which the recorded envelope's own rate is taken [s]: of onsets, and of what is slower than the noise.
+const HALF_WINDOWS: [f64; 2] = [0.12, 0.3];
 /// Variance of the level of a trial's logarithm: wide.
 const LEVEL: f64 = 4.0;
 
 /// Of one channel in one trial: what is expected of w before the moment is looked at.
 #[derive(Clone, Debug)]
 pub struct Expected {
-    /// Mean on the knots.
+    /// On the knots: w of the mean excitation, which is by half of the variance above the mean of w. Moments go with excitations, not with
+    /// their logarithms.
     pub mean: DVector<f64>,
     /// I − A, A = N (N + C)⁻¹: what of the noise is left in the expected envelope.
     pub shaping: DMatrix<f64>,
@@ -45,20 +46,30 @@ pub struct Expected {
 
 /// What is expected of every channel in every trial.
 ///
-/// - `envelopes`: per trial and channel, recorded, on knots; `kernel`: of the noise's autocorrelation
-pub fn expected(envelopes: &[Vec<DVector<f64>>], levels: &NoiseLevels, kernel: &Kernel) -> Vec<Vec<Expected>> {
+/// - `envelopes`: per trial and channel, recorded, on knots; `kernel`: of the noise's autocorrelation; `signals`: of every channel
+pub fn expected(
+    envelopes: &[Vec<DVector<f64>>],
+    levels: &NoiseLevels,
+    kernel: &Kernel,
+    signals: &[Signal],
+) -> Vec<Vec<Expected>> {
+    let of =
+        |trial: &Vec<DVector<f64>>| trial.iter().zip(signals).map(|(e, s)| of_channel(e, s, levels, kernel)).collect();
+    envelopes.par_iter().map(of).collect()
+}
+
+/// The signals of maximum likelihood, of every channel.
+///
+/// - `envelopes`, `kernel`: as for [`expected`]
+pub fn signals(envelopes: &[Vec<DVector<f64>>], levels: &NoiseLevels, kernel: &Kernel) -> Vec<Signal> {
     let channels = envelopes.first().map_or(0, Vec::len);
     let channel = |m: usize| -> Vec<&DVector<f64>> { envelopes.iter().map(|trial| &trial[m]).collect() };
-    let signals: Vec<Signal> =
-        (0..channels).into_par_iter().map(|m| most_likely(&channel(m), levels, kernel)).collect();
-    let of =
-        |trial: &Vec<DVector<f64>>| trial.iter().zip(&signals).map(|(e, s)| of_channel(e, s, levels, kernel)).collect();
-    envelopes.par_iter().map(of).collect()
+    (0..channels).into_par_iter().map(|m| most_likely(&channel(m), levels, kernel)).collect()
 }
 
 /// How a channel's true envelopes change.
 #[derive(Clone, Copy, Debug)]
-struct Signal {
+pub struct Signal {
     /// Standard deviation of the logarithm's rate while an effort is held [1/s].
     rate: f64,
     /// How the rate is autocorrelated.
@@ -76,7 +87,7 @@ fn most_likely(trials: &[&DVector<f64>], levels: &NoiseLevels, kernel: &Kernel) 
         .collect();
     let deviance = |signal: &Signal| -> f64 {
         let of = |(z, n): &(DVector<f64>, DMatrix<f64>)| {
-            let mut v = covariance(z, signal) + n;
+            let mut v = covariance(z, &n.diagonal(), signal) + n;
             (0..z.len()).for_each(|j| v[(j, j)] *= 1.0 + 1e-9);
             let Some(factor) = v.cholesky() else { return f64::INFINITY };
             let about = z.add_scalar(-z.mean());
@@ -110,14 +121,18 @@ fn noise(e: &DVector<f64>, levels: &NoiseLevels, kernel: &Kernel) -> DMatrix<f64
 }
 
 /// Covariance of the true envelope's logarithm.
-fn covariance(z: &DVector<f64>, signal: &Signal) -> DMatrix<f64> {
+///
+/// - `noise`: variance of every knot's logarithm
+fn covariance(z: &DVector<f64>, noise: &DVector<f64>, signal: &Signal) -> DMatrix<f64> {
     let n = z.len();
-    let reach = (HALF_WINDOW / KNOT_SPACING).round() as usize;
-    let rate = |j: usize| {
+    // What of a change the noise does not explain, over the time that it took.
+    let over = |j: usize, half: f64| {
+        let reach = (half / KNOT_SPACING).round() as usize;
         let (before, after) = (j.saturating_sub(reach), (j + reach).min(n - 1));
-        let recorded = (z[after] - z[before]) / (KNOT_SPACING * (after - before).max(1) as f64);
-        signal.rate.hypot(recorded)
+        let change = (z[after] - z[before]).powi(2) - noise[before] - noise[after];
+        change.max(0.0).sqrt() / (KNOT_SPACING * (after - before).max(1) as f64)
     };
+    let rate = |j: usize| HALF_WINDOWS.iter().fold(signal.rate, |most, half| most.max(over(j, *half)));
     let rates: Vec<f64> = (0..n).map(rate).collect();
     let mut c = stationary(&signal.kernel, n);
     for j in 0..n {
@@ -144,7 +159,8 @@ fn of_channel(e: &DVector<f64>, signal: &Signal, levels: &NoiseLevels, kernel: &
     let e = e.map(|e| e.max(SMALLEST));
     let z = e.map(f64::ln);
     let knots = e.len();
-    let (n, c) = (noise(&e, levels, kernel), covariance(&z, signal));
+    let n = noise(&e, levels, kernel);
+    let c = covariance(&z, &n.diagonal(), signal);
     let mut v = &c + &n;
     (0..knots).for_each(|j| v[(j, j)] *= 1.0 + 1e-9);
     let Some(of_v) = v.cholesky() else {
@@ -154,7 +170,8 @@ fn of_channel(e: &DVector<f64>, signal: &Signal, levels: &NoiseLevels, kernel: &
     let about = z.add_scalar(-z.mean());
     // A = N V⁻¹, both symmetric.
     let a = of_v.solve(&n).transpose();
-    let mean = -(&a * about);
+    let variance = (&n - &a * &n).diagonal();
+    let mean = 0.5 * variance - &a * about;
     let known = &a * c * a.transpose();
     Expected { mean, shaping: DMatrix::identity(knots, knots) - a, known }
 }
@@ -189,7 +206,7 @@ mod tests {
             })
             .collect();
         let envelopes: Vec<Vec<DVector<f64>>> = draws.iter().map(|(_, e)| vec![e.clone()]).collect();
-        let found = expected(&envelopes, &levels, &kernel);
+        let found = expected(&envelopes, &levels, &kernel, &signals(&envelopes, &levels, &kernel));
         let (mut before, mut after, mut said) = (0.0, 0.0, 0.0);
         for ((truth, e), found) in draws.iter().zip(&found) {
             let w = DVector::from_fn(n, |i, _| (truth[i] / e[i]).ln());

@@ -61,6 +61,16 @@ pub struct Sizes {
     pub discrepancy: Vec<f64>,
 }
 
+impl Sizes {
+    /// All of them times a factor.
+    pub fn scaled(&self, factor: f64) -> Sizes {
+        Sizes {
+            everything: factor * self.everything,
+            discrepancy: self.discrepancy.iter().map(|s| factor * s).collect(),
+        }
+    }
+}
+
 /// Prior scales of [`Sizes`]: half-normal.
 #[derive(Clone, Debug)]
 pub struct SizePriors {

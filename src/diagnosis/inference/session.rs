@@ -5,15 +5,16 @@ mod handing_over;
 mod noise_along_the_way;
 mod steps;
 
-use nalgebra::{Cholesky, DMatrix, Dyn};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use super::discrepancy::Ranges;
-use super::excitation::Expected;
+use super::excitation;
+use super::excitation::{Expected, Signal};
 use super::linear_model::{LinearModel, Sizes};
 use super::search::{Budget, Sets, search};
 use crate::diagnosis::effect::Effect;
-use crate::diagnosis::fit::{Analysis, Linear, Point};
+use crate::diagnosis::fit::{Analysis, Fit, Linear, Point};
 use crate::diagnosis::forward_model::{ForwardModel, Setting};
 use crate::diagnosis::noise::{self, NoiseLevels, TrialNoise};
 use crate::simulation::{MuscleParameters, SimulationError};
@@ -37,6 +38,8 @@ const SCREENED: usize = 12;
 const FIRST_STEPS: usize = 3;
 /// Rounds of search, simulation of other sets, noise and relinearization, at most.
 const ROUNDS: usize = 4;
+/// Share of the sizes' scales that is as good as nothing.
+const NOTHING_ELSE: f64 = 0.02;
 /// Gauss–Newton steps with a set of effects.
 const STEPS: usize = 5;
 /// Most probable sets beside the best that are tried by simulation.
@@ -49,6 +52,12 @@ const STANDS_IN: f64 = 0.1;
 const ALL_OF_IT: f64 = 0.9;
 /// Of the sets that were tried in a round, those first whose noise is estimated anew.
 const ASSESSED: usize = 3;
+/// Turns of muscles and noise before effects are looked for.
+const CALIBRATIONS: usize = 2;
+/// Turns of the noise's variances and of what is expected of the EMG, which goes with them.
+const TURNS: usize = 3;
+/// Change of a variance's logarithm that is as good as none.
+const STILL: f64 = 0.05;
 /// The estimate has settled when a round lowers −2 log posterior by less than this.
 const SETTLED: f64 = 1.0;
 
@@ -98,6 +107,11 @@ pub struct Session<'a> {
     pub analysis: Analysis<'a>,
     ranges: Ranges,
     budget: Budget,
+    /// Variances of the noise beside everything at once; autocorrelation and signals are known with them.
+    levels: NoiseLevels,
+    noise_is_known: bool,
+    /// Of every channel of the EMG.
+    signals: Vec<Signal>,
 }
 
 /// What is handed over to the user.
@@ -157,7 +171,7 @@ impl<'a> Session<'a> {
             (&kinematics.angle[..], &kinematics.speed[..])
         }));
         let analysis = Analysis::without_data(forward, train, candidates, bounds, 0);
-        Session { analysis, ranges, budget }
+        Session { analysis, ranges, budget, levels: NoiseLevels::usual(forward.joint.strength), noise_is_known: false, signals: Vec::new() }
     }
 
     fn forward(&self) -> &'a ForwardModel {
@@ -175,17 +189,16 @@ impl<'a> Session<'a> {
         let always: Vec<usize> = always.iter().filter_map(place).collect();
         let candidates = if only { Vec::new() } else { self.testable() };
         let clock = std::time::Instant::now();
+        if !self.noise_is_known {
+            self.levels = self.calibrate()?;
+            self.noise_is_known = true;
+            report(&format!("kernels {:?} {:.1?}", self.analysis.kernels, clock.elapsed()));
+        }
         let starts = self.starts(&candidates, &always)?;
         report(&format!("{} starts, {:.1?}", starts.len(), clock.elapsed()));
         let mut followed: Vec<State> = Vec::new();
-        let mut kernels_are_known = false;
         for start in starts {
             let Ok(mut state) = self.assessed(start, &candidates, &always) else { continue };
-            if !kernels_are_known {
-                self.choose_kernels(&mut state);
-                kernels_are_known = true;
-                report(&format!("kernels {:?} {:.1?}", self.analysis.kernels, clock.elapsed()));
-            }
             let next = self.advanced(&state, None)?.into_iter().next();
             if let Some(Ok(next)) = next.map(|start| self.assessed(start, &candidates, &always)) {
                 state = next;
@@ -214,6 +227,38 @@ impl<'a> Session<'a> {
         best.ok_or(SimulationError::ParameterCount { found: 0, expected: 1 })
     }
 
+    /// An estimate in the form that tests of what is left take.
+    pub fn as_fit(&self, state: &State) -> Fit {
+        let set = self.places(&state.point.effects);
+        let sizes = &state.sets.best().sizes;
+        let posterior = state.model.posterior(&set, sizes);
+        let columns = self.all_columns(&state.linear, &state.directions);
+        let regressors = Self::regressors(&state.model, &columns, &posterior.sd);
+        let trials: Vec<_> = state.noise.noise.iter().zip(&regressors).map(|(n, (x, r))| (n, x, r)).collect();
+        let count = regressors.first().map_or(0, |(x, _)| x.ncols());
+        let level_spread = noise::spread(&trials, &DVector::from_element(count, 1.0), &state.levels)
+            .unwrap_or_else(|| DMatrix::zeros(noise::COMPONENTS, noise::COMPONENTS));
+        let first = self.analysis.n_nuisance();
+        let effects: usize = state.point.effects.iter().map(|s| s.values.len()).sum();
+        let covariance = posterior.covariance().view((first, first), (effects, effects)).into_owned();
+        let (precision, offset) = self.analysis.prior(&state.point);
+        let bias = state.directions.iter().map(|d| DVector::zeros(first + effects + d.ncols())).collect::<Vec<_>>();
+        Fit {
+            deviance: state.deviance,
+            covariance,
+            levels: state.levels,
+            level_spread,
+            noise: state.noise.noise.clone(),
+            factors: state.factors.clone(),
+            whitened: self.analysis.whitened(&state.linear, &state.factors),
+            offset,
+            precision,
+            directions: std::sync::Arc::new(state.directions.clone()),
+            bias: std::sync::Arc::new(bias),
+            point: state.point.clone(),
+        }
+    }
+
     fn ids(&self, set: &[usize]) -> Vec<&'static str> {
         set.iter().map(|e| self.analysis.candidates[*e].description().id).collect()
     }
@@ -231,16 +276,47 @@ impl<'a> Session<'a> {
         )
     }
 
+    /// Variances and autocorrelation of the noise, and what signals the EMG has, estimated beside everything at once: muscles fitted, every
+    /// effect of a plausible size. What an effect does is not to be taken for noise.
+    fn calibrate(&mut self) -> Result<NoiseLevels, SimulationError> {
+        let mut levels = self.levels;
+        let mut point = self.analysis.nominal_point();
+        self.signals = excitation::signals(&self.envelopes(), &levels, &self.analysis.kernels.emg);
+        for _ in 0..CALIBRATIONS {
+            self.start_at_expected(&mut point, &levels)?;
+            let mut linear = self.analysis.linearize(&point, &[])?;
+            let passage = self.structure(&mut linear, &point, &levels);
+            let directions;
+            (directions, self.analysis.blocks) = self.analysis.calc_directions(&linear, &point)?;
+            let factors = factors(&passage.noise, &levels);
+            let model = self.model(&point, &self.all_columns(&linear, &directions), &factors);
+            let sizes = Sizes { everything: 1.0, ..model.usual_sizes() };
+            let from = Around {
+                point: &point,
+                model: &model,
+                sizes: &sizes,
+                noise: &passage,
+                factors: &factors,
+                directions: &directions,
+            };
+            let reached = self.reach(&from, &[], STEPS)?;
+            let start = Start { point: reached.point, levels, set: Vec::new(), sizes: sizes.clone() };
+            let mut state = self.with_noise(start)?;
+            self.choose_kernels(&mut state, &sizes);
+            (point, levels) = (state.point, state.levels);
+        }
+        Ok(levels)
+    }
+
     /// Where to begin: from the model as given every effect alone, none, and what the linear model at that point calls for, each fitted with
     /// the same usual noise; the most probable first.
     fn starts(&mut self, candidates: &[usize], always: &[usize]) -> Result<Vec<Start>, SimulationError> {
-        let levels = NoiseLevels::usual(self.forward().joint.strength);
+        let levels = self.levels;
         let mut point = self.analysis.nominal_point();
         self.start_at_expected(&mut point, &levels)?;
         let mut linear = self.analysis.linearize(&point, &[])?;
         let passage = self.structure(&mut linear, &point, &levels);
-        let directions;
-        (directions, self.analysis.blocks) = self.analysis.calc_directions(&linear, &point)?;
+        let directions = self.analysis.calc_directions(&linear, &point)?.0;
         let factors = factors(&passage.noise, &levels);
         let model = self.model(&point, &self.all_columns(&linear, &directions), &factors);
         let sizes = model.usual_sizes();
@@ -267,6 +343,9 @@ impl<'a> Session<'a> {
         };
         let mut reached: Vec<Reached> =
             sets.par_iter().with_max_len(1).filter_map(|set| self.reach(&from, set, FIRST_STEPS).ok()).collect();
+        // The muscles alone, too, as if nothing else were wrong: what they can explain is not to be left to a little of everything.
+        let nothing = sizes.scaled(NOTHING_ELSE);
+        reached.extend(self.reach(&Around { sizes: &nothing, ..from }, always, STEPS));
         reached.sort_by(|a, b| a.deviance.total_cmp(&b.deviance));
         reached.truncate(STARTS);
         Ok(reached.into_iter().map(|r| Start { point: r.point, levels, set: r.set, sizes: r.sizes }).collect())
@@ -274,40 +353,56 @@ impl<'a> Session<'a> {
 
     /// Noise, linear model and sets at a point.
     fn assessed(&self, start: Start, candidates: &[usize], always: &[usize]) -> Result<State, SimulationError> {
-        let Start { point, levels, set, sizes } = start;
+        let (set, sizes) = (start.set.clone(), start.sizes.clone());
+        let mut state = self.with_noise(start)?;
+        self.weigh(&mut state, &set, &sizes, candidates, always);
+        Ok(state)
+    }
+
+    /// Noise and linear model at a point.
+    fn with_noise(&self, start: Start) -> Result<State, SimulationError> {
+        let Start { mut point, mut levels, set, sizes } = start;
+        self.start_at_expected(&mut point, &levels)?;
         let mut linear = self.analysis.linearize(&point, &[])?;
-        let passage = self.structure(&mut linear, &point, &levels);
         let directions = self.analysis.calc_directions(&linear, &point)?.0;
-        let columns = self.all_columns(&linear, &directions);
-        let mut state = State {
+        let mut passage = self.structure(&mut linear, &point, &levels);
+        let mut columns = self.all_columns(&linear, &directions);
+        // What is expected of the EMG goes with the variances of its noise.
+        for turn in 0..TURNS {
+            let model = self.model(&point, &columns, &factors(&passage.noise, &levels));
+            let regressors = Self::regressors(&model, &columns, &model.sds(&set, &sizes));
+            let before = levels;
+            levels = self.levels(&passage.noise, &regressors, levels);
+            let moved = levels.0.iter().zip(&before.0).map(|(a, b)| (a / b).ln().abs()).fold(0.0, f64::max);
+            if turn + 1 == TURNS || moved < STILL {
+                break;
+            }
+            passage = self.structure(&mut linear, &point, &levels);
+            columns = self.all_columns(&linear, &directions);
+        }
+        let factors = factors(&passage.noise, &levels);
+        Ok(State {
             deviance: f64::INFINITY,
-            model: self.model(&point, &columns, &factors(&passage.noise, &levels)),
-            factors: Vec::new(),
+            model: self.model(&point, &columns, &factors),
+            factors,
             sets: Sets::none(),
             point,
             levels,
             noise: passage,
             linear,
             directions,
-        };
-        let regressors = Self::regressors(&state.model, &columns, &state.model.sds(&set, &sizes));
-        state.levels = self.levels(&state.noise.noise, &regressors, levels);
-        self.weigh(&mut state, &columns, &set, &sizes, candidates, always);
-        Ok(state)
+        })
     }
 
     /// The linear model with the noise as it is, its sets and deviance.
     fn weigh(
         &self,
         state: &mut State,
-        columns: &[DMatrix<f64>],
         set: &[usize],
         sizes: &Sizes,
         candidates: &[usize],
         always: &[usize],
     ) {
-        state.factors = factors(&state.noise.noise, &state.levels);
-        state.model = self.model(&state.point, columns, &state.factors);
         state.sets = search(&state.model, candidates, always, 2.0 * ODDS.ln(), &[set.to_vec()], sizes, self.budget);
         let determinant: f64 = state
             .factors

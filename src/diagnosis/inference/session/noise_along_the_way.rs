@@ -6,7 +6,8 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::super::excitation::{self, Expected};
-use super::{LARGEST_NOISE, Passage, Session, State, factors};
+use super::super::linear_model::Sizes;
+use super::{LARGEST_NOISE, Passage, Session, State};
 use crate::diagnosis::effect::interpolate;
 use crate::diagnosis::fit::{Linear, Point, corrected, knot_count, trial_times};
 use crate::diagnosis::kernel::Kernel;
@@ -27,7 +28,7 @@ impl Session<'_> {
 
     /// Takes the excitations that are expected before the moment is looked at.
     pub(super) fn start_at_expected(&self, point: &mut Point, levels: &NoiseLevels) -> Result<(), SimulationError> {
-        let expected = excitation::expected(&self.envelopes(), levels, &self.analysis.kernels.emg);
+        let expected = excitation::expected(&self.envelopes(), levels, &self.analysis.kernels.emg, &self.signals);
         for (position, g) in self.analysis.train.iter().enumerate() {
             let record = &self.forward().trials[*g];
             let clamp = |e: &Expected| e.mean.map(|w| w.clamp(-LARGEST_NOISE, LARGEST_NOISE));
@@ -52,7 +53,7 @@ impl Session<'_> {
     /// How noise enters every trial; the linearization is made to match.
     pub(super) fn structure(&self, linear: &mut [Linear], point: &Point, levels: &NoiseLevels) -> Passage {
         let bare = self.analysis.noise_structure(linear, point);
-        let expected = excitation::expected(&self.envelopes(), levels, &self.analysis.kernels.emg);
+        let expected = excitation::expected(&self.envelopes(), levels, &self.analysis.kernels.emg, &self.signals);
         let kernel = &self.analysis.kernels.emg;
         let noise = bare
             .par_iter()
@@ -81,10 +82,11 @@ impl Session<'_> {
     }
 
     /// Chooses how noise is autocorrelated by restricted likelihood: of the EMG's, then of the moment's.
-    pub(super) fn choose_kernels(&mut self, state: &mut State) {
+    ///
+    /// - `sizes`: of everything else meanwhile
+    pub(super) fn choose_kernels(&mut self, state: &mut State, sizes: &Sizes) {
         let columns = self.all_columns(&state.linear, &state.directions);
-        let best = state.sets.best().clone();
-        let regressors = Self::regressors(&state.model, &columns, &state.model.sds(&best.effects, &best.sizes));
+        let regressors = Self::regressors(&state.model, &columns, &state.model.sds(&[], sizes));
         let count = regressors.first().map_or(0, |(x, _)| x.ncols());
         let precision = DVector::from_element(count, 1.0);
         let least = self.analysis.least_white();
@@ -112,7 +114,6 @@ impl Session<'_> {
         }
         let time = |g: &usize| trial_times(&self.forward().trials[*g], &self.analysis.kernels.moment);
         self.analysis.times = self.analysis.train.iter().map(time).collect();
-        state.factors = factors(&state.noise.noise, &state.levels);
-        state.model = self.model(&state.point, &columns, &state.factors);
+        self.signals = excitation::signals(&self.envelopes(), &state.levels, &self.analysis.kernels.emg);
     }
 }
