@@ -182,6 +182,12 @@ impl Response {
     fn add_covariance(&self, by_step: &[f64], factors: Option<&DVector<f64>>, covariance: &mut DMatrix<f64>) {
         let factor = |knot: usize| factors.map_or(1.0, |f| f[knot]);
         let (n, knots) = self.by_knots.shape();
+        if self.rows.iter().all(|rows| rows.len() == n) {
+            let step = |steps: usize| by_step.get(steps).copied().unwrap_or(0.0);
+            let k = DMatrix::from_fn(knots, knots, |i, j| factor(i) * step(i.abs_diff(j)) * factor(j));
+            *covariance += &self.by_knots * k * self.by_knots.transpose();
+            return;
+        }
         let mut spread = vec![0.0; n];
         for (knot, rows) in self.rows.iter().enumerate() {
             if rows.is_empty() {

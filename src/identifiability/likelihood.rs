@@ -21,7 +21,7 @@ use super::held::{Held, HeldTrial, View, add, at_time, corrected, hat, knot_coun
 use super::parameters::{Layout, MuscleProperty};
 use super::recorded::RecordedTrial;
 use crate::diagnosis::fit::block_means;
-use crate::diagnosis::kernel::Kernel;
+use crate::diagnosis::kernel::{FAMILIES, Kernel};
 use crate::diagnosis::noise::{
     self, BASELINE_SD, KNOT_SPACING, Kernels, LEAST_WHITE, NoiseLevels, Response, TrialNoise, TrialTimes,
 };
@@ -475,7 +475,7 @@ impl Problem {
                 if of_emg { Kernels { emg: *kernel, ..known } } else { Kernels { moment: *kernel, ..known } }
             };
             let start = if of_emg { known.emg } else { known.moment };
-            let best = noise::best_kernel(&start, |kernel| {
+            let best = noise::best_kernel(&start, &FAMILIES, |kernel| {
                 let noise = with(&structure, &changed(kernel));
                 let trials = triples(&noise, &regressors, &residuals);
                 let levels = noise::estimate_within(2, &trials, &precision, LEAST_WHITE, held.levels);

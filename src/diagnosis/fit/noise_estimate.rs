@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::super::ONE_BY_ONE;
 use super::super::descent::Descent;
-use super::super::kernel::Kernel;
+use super::super::kernel::{FAMILIES, Kernel};
 use super::super::noise::{self, COMPONENTS, Kernels, NoiseLevels, TrialNoise};
 use super::{Analysis, Linear, Noise, Point, trial_times};
 use crate::simulation::SimulationError;
@@ -117,7 +117,7 @@ impl Analysis<'_> {
                 Kind::Emg => known.emg,
                 Kind::Moment => known.moment,
             };
-            let best = noise::best_kernel(&start, |kernel| {
+            let best = noise::best_kernel(&start, &FAMILIES, |kernel| {
                 let noise = with(&structure, &changed(kernel));
                 let trials: Vec<_> = noise.iter().zip(&columns).zip(&residuals).map(|((n, x), r)| (n, x, *r)).collect();
                 let levels = noise::estimate_within(2, &trials, &precision, least, levels);

@@ -29,7 +29,7 @@ const OF_MOMENT: f64 = 0.5;
 /// Prior odds that an effect is not missing.
 const ODDS: f64 = 20.0;
 /// Points that are followed from the model as given.
-const STARTS: usize = 4;
+const STARTS: usize = 3;
 /// Sets whose neighbours are looked at around the model as given.
 const FIRST_EXPANSIONS: usize = 6;
 /// Effects that are tried alone from there, those first that the linear model calls for most.
@@ -51,11 +51,11 @@ const STANDS_IN: f64 = 0.1;
 /// Beyond this part of the way the joint mode itself is handed over.
 const ALL_OF_IT: f64 = 0.9;
 /// Of the sets that were tried in a round, those first whose noise is estimated anew.
-const ASSESSED: usize = 3;
+const ASSESSED: usize = 2;
 /// Turns of muscles and noise before effects are looked for.
 const CALIBRATIONS: usize = 2;
 /// Turns of the noise's variances and of what is expected of the EMG, which goes with them.
-const TURNS: usize = 3;
+const TURNS: usize = 2;
 /// Change of a variance's logarithm that is as good as none.
 const STILL: f64 = 0.05;
 /// The estimate has settled when a round lowers −2 log posterior by less than this.
@@ -110,6 +110,8 @@ pub struct Session<'a> {
     /// Variances of the noise beside everything at once; autocorrelation and signals are known with them.
     levels: NoiseLevels,
     noise_is_known: bool,
+    /// Whether lengths of its autocorrelation were chosen beside the effects that are missing.
+    noise_is_final: bool,
     /// Of every channel of the EMG.
     signals: Vec<Signal>,
 }
@@ -171,7 +173,7 @@ impl<'a> Session<'a> {
             (&kinematics.angle[..], &kinematics.speed[..])
         }));
         let analysis = Analysis::without_data(forward, train, candidates, bounds, 0);
-        Session { analysis, ranges, budget, levels: NoiseLevels::usual(forward.joint.strength), noise_is_known: false, signals: Vec::new() }
+        Session { analysis, ranges, budget, levels: NoiseLevels::usual(forward.joint.strength), noise_is_known: false, noise_is_final: false, signals: Vec::new() }
     }
 
     fn forward(&self) -> &'a ForwardModel {
@@ -207,6 +209,15 @@ impl<'a> Session<'a> {
             followed.push(state);
         }
         let mut best = followed.into_iter().min_by(|a, b| a.deviance.total_cmp(&b.deviance));
+        if let Some(state) = best.as_mut().filter(|_| !self.noise_is_final) {
+            let found = state.sets.best().clone();
+            self.choose_kernels(state, &found.effects, &found.sizes, false);
+            self.noise_is_final = true;
+            report(&format!("kernels {:?} {:.1?}", self.analysis.kernels, clock.elapsed()));
+            let (point, levels) = (state.point.clone(), state.levels);
+            let start = Start { point, levels, set: found.effects, sizes: found.sizes };
+            best = Some(self.assessed(start, &candidates, &always)?);
+        }
         for _ in 0..ROUNDS {
             let Some(state) = &best else { break };
             let next = self
@@ -282,7 +293,7 @@ impl<'a> Session<'a> {
         let mut levels = self.levels;
         let mut point = self.analysis.nominal_point();
         self.signals = excitation::signals(&self.envelopes(), &levels, &self.analysis.kernels.emg);
-        for _ in 0..CALIBRATIONS {
+        for turn in 1..=CALIBRATIONS {
             self.start_at_expected(&mut point, &levels)?;
             let mut linear = self.analysis.linearize(&point, &[])?;
             let passage = self.structure(&mut linear, &point, &levels);
@@ -302,7 +313,9 @@ impl<'a> Session<'a> {
             let reached = self.reach(&from, &[], STEPS)?;
             let start = Start { point: reached.point, levels, set: Vec::new(), sizes: sizes.clone() };
             let mut state = self.with_noise(start)?;
-            self.choose_kernels(&mut state, &sizes);
+            if turn == CALIBRATIONS {
+                self.choose_kernels(&mut state, &[], &sizes, true);
+            }
             (point, levels) = (state.point, state.levels);
         }
         Ok(levels)

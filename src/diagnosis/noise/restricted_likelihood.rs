@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::{COMPONENTS, EMG, NoiseLevels, SLOW, TrialNoise, factor};
 use crate::diagnosis::ONE_BY_ONE;
-use crate::diagnosis::kernel::{FAMILIES, Kernel};
+use crate::diagnosis::kernel::{Family, Kernel};
 
 /// Iterations of the variance estimate.
 const ITERATIONS: usize = 6;
@@ -156,10 +156,12 @@ const LENGTH_RATIO: f64 = 1.4;
 
 /// The kernel of least `deviance`: of every family the best length, found by steps from the length at hand and then where the
 /// parabola through the best and its neighbours is least.
-pub fn best_kernel(start: &Kernel, mut deviance: impl FnMut(&Kernel) -> f64) -> Kernel {
+///
+/// - `families`: that are compared
+pub fn best_kernel(start: &Kernel, families: &[Family], mut deviance: impl FnMut(&Kernel) -> f64) -> Kernel {
     let mut best = (f64::INFINITY, *start);
     let mut length = start.length;
-    for family in FAMILIES {
+    for family in families.iter().copied() {
         let mut at = |steps: f64| {
             let length = (length * LENGTH_RATIO.powf(steps)).clamp(LENGTHS[0], LENGTHS[1]);
             let kernel = Kernel { family, length };
@@ -207,7 +209,10 @@ fn projected(
         .par_iter()
         .with_max_len(ONE_BY_ONE)
         .filter_map(|(noise, x, r)| {
-            let inverse = factor(noise, levels)?.inverse();
+            let factor = factor(noise, levels)?;
+            let n = r.len();
+            let root = factor.l_dirty().solve_lower_triangular(&DMatrix::identity(n, n))?;
+            let inverse = root.tr_mul(&root);
             let ax = &inverse * *x;
             let ar = &inverse * *r;
             Some((x.transpose() * &ax, ax.tr_mul(*r), inverse, ax, ar))
@@ -287,7 +292,7 @@ mod tests {
     use rand::SeedableRng;
 
     use super::*;
-    use crate::diagnosis::kernel::Family;
+    use crate::diagnosis::kernel::{FAMILIES, Family};
     use crate::diagnosis::noise::{Kernels, Response, TrialTimes};
     use crate::diagnosis::score_test::normal;
     use crate::study::Direction;
@@ -308,7 +313,7 @@ mod tests {
             let draws: Vec<DVector<f64>> = (0..30).map(|_| drawn.draw_moment(&levels, || normal(&mut rng))).collect();
             let regressors = DMatrix::from_element(80, 1, 1.0);
             let precision = DVector::from_element(1, 1e-6);
-            let best = best_kernel(&Kernels::default().moment, |kernel| {
+            let best = best_kernel(&Kernels::default().moment, &FAMILIES, |kernel| {
                 let noise = structure(kernel);
                 let trials: Vec<_> = draws.iter().map(|d| (&noise, &regressors, d)).collect();
                 let found = estimate(&trials, &precision, LEAST_WHITE, levels);

@@ -10,9 +10,12 @@ use super::super::linear_model::Sizes;
 use super::{LARGEST_NOISE, Passage, Session, State};
 use crate::diagnosis::effect::interpolate;
 use crate::diagnosis::fit::{Linear, Point, corrected, knot_count, trial_times};
-use crate::diagnosis::kernel::Kernel;
+use crate::diagnosis::kernel::{FAMILIES, Kernel};
 use crate::diagnosis::noise::{self, KNOT_SPACING, NoiseLevels, TrialNoise};
 use crate::simulation::SimulationError;
+
+/// Families of autocorrelation are compared on so many trials at most, evenly spread over the session; lengths on twice as many.
+const TRIALS_FOR_KERNELS: usize = 12;
 
 impl Session<'_> {
     pub(super) fn levels(
@@ -83,10 +86,10 @@ impl Session<'_> {
 
     /// Chooses how noise is autocorrelated by restricted likelihood: of the EMG's, then of the moment's.
     ///
-    /// - `sizes`: of everything else meanwhile
-    pub(super) fn choose_kernels(&mut self, state: &mut State, sizes: &Sizes) {
+    /// - `set`, `sizes`: of effects and of everything else meanwhile; `anew`: all families are compared, else lengths alone
+    pub(super) fn choose_kernels(&mut self, state: &mut State, set: &[usize], sizes: &Sizes, anew: bool) {
         let columns = self.all_columns(&state.linear, &state.directions);
-        let regressors = Self::regressors(&state.model, &columns, &state.model.sds(&[], sizes));
+        let regressors = Self::regressors(&state.model, &columns, &state.model.sds(set, sizes));
         let count = regressors.first().map_or(0, |(x, _)| x.ncols());
         let precision = DVector::from_element(count, 1.0);
         let least = self.analysis.least_white();
@@ -94,20 +97,24 @@ impl Session<'_> {
             let known = if of_emg { self.analysis.kernels.emg } else { self.analysis.kernels.moment };
             let noise = &state.noise.noise;
             let levels = state.levels;
-            let with = |kernel: &Kernel| -> Vec<TrialNoise> {
+            let with = |kernel: &Kernel, every: usize| -> Vec<TrialNoise> {
                 let of = |(n, g): (&TrialNoise, &usize)| match of_emg {
                     true => n.clone().with_emg_kernel(kernel),
                     false => n.clone().with_times(trial_times(&self.forward().trials[*g], kernel)),
                 };
-                noise.par_iter().zip(&self.analysis.train).map(of).collect()
+                noise.par_iter().zip(&self.analysis.train).step_by(every).map(of).collect()
             };
-            let best = noise::best_kernel(&known, |kernel| {
-                let noise = with(kernel);
-                let trials: Vec<_> = noise.iter().zip(&regressors).map(|(n, (x, r))| (n, x, r)).collect();
+            let every = noise.len().div_ceil(TRIALS_FOR_KERNELS).max(1);
+            let every = if anew { every } else { every.div_ceil(2) };
+            let families = if anew { &FAMILIES[..] } else { &[known.family] };
+            let best = noise::best_kernel(&known, families, |kernel| {
+                let noise = with(kernel, every);
+                let regressors = regressors.iter().step_by(every);
+                let trials: Vec<_> = noise.iter().zip(regressors).map(|(n, (x, r))| (n, x, r)).collect();
                 let levels = noise::estimate_within(2, &trials, &precision, least, levels);
                 noise::restricted_deviance(&trials, &precision, &levels)
             });
-            let found = with(&best);
+            let found = with(&best, 1);
             state.levels = self.levels(&found, &regressors, state.levels);
             state.noise.noise = found;
             if of_emg { self.analysis.kernels.emg = best } else { self.analysis.kernels.moment = best }
