@@ -33,7 +33,7 @@ const REJECT_NULL: f64 = 0.08;
 const MUCH_NEARER: f64 = 25.0;
 /// A direction with a smaller p-value (that knows the variances to be estimates, times the number of directions) is no matter of
 /// misjudged variances.
-const BEYOND_DOUBT: f64 = 1e-4;
+pub(super) const BEYOND_DOUBT: f64 = 1e-4;
 /// An explanation with a smaller p-value is rejected: laxer than 0.05, so that the true one stays in at least 95 of 100 times.
 pub const REJECT_EXPLANATION: f64 = 0.02;
 /// Where all single effects are rejected and no pair is much nearer to the data, those with a larger p-value stay nevertheless, if they
@@ -100,10 +100,6 @@ pub struct Outcome {
 /// A trial that cannot be simulated.
 pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let forward = request.forward;
-    if std::env::var("CARPUS_SCRATCH").is_ok() {
-        several::scratch(request)?;
-        std::process::exit(0);
-    }
     let all: Vec<&'static dyn Effect> =
         if request.candidates.is_empty() { CATALOGUE.to_vec() } else { request.candidates.clone() };
     let train = forward.trials_for(TrialUse::Train);
@@ -133,7 +129,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     // Where many things are a little wrong, no single effect leaves nothing: none is looked for. Where that cannot be found out, because a
     // trial cannot be simulated at some point of the search, single effects are.
     let several = if rejected { several::several(request).unwrap_or_default() } else { None };
-    let alone = rejected && several.as_ref().is_none_or(|s| s.effects.len() <= several::FEW);
+    let alone = rejected && several.as_ref().is_none_or(|s| s.effects.len() <= several::FEW && !s.leaves_something);
     let singles = if alone { judge.singles(&left)? } else { Vec::new() };
     let above = |p_value: f64| -> Vec<(Fit, Explanation)> {
         singles.iter().filter(|s| s.1.p_value > p_value).cloned().collect()
@@ -176,11 +172,11 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         Some(several) => judge.errors_of(several)?,
         None => judge.errors(&null, best.as_ref())?,
     };
-    let of_several = several.as_ref().map(|s| s.effects.len());
+    let dominant = several.as_ref().map_or(0, |s| s.effects.iter().filter(|e| e.dominant).count());
     let verdict = match explanations.as_slice() {
         _ if !rejected => Verdict::NothingDetectable,
-        _ if of_several == Some(1) => Verdict::Dominant,
-        _ if of_several.is_some_and(|count| count > 1) => Verdict::Several,
+        _ if dominant == 1 => Verdict::Dominant,
+        _ if several.as_ref().is_some_and(|s| !s.effects.is_empty()) => Verdict::Several,
         [] => Verdict::Unknown,
         _ if implausible => Verdict::Implausible,
         _ if fall < NEGLIGIBLE => Verdict::Negligible,

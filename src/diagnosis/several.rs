@@ -8,8 +8,9 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::addition::unidentifiable;
 use super::catalogue::CATALOGUE;
-use super::diagnose::{ParameterEstimate, Request, simulate};
+use super::diagnose::{BEYOND_DOUBT, ParameterEstimate, Request, simulate};
 use super::effect::Effect;
 use super::forward_model::{ForwardModel, Setting};
 use super::inference::search::Budget;
@@ -81,6 +82,8 @@ pub struct Several {
     pub recalibrated: HandedOver,
     /// Noise of a sample [N·m].
     pub noise_floor: f64,
+    /// Whether something is left beside its effects beyond doubt: then neither one effect nor two leave nothing.
+    pub leaves_something: bool,
 }
 
 /// A model fitted with effects.
@@ -113,32 +116,6 @@ pub fn fitted_with(request: &Request, effects: &[&str]) -> Result<Fitted, Simula
     })
 }
 
-/// Scratch.
-pub fn scratch(request: &Request) -> Result<(), SimulationError> {
-    let clock = std::time::Instant::now();
-    let trace = |s: &str| eprintln!("  {:.1?} {s}", clock.elapsed());
-    let mut session = session(request);
-    let state = session.estimate(&[], std::env::var("CARPUS_NULL").is_ok(), &trace)?;
-    for (s, p) in state.sets.found.iter().zip(&state.sets.probability).take(6) {
-        let ids: Vec<_> = s.effects.iter().map(|e| session.analysis.candidates[*e].description().id).collect();
-        trace(&format!("set {p:.3} {ids:?} {:?}", s.sizes));
-    }
-    let skip = super::addition::unidentifiable(&session.analysis);
-    let show = |session: &Session, what: &str, state: &State| {
-        let fit = session.as_fit(state);
-        trace("fit");
-        let left = session.analysis.anything_left(&fit, &skip).unwrap();
-        let mut blocks: Vec<_> = left.blocks.iter().map(|b| (b.p_value, b.name.clone())).collect();
-        blocks.sort_by(|a, b| a.0.total_cmp(&b.0));
-        trace(&format!("{what} p {:.4} flip {:.4} {:?}", left.p_value, left.sign_flip_p_value, &blocks[..4]));
-    };
-    show(&session, "best", &state);
-    if std::env::var("CARPUS_NULL").is_ok() { return Ok(()); }
-    let alone = session.estimate(&[], true, &trace)?;
-    show(&session, "alone", &alone);
-    Ok(())
-}
-
 /// What is missing, if many things are a little wrong; `None` if one effect, or two, may leave nothing.
 ///
 /// # Errors
@@ -150,13 +127,31 @@ pub fn several(request: &Request) -> Result<Option<Several>, SimulationError> {
     if best.sizes.everything < LABORATORY && state.point.effects.len() <= FEW {
         return Ok(None);
     }
-    let handed_over = session.handed_over(&state)?;
-    let recalibrated = fitted_with(request, &[])?.handed_over;
+    let mut handed_over = session.handed_over(&state)?;
     let mut effects = named(request, &session, &state, &handed_over)?;
     effects.sort_by(|a, b| b.share_of_error.train[0].total_cmp(&a.share_of_error.train[0]));
-    let noise_floor = session.noise_floor(&state);
+    let mut noise_floor = session.noise_floor(&state);
+    let left = session.analysis.blocks_left(&session.as_fit(&state), &unidentifiable(&session.analysis));
+    let left = left.unwrap_or_default();
+    let leaves_something = left.iter().any(|b| b.p_value * (left.len() as f64) < BEYOND_DOUBT);
+    // What is handed over has what is named, and nothing else.
+    if effects.len() < state.point.effects.len() {
+        let ids: Vec<&str> = effects.iter().map(|e| e.effect).collect();
+        let with_named = session.estimate(&ids, true, &|_| {})?;
+        handed_over = session.handed_over(&with_named)?;
+        noise_floor = session.noise_floor(&with_named);
+        let estimates = session.estimates(&with_named);
+        effects.iter_mut().for_each(|e| e.parameters = own(&estimates, e.effect));
+    }
+    let alone = session.estimate(&[], true, &|_| {})?;
+    let recalibrated = session.handed_over(&alone)?;
+    // Effects that do not help to predict trials that were left out are not missing.
+    if recalibrated.left_out_ratio <= handed_over.left_out_ratio {
+        (handed_over, noise_floor) = (recalibrated.clone(), session.noise_floor(&alone));
+        effects.clear();
+    }
     let account = account(request, &effects, &handed_over, &recalibrated, noise_floor)?;
-    Ok(Some(Several { effects, account, handed_over, recalibrated, noise_floor }))
+    Ok(Some(Several { effects, account, handed_over, recalibrated, noise_floor, leaves_something }))
 }
 
 /// Mean squares of the residuals of every trial of a use [(N·m)²], weighted by samples.
@@ -197,6 +192,16 @@ fn share(given: &[[f64; 2]], with: &[[f64; 2]], without: &[[f64; 2]]) -> Option<
     Some([all, all - half, all + half])
 }
 
+/// Estimates of one effect, by parameter.
+fn own(estimates: &BTreeMap<String, ParameterEstimate>, id: &str) -> BTreeMap<String, ParameterEstimate> {
+    let of = |(name, e): (&String, &ParameterEstimate)| {
+        let name = name.strip_prefix(id)?.strip_prefix('.')?;
+        Some((name.to_owned(), e.clone()))
+    };
+    estimates.iter().filter_map(of).collect()
+}
+
+/// Effects of the most probable set that are more likely missing than not, and without which trials are simulated worse.
 fn named(
     request: &Request,
     session: &Session,
@@ -224,17 +229,16 @@ fn named(
         let without = squares_of(&parameters, &rest)?;
         let shares = [0, 1].map(|i| share(&given[i], &with[i], &without[i]));
         let train = shares[0].unwrap_or([0.0; 3]);
-        let own = |(name, e): (&String, &ParameterEstimate)| {
-            let name = name.strip_prefix(id)?.strip_prefix('.')?;
-            Some((name.to_owned(), e.clone()))
-        };
+        if train[1] <= 0.0 {
+            continue;
+        }
         out.push(NamedEffect {
             effect: id,
             group: group.into_iter().map(|e| session.analysis.candidates[e].description().id).collect(),
             probability,
             dominant: train[0] >= DOMINANT,
             share_of_error: Shares { train, held_out: shares[1] },
-            parameters: estimates.iter().filter_map(own).collect(),
+            parameters: own(&estimates, id),
         });
     }
     Ok(out)

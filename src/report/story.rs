@@ -272,7 +272,7 @@ fn verdict_words(verdict: &str) -> (&'static str, &'static str) {
         "negligible" => ("negligible", "good"),
         "implausible" => ("implausible", "bad"),
         "dominant" => ("one effect beyond a little of everything", "good"),
-        "several" => ("several effects beyond a little of everything", "good"),
+        "several" => ("many things a little wrong", "good"),
         _ => ("unknown cause", "bad"),
     }
 }
@@ -354,8 +354,21 @@ fn told(
         "negligible" => "Something is missing, but it hardly matters for the moment".to_owned(),
         "implausible" => "Only effects of an implausible size would explain the recordings".to_owned(),
         "dominant" | "several" => {
-            let all: Vec<String> = diagnosis.effects.iter().map(|e| in_sentence(&e.effect)).collect();
-            format!("Many things are a little wrong; beyond that the model lacks {}", all.join(", "))
+            let of = |dominant: bool| -> Vec<String> {
+                let those = diagnosis.effects.iter().filter(|e| e.dominant == dominant);
+                those.map(|e| in_sentence(&e.effect)).collect()
+            };
+            match (of(true).join(", "), of(false).join(", ")) {
+                (large, small) if small.is_empty() => {
+                    format!("Many things are a little wrong; beyond that the model lacks {large}")
+                }
+                (large, small) if large.is_empty() => {
+                    format!("Many things are a little wrong, and none stands out; the largest: {small}")
+                }
+                (large, small) => {
+                    format!("Many things are a little wrong; beyond that the model lacks {large}, and a little {small}")
+                }
+            }
         }
         _ if diagnosis.restricted_to.is_empty() => {
             "Something is missing that no effect of the catalogue explains".to_owned()

@@ -258,6 +258,9 @@ pub fn in_words(diagnosis: &Diagnosis) -> String {
         Verdict::Unknown => "something is missing, and no effect of the catalogue explains it".to_string(),
         Verdict::Implausible => format!("only implausible sizes explain the data: {}", sets.join("; ")),
         Verdict::Dominant => format!("many things are a little wrong; missing beyond that: {}", groups(diagnosis)),
+        Verdict::Several if diagnosis.effects.iter().all(|e| !e.dominant) => {
+            format!("many things are a little wrong, and none stands out; the largest first: {}", groups(diagnosis))
+        }
         Verdict::Several => {
             format!("many things are a little wrong; missing beyond that, the largest first: {}", groups(diagnosis))
         }

@@ -44,6 +44,8 @@ const NOTHING_ELSE: f64 = 0.02;
 const STEPS: usize = 5;
 /// Most probable sets beside the best that are tried by simulation.
 const OTHERS: usize = 4;
+/// A set that the linear model has this much less probable (in −2 log) than the best is not tried: more than bent signatures make up for.
+const TRIED: f64 = 25.0;
 /// Largest expected error of the logarithm of the EMG.
 const LARGEST_NOISE: f64 = 0.7;
 /// An effect may stand in another's place where the set with it has more than this share of the probability.
@@ -59,7 +61,7 @@ const TURNS: usize = 2;
 /// Change of a variance's logarithm that is as good as none.
 const STILL: f64 = 0.05;
 /// The estimate has settled when a round lowers −2 log posterior by less than this.
-const SETTLED: f64 = 1.0;
+const SETTLED: f64 = 3.0;
 
 /// An effect's columns in the linear model.
 struct EffectColumns {
@@ -173,7 +175,15 @@ impl<'a> Session<'a> {
             (&kinematics.angle[..], &kinematics.speed[..])
         }));
         let analysis = Analysis::without_data(forward, train, candidates, bounds, 0);
-        Session { analysis, ranges, budget, levels: NoiseLevels::usual(forward.joint.strength), noise_is_known: false, noise_is_final: false, signals: Vec::new() }
+        Session {
+            analysis,
+            ranges,
+            budget,
+            levels: NoiseLevels::usual(forward.joint.strength),
+            noise_is_known: false,
+            noise_is_final: false,
+            signals: Vec::new(),
+        }
     }
 
     fn forward(&self) -> &'a ForwardModel {
@@ -408,14 +418,7 @@ impl<'a> Session<'a> {
     }
 
     /// The linear model with the noise as it is, its sets and deviance.
-    fn weigh(
-        &self,
-        state: &mut State,
-        set: &[usize],
-        sizes: &Sizes,
-        candidates: &[usize],
-        always: &[usize],
-    ) {
+    fn weigh(&self, state: &mut State, set: &[usize], sizes: &Sizes, candidates: &[usize], always: &[usize]) {
         state.sets = search(&state.model, candidates, always, 2.0 * ODDS.ln(), &[set.to_vec()], sizes, self.budget);
         let determinant: f64 = state
             .factors

@@ -5,7 +5,9 @@ use rayon::prelude::*;
 
 use super::super::linear_model::{LinearModel, Posterior, Sizes};
 use super::super::search::Sets;
-use super::{ASSESSED, Around, ODDS, OTHERS, Passage, Reached, STEPS, Session, Start, State, WhitenedDirections};
+use super::{
+    ASSESSED, Around, ODDS, OTHERS, Passage, Reached, STEPS, Session, Start, State, TRIED, WhitenedDirections,
+};
 use crate::diagnosis::fit::{Linear, Point, whiten};
 use crate::simulation::SimulationError;
 
@@ -27,7 +29,7 @@ impl Session<'_> {
         };
         let mut sets = vec![best.effects.clone()];
         if let Some((candidates, always)) = among {
-            sets.extend(self.alternatives(&best.effects, &state.sets, candidates, always));
+            sets.extend(self.alternatives(&best.effects, &state.model, &state.sets, candidates, always));
         }
         let found: Vec<_> = sets.par_iter().with_max_len(1).map(|set| self.reach(&from, set, STEPS)).collect();
         let mut reached: Vec<Reached> = found.into_iter().flatten().collect();
@@ -83,6 +85,7 @@ impl Session<'_> {
     pub(super) fn alternatives(
         &self,
         set: &[usize],
+        model: &LinearModel,
         sets: &Sets,
         candidates: &[usize],
         always: &[usize],
@@ -100,6 +103,9 @@ impl Session<'_> {
                 }
             }
         }
+        let sizes = &sets.best().sizes;
+        let least = model.posterior(set, sizes).deviance;
+        out.retain(|other| model.posterior(other, sizes).deviance < least + TRIED);
         out
     }
 
