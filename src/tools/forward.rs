@@ -236,5 +236,5 @@ fn write(frame: &Frame, states: &Storage, system: &System, outcome: &mut Outcome
         "\n# SIMM Motion File Header:\nname {name}\ndatacolumns {columns}\ndatarows {rows}\notherdata 1\nrange {first} {last}\n"
     );
     let path = frame.results.join(format!("{name}_states_degrees.mot"));
-    outcome.files.push(ResultFile { path, bytes: degrees.text(frame.precision).into_bytes() });
+    outcome.files.push(ResultFile { path, bytes: degrees.text(frame.precision).into_bytes(), is_named: false });
 }
