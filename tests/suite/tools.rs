@@ -8,6 +8,7 @@ mod inputs;
 mod marker_search;
 mod model_kinds;
 mod motion_capture;
+mod names;
 mod odd_models;
 mod old_setups;
 mod opensim;
