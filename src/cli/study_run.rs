@@ -6,7 +6,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::account::ModelRun;
 use super::args::{Global, StudyArgs};
-use super::failure::{Failure, Gravity, Message};
+use super::failure::{self, Failure, Gravity, Message};
 use super::model::{self, LoadedModel, Needs};
 use super::output::OutputFolder;
 use super::{path_check, print_result, provenance};
@@ -122,12 +122,14 @@ impl StudyRun {
     pub fn each<T>(&self, mut work: impl FnMut(&Participant) -> Result<T, Failure>) -> Result<Outcomes<T>, Failure> {
         let mut outcomes = Outcomes { done: Vec::new(), failed: Vec::new() };
         for participant in &self.participants {
+            failure::about(&participant.name);
             match work(participant) {
                 Ok(done) => outcomes.done.push(done),
                 Err(Failure::Input(messages)) => outcomes.failed.extend(messages),
                 Err(other) => return Err(other),
             }
         }
+        failure::account();
         if outcomes.done.is_empty() && !outcomes.failed.is_empty() {
             return Err(Failure::Input(outcomes.failed));
         }
@@ -141,7 +143,7 @@ impl StudyRun {
     pub fn close(&self, command: &str) -> Result<(), Failure> {
         let is_other = |name: &&str| !self.participants.iter().any(|p| p.name == *name);
         let others: Vec<&str> = self.study.participants.iter().map(|p| p.name.as_str()).filter(is_other).collect();
-        super::failure::print(&self.out.close(command, &others)?);
+        failure::print(&self.out.close(command, &others)?);
         Ok(())
     }
 

@@ -450,3 +450,54 @@ fn verif_a_step_back_keeps_the_manifest_true() {
     let again = carpus(&["effect", "add", "gravity", "--i-choose"], &study, &out).success();
     again.stderr(contains("changed since then").not());
 }
+
+#[test]
+fn verif_angles_and_emg_on_a_faster_grid_are_said() {
+    let place = tempfile::tempdir().unwrap();
+    let study = study(place.path(), SHORT);
+    let own = "data/P01/isotonic_25_flexion_1.csv";
+    let text = std::fs::read_to_string(place.path().join(own)).unwrap();
+    let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let rows: Vec<Vec<f64>> =
+        text.lines().skip(1).map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect();
+    let said = |held: &[&str], straight: &[&str]| -> Vec<String> {
+        // Noise in all columns, so that each row of the given file is a sample of its own; then some columns on a grid ten times
+        // as fast.
+        let mut state = 7u64;
+        let mut noise = || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 33) as f64 / (1u64 << 31) as f64
+        };
+        let noisy: Vec<Vec<f64>> = rows
+            .iter()
+            .map(|row| row.iter().enumerate().map(|(k, x)| if k == 0 { *x } else { x + 0.01 * noise() }).collect())
+            .collect();
+        let mut out = header.join(",") + "\n";
+        for (i, pair) in noisy.windows(2).enumerate() {
+            for j in 0..10 {
+                let cells = header.iter().enumerate().map(|(k, name)| {
+                    let between = pair[0][k] + 0.1 * f64::from(j) * (pair[1][k] - pair[0][k]);
+                    let x = match k {
+                        0 => rows[0][0] + (rows[1][0] - rows[0][0]) * (i as f64 + 0.1 * f64::from(j)),
+                        _ if held.contains(name) => pair[0][k],
+                        _ if straight.contains(name) => between,
+                        _ => between + 0.01 * noise(),
+                    };
+                    format!("{x:.7}")
+                });
+                out += &(cells.collect::<Vec<_>>().join(",") + "\n");
+            }
+        }
+        std::fs::write(place.path().join(own), out).unwrap();
+        let read = Study::read(&study).unwrap_or_else(|e| panic!("{e}"));
+        let warnings = read.warnings.iter().map(ToString::to_string);
+        warnings.filter(|text| text.contains("of its samples a second are its own")).collect()
+    };
+    assert!(said(&[], &[]).is_empty(), "{:?}", said(&[], &[]));
+    let found = said(&["angle_deg"], &[]);
+    assert!(found.len() == 1 && found[0].contains("the angle `angle_deg` was held to"), "{found:?}");
+    let found = said(&["emg_FCR"], &["angle_deg"]);
+    assert_eq!(found.len(), 2, "{found:?}");
+    assert!(found.iter().any(|text| text.contains("the angle `angle_deg` was interpolated to")), "{found:?}");
+    assert!(found.iter().any(|text| text.contains("the EMG `emg_FCR` was held to")), "{found:?}");
+}

@@ -1,5 +1,7 @@
 //! OpenSim's tools from OpenSim's setup files: the same files as OpenSim writes, within stated differences.
 
+mod assembly;
+mod coinciding_axes;
 mod components;
 mod files;
 mod finite_forces;
