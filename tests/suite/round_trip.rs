@@ -297,6 +297,14 @@ fn verif_a_number_of_the_model_that_overflows_is_the_users_and_has_its_place() {
     }
 }
 
+/// The study of [`study`], both trials to train on.
+fn all_to_train_on(folder: &Path) -> PathBuf {
+    let study = study(folder, SHORT);
+    let table = std::fs::read_to_string(folder.join("trials.csv")).unwrap();
+    std::fs::write(folder.join("trials.csv"), table.replace(",test", ",train")).unwrap();
+    study
+}
+
 /// What a command prints, as JSON.
 fn printed(arguments: &[&std::ffi::OsStr]) -> serde_json::Value {
     let mut command = Command::cargo_bin("carpus").expect("the program");
@@ -307,9 +315,9 @@ fn printed(arguments: &[&std::ffi::OsStr]) -> serde_json::Value {
 #[test]
 fn verif_what_identification_writes_is_read_as_knowledge_of_the_next() {
     let folder = tempfile::tempdir().unwrap();
-    let study = study(folder.path(), SHORT);
+    let study = all_to_train_on(folder.path());
     let out = folder.path().join("out");
-    carpus(&["identify", "--draws", "20"], &study, &out).success();
+    carpus(&["identify", "--draws", "40"], &study, &out).success();
     assert!(tables_are_for_programs(&out) >= 4 && out.join("carpus-output.json").exists());
     let table = folder.path().join("priors.csv");
     let mut priors = Command::cargo_bin("carpus").unwrap();
@@ -319,7 +327,7 @@ fn verif_what_identification_writes_is_read_as_knowledge_of_the_next() {
     // A file that is asked for by its name is alone.
     assert!(!folder.path().join("carpus-output.json").exists());
     let next = folder.path().join("next");
-    carpus(&["identify", "--draws", "20", "--priors", table.to_str().unwrap()], &study, &next).success();
+    carpus(&["identify", "--draws", "40", "--priors", table.to_str().unwrap()], &study, &next).success();
     let text = std::fs::read_to_string(next.join("P01/identifiability.json")).unwrap();
     assert!(text.contains("population of 1 earlier fits"), "the table's source is that of the priors");
 }
@@ -432,7 +440,7 @@ fn verif_recordings_of_motion_capture_are_read_by_tools_and_studies() {
 #[test]
 fn verif_a_step_back_keeps_the_manifest_true() {
     let folder = tempfile::tempdir().unwrap();
-    let study = study(folder.path(), SHORT);
+    let study = all_to_train_on(folder.path());
     let out = folder.path().join("out");
     carpus(&["effect", "add", "gravity", "--i-choose"], &study, &out).success();
     let text = std::fs::read_to_string(out.join("carpus-output.json")).unwrap();
