@@ -88,7 +88,13 @@ fn run() -> Result<(), String> {
     let start = plant.equilibrium_state(0.0, &q, &u, &excitation, &mut work).map_err(|e| e.to_string())?;
     let mut results = Vec::new();
     for &accuracy in &arguments.accuracies {
-        let options = ForwardOptions { times: times.clone(), accuracy, first_step: 1e-3, most_steps: 1_000_000 };
+        let options = ForwardOptions {
+            times: times.clone(),
+            accuracy,
+            first_step: 1e-3,
+            step_range: [0.0, f64::INFINITY],
+            most_steps: 1_000_000,
+        };
         let (seconds, trajectory) = fastest(&plant, &start, &excitation, &options, arguments.repeat)?;
         let simulated = times.last().copied().unwrap_or(0.0);
         let difference = rows.map(|rows| difference(&model, &trajectory, rows));

@@ -158,7 +158,7 @@ pub struct PathsArgs {
     /// Only these muscles (comma-separated; default: all)
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', value_parser = trimmed)]
     pub muscles: Vec<String>,
-    /// Folder for paths.csv and paths.html
+    /// Folder for paths.csv and paths.html; carpus-output.json says what made them
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }
@@ -476,7 +476,7 @@ pub struct ScaleArgs {
 /// `carpus run-tool`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus run-tool inverse_dynamics_setup.xml\n  carpus run-tool reach_IK_Setup.xml --model scaled.osim\n\nTools: ScaleTool, InverseKinematicsTool, InverseDynamicsTool, ForwardTool, AnalyzeTool with Kinematics, BodyKinematics, PointKinematics, StatesReporter, MuscleAnalysis, ForceReporter, Actuation, JointReaction, StaticOptimization.\nControllers: PrescribedController, ControlSetController, CorrectionController (of a ForwardTool's setup). force_set_files: every force and muscle that a model may hold.\nSetup files of every age, IKTool and controls_file too.\nFiles are named, read and written as OpenSim 4.6 does; paths in a setup are relative to its folder. What is not supported is refused, with its line."
+    after_help = "Example:\n  carpus run-tool inverse_dynamics_setup.xml\n  carpus run-tool reach_IK_Setup.xml --model scaled.osim\n\nTools: ScaleTool, InverseKinematicsTool, InverseDynamicsTool, ForwardTool, AnalyzeTool with Kinematics, BodyKinematics, PointKinematics, StatesReporter, MuscleAnalysis, ForceReporter, Actuation, JointReaction, StaticOptimization.\nControllers: PrescribedController, ControlSetController, CorrectionController (of a ForwardTool's setup). force_set_files: every force and muscle that a model may hold.\nSetup files of every age, IKTool and controls_file too.\nFiles are named, read and written as OpenSim 4.6 does; paths in a setup are relative to its folder. What is not supported is refused, with its line.\nThe folder of results says in carpus-output.json which setup made them; earlier ones stay, and are named."
 )]
 pub struct RunToolArgs {
     /// Setup file of a tool
@@ -499,7 +499,7 @@ pub struct C3dArgs {
     /// The motion capture file
     #[arg(value_name = "FILE.c3d")]
     pub file: PathBuf,
-    /// Folder to write into
+    /// Folder to write into; carpus-output.json says what is from which recording
     #[arg(long, value_name = "DIR", default_value = ".")]
     pub out: PathBuf,
 }
@@ -513,7 +513,7 @@ pub struct UpgradeArgs {
     /// The old model
     #[arg(value_name = "OLD.osim")]
     pub old: PathBuf,
-    /// The file to write
+    /// The file to write; nothing else appears beside it
     #[arg(value_name = "NEW.osim")]
     pub new: PathBuf,
 }

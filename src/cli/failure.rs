@@ -2,9 +2,11 @@
 
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 
+use super::said::Said;
 use crate::printable::{visible, visible_lines};
 
 /// Why a command could not do its work.
@@ -163,6 +165,27 @@ pub fn say(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
+/// Warnings that were printed.
+static SAID: Mutex<Said> = Mutex::new(Said::new());
+
+/// A lock whose holder panicked holds whole values all the same.
+fn said() -> MutexGuard<'static, Said> {
+    SAID.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// What is printed from now on is about this participant: a warning that differs from an earlier one in the name alone is not
+/// printed again.
+pub fn about(participant: &str) {
+    said().about(Some(participant));
+}
+
+/// Says for which participants, too, warnings hold that were printed for the first of them.
+pub fn account() {
+    let lines = said().account();
+    let warnings: Vec<Message> = lines.into_iter().map(Message::warning).collect();
+    print(&warnings);
+}
+
 /// Prints messages to stderr, the gravest last, where the eye is.
 pub fn print(messages: &[Message]) {
     let styled = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
@@ -171,7 +194,8 @@ pub fn print(messages: &[Message]) {
         let mut of_kind: Vec<&Message> = Vec::new();
         for message in messages.iter().filter(|m| m.gravity == gravity) {
             // Participants share tables and models: what is wrong with these is said once.
-            if !of_kind.contains(&message) {
+            let is_new = gravity == Gravity::Error || said().is_new(message);
+            if is_new && !of_kind.contains(&message) {
                 of_kind.push(message);
             }
         }

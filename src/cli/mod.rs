@@ -19,6 +19,7 @@ mod processed_study;
 mod provenance;
 mod quantity;
 mod residuals;
+mod said;
 mod screening;
 mod sensitivity_report;
 mod series;

@@ -26,8 +26,10 @@ pub struct OutputFolder {
     path: PathBuf,
     /// Files that must not be overwritten, as canonical paths.
     inputs: Vec<PathBuf>,
-    /// Whose results these are, and what lay here before; `None` for results that are of no study.
+    /// Whose results these are, and what lay here before; `None` for a file that is asked for by its own name.
     claim: Option<Manifest>,
+    /// What the results are made from, where that is no study.
+    source: Option<PathBuf>,
     /// Hash of every file that was written, by its path in the folder.
     written: Mutex<BTreeMap<String, String>>,
     /// Files of earlier runs that are of this one, too, by their paths.
@@ -40,9 +42,11 @@ pub struct OutputFolder {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Manifest {
     schema: String,
-    /// The study's name, and its study.toml.
-    study: String,
-    study_file: PathBuf,
+    /// The study whose results are here, if any: its name, and its study.toml.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    study: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    study_file: Option<PathBuf>,
     files: BTreeMap<String, Made>,
 }
 
@@ -50,7 +54,19 @@ struct Manifest {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Made {
     command: String,
+    /// What it is made from: a model, a setup, a recording; nothing for a result of the study.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    source: Option<PathBuf>,
     sha256: String,
+}
+
+/// What becomes of files of an earlier run that are not of this one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Leftovers {
+    /// They are removed.
+    Remove,
+    /// They stay, as OpenSim's tools leave them, and are named.
+    Name,
 }
 
 impl OutputFolder {
@@ -70,7 +86,7 @@ impl OutputFolder {
         tempfile::Builder::new().prefix(".carpus-").tempfile_in(path).map_err(unwritable)?;
         let inputs = inputs.iter().filter_map(|file| file.canonicalize().ok()).collect();
         let (written, kept, closed) = Default::default();
-        Ok(OutputFolder { path: path.to_owned(), inputs, claim: None, written, kept, closed })
+        Ok(OutputFolder { path: path.to_owned(), inputs, claim: None, source: None, written, kept, closed })
     }
 
     /// Takes the folder for the results of a study.
@@ -79,23 +95,73 @@ impl OutputFolder {
     /// It holds those of another study.
     pub fn claimed_for(mut self, name: &str, study_file: &Path) -> Result<OutputFolder, Failure> {
         let study_file = study_file.canonicalize().unwrap_or_else(|_| study_file.to_owned());
-        let manifest = Manifest::read(&self.path.join(MANIFEST));
-        let found = manifest.filter(|known| known.files.keys().any(|file| self.path.join(file).exists()));
-        self.claim = Some(match found {
-            Some(known) if !known.is_of(name, &study_file, &self.path) => {
-                let text =
-                    format!("holds results of another study, `{}` ({})", known.study, known.study_file.display());
+        let mut known = Manifest::read(&self.path.join(MANIFEST)).unwrap_or_else(Manifest::new);
+        let is_there = |(file, made): (&String, &Made)| made.source.is_none() && self.path.join(file).exists();
+        let is_held = known.files.iter().any(is_there);
+        if let (Some(other), Some(other_file), true) = (&known.study, &known.study_file, is_held) {
+            if !known.is_of(other, other_file, name, &study_file, &self.path) {
+                let text = format!("holds results of another study, `{other}` ({})", other_file.display());
                 let hint =
                     "choose another folder with --out, or delete this one; beside each other they would be mixed up";
                 return Err(Message::error(text).in_file(&self.path).hint(hint).into());
             }
-            Some(known) => known,
-            None => {
-                let (schema, study) = (SCHEMA.to_owned(), name.to_owned());
-                Manifest { schema, study, study_file, files: BTreeMap::new() }
-            }
-        });
+        } else {
+            known.files.retain(|_, made| made.source.is_some());
+            (known.study, known.study_file) = (Some(name.to_owned()), Some(study_file));
+        }
+        self.claim = Some(known);
         Ok(self)
+    }
+
+    /// Takes the folder for results that are of no study. What else is in it stays.
+    ///
+    /// - `source`: the file that the results are made from
+    pub fn with_results_of(mut self, source: &Path) -> OutputFolder {
+        self.claim = Some(Manifest::read(&self.path.join(MANIFEST)).unwrap_or_else(Manifest::new));
+        self.source = Some(source.canonicalize().unwrap_or_else(|_| source.to_owned()));
+        self
+    }
+
+    /// The folder of an earlier run in which `folder` lies, and the way from there to `folder`: the nearest whose manifest has a
+    /// file of this name in `folder`. Without one, `folder` itself.
+    ///
+    /// # Errors
+    /// As [`OutputFolder::create`].
+    pub fn of_earlier_run(folder: &Path, name: &str) -> Result<(OutputFolder, PathBuf), Failure> {
+        let whole = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+        let held = whole.ancestors().find_map(|root| {
+            let inside = whole.strip_prefix(root).ok()?;
+            let manifest = Manifest::read(&root.join(MANIFEST))?;
+            manifest.files.contains_key(&name_of(&inside.join(name))).then(|| (root, inside.to_owned(), manifest))
+        });
+        Ok(match held {
+            Some((root, inside, manifest)) => {
+                // As the user wrote it, if that leads there.
+                let shown = folder.ancestors().nth(inside.components().count());
+                let shown = shown.filter(|shown| shown.canonicalize().is_ok_and(|path| path == root)).unwrap_or(root);
+                let mut out = OutputFolder::create(shown, &[])?;
+                out.claim = Some(manifest);
+                (out, inside)
+            }
+            None => (OutputFolder::create(folder, &[])?.with_results_of(&whole.join(name)), PathBuf::new()),
+        })
+    }
+
+    /// Ends a run that changed files of an earlier one: the manifest has them as they are now, each under the command that made
+    /// it first. What is no longer there is not in it either.
+    ///
+    /// # Errors
+    /// The disk.
+    pub fn close_changed(&self, command: &str) -> Result<(), Failure> {
+        let Some(mut manifest) = self.claim.clone() else { return Ok(()) };
+        manifest.files.retain(|file, _| self.path.join(file).exists());
+        for (file, sha256) in lock(&self.written).iter() {
+            let made = self.made(command, sha256);
+            manifest.files.entry(file.clone()).or_insert(made).sha256.clone_from(sha256);
+        }
+        self.put_manifest(&manifest)?;
+        self.closed.store(true, Ordering::Relaxed);
+        Ok(())
     }
 
     /// Ends a run: removes what earlier runs of the command left that is not of this one, and says in the folder who made what.
@@ -107,7 +173,19 @@ impl OutputFolder {
     /// # Errors
     /// The disk.
     pub fn close(&self, command: &str, others: &[&str]) -> Result<Vec<Message>, Failure> {
+        self.close_with(command, others, Leftovers::Remove)
+    }
+
+    /// As [`OutputFolder::close`], with a choice of what becomes of files of earlier runs from the same source.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn close_with(&self, command: &str, others: &[&str], leftovers: Leftovers) -> Result<Vec<Message>, Failure> {
         let Some(mut manifest) = self.claim.clone() else { return Ok(Vec::new()) };
+        if self.source.is_some() {
+            // Runs from other sources may have ended meanwhile.
+            manifest = Manifest::read(&self.path.join(MANIFEST)).unwrap_or(manifest);
+        }
         let written = lock(&self.written);
         let kept = lock(&self.kept);
         let of_others = |file: &str| {
@@ -116,6 +194,7 @@ impl OutputFolder {
         };
         let is_left = |file: &String, made: &Made| {
             [command, UNFINISHED].contains(&made.command.as_str())
+                && made.source == self.source
                 && !written.contains_key(file)
                 && !kept.contains(file)
                 && !of_others(file)
@@ -126,8 +205,12 @@ impl OutputFolder {
             .filter(|(file, made)| is_left(file, made))
             .map(|(f, m)| (f.clone(), m.clone()))
             .collect();
-        let (mut removed, mut changed) = (Vec::new(), Vec::new());
+        let (mut removed, mut changed, mut named) = (Vec::new(), Vec::new(), Vec::new());
         for (file, made) in left {
+            if leftovers == Leftovers::Name && self.path.join(&file).exists() {
+                named.push(file);
+                continue;
+            }
             manifest.files.remove(&file);
             match self.removes(&file, &made.sha256)? {
                 Some(true) => removed.push(file),
@@ -147,6 +230,10 @@ impl OutputFolder {
                 format!("of an earlier run of {command}, changed since then and left here: {}", listed(&changed));
             messages.push(Message::warning(text).in_file(&self.path).hint("these files are not of this run"));
         }
+        if !named.is_empty() {
+            let text = format!("of an earlier run of {command} with this file, left here: {}", listed(&named));
+            messages.push(Message::warning(text).in_file(&self.path).hint("these files are not of this run"));
+        }
         Ok(messages)
     }
 
@@ -158,10 +245,17 @@ impl OutputFolder {
         written: &BTreeMap<String, String>,
     ) -> Result<(), Failure> {
         for (file, sha256) in written {
-            let made = Made { command: command.to_owned(), sha256: sha256.clone() };
-            manifest.files.insert(file.clone(), made);
+            manifest.files.insert(file.clone(), self.made(command, sha256));
         }
-        let text = serde_json::to_string_pretty(&manifest).map_err(|e| Failure::Internal(e.to_string()))? + "\n";
+        self.put_manifest(&manifest)
+    }
+
+    fn made(&self, command: &str, sha256: &str) -> Made {
+        Made { command: command.to_owned(), source: self.source.clone(), sha256: sha256.to_owned() }
+    }
+
+    fn put_manifest(&self, manifest: &Manifest) -> Result<(), Failure> {
+        let text = serde_json::to_string_pretty(manifest).map_err(|e| Failure::Internal(e.to_string()))? + "\n";
         self.put(MANIFEST.as_ref(), text.as_bytes()).map(|_| ())
     }
 
@@ -211,6 +305,7 @@ impl OutputFolder {
     /// # Errors
     /// The disk; or the file is one of the inputs.
     pub fn write(&self, relative: impl AsRef<Path>, bytes: &[u8]) -> Result<PathBuf, Failure> {
+        self.refuse_result_of_study(relative.as_ref())?;
         let target = self.put(relative.as_ref(), bytes)?;
         if self.claim.is_some() {
             lock(&self.written).insert(name_of(relative.as_ref()), hash_of(bytes));
@@ -242,6 +337,19 @@ impl OutputFolder {
         allow_reading(file.as_file()).map_err(unwritable)?;
         file.persist(&target).map_err(|e| unwritable(e.error))?;
         Ok(target)
+    }
+
+    /// Fails if results that are of no study would take the place of one of a study.
+    fn refuse_result_of_study(&self, relative: &Path) -> Result<(), Failure> {
+        let (Some(_), Some(manifest)) = (&self.source, &self.claim) else { return Ok(()) };
+        let (Some(study), target) = (&manifest.study, self.path.join(relative)) else { return Ok(()) };
+        match manifest.files.get(&name_of(relative)).filter(|made| made.source.is_none() && target.exists()) {
+            Some(made) => {
+                let text = format!("this is a result of {} of study `{study}`; it is not overwritten", made.command);
+                Err(Message::error(text).in_file(&target).hint("choose another folder").into())
+            }
+            None => Ok(()),
+        }
     }
 
     /// Fails if `target` is one of the files that were read.
@@ -278,12 +386,18 @@ impl Manifest {
         (manifest.schema == SCHEMA).then_some(manifest)
     }
 
-    /// Whether the files are of this study: the same study.toml, the same study that was moved, or one that was made here.
-    fn is_of(&self, name: &str, study_file: &Path, folder: &Path) -> bool {
-        let moved = self.study == name && !self.study_file.exists();
+    /// One of a folder of which nothing is known.
+    fn new() -> Manifest {
+        Manifest { schema: SCHEMA.to_owned(), study: None, study_file: None, files: BTreeMap::new() }
+    }
+
+    /// Whether results of `other` are of this study: the same study.toml, the same study that was moved, or one that was made
+    /// here.
+    fn is_of(&self, other: &str, other_file: &Path, name: &str, study_file: &Path, folder: &Path) -> bool {
+        let moved = other == name && !other_file.exists();
         let made_here =
             || self.files.keys().any(|file| folder.join(file).canonicalize().is_ok_and(|f| f == study_file));
-        self.study_file == study_file || moved || made_here()
+        other_file == study_file || moved || made_here()
     }
 }
 
@@ -403,6 +517,60 @@ mod tests {
         std::fs::remove_file(folder.join("a.csv")).unwrap();
         std::fs::remove_file(folder.join("study.toml")).unwrap();
         assert!(claim("t", &other).is_ok(), "nothing is left of it");
+    }
+
+    /// A run of a command that makes these files from a source.
+    fn run_from(folder: &Path, source: &Path, command: &str, files: &[&str], leftovers: Leftovers) -> Vec<Message> {
+        let out = OutputFolder::create(folder, &[]).unwrap().with_results_of(source);
+        files.iter().for_each(|file| drop(out.write(file, file.as_bytes()).unwrap()));
+        out.close_with(command, &[], leftovers).unwrap()
+    }
+
+    #[test]
+    fn verif_results_of_no_study_say_what_they_are_made_from() {
+        let place = tempfile::tempdir().unwrap();
+        let (folder, study) = (place.path().join("out"), place.path().join("study.toml"));
+        let [a, b] = ["a.c3d", "b.c3d"].map(|name| place.path().join(name));
+        [&study, &a, &b].into_iter().for_each(|file| std::fs::write(file, "").unwrap());
+        let there = |file: &str| folder.join(file).exists();
+        run_from(&folder, &a, "c3d", &["a.trc", "a.csv"], Leftovers::Remove);
+        run_from(&folder, &b, "c3d", &["b.trc"], Leftovers::Remove);
+        assert!(there("a.trc") && there("a.csv"), "what is made from another file stays");
+        let said = run_from(&folder, &a, "c3d", &["a.trc"], Leftovers::Remove);
+        assert!(said.len() == 1 && said[0].text.contains("a.csv") && !there("a.csv"), "{said:?}");
+        let manifest = Manifest::read(&folder.join(MANIFEST)).unwrap();
+        assert_eq!(manifest.files.keys().collect::<Vec<_>>(), ["a.trc", "b.trc"]);
+        assert_eq!(manifest.files["b.trc"].source.as_deref(), b.canonicalize().ok().as_deref());
+        // OpenSim's tools leave what is there; it is said.
+        run_from(&folder, &a, "run-tool", &["x.sto", "y.sto"], Leftovers::Name);
+        let said = run_from(&folder, &a, "run-tool", &["x.sto"], Leftovers::Name);
+        assert!(said.len() == 1 && said[0].text.contains("left here: y.sto") && there("y.sto"), "{said:?}");
+        // A study takes the folder, and what is of none stays; its own results are not overwritten by such.
+        run(&folder, &study, "simulate", &[], &["all.csv"]);
+        assert!(there("a.trc") && Manifest::read(&folder.join(MANIFEST)).unwrap().files.len() == 5);
+        let out = OutputFolder::create(&folder, &[]).unwrap().with_results_of(&a);
+        assert!(matches!(out.write("all.csv", b""), Err(Failure::Input(m)) if m[0].text.contains("of study `s`")));
+    }
+
+    #[test]
+    fn verif_a_manifest_knows_what_a_later_command_changed() {
+        let place = tempfile::tempdir().unwrap();
+        let (folder, study) = (place.path().join("out"), place.path().join("study.toml"));
+        std::fs::write(&study, "").unwrap();
+        run(&folder, &study, "effect", &[], &["P01/results.json", "P01/model.osim", "P01/effects.toml"]);
+        let (out, inside) = OutputFolder::of_earlier_run(&folder.join("P01"), "results.json").unwrap();
+        assert_eq!((out.path(), inside.as_path()), (folder.as_path(), Path::new("P01")));
+        out.write(inside.join("model.osim"), b"another").unwrap();
+        std::fs::remove_file(folder.join("P01/effects.toml")).unwrap();
+        out.close_changed("effect remove").unwrap();
+        drop(out);
+        let manifest = Manifest::read(&folder.join(MANIFEST)).unwrap();
+        assert_eq!(manifest.files.keys().collect::<Vec<_>>(), ["P01/model.osim", "P01/results.json"]);
+        assert_eq!(manifest.files["P01/model.osim"].sha256, hash_of(b"another"));
+        // So that the next run knows it as this program's.
+        let said = run(&folder, &study, "effect", &[], &["P01/results.json"]);
+        assert!(said.len() == 1 && said[0].text.contains("removed"), "{said:?}");
+        assert!(!folder.join("P01/model.osim").exists());
     }
 
     #[test]

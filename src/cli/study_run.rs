@@ -6,11 +6,12 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::account::ModelRun;
 use super::args::{Global, StudyArgs};
-use super::failure::{Failure, Gravity, Message};
+use super::failure::{self, Failure, Gravity, Message};
 use super::model::{self, LoadedModel, Needs};
 use super::output::OutputFolder;
 use super::{path_check, print_result, provenance};
 use crate::diagnosis::export::SideCar;
+use crate::diagnosis::fit::memory_of_noise;
 use crate::diagnosis::forward_model::{ForwardModel, Setting};
 use crate::diagnosis::moments::simulate_all as simulate_effects;
 use crate::multibody::Model;
@@ -86,6 +87,38 @@ fn averaged(trials: Vec<Trial>, rate: f64, warnings: &mut Vec<Message>) -> Vec<T
     trials.into_iter().map(|t| if count(&t) > 1 { t.averaged(count(&t)) } else { t }).collect()
 }
 
+/// Memory that the noise of trials may take [bytes]: half of what a laptop of these years has.
+const MOST_MEMORY: f64 = 4e9;
+
+/// Fails where the noise of the trials to train on would take more memory than [`MOST_MEMORY`]: it grows with the square of
+/// their duration.
+///
+/// - `muscles`: active ones
+/// - `with_envelopes`: whether the true envelopes of the EMG are estimated, as a diagnosis does
+pub fn require_memory(
+    trials: &[Trial],
+    muscles: usize,
+    with_envelopes: bool,
+    trials_file: &Path,
+) -> Result<(), Failure> {
+    let trained = || trials.iter().filter(|t| t.info.usage == TrialUse::Train);
+    let needed: f64 = trained().map(|t| memory_of_noise(&t.time, muscles, with_envelopes)).sum();
+    let longest = trained().max_by(|a, b| a.duration().total_cmp(&b.duration()));
+    let Some(longest) = longest.filter(|_| needed > MOST_MEMORY) else { return Ok(()) };
+    let text = format!(
+        "participant {}: the noise of the trials with use = train would take {:.0} GB of memory; at most {:.0} GB are taken",
+        longest.info.participant,
+        (needed / 1e9).ceil(),
+        MOST_MEMORY / 1e9
+    );
+    let hint = format!(
+        "memory grows with the square of a trial's duration, and {} lasts {:.0} s: cut it into trials of a minute or less",
+        longest.info.file.display(),
+        longest.duration()
+    );
+    Err(Message::error(text).in_file(trials_file).hint(hint).into())
+}
+
 /// What came of a run over all participants.
 pub struct Outcomes<T> {
     /// Of the participants that could be done, in the study's order.
@@ -122,12 +155,14 @@ impl StudyRun {
     pub fn each<T>(&self, mut work: impl FnMut(&Participant) -> Result<T, Failure>) -> Result<Outcomes<T>, Failure> {
         let mut outcomes = Outcomes { done: Vec::new(), failed: Vec::new() };
         for participant in &self.participants {
+            failure::about(&participant.name);
             match work(participant) {
                 Ok(done) => outcomes.done.push(done),
                 Err(Failure::Input(messages)) => outcomes.failed.extend(messages),
                 Err(other) => return Err(other),
             }
         }
+        failure::account();
         if outcomes.done.is_empty() && !outcomes.failed.is_empty() {
             return Err(Failure::Input(outcomes.failed));
         }
@@ -141,7 +176,7 @@ impl StudyRun {
     pub fn close(&self, command: &str) -> Result<(), Failure> {
         let is_other = |name: &&str| !self.participants.iter().any(|p| p.name == *name);
         let others: Vec<&str> = self.study.participants.iter().map(|p| p.name.as_str()).filter(is_other).collect();
-        super::failure::print(&self.out.close(command, &others)?);
+        failure::print(&self.out.close(command, &others)?);
         Ok(())
     }
 
@@ -229,7 +264,15 @@ impl StudyRun {
     /// # Errors
     /// The model, the trials, or one does not suit the other.
     pub fn participant(&self, participant: &Participant) -> Result<ParticipantRun, Failure> {
-        self.participant_at(participant, f64::INFINITY)
+        self.participant_at(participant, f64::INFINITY, None)
+    }
+
+    /// As [`StudyRun::participant`], for an identification: fails early where it would take too much memory.
+    ///
+    /// # Errors
+    /// As there; trials that are too long.
+    pub fn participant_to_identify(&self, participant: &Participant) -> Result<ParticipantRun, Failure> {
+        self.participant_at(participant, f64::INFINITY, Some(false))
     }
 
     /// As [`StudyRun::participant`], for what compares trials with each other: samples are averaged to [`DIAGNOSIS_RATE`], with a
@@ -239,7 +282,7 @@ impl StudyRun {
     /// # Errors
     /// As there.
     pub fn participant_to_diagnose(&self, participant: &Participant) -> Result<ParticipantRun, Failure> {
-        let mut run = self.participant_at(participant, DIAGNOSIS_RATE)?;
+        let mut run = self.participant_at(participant, DIAGNOSIS_RATE, Some(true))?;
         let mut trained = run.trials.iter().filter(|t| t.info.usage == TrialUse::Train).peekable();
         if trained.peek().is_some() && trained.all(|t| t.info.contraction == Contraction::Passive) {
             let text = format!(
@@ -253,7 +296,13 @@ impl StudyRun {
     }
 
     /// - `rate`: that samples are averaged to, where there are twice as many [Hz]
-    fn participant_at(&self, participant: &Participant, rate: f64) -> Result<ParticipantRun, Failure> {
+    /// - `noise`: whether envelopes are a part of the noise that is estimated; `None` where none is
+    fn participant_at(
+        &self,
+        participant: &Participant,
+        rate: f64,
+        noise: Option<bool>,
+    ) -> Result<ParticipantRun, Failure> {
         let settings = &self.study.settings;
         let mut warnings: Vec<Message> = self.study.warnings.iter().map(Message::from).collect();
         let needs = if settings.dynamometer.includes(MomentPart::Passive) { Needs::Forces } else { Needs::Motion };
@@ -270,6 +319,10 @@ impl StudyRun {
         warnings.extend(trials.iter().flat_map(|t| t.warnings.iter().map(Message::from)));
         warnings.extend(self.check_trials(participant, &trials, &model)?);
         let trials = averaged(trials, rate, &mut warnings);
+        let trials_file = self.study.folder.join("trials.csv");
+        if let Some(with_envelopes) = noise {
+            require_memory(&trials, model.muscle_names().count(), with_envelopes, &trials_file)?;
+        }
         let recordings: Vec<Recording> = trials.iter().map(Recording::from).collect();
         let mut prepared = model.prepare_all(&recordings, &checked_angles()).map_err(at_study)?;
         let given = self.side_car.as_ref().map(|(_, s)| s.effects.clone()).unwrap_or_default();
@@ -300,7 +353,7 @@ impl StudyRun {
             prepared,
             given,
             recorded,
-            trials_file: self.study.folder.join("trials.csv"),
+            trials_file,
             inputs,
             warnings,
         })
@@ -575,6 +628,29 @@ mod tests {
         let angle: Vec<f64> = time.iter().map(|t| 0.3 * t).collect();
         let moment = vec![2.0; time.len()];
         Trial::from_samples(info, time.clone(), angle, moment, vec![time])
+    }
+
+    #[test]
+    fn verif_what_would_take_too_much_memory_is_refused_with_its_longest_trial() {
+        let lasting = |seconds: usize| {
+            let info = TrialInfo::example(Contraction::Isotonic, Direction::Flexion, TrialUse::Train);
+            let time: Vec<f64> = (0..=100 * seconds).map(|k| 0.01 * k as f64).collect();
+            let zeros = vec![0.0; time.len()];
+            Trial::from_samples(info, time, zeros.clone(), zeros, Vec::new())
+        };
+        let check =
+            |trials: &[Trial], with_envelopes| require_memory(trials, 5, with_envelopes, Path::new("trials.csv"));
+        let session: Vec<Trial> = (0..20).map(|_| lasting(20)).collect();
+        assert!(check(&session, true).is_ok() && check(&session, false).is_ok());
+        // An hour: 90,000 knots, of which a covariance alone takes 65 GB.
+        let Err(Failure::Input(messages)) = check(&[lasting(20), lasting(3600)], true) else { panic!("an hour") };
+        assert!(messages[0].text.contains("GB of memory; at most 4 GB"), "{}", messages[0].text);
+        assert!(messages[0].hint.as_ref().unwrap().contains("lasts 3600 s: cut it"), "{:?}", messages[0].hint);
+        assert!(check(&[lasting(3600)], false).is_err());
+        // Held out, it is not fitted.
+        let mut held_out = lasting(3600);
+        held_out.info.usage = TrialUse::Test;
+        assert!(check(&[lasting(20), held_out], true).is_ok());
     }
 
     #[test]

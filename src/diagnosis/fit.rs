@@ -36,7 +36,7 @@ use super::trial_record::TrialRecord;
 use crate::simulation::{MuscleParameters, SimulationError};
 use crate::study::ParameterBounds;
 
-pub(crate) use grid::{between_knots, corrected, knot_count};
+pub(crate) use grid::{between_knots, corrected, knot_count, memory_of_noise};
 pub(crate) use grid::{block_means, block_starts};
 pub(crate) use linearization::Linear;
 

@@ -24,6 +24,8 @@ pub struct ForwardOptions {
     pub accuracy: f64,
     /// Largest first step [s].
     pub first_step: f64,
+    /// Least and largest step [s]: one that would have to be shorter ends the simulation.
+    pub step_range: [f64; 2],
     /// Steps at most, rejected ones among them.
     pub most_steps: usize,
 }
@@ -64,6 +66,7 @@ pub fn simulate_forward(
     let absolute = tolerances(plant, options.accuracy);
     let begin = |system: &mut DrivenPlant<_>, time: f64, x: &[f64], first_step: f64| {
         Bdf::new(system, time, x, &absolute, options.accuracy, first_step)
+            .map(|bdf| bdf.with_step_range(options.step_range))
             .map_err(|error| PlantError::Stopped { time, reason: error.to_string() })
     };
     let mut bdf = begin(&mut system, first, &x, options.first_step)?;

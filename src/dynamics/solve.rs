@@ -22,7 +22,11 @@ const ASSEMBLY_ITERATIONS: usize = 100;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DynamicsError {
     /// Something without mass can move: coordinates on which it depends are named.
-    #[error("nothing with mass moves with {}: its acceleration is not determined", .coordinates.join(", "))]
+    #[error(
+        "accelerations are not determined: {} can move so that nothing with mass does (parts without mass, or axes of a joint \
+         that coincide in this pose)",
+        .coordinates.join(", ")
+    )]
     Massless {
         /// Coordinates with the largest part in the massless motion.
         coordinates: Vec<String>,
@@ -180,6 +184,45 @@ impl<'a> Dynamics<'a> {
             Some(changes) => Ok(&space.free * changes),
             None => Err(without_solution(self.model, || self.massless(&space))),
         }
+    }
+
+    /// What forces have to do so that some accelerations are as wanted and constraints hold, `Nᵀ (M u̇ + c − f)` along the
+    /// directions N that constraints leave free, and what each of further forces does along them, in a column each. Both are
+    /// determined also where accelerations are not.
+    ///
+    /// Call [`Dynamics::update`] with the same state first.
+    ///
+    /// - `wanted`: acceleration of some coordinates, by position
+    /// - `applied`: forces that act anyway
+    ///
+    /// # Errors
+    /// Numbers that are not finite.
+    pub fn demands(
+        &mut self,
+        time: f64,
+        [q, u]: [&[f64]; 2],
+        wanted: &[(usize, f64)],
+        applied: &AppliedForces,
+        forces: &[AppliedForces],
+    ) -> Result<(DVector<f64>, DMatrix<f64>), DynamicsError> {
+        let n = self.model.n_coordinates();
+        let rest = self.free_force(q, u, &AppliedForces::new(self.model));
+        let mut along = DMatrix::zeros(n, forces.len());
+        for (mut column, applied) in along.column_iter_mut().zip(forces) {
+            column.copy_from(&(self.free_force(q, u, applied) - &rest));
+        }
+        let rows = self.constraints.rows(self.model, time, (q, &self.qdot), None, &self.cache);
+        let space = Space::of(&rows.G, n);
+        let particular = space.particular(&rows.b);
+        let given = DMatrix::from_fn(wanted.len(), space.free.ncols(), |i, j| space.free[(wanted[i].0, j)]);
+        let left = DVector::from_fn(wanted.len(), |i, _| wanted[i].1 - particular[wanted[i].0]);
+        if !is_finite(&along) || !is_finite(&given) || !left.iter().all(|x| x.is_finite()) {
+            return Err(DynamicsError::NotFinite);
+        }
+        let along_free = given.svd(true, true).solve(&left, RANK_TOLERANCE).map_err(|_| DynamicsError::NotFinite)?;
+        let udot = particular + &space.free * along_free;
+        let needed = self.inverse_dynamics(q, u, udot.as_slice(), applied);
+        Ok((space.free.tr_mul(&needed), space.free.tr_mul(&along)))
     }
 
     /// Generalized forces that accelerations need beyond gravity and applied forces: `M u̇ + c − f`.

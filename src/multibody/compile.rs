@@ -373,9 +373,19 @@ fn compile_axis_motion(
     axis: &TransformAxisSpec,
 ) -> Result<AxisMotion, CompileError> {
     const AXES: [&str; 6] = ["rotation1", "rotation2", "rotation3", "translation1", "translation2", "translation3"];
-    let function = compile_function(&joint.at, AXES[number], &axis.function)?;
+    let several = || {
+        let name = |c: &CoordinateIndex| spec.coordinates.get(c.0).map_or("?", |c| c.name.as_str());
+        let coordinates = axis.coordinates.iter().map(name).collect::<Vec<_>>().join(", ");
+        CompileError::SeveralCoordinates { at: joint.at.clone(), axis: AXES[number], coordinates }
+    };
+    let is_of_several = axis.coordinates.len() > 1;
+    let function = compile_function(&joint.at, AXES[number], &axis.function);
+    let function = if is_of_several { function.map_err(|_| several())? } else { function? };
     if let Some(value) = function.constant_value() {
         return Ok(AxisMotion::Fixed(value));
+    }
+    if is_of_several {
+        return Err(several());
     }
     if let (true, Some(value)) = (axis.coordinates.is_empty(), function.value_of_nothing()) {
         return Ok(AxisMotion::Fixed(value));

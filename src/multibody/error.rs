@@ -68,6 +68,20 @@ pub enum CompileError {
         /// z component found.
         z: f64,
     },
+    /// An axis of a CustomJoint is a function of more than one coordinate, which OpenSim computes and this program does not.
+    #[error(
+        "{}: {axis} of the SpatialTransform is a function of several coordinates ({coordinates}), which is not supported; expected \
+         a function of one",
+        .at.path
+    )]
+    SeveralCoordinates {
+        /// The joint.
+        at: Location,
+        /// The axis.
+        axis: &'static str,
+        /// Names of the coordinates.
+        coordinates: String,
+    },
     /// A function cannot be built.
     #[error("{}: {property}: {source}", .at.path)]
     Function {
@@ -122,6 +136,7 @@ impl CompileError {
             | CompileError::DegenerateAxis { at, .. }
             | CompileError::Function { at, .. }
             | CompileError::ArgumentCount { at, .. }
+            | CompileError::SeveralCoordinates { at, .. }
             | CompileError::Coupler { at, .. }
             | CompileError::NotFinite { at, .. } => at,
         }

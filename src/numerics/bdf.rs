@@ -53,6 +53,14 @@ pub enum StepError<E> {
         /// Time [s].
         time: f64,
     },
+    /// There is no solution at the end of the shortest step allowed.
+    #[error("a step of {least} s, the least allowed, is too long at t = {time} s")]
+    BelowLeast {
+        /// Time [s].
+        time: f64,
+        /// Least step [s].
+        least: f64,
+    },
     /// The derivative failed at an accepted state.
     #[error("at t = {time} s: {source}")]
     System {
@@ -70,6 +78,8 @@ pub struct Cost {
     pub steps: usize,
     /// Steps tried again.
     pub rejected: usize,
+    /// Steps of the least length allowed, taken although their error is larger than allowed.
+    pub forced: usize,
     /// Derivatives, without those for Jacobians.
     pub derivatives: usize,
     /// Jacobians.
@@ -83,6 +93,7 @@ impl Cost {
     pub fn add(&mut self, other: &Cost) {
         self.steps += other.steps;
         self.rejected += other.rejected;
+        self.forced += other.forced;
         self.derivatives += other.derivatives;
         self.jacobians += other.jacobians;
         self.factorizations += other.factorizations;
@@ -108,6 +119,8 @@ pub struct Bdf {
     jacobian_is_current: bool,
     groups: Vec<Range<usize>>,
     factors: Option<Grouped>,
+    /// Least and largest step allowed [s].
+    step_range: [f64; 2],
     /// By how much an iteration with these factors has shortened the corrections, if that is known.
     convergence_rate: Option<f64>,
 }
@@ -161,8 +174,23 @@ impl Bdf {
             jacobian_is_current: true,
             groups: system.groups(),
             factors: None,
+            step_range: [0.0, f64::INFINITY],
             convergence_rate: None,
         })
+    }
+
+    /// Keeps steps within a range. A step of the least length is taken whatever its error, as in Simbody's integrators; the
+    /// last step before an end may be shorter.
+    ///
+    /// - `range`: least and largest step [s]
+    pub fn with_step_range(mut self, range: [f64; 2]) -> Bdf {
+        self.step_range = range;
+        let [least, largest] = range;
+        let factor = self.step.max(least).min(largest) / self.step;
+        if factor != 1.0 {
+            self.rescale(factor);
+        }
+        self
     }
 
     /// The state at [`Bdf::time`].
@@ -179,6 +207,9 @@ impl Bdf {
             if self.step < 10.0 * f64::EPSILON * self.time.abs().max(1e-3) {
                 return Err(StepError::TooSmall { time: self.time });
             }
+            if self.step > self.step_range[1] {
+                self.rescale(self.step_range[1] / self.step);
+            }
             let mut next = self.time + self.step;
             if next > end {
                 self.rescale((end - self.time) / self.step);
@@ -193,16 +224,17 @@ impl Bdf {
             }
             let c = self.step / alpha(order);
             let Some((x, change, iterations)) = self.solve(system, next, &predicted, &size, &psi, c) else {
-                self.cost.rejected += 1;
-                self.rescale(0.5);
+                self.shorten(0.5)?;
                 continue;
             };
             let safety = 0.9 * (2 * NEWTON_ITERATIONS + 1) as f64 / (2 * NEWTON_ITERATIONS + iterations) as f64;
             let size = scale(&self.absolute, self.relative, &x);
             let error = error_constant(order) * norm(&change, &size);
-            if !(error <= 1.0) {
-                self.cost.rejected += 1;
-                self.rescale((safety * error.powf(-1.0 / (order + 1) as f64)).max(LEAST_FACTOR));
+            let is_least = self.step <= self.step_range[0] * (1.0 + 1e-9);
+            if is_least && error > 1.0 && error.is_finite() {
+                self.cost.forced += 1;
+            } else if !(error <= 1.0) {
+                self.shorten((safety * error.powf(-1.0 / (order + 1) as f64)).max(LEAST_FACTOR))?;
                 continue;
             }
             self.accept(next, &change);
@@ -211,6 +243,17 @@ impl Bdf {
             }
             return Ok(());
         }
+    }
+
+    /// A step that was rejected becomes shorter.
+    fn shorten<E>(&mut self, factor: f64) -> Result<(), StepError<E>> {
+        self.cost.rejected += 1;
+        let least = self.step_range[0];
+        if self.step <= least * (1.0 + 1e-9) {
+            return Err(StepError::BelowLeast { time: self.time, least });
+        }
+        self.rescale(factor.max(least / self.step));
+        Ok(())
     }
 
     /// Solves for the state at the end of a step: state, change from the prediction, iterations.
@@ -304,8 +347,14 @@ impl Bdf {
             (factor(higher, order + 2), order + 1),
         ];
         let best = choices.into_iter().fold(choices[1], |best, choice| if choice.0 > best.0 { choice } else { best });
+        let factor = (safety * best.0).min(LARGEST_FACTOR).min(self.step_range[1] / self.step);
+        let factor = factor.max((self.step_range[0] / self.step).min(1.0));
+        // At its bound a step stays, with all that belongs to it.
+        if best.1.max(1) == self.order && factor == 1.0 {
+            return;
+        }
         self.order = best.1.max(1);
-        self.rescale((safety * best.0).min(LARGEST_FACTOR));
+        self.rescale(factor);
     }
 
     /// Changes the step and, with it, the differences.

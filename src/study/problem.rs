@@ -500,6 +500,23 @@ pub enum Fault {
         /// Rows of the file a second [Hz].
         rate_hz: f64,
     },
+    /// An angle or EMG that was put on a faster grid than it was recorded on.
+    #[error(
+        "the {quantity} `{column}` was {} to {rate_hz:.0} Hz: {own_rate_hz:.0} of its samples a second are its own",
+        match how { Resampled::Held => "held", Resampled::Interpolated => "interpolated" }
+    )]
+    ColumnResampled {
+        /// `angle`, `raw EMG` or `EMG`.
+        quantity: &'static str,
+        /// The column.
+        column: String,
+        /// What was done to it.
+        how: Resampled,
+        /// Its own samples a second [Hz].
+        own_rate_hz: f64,
+        /// Rows of the file a second [Hz].
+        rate_hz: f64,
+    },
     /// Moments of the wrong sign.
     #[error(
         "the effort changes the moment by {effort_n_m:+.3} N·m in a trial of direction `{direction}`; expected the opposite sign"
@@ -726,6 +743,16 @@ impl Fault {
             }
             OwnGravityNotTurned => {
                 "leave \"gravity\" out of include: the effect `gravity` of carpus diagnose is turned with the arm".to_owned()
+            }
+            ColumnResampled { quantity: "angle", .. } => {
+                "its speed jumps from one to the next: give the angle at its own rate, or the velocity as a column".to_owned()
+            }
+            ColumnResampled { quantity: "raw EMG", .. } => {
+                "what the muscle did between them is lost, and filters of EMG see steps: give the channel at the rate of its recorder"
+                    .to_owned()
+            }
+            ColumnResampled { .. } => {
+                "rows between them say nothing of its noise; for an envelope that is slower than they are nothing is lost".to_owned()
             }
             MomentResampled { .. } => {
                 "its noise is estimated from its own samples alone; nothing else needs to be done".to_owned()

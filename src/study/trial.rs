@@ -4,10 +4,10 @@ use std::path::Path;
 
 use super::problem::{Fault, Problem, StudyErrors, nearest};
 use super::raw_emg::{self, EmgSignal};
-use super::settings::{Columns, Settings};
+use super::settings::{AngleUnit, Columns, Settings};
 use super::table::{csv_problem, is_of_a_study, missing_column, open};
 use super::trial_list::TrialInfo;
-use crate::signals::{OwnSamples, own_samples};
+use crate::signals::{OwnSamples, Resampled, own_samples};
 
 /// Fewest samples a trial may have: enough for a cubic spline with something to smooth.
 pub const MIN_SAMPLES: usize = 10;
@@ -186,6 +186,7 @@ impl Trial {
             let before = problems.len();
             check_time(&trial, settings.max_gap, &mut problems);
             trial.moment_samples = own_samples(&trial.moment);
+            note_resampled(&trial, settings, &mut problems);
             match &settings.emg {
                 EmgSignal::Normalized => check_excitation(&mut trial, settings, &mut problems),
                 EmgSignal::Raw(emg) => {
@@ -382,6 +383,49 @@ fn report_bad_cells(
             problems.push(Problem::error(file, line, fault));
         }
     }
+}
+
+/// Reports angles and EMG that were held or interpolated to the grid of the file.
+fn note_resampled(trial: &Trial, settings: &Settings, problems: &mut Vec<Problem>) {
+    let (Some(last), true) = (trial.len().checked_sub(1), trial.duration() > 0.0) else { return };
+    let rate_hz = last as f64 / trial.duration();
+    let columns = &settings.columns;
+    let mut note = |quantity: &'static str, column: &str, samples: &[f64]| {
+        // An encoder of few steps jumps in a rhythm, too, where the motion is even.
+        let own = own_samples(samples).filter(|own| own.how == Resampled::Interpolated || !is_stepped(samples));
+        if let Some(own) = own {
+            let column = column.to_owned();
+            let fault =
+                Fault::ColumnResampled { quantity, column, how: own.how, own_rate_hz: rate_hz / own.step, rate_hz };
+            problems.push(Problem::warning(&trial.info.file, None, fault));
+        }
+    };
+    // As the file has it: digits tell what rounding is.
+    let written = |angle: &f64| match columns.angle_unit {
+        AngleUnit::Degrees => angle.to_degrees(),
+        AngleUnit::Radians => *angle,
+    };
+    note("angle", &columns.angle, &trial.angle.iter().map(written).collect::<Vec<f64>>());
+    let quantity = if matches!(settings.emg, EmgSignal::Raw(_)) { "raw EMG" } else { "EMG" };
+    for (i, (column, samples)) in columns.emg.iter().zip(&trial.excitation).enumerate() {
+        if !columns.emg[..i].contains(column) {
+            note(quantity, column, samples);
+        }
+    }
+}
+
+/// Whether all changes of a signal are few multiples of one step.
+fn is_stepped(x: &[f64]) -> bool {
+    const MOST: f64 = 3.5;
+    let changes = || x.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|change| *change > 0.0);
+    // Rounding of sums leaves changes that are none.
+    let largest = changes().fold(0.0, f64::max);
+    let least = changes().filter(|change| *change > 1e-9 * largest).fold(f64::INFINITY, f64::min);
+    let is_multiple = |change: f64| {
+        let times = change / least;
+        times < MOST && (times - times.round()).abs() < 1e-6
+    };
+    changes().filter(|change| *change > 1e-9 * largest).all(is_multiple)
 }
 
 /// Reports the first of each kind of flaw in the time column.

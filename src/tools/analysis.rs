@@ -100,7 +100,7 @@ pub fn add_results(analysis: &dyn Analysis, base: &str, folder: &Path, precision
     }
     for (end, text) in analysis.texts() {
         let path = folder.join(format!("{stem}{end}"));
-        outcome.files.push(super::result::ResultFile { path, bytes: text.into_bytes() });
+        outcome.files.push(super::result::ResultFile { path, bytes: text.into_bytes(), is_named: false });
     }
 }
 

@@ -39,12 +39,13 @@ pub struct Frame {
     pub integrator: IntegratorSettings,
 }
 
-/// How a motion is integrated. Sizes of steps are checked and otherwise not used: those of the implicit integrator
-/// follow from the error alone.
+/// How a motion is integrated.
 #[derive(Clone, Copy, Debug)]
 pub struct IntegratorSettings {
     /// Error allowed per step, as Simbody's `Integrator::setAccuracy` takes it.
     pub error_tolerance: f64,
+    /// Least and largest step [s].
+    pub step_range: [f64; 2],
     /// Steps of a simulation, rejected ones among them, at most.
     pub most_steps: usize,
 }
@@ -61,11 +62,12 @@ impl IntegratorSettings {
         let is_step = |value: f64| value > 0.0;
         let largest = tool.number_that("maximum_integrator_step_size", 1.0, "a time above 0 s", is_step)?;
         let expected = format!("a time from 0 s to maximum_integrator_step_size ({largest} s)");
-        tool.number_that("minimum_integrator_step_size", 0.0, &expected, |value| (0.0..=largest).contains(&value))?;
+        let is_least = |value: f64| (0.0..=largest).contains(&value);
+        let least = tool.number_that("minimum_integrator_step_size", 0.0, &expected, is_least)?;
         // Of formats of old; it has no effect in OpenSim 4.6 either.
         tool.number_that("integrator_fine_tolerance", 1e-5, "a number above 0", is_step)?;
         let most_steps = tool.count("maximum_number_of_integrator_steps", 20_000, 1..=usize::MAX)?;
-        Ok(IntegratorSettings { error_tolerance, most_steps })
+        Ok(IntegratorSettings { error_tolerance, step_range: [least, largest], most_steps })
     }
 }
 

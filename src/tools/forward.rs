@@ -1,7 +1,8 @@
 //! Motion from forces: OpenSim's `ForwardTool`.
 //!
 //! OpenSim records every step of its explicit integrator; steps of the implicit one used here can be long, so that rows
-//! are at even times (or at those of the states file, with `use_specified_dt`), each as exact as the steps.
+//! are at even times (or at those of the states file, with `use_specified_dt`), each as exact as the steps. Neither steps
+//! nor rows are further apart than the largest step allowed.
 
 use std::sync::Arc;
 
@@ -19,8 +20,10 @@ use crate::storage::{Storage, printed};
 /// Rows of results per second, at least this many rows in all.
 const ROWS_PER_SECOND: f64 = 100.0;
 const FEWEST_ROWS: f64 = 200.0;
-/// Longest simulation [s]: a million rows.
-const LONGEST: f64 = 1e6 / ROWS_PER_SECOND;
+/// Rows of results at most.
+const MOST_ROWS: f64 = 1e6;
+/// Longest simulation [s].
+const LONGEST: f64 = MOST_ROWS / ROWS_PER_SECOND;
 /// Rate at which violations of constraints between bodies decay [1/s].
 const STABILIZATION: f64 = 50.0;
 
@@ -80,7 +83,7 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
     let plant = plant_of(&system).map_err(|e| ToolError::new(&system.path, e))?;
     let times = match times_of_file.filter(|times| specified && times.len() > 1) {
         Some(times) => times,
-        None => even_times(start, end),
+        None => even_times(start, end, frame.integrator.step_range[1]),
     };
     let mut driven: Vec<String> = plant.muscles.iter().map(|m| m.muscle.name().to_owned()).collect();
     let positions: Vec<usize> =
@@ -99,6 +102,7 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         times,
         accuracy: frame.integrator.error_tolerance.min(1e-5),
         first_step: 1e-3,
+        step_range: frame.integrator.step_range,
         most_steps: frame.integrator.most_steps,
     };
     let excite = |time: f64, values: &mut [f64]| {
@@ -125,6 +129,15 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         }
     }
     faults.conclude(&system, outcome)?;
+    if trajectory.cost.forced > 0 {
+        let text = format!(
+            "minimum_integrator_step_size: {} of {} steps have a larger error than integrator_error_tolerance allows, as in \
+             OpenSim",
+            trajectory.cost.forced, trajectory.cost.steps
+        );
+        let line = tool.child("minimum_integrator_step_size").map_or(0, |property| property.line());
+        outcome.warn(tool.setup().path(), line, text);
+    }
     for analysis in &analyses {
         analysis.warnings().into_iter().for_each(|text| outcome.warn(tool.setup().path(), 0, text));
         add_results(analysis.as_ref(), &frame.name, &frame.results, frame.precision, outcome);
@@ -188,8 +201,11 @@ fn plant_of(system: &System) -> Result<Plant, ToolProblem> {
     Ok(plant.with_lagged_actuators(lagged.collect()))
 }
 
-fn even_times(start: f64, end: f64) -> Vec<f64> {
-    let rows = ((end - start) * ROWS_PER_SECOND).max(FEWEST_ROWS).ceil() as usize;
+/// Times of rows, at most the largest step apart as far as there may be as many rows.
+fn even_times(start: f64, end: f64, largest_step: f64) -> Vec<f64> {
+    // Without the rounding of a quotient that is meant to be whole.
+    let steps = ((end - start) / largest_step - 1e-9).ceil();
+    let rows = ((end - start) * ROWS_PER_SECOND).max(FEWEST_ROWS).ceil().max(steps.min(MOST_ROWS)) as usize;
     (0..=rows).map(|i| if i == rows { end } else { start + (end - start) * i as f64 / rows as f64 }).collect()
 }
 
@@ -236,5 +252,5 @@ fn write(frame: &Frame, states: &Storage, system: &System, outcome: &mut Outcome
         "\n# SIMM Motion File Header:\nname {name}\ndatacolumns {columns}\ndatarows {rows}\notherdata 1\nrange {first} {last}\n"
     );
     let path = frame.results.join(format!("{name}_states_degrees.mot"));
-    outcome.files.push(ResultFile { path, bytes: degrees.text(frame.precision).into_bytes() });
+    outcome.files.push(ResultFile { path, bytes: degrees.text(frame.precision).into_bytes(), is_named: false });
 }

@@ -31,6 +31,7 @@ pub fn refuse_to_overwrite(setup: &Path, model: Option<&Path>, outcome: &mut Out
     let (kept, replaced): (Vec<_>, Vec<_>) =
         std::mem::take(&mut outcome.files).into_iter().partition(|_| is_last.next() == Some(true));
     outcome.files = kept;
+    outcome.inputs.extend(inputs);
     for file in replaced {
         outcome.warn(&file.path, 0, "two results have this name: the later one is written");
     }

@@ -1,5 +1,6 @@
 //! Forces that a motion needs: OpenSim's `InverseDynamicsTool`.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use super::analyze::Faults;
@@ -34,7 +35,7 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         let warnings = add_external_loads(&loads, &mut system)?;
         warnings.into_iter().for_each(|text| outcome.warn(&loads, 0, text));
     }
-    let named = exclusion(&excluded);
+    let named = exclusion(&excluded, &groups_of_forces(&document), tool, &system, outcome);
     let outside = system.outside_of_force_set();
     let is_excluded = |name: &str, is_muscle: bool, is_actuator: bool| {
         named(name, is_muscle, is_actuator) && !outside.iter().any(|other| other == name)
@@ -82,12 +83,59 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
     Ok(())
 }
 
-/// Whether a force of the model's force set is excluded: by name, or as muscle, actuator or any.
-pub fn exclusion(names: &[String]) -> impl Fn(&str, bool, bool) -> bool + '_ {
-    let keyword = |word: &str| names.iter().any(|n| n.eq_ignore_ascii_case(word));
-    let (all, actuators, muscles) = (keyword("ALL"), keyword("ACTUATORS"), keyword("MUSCLES"));
+/// Groups of the force set of a model: name and members.
+fn groups_of_forces(document: &Document) -> Vec<(String, Vec<String>)> {
+    let model = document.object();
+    let set = ["ForceSet", "ActuatorSet"].iter().find_map(|tag| document.child(model, tag));
+    let groups = set.and_then(|set| document.child(set, "groups"));
+    let groups = groups.map_or(&[][..], |groups| document.children(groups)).iter();
+    let members = |group| document.child(group, "members").map(|m| document.text(m)).unwrap_or_default();
+    let words = |text: String| text.split_ascii_whitespace().map(str::to_owned).collect();
+    groups.map(|&group| (document.attribute(group, "name").unwrap_or_default(), words(members(group)))).collect()
+}
+
+/// Whether a force of the model's force set is excluded: as muscle, actuator or any; by its group; or by its name, which
+/// OpenSim 4.6 looks for only in a force set without groups. Names that match nothing are said.
+fn exclusion(
+    names: &[String],
+    groups: &[(String, Vec<String>)],
+    tool: &Properties,
+    system: &System,
+    outcome: &mut Outcome,
+) -> impl Fn(&str, bool, bool) -> bool + use<> {
+    let [mut all, mut actuators, mut muscles] = [false; 3];
+    let in_set = system.spec.muscles.iter().map(|m| (&m.at, &m.name));
+    let in_set = in_set.chain(system.spec.forces.iter().map(|f| (&f.at, &f.name)));
+    let forces: Vec<&str> = in_set.filter(|(at, _)| at.is_in_force_set()).map(|(_, name)| name.as_str()).collect();
+    let mut excluded: HashSet<String> = HashSet::new();
+    for name in names {
+        let group = groups.iter().find(|(group, _)| group == name);
+        match (name.to_ascii_uppercase().as_str(), group) {
+            ("ALL", _) => all = true,
+            ("ACTUATORS", _) => actuators = true,
+            ("MUSCLES", _) => muscles = true,
+            (_, Some((_, members))) => excluded.extend(members.iter().cloned()),
+            (_, None) if groups.is_empty() && forces.contains(&name.as_str()) => drop(excluded.insert(name.clone())),
+            (_, None) => {
+                let known = groups.iter().map(|(group, _)| group.as_str());
+                let why = if forces.contains(&name.as_str()) {
+                    let known = known.map(|group| format!("`{group}`")).collect::<Vec<_>>().join(", ");
+                    format!(
+                        "force `{name}` acts: as in OpenSim 4.6 only groups are found where the force set has any ({known})"
+                    )
+                } else {
+                    let known = known.chain(if groups.is_empty() { forces.clone() } else { Vec::new() });
+                    let nearest = crate::osim::error::nearest(name, known);
+                    let nearest = nearest.map_or(String::new(), |nearest| format!(" (did you mean `{nearest}`?)"));
+                    format!("the model has no force or group `{name}`: nothing is excluded by it{nearest}")
+                };
+                let line = tool.child("forces_to_exclude").map_or(0, |property| property.line());
+                outcome.warn(tool.setup().path(), line, format!("forces_to_exclude: {why}"));
+            }
+        }
+    }
     move |name, is_muscle, is_actuator| {
-        all || (actuators && is_actuator) || (muscles && is_muscle) || names.iter().any(|n| n == name)
+        all || (actuators && is_actuator) || (muscles && is_muscle) || excluded.contains(name)
     }
 }
 

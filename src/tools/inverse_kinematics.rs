@@ -211,7 +211,7 @@ pub fn run(tool: &Properties, system: System, outcome: &mut Outcome) -> Result<(
         1e3 * rms.iter().copied().fold(0.0, f64::max)
     ));
     if let Some(path) = output {
-        outcome.files.push(super::result::ResultFile { path, bytes: motion.text(8).into_bytes() });
+        outcome.files.push(super::result::ResultFile { path, bytes: motion.text(8).into_bytes(), is_named: true });
     }
     if report_errors {
         outcome.add_storage(&results, &format!("{}_ik_marker_errors", tool.name()), &errors, 8);

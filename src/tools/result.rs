@@ -13,6 +13,8 @@ pub struct ResultFile {
     pub path: PathBuf,
     /// Its bytes.
     pub bytes: Vec<u8>,
+    /// Whether the setup gives the file by its own name, not only the folder of results.
+    pub is_named: bool,
 }
 
 /// What a tool did.
@@ -20,6 +22,8 @@ pub struct ResultFile {
 pub struct Outcome {
     /// Files to be written.
     pub files: Vec<ResultFile>,
+    /// Files that were read, or that those name.
+    pub inputs: Vec<PathBuf>,
     /// What the user should know: file, line (0: none), text.
     pub warnings: Vec<(PathBuf, usize, String)>,
     /// What was done, in lines for the terminal.
@@ -33,7 +37,11 @@ impl Outcome {
         let name = name.rsplit(['/', '\\']).next().unwrap_or(name).replace(is_deceptive, "_");
         let has_extension = name.rsplit_once('.').is_some_and(|(stem, end)| !stem.is_empty() && !end.is_empty());
         let name = if has_extension { name } else { format!("{name}.sto") };
-        self.files.push(ResultFile { path: folder.join(name), bytes: storage.text(precision).into_bytes() });
+        self.files.push(ResultFile {
+            path: folder.join(name),
+            bytes: storage.text(precision).into_bytes(),
+            is_named: false,
+        });
     }
 
     /// Adds the warnings among what was found in a file.

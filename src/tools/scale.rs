@@ -39,7 +39,7 @@ pub fn run(tool: &Properties, path: PathBuf, mut file: OsimFile, outcome: &mut O
     if let Some(scaler) = tool.child("ModelScaler")
         && let Some(output) = scaler.file("output_model_file")
     {
-        outcome.files.push(ResultFile { path: output, bytes: named(&file, &tool.name()) });
+        outcome.files.push(ResultFile { path: output, bytes: named(&file, &tool.name()), is_named: true });
     }
     match tool.child("MarkerPlacer") {
         Some(placer) if placer.boolean("apply", true)? => place_markers(&placer, &tool.name(), &path, file, outcome),
@@ -240,7 +240,7 @@ fn scale_model(scaler: &Properties, mass: f64, file: &mut OsimFile, outcome: &mu
     outcome.summary.push(format!("scaled: mass {before:.6} kg to {after:.6} kg"));
     if let Some(output) = scaler.file("output_scale_file") {
         let text = scale_set(&file.spec, &factors);
-        outcome.files.push(ResultFile { path: output, bytes: text.into_bytes() });
+        outcome.files.push(ResultFile { path: output, bytes: text.into_bytes(), is_named: true });
     }
     Ok(())
 }
@@ -393,13 +393,13 @@ fn place_markers(
     if let Some(output) = placer.file("output_motion_file") {
         let mut pose = Storage::new("static pose", system.state_names());
         pose.push(range[0], system.state_values(&state));
-        outcome.files.push(ResultFile { path: output, bytes: pose.text(8).into_bytes() });
+        outcome.files.push(ResultFile { path: output, bytes: pose.text(8).into_bytes(), is_named: true });
     }
     if let Some(output) = placer.file("output_marker_file") {
-        outcome.files.push(ResultFile { path: output, bytes: marker_set(&file.spec).into_bytes() });
+        outcome.files.push(ResultFile { path: output, bytes: marker_set(&file.spec).into_bytes(), is_named: true });
     }
     if let Some(output) = placer.file("output_model_file") {
-        outcome.files.push(ResultFile { path: output, bytes: named(&file, name) });
+        outcome.files.push(ResultFile { path: output, bytes: named(&file, name), is_named: true });
     }
     Ok(())
 }

@@ -13,6 +13,7 @@ use super::error::{ToolError, ToolProblem};
 use super::force_analyses::{force_storage, record_values};
 use super::setup::Properties;
 use super::system::{Actor, System};
+use crate::dynamics::DynamicsError;
 use crate::forces::AppliedForces;
 use crate::storage::Storage;
 
@@ -140,17 +141,32 @@ impl Analysis for StaticOptimization {
         };
         let alone: Vec<AppliedForces> = self.actuators.iter().zip(&optimal).map(full).collect();
         let dynamics = &mut instant.work.dynamics;
-        let rest = dynamics.accelerations(state.time, &state.q, &state.u, &applied).map_err(fail)?.udot;
-        let responses = dynamics.responses(state.time, &state.q, &state.u, &alone).map_err(fail)?;
-        let rest = DVector::from_iterator(self.coordinates.len(), self.coordinates.iter().map(|c| rest[*c]));
-        let matrix = responses.select_rows(&self.coordinates);
         let wanted = self.wanted.at(state.time);
-        let wanted = DVector::from_iterator(self.coordinates.len(), self.coordinates.iter().map(|c| wanted[*c]));
-        let (controls, left) = least_powers(&matrix, &(wanted - rest), &self.ranges, self.exponent);
+        let rest = match dynamics.accelerations(state.time, &state.q, &state.u, &applied) {
+            Ok(found) => Some(found.udot),
+            // Forces are determined also where accelerations are not: where axes of a joint coincide.
+            Err(DynamicsError::Massless { .. }) => None,
+            Err(error) => return Err(fail(error)),
+        };
+        let (needed, matrix, unit) = match rest {
+            Some(rest) => {
+                let responses = dynamics.responses(state.time, &state.q, &state.u, &alone).map_err(fail)?;
+                let missing = self.coordinates.iter().map(|c| wanted[*c] - rest[*c]);
+                let needed = DVector::from_iterator(self.coordinates.len(), missing);
+                (needed, responses.select_rows(&self.coordinates), "rad/s² or m/s²")
+            }
+            None => {
+                let wanted: Vec<(usize, f64)> = self.coordinates.iter().map(|c| (*c, wanted[*c])).collect();
+                let at = [state.q.as_slice(), state.u.as_slice()];
+                let found = dynamics.demands(state.time, at, &wanted, &applied, &alone).map_err(fail)?;
+                (found.0, found.1, "N·m or N")
+            }
+        };
+        let (controls, left) = least_powers(&matrix, &needed, &self.ranges, self.exponent);
         // Also where it is not a number.
         if !(left <= 1e-4) {
             self.warnings.push(format!(
-                "{}: at t = {} s the actuators cannot make the motion, {left:.3e} rad/s² or m/s² are missing",
+                "{}: at t = {} s the actuators cannot make the motion, {left:.3e} {unit} are missing",
                 self.options.name, state.time
             ));
         }

@@ -375,7 +375,12 @@ impl System {
         let names = self.actuator_names();
         let mut controls = Controls::default();
         let own = Setup::of_document(&self.path, document);
-        controls.read(&own.object().objects("ControllerSet"), &names, outcome)?;
+        let model = own.object();
+        // Further ones may stand among the model's other components, where they act as well.
+        let others = ["ComponentSet", "components"].iter().flat_map(|list| model.members(list));
+        let others = others.filter(|component| component.class().ends_with("Controller"));
+        let of_model: Vec<Properties> = model.objects("ControllerSet").into_iter().chain(others).collect();
+        controls.read(&of_model, &names, outcome)?;
         let of_tool = tool.objects("ControllerSet").into_iter().filter(|c| !Correction::acts_in(tool, c));
         controls.read(&of_tool.collect::<Vec<_>>(), &names, outcome)?;
         self.controls = controls;

@@ -466,7 +466,8 @@ fn compare_trajectory(spec: &ModelSpec, reference: &Value, accuracy: f64) -> (Di
         .equilibrium_state(0.0, &of(&rows[0], "q"), &of(&rows[0], "u"), &excitation, &mut work)
         .expect("equilibrium");
     let times = rows.iter().map(|row| row["time"].as_f64().expect("time")).collect();
-    let options = ForwardOptions { times, accuracy, first_step: 1e-3, most_steps: 1_000_000 };
+    let options =
+        ForwardOptions { times, accuracy, first_step: 1e-3, step_range: [0.0, f64::INFINITY], most_steps: 1_000_000 };
     let trajectory = simulate_forward(&plant, &start, excite, &options).expect("trajectory");
     let mut differences = Differences::new("coordinate along a forward simulation", "rad or m");
     for (state, row) in trajectory.states.iter().zip(rows) {
@@ -517,8 +518,13 @@ fn verif_the_mcfarland_hand_falls_for_a_second() {
     let (q, u) = (model.default_coordinates(), vec![0.0; model.n_coordinates()]);
     let mut work = plant.new_work();
     let start = plant.equilibrium_state(0.0, &q, &u, &excitation, &mut work).expect("equilibrium");
-    let options =
-        ForwardOptions { times: vec![0.0, 0.5, 1.0], accuracy: 1e-5, first_step: 1e-3, most_steps: 1_000_000 };
+    let options = ForwardOptions {
+        times: vec![0.0, 0.5, 1.0],
+        accuracy: 1e-5,
+        first_step: 1e-3,
+        step_range: [0.0, f64::INFINITY],
+        most_steps: 1_000_000,
+    };
     let excite = |_: f64, e: &mut [f64]| e.copy_from_slice(&excitation);
     let trajectory = simulate_forward(&plant, &start, excite, &options).expect("trajectory");
     println!("{:?}", trajectory.cost);
@@ -568,7 +574,13 @@ fn verif_motion_goes_through_the_pole_of_a_bushing() {
         actuator_activation: Vec::new(),
     };
     let times = (0..=8).map(|k| 0.05 * f64::from(k)).collect();
-    let options = ForwardOptions { times, accuracy: 1e-7, first_step: 1e-3, most_steps: 1_000_000 };
+    let options = ForwardOptions {
+        times,
+        accuracy: 1e-7,
+        first_step: 1e-3,
+        step_range: [0.0, f64::INFINITY],
+        most_steps: 1_000_000,
+    };
     let trajectory = simulate_forward(&plant, &start, |_, _| {}, &options).expect("trajectory");
     let energy = |state: &PlantState| 5e-4 * (state.u[0].powi(2) + state.u[1].powi(2));
     for (time, state) in trajectory.times.iter().zip(&trajectory.states) {

@@ -296,3 +296,216 @@ fn verif_a_number_of_the_model_that_overflows_is_the_users_and_has_its_place() {
         assert!(errors[0].contains("wrist.osim:") && !said.contains("internal error"), "{said}");
     }
 }
+
+/// The study of [`study`], both trials to train on.
+fn all_to_train_on(folder: &Path) -> PathBuf {
+    let study = study(folder, SHORT);
+    let table = std::fs::read_to_string(folder.join("trials.csv")).unwrap();
+    std::fs::write(folder.join("trials.csv"), table.replace(",test", ",train")).unwrap();
+    study
+}
+
+/// What a command prints, as JSON.
+fn printed(arguments: &[&std::ffi::OsStr]) -> serde_json::Value {
+    let mut command = Command::cargo_bin("carpus").expect("the program");
+    let run = command.arg("--json").args(arguments).assert().success();
+    serde_json::from_slice(&run.get_output().stdout).unwrap()
+}
+
+#[test]
+fn verif_what_identification_writes_is_read_as_knowledge_of_the_next() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = all_to_train_on(folder.path());
+    let out = folder.path().join("out");
+    carpus(&["identify", "--draws", "40"], &study, &out).success();
+    assert!(tables_are_for_programs(&out) >= 4 && out.join("carpus-output.json").exists());
+    let table = folder.path().join("priors.csv");
+    let mut priors = Command::cargo_bin("carpus").unwrap();
+    priors.arg("priors").arg(&out).arg("--out").arg(&table).assert().success();
+    let known = carpus::study::read_priors(&table).unwrap_or_else(|e| panic!("{e}"));
+    assert!(!known.is_empty() && tables_are_for_programs(folder.path()) >= 5);
+    // A file that is asked for by its name is alone.
+    assert!(!folder.path().join("carpus-output.json").exists());
+    let next = folder.path().join("next");
+    carpus(&["identify", "--draws", "40", "--priors", table.to_str().unwrap()], &study, &next).success();
+    let text = std::fs::read_to_string(next.join("P01/identifiability.json")).unwrap();
+    assert!(text.contains("population of 1 earlier fits"), "the table's source is that of the priors");
+}
+
+#[test]
+fn verif_scaled_and_upgraded_models_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = study(folder.path(), SHORT);
+    let scaled = folder.path().join("scaled");
+    carpus(&["scale", "--factor", "hand=1.1"], &root("models/wrist.osim"), &scaled).success();
+    let names: Vec<String> = files(&scaled).into_keys().collect();
+    assert_eq!(names, ["carpus-output.json", "model.osim", "path_lengths.csv", "scale.json"]);
+    assert_eq!(tables_are_for_programs(&scaled), 1);
+    let manifest = std::fs::read_to_string(scaled.join("carpus-output.json")).unwrap();
+    assert!(manifest.contains("models/wrist.osim") && manifest.contains("\"command\": \"scale\""), "{manifest}");
+    // The study runs with the scaled model, whose moment arms differ.
+    let model = scaled.join("model.osim");
+    let out = folder.path().join("out");
+    carpus(&["simulate", "--model", model.to_str().unwrap()], &study, &out).success();
+    // Its results are not taken for those of the study, nor the other way round.
+    carpus(&["scale", "--factor", "hand=1.2"], &root("models/wrist.osim"), &scaled).success();
+    let text = std::fs::read_to_string(scaled.join("scale.json")).unwrap();
+    assert!(text.contains("1.2"), "written anew");
+
+    for old in ["arm_20302.osim", "arm_30000.osim"] {
+        let [new, again] = ["new", "again"].map(|name| folder.path().join(format!("{name}_{old}")));
+        for (from, to) in [(root("fixtures/upgrade").join(old), &new), (new.clone(), &again)] {
+            Command::cargo_bin("carpus").unwrap().arg("upgrade").arg(from).arg(to).assert().success();
+        }
+        assert_eq!(std::fs::read(&new).unwrap(), std::fs::read(&again).unwrap(), "{old}: nothing is left to upgrade");
+        let info = printed(&["info".as_ref(), new.as_os_str()]);
+        assert!(info["muscles"].as_array().is_some_and(|m| !m.is_empty()), "{info}");
+    }
+    assert!(!folder.path().join("carpus-output.json").exists(), "beside a file that has its own name nothing appears");
+}
+
+/// A body that floats, with a marker of each name.
+fn floating(markers: &[&str]) -> String {
+    let marker = |(i, name): (usize, &&str)| {
+        let place = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0]][i];
+        format!(
+            "<Marker name=\"{name}\"><socket_parent_frame>/bodyset/b</socket_parent_frame><location>{} {} {}</location></Marker>",
+            place[0], place[1], place[2]
+        )
+    };
+    format!(
+        "<OpenSimDocument Version=\"40600\"><Model name=\"m\"><BodySet><objects><Body name=\"b\"><mass>1</mass><mass_center>0 0 0</mass_center>\
+         <inertia>0.1 0.1 0.1 0 0 0</inertia></Body></objects></BodySet><JointSet><objects><FreeJoint name=\"j\">\
+         <socket_parent_frame>/ground</socket_parent_frame><socket_child_frame>/bodyset/b</socket_child_frame></FreeJoint></objects></JointSet>\
+         <MarkerSet><objects>{}</objects></MarkerSet></Model></OpenSimDocument>",
+        markers.iter().enumerate().map(marker).collect::<String>()
+    )
+}
+
+#[test]
+fn verif_recordings_of_motion_capture_are_read_by_tools_and_studies() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("recorded");
+    carpus(&["c3d"], &root("fixtures/motion_capture/float.c3d"), &out).success();
+    let names: Vec<String> = files(&out).into_keys().collect();
+    assert_eq!(names, ["carpus-output.json", "float_analog.csv", "float_markers.trc"]);
+    assert_eq!(tables_are_for_programs(&out), 1);
+    // Inverse kinematics with the markers, and inverse dynamics with its motion.
+    std::fs::write(folder.path().join("model.osim"), floating(&["RADIUS", "ULNA", "MCP3"])).unwrap();
+    let setup = |class: &str, inner: &str| {
+        let text = format!(
+            "<OpenSimDocument Version=\"40600\"><{class} name=\"t\"><model_file>model.osim</model_file>\
+             <results_directory>results</results_directory>{inner}</{class}></OpenSimDocument>"
+        );
+        let file = folder.path().join(format!("{class}.xml"));
+        std::fs::write(&file, text).unwrap();
+        Command::cargo_bin("carpus").unwrap().arg("run-tool").arg(file).assert().success();
+    };
+    setup(
+        "InverseKinematicsTool",
+        "<marker_file>recorded/float_markers.trc</marker_file><output_motion_file>q.mot</output_motion_file>",
+    );
+    assert_eq!(Storage::read(folder.path().join("q.mot")).unwrap().len(), 25);
+    let dynamics = "<coordinates_file>q.mot</coordinates_file><output_gen_force_file>id.sto</output_gen_force_file>";
+    setup("InverseDynamicsTool", dynamics);
+    let results = folder.path().join("results");
+    assert_eq!(Storage::read(results.join("id.sto")).unwrap().len(), 25);
+    // The folder of results says what made them; the motion, which the setup names itself, is alone.
+    let manifest = std::fs::read_to_string(results.join("carpus-output.json")).unwrap();
+    let made = ["\"id.sto\"", "\"t_ik_marker_errors.sto\"", "InverseDynamicsTool.xml", "\"command\": \"run-tool\""];
+    assert!(made.iter().all(|part| manifest.contains(part)), "{manifest}");
+    assert!(!folder.path().join("carpus-output.json").exists());
+    // What the same setup no longer writes stays, as OpenSim leaves it, and is named.
+    let text = std::fs::read_to_string(folder.path().join("InverseDynamicsTool.xml")).unwrap();
+    std::fs::write(folder.path().join("InverseDynamicsTool.xml"), text.replace("id.sto", "other.sto")).unwrap();
+    let mut again = Command::cargo_bin("carpus").unwrap();
+    let again = again.arg("run-tool").arg(folder.path().join("InverseDynamicsTool.xml")).assert().success();
+    again.stderr(contains("left here: id.sto").and(contains("not of this run")));
+
+    // The analog channels as a trial of a study; the second channel stands for a goniometer.
+    let toml = "[study]\nname = \"c3d\"\nmodel = \"wrist.osim\"\n[dynamometer]\ncoordinate = \"flexion\"\n[muscles]\nactive = [\"ECRL\"]\n\
+                [columns]\nangle = \"FCU\"\nmoment = \"Torque\"\nemg = { ECRL = \"ECRL\" }\n[emg]\nkind = \"normalized\"\n";
+    std::fs::write(folder.path().join("study.toml"), toml).unwrap();
+    std::fs::copy(root("models/wrist.osim"), folder.path().join("wrist.osim")).unwrap();
+    std::fs::write(folder.path().join("participants.csv"), "participant\nP01\n").unwrap();
+    let row = "participant,file,contraction,effort_percent,direction,posture_deg,repetition,use\n\
+               P01,recorded/float_analog.csv,isometric,25,flexion,0,1,train\n";
+    std::fs::write(folder.path().join("trials.csv"), row).unwrap();
+    let made = Study::read_tables(folder.path()).unwrap_or_else(|e| panic!("{e}"));
+    let trial = made.trial(&made.trials[0]).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(trial.len(), 250);
+    assert!((trial.time[249] - 0.249).abs() < 1e-9);
+}
+
+#[test]
+fn verif_a_step_back_keeps_the_manifest_true() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = all_to_train_on(folder.path());
+    let out = folder.path().join("out");
+    carpus(&["effect", "add", "gravity", "--i-choose"], &study, &out).success();
+    let text = std::fs::read_to_string(out.join("carpus-output.json")).unwrap();
+    let before: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let mut remove = Command::cargo_bin("carpus").unwrap();
+    remove.args(["effect", "remove"]).arg(out.join("P01")).assert().success();
+    assert!(!out.join("P01/carpus-output.json").exists(), "the folder of the study says it");
+    let text = std::fs::read_to_string(out.join("carpus-output.json")).unwrap();
+    let after: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!((&before["study"], &before["study_file"]), (&after["study"], &after["study_file"]));
+    let of = |manifest: &serde_json::Value, file: &str| manifest["files"][file]["sha256"].as_str().map(str::to_owned);
+    assert_ne!(of(&before, "P01/model.osim"), of(&after, "P01/model.osim"), "the model is another");
+    assert_eq!(of(&after, "P01/model.osim"), of(&after, "P01/steps/00_given/model.osim"));
+    // A second run finds nothing that it would take for changed by hand.
+    let again = carpus(&["effect", "add", "gravity", "--i-choose"], &study, &out).success();
+    again.stderr(contains("changed since then").not());
+}
+
+#[test]
+fn verif_angles_and_emg_on_a_faster_grid_are_said() {
+    let place = tempfile::tempdir().unwrap();
+    let study = study(place.path(), SHORT);
+    let own = "data/P01/isotonic_25_flexion_1.csv";
+    let text = std::fs::read_to_string(place.path().join(own)).unwrap();
+    let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let rows: Vec<Vec<f64>> =
+        text.lines().skip(1).map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect();
+    let said = |held: &[&str], straight: &[&str]| -> Vec<String> {
+        // Noise in all columns, so that each row of the given file is a sample of its own; then some columns on a grid ten times
+        // as fast.
+        let mut state = 7u64;
+        let mut noise = || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 33) as f64 / (1u64 << 31) as f64
+        };
+        let noisy: Vec<Vec<f64>> = rows
+            .iter()
+            .map(|row| row.iter().enumerate().map(|(k, x)| if k == 0 { *x } else { x + 0.01 * noise() }).collect())
+            .collect();
+        let mut out = header.join(",") + "\n";
+        for (i, pair) in noisy.windows(2).enumerate() {
+            for j in 0..10 {
+                let cells = header.iter().enumerate().map(|(k, name)| {
+                    let between = pair[0][k] + 0.1 * f64::from(j) * (pair[1][k] - pair[0][k]);
+                    let x = match k {
+                        0 => rows[0][0] + (rows[1][0] - rows[0][0]) * (i as f64 + 0.1 * f64::from(j)),
+                        _ if held.contains(name) => pair[0][k],
+                        _ if straight.contains(name) => between,
+                        _ => between + 0.01 * noise(),
+                    };
+                    format!("{x:.7}")
+                });
+                out += &(cells.collect::<Vec<_>>().join(",") + "\n");
+            }
+        }
+        std::fs::write(place.path().join(own), out).unwrap();
+        let read = Study::read(&study).unwrap_or_else(|e| panic!("{e}"));
+        let warnings = read.warnings.iter().map(ToString::to_string);
+        warnings.filter(|text| text.contains("of its samples a second are its own")).collect()
+    };
+    assert!(said(&[], &[]).is_empty(), "{:?}", said(&[], &[]));
+    let found = said(&["angle_deg"], &[]);
+    assert!(found.len() == 1 && found[0].contains("the angle `angle_deg` was held to"), "{found:?}");
+    let found = said(&["emg_FCR"], &["angle_deg"]);
+    assert_eq!(found.len(), 2, "{found:?}");
+    assert!(found.iter().any(|text| text.contains("the angle `angle_deg` was interpolated to")), "{found:?}");
+    assert!(found.iter().any(|text| text.contains("the EMG `emg_FCR` was held to")), "{found:?}");
+}

@@ -1,5 +1,7 @@
 //! OpenSim's tools from OpenSim's setup files: the same files as OpenSim writes, within stated differences.
 
+mod assembly;
+mod coinciding_axes;
 mod components;
 mod files;
 mod finite_forces;
@@ -8,6 +10,7 @@ mod inputs;
 mod marker_search;
 mod model_kinds;
 mod motion_capture;
+mod names;
 mod odd_models;
 mod old_setups;
 mod opensim;

@@ -20,7 +20,7 @@ pub fn run(args: &C3dArgs, global: &Global) -> Result<(), Failure> {
     let warnings: Vec<Message> =
         found.warnings.iter().map(|text| Message::warning(text.as_str()).in_file(&args.file)).collect();
     failure::print(&warnings);
-    let folder = OutputFolder::create(&args.out, std::slice::from_ref(&args.file))?;
+    let folder = OutputFolder::create(&args.out, std::slice::from_ref(&args.file))?.with_results_of(&args.file);
     let stem = args.file.file_stem().map_or_else(|| "c3d".to_owned(), |s| s.to_string_lossy().into_owned());
     let MotionCapture { markers, analog, units, .. } = &found;
     let mut written: Vec<PathBuf> = Vec::new();
@@ -34,6 +34,7 @@ pub fn run(args: &C3dArgs, global: &Global) -> Result<(), Failure> {
         let text = csv_text(header.iter(), analog.time.iter().zip(&analog.rows).map(row))?;
         written.push(folder.write(format!("{stem}_analog.csv"), text.as_bytes())?);
     }
+    failure::print(&folder.close("c3d", &[])?);
     let rate = |time: &[f64]| time.get(1).map_or(f64::NAN, |second| 1.0 / (second - time[0]));
     if global.json {
         let files: Vec<String> = written.iter().map(|f| f.display().to_string()).collect();

@@ -6,7 +6,7 @@ use crate::cli::account::{csv_text, warning_result};
 use crate::cli::args::{Global, IdentifyArgs, IdentifyOptions};
 use crate::cli::failure::{self, Failure, Message};
 use crate::cli::provenance::{input_file, provenance};
-use crate::cli::study_run::{ParticipantRun, StudyRun, progress, simulation_message};
+use crate::cli::study_run::{ParticipantRun, StudyRun, progress, require_memory, simulation_message};
 use crate::cli::table::{fixed, table};
 use crate::identifiability::{
     ConfidenceInterval, FreeParameter, Identifiability, IdentifiabilityError, Knowledge, MuscleProperty, Prior,
@@ -42,7 +42,7 @@ pub fn run(args: &IdentifyArgs, global: &Global) -> Result<(), Failure> {
     let study = StudyRun::prepare(&args.study)?;
     let bar = progress(global, study.participants.len() as u64, "identifying");
     let outcomes = study.each(|participant| {
-        let run = study.participant(participant)?;
+        let run = study.participant_to_identify(participant)?;
         let (mut result, found, more) = question.answered(&study, &run, global.seed)?;
         let warnings: Vec<Message> = run.warnings.iter().cloned().chain(more).collect();
         failure::print(&warnings);
@@ -271,6 +271,7 @@ fn request(
     args: &IdentifyOptions,
     seed: u64,
 ) -> Result<Request, Failure> {
+    require_memory(&run.trials, run.model.muscle_names().count(), false, &run.trials_file)?;
     let coordinate = &run.model.setup().coordinate;
     let trials = run
         .trials

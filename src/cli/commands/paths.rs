@@ -16,6 +16,7 @@ use crate::report::sweep::{SweepFigure, SweepMuscle};
 pub fn run(args: &PathsArgs, global: &Global) -> Result<(), Failure> {
     let path = &args.model.model;
     let out = args.out.as_ref().map(|dir| OutputFolder::create(dir, std::slice::from_ref(path))).transpose()?;
+    let out = out.map(|out| out.with_results_of(path));
     let mut messages = Vec::new();
     let loaded = model::load(path, Needs::Motion, args.model.allow_unsupported, &mut messages)?;
     let moved = loaded.check_settable(&args.sweep.coordinate, args.sweep.first())?;
@@ -54,6 +55,7 @@ pub fn run(args: &PathsArgs, global: &Global) -> Result<(), Failure> {
     if let Some(out) = &out {
         let table = out.write("paths.csv", csv(&figure)?.as_bytes())?;
         let page = out.write("paths.html", crate::report::render_sweep(&figure).as_bytes())?;
+        failure::print(&out.close("paths", &[])?);
         let muscles = figure.muscles.len();
         failure::say(&format!("{muscles} muscles at {} values of {}", figure.values.len(), figure.coordinate));
         if !global.json {

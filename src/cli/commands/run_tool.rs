@@ -1,12 +1,16 @@
 //! `carpus run-tool`: a setup file of an OpenSim tool.
 
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::path::{Path, PathBuf};
+
 use serde_json::json;
 
 use crate::cli::args::{Global, RunToolArgs};
 use crate::cli::failure::{self, Failure, Message};
-use crate::cli::output::OutputFolder;
+use crate::cli::output::{Leftovers, OutputFolder};
 use crate::cli::{model, print_result};
-use crate::tools::{ToolError, ToolProblem, run_tool};
+use crate::tools::{Outcome, ToolError, ToolProblem, run_tool};
 
 /// Runs the command.
 ///
@@ -20,13 +24,7 @@ pub fn run(args: &RunToolArgs, global: &Global) -> Result<(), Failure> {
         .map(|(file, line, text)| Message::warning(text.clone()).in_file(file).at_line(*line))
         .collect();
     failure::print(&warnings);
-    let inputs: Vec<_> = std::iter::once(args.setup.clone()).chain(args.model.clone()).collect();
-    let mut written = Vec::new();
-    for file in &outcome.files {
-        let folder = file.path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(std::path::Path::new("."));
-        let name = file.path.file_name().unwrap_or_default();
-        written.push(OutputFolder::create(folder, &inputs)?.write(name, &file.bytes)?);
-    }
+    let written = write(&args.setup, &outcome)?;
     if global.json {
         let files: Vec<String> = written.iter().map(|f| f.display().to_string()).collect();
         return print_result(&json!({ "files": files, "summary": outcome.summary }).to_string());
@@ -36,6 +34,30 @@ pub fn run(args: &RunToolArgs, global: &Global) -> Result<(), Failure> {
         text.push_str(&format!("\n{}", file.display()));
     }
     print_result(text.trim_start())
+}
+
+/// Writes the results. A folder of results says what made them; beside a file that the setup gives by its own name nothing
+/// else appears.
+fn write(setup: &Path, outcome: &Outcome) -> Result<Vec<PathBuf>, Failure> {
+    let mut folders: BTreeMap<PathBuf, OutputFolder> = BTreeMap::new();
+    let mut written = Vec::new();
+    for file in &outcome.files {
+        let folder = file.path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let name = file.path.file_name().unwrap_or_default();
+        if file.is_named {
+            written.push(OutputFolder::create(folder, &outcome.inputs)?.write(name, &file.bytes)?);
+            continue;
+        }
+        let out = match folders.entry(folder.to_owned()) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => new.insert(OutputFolder::create(folder, &outcome.inputs)?.with_results_of(setup)),
+        };
+        written.push(out.write(name, &file.bytes)?);
+    }
+    for out in folders.values() {
+        failure::print(&out.close_with("run-tool", &[], Leftovers::Name)?);
+    }
+    Ok(written)
 }
 
 /// The message for an error of a tool.

@@ -72,7 +72,7 @@ fn scale_model(args: &ScaleArgs, global: &Global) -> Result<(), Failure> {
         let text = "nothing to scale by";
         return Err(Message::error(text).hint("--factor BODY=FACTOR, or --mass KG").into());
     }
-    let out = OutputFolder::create(&args.out, std::slice::from_ref(&args.input))?;
+    let out = OutputFolder::create(&args.out, std::slice::from_ref(&args.input))?.with_results_of(&args.input);
     let mut warnings = Vec::new();
     let loaded = model::load(&args.input, Needs::Motion, args.allow_unsupported, &mut warnings)?;
     let request = ScaleRequest {
@@ -92,6 +92,7 @@ fn scale_model(args: &ScaleArgs, global: &Global) -> Result<(), Failure> {
     let inputs = vec![input_file(&args.input, &shown, "model")?];
     let outcome = outcome("", "model.osim".to_owned(), &[], scaling, &warnings, inputs);
     let text = finish(&out, std::slice::from_ref(&outcome), global)?;
+    failure::print(&out.close("scale", &[])?);
     print_result(&text)
 }
 

@@ -30,6 +30,17 @@ pub(crate) fn knot_count(time: &[f64]) -> usize {
     ((time[time.len() - 1] - time[0]) / KNOT_SPACING).ceil() as usize + 1
 }
 
+/// Memory that a fit takes for the noise of a trial [bytes]: what the logarithm of every muscle's excitation does on every knot in every
+/// block, three times over; and with envelopes, which a diagnosis estimates, two covariances of all knots for every muscle.
+///
+/// - `time`: of the samples [s]
+pub(crate) fn memory_of_noise(time: &[f64], muscles: usize, with_envelopes: bool) -> f64 {
+    const NUMBER: f64 = 8.0;
+    let (blocks, knots) = (block_starts(time).len() as f64, knot_count(time) as f64);
+    let of_muscle = 3.0 * blocks * knots + if with_envelopes { 2.0 * knots * knots } else { 0.0 };
+    NUMBER * of_muscle * muscles as f64
+}
+
 /// A value between knots.
 ///
 /// - `t`: time since the first [s]

@@ -41,32 +41,32 @@ pub fn run(args: &EffectRemoveArgs, global: &Global) -> Result<(), Failure> {
         return Err(Message::error(text).in_file(&file).into());
     }
     ledger.current = to;
-    restore(&args.folder, ledger)?;
+    let (out, inside) = OutputFolder::of_earlier_run(&args.folder, "results.json")?;
+    restore(&out, &inside, ledger)?;
     let shown = readable(ledger);
     let json = serde_json::to_string_pretty(&ledger).map_err(|e| Failure::Internal(e.to_string()))? + "\n";
-    let out = OutputFolder::create(&args.folder, &[])?;
-    out.write("ledger.json", json.as_bytes())?;
-    out.write("report.html", render_report(&results).as_bytes())?;
+    out.write(inside.join("ledger.json"), json.as_bytes())?;
+    out.write(inside.join("report.html"), render_report(&results).as_bytes())?;
     if let Some(figure) = render_waterfall(&results) {
-        out.write("error.svg", figure.as_bytes())?;
+        out.write(inside.join("error.svg"), figure.as_bytes())?;
     }
-    out.write("results.json", results.to_json().as_bytes())?;
+    out.write(inside.join("results.json"), results.to_json().as_bytes())?;
+    out.close_changed("effect remove")?;
     print_result(if global.json { &json } else { &shown })
 }
 
 /// Puts the model of the step that is now current in place.
-fn restore(folder: &Path, ledger: &Ledger) -> Result<(), Failure> {
+fn restore(out: &OutputFolder, inside: &Path, ledger: &Ledger) -> Result<(), Failure> {
     let Some(step) = ledger.now() else { return Ok(()) };
-    let out = OutputFolder::create(folder, &[])?;
     let read = |name: &str| {
-        let file = folder.join(name);
+        let file = out.path().join(inside).join(name);
         std::fs::read(&file).map_err(|e| Failure::from(Message::error(format!("cannot be read: {e}")).in_file(&file)))
     };
     let model = read(&step.model)?;
     let side_car = step.side_car.as_deref().map(read).transpose()?;
-    out.write("model.osim", &model)?;
+    out.write(inside.join("model.osim"), &model)?;
     match side_car {
-        Some(text) => out.write("effects.toml", &text).map(|_| ()),
-        None => remove_file(&folder.join("effects.toml")),
+        Some(text) => out.write(inside.join("effects.toml"), &text).map(|_| ()),
+        None => remove_file(&out.path().join(inside).join("effects.toml")),
     }
 }

@@ -105,6 +105,7 @@ pub fn run(args: &WholeStudyArgs, global: &Global) -> Result<(), Failure> {
     let context = Context { study: &study, args, global, store: &store, processing };
     let bar = progress(global, (study.participants.len() * steps.len()) as u64, "reading");
     let (mut inputs, mut warnings): (Vec<InputFile>, Vec<Message>) = Default::default();
+    let mut printed: Vec<(&str, Vec<Message>)> = Vec::new();
     let mut failures = context.processing.as_ref().map(|p| p.failures.clone()).unwrap_or_default();
     for participant in &study.participants {
         bar.set_message(format!("{}: reading", participant.name));
@@ -118,6 +119,7 @@ pub fn run(args: &WholeStudyArgs, global: &Global) -> Result<(), Failure> {
             Err(other) => return Err(other),
         };
         add_new(&mut warnings, &run.warnings);
+        printed.push((participant.name.as_str(), run.warnings.clone()));
         add_new(&mut inputs, &run.inputs);
         let hashes: Vec<&str> = run.inputs.iter().map(|i| i.sha256.as_str()).collect();
         for step in &steps {
@@ -142,7 +144,11 @@ pub fn run(args: &WholeStudyArgs, global: &Global) -> Result<(), Failure> {
         }
     }
     bar.finish_and_clear();
-    failure::print(&warnings);
+    for (participant, own) in &printed {
+        failure::about(participant);
+        failure::print(own);
+    }
+    failure::account();
     let told = steps.iter().map(|s| Ok((*s, s.section(&context)?))).collect::<Result<Vec<_>, Failure>>()?;
     let article = article(&context, &told, &warnings, &failures, inputs);
     let parts: Vec<(&dyn Step, &ReportParts)> = told
