@@ -25,6 +25,7 @@ pub mod moments;
 pub mod noise;
 pub mod own_effect;
 pub mod plan;
+pub mod proposals;
 pub mod score_test;
 pub mod separability;
 pub mod separation;

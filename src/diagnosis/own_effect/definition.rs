@@ -413,3 +413,126 @@ fn is_word(name: &str) -> bool {
         || ["pi", "id", "definition"].contains(&name);
     plain && !taken
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SOUND: &str = "[effect]\nid = \"drag\"\nname = \"Drag\"\nstage = \"joint\"\nformula = \"-b*abs(qdot)^p*sign(qdot)\"\n\n\
+                         [parameters.b]\nunit = \"N·m·(s/rad)\"\nrole = \"amplitude\"\nplausible = [0, 1]\nsource = \"a guess\"\n\n\
+                         [parameters.p]\nunit = \"1\"\nrole = \"shape\"\nstart = 0.5\nplausible = [0.1, 2]\nsource = \"a guess\"\n";
+
+    fn parsed(text: &str) -> Result<Definition, Vec<Problem>> {
+        Definition::parse(text, Path::new("drag.toml"))
+    }
+
+    /// All problems of the example with something replaced.
+    fn problems(from: &str, to: &str) -> String {
+        assert!(SOUND.contains(from), "{from}");
+        match parsed(&SOUND.replacen(from, to, 1)) {
+            Ok(_) => String::new(),
+            Err(problems) => problems.iter().map(|p| format!("{p}\n")).collect(),
+        }
+    }
+
+    #[test]
+    fn verif_a_file_is_read_in_full() {
+        let read = parsed(SOUND).unwrap_or_else(|p| panic!("{p:?}"));
+        assert_eq!((read.id.as_str(), read.name.as_str(), read.formula_line), ("drag", "Drag", 5));
+        assert_eq!(read.variables, [Variable::Plain(super::super::variable::Plain::Speed)]);
+        let [b, p] = read.parameters.as_slice() else { panic!() };
+        assert_eq!((b.role, b.start, b.typical, b.plausible), (Role::Amplitude, 0.0, 0.2, [0.0, 1.0]));
+        assert_eq!((p.role, p.start, p.typical), (Role::Shape, 0.5, 0.475));
+        let value: f64 = read.expression.value_at(&[-4.0, 0.3, 0.5]);
+        assert!((value - 0.6).abs() < 1e-15);
+    }
+
+    #[test]
+    fn verif_derivatives_by_parameters_are_exact() {
+        let read = parsed(SOUND).unwrap();
+        for (speed, b, p) in [(-4.0, 0.3, 0.5), (0.7, 0.2, 1.3), (0.0, 0.2, 0.4)] {
+            let found = [0, 1].map(|i| read.derivative(&[speed, b, p], i));
+            let unit = if speed == 0.0 { 0.0 } else { -f64::abs(speed).powf(p) * f64::signum(speed) };
+            let by_p = if speed == 0.0 { 0.0 } else { b * unit * f64::abs(speed).ln() };
+            assert!((found[0] - unit).abs() < 1e-14 && (found[1] - by_p).abs() < 1e-14, "{found:?} {unit} {by_p}");
+        }
+    }
+
+    #[test]
+    fn verif_what_is_wrong_is_told_with_line_expectation_and_hint() {
+        for (from, to, says) in [
+            (
+                "abs(qdot)",
+                "abs(qdott)",
+                vec!["drag.toml:5: `formula`: expected a variable", "found `qdott`", "did you mean `qdot`?"],
+            ),
+            (
+                "abs(qdot)",
+                "abss(qdot)",
+                vec!["drag.toml:5:", "expected a function, found `abss`", "did you mean `abs`?"],
+            ),
+            ("abs(qdot)", "abs(F_FCR)", vec!["drag.toml:5:", "found `F_FCR`", "take tau"]),
+            ("-b*abs", "-b*(abs", vec!["drag.toml:5:", "expected \")\", found the end"]),
+            ("-b*abs(qdot)^p", "-b/qdot*p", vec!["drag.toml:5:", "at qdot = 0", "narrow a plausible range"]),
+            ("-b*abs(qdot)^p", "-b*log(p-0.1)*qdot", vec!["drag.toml:5:", "p = 0.1"]),
+            (
+                "-b*abs(qdot)^p",
+                "p-b",
+                vec!["drag.toml:5:", "0 where every amplitude is 0", "multiply all of it by an amplitude"],
+            ),
+            ("^p*sign(qdot)", "", vec!["drag.toml:5:", "every parameter, p among them"]),
+            ("id = \"drag\"", "id = \"Drag\"", vec!["drag.toml:2: `id`: expected small letters"]),
+            ("id = \"drag\"\n", "", vec!["drag.toml:1: [effect]", "id"]),
+            ("\"joint\"", "\"sensor\"", vec!["drag.toml:4: `stage`", "joint, muscles"]),
+            ("\"amplitude\"", "\"size\"", vec!["drag.toml:9: `role`", "amplitude, shape"]),
+            ("\"amplitude\"", "\"shape\"\nstart = 0.1", vec!["at least one parameter with role = \"amplitude\""]),
+            ("N·m·(s/rad)", "N·m·s/deg", vec!["drag.toml:8: `unit`: expected a unit of SI", "found `deg`"]),
+            ("[0, 1]", "[1, 0]", vec!["drag.toml:10: `plausible`"]),
+            ("[0, 1]", "[0.1, 1]", vec!["drag.toml:10: `plausible`: expected a range that holds 0"]),
+            (
+                "start = 0.5",
+                "start = 5",
+                vec!["drag.toml:16: `start`: expected a number within the plausible range, found 5"],
+            ),
+            ("start = 0.5\n", "", vec!["the usual value of the shape"]),
+            ("source = \"a guess\"\n\n", "", vec!["where the plausible range comes from"]),
+            ("source", "sourse", vec!["unknown key", "did you mean `source`?"]),
+            ("parameters.p", "parameters.sin", vec!["drag.toml:13: `sin`: expected a parameter's name"]),
+            ("[parameters.p]", "[parameter.p]", vec!["did you mean [parameters]?"]),
+            ("stage = \"joint\"", "stage = \"muscles\"", vec!["drag.toml:5:", "found `qdot`", "a and moment arm r"]),
+            ("formula", "muscles = [\"FCR\"]\nformula", vec!["only with stage = \"muscles\""]),
+        ] {
+            let found = problems(from, to);
+            for part in says {
+                assert!(found.contains(part), "{from} → {to}: {part}\n{found}");
+            }
+        }
+        assert!(!problems("[effect]", "[effect").is_empty());
+        assert!(Definition::read(Path::new("nowhere/drag.toml")).is_err());
+    }
+
+    #[test]
+    fn verif_any_change_of_a_byte_is_read_or_refused() {
+        let bytes = SOUND.as_bytes();
+        for at in 0..bytes.len() {
+            for byte in [b' ', b'9', b'(', b'"', b'=', b'\n', b'e'] {
+                let mut text = bytes.to_vec();
+                text[at] = byte;
+                if let Ok(text) = String::from_utf8(text) {
+                    let _ = parsed(&text);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn verif_muscles_that_a_study_lacks_are_told() {
+        let text = SOUND.replace("abs(qdot)", "abs(qdot*a_FCR)");
+        let read = parsed(&text).unwrap_or_else(|p| panic!("{p:?}"));
+        let active = ["FCR", "ECU"].map(String::from);
+        assert!(read.unknown_muscles(&active).is_empty());
+        let found = read.unknown_muscles(&active[1..]);
+        assert!(found.len() == 1 && found[0].line == Some(5), "{found:?}");
+        assert!(found[0].to_string().contains("the study's active muscles are ECU"), "{}", found[0]);
+    }
+}
