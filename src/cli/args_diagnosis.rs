@@ -29,11 +29,53 @@ pub struct DiagnoseArgs {
 
 /// `carpus effects`
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  carpus effects\n  carpus effects joint_stiffness")]
+#[command(
+    args_conflicts_with_subcommands = true,
+    after_help = "Example:\n  carpus effects\n  carpus effects joint_stiffness\n  carpus effects check my_effect.toml --study study/study.toml\n  carpus effects --own-effect my_effect.toml"
+)]
 pub struct EffectsArgs {
     /// Only this effect, in full
     #[arg(value_name = "ID")]
     pub id: Option<String>,
+    /// Effects of your own.
+    #[command(flatten)]
+    pub own: OwnEffects,
+    /// What else to do.
+    #[command(subcommand)]
+    pub command: Option<EffectsCommand>,
+}
+
+/// The commands of `carpus effects`.
+#[derive(Debug, Subcommand)]
+pub enum EffectsCommand {
+    /// Check an effect of your own as those of the catalogue are checked, and show what it looks like
+    Check(EffectsCheckArgs),
+}
+
+/// `carpus effects check`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus effects check my_effect.toml\n  carpus effects check my_effect.toml --study study/study.toml --participant P01\n\nWithout --study the effect is shown on trials of the bundled study.\n\nmy_effect.toml:\n  [effect]\n  id = \"cogging\"                     # small letters and _\n  name = \"Cogging of the machine\"\n  stage = \"joint\"                    # adds the formula [N·m]; \"muscles\": multiplies their moment by 1 + formula\n  formula = \"A*sin(n*q)\"\n\n  [parameters.A]\n  unit = \"N·m\"\n  role = \"amplitude\"                 # without the effect it is 0\n  plausible = [0.0, 1.0]\n  source = \"bench test of the motor\"\n\n  [parameters.n]\n  unit = \"1/rad\"\n  role = \"shape\"\n  start = 14.0                       # the usual value\n  plausible = [8.0, 20.0]\n  source = \"poles of the motor\"\n\nOptional: in [effect] muscles = [\"FCR\"] (with stage = \"muscles\"; default: all), signature, experiment, rivals; in a parameter typical (a usual size, of a shape its spread) and, of a shape, starts = [..] (values that a fit also starts from).\nVariables at the joint: q, qdot, qddot, t, t_session (0 to 1), tau (moment of the muscles); of a muscle as FCR a_FCR, e_FCR (activation, excitation), l_FCR, v_FCR (length from origin to insertion, its rate), r_FCR (moment arm); SI units and radians. On muscles: q, t, t_session, a and r of the muscle itself.\nFunctions: sin cos tan asin acos atan sinh cosh tanh exp log sqrt abs sign min max step hinge square cube recip erf; pi; powers with ^."
+)]
+pub struct EffectsCheckArgs {
+    /// The effect
+    #[arg(value_name = "my_effect.toml")]
+    pub file: PathBuf,
+    /// Show it on trials of this study
+    #[arg(long, value_name = "STUDY/study.toml")]
+    pub study: Option<PathBuf>,
+    /// Of this participant (default: the first)
+    #[arg(long, value_name = "NAME", requires = "study")]
+    pub participant: Option<String>,
+}
+
+/// Effects that a laboratory defines itself.
+#[derive(Clone, Debug, Default, Args)]
+pub struct OwnEffects {
+    /// An effect of your own, beside the catalogue; may be given several times (in study.toml: [effects] own = ["my_effect.toml"]; carpus
+    /// effects check --help tells the format)
+    #[arg(long = "own-effect", visible_alias = "effects-file", value_name = "my_effect.toml", id = "own_effect")]
+    pub files: Vec<PathBuf>,
 }
 
 /// `carpus synth`
@@ -51,6 +93,9 @@ pub struct SynthArgs {
     /// Noise of the recordings
     #[arg(long, value_name = "LEVEL", value_enum, default_value_t = NoiseLevel::Realistic)]
     pub noise: NoiseLevel,
+    /// Effects of your own.
+    #[command(flatten)]
+    pub own: OwnEffects,
 }
 
 /// How noisy recordings are.
@@ -96,6 +141,9 @@ pub struct EffectsFile {
     /// Effects that the model has beside its file, as `carpus effect add` writes them
     #[arg(long = "effects", value_name = "effects.toml", id = "effects_file")]
     file: Option<PathBuf>,
+    /// Effects of your own.
+    #[command(flatten)]
+    pub own: OwnEffects,
 }
 
 impl EffectsFile {
@@ -173,6 +221,9 @@ pub struct EffectRemoveArgs {
     /// The step to go to, counted from 0, the model as given (default: one back)
     #[arg(long, value_name = "STEP")]
     pub to: Option<usize>,
+    /// Effects of your own.
+    #[command(flatten)]
+    pub own: OwnEffects,
 }
 
 /// `carpus plan`

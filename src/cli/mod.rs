@@ -14,6 +14,7 @@ mod failure;
 mod identify_report;
 mod model;
 mod output;
+mod own_effects;
 mod path_check;
 mod processed_study;
 mod provenance;
@@ -77,6 +78,7 @@ fn run() -> ExitCode {
 
 fn execute(cli: &Cli) -> Result<(), Failure> {
     let global = &cli.global;
+    own_effects::register_those_of(&cli.command)?;
     match &cli.command {
         Command::Demo(args) => commands::demo::run(args, global),
         Command::Info(args) => commands::info::run(args, global),

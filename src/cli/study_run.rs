@@ -9,7 +9,7 @@ use super::args::{Global, StudyArgs};
 use super::failure::{self, Failure, Gravity, Message};
 use super::model::{self, LoadedModel, Needs};
 use super::output::OutputFolder;
-use super::{path_check, print_result, provenance};
+use super::{own_effects, path_check, print_result, provenance};
 use crate::diagnosis::export::SideCar;
 use crate::diagnosis::fit::memory_of_noise;
 use crate::diagnosis::forward_model::{ForwardModel, Setting};
@@ -212,6 +212,7 @@ impl StudyRun {
         let mut inputs = study.input_files();
         inputs.extend(args.model.clone());
         inputs.extend(effects.map(Path::to_owned));
+        inputs.extend(own_effects::files(effects));
         let owner = of.unwrap_or(&study);
         let out = OutputFolder::create(&args.out, &inputs)?.claimed_for(&owner.settings.name, &owner.file)?;
         for participant in &participants {
@@ -467,6 +468,9 @@ impl StudyRun {
         if let Some((file, _)) = &self.side_car {
             inputs.push(provenance::input_file(file, &shown(file), "effects")?);
         }
+        for file in own_effects::files(self.side_car.as_ref().map(|(file, _)| file.as_path())) {
+            inputs.push(provenance::input_file(&file, &shown(&file), "own_effect")?);
+        }
         for (name, role) in tables {
             let path = self.study.folder.join(name);
             if path.exists() {
@@ -525,6 +529,16 @@ fn read_side_car(file: &Path, study: &Study) -> Result<(PathBuf, SideCar), Failu
         let text =
             format!("the effects are about the coordinate `{}`, the study about `{expected}`", side_car.coordinate);
         return Err(Message::error(text).in_file(file).into());
+    }
+    for definition in side_car.effects.iter().filter_map(|s| s.effect.definition()) {
+        let unknown = definition.unknown_muscles(&study.settings.active_muscles);
+        if !unknown.is_empty() {
+            return Err(unknown
+                .iter()
+                .map(|p| Message::from(p).in_file(file).at_line(None))
+                .collect::<Vec<_>>()
+                .into());
+        }
     }
     Ok((file.to_owned(), side_car))
 }

@@ -1,7 +1,9 @@
 //! What a physical effect is: a description for people, and how it acts on a simulated trial.
 
+use super::own_effect::Definition;
 use super::silent_muscles::SilentMuscles;
 use crate::osim::spec::{Millard2012Spec, MuscleKind, MuscleSpec};
+use crate::simulation::MuscleKinematics;
 
 /// Where an effect acts; trials are simulated in this order, whatever the order effects are listed in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
@@ -63,6 +65,8 @@ pub struct Parameter {
     /// How `start` and `plausible` move with the joint's neutral angle: 1 with it (an angle), -1 against it (an angle whose positive
     /// direction is the other), 0 not at all.
     pub moves_with_neutral: f64,
+    /// Whether size and range are those of a wrist, so that at a stronger joint they are larger in proportion.
+    pub of_a_wrist: bool,
     /// Where the range comes from.
     pub source: &'static str,
 }
@@ -116,6 +120,8 @@ pub struct TrialContext<'a> {
     pub excitation: &'a [Vec<f64>],
     /// What the model's muscles that the study does not activate could do.
     pub silent_muscles: &'a SilentMuscles,
+    /// The active muscles.
+    pub muscles: &'a [MuscleSpec],
 }
 
 /// The joint over a trial.
@@ -129,6 +135,8 @@ pub struct JointState<'a> {
     pub speed: &'a [f64],
     /// Acceleration [rad/s²].
     pub acceleration: &'a [f64],
+    /// Paths and activations of the active muscles; empty where an effect that follows excitations is shown a change of these.
+    pub muscles: &'a [MuscleKinematics],
 }
 
 /// A form of stock OpenSim 4.6 that gives the moment of an effect on the moving coordinate exactly; SI units.
@@ -257,6 +265,13 @@ pub trait Effect: Sync {
         let _ = (values, joint, moment);
     }
 
+    /// Derivative of what [`Effect::add_moment`] adds by a parameter, per sample [N·m per unit of the parameter]; `None`: it is taken
+    /// from differences.
+    fn moment_derivative(&self, values: &[f64], parameter: usize, joint: &JointState) -> Option<Vec<f64>> {
+        let _ = (values, parameter, joint);
+        None
+    }
+
     /// How long after a change of the excitation [`Effect::add_moment`] still shows it [s], where it is linear in the excitation: what
     /// it makes of the change alone is then the moment's. `None`: it reads no excitation.
     fn excitation_memory(&self, silent_muscles: &SilentMuscles) -> Option<f64> {
@@ -274,6 +289,11 @@ pub trait Effect: Sync {
     /// - `neutral_angle`: of the joint [rad]
     fn native_form(&self, values: &[f64], neutral_angle: f64) -> Option<NativeForm> {
         let _ = (values, neutral_angle);
+        None
+    }
+
+    /// What defines it, if it is not of the catalogue.
+    fn definition(&self) -> Option<&Definition> {
         None
     }
 
@@ -315,7 +335,17 @@ pub(crate) const fn amplitude(
     plausible: [f64; 2],
     source: &'static str,
 ) -> Parameter {
-    Parameter { name, unit, role: Role::Amplitude, start: 0.0, scale, plausible, moves_with_neutral: 0.0, source }
+    Parameter {
+        name,
+        unit,
+        role: Role::Amplitude,
+        start: 0.0,
+        scale,
+        plausible,
+        moves_with_neutral: 0.0,
+        of_a_wrist: true,
+        source,
+    }
 }
 
 /// A shape: `start` with standard deviation `scale`.
@@ -327,7 +357,17 @@ pub(crate) const fn shape(
     plausible: [f64; 2],
     source: &'static str,
 ) -> Parameter {
-    Parameter { name, unit, role: Role::Shape, start, scale, plausible, moves_with_neutral: 0.0, source }
+    Parameter {
+        name,
+        unit,
+        role: Role::Shape,
+        start,
+        scale,
+        plausible,
+        moves_with_neutral: 0.0,
+        of_a_wrist: true,
+        source,
+    }
 }
 
 /// A shape that is an angle of the coordinate, as at a joint whose neutral angle is 0.

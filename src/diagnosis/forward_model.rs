@@ -319,6 +319,7 @@ impl ForwardModel {
             directions: &self.directions,
             excitation,
             silent_muscles: &self.silent_muscles,
+            muscles: &self.muscles,
         }
     }
 
@@ -524,6 +525,7 @@ impl ForwardModel {
                 angle: &sum(&kinematics.angle, &d.angle),
                 speed: &sum(&kinematics.speed, &d.speed),
                 acceleration: &sum(&kinematics.acceleration, &d.acceleration),
+                muscles: &kinematics.muscles,
             };
             add_moments(ordered, &joint, &mut moment);
             moment
@@ -589,6 +591,7 @@ fn joint_state(core: &Core, context: &TrialContext, mut see: impl FnMut(&JointSt
         angle: &kinematics.angle,
         speed: &kinematics.speed,
         acceleration: &kinematics.acceleration,
+        muscles: &kinematics.muscles,
     });
 }
 

@@ -73,6 +73,7 @@ impl JointTraits {
     /// Moments, stiffness, drag and inertia go with strength, compliance against it.
     fn proportion(&self, parameter: &Parameter) -> f64 {
         match parameter.unit {
+            _ if !parameter.of_a_wrist => 1.0,
             "kg·m²" => self.strength,
             "rad/(N·m)" => 1.0 / self.strength,
             unit if unit.starts_with("N·m") => self.strength,

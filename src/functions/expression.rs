@@ -63,6 +63,24 @@ const FUNCTION_NAMES: &str = "sqrt, exp, log, sin, cos, sec, csc, tan, cot, asin
 /// Variables of [`Expression::parse`]: a coordinate and its speed.
 const COORDINATE_VARIABLES: [&str; 2] = ["q", "qdot"];
 
+/// Which functions and constants a formula may use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dialect {
+    /// Those of OpenSim.
+    OpenSim,
+    /// Those of OpenSim and [`FURTHER_FUNCTIONS`], and the constant `pi`.
+    Extended,
+}
+
+/// Functions that OpenSim does not have: the sign of a number (0 at 0), and a number where it is positive, else 0.
+pub const FURTHER_FUNCTIONS: [&str; 2] = ["sign", "hinge"];
+
+/// Names of all functions of a dialect.
+pub fn function_names(dialect: Dialect) -> Vec<&'static str> {
+    let further: &[&str] = if dialect == Dialect::Extended { &FURTHER_FUNCTIONS } else { &[] };
+    FUNCTION_NAMES.split(", ").chain(further.iter().copied()).collect()
+}
+
 /// A formula, read once and evaluated without allocation.
 #[derive(Clone, Debug)]
 pub struct Expression {
@@ -111,6 +129,8 @@ enum Function {
     Cube,
     Recip,
     Abs,
+    Sign,
+    Hinge,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -138,6 +158,14 @@ impl Expression {
     /// # Errors
     /// [`ExpressionError`].
     pub fn parse_in(text: &str, variables: &[&str]) -> Result<Expression, ExpressionError> {
+        Expression::parse_as(text, variables, Dialect::OpenSim)
+    }
+
+    /// Reads a formula in given variables and a dialect.
+    ///
+    /// # Errors
+    /// [`ExpressionError`].
+    pub fn parse_as(text: &str, variables: &[&str], dialect: Dialect) -> Result<Expression, ExpressionError> {
         let text: Vec<char> = text.chars().filter(|c| !c.is_whitespace()).collect();
         let mut parts = text.split(|c| *c == ';');
         let main = parts.next().unwrap_or_default();
@@ -157,10 +185,10 @@ impl Expression {
         let mut known = HashMap::new();
         // A definition may use those behind it.
         for (name, formula, start) in definitions.into_iter().rev() {
-            let node = Parser { text: formula, start, at: 0, nesting: 0, known: &known, variables }.whole()?;
+            let node = Parser { text: formula, start, at: 0, nesting: 0, known: &known, variables, dialect }.whole()?;
             known.insert(name, node);
         }
-        let root = Parser { text: main, start: 0, at: 0, nesting: 0, known: &known, variables }.whole()?;
+        let root = Parser { text: main, start: 0, at: 0, nesting: 0, known: &known, variables, dialect }.whole()?;
         Ok(Expression { root })
     }
 
@@ -172,6 +200,71 @@ impl Expression {
     /// Value at the variables that it was read in.
     pub fn value_at<S: Scalar>(&self, variables: &[S]) -> S {
         evaluate(&self.root, variables)
+    }
+
+    /// Whether a variable occurs in it.
+    pub fn uses(&self, variable: usize) -> bool {
+        self.root.any(&|n| matches!(n.operation, Operation::Variable(i) if i == variable))
+    }
+
+    /// Whether both variables occur in the argument of one wave (sine, cosine, tangent).
+    pub fn waves_in(&self, one: usize, other: usize) -> bool {
+        let has = |node: &Node, i: usize| node.any(&|n| matches!(n.operation, Operation::Variable(v) if v == i));
+        self.root.any(&|n| match &n.operation {
+            Operation::Function(Function::Sin | Function::Cos | Function::Tan, a) => has(a, one) && has(a, other),
+            _ => false,
+        })
+    }
+
+    /// Whether value or slope jump somewhere.
+    pub fn has_kinks(&self) -> bool {
+        use Function::{Abs, Delta, Hinge, Sign, Step};
+        self.root.any(&|n| {
+            matches!(
+                n.operation,
+                Operation::Function(Abs | Delta | Hinge | Sign | Step, _)
+                    | Operation::Binary(Binary::Min | Binary::Max, ..)
+            )
+        })
+    }
+
+    /// The formula in the words of OpenSim.
+    ///
+    /// - `names`: what stands for each variable, a name or a number
+    pub fn opensim_text(&self, names: &[String]) -> String {
+        self.root.opensim_text(names)
+    }
+}
+
+impl Node {
+    /// Whether this holds for it or for what is in it.
+    fn any(&self, holds: &impl Fn(&Node) -> bool) -> bool {
+        holds(self)
+            || match &self.operation {
+                Operation::Number(_) | Operation::Variable(_) => false,
+                Operation::Function(_, a) => a.any(holds),
+                Operation::Binary(_, a, b) => a.any(holds) || b.any(holds),
+            }
+    }
+
+    fn opensim_text(&self, names: &[String]) -> String {
+        match &self.operation {
+            Operation::Number(value) => format!("{value:?}"),
+            Operation::Variable(i) => names.get(*i).cloned().unwrap_or_default(),
+            Operation::Function(function, a) => function.opensim(&format!("({})", a.opensim_text(names))),
+            Operation::Binary(binary, a, b) => {
+                let (a, b) = (a.opensim_text(names), b.opensim_text(names));
+                match binary {
+                    Binary::Add => format!("({a}+{b})"),
+                    Binary::Subtract => format!("({a}-{b})"),
+                    Binary::Multiply => format!("({a}*{b})"),
+                    Binary::Divide => format!("({a}/{b})"),
+                    Binary::Power => format!("(({a})^({b}))"),
+                    Binary::Min => format!("min({a},{b})"),
+                    Binary::Max => format!("max({a},{b})"),
+                }
+            }
+        }
     }
 }
 
@@ -185,8 +278,10 @@ fn evaluate<S: Scalar>(node: &Node, variables: &[S]) -> S {
 }
 
 impl Function {
-    fn named(name: &str) -> Option<Function> {
+    fn named(name: &str, dialect: Dialect) -> Option<Function> {
         Some(match name {
+            "sign" if dialect == Dialect::Extended => Function::Sign,
+            "hinge" if dialect == Dialect::Extended => Function::Hinge,
             "sqrt" => Function::Sqrt,
             "exp" => Function::Exp,
             "log" => Function::Log,
@@ -219,6 +314,8 @@ impl Function {
         let gaussian = |x: f64| std::f64::consts::FRAC_2_SQRT_PI * (-x * x).exp();
         match self {
             Function::Negate => -a,
+            // A constant carries no derivative, however steep the root is at 0.
+            Function::Sqrt if x == 0.0 => S::constant(0.0),
             Function::Sqrt => a.sqrt(),
             Function::Exp => a.exp(),
             Function::Log => a.ln(),
@@ -242,7 +339,42 @@ impl Function {
             Function::Cube => a * a * a,
             Function::Recip => a.recip(),
             Function::Abs => a.abs(),
+            Function::Sign => S::constant(if x == 0.0 { 0.0 } else { x.signum() }),
+            Function::Hinge => a.max(S::constant(0.0)),
         }
+    }
+
+    /// In the words of OpenSim.
+    fn opensim(self, argument: &str) -> String {
+        let name = match self {
+            Function::Negate => return format!("(-{argument})"),
+            Function::Sign => return format!("(step({argument})-step(-{argument}))"),
+            Function::Hinge => return format!("max({argument},0)"),
+            Function::Sqrt => "sqrt",
+            Function::Exp => "exp",
+            Function::Log => "log",
+            Function::Sin => "sin",
+            Function::Cos => "cos",
+            Function::Sec => "sec",
+            Function::Csc => "csc",
+            Function::Tan => "tan",
+            Function::Cot => "cot",
+            Function::Asin => "asin",
+            Function::Acos => "acos",
+            Function::Atan => "atan",
+            Function::Sinh => "sinh",
+            Function::Cosh => "cosh",
+            Function::Tanh => "tanh",
+            Function::Erf => "erf",
+            Function::Erfc => "erfc",
+            Function::Step => "step",
+            Function::Delta => "delta",
+            Function::Square => "square",
+            Function::Cube => "cube",
+            Function::Recip => "recip",
+            Function::Abs => "abs",
+        };
+        format!("{name}({argument})")
     }
 }
 
@@ -258,7 +390,7 @@ impl Binary {
             Binary::Power => {
                 let (x, p) = (a.value(), b.value());
                 let value = x.powf(p);
-                let by_base = if p == 0.0 { 0.0 } else { p * x.powf(p - 1.0) };
+                let by_base = if p == 0.0 || x == 0.0 && p < 1.0 { 0.0 } else { p * x.powf(p - 1.0) };
                 // A constant exponent carries no derivative, whatever the logarithm of a negative base would be.
                 let by_exponent = if x > 0.0 { value * x.ln() } else { 0.0 };
                 a.chain(value, by_base) + b.chain(0.0, by_exponent)
@@ -283,6 +415,7 @@ struct Parser<'a> {
     nesting: usize,
     known: &'a HashMap<String, Arc<Node>>,
     variables: &'a [&'a str],
+    dialect: Dialect,
 }
 
 impl Parser<'_> {
@@ -397,6 +530,7 @@ impl Parser<'_> {
         }
         match self.variables.iter().position(|variable| *variable == name) {
             Some(i) => node(Operation::Variable(i)),
+            None if name == "pi" && self.dialect == Dialect::Extended => node(Operation::Number(std::f64::consts::PI)),
             None => Err(ExpressionError::UnknownVariable { name, known: self.variables.join(", ") }),
         }
     }
@@ -414,7 +548,7 @@ impl Parser<'_> {
             "max" => Some(Binary::Max),
             _ => None,
         };
-        match (both, Function::named(&name), arguments.next(), arguments.next()) {
+        match (both, Function::named(&name, self.dialect), arguments.next(), arguments.next()) {
             (Some(binary), _, Some(a), Some(b)) if found == 2 => node(Operation::Binary(binary, a, b)),
             (Some(_), ..) => Err(ExpressionError::ArgumentCount { name, expected: 2, found }),
             (None, Some(function), Some(a), None) => node(Operation::Function(function, a)),
@@ -469,6 +603,31 @@ mod tests {
             let found = at(text, q, v);
             assert!((found - expected).abs() < 1e-14, "{text}: {found} instead of {expected}");
         }
+    }
+
+    #[test]
+    fn verif_the_extended_dialect_says_the_same_in_the_words_of_opensim() {
+        let variables = ["q", "qdot", "A"];
+        for text in [
+            "A*sign(q)*(1-q^2)",
+            "A*hinge(qdot-0.1)+hinge(q)",
+            "-A*sin(2*pi*q)^2/(1+abs(qdot))",
+            "min(q,A)*max(qdot,-q)+2^-q",
+            "1e-7*A+tanh(-q/0.01)-3-4",
+        ] {
+            let formula = Expression::parse_as(text, &variables, Dialect::Extended).unwrap();
+            let written = formula.opensim_text(&["q", "qdot", "(-0.3)"].map(String::from));
+            let again = Expression::parse(&written).unwrap_or_else(|e| panic!("{written}: {e}"));
+            for (q, v) in [(0.7, -1.3), (-0.4, 0.6), (0.0, 0.0), (1.1, 0.1)] {
+                let (ours, theirs): (f64, f64) = (formula.value_at(&[q, v, -0.3]), again.value(q, v));
+                assert!((ours - theirs).abs() <= 1e-15 * ours.abs(), "{text} as {written}: {ours} {theirs}");
+            }
+        }
+        assert!(matches!(Expression::parse("sign(q)"), Err(ExpressionError::UnknownFunction { .. })));
+        assert!(matches!(Expression::parse("pi"), Err(ExpressionError::UnknownVariable { .. })));
+        let wave = Expression::parse_as("A*sin(qdot*q)+A", &variables, Dialect::Extended).unwrap();
+        assert!(wave.waves_in(0, 1) && !wave.waves_in(0, 2) && wave.uses(2) && !wave.has_kinks());
+        assert!(Expression::parse("abs(q)").unwrap().has_kinks());
     }
 
     #[test]

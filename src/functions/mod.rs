@@ -10,7 +10,7 @@ mod piecewise;
 mod several;
 mod simm_spline;
 
-pub use expression::{Expression, ExpressionError};
+pub use expression::{Dialect, Expression, ExpressionError, function_names};
 pub use several::FunctionOfSeveral;
 
 use crate::osim::spec::FunctionSpec;

@@ -11,6 +11,7 @@
 //! | `study.toml` | `[study]`, `[dynamometer]`, `[posture_deg]`, `[muscles]`, `[emg]`, `[columns]`, `[personalization]`, `[ultrasound]` | `[columns] ignore = [..]`: columns that are there and not used; `[columns] angle_unit = "rad"`; `[checks] max_gap_s`; `[processing]`, `[scaling]` and `[strength_scaling]` |
 //! | | | `[dynamometer] further_moments = { deviation = "column" }`: moments measured about coordinates that are held |
 //! | | | `[ultrasound]`: [`ImagingSettings`] |
+//! | | | `[effects] own = ["my_effect.toml"]`: effects beside the catalogue ([`crate::diagnosis::own_effect`]) |
 //! | `participants.csv` | [`Participant`] | any `<segment>_length_m` |
 //! | `trials.csv` | [`TrialInfo`] | `start_time_s`; `arm`: `upright` or `flipped` |
 //! | `ultrasound.csv` | [`UltrasoundMeasurement`] | the file itself |
@@ -57,7 +58,8 @@ pub use settings::{
     AngleUnit, Columns, Dynamometer, FurtherMoment, MomentPart, ParameterBounds, PostureCoordinate, RelativeBounds,
     Settings,
 };
-pub(crate) use table::{is_of_a_study, named_file};
+pub(crate) use table::{file_fault, is_of_a_study, named_file};
+pub(crate) use toml_section::{Sections, TomlSection};
 pub use trial::{
     ANGLE_RANGE_TOLERANCE, ANGLE_RANGE_WARNING, EMG_NOISE_ABOVE, EMG_NOISE_BELOW, GAP_IN_MEDIAN_STEPS, MAX_SAMPLES,
     MIN_SAMPLES, POSITION_RANGE_WARNING, Trial,
@@ -106,6 +108,16 @@ impl Study {
             problems.extend(study.check_trials(|_| true));
         }
         Self::settle(study, problems)
+    }
+
+    /// What a study's `study.toml` says, as far as it can be read; its problems are told by [`Study::read_tables`].
+    ///
+    /// - `path`: the `study.toml`, or the folder it is in
+    pub fn settings_of(path: &Path) -> Option<(PathBuf, Settings)> {
+        let file = if path.is_dir() { path.join("study.toml") } else { path.to_owned() };
+        let folder = file.parent().map(Path::to_owned).unwrap_or_default();
+        let (settings, _) = read_settings(&file, &folder, &mut Vec::new())?;
+        Some((file, settings))
     }
 
     /// Reads `study.toml` and the tables, not the trials.
@@ -387,5 +399,8 @@ fn read_settings(file: &Path, folder: &Path, problems: &mut Vec<Problem>) -> Opt
     };
     let (mut settings, columns_sound) = Settings::parse(&text, file, problems)?;
     settings.model = table::named_file(folder, &settings.model.to_string_lossy());
+    for own in &mut settings.own_effects {
+        *own = table::named_file(folder, &own.to_string_lossy());
+    }
     Some((settings, columns_sound))
 }

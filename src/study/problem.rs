@@ -203,6 +203,18 @@ pub enum Fault {
         /// What was found.
         found: String,
     },
+    /// A value that cannot be used, with what to do about it.
+    #[error("`{key}`: expected {expected}, found {found}")]
+    Refused {
+        /// Key or column.
+        key: String,
+        /// What was expected.
+        expected: String,
+        /// What was found.
+        found: String,
+        /// What to do.
+        hint: String,
+    },
     /// A word that is not one of a closed list.
     #[error("`{key}`: unknown {what} `{found}` (one of: {})", known.join(", "))]
     UnknownWord {
@@ -701,6 +713,7 @@ impl Fault {
             }
             UnequalSteps { .. } => "resample the recording at equal steps".to_owned(),
             NotAStudy { hint, .. } => (*hint).to_owned(),
+            Refused { hint, .. } => hint.clone(),
             TomlSyntax { message } if message.contains("escape") => {
                 "between double quotes a backslash is written twice; between folders write /".to_owned()
             }

@@ -51,6 +51,10 @@ pub struct Settings {
     pub imaging: ImagingSettings,
     /// Largest time step allowed in a trial \[s\]; `None`: five median steps.
     pub max_gap: Option<f64>,
+    /// Files that define effects beside the catalogue.
+    pub own_effects: Vec<PathBuf>,
+    /// Line that lists them.
+    pub own_effects_line: usize,
 }
 
 /// The machine that measures the moment.
@@ -225,6 +229,11 @@ impl Settings {
         let max_gap = checks.optional_number("max_gap_s", "a positive number of seconds", |v| v > 0.0);
         checks.finish(problems);
 
+        let mut effects = sections.section("effects");
+        let own = effects.optional_strings("own", "list of files that define effects").unwrap_or_default();
+        let own_effects_line = effects.line_of("own");
+        effects.finish(problems);
+
         sections.report_unknown(problems);
         let settings = Settings {
             name: name?,
@@ -242,6 +251,8 @@ impl Settings {
             strength,
             imaging,
             max_gap,
+            own_effects: own.into_iter().map(PathBuf::from).collect(),
+            own_effects_line,
         };
         Some((settings, columns_sound))
     }

@@ -339,6 +339,21 @@ impl<'a> TomlSection<'a> {
         pair
     }
 
+    /// A list of numbers that pass `valid`, if the key is there.
+    pub fn optional_numbers(&mut self, key: &str, expected: &str, valid: impl Fn(f64) -> bool) -> Option<Vec<f64>> {
+        let value = self.value(key)?;
+        let numbers = match value {
+            DeValue::Array(array) => {
+                array.iter().map(|item| number(item.get_ref()).filter(|v| valid(*v))).collect::<Option<Vec<f64>>>()
+            }
+            _ => None,
+        };
+        if numbers.is_none() {
+            self.bad_value(key, expected, &describe(value));
+        }
+        numbers
+    }
+
     /// Every key of the table with its number and line: keys are free.
     pub fn all_numbers(&mut self, expected: &str) -> Vec<(String, f64, usize)> {
         let mut found = Vec::new();

@@ -39,6 +39,11 @@ pub fn settings_text(settings: &Settings, name: &str, model: &str, comment: &str
     if let Some(gap) = settings.max_gap {
         let _ = writeln!(w, "\n[checks]\nmax_gap_s = {gap}");
     }
+    if !settings.own_effects.is_empty() {
+        let files: Vec<String> = settings.own_effects.iter().map(|f| f.display().to_string()).collect();
+        let files: Vec<&str> = files.iter().map(String::as_str).collect();
+        let _ = writeln!(w, "\n[effects]\nown = {}", quoted_list(&files));
+    }
     text
 }
 

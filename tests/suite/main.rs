@@ -18,6 +18,7 @@ mod multibody;
 mod muscles;
 mod mutations;
 mod osim;
+mod own_effects;
 mod paths;
 mod personalization;
 mod reference;

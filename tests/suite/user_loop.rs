@@ -23,18 +23,18 @@ const KEPT: [&str; 6] = [
     "passive_2",
 ];
 
-fn root(relative: &str) -> PathBuf {
+pub fn root(relative: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(relative)
 }
 
-fn carpus() -> Command {
+pub fn carpus() -> Command {
     let mut command = Command::cargo_bin("carpus").unwrap();
     command.timeout(std::time::Duration::from_secs(600)).arg("--quiet");
     command
 }
 
 /// The bundled study with few trials.
-fn small_study(folder: &Path) -> PathBuf {
+pub fn small_study(folder: &Path) -> PathBuf {
     let source = root("fixtures/demo_study");
     std::fs::create_dir_all(folder.join("data/P01")).unwrap();
     let text = |name: &str| std::fs::read_to_string(source.join(name)).unwrap();
@@ -62,15 +62,15 @@ fn synth(study: &Path, effects: &[&str], noise: &str, out: &Path) {
     command.assert().success();
 }
 
-fn read(path: PathBuf) -> String {
+pub fn read(path: PathBuf) -> String {
     std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
-fn json(path: PathBuf) -> Value {
+pub fn json(path: PathBuf) -> Value {
     serde_json::from_str(&read(path)).unwrap()
 }
 
-fn column(path: PathBuf, name: &str) -> Vec<f64> {
+pub fn column(path: PathBuf, name: &str) -> Vec<f64> {
     let mut reader = csv::Reader::from_path(path).unwrap();
     let at = reader.headers().unwrap().iter().position(|h| h == name).unwrap();
     reader.records().map(|row| row.unwrap()[at].parse().unwrap()).collect()

@@ -37,17 +37,25 @@ const MODEL: &str = include_str!("../../../models/wrist.osim");
 /// How the study names its model among the sources, and beside itself.
 const MODEL_LINE: [&str; 2] = [r#"model = "../../models/wrist.osim""#, r#"model = "wrist.osim""#];
 
-/// Runs the command.
+/// Writes the bundled study with its model to `study` in a folder.
 ///
 /// # Errors
-/// The output folder.
-pub fn run(args: &DemoArgs, global: &Global) -> Result<(), Failure> {
-    let folder = OutputFolder::create(&args.out, &[])?;
+/// The disk.
+pub fn write_study(folder: &OutputFolder) -> Result<(), Failure> {
     for (name, text) in STUDY {
         let text = if name == "study.toml" { text.replace(MODEL_LINE[0], MODEL_LINE[1]) } else { text.to_string() };
         folder.write(Path::new("study").join(name), text.as_bytes())?;
     }
     folder.write("study/wrist.osim", MODEL.as_bytes())?;
+    Ok(())
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// The output folder.
+pub fn run(args: &DemoArgs, global: &Global) -> Result<(), Failure> {
+    write_study(&OutputFolder::create(&args.out, &[])?)?;
     let study = StudyRun::prepare(&StudyArgs {
         study: args.out.join("study/study.toml"),
         participant: Vec::new(),

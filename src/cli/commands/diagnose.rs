@@ -14,7 +14,7 @@ use crate::cli::residuals::residual_result;
 use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
 use crate::cli::table::{fixed, table};
 use crate::diagnosis::baselines::Ingredients;
-use crate::diagnosis::catalogue::{CATALOGUE, effect};
+use crate::diagnosis::catalogue::{effect, with_own};
 use crate::diagnosis::diagnose::{
     Candidate, Diagnosis, Outcome, ParameterEstimate, REJECT_EXPLANATION, Request, Verdict, diagnose, is_determined,
 };
@@ -181,13 +181,13 @@ fn largest_moment(run: &ParticipantRun) -> f64 {
     if stated > 0.0 { stated } else { run.trials.iter().map(|t| t.max_abs_moment()).fold(0.0, f64::max) }
 }
 
-/// The effects of these identifiers; `all` or nothing: the whole catalogue.
+/// The effects of these identifiers; `all` or nothing: the whole catalogue and the laboratory's own.
 ///
 /// # Errors
 /// An unknown identifier.
 pub fn candidates(ids: &[String]) -> Result<Vec<&'static dyn Effect>, Failure> {
     if ids.is_empty() || ids == ["all"] {
-        return Ok(CATALOGUE.to_vec());
+        return Ok(with_own());
     }
     let mut found: Vec<&'static dyn Effect> = Vec::new();
     for id in ids {
@@ -206,7 +206,7 @@ pub fn candidates(ids: &[String]) -> Result<Vec<&'static dyn Effect>, Failure> {
 pub fn known(id: &str) -> Result<&'static dyn Effect, Failure> {
     effect(id).ok_or_else(|| {
         let message = Message::error(format!("there is no effect `{id}`"));
-        let hint = match crate::study::nearest(id, CATALOGUE.iter().map(|e| e.description().id)) {
+        let hint = match crate::study::nearest(id, with_own().iter().map(|e| e.description().id)) {
             Some(nearest) => format!("did you mean `{nearest}`? `carpus effects` lists all"),
             None => "`carpus effects` lists all".to_string(),
         };
@@ -252,7 +252,7 @@ pub fn in_words(diagnosis: &Diagnosis) -> String {
         Verdict::CannotTell => format!("cannot tell; consistent with any of: {}", sets.join("; ")),
         Verdict::NothingDetectable => "nothing detectable beyond muscle parameters and noise".to_string(),
         Verdict::Negligible => format!("detectable but negligible; consistent with {}", sets.join("; ")),
-        Verdict::Unknown if diagnosis.candidates.len() < CATALOGUE.len() => {
+        Verdict::Unknown if diagnosis.candidates.len() < with_own().len() => {
             "something is missing, and no effect that was considered explains it".to_string()
         }
         Verdict::Unknown => "something is missing, and no effect of the catalogue explains it".to_string(),

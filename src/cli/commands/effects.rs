@@ -1,14 +1,18 @@
-//! `carpus effects`: the catalogue.
+//! `carpus effects`: the catalogue, and effects of a laboratory's own.
+
+mod check;
 
 use serde::Serialize;
 
 use super::diagnose::known;
 use crate::cli::args::{EffectsArgs, Global};
+use crate::cli::args_diagnosis::EffectsCommand;
 use crate::cli::failure::Failure;
 use crate::cli::print_result;
 use crate::cli::table::table;
-use crate::diagnosis::catalogue::CATALOGUE;
+use crate::diagnosis::catalogue::with_own;
 use crate::diagnosis::effect::{Description, OsimForm, Parameter, Role, Stage};
+use crate::diagnosis::own_effect::registered;
 
 /// Lines of the description of one effect are broken before this column.
 const WIDTH: usize = 100;
@@ -27,9 +31,12 @@ struct Catalogue<'a> {
 /// # Errors
 /// An unknown identifier.
 pub fn run(args: &EffectsArgs, global: &Global) -> Result<(), Failure> {
+    if let Some(EffectsCommand::Check(args)) = &args.command {
+        return check::run(args, global);
+    }
     let chosen: Vec<&'static Description> = match &args.id {
         Some(id) => vec![known(id)?.description()],
-        None => CATALOGUE.iter().map(|e| e.description()).collect(),
+        None => with_own().iter().map(|e| e.description()).collect(),
     };
     if global.json {
         let catalogue = Catalogue { schema: "carpus.catalogue/1", effects: &chosen };
@@ -46,12 +53,17 @@ fn overview(effects: &[&'static Description]) -> String {
         let note = if d.unidentifiable.is_some() { "no" } else { "" };
         vec![d.id.to_string(), d.name.to_string(), stage(d.stage).to_string(), form(d).0.to_string(), note.to_string()]
     });
+    let own: Vec<String> = registered()
+        .into_iter()
+        .map(|e| format!("\n{}: your own, of {}", e.defined().id, e.defined().file.display()))
+        .collect();
     format!(
         "{}\n\n{} effects. native: a component or property of stock OpenSim 4.6 gives its moment; controls: no component \
          of it exists, and it could be baked into the excitations;\nside-car: neither. `effect add` keeps both in effects.toml, beside \
-         the model. carpus effects ID tells all about one.",
+         the model. carpus effects ID tells all about one.{}",
         table(&["effect", "what it is", "acts on", "in a model", "identifiable"], 5, rows),
-        effects.len()
+        effects.len(),
+        own.concat()
     )
 }
 
@@ -131,6 +143,7 @@ fn labelled(label: &str, content: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnosis::catalogue::CATALOGUE;
 
     #[test]
     fn verif_every_effect_is_told_in_full_and_in_lines_that_fit() {

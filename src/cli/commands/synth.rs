@@ -18,9 +18,10 @@ use crate::cli::table::table;
 use crate::diagnosis::angle_noise::AngleNoise;
 use crate::diagnosis::forward_model::{ForwardModel, Setting};
 use crate::diagnosis::holds::steadied_trials;
+use crate::diagnosis::own_effect::registered;
 use crate::diagnosis::synthesis::{RecordingNoise, Synthetic, largest_moments, synthesize};
 use crate::report::results::{InputFile, rounded};
-use crate::study::{Participant, Trial, is_of_a_study, write};
+use crate::study::{Participant, Settings, Trial, is_of_a_study, write};
 
 /// What the files say about where they come from.
 const ORIGIN: &str = "Simulated by Carpus itself, not by OpenSim and not by a person: for teaching and for tests.";
@@ -136,7 +137,10 @@ fn truth(
             .zip(reported)
             .map(|(p, v)| (p.name, json!({ "value": rounded(*v, 9), "unit": p.unit })))
             .collect();
-        json!({ "id": description.id, "parameters": parameters })
+        match s.effect.definition() {
+            Some(own) => json!({ "id": description.id, "parameters": parameters, "definition": own.text }),
+            None => json!({ "id": description.id, "parameters": parameters }),
+        }
     });
     let muscles: BTreeMap<String, serde_json::Value> = run
         .model
@@ -195,6 +199,14 @@ fn write_study(study: &StudyRun, made: &[Made], noise: &RecordingNoise, global: 
     let comment = format!("{ORIGIN}\nWritten by carpus synth; manifest.json says how, truth.json what is hidden.");
     let name = format!("{}, simulated", settings.name);
     let model = shared.map_or("", |m| m.model.as_str());
+    // Effects beside the catalogue go along: what may be hidden is known, what is hidden is not.
+    let mut own_effects = Vec::new();
+    for effect in registered() {
+        let file = format!("own_effects/{}.toml", effect.defined().id);
+        put(&file, effect.defined().text.as_bytes())?;
+        own_effects.push(file.into());
+    }
+    let settings = &Settings { own_effects, ..settings.clone() };
     put("study.toml", write::settings_text(settings, &name, model, &comment).as_bytes())?;
     let participants: Vec<(&Participant, Option<String>)> =
         made.iter().map(|m| (&m.participant, m.participant.own_model.then(|| m.model.clone()))).collect();

@@ -9,16 +9,20 @@
 //! delay = { value = 0.06, unit = "s" }
 //! ```
 //!
+//! An effect that is not of the catalogue brings its definition along: `definition = '''` and the text of the laboratory's file.
+//!
 //! A change of the muscles' properties is a ratio, kept as its logarithm (unit `ln(ratio)`): the file does not know the muscles.
 
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use crate::diagnosis::catalogue::{CATALOGUE, effect};
+use crate::diagnosis::catalogue::{effect, with_own};
 use crate::diagnosis::effect::{Effect, Parameter};
 use crate::diagnosis::forward_model::Setting;
+use crate::diagnosis::own_effect::{Definition, TakenId, register};
 use crate::osim::error::nearest;
+use crate::study::Problem;
 
 /// Schema of the file.
 pub const SIDE_CAR_SCHEMA: &str = "carpus.effects/1";
@@ -90,6 +94,24 @@ pub enum SideCarError {
         /// The most similar identifier.
         nearest: Option<String>,
     },
+    /// A definition that cannot be read.
+    #[error("{}: {effect}: the definition, line {}: {}", .file.display(), .problem.line.unwrap_or(1), .problem.fault)]
+    BadDefinition {
+        /// The file.
+        file: PathBuf,
+        /// The effect.
+        effect: String,
+        /// The first problem.
+        problem: Box<Problem>,
+    },
+    /// Another effect of the same identifier.
+    #[error("{}: {taken}", .file.display())]
+    Taken {
+        /// The file.
+        file: PathBuf,
+        /// By which.
+        taken: TakenId,
+    },
 }
 
 impl SideCarError {
@@ -102,6 +124,8 @@ impl SideCarError {
                 "value is the natural logarithm of the ratio to what the model's muscles have: for 0.8 times that {{ value = \
                  -0.22314, unit = \"{LOG_RATIO}\" }}"
             )),
+            SideCarError::BadDefinition { problem, .. } => problem.hint(),
+            SideCarError::Taken { .. } => Some("give one of the two another id".to_owned()),
             _ => None,
         }
     }
@@ -120,6 +144,9 @@ impl SideCar {
             for (parameter, value) in description.parameters.iter().zip(&item.values) {
                 let unit = quoted(unit_of(item.effect, parameter));
                 text.push_str(&format!("{} = {{ value = {value:?}, unit = {unit} }}\n", parameter.name));
+            }
+            if let Some(definition) = item.effect.definition() {
+                text.push_str(&format!("definition = {}\n", lines_quoted(&definition.text)));
             }
         }
         text
@@ -149,6 +176,15 @@ impl SideCar {
 /// A basic string of TOML: JSON's escapes are among TOML's.
 fn quoted(text: &str) -> String {
     serde_json::Value::from(text).to_string()
+}
+
+/// A string of several lines, as it is where TOML allows it.
+fn lines_quoted(text: &str) -> String {
+    let is_plain = |c: char| !c.is_control() || c == '\n' || c == '\t';
+    if text.contains("'''") || text.ends_with('\'') || !text.chars().all(is_plain) {
+        return quoted(text);
+    }
+    format!("'''\n{text}'''")
 }
 
 struct Reader<'a> {
@@ -198,17 +234,37 @@ impl Reader<'_> {
         Ok(SideCar { coordinate, effects })
     }
 
+    /// Makes the effect of a definition known.
+    fn define(&self, text: &str, id: &str) -> Result<(), SideCarError> {
+        let (file, effect) = (self.file.to_owned(), id.to_owned());
+        let definition = Definition::parse(text, self.file).map_err(|mut problems| match problems.is_empty() {
+            true => SideCarError::UnknownEffect { file: file.clone(), id: effect.clone(), nearest: None },
+            false => {
+                let problem = Box::new(problems.swap_remove(0));
+                SideCarError::BadDefinition { file: file.clone(), effect, problem }
+            }
+        })?;
+        if definition.id != id {
+            let found = toml::Value::from(definition.id.as_str());
+            return Err(self.unexpected(&format!("{id}.definition: id"), quoted(id), Some(&found)));
+        }
+        register(definition).map(|_| ()).map_err(|taken| SideCarError::Taken { file, taken })
+    }
+
     fn effect(&self, table: &toml::Table, at: &str) -> Result<Setting, SideCarError> {
         let id = self.text(table, "id", &format!("{at}: "))?;
+        if table.contains_key("definition") {
+            self.define(self.text(table, "definition", &format!("{id}: "))?, id)?;
+        }
         let Some(effect) = effect(id) else {
             return Err(SideCarError::UnknownEffect {
                 file: self.file.to_owned(),
                 id: id.to_owned(),
-                nearest: nearest(id, CATALOGUE.iter().map(|e| e.description().id)),
+                nearest: nearest(id, with_own().iter().map(|e| e.description().id)),
             });
         };
         let parameters = effect.description().parameters;
-        let allowed: Vec<&str> = std::iter::once("id").chain(parameters.iter().map(|p| p.name)).collect();
+        let allowed: Vec<&str> = ["id", "definition"].into_iter().chain(parameters.iter().map(|p| p.name)).collect();
         self.only(table, &allowed, id)?;
         let mut values = Vec::with_capacity(parameters.len());
         for parameter in parameters {
@@ -243,6 +299,7 @@ impl Reader<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnosis::catalogue::CATALOGUE;
     use crate::osim::OsimFile;
 
     const HEAD: &str = "schema = \"carpus.effects/1\"\ncoordinate = \"flexion\"\n";
@@ -276,6 +333,28 @@ mod tests {
             text.contains("max_contraction_velocity = { value = 0.03333333333333333, unit = \"ln(ratio)\" }"),
             "{text}"
         );
+    }
+
+    #[test]
+    fn verif_an_effect_of_a_laboratory_brings_its_definition_along() {
+        let definition = "[effect]\nid = \"side_car_spring\"\nname = \"Spring\"\nstage = \"joint\"\nformula = \"-k*q^3\"\n\n\
+                          [parameters.k]\nunit = \"N·m/rad\"\nrole = \"amplitude\"\nplausible = [0, 2]\nsource = \"a guess\"\n";
+        let text = format!(
+            "{HEAD}[[effect]]\nid = \"side_car_spring\"\nk = {{ value = 0.5, unit = \"N·m/rad\" }}\ndefinition = {}\n",
+            lines_quoted(definition)
+        );
+        let read = SideCar::parse(&text, Path::new("effects.toml")).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(read.effects[0].values, [0.5]);
+        let again = SideCar::parse(&read.to_toml(), Path::new("effects.toml")).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(again, read);
+        assert_eq!(again.effects[0].effect.definition().map(|d| d.text.as_str()), Some(definition));
+        let error = |text: &str| SideCar::parse(text, Path::new("effects.toml")).unwrap_err();
+        let other = error(&text.replace("-k*q^3", "-k*q^5"));
+        assert!(other.to_string().contains("expected one definition of `side_car_spring`"), "{other}");
+        let unreadable = error(&text.replace("q^3", "p^3"));
+        assert!(unreadable.to_string().contains("line 5: `formula`: expected a variable"), "{unreadable}");
+        let unnamed = error(&text.replace("id = \"side_car_spring\"\nk", "id = \"other\"\nk"));
+        assert!(unnamed.to_string().contains("other.definition: id"), "{unnamed}");
     }
 
     #[test]

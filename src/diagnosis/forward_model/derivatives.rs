@@ -195,7 +195,8 @@ impl ForwardModel {
     ///
     /// What the muscles' dynamics make of the effect is the exact derivative of the simulation
     /// ([`PreparedTrial::force_derivative`]); closed formulas before and after them are differentiated by central
-    /// differences of a ten-thousandth of the scale, which at a kink give the mean of both sides.
+    /// differences of a ten-thousandth of the scale, which at a kink give the mean of both sides, unless the effect knows its
+    /// derivative itself ([`Effect::moment_derivative`]).
     ///
     /// - `effects`: the effects that are on, the one in question at position `which`
     /// - `core`: of the same trial, input, parameters and effects, with derivatives
@@ -214,6 +215,9 @@ impl ForwardModel {
         variants: &[[Cow<'_, MusculoskeletalModel>; 2]],
         parameter: usize,
     ) -> Result<Vec<f64>, SimulationError> {
+        if let Some(by) = self.joint_derivative(trial, core, effects, which, parameter) {
+            return Ok(by);
+        }
         let step = step(effects[which].effect);
         let sides = [1.0, -1.0].map(|sign| self.moved(effects, which, parameter, sign * step));
         let stage = effects[which].effect.description().stage;
@@ -241,6 +245,55 @@ impl ForwardModel {
             [self.recorded_moment(trial, &up, &sides[0]), self.recorded_moment(trial, &down, &sides[1])]
         };
         Ok(up.iter().zip(&down).map(|(a, b)| (a - b) / (2.0 * step)).collect())
+    }
+
+    /// Derivative of the recorded moment by a parameter of an effect on the joint that knows its derivative itself, as expected with noise
+    /// in the recorded angle [N·m per unit of the parameter's scale]; `None` for others.
+    fn joint_derivative(
+        &self,
+        trial: usize,
+        core: &Core,
+        effects: &[Setting],
+        which: usize,
+        parameter: usize,
+    ) -> Option<Vec<f64>> {
+        let Setting { effect, values } = &effects[which];
+        let context = self.context(trial, &core.excitation, core.shown());
+        let kinematics = core.prepared.kinematics();
+        let muscles = &kinematics.muscles[..];
+        let sum = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a + b).collect() };
+        let disturbances = self.angle_noise.as_ref().map_or(&[][..], |noise| &noise.draws[trial]);
+        let mut by = match disturbances {
+            [] => {
+                let (angle, speed) = (&kinematics.angle, &kinematics.speed);
+                let acceleration = &kinematics.acceleration;
+                let joint = JointState { trial: &context, angle, speed, acceleration, muscles };
+                effect.moment_derivative(values, parameter, &joint)?
+            }
+            draws => {
+                let mut mean = vec![0.0; kinematics.angle.len()];
+                for draw in draws {
+                    let joint = JointState {
+                        trial: &context,
+                        angle: &sum(&kinematics.angle, &draw.angle),
+                        speed: &sum(&kinematics.speed, &draw.speed),
+                        acceleration: &sum(&kinematics.acceleration, &draw.acceleration),
+                        muscles,
+                    };
+                    let by = effect.moment_derivative(values, parameter, &joint)?;
+                    mean.iter_mut().zip(&by).for_each(|(mean, by)| *mean += by / draws.len() as f64);
+                }
+                mean
+            }
+        };
+        let scale = self.joint.scale(&effect.description().parameters[parameter]);
+        by.iter_mut().for_each(|by| *by *= scale);
+        let acting = self.acting(effects);
+        let sensing: Vec<&Setting> = in_order(&acting).into_iter().filter(|s| senses(s)).collect();
+        Some(match sensing.is_empty() {
+            true => by,
+            false => self.sensed_changes(trial, core, &sensing, [Change::Moment(&by)]).swap_remove(0),
+        })
     }
 
     /// Changes of the excitations from one side to the other, and how the muscles that something changes for follow; `None` where more
@@ -339,6 +392,7 @@ impl ForwardModel {
             angle: &kinematics.angle[samples.clone()],
             speed: &kinematics.speed[samples.clone()],
             acceleration: &kinematics.acceleration[samples.clone()],
+            muscles: &[],
         };
         let mut moment = vec![0.0; samples.len()];
         following.iter().for_each(|(s, _)| s.effect.add_moment(&s.values, &joint, &mut moment));

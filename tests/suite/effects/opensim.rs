@@ -129,9 +129,15 @@ fn added(effect: &Setting, state: &State) -> f64 {
         directions: &one,
         excitation: &excitation,
         silent_muscles: &silent_muscles,
+        muscles: &[],
     };
-    let joint =
-        JointState { trial: &trial, angle: &[state.angle], speed: &[state.speed], acceleration: &[state.acceleration] };
+    let joint = JointState {
+        trial: &trial,
+        angle: &[state.angle],
+        speed: &[state.speed],
+        acceleration: &[state.acceleration],
+        muscles: &[],
+    };
     let mut moment = [0.0];
     effect.effect.add_moment(&effect.values, &joint, &mut moment);
     moment[0]
