@@ -25,11 +25,11 @@ const EXPANSIONS: usize = 12;
 const LABORATORY: f64 = 0.02;
 /// More effects than this are many things, too; of so few it is asked whether one, or both, leave nothing.
 pub const FEW: usize = 2;
-/// An effect, or one of its group, is named from this probability on: more likely than not.
-const NAMED: f64 = 0.5;
-/// An effect is dominant if at least this share of the mean square of the given model's error comes back without it. Small errors of
-/// laboratories take up to about as much, in short studies more.
-const DOMINANT: f64 = 0.05;
+/// An effect, or one of its group, is dominant only if it is more likely missing than not …
+const LIKELY: f64 = 0.5;
+/// … and if at least this share of the mean square of the given model's error comes back without it. Small errors of laboratories take up to
+/// about as much.
+const DOMINANT: f64 = 0.15;
 
 /// An effect that is missing.
 #[derive(Clone, Debug, Serialize)]
@@ -134,15 +134,6 @@ pub fn several(request: &Request) -> Result<Option<Several>, SimulationError> {
     let left = session.analysis.blocks_left(&session.as_fit(&state), &unidentifiable(&session.analysis));
     let left = left.unwrap_or_default();
     let leaves_something = left.iter().any(|b| b.p_value * (left.len() as f64) < BEYOND_DOUBT);
-    // What is handed over has what is named, and nothing else.
-    if effects.len() < state.point.effects.len() {
-        let ids: Vec<&str> = effects.iter().map(|e| e.effect).collect();
-        let with_named = session.estimate(&ids, true, &|_| {})?;
-        handed_over = session.handed_over(&with_named)?;
-        noise_floor = session.noise_floor(&with_named);
-        let estimates = session.estimates(&with_named);
-        effects.iter_mut().for_each(|e| e.parameters = own(&estimates, e.effect));
-    }
     let alone = session.estimate(&[], true, &|_| {})?;
     let recalibrated = session.handed_over(&alone)?;
     // Effects that do not help to predict trials that were left out are not missing.
@@ -201,7 +192,7 @@ fn own(estimates: &BTreeMap<String, ParameterEstimate>, id: &str) -> BTreeMap<St
     estimates.iter().filter_map(of).collect()
 }
 
-/// Effects of the most probable set that are more likely missing than not, and without which trials are simulated worse.
+/// Effects of the most probable set.
 fn named(
     request: &Request,
     session: &Session,
@@ -222,21 +213,15 @@ fn named(
         let effect: &'static dyn Effect = session.analysis.candidates[place];
         let id = effect.description().id;
         let (group, probability) = session.group(state, place);
-        if probability < NAMED {
-            continue;
-        }
         let (parameters, rest) = session.without(state, place, handed_over.part);
         let without = squares_of(&parameters, &rest)?;
         let shares = [0, 1].map(|i| share(&given[i], &with[i], &without[i]));
         let train = shares[0].unwrap_or([0.0; 3]);
-        if train[1] <= 0.0 {
-            continue;
-        }
         out.push(NamedEffect {
             effect: id,
             group: group.into_iter().map(|e| session.analysis.candidates[e].description().id).collect(),
             probability,
-            dominant: train[0] >= DOMINANT,
+            dominant: probability >= LIKELY && train[0] >= DOMINANT && train[1] > 0.0,
             share_of_error: Shares { train, held_out: shares[1] },
             parameters: own(&estimates, id),
         });

@@ -522,7 +522,7 @@ fn several(diagnosis: &DiagnosisResult) -> Vec<SeveralView> {
         SeveralView {
             title: name(&e.effect),
             equation: effect(&e.effect).map_or("", |known| known.description().equation).to_owned(),
-            others: e.group.iter().skip(1).map(|id| in_sentence(id)).collect::<Vec<_>>().join(", "),
+            others: others(&e.group),
             probability: significant(e.probability, 2),
             train: share(e.share_of_error.train),
             held_out: e.share_of_error.held_out.map(share).unwrap_or_default(),
@@ -531,6 +531,15 @@ fn several(diagnosis: &DiagnosisResult) -> Vec<SeveralView> {
         }
     };
     diagnosis.effects.iter().map(view).collect()
+}
+
+/// The effects of a group but the first, in a sentence; of many the first few.
+fn others(group: &[String]) -> String {
+    const SHOWN: usize = 3;
+    let listed: Vec<String> = group.iter().skip(1).take(SHOWN).map(|id| in_sentence(id)).collect();
+    let more = group.len().saturating_sub(1 + SHOWN);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    format!("{}{more}", listed.join(", "))
 }
 
 /// Amplitudes before shapes, each in the catalogue's order.

@@ -235,7 +235,9 @@ fn verif_a_definition_travels_with_the_effects_beside_a_model() {
     let moments = |out: &str, further: &[&Path]| {
         let mut command = carpus();
         command.arg("simulate").arg(&study).arg("--effects").arg(&effects);
-        further.iter().for_each(|f| drop(command.arg("--own-effect").arg(f)));
+        for file in further {
+            command.arg("--own-effect").arg(file);
+        }
         command.arg("--out").arg(path(out)).assert().success();
         let file = path(out).join("P01/series/isometric_25_flexion_-30deg_1.csv");
         read(file)

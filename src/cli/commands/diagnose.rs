@@ -31,6 +31,8 @@ use crate::report::results::{Kind, Results};
 use crate::simulation::MuscleParameters;
 use crate::study::TrialUse;
 
+/// Effects of a group that are listed.
+const IN_GROUP: usize = 3;
 /// Effects that are listed where none explains what is missing.
 const NEAREST: usize = 3;
 
@@ -271,7 +273,14 @@ pub fn in_words(diagnosis: &Diagnosis) -> String {
 fn groups(diagnosis: &Diagnosis) -> String {
     let name = |e: &NamedEffect| match e.group.as_slice() {
         [_] => names_of(&[e.effect]),
-        group => format!("one of {}", group.iter().map(|id| names_of(&[*id])).collect::<Vec<_>>().join(" / ")),
+        group => {
+            let listed: Vec<String> = group.iter().take(IN_GROUP).map(|id| names_of(&[*id])).collect();
+            let more = match group.len().saturating_sub(IN_GROUP) {
+                0 => String::new(),
+                more => format!(" and {more} more"),
+            };
+            format!("one of {}{more}", listed.join(" / "))
+        }
     };
     diagnosis.effects.iter().map(name).collect::<Vec<_>>().join("; ")
 }
