@@ -48,64 +48,102 @@ pub struct Global {
     pub quiet: bool,
 }
 
-/// The commands.
+/// The commands, as `carpus --help` groups them (`help::GROUPS`). What a command does is told in one line of 58 characters.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Run the bundled study end to end: simulate, compare, personalize, report
+    /// Run the bundled study end to end, in seconds
     Demo(DemoArgs),
-    /// What is in a model; what was understood, approximated, ignored or unsupported, by line
-    Info(InfoArgs),
-    /// Muscle lengths and moment arms over a coordinate: CSV and a page of plots
-    Paths(PathsArgs),
-    /// Fibre and tendon lengths, forces and moments of every muscle at rest in a posture
-    Equilibrium(EquilibriumArgs),
-    /// Simulate the trials of a study: moments, fibre lengths, forces over time
-    Simulate(SimulateArgs),
-    /// Compare simulated with measured moments: errors per trial and per condition, report
+    /// Simulated beside measured moments: errors and a report
     Compare(CompareArgs),
-    /// Everything of a study, resumable: recordings, scaling, sensitivity, training cases, evaluation, intervals, imaging, power; one report
-    Study(WholeStudyArgs),
-    /// Every model on every held-out condition: errors over participants, analyses of variance, figures
-    Evaluate(EvaluateArgs),
-    /// Fit muscle parameters to a study: a personalized .osim, errors before and after, report
+    /// Fit muscle parameters to recordings: a personal .osim
     Personalize(PersonalizeArgs),
-    /// See where the model fails, and which physical effects could be missing: every one that the data are consistent with
-    Diagnose(DiagnoseArgs),
-    /// Intervals of muscle parameters, what the data leave open, and which trial would narrow it down
+    /// Intervals of muscle parameters; which trial to record next
     Identify(IdentifyArgs),
-    /// Earlier fits to prior knowledge: what a population's intervals say about the next participant
-    Priors(PriorsArgs),
-    /// Resting muscles of models beside ultrasound images: correlations, limits of agreement
-    Ultrasound(UltrasoundArgs),
-    /// Which muscle parameters the study's trials respond to: Morris screening, Sobol' indices
-    Sensitivity(SensitivityArgs),
-    /// Raw EMG to normalized EMG: band-pass, envelope, smoothing, MVC; checks of every channel, report
-    Emg(EmgArgs),
-    /// Dynamometer recordings to trials: filter, drag, relaxed limb, repetitions, second recorder; a new study
-    Dynamometer(DynamometerArgs),
-    /// The machine's own viscous drag, from runs at constant velocity without a participant
-    DynamometerDrag(DynamometerDragArgs),
-    /// Scale a model linearly, as OpenSim's Scale Tool does: by factors, or to the participants of a study
+    /// Where the model fails, and which physics could be missing
+    Diagnose(DiagnoseArgs),
+    /// Add a physical effect to a model, or take it away again
+    Effect(EffectArgs),
+    /// Further trials that would distinguish the explanations
+    Plan(PlanArgs),
+    /// Moments, fibre lengths and forces of every trial over time
+    Simulate(SimulateArgs),
+    /// All steps of a study and one report; resumable
+    Study(WholeStudyArgs),
+    /// A study with a hidden effect, made by Carpus, to learn on
+    Synth(SynthArgs),
+    /// What is in a model, and what is not supported, by line
+    Info(InfoArgs),
+    /// Muscle lengths and moment arms over a coordinate
+    Paths(PathsArgs),
+    /// Fibre lengths, forces and moments at rest in a posture
+    Equilibrium(EquilibriumArgs),
+    /// The catalogue of physical effects that a model may lack
+    Effects(EffectsArgs),
+    /// Scale a model to a person, as OpenSim's Scale Tool does
     Scale(ScaleArgs),
-    /// Run a setup file of an OpenSim tool, as opensim-cmd run-tool does
+    /// Scale muscle forces to the maximum voluntary moments
+    StrengthScale(StrengthScaleArgs),
+    /// Write an old model in the format of OpenSim 4.6
+    Upgrade(UpgradeArgs),
+    /// Run an OpenSim setup file, as opensim-cmd run-tool does
     #[command(name = "run-tool")]
     RunTool(RunToolArgs),
-    /// Markers and analog channels of a motion capture file, as .trc and CSV
+    /// Dynamometer recordings to the trials of a new study
+    Dynamometer(DynamometerArgs),
+    /// The machine's own drag, from runs without a participant
+    DynamometerDrag(DynamometerDragArgs),
+    /// Raw EMG to normalized EMG; checks of every channel
+    Emg(EmgArgs),
+    /// Motion capture to markers (.trc) and channels (CSV)
     C3d(C3dArgs),
-    /// Write a model of an old format in that of OpenSim 4.6
-    Upgrade(UpgradeArgs),
-    /// Scale muscle forces so that flexors and extensors reach the maximum voluntary moments
-    StrengthScale(StrengthScaleArgs),
-    /// Power of a paired t-test or a correlation, and the participants it needs
+    /// Every model on every held-out trial, over participants
+    Evaluate(EvaluateArgs),
+    /// Which parameters matter: Morris screening, Sobol' indices
+    Sensitivity(SensitivityArgs),
+    /// Resting muscles beside ultrasound: correlation, agreement
+    Ultrasound(UltrasoundArgs),
+    /// Earlier fits to prior knowledge of the next participant
+    Priors(PriorsArgs),
+    /// Power of a test, and the participants that it needs
     Power(PowerArgs),
-    /// The catalogue of physical effects: equation, parameters, signature, rivals
-    Effects(EffectsArgs),
-    /// Add effects to a model: jointly refitted, written as .osim, error before and after; or take them away again
-    Effect(EffectArgs),
-    /// Which further trials would separate the explanations that survive, and by how much
-    Plan(PlanArgs),
-    /// A study with a hidden effect, simulated by Carpus itself: for teaching and for tests
-    Synth(SynthArgs),
+    /// Completions of commands and options for a shell
+    Completions(CompletionsArgs),
+    /// Man pages, one for each command
+    Man(ManArgs),
+    /// Pages of the book that are made from the program
+    #[command(hide = true)]
+    Book(BookArgs),
+}
+
+/// `carpus completions`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus completions bash > ~/.local/share/bash-completion/completions/carpus\n  carpus completions zsh > ~/.zfunc/_carpus\n  carpus completions fish > ~/.config/fish/completions/carpus.fish"
+)]
+pub struct CompletionsArgs {
+    /// The shell
+    #[arg(value_name = "SHELL", value_enum)]
+    pub shell: clap_complete::Shell,
+}
+
+/// `carpus man`
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  carpus man --out ~/.local/share/man/man1\n  man carpus-personalize")]
+pub struct ManArgs {
+    /// Folder for carpus.1, carpus-demo.1, …
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+/// `carpus book`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus book --out docs/src\n\nWrites DIR/reference/commands.md and DIR/catalogue/."
+)]
+pub struct BookArgs {
+    /// Folder of the book's sources
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
 }
 
 /// `carpus demo`

@@ -7,10 +7,12 @@ mod account;
 mod anova;
 mod args;
 mod args_diagnosis;
+mod book;
 mod cohort_report;
 mod commands;
 mod diagnosis_file;
 mod failure;
+mod help;
 mod identify_report;
 mod model;
 mod output;
@@ -32,7 +34,7 @@ use std::num::NonZeroUsize;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::FromArgMatches;
 use clap::error::ErrorKind;
 
 use crate::printable;
@@ -54,7 +56,8 @@ pub fn main() -> ExitCode {
 }
 
 fn run() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    let parsed = help::command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches));
+    let cli = match parsed {
         Ok(cli) => cli,
         Err(error) => {
             let asked = matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion);
@@ -107,6 +110,9 @@ fn execute(cli: &Cli) -> Result<(), Failure> {
         Command::Plan(args) => commands::plan::run(args, global),
         Command::Synth(args) => commands::synth::run(args, global),
         Command::Personalize(args) => commands::personalize::run(args, global),
+        Command::Completions(args) => commands::completions::run(args),
+        Command::Man(args) => commands::man::run(args),
+        Command::Book(args) => commands::book::run(args),
     }
 }
 

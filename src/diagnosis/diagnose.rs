@@ -26,8 +26,7 @@ pub use account::{
 };
 
 /// A null model with a smaller p-value is rejected. That is 5 in 100 where nothing is missing: the p-value is the larger of two, and a fit
-/// that is rejected gives way to a more probable one from elsewhere. Of 788 clean studies 39 are below: 7 of 188 of the participants for tuning, 18
-/// and 14 of 400 and 200 of two tables that have been made anew since; of 400 of the present one (`fixtures/diagnosis`) 19.
+/// that is rejected gives way to a more probable one from elsewhere (`docs/src/evidence/diagnosis.md`).
 const REJECT_NULL: f64 = 0.08;
 /// An effect that is so much farther from the data than another explains nothing, whatever it leaves.
 const MUCH_NEARER: f64 = 25.0;
@@ -41,7 +40,7 @@ pub const REJECT_EXPLANATION: f64 = 0.02;
 /// that takes up little of it.
 const REJECT_BESIDE_NOTHING: f64 = 0.002;
 /// An explanation whose p-value is less than this share of the largest is rejected beside it, unless moments and EMG are nearer to it.
-/// Chosen on a table of 72 true ones that were detected: at a share of 0.2 two of them go, at 0.05 none of these two.
+/// Small, so that a true one of a modest p-value stays.
 pub const LEAST_SHARE: f64 = 0.05;
 /// An effect whose signature keeps less than this share once muscle parameters are fitted cannot be tested.
 const TESTABLE: f64 = 0.01;
@@ -53,9 +52,9 @@ const DETECTABLE_Z: f64 = 4.2;
 const NEGLIGIBLE: f64 = 0.02;
 /// Candidates that are held against each other.
 const CONFUSED: usize = 6;
-/// By this factor intervals are wider than the fit's standard errors say. In simulated studies whose truth is known (participants
-/// 101 to 103 of `fixtures/diagnosis`) estimates are 1.45 to 1.6 times as far off: effects are not linear as far as their errors
-/// reach, and what the EMG is expected to be is taken for known.
+/// By this factor intervals are wider than the fit's standard errors say. Estimates of simulated studies are 1.2 to
+/// 1.6 times as far off (`docs/src/evidence/diagnosis.md`): effects are not linear as far as their errors reach, and what the EMG is
+/// expected to be is taken for known.
 const WIDENED: f64 = 1.5;
 /// So many effects are told apart by further trials where the data cannot: those of the first explanations.
 const TOLD_APART: usize = 4;

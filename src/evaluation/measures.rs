@@ -121,7 +121,7 @@ pub enum EvaluationError {
 
 /// How far a simulated moment τ_sim is from the measured one τ_exp, in one trial of M samples.
 ///
-/// The four measures of McFarland's dissertation (chapter 3, equations 3.1 to 3.4), as printed there:
+/// The four measures of Jadelis (2025) (chapter 3, equations 3.1 to 3.4), as printed there:
 /// ```text
 /// NRMSE     = 1/M Σ sqrt(((τ_exp(m) − τ_sim(m)) / max|τ_exp|)²)      (3.1)
 /// Max Error = max|τ_exp − τ_sim| / max|τ_exp|                        (3.2)

@@ -10,7 +10,7 @@ use super::scaling::{self, ScalingSettings, StrengthSettings};
 use super::toml_section::{Sections, TomlSection};
 use crate::plausible::{self, Doubt, moment_unit_in_name};
 
-/// Bounds of table 3.2 of the study this program began with: three standard deviations of Lieber et al. (1990)
+/// Bounds of table 3.2 of Jadelis (2025): three standard deviations of Lieber et al. (1990)
 /// and Loren & Lieber (1995) for the lengths, the span of wrist moments of Holzbaur et al. (2007) for force.
 const DEFAULT_BOUNDS_PERCENT: [(&str, [f64; 2]); 3] = [
     ("optimal_fiber_length", [82.2, 117.8]),

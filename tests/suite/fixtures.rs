@@ -118,15 +118,15 @@ fn regress_demo_study_reads_and_holds_out_every_condition() {
 }
 
 #[test]
-fn verif_the_readme_holds_the_table_of_hidden_effects() {
+fn verif_the_book_holds_the_table_of_hidden_effects() {
     let read = |relative: &str| std::fs::read_to_string(root().join(relative)).unwrap();
-    let (readme, table) = (read("README.md"), read("fixtures/diagnosis/table.md"));
-    let begin = readme.find("<!-- diagnosis:begin -->").expect("where the table begins");
-    let end = readme.find("<!-- diagnosis:end -->").expect("where the table ends");
+    let (page, table) = (read("docs/src/evidence/diagnosis.md"), read("fixtures/diagnosis/table.md"));
+    let begin = page.find("<!-- diagnosis:begin -->").expect("where the table begins");
+    let end = page.find("<!-- diagnosis:end -->").expect("where the table ends");
     let rows: Vec<&str> =
         table.lines().take_while(|l| !l.starts_with("## Power")).filter(|l| l.starts_with('|')).collect();
     assert!(rows.len() > 20);
     for row in rows {
-        assert!(readme[begin..end].contains(row), "not in README.md: {row}");
+        assert!(page[begin..end].contains(row), "not in the page: {row}");
     }
 }

@@ -1,5 +1,6 @@
 //! All integration tests, one module per subject (one binary, so that linking happens once).
 
+mod book;
 mod cohort;
 mod diagnosis;
 mod diagnosis_hidden;

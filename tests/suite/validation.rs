@@ -2,7 +2,7 @@
 //!
 //! Every live comparison with OpenSim ends in rows of one format. Where `CARPUS_VALIDATION_DIR` names a folder, a test
 //! writes its rows there as `SUBJECT.json`; `fixtures/scripts/validate.py` sets the variable, runs the tests and makes
-//! the table of the README from what they wrote.
+//! the table of the book from what they wrote.
 
 mod postures;
 

@@ -67,7 +67,8 @@ fn overview(effects: &[&'static Description]) -> String {
     )
 }
 
-fn stage(stage: Stage) -> &'static str {
+/// Where an effect acts, in a word.
+pub fn stage(stage: Stage) -> &'static str {
     match stage {
         Stage::Excitation => "excitation",
         Stage::Activation => "activation",
@@ -79,7 +80,8 @@ fn stage(stage: Stage) -> &'static str {
     }
 }
 
-fn form(d: &Description) -> (&'static str, &'static str) {
+/// How an effect is kept in a model: the kind, and by what.
+pub fn form(d: &Description) -> (&'static str, &'static str) {
     match d.osim_form {
         OsimForm::Native(what) => ("native", what),
         OsimForm::Controls(what) => ("controls", what),
@@ -106,7 +108,8 @@ fn details(d: &Description) -> String {
     text.trim_end().to_string()
 }
 
-fn parameter(p: &Parameter) -> String {
+/// A parameter: unit, plausible range, role and source.
+pub fn parameter(p: &Parameter) -> String {
     let role = match p.role {
         Role::Amplitude => "the effect is absent at 0".to_string(),
         Role::Shape if p.moves_with_neutral != 0.0 => {

@@ -1,7 +1,9 @@
 //! One file per command. Each reads what its arguments name, computes through the library, and writes or prints.
 
+pub mod book;
 pub mod c3d;
 pub mod compare;
+pub mod completions;
 pub mod demo;
 pub mod diagnose;
 pub mod dynamometer;
@@ -13,6 +15,7 @@ pub mod equilibrium;
 pub mod evaluate;
 pub mod identify;
 pub mod info;
+pub mod man;
 pub mod paths;
 pub mod personalize;
 pub mod plan;

@@ -18,8 +18,8 @@ enum Kind {
 
 /// Least white noise of the moment at a wrist [N·m].
 ///
-/// A torque that was filtered has none, and less of what the muscles did, too: with 0.001 N·m, for a filter of 6 Hz, two of eight clean
-/// studies of tuning participants raised an alarm, with 0.003 two, with 0.01 none. Chosen on these eight of three values.
+/// A torque that was filtered has none, and less of what the muscles did, too: with 0.003 N·m or less, a filter of 6 Hz alone can raise an
+/// alarm.
 const LEAST_WHITE_AT_WRIST: f64 = 0.01;
 
 impl Analysis<'_> {

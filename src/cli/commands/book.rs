@@ -1,0 +1,19 @@
+//! `carpus book`: the pages of the book that are made from the program.
+
+use crate::cli::args::BookArgs;
+use crate::cli::failure::Failure;
+use crate::cli::output::OutputFolder;
+use crate::cli::{book, print_result};
+
+/// Runs the command.
+///
+/// # Errors
+/// The folder.
+pub fn run(args: &BookArgs) -> Result<(), Failure> {
+    let folder = OutputFolder::create(&args.out, &[])?;
+    let pages = book::pages();
+    for (path, text) in &pages {
+        folder.write(path, text.as_bytes())?;
+    }
+    print_result(&format!("{} pages in {}", pages.len(), args.out.display()))
+}
