@@ -52,7 +52,7 @@ fn forward() -> (OsimFile, Setup, ForwardModel) {
 
 #[test]
 fn verif_the_guide_shows_the_example_that_lies_beside_it() {
-    let (example, guide) = (read(root(EXAMPLE)), read(root("docs/src/guide/own_effect.md")));
+    let (example, guide) = (read(root(EXAMPLE)), read(root("docs/src/guide/own-effect.md")));
     assert!(guide.contains(&format!("```toml\n{example}```")), "the guide's example is another one");
     let definition = Definition::read(&root(EXAMPLE)).unwrap_or_else(|p| panic!("{p:?}"));
     assert_eq!((definition.id.as_str(), definition.parameters.len()), ("cogging", 2));
