@@ -52,14 +52,28 @@ pub fn result(value: &Value) -> Result<DiagnosisResult, Failure> {
     serde_json::from_value(value.clone()).map_err(|e| Failure::Internal(format!("diagnosis: {e}")))
 }
 
-/// Writes a diagnosis.
+/// Writes a diagnosis, and each formula that it proposes as an effect's file.
 ///
 /// # Errors
 /// The disk.
 pub fn write(study: &StudyRun, participant: &str, value: &Value) -> Result<(), Failure> {
     let text = serde_json::to_string_pretty(value).map_err(|e| Failure::Internal(e.to_string()))? + "\n";
     study.out.write(format!("{participant}/diagnosis.json"), text.as_bytes())?;
+    for (i, definition) in definitions(value).enumerate() {
+        study.out.write(format!("{participant}/{}", proposal_file(i)), definition.as_bytes())?;
+    }
     Ok(())
+}
+
+/// Definitions of the proposed formulas.
+fn definitions(value: &Value) -> impl Iterator<Item = &str> {
+    let proposals = value.get("proposals").and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
+    proposals.iter().filter_map(|p| p.get("definition")?.as_str())
+}
+
+/// Name of the file of a proposed formula.
+pub fn proposal_file(place: usize) -> String {
+    format!("proposal_{}.toml", place + 1)
 }
 
 /// The diagnosis of these files by the whole catalogue: the one in the output folder if it is of the same bytes, else a
@@ -78,6 +92,9 @@ pub fn known_or_made(
     if let Some((value, result)) = read(&file, &run.inputs, global) {
         for file in ["diagnosis.json", "results.json", "report.html", "error.svg"] {
             study.out.keep(Path::new(name).join(file));
+        }
+        for (i, _) in definitions(&value).enumerate() {
+            study.out.keep(Path::new(name).join(proposal_file(i)));
         }
         return Ok(KnownDiagnosis { value, result });
     }

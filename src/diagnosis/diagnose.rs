@@ -16,6 +16,7 @@ use super::noise::NoiseLevels;
 use super::score_test::{BlockScore, Omnibus};
 use super::separation::{Laboratory, Separation, most_useful, separations};
 use super::several::{self, Several};
+use super::what_remains::formulas;
 use super::where_it_fails::along_axes;
 use crate::simulation::{MuscleParameters, SimulationError};
 use crate::study::{Direction, ParameterBounds, TrialUse};
@@ -208,6 +209,11 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
             () => not_listed.implausible.push(id),
         }
     }
+    let proposals = match (&several, verdict) {
+        (Some(several), _) => several.proposals.clone(),
+        (None, Verdict::Unknown) => formulas(forward, &refitted, &null.factors, request.seed),
+        _ => Vec::new(),
+    };
     let diagnosis = Diagnosis {
         schema: "carpus.diagnosis/2",
         participant: request.participant.clone(),
@@ -221,6 +227,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         effects: several.as_ref().map(|s| s.effects.clone()).unwrap_or_default(),
         account: several.as_ref().map(|s| s.account.clone()).unwrap_or_default(),
         part_of_the_way: several.as_ref().map(|s| s.handed_over.part),
+        proposals,
         not_listed,
         not_fitted,
         not_testable,

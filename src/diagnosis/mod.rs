@@ -33,6 +33,7 @@ pub mod several;
 pub mod silent_muscles;
 pub mod synthesis;
 pub mod trial_record;
+pub mod what_remains;
 pub mod where_it_fails;
 
 /// Trials that cores share out among them at a time: they take unequal times, and whoever is through with several would wait.

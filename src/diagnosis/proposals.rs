@@ -705,11 +705,13 @@ mod tests {
             let first = series.first().map(|first| first * 0.436);
             first.into_iter().chain(series.windows(2).map(|w| w[1] - 0.9 * w[0])).collect()
         };
-        let found = propose(&trials, &[], &whiten, 1);
+        let muscles = ["FCR", "ECU"].map(String::from);
+        let propose = |trials: &[TrialTable]| propose(trials, &muscles, &whiten, 1);
+        let found = propose(&trials);
         assert_eq!(found[0].terms[0].term, "q^2", "{found:?}");
         assert!((found[0].terms[0].coefficient - 0.4).abs() < 0.05);
         assert!(found.len() <= MOST_PROPOSALS);
-        assert!(propose(&trials[..3], &[], &whiten, 1).is_empty());
-        assert_eq!(propose(&trials, &[], &whiten, 1), found, "the same seed, the same proposals");
+        assert!(propose(&trials[..3]).is_empty());
+        assert_eq!(propose(&trials), found, "the same seed, the same proposals");
     }
 }

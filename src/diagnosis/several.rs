@@ -15,6 +15,7 @@ use super::effect::Effect;
 use super::forward_model::{ForwardModel, Setting};
 use super::inference::search::Budget;
 use super::inference::session::{HandedOver, Session, State};
+use super::what_remains::{ProposedFormula, formulas};
 use crate::simulation::{MuscleParameters, SimulationError};
 use crate::study::TrialUse;
 
@@ -84,6 +85,8 @@ pub struct Several {
     pub noise_floor: f64,
     /// Whether something is left beside its effects beyond doubt: then neither one effect nor two leave nothing.
     pub leaves_something: bool,
+    /// Formulas for what remains beside what is handed over.
+    pub proposals: Vec<ProposedFormula>,
 }
 
 /// A model fitted with effects.
@@ -122,9 +125,16 @@ pub fn fitted_with(request: &Request, effects: &[&str]) -> Result<Fitted, Simula
 /// A trial that cannot be simulated.
 pub fn several(request: &Request) -> Result<Option<Several>, SimulationError> {
     let mut session = session(request);
-    let state = session.estimate(&[], false, &|_| {})?;
-    let best = state.sets.best();
-    if best.sizes.everything < LABORATORY && state.point.effects.len() <= FEW {
+    let is_few = |state: &State| {
+        let best = state.sets.best();
+        best.sizes.everything < LABORATORY && best.effects.len().max(state.point.effects.len()) <= FEW
+    };
+    let begun = session.begin(&[], false, &|_| {})?;
+    if is_few(&begun.state) {
+        return Ok(None);
+    }
+    let state = session.settle(begun, &|_| {})?;
+    if is_few(&state) {
         return Ok(None);
     }
     let mut handed_over = session.handed_over(&state)?;
@@ -142,7 +152,9 @@ pub fn several(request: &Request) -> Result<Option<Several>, SimulationError> {
         effects.clear();
     }
     let account = account(request, &effects, &handed_over, &recalibrated, noise_floor)?;
-    Ok(Some(Several { effects, account, handed_over, recalibrated, noise_floor, leaves_something }))
+    let moments = simulate(request.forward, &handed_over.parameters, &handed_over.effects, TrialUse::Train)?;
+    let proposals = formulas(request.forward, &moments, &state.factors, request.seed);
+    Ok(Some(Several { effects, account, handed_over, recalibrated, noise_floor, leaves_something, proposals }))
 }
 
 /// Mean squares of the residuals of every trial of a use [(N·m)²], weighted by samples.

@@ -22,6 +22,9 @@ pub struct DiagnosisResult {
     /// Where many things are a little wrong at once: effects that are missing beyond that.
     #[serde(default)]
     pub effects: Vec<NamedEffectResult>,
+    /// Formulas for what remains.
+    #[serde(default)]
+    pub proposals: Vec<ProposalResult>,
     /// Effects that were fitted and leave something.
     #[serde(default)]
     pub ruled_out: Vec<String>,
@@ -75,6 +78,18 @@ pub struct NamedEffectResult {
     /// Parameters by name.
     #[serde(default)]
     pub parameters: BTreeMap<String, Estimate>,
+}
+
+/// A formula for what remains.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ProposalResult {
+    /// A moment [N·m].
+    pub formula: String,
+    /// Share of the mean square of what remains that it takes in trials that were left out.
+    pub share_of_error: f64,
+    /// The text of an effect's file.
+    #[serde(default)]
+    pub definition: String,
 }
 
 /// Shares with 95 % intervals.

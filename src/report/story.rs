@@ -292,6 +292,19 @@ fn nearest(diagnosis: &DiagnosisResult) -> Option<String> {
     ))
 }
 
+/// What remains, as a formula.
+fn proposed(diagnosis: &DiagnosisResult) -> Option<String> {
+    let first = diagnosis.proposals.first()?;
+    let others: Vec<&str> = diagnosis.proposals[1..].iter().map(|p| p.formula.as_str()).collect();
+    let others = if others.is_empty() { String::new() } else { format!(" Nearly as much takes {}.", others.join(" or ")) };
+    Some(format!(
+        "What remains looks like a moment of {} N·m, which takes {} of its mean square in trials that were left out.{others} \
+         The files proposal_1.toml and so on beside this page hold each as an effect of your own, to be added with --own-effect.",
+        first.formula,
+        percent(first.share_of_error)
+    ))
+}
+
 /// Which effects were considered.
 fn considered(diagnosis: &DiagnosisResult) -> String {
     match diagnosis.restricted_to.as_slice() {
@@ -395,6 +408,7 @@ fn told(
         _ => "Whatever effect was fitted together with the muscles, something systematic is left. The figures below show what it depends on.".to_owned(),
     }];
     lead.extend((diagnosis.verdict == "unknown").then(|| nearest(diagnosis)).flatten());
+    lead.extend(proposed(diagnosis));
     if let (Some(first), Some(last)) = (steps.first(), steps.last()) {
         let (what, a, b) = match (first.held_out, last.held_out) {
             (Some(a), Some(b)) => ("held-out trials, which no fit has seen,", a, b),

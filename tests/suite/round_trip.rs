@@ -424,12 +424,14 @@ fn verif_recordings_of_motion_capture_are_read_by_tools_and_studies() {
 
     // The analog channels as a trial of a study; the second channel stands for a goniometer.
     let toml = "[study]\nname = \"c3d\"\nmodel = \"wrist.osim\"\n[dynamometer]\ncoordinate = \"flexion\"\n[muscles]\nactive = [\"ECRL\"]\n\
-                [columns]\nangle = \"FCU\"\nmoment = \"Torque\"\nemg = { ECRL = \"ECRL\" }\n[emg]\nkind = \"normalized\"\n";
+                [columns]\nangle = \"FCU\"\nmoment = \"Torque\"\nemg = { ECRL = \"ECRL\" }\n[emg]\nkind = \"raw\"\n";
     std::fs::write(folder.path().join("study.toml"), toml).unwrap();
     std::fs::copy(root("models/wrist.osim"), folder.path().join("wrist.osim")).unwrap();
     std::fs::write(folder.path().join("participants.csv"), "participant\nP01\n").unwrap();
     let row = "participant,file,contraction,effort_percent,direction,posture_deg,repetition,use\n\
-               P01,recorded/float_analog.csv,isometric,25,flexion,0,1,train\n";
+               P01,recorded/float_analog.csv,isometric,25,flexion,0,1,train\n\
+               P01,mvc.csv,mvc,100,flexion,0,1,mvc\n";
+    std::fs::copy(out.join("float_analog.csv"), folder.path().join("mvc.csv")).unwrap();
     std::fs::write(folder.path().join("trials.csv"), row).unwrap();
     let made = Study::read_tables(folder.path()).unwrap_or_else(|e| panic!("{e}"));
     let trial = made.trial(&made.trials[0]).unwrap_or_else(|e| panic!("{e}"));
@@ -442,7 +444,12 @@ fn verif_a_step_back_keeps_the_manifest_true() {
     let folder = tempfile::tempdir().unwrap();
     let study = all_to_train_on(folder.path());
     let out = folder.path().join("out");
-    carpus(&["effect", "add", "gravity", "--i-choose"], &study, &out).success();
+    let add = || {
+        let mut command = Command::cargo_bin("carpus").unwrap();
+        command.args(["effect", "add"]).arg(&study).args(["gravity", "--i-choose", "--out"]).arg(&out);
+        command.assert().success()
+    };
+    add();
     let text = std::fs::read_to_string(out.join("carpus-output.json")).unwrap();
     let before: serde_json::Value = serde_json::from_str(&text).unwrap();
     let mut remove = Command::cargo_bin("carpus").unwrap();
@@ -455,8 +462,7 @@ fn verif_a_step_back_keeps_the_manifest_true() {
     assert_ne!(of(&before, "P01/model.osim"), of(&after, "P01/model.osim"), "the model is another");
     assert_eq!(of(&after, "P01/model.osim"), of(&after, "P01/steps/00_given/model.osim"));
     // A second run finds nothing that it would take for changed by hand.
-    let again = carpus(&["effect", "add", "gravity", "--i-choose"], &study, &out).success();
-    again.stderr(contains("changed since then").not());
+    add().stderr(contains("changed since then").not());
 }
 
 #[test]

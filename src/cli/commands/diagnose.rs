@@ -25,6 +25,7 @@ use crate::diagnosis::moments::simulate_all;
 use crate::diagnosis::separation::{Laboratory, SEPARABLE_Z, Separation};
 use crate::diagnosis::several::NamedEffect;
 use crate::diagnosis::synthesis::sized;
+use crate::diagnosis::what_remains::ProposedFormula;
 use crate::osim::spec::MuscleSpec;
 use crate::report::intervals::with_validity;
 use crate::report::results::{Kind, Results};
@@ -210,6 +211,9 @@ pub fn known(id: &str) -> Result<&'static dyn Effect, Failure> {
         let message = Message::error(format!("there is no effect `{id}`"));
         let hint = match crate::study::nearest(id, with_own().iter().map(|e| e.description().id)) {
             Some(nearest) => format!("did you mean `{nearest}`? `carpus effects` lists all"),
+            None if Path::new(id).exists() => {
+                "the study comes first, then the effects; `carpus effects` lists all".to_string()
+            }
             None => "`carpus effects` lists all".to_string(),
         };
         message.hint(hint).into()
@@ -402,6 +406,15 @@ fn readable(diagnosis: &Diagnosis) -> String {
             text.push_str(&table(&["parameter", "estimate, 95 % interval", "plausible", "held out"], 2, rows));
             text.push_str("\n`carpus effect add STUDY ID --i-choose` adds one all the same");
         }
+    }
+    if !diagnosis.proposals.is_empty() {
+        text.push_str("\n\nWhat remains looks like this moment [N·m]; share of its mean square in trials that were left out\n");
+        let row = |(i, p): (usize, &ProposedFormula)| {
+            vec![p.formula.clone(), fixed(100.0 * p.share_of_error, 0), diagnosis_file::proposal_file(i)]
+        };
+        let rows = diagnosis.proposals.iter().enumerate().map(row);
+        text.push_str(&table(&["formula", "%", "as an effect of your own"], 1, rows));
+        text.push_str("\n`carpus effect add STUDY proposal_1 --own-effect …/proposal_1.toml --i-choose` adds one");
     }
     if !diagnosis.not_testable.is_empty() {
         text.push_str(&format!("\n\nNot testable with these trials: {}", diagnosis.not_testable.join(", ")));

@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::super::noise::Kernels;
 use super::super::separation::Separation;
 use super::super::several::{AccountStep, NamedEffect};
+use super::super::what_remains::ProposedFormula;
 use super::super::where_it_fails::AxisResult;
 
 /// What the data say.
@@ -192,6 +193,8 @@ pub struct Diagnosis {
     /// There: how far what is handed over is from the model as given (0) to the joint mode (1), as trials left out one at a time
     /// are predicted best.
     pub part_of_the_way: Option<f64>,
+    /// Formulas for what remains, where no effect of the catalogue explains it all.
+    pub proposals: Vec<ProposedFormula>,
     /// Effects that were fitted jointly with the muscles and are no explanations.
     #[serde(flatten)]
     pub not_listed: NotListed,

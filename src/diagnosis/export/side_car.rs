@@ -264,7 +264,9 @@ impl Reader<'_> {
             });
         };
         let parameters = effect.description().parameters;
-        let allowed: Vec<&str> = ["id", "definition"].into_iter().chain(parameters.iter().map(|p| p.name)).collect();
+        let definition = effect.definition().map(|_| "definition");
+        let names = parameters.iter().map(|p| p.name);
+        let allowed: Vec<&str> = std::iter::once("id").chain(definition).chain(names).collect();
         self.only(table, &allowed, id)?;
         let mut values = Vec::with_capacity(parameters.len());
         for parameter in parameters {

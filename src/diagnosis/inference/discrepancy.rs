@@ -1,10 +1,11 @@
 //! What a model of this kind never gets right: columns of a smooth relative error of every muscle's moment.
+//! It is equation (6) of `docs/src/theory/many-small-errors.md`:
 //!
 //! ```text
-//! h_m(q, a, v) = σ_m Σ_j w_j c_j b_j(q, a, v),   c_j ~ N(0, 1)
+//! h_m = σ_m Σ_j ω_j c_mj B_j(q, a, v),   c_mj ~ N(0, 1)                                       (6)
 //! ```
-//! b: polynomials of angle, activation and speed up to the second degree, each variable over the range that the session covers: errors of moment
-//! arms and of force–length curves go with the angle, those of the EMG's curvature with activation, those of force–velocity curves with speed. w falls
+//! B: polynomials of angle, activation and speed up to the second degree, each variable over the range that the session covers: errors of moment
+//! arms and of force–length curves go with the angle, those of the EMG's curvature with activation, those of force–velocity curves with speed. ω falls
 //! with the degree, because such errors are smooth. The constant is the muscle's strength and is not among them.
 //!
 //! # References
@@ -16,7 +17,7 @@ use crate::simulation::TrialKinematics;
 /// Columns per muscle.
 pub const PER_MUSCLE: usize = WEIGHTS.len();
 
-/// Standard deviations of the coefficients of q, a, q², a², q a, v.
+/// ω of equation (6): standard deviations of the coefficients of q, a, q², a², q a, v.
 const WEIGHTS: [f64; 6] = [1.0, 1.0, 0.5, 0.5, 0.5, 0.5];
 
 /// What the session covers.

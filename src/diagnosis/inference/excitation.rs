@@ -2,10 +2,11 @@
 //!
 //! The logarithm z of the recorded envelope is that of the true one, x, plus noise of covariance N. A person's excitation changes smoothly, slowly while an
 //! effort is held and fast at its onset and end: the rate of x is a Gaussian process whose standard deviation follows how fast the recorded
-//! envelope changes over some tenths of a second. With C the covariance of x that follows (equation 3)
+//! envelope changes over some tenths of a second (`docs/src/theory/many-small-errors.md`, equations (8) and (9)). With C the covariance of
+//! x that follows, and z̄ the mean of z over a trial,
 //!
 //! ```text
-//! x | z ~ N( z − N (N + C)⁻¹ (z − m),  N − N (N + C)⁻¹ N )
+//! x | z ~ N( z − A (z − z̄),  N − A N ),   A = N (N + C)⁻¹                                     (10)
 //! ```
 //! Were every true excitation as likely as any (C infinite), a model that lets less of the EMG's noise pass, by a longer delay or a softer tendon,
 //! would predict moments better than the true one does: it smooths what nobody has smoothed.
@@ -32,7 +33,7 @@ const HALF_WINDOWS: [f64; 2] = [0.12, 0.3];
 /// Variance of the level of a trial's logarithm: wide.
 const LEVEL: f64 = 4.0;
 
-/// Of one channel in one trial: what is expected of w before the moment is looked at.
+/// Of one channel in one trial: what is expected of w before the moment is looked at, equation (11).
 #[derive(Clone, Debug)]
 pub struct Expected {
     /// On the knots: w of the mean excitation, which is by half of the variance above the mean of w. Moments go with excitations, not with
@@ -108,7 +109,7 @@ fn stationary(kernel: &Kernel, n: usize) -> DMatrix<f64> {
     DMatrix::from_fn(n, n, |i, j| by_step[i.abs_diff(j)])
 }
 
-/// Covariance of the noise of the logarithm.
+/// N: covariance of the noise of the logarithm, equation (8).
 fn noise(e: &DVector<f64>, levels: &NoiseLevels, kernel: &Kernel) -> DMatrix<f64> {
     let [envelope, _, floor] = levels.of_emg();
     let mut n = stationary(kernel, e.len());
@@ -120,7 +121,7 @@ fn noise(e: &DVector<f64>, levels: &NoiseLevels, kernel: &Kernel) -> DMatrix<f64
     n
 }
 
-/// Covariance of the true envelope's logarithm.
+/// C: covariance of the true envelope's logarithm, equation (9).
 ///
 /// - `noise`: variance of every knot's logarithm
 fn covariance(z: &DVector<f64>, noise: &DVector<f64>, signal: &Signal) -> DMatrix<f64> {

@@ -1,17 +1,19 @@
 //! The session around one point: a linear Gaussian model in which every column has a prior.
 //!
-//! With the noise whitened, the residual of all trials is (equation 1)
+//! With the noise whitened, the residual of all trials is (`docs/src/theory/many-small-errors.md`, equation (14))
 //!
 //! ```text
-//! r = Z δ + ε,   ε ~ N(0, I),   δ_j + o_j ~ N(0, s_j²)
+//! r = Z δ + ε,   ε ~ N(0, I),   δ_j + o_j ~ N(0, s_j²)                                       (14)
 //! ```
 //! Z: derivatives by muscle parameters and EMG baselines, by the parameters of every effect of the catalogue, and the columns of the
 //! discrepancy; o: distance of the point from the prior's mean; s: prior standard deviations. A set S of effects is *missing* from the
 //! model: their amplitudes have the standard deviation of what is plausible. All others have κ times that: what a laboratory has of everything
-//! (spike and slab). κ and the sizes of the discrepancy are estimated. With r₀ = r + Z o, M = I + s ZᵀZ s and c = s Zᵀ r₀ (equation 2)
+//! (spike and slab, equation (3)). κ and the sizes of the discrepancy are estimated (18). With r₀ = r + Z o, M = I + s ZᵀZ s and
+//! c = s Zᵀ r₀
 //!
 //! ```text
-//! −2 log p(r | S, s) = r₀ᵀr₀ − cᵀ M⁻¹ c + log |M| + const,   E[δ + o | r] = s M⁻¹ c
+//! −2 log p(r | S, s) = r₀ᵀr₀ − cᵀ M⁻¹ c + log |M| + const                                     (15)
+//! E[δ + o | r] = s M⁻¹ c,   Cov[δ | r] = s M⁻¹ s                                              (16)
 //! ```
 //! Everything is computed from the products ZᵀZ, Zᵀr, rᵀr: a set costs one factorization of some hundred columns.
 //!
@@ -71,7 +73,7 @@ impl Sizes {
     }
 }
 
-/// Prior scales of [`Sizes`]: half-normal.
+/// Prior scales of [`Sizes`]: half-normal, equation (5).
 #[derive(Clone, Debug)]
 pub struct SizePriors {
     /// Of κ.
@@ -102,11 +104,11 @@ pub struct LinearModel {
 
 /// What the data say of all columns, given a set of effects and the sizes.
 pub struct Posterior {
-    /// −2 log marginal likelihood and prior of the sizes, up to a constant.
+    /// −2 log marginal likelihood (15) with signs (17) and prior of the sizes (5), up to a constant.
     pub deviance: f64,
     /// Prior standard deviation of every column.
     pub sd: DVector<f64>,
-    /// Expected value of δ + o, per column.
+    /// Expected value of δ + o, per column, equation (16).
     pub mean: DVector<f64>,
     /// Least of the penalized sum of squares.
     pub squares: f64,
@@ -114,7 +116,7 @@ pub struct Posterior {
 }
 
 impl Posterior {
-    /// Covariance of δ.
+    /// Covariance of δ, equation (16).
     pub fn covariance(&self) -> DMatrix<f64> {
         let mut out = self.factor.inverse();
         for (i, mut column) in out.column_iter_mut().enumerate() {
@@ -221,7 +223,7 @@ impl LinearModel {
         posterior
     }
 
-    /// −2 log of how much of the posterior's mass has the signs that amplitudes must have, over the prior's half.
+    /// −2 log of how much of the posterior's mass has the signs that amplitudes must have, over the prior's half, equation (17).
     fn of_signs(&self, set: &[usize], posterior: &Posterior) -> f64 {
         let normal = Normal::standard();
         let of = |(j, prior): (usize, &Prior)| match *prior {
@@ -234,7 +236,7 @@ impl LinearModel {
         self.priors.iter().enumerate().map(of).sum()
     }
 
-    /// The sizes that are most probable for a set, starting from others: one after the other, in logarithms.
+    /// The sizes that are most probable for a set, starting from others: one after the other, in logarithms. The minimum of equation (18).
     ///
     /// - `rounds`: through all sizes
     pub fn sizes_for(&self, set: &[usize], start: &Sizes, rounds: usize) -> (Sizes, f64) {

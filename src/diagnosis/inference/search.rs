@@ -1,4 +1,5 @@
-//! Which sets of effects the data call for: best first over all sets, by their posterior probability.
+//! Which sets of effects the data call for: best first over all sets, by their posterior probability
+//! (`docs/src/theory/many-small-errors.md`, equations (18) and (19)).
 //!
 //! A set's neighbours have one effect more, one less, or one exchanged. The most probable set whose neighbours are not known yet is
 //! expanded next, until the budget is spent or no set near the best is left.
@@ -26,7 +27,7 @@ pub struct Budget {
 pub struct Candidate {
     /// Places of its effects, ascending.
     pub effects: Vec<usize>,
-    /// −2 log posterior, up to a constant.
+    /// −2 log posterior, up to a constant: equation (18).
     pub deviance: f64,
     /// Sizes that go with it.
     pub sizes: Sizes,
@@ -38,7 +39,7 @@ pub struct Candidate {
 pub struct Sets {
     /// Most probable first.
     pub found: Vec<Candidate>,
-    /// Their probabilities.
+    /// Their probabilities, equation (19).
     pub probability: Vec<f64>,
 }
 
@@ -58,7 +59,7 @@ impl Sets {
         self.found.iter().zip(&self.probability).filter(|(s, _)| s.effects.contains(&effect)).map(|(_, p)| p).sum()
     }
 
-    /// Probability that one of some effects is.
+    /// Probability that one of some effects is, equation (23).
     pub fn of_any(&self, effects: &[usize]) -> f64 {
         let any = |s: &Candidate| s.effects.iter().any(|e| effects.contains(e));
         self.found.iter().zip(&self.probability).filter(|(s, _)| any(s)).map(|(_, p)| p).sum()
@@ -68,7 +69,7 @@ impl Sets {
 /// Searches.
 ///
 /// - `effects`: places of those that may be missing; `always`: of those that are in every set
-/// - `cost`: −2 log of the prior odds that an effect is missing
+/// - `cost`: −2 log of the prior odds that an effect is missing, equation (4)
 pub fn search(
     model: &LinearModel,
     effects: &[usize],

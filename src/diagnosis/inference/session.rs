@@ -1,4 +1,5 @@
-//! The joint mode of a session: point, noise, discrepancy and the sets of effects that the data call for.
+//! The joint mode of a session: point, noise, discrepancy and the sets of effects that the data call for
+//! (`docs/src/theory/many-small-errors.md`, equation (20)).
 
 mod columns;
 mod handing_over;
@@ -20,13 +21,14 @@ use crate::diagnosis::noise::{self, NoiseLevels, TrialNoise};
 use crate::simulation::{MuscleParameters, SimulationError};
 use crate::study::ParameterBounds;
 
-/// Prior scale of κ: what a laboratory has of every effect, as a share of what is plausible.
+/// Prior scale of κ: what a laboratory has of every effect, as a share of what is plausible, equation (5).
 const EVERYTHING: f64 = 0.15;
-/// Prior scale of the relative error of a muscle's moment.
+/// Prior scale of the relative error of a muscle's moment, equations (5) and (6).
 const OF_MUSCLES: f64 = 0.08;
-/// Prior scale of the moment that is left beside the muscles, in tenths of a newton metre at a wrist.
+/// Prior scale of the moment that is left beside the muscles, in tenths of a newton metre at a wrist, equations (5) and
+/// (7).
 const OF_MOMENT: f64 = 0.5;
-/// Prior odds that an effect is not missing.
+/// Prior odds that an effect is not missing, equation (4).
 const ODDS: f64 = 20.0;
 /// Points that are followed from the model as given.
 const STARTS: usize = 3;
@@ -48,9 +50,9 @@ const OTHERS: usize = 4;
 const TRIED: f64 = 25.0;
 /// Largest expected error of the logarithm of the EMG.
 const LARGEST_NOISE: f64 = 0.7;
-/// An effect may stand in another's place where the set with it has more than this share of the probability.
+/// An effect may stand in another's place where the set with it has more than this share of the probability, equation (22).
 const STANDS_IN: f64 = 0.1;
-/// Beyond this part of the way the joint mode itself is handed over.
+/// Beyond this part of the way, equation (25), the joint mode itself is handed over.
 const ALL_OF_IT: f64 = 0.9;
 /// Of the sets that were tried in a round, those first whose noise is estimated anew.
 const ASSESSED: usize = 2;
@@ -60,7 +62,7 @@ const CALIBRATIONS: usize = 2;
 const TURNS: usize = 2;
 /// Change of a variance's logarithm that is as good as none.
 const STILL: f64 = 0.05;
-/// The estimate has settled when a round lowers −2 log posterior by less than this.
+/// The estimate has settled when a round lowers −2 log posterior, equation (20), by less than this.
 const SETTLED: f64 = 3.0;
 
 /// An effect's columns in the linear model.
@@ -99,7 +101,7 @@ struct Reached {
     set: Vec<usize>,
     point: Point,
     sizes: Sizes,
-    /// −2 log posterior, the noise held, up to a constant.
+    /// −2 log posterior, the noise held, up to a constant: equation (18).
     deviance: f64,
 }
 
@@ -125,9 +127,9 @@ pub struct HandedOver {
     pub parameters: Vec<MuscleParameters>,
     /// Effects.
     pub effects: Vec<Setting>,
-    /// How far it is from the model as given (0) to the joint mode (1).
+    /// How far it is from the model as given (0) to the joint mode (1), equation (25).
     pub part: f64,
-    /// Error of trials that were left out one at a time, at the joint mode, over that of the model as given.
+    /// Error of trials that were left out one at a time, at the joint mode, over that of the model as given: R of equation (25).
     pub left_out_ratio: f64,
 }
 
@@ -139,9 +141,17 @@ struct Start {
     sizes: Sizes,
 }
 
+/// An estimate that has begun: at the most probable of many starts.
+pub struct Begun {
+    /// Where it stands.
+    pub state: State,
+    candidates: Vec<usize>,
+    always: Vec<usize>,
+}
+
 /// Where the estimate stands.
 pub struct State {
-    /// −2 log posterior of the most probable set, up to a constant.
+    /// −2 log posterior of the most probable set, up to a constant: equation (20).
     pub deviance: f64,
     /// Muscles, effects, EMG.
     pub point: Point,
@@ -197,6 +207,17 @@ impl<'a> Session<'a> {
     /// # Errors
     /// A trial that cannot be simulated.
     pub fn estimate(&mut self, always: &[&str], only: bool, report: &dyn Fn(&str)) -> Result<State, SimulationError> {
+        let begun = self.begin(always, only, report)?;
+        self.settle(begun, report)
+    }
+
+    /// The most probable of many starts, with the noise that goes with it.
+    ///
+    /// - `always`, `only`: as for [`Session::estimate`]
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub fn begin(&mut self, always: &[&str], only: bool, report: &dyn Fn(&str)) -> Result<Begun, SimulationError> {
         let place = |id: &&str| self.analysis.candidates.iter().position(|c| c.description().id == *id);
         let always: Vec<usize> = always.iter().filter_map(place).collect();
         let candidates = if only { Vec::new() } else { self.testable() };
@@ -228,24 +249,34 @@ impl<'a> Session<'a> {
             let start = Start { point, levels, set: found.effects, sizes: found.sizes };
             best = Some(self.assessed(start, &candidates, &always)?);
         }
+        let state = best.ok_or(SimulationError::ParameterCount { found: 0, expected: 1 })?;
+        Ok(Begun { state, candidates, always })
+    }
+
+    /// Rounds of search, simulation of other sets and noise, until nothing more probable is found.
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub fn settle(&self, begun: Begun, report: &dyn Fn(&str)) -> Result<State, SimulationError> {
+        let Begun { state: mut best, candidates, always } = begun;
+        let clock = std::time::Instant::now();
         for _ in 0..ROUNDS {
-            let Some(state) = &best else { break };
             let next = self
-                .advanced(state, Some((&candidates, &always)))?
+                .advanced(&best, Some((&candidates, &always)))?
                 .into_iter()
                 .filter_map(|start| self.assessed(start, &candidates, &always).ok())
                 .min_by(|a, b| a.deviance.total_cmp(&b.deviance));
             let Some(next) = next else { break };
             report(&format!("round {} {:.1?}", self.in_words(&next), clock.elapsed()));
-            let fall = state.deviance - next.deviance;
+            let fall = best.deviance - next.deviance;
             if fall > 0.0 {
-                best = Some(next);
+                best = next;
             }
             if fall < SETTLED {
                 break;
             }
         }
-        best.ok_or(SimulationError::ParameterCount { found: 0, expected: 1 })
+        Ok(best)
     }
 
     /// An estimate in the form that tests of what is left take.

@@ -158,7 +158,8 @@ fn val_opensim_steps_are_as_long_as_the_setup_allows() {
     // Below the least step OpenSim goes on with a larger error; here that is said.
     let least = "<maximum_integrator_step_size>0.1</maximum_integrator_step_size><minimum_integrator_step_size>0.05</minimum_integrator_step_size>";
     let (states, said, summary) = swing(place, least);
-    assert!((5..=10).contains(&steps(&summary)), "{summary}");
+    // Ten of the least size, and what rounding leaves.
+    assert!((5..=11).contains(&steps(&summary)), "{summary}");
     assert!(said.contains("minimum_integrator_step_size") && said.contains("larger error"), "{said}");
     assert!((states.rows.last().unwrap()[0] - PENDULUM[0]).abs() < 0.1);
 }

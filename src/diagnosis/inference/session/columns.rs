@@ -1,4 +1,4 @@
-//! Columns of the linear model, and their priors.
+//! Columns of the linear model, and their priors (`docs/src/theory/many-small-errors.md`, equation (14)).
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
@@ -17,7 +17,7 @@ impl Session<'_> {
         (0..self.analysis.candidates.len()).filter(testable).collect()
     }
 
-    /// Standard deviation of what is plausible of an amplitude, in units of its scale, and the sign that it must have.
+    /// Standard deviation of what is plausible of an amplitude, in units of its scale, and the sign that it must have: equation (3).
     pub(super) fn plausible(&self, effect: &'static dyn Effect, parameter: usize) -> (f64, Option<f64>) {
         let forward = self.forward();
         let p = &effect.description().parameters[parameter];
@@ -39,7 +39,7 @@ impl Session<'_> {
         (0.5 * largest / scale, sign)
     }
 
-    /// Columns of the discrepancy of the muscles in a trial, averaged over blocks.
+    /// Columns of the discrepancy of the muscles in a trial, equation (6), averaged over blocks.
     pub(super) fn of_muscles(&self, position: usize, linear: &Linear) -> DMatrix<f64> {
         let record = &self.forward().trials[self.analysis.train[position]];
         let starts = block_starts(&record.time);

@@ -1,4 +1,5 @@
-//! What is handed over: muscles and effects, estimates, what stands in an effect's place.
+//! What is handed over: muscles and effects, estimates, what stands in an effect's place
+//! (`docs/src/theory/many-small-errors.md`, equations (22) to (26)).
 
 use std::collections::BTreeMap;
 
@@ -14,7 +15,7 @@ use crate::simulation::{MuscleParameters, SimulationError};
 impl Session<'_> {
     /// What is handed over: muscles and effects, as far from the model as given as trials left out one at a time are predicted best.
     ///
-    /// The step to what the other trials say of a trial is linear; the residuals at both ends are simulated.
+    /// The step to what the other trials say of a trial is linear, equation (24); the residuals at both ends are simulated.
     ///
     /// # Errors
     /// A trial that cannot be simulated.
@@ -61,7 +62,7 @@ impl Session<'_> {
         Ok(HandedOver { parameters, effects, part, left_out_ratio })
     }
 
-    /// Muscles and effects at a part of the way from the model as given to a point.
+    /// Muscles and effects at a part of the way from the model as given to a point, equation (26).
     pub(super) fn part_of_the_way(&self, point: &Point, part: f64) -> (Vec<MuscleParameters>, Vec<Setting>) {
         let forward = self.forward();
         let between = |from: f64, to: f64| from * (to / from).powf(part);
@@ -84,6 +85,7 @@ impl Session<'_> {
     }
 
     /// What would be handed over without one of the effects: muscles and the others take, to first order, what it leaves.
+    /// Equation (27) compares it with what is handed over.
     ///
     /// - `effect`: its place
     pub fn without(&self, state: &State, effect: usize, part: f64) -> (Vec<MuscleParameters>, Vec<Setting>) {
@@ -135,7 +137,7 @@ impl Session<'_> {
         (total / blocks.max(1) as f64).sqrt()
     }
 
-    /// Effects that may stand in an effect's place: its probability and that of all of them together.
+    /// Effects that may stand in an effect's place, equation (22), and the probability that one of them is missing, equation (23).
     ///
     /// - `effect`: place of one of the point's effects
     pub fn group(&self, state: &State, effect: usize) -> (Vec<usize>, f64) {

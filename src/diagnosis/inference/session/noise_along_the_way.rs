@@ -1,4 +1,5 @@
-//! Noise along the way: what is expected of the EMG, how it passes through the muscles, variances and autocorrelation.
+//! Noise along the way: what is expected of the EMG, how it passes through the muscles, variances and autocorrelation
+//! (`docs/src/theory/many-small-errors.md`, equations (8) to (12)).
 
 use std::sync::Arc;
 
@@ -53,7 +54,7 @@ impl Session<'_> {
         self.analysis.train.iter().map(of).collect()
     }
 
-    /// How noise enters every trial; the linearization is made to match.
+    /// How noise enters every trial, equation (12); the linearization is made to match.
     pub(super) fn structure(&self, linear: &mut [Linear], point: &Point, levels: &NoiseLevels) -> Passage {
         let bare = self.analysis.noise_structure(linear, point);
         let expected = excitation::expected(&self.envelopes(), levels, &self.analysis.kernels.emg, &self.signals);
@@ -68,7 +69,7 @@ impl Session<'_> {
         passage
     }
 
-    /// Residuals with what is expected of the EMG, and baselines' columns.
+    /// Residuals with what is expected of the EMG, equation (13), and baselines' columns.
     pub(super) fn attach(&self, linear: &mut [Linear], point: &Point, passage: &Passage) {
         linear.par_iter_mut().enumerate().for_each(|(i, l)| {
             self.analysis.attach(l, i, point, &passage.bare[i]);

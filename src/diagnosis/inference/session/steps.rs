@@ -1,4 +1,5 @@
-//! Steps: effects switched on and off, descents with the noise held, sets that are tried by simulation.
+//! Steps: effects switched on and off, descents with the noise held, sets that are tried by simulation
+//! (`docs/src/theory/many-small-errors.md`, equation (21)).
 
 use nalgebra::{Cholesky, DMatrix, Dyn};
 use rayon::prelude::*;
@@ -195,7 +196,7 @@ impl Session<'_> {
     }
 }
 
-/// Penalized sum of squares at the point, directions and discrepancy profiled out.
+/// Ψ of equation (21): penalized sum of squares at the point, directions and discrepancy profiled out.
 ///
 /// - `own`: columns that the point itself has
 fn profiled(model: &LinearModel, own: usize, set: &[usize], sizes: &Sizes) -> f64 {
