@@ -129,7 +129,8 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     // Where many things are a little wrong, no single effect leaves nothing: none is looked for. Where that cannot be found out, because a
     // trial cannot be simulated at some point of the search, single effects are.
     let several = if rejected { several::several(request).unwrap_or_default() } else { None };
-    let alone = rejected && several.as_ref().is_none_or(|s| s.effects.len() <= several::FEW && !s.leaves_something);
+    let one_may_do = |s: &Several| s.effects.is_empty() || s.effects.len() <= several::FEW && !s.leaves_something;
+    let alone = rejected && several.as_ref().is_none_or(one_may_do);
     let singles = if alone { judge.singles(&left)? } else { Vec::new() };
     let above = |p_value: f64| -> Vec<(Fit, Explanation)> {
         singles.iter().filter(|s| s.1.p_value > p_value).cloned().collect()
@@ -293,15 +294,13 @@ fn named(levels: &NoiseLevels, analysis: &Analysis) -> BTreeMap<&'static str, f6
     named.into_iter().chain(slow).map(|(name, variance)| (name, variance.sqrt())).collect()
 }
 
-const NO_TEST: SimulationError = SimulationError::ParameterCount { found: 0, expected: 1 };
-
 fn test(analysis: &Analysis, fit: &Fit, skip: &[&str]) -> Result<Omnibus, SimulationError> {
-    analysis.anything_left(fit, skip).ok_or(NO_TEST)
+    analysis.anything_left(fit, skip).ok_or(SimulationError::NoiseCovariance)
 }
 
 /// As [`test`], every block by itself.
 fn blocks_of(analysis: &Analysis, fit: &Fit, skip: &[&str]) -> Result<Vec<BlockScore>, SimulationError> {
-    analysis.blocks_left(fit, skip).ok_or(NO_TEST)
+    analysis.blocks_left(fit, skip).ok_or(SimulationError::NoiseCovariance)
 }
 
 /// The directions of smallest p-value.

@@ -32,7 +32,7 @@ const STABLE: f64 = 0.6;
 const ALIKE: f64 = 0.9;
 /// A further term must explain this much more of the mean square in left-out trials.
 const WORTH_A_TERM: f64 = 0.02;
-/// Trials with signs drawn at random; a formula must explain more than any of them lets one explain: a level of 1/40.
+/// Draws of the signs of whole trials; a formula must explain more than a term does in any of them: a level of 1/40.
 const SIGN_DRAWS: usize = 39;
 /// Another formula must explain at least this part of what the best one explains.
 const COMPARABLE: f64 = 0.5;
@@ -122,7 +122,10 @@ pub fn propose(
     let search = Search::new(trials, library, &variables, whiten);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let all: Vec<usize> = (0..trials.len()).collect();
-    let limit = search.share_by_chance(&all, &mut rng);
+    // What chance lets one explain is found where what can be explained is gone: with it in, draws of signs that are nearly all
+    // alike would explain as much.
+    let (rest, left) = search.without_its_best_formula();
+    let limit = left * rest.share_by_chance(&all, &mut rng);
     let halves = search.selected_in_halves(&mut rng);
     let mut excluded = vec![false; search.library.len()];
     let mut found: Vec<Proposal> = Vec::new();
@@ -237,6 +240,7 @@ impl Term {
 }
 
 /// The library over the trials.
+#[derive(Clone)]
 struct Search {
     library: Vec<Term>,
     grams: Vec<Gram>,
@@ -388,6 +392,40 @@ impl Search {
             without += self.left(&one, &[], &mean);
         }
         if without > 0.0 { 1.0 - with / without } else { 0.0 }
+    }
+
+    /// The same with the residual that the best formula leaves, and the share of the mean square that it leaves.
+    fn without_its_best_formula(&self) -> (Search, f64) {
+        let terms = self.greedy(&self.total, &vec![false; self.library.len()], MOST_TERMS);
+        let all = |terms: &[usize]| {
+            let fit = self.coefficients(&self.total, terms)?;
+            let left = self.left(&self.total, terms, &fit);
+            Some((fit, left))
+        };
+        let (Some((fit, with)), Some((_, without))) = (all(&terms), all(&[])) else { return (self.clone(), 1.0) };
+        let places: Vec<usize> = std::iter::once(0).chain(terms.iter().map(|t| t + 1)).collect();
+        let last = self.residual();
+        // r − X β, in rows and columns of the sums.
+        let taken_off = |gram: &Gram| {
+            let mut out = gram.clone();
+            for (i, place) in places.iter().enumerate() {
+                let column = fit[i] * out.column(*place);
+                out.column_mut(last).axpy(-1.0, &column, 1.0);
+            }
+            for (i, place) in places.iter().enumerate() {
+                let row = fit[i] * out.row(*place);
+                let left = out.row(last) - row;
+                out.set_row(last, &left);
+            }
+            out
+        };
+        let rest = Search {
+            library: self.library.clone(),
+            grams: self.grams.iter().map(taken_off).collect(),
+            total: taken_off(&self.total),
+            scales: self.scales.clone(),
+        };
+        (rest, if without > 0.0 { (with / without).clamp(0.0, 1.0) } else { 1.0 })
     }
 
     /// What one term explains at most where the signs of trials are drawn.

@@ -177,7 +177,7 @@ fn rms(squares: &[[f64; 2]]) -> Option<f64> {
     (count > 0.0).then(|| (squares.iter().map(|s| s[0]).sum::<f64>() / count).sqrt())
 }
 
-/// (Σ without − Σ with) / Σ given over trials, and its 95 % interval by the jackknife; `None` without trials.
+/// (Σ without − Σ with) / Σ given over trials, and its 95 % interval by the jackknife; `None` without two trials.
 fn share(given: &[[f64; 2]], with: &[[f64; 2]], without: &[[f64; 2]]) -> Option<[f64; 3]> {
     let n = given.len();
     let total = |all: &[[f64; 2]], left_out: Option<usize>| -> f64 {
@@ -187,7 +187,7 @@ fn share(given: &[[f64; 2]], with: &[[f64; 2]], without: &[[f64; 2]]) -> Option<
         let of_given = total(given, left_out).max(f64::MIN_POSITIVE);
         (total(without, left_out) - total(with, left_out)) / of_given
     };
-    let all = (n > 0).then(|| value(None))?;
+    let all = (n > 1).then(|| value(None))?;
     let others: Vec<f64> = (0..n).map(|i| value(Some(i))).collect();
     let mean = others.iter().sum::<f64>() / n as f64;
     let spread = others.iter().map(|v| (v - mean).powi(2)).sum::<f64>() * (n as f64 - 1.0) / n as f64;
@@ -204,7 +204,7 @@ fn own(estimates: &BTreeMap<String, ParameterEstimate>, id: &str) -> BTreeMap<St
     estimates.iter().filter_map(of).collect()
 }
 
-/// Effects of the most probable set.
+/// Effects of the joint mode.
 fn named(
     request: &Request,
     session: &Session,
@@ -279,6 +279,6 @@ mod tests {
         assert!((value - 0.25).abs() < 1e-12 && (high - low).abs() < 1e-12, "{low} {high}");
         let [value, low, high] = share(&given, &with, &[[2.0, 10.0], [1.5, 10.0], [4.0, 10.0]]).unwrap();
         assert!(low < value && value < high);
-        assert!(share(&[], &[], &[]).is_none());
+        assert!(share(&[], &[], &[]).is_none() && share(&given[..1], &with[..1], &given[..1]).is_none());
     }
 }

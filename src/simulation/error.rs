@@ -196,6 +196,9 @@ pub enum SimulationError {
         /// What is allowed.
         expected: &'static str,
     },
+    /// The covariance of the noise of a trial has no Cholesky factor.
+    #[error("the noise of the trials cannot be estimated: its covariance is not positive definite")]
+    NoiseCovariance,
     /// The number of parameter sets differs from that of the muscles.
     #[error("{found} parameter sets, expected {expected}, one for each active muscle")]
     ParameterCount {

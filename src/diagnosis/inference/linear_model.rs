@@ -162,6 +162,16 @@ impl LinearModel {
         Sizes { everything: self.size_priors.everything, discrepancy: self.size_priors.discrepancy.clone() }
     }
 
+    /// The model in which an effect is absent: its amplitudes are nothing.
+    ///
+    /// - `effect`: its place
+    pub fn without(&self, effect: usize) -> LinearModel {
+        let mut model = self.clone();
+        let of = |p: &Prior| matches!(*p, Prior::Amplitude { effect: e, .. } if e == effect);
+        model.priors.iter_mut().filter(|p| of(p)).for_each(|p| *p = Prior::Known(0.0));
+        model
+    }
+
     /// Prior standard deviation of every column.
     ///
     /// - `set`: places of the effects that are missing from the model

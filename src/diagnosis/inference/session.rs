@@ -234,7 +234,7 @@ impl<'a> Session<'a> {
             let Ok(mut state) = self.assessed(start, &candidates, &always) else { continue };
             let next = self.advanced(&state, None)?.into_iter().next();
             if let Some(Ok(next)) = next.map(|start| self.assessed(start, &candidates, &always)) {
-                state = next;
+                state = if next.deviance < state.deviance { next } else { state };
             }
             report(&format!("start {} {:.1?}", self.in_words(&state), clock.elapsed()));
             followed.push(state);
@@ -249,7 +249,7 @@ impl<'a> Session<'a> {
             let start = Start { point, levels, set: found.effects, sizes: found.sizes };
             best = Some(self.assessed(start, &candidates, &always)?);
         }
-        let state = best.ok_or(SimulationError::ParameterCount { found: 0, expected: 1 })?;
+        let state = best.ok_or(SimulationError::NoiseCovariance)?;
         Ok(Begun { state, candidates, always })
     }
 
@@ -282,9 +282,8 @@ impl<'a> Session<'a> {
     /// An estimate in the form that tests of what is left take.
     pub fn as_fit(&self, state: &State) -> Fit {
         let set = self.places(&state.point.effects);
-        let sizes = &state.sets.best().sizes;
-        let posterior = state.model.posterior(&set, sizes);
-        let columns = self.all_columns(&state.linear, &state.directions);
+        let posterior = state.model.posterior(&set, self.sizes(state));
+        let columns = self.all_columns(&state.point, &state.linear, &state.directions);
         let regressors = Self::regressors(&state.model, &columns, &posterior.sd);
         let trials: Vec<_> = state.noise.noise.iter().zip(&regressors).map(|(n, (x, r))| (n, x, r)).collect();
         let count = regressors.first().map_or(0, |(x, _)| x.ncols());
@@ -340,8 +339,8 @@ impl<'a> Session<'a> {
             let passage = self.structure(&mut linear, &point, &levels);
             let directions;
             (directions, self.analysis.blocks) = self.analysis.calc_directions(&linear, &point)?;
-            let factors = factors(&passage.noise, &levels);
-            let model = self.model(&point, &self.all_columns(&linear, &directions), &factors);
+            let factors = factors(&passage.noise, &levels)?;
+            let model = self.model(&point, &self.all_columns(&point, &linear, &directions), &factors);
             let sizes = Sizes { everything: 1.0, ..model.usual_sizes() };
             let from = Around {
                 point: &point,
@@ -371,8 +370,8 @@ impl<'a> Session<'a> {
         let mut linear = self.analysis.linearize(&point, &[])?;
         let passage = self.structure(&mut linear, &point, &levels);
         let directions = self.analysis.calc_directions(&linear, &point)?.0;
-        let factors = factors(&passage.noise, &levels);
-        let model = self.model(&point, &self.all_columns(&linear, &directions), &factors);
+        let factors = factors(&passage.noise, &levels)?;
+        let model = self.model(&point, &self.all_columns(&point, &linear, &directions), &factors);
         let sizes = model.usual_sizes();
         let found =
             search(&model, candidates, always, 2.0 * ODDS.ln(), &[], &sizes, Budget { expansions: FIRST_EXPANSIONS });
@@ -386,6 +385,7 @@ impl<'a> Session<'a> {
         alone.sort_by(|a, b| a.0.total_cmp(&b.0));
         sets.extend(alone.into_iter().take(SCREENED).map(|(_, set)| set));
         sets.iter_mut().for_each(|s| s.sort_unstable());
+        sets.sort_unstable();
         sets.dedup();
         let from = Around {
             point: &point,
@@ -420,10 +420,10 @@ impl<'a> Session<'a> {
         let mut linear = self.analysis.linearize(&point, &[])?;
         let directions = self.analysis.calc_directions(&linear, &point)?.0;
         let mut passage = self.structure(&mut linear, &point, &levels);
-        let mut columns = self.all_columns(&linear, &directions);
+        let mut columns = self.all_columns(&point, &linear, &directions);
         // What is expected of the EMG goes with the variances of its noise.
         for turn in 0..TURNS {
-            let model = self.model(&point, &columns, &factors(&passage.noise, &levels));
+            let model = self.model(&point, &columns, &factors(&passage.noise, &levels)?);
             let regressors = Self::regressors(&model, &columns, &model.sds(&set, &sizes));
             let before = levels;
             levels = self.levels(&passage.noise, &regressors, levels);
@@ -432,9 +432,9 @@ impl<'a> Session<'a> {
                 break;
             }
             passage = self.structure(&mut linear, &point, &levels);
-            columns = self.all_columns(&linear, &directions);
+            columns = self.all_columns(&point, &linear, &directions);
         }
-        let factors = factors(&passage.noise, &levels);
+        let factors = factors(&passage.noise, &levels)?;
         Ok(State {
             deviance: f64::INFINITY,
             model: self.model(&point, &columns, &factors),
@@ -459,6 +459,12 @@ impl<'a> Session<'a> {
         state.deviance = determinant + state.sets.best().deviance + noise::prior_deviance(&state.levels);
     }
 
+    /// Sizes that go with the effects of the point.
+    pub(super) fn sizes<'s>(&self, state: &'s State) -> &'s Sizes {
+        let set = self.places(&state.point.effects);
+        &state.sets.found.iter().find(|s| s.effects == set).unwrap_or(state.sets.best()).sizes
+    }
+
     /// Places of effects among the candidates, ascending.
     pub(crate) fn places(&self, effects: &[Setting]) -> Vec<usize> {
         let place =
@@ -469,6 +475,10 @@ impl<'a> Session<'a> {
     }
 }
 
-fn factors(noise: &[TrialNoise], levels: &NoiseLevels) -> Vec<Cholesky<f64, Dyn>> {
-    noise.par_iter().filter_map(|n| noise::factor(n, levels)).collect()
+/// Factors of V of all trials.
+///
+/// # Errors
+/// A covariance that is not positive definite.
+fn factors(noise: &[TrialNoise], levels: &NoiseLevels) -> Result<Vec<Cholesky<f64, Dyn>>, SimulationError> {
+    noise.par_iter().map(|n| noise::factor(n, levels).ok_or(SimulationError::NoiseCovariance)).collect::<Vec<_>>().into_iter().collect()
 }

@@ -8,7 +8,7 @@ use super::super::linear_model::{LinearModel, Prior, SizePriors};
 use super::{EVERYTHING, EffectColumns, OF_MOMENT, OF_MUSCLES, Session, WhitenedDirections};
 use crate::diagnosis::effect::{Effect, Role};
 use crate::diagnosis::fit::{Linear, Point, block_means, block_starts, whiten};
-use crate::diagnosis::forward_model::FITTED_PER_MUSCLE;
+use crate::diagnosis::forward_model::{Change, FITTED_PER_MUSCLE};
 
 impl Session<'_> {
     /// Places of the effects that the data can speak of.
@@ -40,18 +40,20 @@ impl Session<'_> {
     }
 
     /// Columns of the discrepancy of the muscles in a trial, equation (6), averaged over blocks.
-    pub(super) fn of_muscles(&self, position: usize, linear: &Linear) -> DMatrix<f64> {
-        let record = &self.forward().trials[self.analysis.train[position]];
-        let starts = block_starts(&record.time);
+    pub(super) fn of_muscles(&self, position: usize, point: &Point, linear: &Linear) -> DMatrix<f64> {
+        let (forward, g) = (self.forward(), self.analysis.train[position]);
+        let starts = block_starts(&forward.trials[g].time);
         let kinematics = linear.core.prepared.kinematics();
-        let columns: Vec<DVector<f64>> = (0..self.analysis.n_muscles())
-            .flat_map(|m| {
-                let moment = &linear.core.by_parameters[m * FITTED_PER_MUSCLE];
-                discrepancy::columns(&self.ranges, kinematics, m, moment)
-            })
-            .map(|c| block_means(&c, &starts))
-            .collect();
-        DMatrix::from_columns(&columns)
+        let of_muscle = |m: usize| {
+            let moment = &linear.core.by_parameters[m * FITTED_PER_MUSCLE];
+            discrepancy::columns(&self.ranges, kinematics, m, moment)
+        };
+        let mut columns: Vec<Vec<f64>> = (0..self.analysis.n_muscles()).flat_map(of_muscle).collect();
+        if forward.reshapes_moment(&point.effects) {
+            let changes = columns.iter().map(|c| Change::Moment(c));
+            columns = forward.recorded_changes(g, &linear.core, &point.effects, changes);
+        }
+        DMatrix::from_columns(&columns.iter().map(|c| block_means(c, &starts)).collect::<Vec<_>>())
     }
 
     /// Priors of the columns [nuisance | effects that are on | directions | muscles' discrepancy] and the point's distance from their means.
@@ -111,8 +113,14 @@ impl Session<'_> {
     }
 
     /// All columns of a trial, and the residual.
-    pub(super) fn columns(&self, position: usize, linear: &Linear, directions: &DMatrix<f64>) -> DMatrix<f64> {
-        let of_muscles = self.of_muscles(position, linear);
+    pub(super) fn columns(
+        &self,
+        position: usize,
+        point: &Point,
+        linear: &Linear,
+        directions: &DMatrix<f64>,
+    ) -> DMatrix<f64> {
+        let of_muscles = self.of_muscles(position, point, linear);
         let parts = [&linear.nuisance, &linear.effects, directions, &of_muscles];
         let total: usize = parts.iter().map(|p| p.ncols()).sum();
         let mut all = DMatrix::zeros(linear.residual.len(), total + 1);
@@ -125,8 +133,13 @@ impl Session<'_> {
         all
     }
 
-    pub(super) fn all_columns(&self, linear: &[Linear], directions: &[DMatrix<f64>]) -> Vec<DMatrix<f64>> {
-        let of = |(i, (l, d)): (usize, (&Linear, &DMatrix<f64>))| self.columns(i, l, d);
+    pub(super) fn all_columns(
+        &self,
+        point: &Point,
+        linear: &[Linear],
+        directions: &[DMatrix<f64>],
+    ) -> Vec<DMatrix<f64>> {
+        let of = |(i, (l, d)): (usize, (&Linear, &DMatrix<f64>))| self.columns(i, point, l, d);
         linear.par_iter().zip(directions).enumerate().map(of).collect()
     }
 
@@ -151,7 +164,7 @@ impl Session<'_> {
         let (priors, offset) = self.priors(point);
         let of_trial =
             |(position, ((l, d), factor)): (usize, ((&Linear, &WhitenedDirections), &Cholesky<f64, Dyn>))| {
-                let of_muscles = self.of_muscles(position, l);
+                let of_muscles = self.of_muscles(position, point, l);
                 let (own, directions) = (l.nuisance.ncols() + l.effects.ncols(), d.columns.ncols());
                 let rest = of_muscles.ncols() + 1;
                 let mut moving = DMatrix::zeros(l.residual.len(), own + rest);

@@ -37,7 +37,7 @@ impl Session<'_> {
         let of_given = residuals(&given, &[])?;
         let of_fit = residuals(&state.point.parameters, &state.point.effects)?;
         let set = self.places(&state.point.effects);
-        let sizes = &state.sets.best().sizes;
+        let sizes = self.sizes(state);
         let muscles = self.analysis.n_muscles() * FITTED_PER_MUSCLE;
         let at_all = state.model.posterior(&set, sizes).mean;
         let left_out = |(i, of_fit): (usize, &DVector<f64>)| {
@@ -58,7 +58,8 @@ impl Session<'_> {
         let part = if sums[2] > 0.0 { (-sums[1] / sums[2]).clamp(0.0, 1.0) } else { 0.0 };
         let part = if part > ALL_OF_IT { 1.0 } else { part };
         let (parameters, effects) = self.part_of_the_way(&state.point, part);
-        let left_out_ratio = ((sums[0] + 2.0 * sums[1] + sums[2]) / sums[0].max(f64::MIN_POSITIVE)).max(0.0).sqrt();
+        let left = sums[0] + 2.0 * part * sums[1] + part * part * sums[2];
+        let left_out_ratio = (left / sums[0].max(f64::MIN_POSITIVE)).max(0.0).sqrt();
         Ok(HandedOver { parameters, effects, part, left_out_ratio })
     }
 
@@ -90,7 +91,7 @@ impl Session<'_> {
     /// - `effect`: its place
     pub fn without(&self, state: &State, effect: usize, part: f64) -> (Vec<MuscleParameters>, Vec<Setting>) {
         let set: Vec<usize> = self.places(&state.point.effects).into_iter().filter(|e| *e != effect).collect();
-        let posterior = state.model.posterior(&set, &state.sets.best().sizes);
+        let posterior = state.model.without(effect).posterior(&set, self.sizes(state));
         let own = self.analysis.n_nuisance() + state.point.effects.iter().map(|s| s.values.len()).sum::<usize>();
         let step = (&posterior.mean - &state.model.offset).rows(0, own).into_owned();
         let mut point = self.analysis.moved(&state.point, &step);
@@ -102,7 +103,7 @@ impl Session<'_> {
     /// Estimates of the effects at the joint mode, by `effect.parameter`, with 95 % intervals.
     pub fn estimates(&self, state: &State) -> BTreeMap<String, ParameterEstimate> {
         let forward = self.forward();
-        let posterior = state.model.posterior(&self.places(&state.point.effects), &state.sets.best().sizes);
+        let posterior = state.model.posterior(&self.places(&state.point.effects), self.sizes(state));
         let mut column = self.analysis.n_nuisance();
         let mut out = BTreeMap::new();
         for setting in &state.point.effects {
@@ -154,7 +155,9 @@ impl Session<'_> {
         };
         let stands_in = |other: &usize| !set.contains(other) && probability(&exchanged(*other)) > own * STANDS_IN;
         let mut group = vec![effect];
-        group.extend(self.testable().into_iter().filter(stands_in));
+        if own > 0.0 {
+            group.extend(self.testable().into_iter().filter(stands_in));
+        }
         let together = state.sets.of_any(&group);
         (group, together)
     }

@@ -89,7 +89,7 @@ impl Session<'_> {
     ///
     /// - `set`, `sizes`: of effects and of everything else meanwhile; `anew`: all families are compared, else lengths alone
     pub(super) fn choose_kernels(&mut self, state: &mut State, set: &[usize], sizes: &Sizes, anew: bool) {
-        let columns = self.all_columns(&state.linear, &state.directions);
+        let columns = self.all_columns(&state.point, &state.linear, &state.directions);
         let regressors = Self::regressors(&state.model, &columns, &state.model.sds(set, sizes));
         let count = regressors.first().map_or(0, |(x, _)| x.ncols());
         let precision = DVector::from_element(count, 1.0);

@@ -105,8 +105,9 @@ impl Session<'_> {
             }
         }
         let sizes = &sets.best().sizes;
-        let least = model.posterior(set, sizes).deviance;
-        out.retain(|other| model.posterior(other, sizes).deviance < least + TRIED);
+        let deviance = |set: &[usize]| model.posterior(set, sizes).deviance + 2.0 * ODDS.ln() * set.len() as f64;
+        let least = deviance(set);
+        out.retain(|other| deviance(other) < least + TRIED);
         out
     }
 
