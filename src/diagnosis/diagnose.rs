@@ -212,7 +212,10 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     }
     let proposals = match (&several, verdict) {
         (Some(several), _) => several.proposals.clone(),
-        (None, Verdict::Unknown) => formulas(forward, &refitted, &null.factors, request.seed),
+        (None, Verdict::Unknown) => {
+            let of_muscles = null.whitened.iter().map(|w| w.columns(0, analysis.n_nuisance()).into_owned());
+            formulas(forward, &refitted, &null.factors, &of_muscles.collect::<Vec<_>>(), request.seed)
+        }
         _ => Vec::new(),
     };
     let diagnosis = Diagnosis {

@@ -1,11 +1,11 @@
 //! Short formulas for what a model leaves: sparse regression of residuals on a library of terms, selected where halves of the trials agree.
 //!
 //! In: residuals of trials, what was recorded in them, and how noise is whitened. Out: at most three formulas, each with the share of the
-//! mean square that it explains in trials that were left out, and as the text of a `my_effect.toml` ([`crate::diagnosis::own_effect`]). Nothing is fitted
-//! beside the terms: muscle parameters and other effects are taken as they are.
+//! mean square that it explains in trials that were left out, and as the text of a `my_effect.toml` ([`crate::diagnosis::own_effect`]). Muscle parameters
+//! are fitted beside the terms, to first order; other effects are taken as they are.
 //!
 //! ```text
-//! W_g r_g ≈ β₀ W_g 1 + Σ_j β_j W_g φ_j(q, q̇, q̈, t, a; k_j)                                   (1)
+//! W_g r_g ≈ β₀ W_g 1 + Σ_j β_j W_g φ_j(q, q̇, q̈, t, a; k_j) + columns of the muscle parameters   (1)
 //! share = 1 − Σ_g |W_g (r_g − φ β^(−g))|² / Σ_g |W_g (r_g − β₀^(−g))|²                        (2)
 //! ```
 //!
@@ -62,6 +62,8 @@ pub struct TrialTable<'a> {
     pub acceleration: &'a [f64],
     /// Activation of each active muscle.
     pub activation: &'a [Vec<f64>],
+    /// Columns that are fitted beside every formula, the noise whitened: what muscle parameters do.
+    pub beside: Option<&'a DMatrix<f64>>,
 }
 
 /// A term of a formula.
@@ -243,8 +245,12 @@ impl Term {
 #[derive(Clone)]
 struct Search {
     library: Vec<Term>,
+    /// Columns before the first term: the intercept and those that are fitted beside.
+    first: usize,
     grams: Vec<Gram>,
     total: Gram,
+    /// The same without what the columns before the first term have of it.
+    beyond: Gram,
     /// Sum over all trials of one whitened column, squared: columns are of length 1 over all.
     scales: Vec<f64>,
 }
@@ -256,9 +262,13 @@ impl Search {
         variables: &[String],
         whiten: &dyn Fn(usize, &[f64]) -> Vec<f64>,
     ) -> Search {
-        let width = library.len() + 2;
+        let first = 1 + trials.iter().filter_map(|t| t.beside).map(DMatrix::ncols).max().unwrap_or(0);
+        let width = first + library.len() + 1;
         let gram = |(g, trial): (usize, &TrialTable)| {
             let mut columns = vec![whiten(g, &vec![1.0; trial.residual.len()])];
+            let beside = trial.beside.into_iter().flat_map(DMatrix::column_iter);
+            columns.extend(beside.map(|c| c.iter().copied().collect::<Vec<f64>>()));
+            columns.resize(first, vec![0.0; columns[0].len()]);
             columns.extend(library.iter().map(|term| whiten(g, &term.values(trial, variables))));
             columns.push(whiten(g, trial.residual));
             let rows = columns[0].len();
@@ -282,12 +292,25 @@ impl Search {
             }
         }
         let total = grams.iter().fold(Gram::zeros(width, width), |sum, g| sum + g);
-        Search { library, grams, total, scales }
+        let beyond = Search::beyond(&total, first);
+        Search { library, first, grams, total, beyond, scales }
+    }
+
+    /// Sums without what the first columns have of the others.
+    fn beyond(total: &Gram, first: usize) -> Gram {
+        let mut beyond = total.clone();
+        (0..first).for_each(|column| sweep(&mut beyond, column));
+        beyond
+    }
+
+    /// Places of the first columns and of some terms.
+    fn places(&self, terms: &[usize]) -> Vec<usize> {
+        (0..self.first).chain(terms.iter().map(|t| t + self.first)).collect()
     }
 
     /// Place of the residual in the sums.
     fn residual(&self) -> usize {
-        self.library.len() + 1
+        self.first + self.library.len()
     }
 
     /// The sums over some trials.
@@ -315,18 +338,9 @@ impl Search {
         if one == other {
             return true;
         }
-        // Without the intercept.
-        let [i, j] = [one + 1, other + 1];
-        let left = |i: usize, j: usize| {
-            let constant = self.total[(0, 0)];
-            if constant > 0.0 {
-                self.total[(i, j)] - self.total[(i, 0)] * self.total[(0, j)] / constant
-            } else {
-                self.total[(i, j)]
-            }
-        };
-        let size = (left(i, i) * left(j, j)).sqrt();
-        size > NOTHING && left(i, j).abs() > ALIKE * size
+        let [i, j] = [one + self.first, other + self.first];
+        let size = (self.beyond[(i, i)] * self.beyond[(j, j)]).sqrt();
+        size > NOTHING && self.beyond[(i, j)].abs() > ALIKE * size
     }
 
     /// Terms that reduce the square most, one after the other.
@@ -334,26 +348,26 @@ impl Search {
         let last = self.residual();
         let mut chosen: Vec<usize> = Vec::new();
         // Sweeping a column out leaves what the others have beyond it.
-        let mut left = gram.clone();
-        sweep(&mut left, 0);
+        let mut left = Search::beyond(gram, self.first);
+        let first = self.first;
         while chosen.len() < most {
             let gain = |j: usize| {
-                let (size, with) = (left[(j + 1, j + 1)], left[(j + 1, last)]);
-                if size > NOTHING.sqrt() * gram[(j + 1, j + 1)] { with * with / size } else { 0.0 }
+                let (size, with) = (left[(j + first, j + first)], left[(j + first, last)]);
+                if size > NOTHING.sqrt() * gram[(j + first, j + first)] { with * with / size } else { 0.0 }
             };
             let open = (0..self.library.len()).filter(|j| !excluded[*j] && !chosen.contains(j));
             let Some(best) = open.max_by(|a, b| gain(*a).total_cmp(&gain(*b))).filter(|j| gain(*j) > 0.0) else {
                 break;
             };
-            sweep(&mut left, best + 1);
+            sweep(&mut left, best + first);
             chosen.push(best);
         }
         chosen
     }
 
-    /// Coefficients of the intercept and some terms.
+    /// Coefficients of the first columns and some terms.
     fn coefficients(&self, gram: &Gram, terms: &[usize]) -> Option<DVector<f64>> {
-        let places: Vec<usize> = std::iter::once(0).chain(terms.iter().map(|t| t + 1)).collect();
+        let places = self.places(terms);
         let n = places.len();
         let mut a = DMatrix::from_fn(n, n, |i, j| gram[(places[i], places[j])]);
         for i in 0..n {
@@ -365,7 +379,7 @@ impl Search {
 
     /// Square that coefficients leave.
     fn left(&self, gram: &Gram, terms: &[usize], coefficients: &DVector<f64>) -> f64 {
-        let places: Vec<usize> = std::iter::once(0).chain(terms.iter().map(|t| t + 1)).collect();
+        let places = self.places(terms);
         let last = self.residual();
         let mut square = gram[(last, last)];
         for (i, p) in places.iter().enumerate() {
@@ -403,7 +417,7 @@ impl Search {
             Some((fit, left))
         };
         let (Some((fit, with)), Some((_, without))) = (all(&terms), all(&[])) else { return (self.clone(), 1.0) };
-        let places: Vec<usize> = std::iter::once(0).chain(terms.iter().map(|t| t + 1)).collect();
+        let places = self.places(&terms);
         let last = self.residual();
         // r − X β, in rows and columns of the sums.
         let taken_off = |gram: &Gram| {
@@ -419,10 +433,13 @@ impl Search {
             }
             out
         };
+        let total = taken_off(&self.total);
         let rest = Search {
             library: self.library.clone(),
+            first: self.first,
             grams: self.grams.iter().map(taken_off).collect(),
-            total: taken_off(&self.total),
+            beyond: Search::beyond(&total, self.first),
+            total,
             scales: self.scales.clone(),
         };
         (rest, if without > 0.0 { (with / without).clamp(0.0, 1.0) } else { 1.0 })
@@ -501,11 +518,12 @@ impl Search {
         }
         let search = fitted(&chosen);
         let scales = &search.scales;
-        let fit = search.coefficients(&search.total, &places).unwrap_or_else(|| DVector::zeros(chosen.len() + 1));
+        let fit =
+            search.coefficients(&search.total, &places).unwrap_or_else(|| DVector::zeros(chosen.len() + search.first));
         let last = scales[search.residual()];
         let term = |(i, term): (usize, &Term)| ProposedTerm {
             term: term.text.clone(),
-            coefficient: fit[i + 1] * last / scales[i + 1].max(f64::MIN_POSITIVE),
+            coefficient: fit[i + search.first] * last / scales[i + search.first].max(f64::MIN_POSITIVE),
             unit: term.unit(),
             shape: term.shape,
         };
@@ -662,6 +680,7 @@ mod tests {
             speed: &r.speed,
             acceleration: &r.acceleration,
             activation: &r.activation,
+            beside: None,
         }
     }
 

@@ -153,7 +153,8 @@ pub fn several(request: &Request) -> Result<Option<Several>, SimulationError> {
     }
     let account = account(request, &effects, &handed_over, &recalibrated, noise_floor)?;
     let moments = simulate(request.forward, &handed_over.parameters, &handed_over.effects, TrialUse::Train)?;
-    let proposals = formulas(request.forward, &moments, &state.factors, request.seed);
+    let proposals =
+        formulas(request.forward, &moments, &state.factors, &session.of_muscle_parameters(&state), request.seed);
     Ok(Some(Several { effects, account, handed_over, recalibrated, noise_floor, leaves_something, proposals }))
 }
 

@@ -22,14 +22,16 @@ pub struct ProposedFormula {
 ///
 /// - `moments`: of the training trials, simulated [N·m]: place among all trials, and samples
 /// - `factors`: of the covariance of each one's noise, averaged over blocks
+/// - `beside`: of each one, columns that are fitted beside the formulas, averaged over blocks and the noise whitened
 /// - `seed`: of the draws that the formulas are tried on
 pub(super) fn formulas(
     forward: &ForwardModel,
     moments: &[(usize, Vec<f64>)],
     factors: &[Cholesky<f64, Dyn>],
+    beside: &[DMatrix<f64>],
     seed: u64,
 ) -> Vec<ProposedFormula> {
-    if factors.len() != moments.len() {
+    if factors.len() != moments.len() || beside.len() != moments.len() {
         return Vec::new();
     }
     let activations: Vec<Vec<Vec<f64>>> = moments
@@ -51,6 +53,7 @@ pub(super) fn formulas(
             speed: &kinematics.speed,
             acceleration: &kinematics.acceleration,
             activation: &activations[i],
+            beside: Some(&beside[i]),
         }
     };
     let tables: Vec<TrialTable> = (0..moments.len()).map(table).collect();

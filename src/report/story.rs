@@ -296,7 +296,8 @@ fn nearest(diagnosis: &DiagnosisResult) -> Option<String> {
 fn proposed(diagnosis: &DiagnosisResult) -> Option<String> {
     let first = diagnosis.proposals.first()?;
     let others: Vec<&str> = diagnosis.proposals[1..].iter().map(|p| p.formula.as_str()).collect();
-    let others = if others.is_empty() { String::new() } else { format!(" Nearly as much takes {}.", others.join(" or ")) };
+    let others =
+        if others.is_empty() { String::new() } else { format!(" Nearly as much takes {}.", others.join(" or ")) };
     Some(format!(
         "What remains looks like a moment of {} N·m, which takes {} of its mean square in trials that were left out.{others} \
          The files proposal_1.toml and so on beside this page hold each as an effect of your own, to be added with --own-effect.",

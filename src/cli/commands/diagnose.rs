@@ -408,7 +408,9 @@ fn readable(diagnosis: &Diagnosis) -> String {
         }
     }
     if !diagnosis.proposals.is_empty() {
-        text.push_str("\n\nWhat remains looks like this moment [N·m]; share of its mean square in trials that were left out\n");
+        text.push_str(
+            "\n\nWhat remains looks like this moment [N·m]; share of its mean square in trials that were left out\n",
+        );
         let row = |(i, p): (usize, &ProposedFormula)| {
             vec![p.formula.clone(), fixed(100.0 * p.share_of_error, 0), diagnosis_file::proposal_file(i)]
         };

@@ -480,5 +480,10 @@ impl<'a> Session<'a> {
 /// # Errors
 /// A covariance that is not positive definite.
 fn factors(noise: &[TrialNoise], levels: &NoiseLevels) -> Result<Vec<Cholesky<f64, Dyn>>, SimulationError> {
-    noise.par_iter().map(|n| noise::factor(n, levels).ok_or(SimulationError::NoiseCovariance)).collect::<Vec<_>>().into_iter().collect()
+    noise
+        .par_iter()
+        .map(|n| noise::factor(n, levels).ok_or(SimulationError::NoiseCovariance))
+        .collect::<Vec<_>>()
+        .into_iter()
+        .collect()
 }

@@ -3,12 +3,12 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::{ALL_OF_IT, HandedOver, STANDS_IN, Session, State};
 use crate::diagnosis::diagnose::ParameterEstimate;
-use crate::diagnosis::fit::{Point, block_means, block_starts};
+use crate::diagnosis::fit::{Point, block_means, block_starts, whiten};
 use crate::diagnosis::forward_model::{FITTED_PER_MUSCLE, Setting};
 use crate::simulation::{MuscleParameters, SimulationError};
 
@@ -129,6 +129,13 @@ impl Session<'_> {
             }
         }
         out
+    }
+
+    /// What muscle parameters do to every trial's moment, averaged over blocks, the noise whitened.
+    pub fn of_muscle_parameters(&self, state: &State) -> Vec<DMatrix<f64>> {
+        let muscles = self.analysis.n_muscles() * FITTED_PER_MUSCLE;
+        let columns = state.linear.iter().map(|l| l.nuisance.columns(0, muscles).into_owned());
+        columns.zip(&state.factors).map(|(c, factor)| whiten(factor, &c)).collect()
     }
 
     /// Standard deviation of the noise of a sample of the training trials [N·m].
