@@ -169,7 +169,7 @@ pub struct EffectArgs {
 pub enum EffectCommand {
     /// Add effects to the model, refitted jointly with its muscles
     Add(EffectAddArgs),
-    /// Let the diagnosis choose: at most two effects, none where it cannot tell
+    /// Let the diagnosis choose: what it names, nothing where it cannot tell
     Auto(EffectAutoArgs),
     /// Go a step back in the ledger: the model without the effect that came last
     Remove(EffectRemoveArgs),
@@ -198,7 +198,7 @@ pub struct EffectAddArgs {
 /// `carpus effect auto`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus effect auto study/study.toml --out with\n\nWrites what `carpus effect add` writes. Adds what the diagnosis identifies, at most two effects; where it cannot tell, finds nothing, or knows no explanation, the muscles are refitted and nothing is added."
+    after_help = "Example:\n  carpus effect auto study/study.toml --out with\n\nWrites what `carpus effect add` writes. Adds the effects that the diagnosis names, one after the other; where it cannot tell, finds nothing, or knows no explanation, the muscles are refitted and nothing is added."
 )]
 pub struct EffectAutoArgs {
     /// The study.

@@ -247,6 +247,8 @@ struct Search {
     library: Vec<Term>,
     /// Columns before the first term: the intercept and those that are fitted beside.
     first: usize,
+    /// Whitened values of all trials.
+    rows: f64,
     grams: Vec<Gram>,
     total: Gram,
     /// The same without what the columns before the first term have of it.
@@ -264,6 +266,8 @@ impl Search {
     ) -> Search {
         let first = 1 + trials.iter().filter_map(|t| t.beside).map(DMatrix::ncols).max().unwrap_or(0);
         let width = first + library.len() + 1;
+        let rows: usize = trials.iter().enumerate().map(|(g, t)| whiten(g, t.residual).len()).sum();
+        let rows = rows as f64;
         let gram = |(g, trial): (usize, &TrialTable)| {
             let mut columns = vec![whiten(g, &vec![1.0; trial.residual.len()])];
             let beside = trial.beside.into_iter().flat_map(DMatrix::column_iter);
@@ -293,7 +297,7 @@ impl Search {
         }
         let total = grams.iter().fold(Gram::zeros(width, width), |sum, g| sum + g);
         let beyond = Search::beyond(&total, first);
-        Search { library, first, grams, total, beyond, scales }
+        Search { library, first, rows, grams, total, beyond, scales }
     }
 
     /// Sums without what the first columns have of the others.
@@ -343,7 +347,7 @@ impl Search {
         size > NOTHING && self.beyond[(i, j)].abs() > ALIKE * size
     }
 
-    /// Terms that reduce the square most, one after the other.
+    /// Terms that the data call for most, one after the other.
     fn greedy(&self, gram: &Gram, excluded: &[bool], most: usize) -> Vec<usize> {
         let last = self.residual();
         let mut chosen: Vec<usize> = Vec::new();
@@ -351,14 +355,18 @@ impl Search {
         let mut left = Search::beyond(gram, self.first);
         let first = self.first;
         while chosen.len() < most {
+            let whole = left[(last, last)];
             let gain = |j: usize| {
                 let (size, with) = (left[(j + first, j + first)], left[(j + first, last)]);
                 if size > NOTHING.sqrt() * gram[(j + first, j + first)] { with * with / size } else { 0.0 }
             };
-            let open = (0..self.library.len()).filter(|j| !excluded[*j] && !chosen.contains(j));
-            let Some(best) = open.max_by(|a, b| gain(*a).total_cmp(&gain(*b))).filter(|j| gain(*j) > 0.0) else {
-                break;
+            // Akaike's criterion: a shape is estimated, too.
+            let better = |j: usize| {
+                let shapes = if self.library[j].shape.is_some() { 1.0 } else { 0.0 };
+                -self.rows * (1.0 - gain(j) / whole).max(NOTHING).ln() - 2.0 * shapes
             };
+            let open = (0..self.library.len()).filter(|j| !excluded[*j] && !chosen.contains(j) && gain(*j) > 0.0);
+            let Some(best) = open.max_by(|a, b| better(*a).total_cmp(&better(*b))) else { break };
             sweep(&mut left, best + first);
             chosen.push(best);
         }
@@ -437,6 +445,7 @@ impl Search {
         let rest = Search {
             library: self.library.clone(),
             first: self.first,
+            rows: self.rows,
             grams: self.grams.iter().map(taken_off).collect(),
             beyond: Search::beyond(&total, self.first),
             total,
@@ -739,7 +748,7 @@ mod tests {
 
     #[test]
     fn verif_a_stiffness_of_an_active_muscle_is_found() {
-        let found = proposals(&recorded(0.05, 5, |r, i| -1.0 * r.activation[0][i] * r.angle[i]));
+        let found = proposals(&recorded(0.05, 5, |r, i| -r.activation[0][i] * r.angle[i]));
         println!("{found:#?}");
         assert_eq!(found[0].terms[0].term, "a_FCR*q", "{}", found[0].formula);
         defined(&found[0]);

@@ -15,7 +15,7 @@ static DESCRIPTION: Description = Description {
         "1",
         0.1,
         [0.0, 0.25],
-        "λ = 0.15 is usual in EMG-driven models (Lloyd and Besier 2003); 0 to 0.25: design catalogue, source unverified",
+        "λ = 0.15 is usual in EMG-driven models (Lloyd and Besier 2003); 0 to 0.25: assumed, no published source",
     )],
     signature: "angle × level of effort",
     experiment: "isometric angles at three levels of effort",

@@ -15,7 +15,7 @@ static DESCRIPTION: Description = Description {
         "rad",
         0.05,
         [-0.18, 0.18],
-        "placement of goniometers, ±3 to ±10° (design catalogue, source unverified)",
+        "placement of goniometers, ±3 to ±10° (assumed, no published source)",
     )],
     signature: "angle × activation",
     experiment: "check of the goniometer in the neutral posture",

@@ -16,7 +16,7 @@ static DESCRIPTION: Description = Description {
             "1",
             0.05,
             [-0.2, 0.2],
-            "offset over lever, to 20 % (design catalogue, source unverified), in either part",
+            "offset over lever, to 20 % (assumed, no published source), in either part",
         ),
         amplitude(
             "cosine_part",

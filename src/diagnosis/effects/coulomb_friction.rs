@@ -21,7 +21,7 @@ static DESCRIPTION: Description = Description {
             "N·m",
             0.1,
             [0.0, 0.6],
-            "0.05 to 0.5 (design catalogue, source unverified); 0 to 0.6 is still taken for plausible",
+            "0.05 to 0.5 (assumed, no published source); 0 to 0.6 is still taken for plausible",
         ),
         shape(
             "static_ratio",

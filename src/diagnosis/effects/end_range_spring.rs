@@ -32,7 +32,7 @@ static DESCRIPTION: Description = Description {
             4.0,
             1.5,
             [2.0, 10.0],
-            "3 to 10 (design catalogue, source unverified); from 2 on is still taken for plausible",
+            "3 to 10 (assumed, no published source); from 2 on is still taken for plausible",
         ),
         shape(
             "flexion_steepness",
@@ -40,7 +40,7 @@ static DESCRIPTION: Description = Description {
             4.0,
             1.5,
             [2.0, 10.0],
-            "3 to 10 (design catalogue, source unverified); from 2 on is still taken for plausible",
+            "3 to 10 (assumed, no published source); from 2 on is still taken for plausible",
         ),
     ],
     signature: "curves up at the ends of the range",

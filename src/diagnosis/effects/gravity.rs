@@ -16,7 +16,7 @@ static DESCRIPTION: Description = Description {
             "N·m",
             0.2,
             [-1.2, 1.2],
-            "weight of the hand 0.2 to 0.6 N·m, and the attachment (design catalogue, source unverified); up to 1.2 either way, with a handle, is still taken for plausible",
+            "weight of the hand 0.2 to 0.6 N·m, and the attachment (assumed, no published source); up to 1.2 either way, with a handle, is still taken for plausible",
         ),
         amplitude("moment_at_90_deg", "N·m", 0.2, [-1.2, 1.2], "the same, for another direction of gravity"),
     ],

@@ -15,7 +15,7 @@ static DESCRIPTION: Description = Description {
         "kg·m²",
         0.005,
         [0.0, 0.05],
-        "0.002 to 0.02 (design catalogue, source unverified); 0 to 0.05 is still taken for plausible",
+        "0.002 to 0.02 (assumed, no published source); 0 to 0.05 is still taken for plausible",
     )],
     signature: "follows acceleration",
     experiment: "fast start and stop",

@@ -25,7 +25,7 @@ static DESCRIPTION: Description = Description {
             "N·m/rad",
             1.0,
             [0.0, 20.0],
-            "0.5 to 20 (design catalogue, source unverified); less is still taken for plausible",
+            "0.5 to 20 (assumed, no published source); less is still taken for plausible",
         ),
         angle(
             "flexion_limit",

@@ -13,7 +13,7 @@ static DESCRIPTION: Description = Description {
     name: "Longer or shorter moment arms",
     stage: Stage::Geometry,
     equation: "r + δ sign(r), the same in all active muscles; lengths stay",
-    parameters: &[amplitude("shift", "m", 0.001, [-0.003, 0.003], "±3 mm (design catalogue, source unverified)")],
+    parameters: &[amplitude("shift", "m", 0.001, [-0.003, 0.003], "±3 mm (assumed, no published source)")],
     signature: "a gain of each muscle, hardly anything else",
     experiment: "none by moments alone: imaging of the tendons",
     rivals: &["moment_arm_slope", "emg_gain"],

@@ -15,7 +15,7 @@ static DESCRIPTION: Description = Description {
         "1/rad",
         0.1,
         [-0.4, 0.4],
-        "±0.3 per rad (design catalogue, source unverified); ±0.4 is still taken for plausible",
+        "±0.3 per rad (assumed, no published source); ±0.4 is still taken for plausible",
     )],
     signature: "angle × activation",
     experiment: "five or more isometric angles",

@@ -15,7 +15,7 @@ static DESCRIPTION: Description = Description {
         "s",
         0.01,
         [-0.05, 0.05],
-        "within 50 ms between devices (design catalogue, source unverified)",
+        "within 50 ms between devices (assumed, no published source)",
     )],
     signature: "follows dτ/dt, passive parts included",
     experiment: "a tap that all channels see",

@@ -16,7 +16,7 @@ static DESCRIPTION: Description = Description {
             "N·m per session",
             0.1,
             [-0.8, 0.8],
-            "±0.4 N·m per session (design catalogue, source unverified); up to twice that is still taken for plausible",
+            "±0.4 N·m per session (assumed, no published source); up to twice that is still taken for plausible",
         ),
         shape(
             "slackening",

@@ -15,7 +15,7 @@ static DESCRIPTION: Description = Description {
         "1",
         0.05,
         [-0.1, 0.1],
-        "calibration within ±5 % (design catalogue, source unverified); up to twice that is still taken for plausible",
+        "calibration within ±5 % (assumed, no published source); up to twice that is still taken for plausible",
     )],
     signature: "none",
     experiment: "hung weights",

@@ -15,7 +15,7 @@ static DESCRIPTION: Description = Description {
         "N·m",
         0.1,
         [-0.6, 0.6],
-        "zero of dynamometers, ±0.3 N·m (design catalogue, source unverified); up to twice that is still taken for plausible",
+        "zero of dynamometers, ±0.3 N·m (assumed, no published source); up to twice that is still taken for plausible",
     )],
     signature: "a constant",
     experiment: "unloaded zero of the sensor",
