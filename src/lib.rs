@@ -21,6 +21,7 @@ pub mod paths;
 pub mod personalization;
 pub mod plausible;
 pub mod printable;
+pub mod regular_file;
 pub mod report;
 pub mod scaling;
 pub mod sensitivity;

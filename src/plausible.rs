@@ -1,8 +1,8 @@
 //! What quantities can be: one table of ranges with their sources, and the slips that explain a value outside.
 //!
 //! In: a number in the unit of its row. Out: nothing, or a [`Doubt`] that names the range and, where a usual slip of
-//! unit
-//! explains the value, that slip. Nothing is refused here: who asks decides whether a doubt is a warning or an error.
+//! unit explains the value, that slip. Nothing is refused here: who asks decides whether a doubt is a warning or an
+//! error.
 //!
 //! Ranges are wide on purpose. They hold for people of any age and for the animals whose models are published; a value
 //! outside is a slip far more often than a finding.

@@ -1,12 +1,9 @@
 //! Characters that must not reach a terminal, a file's name, a table or a page as they are.
 //!
 //! A control character moves the cursor or recolours what follows, a line break makes two lines of one message, a
-//! direction
-//! mark shows text in an order in which it does not stand, a byte order mark is not seen at all. Names in a study must
-//! have
-//! none of them; names in a model, which OpenSim takes, are shown with them written out. A spreadsheet executes a cell
-//! that
-//! begins as a formula does; such a cell is marked as text.
+//! direction mark shows text in an order in which it does not stand, a byte order mark is not seen at all. Names in a
+//! study must have none of them; names in a model, which OpenSim takes, are shown with them written out. A spreadsheet
+//! executes a cell that begins as a formula does; such a cell is marked as text.
 
 use std::borrow::Cow;
 

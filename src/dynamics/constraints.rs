@@ -241,6 +241,17 @@ impl Constraints {
         self
     }
 
+    /// The same for a simulation over time, whose accelerations must keep what positions and velocities satisfy; OpenSim brings those
+    /// back onto the constraints after each step.
+    pub fn kept_in_motion(mut self) -> Constraints {
+        for kind in &mut self.kinds {
+            if let Kind::Coupler(coupler) = kind {
+                **coupler = (**coupler).clone().with_own_second_rates();
+            }
+        }
+        self
+    }
+
     /// Whether by any of them speeds depend on one another in other ways than one on one other.
     pub fn tie_several(&self) -> bool {
         self.kinds.iter().any(Kind::ties_several)

@@ -173,7 +173,7 @@ impl Plant {
     /// Any component that cannot be built, or is not computed.
     pub fn compile(spec: &ModelSpec, model: &Model, allow_unsupported: bool) -> Result<Plant, PlantError> {
         let reduction = Reduction::new(model, true)?;
-        let joining = Constraints::compile(spec, model, true, true)?.beyond(&reduction);
+        let joining = Constraints::compile(spec, model, true, true)?.beyond(&reduction).kept_in_motion();
         let forces = Forces::compile(spec, model)?;
         let acts = |class: &str| !WITHOUT_CONTROL.contains(&class);
         let mut unsupported: Vec<_> = forces.unsupported.iter().filter(|(_, class)| acts(class)).cloned().collect();

@@ -34,6 +34,11 @@ impl Coupler {
         Coupler { follows_opensim: true, ..self }
     }
 
+    /// The same, its second rates those of its function: with them accelerations keep what velocities satisfy.
+    pub(crate) fn with_own_second_rates(self) -> Coupler {
+        Coupler { follows_opensim: false, ..self }
+    }
+
     /// The only argument; `None` where there are several.
     pub fn only_argument(&self) -> Option<CoordinateIndex> {
         match self.independent[..] {

@@ -58,8 +58,8 @@ impl Document {
     /// [`OsimError::Read`] if the file cannot be read; otherwise those of [`Document::parse`].
     pub fn read(path: impl AsRef<Path>) -> Result<Document, OsimError> {
         let path = path.as_ref();
-        let bytes =
-            std::fs::read(path).map_err(|source| OsimError::Read { file: path.display().to_string(), source })?;
+        let bytes = crate::regular_file::read(path)
+            .map_err(|source| OsimError::Read { file: path.display().to_string(), source })?;
         Ok(Document::parse(bytes, &path.display().to_string())?)
     }
 

@@ -56,7 +56,7 @@ impl MotionCapture {
     pub fn read(path: impl AsRef<Path>) -> Result<MotionCapture, StorageError> {
         let path = path.as_ref();
         let at = |problem| StorageError { file: path.to_owned(), line: 0, problem };
-        let bytes = std::fs::read(path).map_err(|e| at(StorageProblem::Read(e)))?;
+        let bytes = crate::regular_file::read(path).map_err(|e| at(StorageProblem::Read(e)))?;
         MotionCapture::parse(&bytes).map_err(at)
     }
 

@@ -53,7 +53,7 @@ impl Storage {
             return Ok(Markers::read(path)?.into_storage());
         }
         let fail = |source| StorageError { file: path.to_owned(), line: 0, problem: StorageProblem::Read(source) };
-        Storage::parse(&std::fs::read(path).map_err(fail)?, path)
+        Storage::parse(&crate::regular_file::read(path).map_err(fail)?, path)
     }
 
     /// Reads the text of a `.sto` or `.mot` file; `file` is its name: in motion files without a version, rotations are

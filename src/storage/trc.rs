@@ -44,7 +44,7 @@ impl Markers {
         match super::read::extension(path).as_str() {
             "trc" => {
                 let fail = |e| StorageError { file: path.to_owned(), line: 0, problem: StorageProblem::Read(e) };
-                Markers::parse(&std::fs::read(path).map_err(fail)?, path)
+                Markers::parse(&crate::regular_file::read(path).map_err(fail)?, path)
             }
             "sto" => Ok(Markers::from_storage(&Storage::read(path)?)),
             "c3d" => {

@@ -386,7 +386,7 @@ fn gather(results: Vec<Result<Trial, StudyErrors>>) -> Result<Vec<Trial>, StudyE
 }
 
 fn read_settings(file: &Path, folder: &Path, problems: &mut Vec<Problem>) -> Option<(Settings, bool)> {
-    let bytes = match std::fs::read(file) {
+    let bytes = match crate::regular_file::read(file) {
         Ok(bytes) => bytes,
         Err(error) => {
             problems.push(Problem::error(file, None, table::file_fault(&error, "study.toml", None)));

@@ -37,10 +37,11 @@ pub(crate) fn settings(sections: &Sections<'_>, problems: &mut Vec<Problem>) -> 
 
 fn processing(section: &mut TomlSection<'_>) -> EmgProcessing {
     let mut emg = EmgProcessing::default();
-    let seconds = "a positive number of seconds";
+    let seconds = "a positive number of seconds, 0.001 to 10";
+    let is_window = |v: f64| (1e-3..=10.0).contains(&v);
     let whole = |v: f64, from: f64, to: f64| (from..=to).contains(&v) && v.fract() == 0.0;
-    let band = "[lower, upper] in Hz, 0 < lower < upper";
-    if let Some(band) = section.optional_pair("band_pass_hz", band, |[a, b]| a > 0.0 && a < b) {
+    let band = "[lower, upper] in Hz, 1 ≤ lower < upper";
+    if let Some(band) = section.optional_pair("band_pass_hz", band, |[a, b]| a >= 1.0 && a < b) {
         emg.band_pass_hz = Some(band);
     }
     if let Some(order) = section.optional_number("filter_order", "1 to 20", |v| whole(v, 1.0, 20.0)) {
@@ -51,17 +52,18 @@ fn processing(section: &mut TomlSection<'_>) -> EmgProcessing {
     if let Some(kind) = section.optional_word("envelope", "envelope", &kinds) {
         emg.envelope = kind;
     }
-    if let Some(window_s) = section.optional_number("rms_window_s", seconds, |v| v > 0.0) {
+    if let Some(window_s) = section.optional_number("rms_window_s", seconds, is_window) {
         emg.rms_window_s = window_s;
     }
-    emg.resample_hz = section.optional_number("resample_hz", "a positive rate in Hz", |v| v > 0.0);
-    if let Some(window_s) = section.optional_number("mvc_window_s", seconds, |v| v > 0.0) {
+    emg.resample_hz =
+        section.optional_number("resample_hz", "a positive rate in Hz, 10 to 100000", |v| (10.0..=1e5).contains(&v));
+    if let Some(window_s) = section.optional_number("mvc_window_s", seconds, is_window) {
         emg.mvc_level = MvcLevel::LargestMean { window_s };
     }
     let expected = "a table { order = …, window_s = … }";
     let smoothing = section.optional_table("savitzky_golay", expected, |table| {
         let order = table.optional_number("order", "0 to 9", |v| whole(v, 0.0, 9.0));
-        (order, table.optional_number("window_s", seconds, |v| v > 0.0))
+        (order, table.optional_number("window_s", seconds, is_window))
     });
     if let (Some((order, window_s)), Some(SavitzkyGolay { order: usual_order, window_s: usual_window })) =
         (smoothing, emg.savitzky_golay)

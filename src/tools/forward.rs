@@ -143,7 +143,8 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         add_results(analysis.as_ref(), &frame.name, &frame.results, frame.precision, outcome);
     }
     write(&frame, &states, &system, outcome);
-    outcome.summary.push(format!("simulated {start} to {end} s: {:?}", trajectory.cost));
+    let cost = &trajectory.cost;
+    outcome.summary.push(format!("simulated {start} to {end} s; steps: {}, rejected: {}", cost.steps, cost.rejected));
     Ok(())
 }
 

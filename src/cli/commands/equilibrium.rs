@@ -12,6 +12,7 @@ use crate::cli::table::{fixed, table};
 use crate::cli::{path_check, print_result};
 use crate::muscles::{EquilibriumStatus, Millard2012};
 use crate::osim::spec::{CoordinateIndex, MuscleIndex, MuscleKind};
+use crate::printable::visible;
 
 /// One muscle at rest.
 #[derive(Debug, Serialize)]
@@ -166,17 +167,24 @@ fn at_rest(loaded: &LoadedModel, index: MuscleIndex, path_length: f64, activatio
     let muscle = Millard2012::from_spec(spec).map_err(|e| unusable(e.to_string()))?;
     let found = muscle.equilibrium(path_length, activation).map_err(|e| unusable(e.to_string()))?;
     let state = muscle.dynamics(found.fiber_length, activation, path_length, 0.0);
+    let numbers = [state.fiber_length, state.tendon_length, state.active_fiber_force, state.passive_fiber_force];
+    if !numbers.iter().chain([&state.pennation_angle, &found.tendon_force]).all(|v| v.is_finite()) {
+        let text = format!("{}: forces at a path of {path_length} m are not finite: a property is absurd", spec.name);
+        return Err(unusable(text).into());
+    }
+    let acts = if spec.applies_force { 1.0 } else { 0.0 };
     Ok(Row {
-        muscle: spec.name.clone(),
+        muscle: visible(&spec.name).into_owned(),
         path_length_m: path_length,
         fiber_length_m: state.fiber_length,
         normalized_fiber_length: state.normalized_fiber_length,
         tendon_length_m: state.tendon_length,
-        active_fiber_force_n: state.active_fiber_force,
-        passive_fiber_force_n: state.passive_fiber_force,
+        active_fiber_force_n: acts * state.active_fiber_force,
+        passive_fiber_force_n: acts * state.passive_fiber_force,
         pennation_angle_deg: state.pennation_angle.to_degrees(),
-        tendon_force_n: found.tendon_force,
+        tendon_force_n: acts * found.tendon_force,
         status: match found.status {
+            _ if !spec.applies_force => "applies_no_force",
             EquilibriumStatus::Converged => "converged",
             EquilibriumStatus::WeaklyDetermined => "weakly_determined",
             EquilibriumStatus::FiberAtLowerBound => "fiber_at_lower_bound",

@@ -403,9 +403,15 @@ pub fn write(study: &StudyRun, folder: &Path, result: &IdentifiabilityResult) ->
         csv_text(INTERVAL_COLUMNS.iter(), result.parameters.iter().map(interval_row))?.as_bytes(),
     )?;
     let rows = result.combinations.iter().map(|c| {
-        vec![c.words.clone(), c.share_from_data.to_string(), c.prior_sd_percent.to_string(), c.sd_percent.to_string()]
+        vec![
+            c.words.clone(),
+            rounded(100.0 * c.share_from_data, 4).to_string(),
+            c.prior_sd_percent.to_string(),
+            c.sd_percent.to_string(),
+        ]
     });
-    let combinations = csv_text(["combination", "share_from_data", "prior_sd_percent", "sd_percent"].iter(), rows)?;
+    let combinations =
+        csv_text(["combination", "share_from_data_percent", "prior_sd_percent", "sd_percent"].iter(), rows)?;
     study.out.write(folder.join("combinations.csv"), combinations.as_bytes())?;
     let names: Vec<String> = result.parameters.iter().map(|p| format!("{}.{}", p.muscle, p.property)).collect();
     let header: Vec<&str> = std::iter::once("parameter").chain(names.iter().map(String::as_str)).collect();
@@ -456,7 +462,7 @@ pub const INTERVAL_COLUMNS: [&str; 18] = [
     "posterior_median",
     "credible_lower",
     "credible_upper",
-    "share_from_data",
+    "share_from_data_percent",
     "prior_source",
     "valid",
 ];
@@ -469,7 +475,8 @@ pub fn interval_row(p: &ParameterKnowledge) -> Vec<String> {
     row.push(p.at_bound.clone().unwrap_or_default());
     row.push(p.leans_on_bounds.to_string());
     row.push(p.degrees_of_freedom.to_string());
-    row.extend([p.posterior_median, p.credible[0], p.credible[1], p.share_from_data].map(|v| v.to_string()));
+    let percent = rounded(100.0 * p.share_from_data, 4);
+    row.extend([p.posterior_median, p.credible[0], p.credible[1], percent].map(|v| v.to_string()));
     row.push(p.prior_source.clone());
     row.push(p.is_valid().to_string());
     row

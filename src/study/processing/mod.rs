@@ -55,7 +55,8 @@ pub struct SecondRecorder {
 pub(crate) fn settings(sections: &Sections<'_>, problems: &mut Vec<super::Problem>) -> ProcessingSettings {
     let mut section = sections.section("processing");
     let whole = |v: f64, from: f64, to: f64| (from..=to).contains(&v) && v.fract() == 0.0;
-    let cutoff = section.optional_number("filter_hz", "a positive frequency in Hz", |v| v > 0.0);
+    let cutoff =
+        section.optional_number("filter_hz", "a positive frequency in Hz, 0.1 to 1000", |v| (0.1..=1e3).contains(&v));
     let order = section.optional_number("filter_order", "1 to 20", |v| whole(v, 1.0, 20.0));
     let passive = section.optional_bool("subtract_passive").unwrap_or(false);
     let passive_order = section.optional_number("passive_order", "1 to 9", |v| whole(v, 1.0, 9.0)).unwrap_or(5.0);
