@@ -412,6 +412,7 @@ fn verif_bad_processing_is_explained() {
     refused("", &["no [processing]", "filter_hz"]);
     refused("[processing]\nfilter = 6\n", &["study.toml:", "unknown", "filter_hz"]);
     refused("[processing]\nfilter_hz = 80\n", &["a.csv", "80 Hz"]);
+    refused("[processing]\nfilter_hz = 1e-9\n", &["study.toml:", "filter_hz", "0.1 to 1000"]);
     refused("[processing]\nsubtract_passive = true\n", &["P01", "no passive trial", "contraction passive"]);
     refused("[processing.repetitions]\nby = \"torque\"\n", &["study.toml:", "movement"]);
     refused("[processing.repetitions]\nmin_duration_s = 50\n", &["a.csv", "no repetition found", "min_duration_s"]);

@@ -171,6 +171,9 @@ fn verif_bad_emg_is_explained() {
     };
     refused("kind = \"normalized\"\n", &["normalized already", "kind = \"raw\""]);
     refused("kind = \"raw\"\nresample_hz = -1\n", &["study.toml:", "resample_hz", "positive rate"]);
+    refused("kind = \"raw\"\nresample_hz = 1e-9\n", &["resample_hz", "10 to 100000"]);
+    refused("kind = \"raw\"\nband_pass_hz = [1e-300, 250]\n", &["band_pass_hz", "1 ≤ lower"]);
+    refused("kind = \"raw\"\nrms_window_s = 1e-12\n", &["rms_window_s", "0.001 to 10"]);
     refused("kind = \"raw\"\nband_pass_hz = [30, 600]\n", &["Ch 1", "600"]);
     refused("kind = \"raw\"\nresample = 100\n", &["unknown", "`resample`", "resample_hz"]);
 }

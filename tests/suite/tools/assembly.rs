@@ -86,3 +86,67 @@ fn verif_an_axis_of_several_coordinates_is_refused_by_name() {
     folder.write("small.osim", &model(none, "a b"));
     folder.run("ForwardTool", "<final_time>1e-5</final_time>").unwrap_or_else(|e| panic!("{e}"));
 }
+
+/// Largest error of a coupler along a simulation to which errors of 1e-7 are allowed [rad].
+const HELD: f64 = 1e-5;
+
+/// Couplers of two coordinates hold while the model moves, also where the function bends.
+#[test]
+fn verif_couplers_of_two_coordinates_hold_in_motion() {
+    let body = |name: &str| {
+        format!(
+            "<Body name=\"{name}\"><mass>1</mass><mass_center>0 -0.2 0</mass_center><inertia>0.02 0.001 0.02 0 0 0</inertia></Body>"
+        )
+    };
+    let pin = |name: &str, parent: &str, at: &str, body: &str, value: &str| {
+        format!(
+            "<PinJoint name=\"pin_{name}\"><socket_parent_frame>at</socket_parent_frame><socket_child_frame>/bodyset/{body}</socket_child_frame>\
+             <coordinates><Coordinate name=\"{name}\"><default_value>{value}</default_value></Coordinate></coordinates><frames>\
+             <PhysicalOffsetFrame name=\"at\"><socket_parent>{parent}</socket_parent><translation>{at}</translation><orientation>0 0 0</orientation>\
+             </PhysicalOffsetFrame></frames></PinJoint>"
+        )
+    };
+    for (order, coefficients) in [(1, [0.1, 0.3, 0.2, 0.0, 0.0, 0.0]), (2, [0.1, 0.3, 0.0, 0.2, 0.4, 0.5])] {
+        let used = if order == 1 { 3 } else { 6 };
+        let written: Vec<String> = coefficients[..used].iter().map(f64::to_string).collect();
+        let model = format!(
+            "<OpenSimDocument Version=\"40600\"><Model name=\"m\"><gravity>0 -9.80665 0</gravity><BodySet><objects>{}{}{}</objects></BodySet>\
+             <JointSet><objects>{}{}{}</objects></JointSet><ConstraintSet><objects><CoordinateCouplerConstraint name=\"k\">\
+             <coupled_coordinates_function><MultivariatePolynomialFunction><coefficients>{}</coefficients><dimension>2</dimension>\
+             <order>{order}</order></MultivariatePolynomialFunction></coupled_coordinates_function>\
+             <independent_coordinate_names>x y</independent_coordinate_names><dependent_coordinate_name>z</dependent_coordinate_name>\
+             </CoordinateCouplerConstraint></objects></ConstraintSet></Model></OpenSimDocument>",
+            body("a"),
+            body("b"),
+            body("c"),
+            pin("x", "/ground", "0 1 0", "a", "0.5"),
+            pin("y", "/bodyset/a", "0 -0.4 0", "b", "0.3"),
+            pin("z", "/bodyset/b", "0 -0.4 0", "c", "0"),
+            written.join(" ")
+        );
+        let folder = Folder::new("");
+        folder.write("small.osim", &model);
+        let setup = "<final_time>0.3</final_time><integrator_error_tolerance>1e-7</integrator_error_tolerance>";
+        let outcome = folder.run("ForwardTool", setup).unwrap_or_else(|e| panic!("{e}"));
+        let states = table(&outcome, "_states.sto");
+        let of = |row: &[f64], name: &str| row[states.find(&format!("/jointset/pin_{name}/{name}/value")).unwrap()];
+        let mut moved = 0.0_f64;
+        for row in &states.rows {
+            let (x, y) = (of(row, "x"), of(row, "y"));
+            let [c00, c01, ..] = coefficients;
+            let expected = match order {
+                1 => c00 + c01 * y + coefficients[2] * x,
+                _ => {
+                    c00 + c01 * y
+                        + coefficients[2] * y * y
+                        + coefficients[3] * x
+                        + coefficients[4] * x * y
+                        + coefficients[5] * x * x
+                }
+            };
+            assert!((of(row, "z") - expected).abs() < HELD, "order {order}: {} instead of {expected}", of(row, "z"));
+            moved = moved.max((x - 0.5).abs());
+        }
+        assert!(moved > 0.1, "the model moves: {moved}");
+    }
+}

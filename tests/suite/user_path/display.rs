@@ -98,3 +98,26 @@ fn verif_coupled_angles_are_shown_in_degrees() {
     assert_eq!((coordinate["motion_type"].as_str(), coordinate["unit"].as_str()), (Some("coupled"), Some("deg")));
     assert!((coordinate["range"][1].as_f64().unwrap() - 2.5f64.to_degrees()).abs() < 1e-9);
 }
+
+#[test]
+fn verif_a_disabled_muscle_exerts_nothing_and_absurd_ones_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(model()).unwrap();
+    let start = "<Millard2012EquilibriumMuscle name=\"FCU\">";
+    assert!(text.contains(start));
+    let file = folder.path().join("disabled.osim");
+    std::fs::write(&file, text.replace(start, &format!("{start}<appliesForce>false</appliesForce>"))).unwrap();
+    let out = carpus().arg("equilibrium").arg(&file).args(["--activation", "0.5", "--json"]).assert().success();
+    let found: serde_json::Value = serde_json::from_slice(&out.get_output().stdout).unwrap();
+    let of = |name: &str| found["muscles"].as_array().unwrap().iter().find(|m| m["muscle"] == name).unwrap().clone();
+    assert_eq!(
+        (of("FCU")["tendon_force_n"].as_f64(), of("FCU")["status"].as_str()),
+        (Some(0.0), Some("applies_no_force"))
+    );
+    assert!(of("FCR")["tendon_force_n"].as_f64().unwrap() > 1.0);
+    let damping = text.find("<fiber_damping>").map(|at| &text[at..at + text[at..].find("</").unwrap()]).unwrap();
+    let absurd = text.replace(damping, "<fiber_damping>1e308");
+    std::fs::write(&file, absurd).unwrap();
+    let failed = carpus().arg("equilibrium").arg(&file).assert().code(1);
+    failed.stderr(contains("not finite")).stdout(contains("NaN").not());
+}
