@@ -115,11 +115,15 @@ impl Subject<'_> {
     fn corners(&self) -> Vec<Setting> {
         let parameters = self.effect.description().parameters;
         let shift = parameters.len().min(MOST_CORNERS.ilog2() as usize);
+        let absent = self.forward.joint.absent(self.effect);
+        let usual = self.effect.reported(&absent.values, &self.forward.muscles);
         let corner = |bits: usize| {
-            let mut setting = self.forward.joint.absent(self.effect);
+            let mut setting = absent.clone();
             for (i, (value, p)) in setting.values.iter_mut().zip(parameters).enumerate() {
                 // Where there are more parameters, some move together.
-                *value = self.forward.joint.plausible(p)[(bits >> (i % shift)) & 1];
+                let end = self.forward.joint.plausible(p)[(bits >> (i % shift)) & 1];
+                // Of a ratio the logarithm is kept.
+                *value = if self.effect.has_log_ratios() { (end / usual[i]).ln() } else { end };
             }
             setting
         };
