@@ -125,6 +125,10 @@ pub fn fitted_with(request: &Request, effects: &[&str]) -> Result<Fitted, Simula
 /// A trial that cannot be simulated.
 pub fn several(request: &Request) -> Result<Option<Several>, SimulationError> {
     let mut session = session(request);
+    // Of so few nothing can be learnt about everything.
+    if session.analysis.candidates.len() <= FEW {
+        return Ok(None);
+    }
     let is_few = |state: &State| {
         let best = state.sets.best();
         best.sizes.everything < LABORATORY && best.effects.len().max(state.point.effects.len()) <= FEW
