@@ -266,18 +266,21 @@ fn smooth_noise(time: &[f64], length: f64, random: &mut ChaCha8Rng) -> Vec<f64> 
     let width = length / 2f64.sqrt();
     let step = width / 5.0;
     let reach = 25usize;
-    let kernel = |nodes: f64| (-0.5 * (nodes * step / width).powi(2)).exp();
-    let norm = (0..=2 * reach).map(|i| kernel(i as f64 - reach as f64).powi(2)).sum::<f64>().sqrt();
+    let kernel: Vec<f64> =
+        (0..=2 * reach).map(|i| (-0.5 * ((i as f64 - reach as f64) * step / width).powi(2)).exp()).collect();
+    let norm = kernel.iter().map(|k| k * k).sum::<f64>().sqrt();
     let span = time[time.len() - 1] - time[0];
     let nodes = (span / step).ceil() as usize + 2;
     let white: Vec<f64> = (0..nodes + 2 * reach).map(|_| normal(random)).collect();
-    let at = |t: &f64| {
-        let x = (t - time[0]) / step;
-        let first = (x as usize).min(nodes - 2);
-        let of = |i: usize| white[first + i] * kernel((first + i) as f64 - reach as f64 - x);
-        (0..=2 * reach).map(of).sum::<f64>() / norm
-    };
-    time.iter().map(at).collect()
+    let smooth: Vec<f64> =
+        (0..nodes).map(|i| kernel.iter().zip(&white[i..]).map(|(k, w)| k * w).sum::<f64>() / norm).collect();
+    time.iter()
+        .map(|t| {
+            let x = (t - time[0]) / step;
+            let i = (x as usize).min(nodes - 2);
+            smooth[i] + (x - i as f64) * (smooth[i + 1] - smooth[i])
+        })
+        .collect()
 }
 
 /// Largest moments [N·m] in the coordinate's positive and negative direction: of maximal contractions if there are any.

@@ -68,7 +68,7 @@ const COORDINATE_VARIABLES: [&str; 2] = ["q", "qdot"];
 pub enum Dialect {
     /// Those of OpenSim.
     OpenSim,
-    /// Those of OpenSim and [`FURTHER_FUNCTIONS`], and the constant `pi`.
+    /// Those of OpenSim and `FURTHER_FUNCTIONS`, and the constant `pi`.
     Extended,
 }
 
