@@ -28,8 +28,7 @@ const LABORATORY: f64 = 0.02;
 pub const FEW: usize = 2;
 /// An effect, or one of its group, is dominant only if it is more likely missing than not …
 const LIKELY: f64 = 0.5;
-/// … and if at least this share of the mean square of the given model's error comes back without it. Small errors of laboratories take up to
-/// about as much.
+/// … and if at least this share of the mean square of the given model's error comes back without it.
 const DOMINANT: f64 = 0.15;
 
 /// An effect that is missing.
