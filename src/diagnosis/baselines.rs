@@ -41,8 +41,6 @@ pub struct Ingredients {
     pub groups: Vec<Group>,
     /// Every training trial.
     pub trials: Vec<TrialProducts>,
-    /// Mean of every whitened column's product with the residual when nothing is missing.
-    pub mean_scores: Vec<f64>,
 }
 
 impl Ingredients {
@@ -75,13 +73,7 @@ impl Ingredients {
                 }
             })
             .collect();
-        let mut mean_scores = vec![0.0; columns];
-        for bias in &*null.bias {
-            for (c, mean) in mean_scores.iter_mut().enumerate().filter(|(c, _)| *c != p) {
-                *mean += bias[if c < p { c } else { c - 1 }];
-            }
-        }
-        Ingredients { columns, nuisance: p, precision: null.precision.clone(), groups, trials, mean_scores }
+        Ingredients { columns, nuisance: p, precision: null.precision.clone(), groups, trials }
     }
 }
 

@@ -1,7 +1,6 @@
-//! The diagnosis of one participant: which single effects, or pairs, explain what the model misses.
+//! The diagnosis of one participant: which effects the model misses, how sure that is, and what is left beside them.
 
 mod account;
-mod search;
 
 use std::collections::BTreeMap;
 
@@ -12,10 +11,12 @@ use super::catalogue::CATALOGUE;
 use super::effect::{Effect, Role};
 use super::fit::{Analysis, Fit};
 use super::forward_model::{ForwardModel, Setting};
+use super::inference::search::Budget;
+use super::inference::session::{HandedOver, Session, State};
+use super::named::{NamedEffect, account, named};
 use super::noise::NoiseLevels;
 use super::score_test::{BlockScore, Omnibus};
 use super::separation::{Laboratory, Separation, most_useful, separations};
-use super::several::{self, Several};
 use super::what_remains::formulas;
 use super::where_it_fails::along_axes;
 use crate::simulation::{MuscleParameters, SimulationError};
@@ -26,37 +27,23 @@ pub use account::{
     is_determined,
 };
 
-/// A null model with a smaller p-value is rejected. That is 5 in 100 where nothing is missing: the p-value is the larger of two, and a fit
-/// that is rejected gives way to a more probable one from elsewhere (`docs/src/evidence/diagnosis.md`).
-const REJECT_NULL: f64 = 0.08;
-/// An effect that is so much farther from the data than another explains nothing, whatever it leaves.
-const MUCH_NEARER: f64 = 25.0;
-/// A direction with a smaller p-value (that knows the variances to be estimates, times the number of directions) is no matter of
-/// misjudged variances.
-pub(super) const BEYOND_DOUBT: f64 = 1e-4;
-/// An explanation with a smaller p-value is rejected: laxer than 0.05, so that the true one stays in at least 95 of 100 times.
-pub const REJECT_EXPLANATION: f64 = 0.02;
-/// Where all single effects are rejected and no pair is much nearer to the data, those with a larger p-value stay nevertheless, if they
-/// lower the error, that of trials that were not fitted, too: what one effect leaves by chance once in 500 times calls for no second one
-/// that takes up little of it.
-const REJECT_BESIDE_NOTHING: f64 = 0.002;
-/// An explanation whose p-value is less than this share of the largest is rejected beside it, unless moments and EMG are nearer to it.
-/// Small, so that a true one of a modest p-value stays.
-pub const LEAST_SHARE: f64 = 0.05;
+/// Something is left beside a model if the family-wise p-value of all directions is smaller than this.
+pub const LEVEL: f64 = 0.02;
+/// Sets whose neighbours are looked at in a round.
+const EXPANSIONS: usize = 12;
 /// An effect whose signature keeps less than this share once muscle parameters are fitted cannot be tested.
 const TESTABLE: f64 = 0.01;
-/// Where the model without effects leaves a larger score than this, its muscles may have gone astray to make up for it.
-const LARGE: f64 = 40.0;
+/// An effect that is missing with a smaller probability is ruled out.
+pub const RULED_OUT: f64 = 0.01;
+/// Another effect may stand in the place of one that is named if −2 log posterior is larger by less than this: with a tenth of its
+/// probability.
+const BEHIND: f64 = 4.6;
 /// z that an effect needs to be found with a probability of about 80 % among all others.
 const DETECTABLE_Z: f64 = 4.2;
-/// A detected effect that lowers the training error by less than this share is negligible.
+/// Effects that lower the training error by less than this share are negligible.
 const NEGLIGIBLE: f64 = 0.02;
 /// Candidates that are held against each other.
 const CONFUSED: usize = 6;
-/// By this factor intervals are wider than the fit's standard errors say. Estimates of simulated studies are 1.2 to
-/// 1.6 times as far off (`docs/src/evidence/diagnosis.md`): effects are not linear as far as their errors reach, and what the EMG is
-/// expected to be is taken for known.
-const WIDENED: f64 = 1.5;
 /// So many effects are told apart by further trials where the data cannot: those of the first explanations.
 const TOLD_APART: usize = 4;
 /// Directions that are reported as left over.
@@ -80,16 +67,28 @@ pub struct Request<'a> {
     pub seed: u64,
 }
 
-/// A diagnosis and the fit of its best explanation.
+impl<'a> Request<'a> {
+    /// The participant's training trials, to be estimated.
+    pub(super) fn session(&self) -> Session<'a> {
+        let train = self.forward.trials_for(TrialUse::Train);
+        let candidates = if self.candidates.is_empty() { CATALOGUE.to_vec() } else { self.candidates.clone() };
+        Session::new(self.forward, train, candidates, &self.bounds, Budget { expansions: EXPANSIONS }, self.seed)
+    }
+
+    /// Tells the log how far an estimate is.
+    pub(super) fn report(&self) -> impl Fn(&str) + '_ {
+        |text: &str| log::debug!("{}: {text}", self.participant)
+    }
+}
+
+/// A diagnosis and what is handed over.
 pub struct Outcome {
     /// The account.
     pub diagnosis: Diagnosis,
-    /// Fit without effects.
-    pub refit: Fit,
-    /// Fit of the first explanation.
-    pub best: Option<Fit>,
-    /// What is missing where many things are a little wrong at once.
-    pub several: Option<Several>,
+    /// Muscles fitted without effects.
+    pub recalibrated: HandedOver,
+    /// Muscles and effects.
+    pub handed_over: HandedOver,
     /// What baselines need.
     pub ingredients: Ingredients,
 }
@@ -100,12 +99,15 @@ pub struct Outcome {
 /// A trial that cannot be simulated.
 pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let forward = request.forward;
-    let all: Vec<&'static dyn Effect> =
-        if request.candidates.is_empty() { CATALOGUE.to_vec() } else { request.candidates.clone() };
-    let train = forward.trials_for(TrialUse::Train);
-    let (analysis, null) = Analysis::new(forward, train, all, &request.bounds, request.seed)?;
-    let mut first = blocks_of(&analysis, &null, &[])?;
-    let not_testable: Vec<&'static str> = analysis
+    let mut session = request.session();
+    let report = request.report();
+    let found = session.estimate(&[], false, &report)?;
+    let alone = session.estimate(&[], true, &report)?;
+    let mut state = session.likely(found)?;
+    let null = session.as_fit(&alone);
+    let first = session.analysis.blocks_left(&null, &[]).ok_or(SimulationError::NoiseCovariance)?;
+    let not_testable: Vec<&'static str> = session
+        .analysis
         .candidates
         .iter()
         .map(|e| e.description())
@@ -114,170 +116,102 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         })
         .map(|d| d.id)
         .collect();
-    let TestedFit { fit: null, left, p_value: null_p_value, elsewhere } = tested_null(&analysis, null, &not_testable)?;
-    if elsewhere {
-        first = blocks_of(&analysis, &null, &[])?;
+    let left_alone = test(&session.analysis, &null, &not_testable)?;
+
+    let recalibrated = session.handed_over(&alone)?;
+    let mut handed_over = session.handed_over(&state)?;
+    let mut effects = named(request, &session, &state, &handed_over)?;
+    // Effects that do not help to predict trials that were left out are not missing.
+    if recalibrated.left_out_ratio <= handed_over.left_out_ratio {
+        handed_over = recalibrated.clone();
+        effects.clear();
+        state = alone;
     }
-    let uncentred = analysis.blocks_left_uncentred(&null, &not_testable).unwrap_or_else(|| left.blocks.clone());
-    let refitted = simulate(forward, &null.point.parameters, &[], TrialUse::Train)?;
-    let refit_error = rmse(forward, &refitted).unwrap_or(0.0).max(f64::MIN_POSITIVE) / request.mvc;
-    let is_far_off = left.blocks.iter().chain(&uncentred).any(|b| b.statistic > LARGE);
-    let near = (!is_far_off).then_some(&null);
-    let judge =
-        Judge { request, analysis: &analysis, null: &null, near, not_testable: &not_testable, uncentred, refit_error };
-    let rejected = null_p_value < REJECT_NULL;
-    // Where many things are a little wrong, no single effect leaves nothing: none is looked for. Where that cannot be found out, because a
-    // trial cannot be simulated at some point of the search, single effects are.
-    let several = if rejected { several::several(request).unwrap_or_default() } else { None };
-    let one_may_do = |s: &Several| s.effects.is_empty() || s.effects.len() <= several::FEW && !s.leaves_something;
-    let alone = rejected && several.as_ref().is_none_or(one_may_do);
-    let singles = if alone { judge.singles(&left)? } else { Vec::new() };
-    let above = |p_value: f64| -> Vec<(Fit, Explanation)> {
-        singles.iter().filter(|s| s.1.p_value > p_value).cloned().collect()
+    let left = test(&session.analysis, &session.as_fit(&state), &not_testable)?;
+    let something_is_left = left.p_value < LEVEL;
+    let judge = Judge { request, session: &session, null: &null, not_testable: &not_testable };
+    let refit_error = judge.rmse_of(&recalibrated)?.unwrap_or(0.0).max(f64::MIN_POSITIVE);
+    let mut explanations = match effects.len() {
+        1 | 2 if !something_is_left => judge.explanations(&state, refit_error)?,
+        _ => Vec::new(),
     };
-    let mut explanations = above(REJECT_EXPLANATION);
-    let survivors: Vec<&'static str> = explanations.iter().filter(|e| e.1.plausible).map(|e| e.1.effects[0]).collect();
-    let stays = |s: &&(Fit, Explanation)| {
-        judge.goes_with(&left, &survivors, &s.1)
-            || judge.is_nearer_than_survivors(s, &singles)
-            || judge.stays_beside_the_implausible(s, &singles)
-    };
-    explanations.extend(singles.iter().filter(stays).cloned());
-    let mut farther = judge.keep_the_near(&mut explanations, &singles);
-    if alone && explanations.is_empty() {
-        let pairs = judge.pairs(&singles)?;
-        let explain = |pair: &(Fit, Explanation)| pair.1.explains() && judge.needs_both(pair, &singles);
-        explanations = pairs.iter().filter(|pair| explain(pair)).cloned().collect();
-        explanations.extend(judge.exchanged(&explanations, &pairs)?.into_iter().filter(explain));
-    }
-    if explanations.is_empty() {
-        explanations = above(REJECT_BESIDE_NOTHING);
-        let without = judge.error_of(&null, TrialUse::Test)?;
-        // If no trials are held out, they say nothing against it.
-        let lowers_held_out =
-            |e: &Explanation| without.zip(e.held_out_error).is_none_or(|(without, with)| with < without);
-        explanations.retain(|e| e.1.lowers_error() && lowers_held_out(&e.1));
-        farther.extend(judge.keep_the_near(&mut explanations, &singles));
-    }
-    // What leaves nothing needs nothing beside it.
-    let several = several.filter(|_| explanations.is_empty());
-    let implausible = !explanations.is_empty() && explanations.iter().all(|e| !e.1.plausible);
+    let implausible = !explanations.is_empty() && explanations.iter().all(|e| !e.plausible);
     if !implausible {
-        explanations.retain(|e| e.1.plausible);
+        explanations.retain(|e| e.plausible);
     }
-    farther.extend(judge.drop_the_farther(&mut explanations));
-    judge.drop_the_improbable(&left, &mut explanations);
-    let best = explanations.first().map(|e| e.0.clone());
-    let fall = explanations.first().map_or(0.0, |e| e.1.error_fall);
-    let error = match &several {
-        Some(several) => judge.errors_of(several)?,
-        None => judge.errors(&null, best.as_ref())?,
-    };
-    let dominant = several.as_ref().map_or(0, |s| s.effects.iter().filter(|e| e.dominant).count());
+    let fall = 1.0 - judge.rmse_of(&handed_over)?.unwrap_or(0.0) / refit_error;
+    let dominant = effects.iter().filter(|e| e.dominant).count();
     let verdict = match explanations.as_slice() {
-        _ if !rejected => Verdict::NothingDetectable,
-        _ if dominant == 1 => Verdict::Dominant,
-        _ if several.as_ref().is_some_and(|s| !s.effects.is_empty()) => Verdict::Several,
-        [] => Verdict::Unknown,
+        [] if effects.is_empty() && something_is_left => Verdict::Unknown,
+        [] if effects.is_empty() => Verdict::NothingDetectable,
+        [] if dominant == 1 => Verdict::Dominant,
+        [] => Verdict::Several,
         _ if implausible => Verdict::Implausible,
         _ if fall < NEGLIGIBLE => Verdict::Negligible,
-        [only] if only.1.effects.len() == 2 => Verdict::TwoEffects,
+        [only] if only.effects.len() == 2 => Verdict::TwoEffects,
         [_] => Verdict::Identified,
         _ => Verdict::CannotTell,
     };
-    let kept: Vec<&str> = explanations.iter().flat_map(|e| e.1.effects.clone()).collect();
-    let ids = || analysis.candidates.iter().map(|e| e.description().id);
-    let fitted: Vec<&str> = singles.iter().flat_map(|s| s.1.effects.clone()).collect();
-    let missing: Vec<&str> = several.iter().flat_map(|s| &s.effects).map(|e| e.effect).collect();
-    let not_fitted = ids()
-        .filter(|id| ![&fitted, &kept, &missing].iter().any(|list| list.contains(id)) && !not_testable.contains(id));
-    let not_fitted = not_fitted.collect();
-    let residuals = judge.residuals(&null)?;
+    let kept: Vec<&'static str> =
+        explanations.iter().flat_map(|e| e.effects.clone()).chain(effects.iter().map(|e| e.effect)).collect();
     let separating_experiments = match verdict {
         // Trials that nobody recorded must not cost the diagnosis: where one cannot be simulated, `carpus plan` says why.
         Verdict::CannotTell => judge.experiments(&explanations).unwrap_or_default(),
         _ => Vec::new(),
     };
-    let judged = explanations.iter().map(|e| &e.1).chain(&farther).filter(|e| e.effects.len() == 1);
-    let behind: BTreeMap<&'static str, f64> = judged.map(|e| (e.effects[0], e.misfit_behind)).collect();
-    let line = REJECT_EXPLANATION.max(LEAST_SHARE * explanations.iter().map(|e| e.1.p_value).fold(0.0, f64::max));
-    let mut not_listed = NotListed::default();
-    for id in ids().filter(|id| !kept.contains(id)) {
-        let Some(single) = singles.iter().find(|s| s.1.effects == [id]) else { continue };
-        match () {
-            () if single.1.p_value <= line => not_listed.ruled_out.push(id),
-            () if behind.contains_key(id) => not_listed.less_likely.push(id),
-            () => not_listed.implausible.push(id),
-        }
-    }
-    let proposals = match (&several, verdict) {
-        (Some(several), _) => several.proposals.clone(),
-        (None, Verdict::Unknown) => {
-            let of_muscles = null.whitened.iter().map(|w| w.columns(0, analysis.n_nuisance()).into_owned());
-            formulas(forward, &refitted, &null.factors, &of_muscles.collect::<Vec<_>>(), request.seed)
+    let moments = simulate(forward, &handed_over.parameters, &handed_over.effects, TrialUse::Train)?;
+    let proposals = match verdict {
+        Verdict::Unknown | Verdict::Dominant | Verdict::Several => {
+            formulas(forward, &moments, &state.factors, &session.of_muscle_parameters(&state), request.seed)
         }
         _ => Vec::new(),
     };
+    let candidates = judge.candidates(&first, &state, &explanations);
+    let mut not_listed = NotListed::default();
+    for c in candidates.iter().filter(|c| !kept.contains(&c.effect) && !not_testable.contains(&c.effect)) {
+        let list = match c.probability < RULED_OUT {
+            true => &mut not_listed.ruled_out,
+            false => &mut not_listed.less_likely,
+        };
+        list.push(c.effect);
+    }
+    let noise_floor = session.noise_floor(&state) / request.mvc;
     let diagnosis = Diagnosis {
         schema: "carpus.diagnosis/2",
         participant: request.participant.clone(),
         verdict,
-        null_p_value,
-        null_sign_flip_p_value: left.sign_flip_p_value,
-        candidates: judge.candidates(&first, &singles, &behind),
-        confusion: judge.confusion(&null, &left, &kept),
+        null_p_value: left_alone.p_value,
+        null_sign_flip_p_value: left_alone.sign_flip_p_value,
+        p_value: left.p_value,
+        candidates,
+        confusion: judge.confusion(&left_alone, &kept),
         separating_experiments,
-        explanations: explanations.into_iter().map(|e| e.1).collect(),
-        effects: several.as_ref().map(|s| s.effects.clone()).unwrap_or_default(),
-        account: several.as_ref().map(|s| s.account.clone()).unwrap_or_default(),
-        part_of_the_way: several.as_ref().map(|s| s.handed_over.part),
+        account: account(request, &effects, &handed_over, &recalibrated, noise_floor)?,
+        part_of_the_way: handed_over.part,
         proposals,
         not_listed,
-        not_fitted,
-        not_testable,
-        error,
-        where_it_fails: along_axes(forward, &residuals, &left),
-        noise: named(&best.as_ref().unwrap_or(&null).levels, &analysis),
-        noise_correlation: analysis.kernels,
+        error: judge.errors(&recalibrated, &handed_over, noise_floor)?,
+        where_it_fails: along_axes(forward, &residuals(forward, &moments), &left),
+        noise: by_name(&state.levels, &session.analysis),
+        noise_correlation: session.analysis.kernels,
+        not_testable: not_testable.clone(),
+        explanations,
+        effects,
     };
-    let ingredients = Ingredients::of(&analysis, &null);
-    Ok(Outcome { diagnosis, refit: null, best, several, ingredients })
+    let ingredients = Ingredients::of(&session.analysis, &null);
+    Ok(Outcome { diagnosis, recalibrated, handed_over, ingredients })
 }
 
-/// The fit without effects, tested.
-pub(super) struct TestedFit {
-    pub(super) fit: Fit,
-    left: Omnibus,
-    p_value: f64,
-    /// Whether it is not the fit from the model as given.
-    elsewhere: bool,
-}
-
-/// Tests the fit without effects; one that is rejected gives way to a more probable one from elsewhere, if there is any: muscles that
-/// trade their shares of a moment have several valleys, and what a wrong one leaves is no effect.
-///
-/// - `skip`: names of blocks to leave out
-pub(super) fn tested_null(analysis: &Analysis, null: Fit, skip: &[&str]) -> Result<TestedFit, SimulationError> {
-    let tested = |fit: Fit, elsewhere: bool| {
-        let left = test(analysis, &fit, skip)?;
-        // To say that something is missing both laws of the scores must agree: where variances are misjudged one of them cries wolf.
-        // Flips of few trials cannot give small p-values, though: what no misjudged variance explains needs them not.
-        let surely = left.blocks.iter().any(|b| b.p_value * (left.blocks.len() as f64) < BEYOND_DOUBT);
-        let p_value = if surely { left.p_value } else { left.p_value.max(left.sign_flip_p_value) };
-        Ok::<_, SimulationError>(TestedFit { fit, left, p_value, elsewhere })
+/// Measured minus simulated moments [N·m].
+fn residuals(forward: &ForwardModel, simulated: &[(usize, Vec<f64>)]) -> Vec<(usize, Vec<f64>)> {
+    let of = |(g, moment): &(usize, Vec<f64>)| {
+        (*g, forward.trials[*g].moment.iter().zip(moment).map(|(y, m)| y - m).collect())
     };
-    let first = tested(null, false)?;
-    if first.p_value >= REJECT_NULL {
-        return Ok(first);
-    }
-    match analysis.fitted_elsewhere(&first.fit)? {
-        Some(better) => tested(better, true),
-        None => Ok(first),
-    }
+    simulated.iter().map(of).collect()
 }
 
 /// Standard deviations by name; slow disturbances of the directions of effort that there are trials of.
-fn named(levels: &NoiseLevels, analysis: &Analysis) -> BTreeMap<&'static str, f64> {
+fn by_name(levels: &NoiseLevels, analysis: &Analysis) -> BTreeMap<&'static str, f64> {
     let [envelope, gain, floor] = levels.of_emg();
     let named = [
         ("moment_white_n_m", levels.white()),
@@ -301,11 +235,6 @@ fn test(analysis: &Analysis, fit: &Fit, skip: &[&str]) -> Result<Omnibus, Simula
     analysis.anything_left(fit, skip).ok_or(SimulationError::NoiseCovariance)
 }
 
-/// As [`test`], every block by itself.
-fn blocks_of(analysis: &Analysis, fit: &Fit, skip: &[&str]) -> Result<Vec<BlockScore>, SimulationError> {
-    analysis.blocks_left(fit, skip).ok_or(SimulationError::NoiseCovariance)
-}
-
 /// The directions of smallest p-value.
 fn left_over(omnibus: &Omnibus) -> Vec<Left> {
     let mut blocks: Vec<&BlockScore> = omnibus.blocks.iter().filter(|b| b.rank > 0).collect();
@@ -322,136 +251,129 @@ fn named_block<'a>(blocks: &'a [BlockScore], name: &str) -> Option<&'a BlockScor
     blocks.iter().find(|b| b.name == name)
 }
 
-fn block<'a>(omnibus: &'a Omnibus, name: &str) -> Option<&'a BlockScore> {
-    named_block(&omnibus.blocks, name)
-}
-
 struct Judge<'a> {
     request: &'a Request<'a>,
-    analysis: &'a Analysis<'a>,
+    session: &'a Session<'a>,
+    /// The muscles fitted without effects.
     null: &'a Fit,
-    /// The null, if it is so near to what explains that its scores have nearly the same mean there.
-    near: Option<&'a Fit>,
     not_testable: &'a [&'static str],
-    /// Scores of the null, their means left in.
-    uncentred: Vec<BlockScore>,
-    /// Training error of the null: RMSE / session MVC moment.
-    refit_error: f64,
 }
 
 impl Judge<'_> {
-    fn testable(&self) -> impl Iterator<Item = &'static dyn Effect> + '_ {
-        self.analysis.candidates.iter().copied().filter(|e| !self.not_testable.contains(&e.description().id))
+    /// RMSE of the training trials / session MVC moment.
+    fn rmse_of(&self, model: &HandedOver) -> Result<Option<f64>, SimulationError> {
+        self.error(&model.parameters, &model.effects, TrialUse::Train)
     }
 
-    /// Simulated moments of the trials of a use, from the EMG as recorded.
-    fn simulate(&self, fit: &Fit, usage: TrialUse) -> Result<Vec<(usize, Vec<f64>)>, SimulationError> {
-        simulate(self.request.forward, &fit.point.parameters, &fit.point.effects, usage)
+    /// RMSE of the trials of a use / session MVC moment.
+    fn error(
+        &self,
+        parameters: &[MuscleParameters],
+        effects: &[Setting],
+        usage: TrialUse,
+    ) -> Result<Option<f64>, SimulationError> {
+        let simulated = simulate(self.request.forward, parameters, effects, usage)?;
+        Ok(rmse(self.request.forward, &simulated).map(|e| e / self.request.mvc))
     }
 
-    fn error_of(&self, fit: &Fit, usage: TrialUse) -> Result<Option<f64>, SimulationError> {
-        Ok(self.rmse(&self.simulate(fit, usage)?))
+    /// Errors of the model as given, with its muscles recalibrated, and of what is handed over if it has effects.
+    fn errors(
+        &self,
+        recalibrated: &HandedOver,
+        handed_over: &HandedOver,
+        noise_floor: f64,
+    ) -> Result<Errors, SimulationError> {
+        let steps = |usage| -> Result<Option<Steps>, SimulationError> {
+            let base = self.error(&self.request.forward.nominal_parameters(), &[], usage)?;
+            let refit = self.error(&recalibrated.parameters, &recalibrated.effects, usage)?;
+            let with = self.error(&handed_over.parameters, &handed_over.effects, usage)?;
+            let with_effect = with.filter(|_| !handed_over.effects.is_empty());
+            Ok(base.zip(refit).map(|(base, refit_only)| Steps { base, refit_only, with_effect }))
+        };
+        let nothing = Steps { base: 0.0, refit_only: 0.0, with_effect: None };
+        Ok(Errors {
+            train: steps(TrialUse::Train)?.unwrap_or(nothing),
+            held_out: steps(TrialUse::Test)?,
+            noise_floor,
+            measure: "RMSE / session MVC moment",
+        })
     }
 
-    fn rmse(&self, simulated: &[(usize, Vec<f64>)]) -> Option<f64> {
-        rmse(self.request.forward, simulated).map(|e| e / self.request.mvc)
-    }
-
-    fn residuals(&self, fit: &Fit) -> Result<Vec<(usize, Vec<f64>)>, SimulationError> {
-        let mut out = self.simulate(fit, TrialUse::Train)?;
-        for (g, moment) in &mut out {
-            for (m, y) in moment.iter_mut().zip(&self.request.forward.trials[*g].moment) {
-                *m = y - *m;
+    /// The sets of effects that leave nothing: that of a state, and those with another effect in the place of one of them that are not
+    /// much less probable.
+    ///
+    /// - `refit_error`: training error of the muscles without effects
+    fn explanations(&self, state: &State, refit_error: f64) -> Result<Vec<Explanation>, SimulationError> {
+        let session = self.session;
+        let set = session.places(&state.point.effects);
+        let mut sets: Vec<Vec<usize>> = vec![set.clone()];
+        for effect in &set {
+            for other in session.group(state, *effect).0.into_iter().skip(1) {
+                let mut exchanged: Vec<usize> = set.iter().copied().filter(|e| e != effect).chain([other]).collect();
+                exchanged.sort_unstable();
+                if !sets.contains(&exchanged) {
+                    sets.push(exchanged);
+                }
             }
         }
+        let fitted: Vec<State> = sets.iter().map(|set| session.with_set(state, set, &[])).collect::<Result<_, _>>()?;
+        let behind: Vec<f64> = fitted.iter().map(|state| session.behind(state, &fitted[0])).collect();
+        let least = behind.iter().copied().fold(f64::INFINITY, f64::min);
+        let mut out = Vec::new();
+        for (state, behind) in fitted.iter().zip(behind).filter(|(_, behind)| *behind < least + BEHIND) {
+            let left = test(&session.analysis, &session.as_fit(state), self.not_testable)?;
+            let estimates = session.estimates(state);
+            let model = session.handed_over(state)?;
+            out.push(Explanation {
+                effects: state.point.effects.iter().map(|s| s.effect.description().id).collect(),
+                p_value: left.p_value,
+                deviance_behind: behind - least,
+                error_fall: 1.0 - self.rmse_of(&model)?.unwrap_or(0.0) / refit_error,
+                held_out_error: self.error(&model.parameters, &model.effects, TrialUse::Test)?,
+                plausible: estimates.values().all(ParameterEstimate::reaches_plausible),
+                parameters: estimates,
+                left: left_over(&left),
+            });
+        }
+        out.retain(|e| e.p_value >= LEVEL);
+        out.sort_by(|a, b| a.deviance_behind.total_cmp(&b.deviance_behind));
         Ok(out)
     }
 
-    fn errors(&self, null: &Fit, best: Option<&Fit>) -> Result<Errors, SimulationError> {
-        let steps = |usage| -> Result<Option<Steps>, SimulationError> {
-            let forward = self.request.forward;
-            let base = self.rmse(&simulate(forward, &forward.nominal_parameters(), &[], usage)?);
-            let refit = self.error_of(null, usage)?;
-            let with_effect = best.map(|b| self.error_of(b, usage)).transpose()?.flatten();
-            Ok(base.zip(refit).map(|(base, refit_only)| Steps { base, refit_only, with_effect }))
-        };
-        let nothing = Steps { base: 0.0, refit_only: 0.0, with_effect: None };
-        Ok(Errors {
-            train: steps(TrialUse::Train)?.unwrap_or(nothing),
-            held_out: steps(TrialUse::Test)?,
-            noise_floor: self.analysis.noise_floor(best.unwrap_or(null)) / self.request.mvc,
-            measure: "RMSE / session MVC moment",
-        })
-    }
-
-    /// Errors of what is handed over where many things are a little wrong.
-    fn errors_of(&self, several: &Several) -> Result<Errors, SimulationError> {
-        let forward = self.request.forward;
-        let steps = |usage| -> Result<Option<Steps>, SimulationError> {
-            let error = |parameters: &[MuscleParameters], effects: &[Setting]| {
-                Ok::<_, SimulationError>(self.rmse(&simulate(forward, parameters, effects, usage)?))
-            };
-            let base = error(&forward.nominal_parameters(), &[])?;
-            let refit = error(&several.recalibrated.parameters, &several.recalibrated.effects)?;
-            let with = error(&several.handed_over.parameters, &several.handed_over.effects)?;
-            let with_effect = with.filter(|_| !several.handed_over.effects.is_empty());
-            Ok(base.zip(refit).map(|(base, refit_only)| Steps { base, refit_only, with_effect }))
-        };
-        let nothing = Steps { base: 0.0, refit_only: 0.0, with_effect: None };
-        Ok(Errors {
-            train: steps(TrialUse::Train)?.unwrap_or(nothing),
-            held_out: steps(TrialUse::Test)?,
-            noise_floor: several.noise_floor / self.request.mvc,
-            measure: "RMSE / session MVC moment",
-        })
-    }
-
-    /// - `behind`: how much farther the data are from an effect than from the nearest explanation
-    fn candidates(
-        &self,
-        first: &[BlockScore],
-        singles: &[(Fit, Explanation)],
-        behind: &BTreeMap<&'static str, f64>,
-    ) -> Vec<Candidate> {
-        let mut out: Vec<Candidate> = self
-            .analysis
-            .candidates
-            .iter()
-            .filter_map(|effect| {
-                let description = effect.description();
-                let score = named_block(first, description.id)?;
-                let fitted = singles.iter().find(|s| s.1.effects == [description.id]).map(|s| &s.1);
-                let detectable_size = description
-                    .amplitudes()
-                    .enumerate()
-                    .filter(|(i, _)| score.information[(*i, *i)] > 1e-9)
-                    .map(|(i, p)| {
-                        let size = DETECTABLE_Z / score.information[(i, i)].sqrt();
-                        (description.parameters[p].name, self.change(*effect, p, size))
-                    })
-                    .collect();
-                let plausible =
-                    description.parameters.iter().map(|p| (p.name, self.request.forward.joint.plausible(p))).collect();
-                Some(Candidate {
-                    effect: description.id,
-                    p_value: fitted.map(|f| f.p_value),
-                    score_p_value: score.p_value,
-                    score: score.statistic,
-                    kept: score.kept,
-                    deviance_fall: fitted.map(|f| f.deviance_fall),
-                    misfit_fall: fitted.map(|f| f.misfit_fall),
-                    misfit_behind: behind.get(description.id).copied(),
-                    detectable_size,
-                    plausible,
-                    held_out_error: fitted.and_then(|f| f.held_out_error),
-                    parameters: fitted.map(|f| f.parameters.clone()).unwrap_or_default(),
-                    left: fitted.map(|f| f.left.clone()).unwrap_or_default(),
+    /// - `first`: scores of every candidate beside the muscles alone
+    fn candidates(&self, first: &[BlockScore], state: &State, explanations: &[Explanation]) -> Vec<Candidate> {
+        let session = self.session;
+        let of = |(place, effect): (usize, &&'static dyn Effect)| {
+            let description = effect.description();
+            let score = named_block(first, description.id)?;
+            let explanation = explanations.iter().find(|e| e.effects == [description.id]);
+            let detectable_size = description
+                .amplitudes()
+                .enumerate()
+                .filter(|(i, _)| score.information[(*i, *i)] > 1e-9)
+                .map(|(i, p)| {
+                    let size = DETECTABLE_Z / score.information[(i, i)].sqrt();
+                    (description.parameters[p].name, self.change(*effect, p, size))
                 })
+                .collect();
+            let plausible =
+                description.parameters.iter().map(|p| (p.name, self.request.forward.joint.plausible(p))).collect();
+            Some(Candidate {
+                effect: description.id,
+                probability: state.sets.of_effect(place),
+                p_value: explanation.map(|e| e.p_value),
+                score_p_value: score.p_value,
+                score: score.statistic,
+                kept: score.kept,
+                detectable_size,
+                plausible,
+                held_out_error: explanation.and_then(|e| e.held_out_error),
+                parameters: explanation.map(|e| e.parameters.clone()).unwrap_or_default(),
+                left: explanation.map(|e| e.left.clone()).unwrap_or_default(),
             })
-            .collect();
-        out.sort_by(|a, b| {
-            b.p_value.unwrap_or(-1.0).total_cmp(&a.p_value.unwrap_or(-1.0)).then(b.score.total_cmp(&a.score))
-        });
+        };
+        let mut out: Vec<Candidate> = session.analysis.candidates.iter().enumerate().filter_map(of).collect();
+        out.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.score.total_cmp(&a.score)));
         out
     }
 
@@ -466,19 +388,20 @@ impl Judge<'_> {
     }
 
     /// The most useful experiments that would tell the effects of the first explanations apart.
-    fn experiments(&self, explanations: &[(Fit, Explanation)]) -> Result<Vec<Separation>, SimulationError> {
+    fn experiments(&self, explanations: &[Explanation]) -> Result<Vec<Separation>, SimulationError> {
         let mut rivals: Vec<&'static str> = Vec::new();
-        for id in explanations.iter().flat_map(|e| &e.1.effects) {
+        for id in explanations.iter().flat_map(|e| &e.effects) {
             if rivals.len() < TOLD_APART && !rivals.contains(id) {
                 rivals.push(id);
             }
         }
         let Some(laboratory) = self.request.laboratory else { return Ok(Vec::new()) };
-        let mut all = separations(self.analysis, self.null, laboratory, &self.request.bounds, &rivals, &|_, _| {})?;
+        let analysis = &self.session.analysis;
+        let mut all = separations(analysis, self.null, laboratory, &self.request.bounds, &rivals, &|_, _| {})?;
         // Two effects are rivals where one stands in the other's place, beside the same second effect if there is one.
         let beside = |id: &str| -> Vec<Vec<&str>> {
             let others = |e: &Explanation| e.effects.iter().copied().filter(|x| *x != id).collect();
-            explanations.iter().filter(|e| e.1.effects.contains(&id)).map(|e| others(&e.1)).collect()
+            explanations.iter().filter(|e| e.effects.contains(&id)).map(others).collect()
         };
         all.retain(|s| beside(s.separates[0]).iter().any(|others| beside(s.separates[1]).contains(others)));
         Ok(most_useful(&all).into_iter().cloned().collect())
@@ -487,7 +410,7 @@ impl Judge<'_> {
     /// Pairwise z of the explanations' effects and of the leading candidates at their one-step sizes.
     ///
     /// - `explaining`: effects of the explanations
-    fn confusion(&self, null: &Fit, left: &Omnibus, explaining: &[&str]) -> Vec<Confusion> {
+    fn confusion(&self, left: &Omnibus, explaining: &[&str]) -> Vec<Confusion> {
         let mut leaders: Vec<&BlockScore> =
             left.blocks.iter().filter(|b| !b.name.starts_with("axis:") && b.rank > 0).collect();
         let explains = |b: &BlockScore| explaining.contains(&b.name.as_str());
@@ -496,7 +419,8 @@ impl Judge<'_> {
         let mut out = Vec::new();
         for truth in &leaders {
             for rival in leaders.iter().filter(|r| r.name != truth.name) {
-                let Some(z) = self.analysis.pairwise_z(null, &truth.name, &truth.one_step, &rival.name) else {
+                let Some(z) = self.session.analysis.pairwise_z(self.null, &truth.name, &truth.one_step, &rival.name)
+                else {
                     continue;
                 };
                 let id = |name: &str| super::catalogue::effect(name).map(|e| e.description().id);
@@ -507,38 +431,6 @@ impl Judge<'_> {
         }
         out
     }
-}
-
-/// The effects' parameters after a fit, by `effect.parameter`, with 95 % intervals as wide as experience asks for.
-///
-/// - `forward`: the model that was fitted
-pub fn estimates(fit: &Fit, forward: &ForwardModel) -> BTreeMap<String, ParameterEstimate> {
-    let mut out = BTreeMap::new();
-    let mut column = 0;
-    for setting in &fit.point.effects {
-        let description = setting.effect.description();
-        let reported = setting.effect.reported(&setting.values, &forward.muscles);
-        for (i, p) in description.parameters.iter().enumerate() {
-            let half = WIDENED * 1.96 * fit.covariance[(column, column)].max(0.0).sqrt() * forward.joint.scale(p);
-            let side = |sign: f64| {
-                let mut values = setting.values.clone();
-                values[i] += sign * half;
-                setting.effect.reported(&values, &forward.muscles)[i]
-            };
-            let (a, b) = (side(-1.0), side(1.0));
-            out.insert(
-                format!("{}.{}", description.id, p.name),
-                ParameterEstimate {
-                    value: reported[i],
-                    unit: p.unit,
-                    ci95: [a.min(b), a.max(b)],
-                    plausible: forward.joint.plausible(p),
-                },
-            );
-            column += 1;
-        }
-    }
-    out
 }
 
 /// Simulated moments [N·m] of the trials of a use, from the EMG as recorded.

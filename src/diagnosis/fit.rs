@@ -1,4 +1,4 @@
-//! Joint fit of muscle parameters and effects to a participant's training trials.
+//! A participant's training trials around a point of muscle parameters, effects and excitations.
 //!
 //! The true excitation is the recorded one times exp(w), w unknown. Around the present estimate ŵ the moment is linear in
 //! w, so that with G = ∂τ/∂w
@@ -8,11 +8,6 @@
 //! ```
 //! (first-order conditional linearization). Sensitivities taken at ŵ are, to first order, independent of the residual: EMG noise that is
 //! in both would otherwise make time constants, delays and nonlinearities look significant.
-//!
-//! The deviance is that of the moments given the EMG, every true excitation as likely as any. What lets less of the EMG's noise pass
-//! predicts moments better even where it is not what happened: lags stand up to 60 units below the true one of them, and cross-talk
-//! of its true size, which must be unmixed, up to 260 above no cross-talk (8 studies; one without noise: 870 below). Fits of the same
-//! effects are compared by it, others by `misfit`.
 //!
 //! # References
 //! Lindstrom & Bates (1990), Nonlinear mixed effects models for repeated measures data, doi:10.2307/2532087.
@@ -39,10 +34,6 @@ use crate::study::ParameterBounds;
 pub(crate) use grid::{between_knots, corrected, knot_count, memory_of_noise};
 pub(crate) use grid::{block_means, block_starts};
 pub(crate) use linearization::Linear;
-
-/// Largest mean of a score [standard deviations]: noise of the EMG causes 1 to 3; beyond that an EMG was bent to make up for a
-/// model that is far off.
-pub(crate) const LARGEST_MEAN: f64 = 4.0;
 
 /// Where a fit stands.
 #[derive(Clone)]
@@ -81,15 +72,6 @@ pub struct Fit {
     pub(crate) precision: Vec<f64>,
     /// Per training trial: directions at this fit, averaged over blocks.
     pub(crate) directions: Arc<Vec<DMatrix<f64>>>,
-    /// Per training trial: mean score of nuisance, effects and directions when nothing else is missing.
-    pub(crate) bias: Arc<Vec<DVector<f64>>>,
-}
-
-impl Fit {
-    /// Whether one of its effects is no larger than what noise has of it in any case.
-    pub(crate) fn is_within_noise(&self) -> bool {
-        self.point.effects.iter().any(|s| s.effect.is_within_noise(&s.values))
-    }
 }
 
 /// A participant's training data, the noise in it, and the directions to test.
@@ -113,33 +95,6 @@ pub struct Analysis<'a> {
     pub(crate) targets: Option<Vec<Vec<f64>>>,
 }
 
-/// The noise of all training trials.
-#[derive(Clone)]
-pub(crate) struct Noise {
-    pub(crate) structure: Vec<TrialNoise>,
-    pub(crate) levels: NoiseLevels,
-    pub(crate) factors: Vec<Cholesky<f64, Dyn>>,
-}
-
-impl Noise {
-    pub(crate) fn log_determinant(&self) -> f64 {
-        self.factors.iter().map(|f| f.l_dirty().diagonal().map(|d| 2.0 * d.ln()).sum()).sum()
-    }
-}
-
-/// A point's objective and its derivatives.
-pub(crate) struct Account {
-    pub(crate) whitened: Vec<DMatrix<f64>>,
-    pub(crate) information: DMatrix<f64>,
-    pub(crate) gradient: DVector<f64>,
-    /// −2 log posterior without the determinant.
-    pub(crate) objective: f64,
-    /// Decrease of the objective that a full step promises.
-    pub(crate) gain: f64,
-    pub(crate) precision: Vec<f64>,
-    pub(crate) offset: Vec<f64>,
-}
-
 /// What of a trial's noise depends on its times and direction alone.
 ///
 /// - `kernel`: of slow disturbances
@@ -152,29 +107,6 @@ pub(crate) fn trial_times(trial: &TrialRecord, kernel: &Kernel) -> Arc<TrialTime
 }
 
 impl<'a> Analysis<'a> {
-    /// Fits the muscle parameters without effects, estimates the noise, and computes all directions.
-    ///
-    /// # Errors
-    /// A trial that cannot be simulated.
-    pub fn new(
-        forward: &'a ForwardModel,
-        train: Vec<usize>,
-        candidates: Vec<&'static dyn Effect>,
-        bounds: &ParameterBounds,
-        seed: u64,
-    ) -> Result<(Analysis<'a>, Fit), SimulationError> {
-        let mut analysis = Analysis::without_data(forward, train, candidates, bounds, seed);
-        let mut descent = analysis.rough_fit(analysis.nominal_point())?;
-        // Before the EMG's noise is allowed for, what it does would be taken for more of it.
-        analysis.settle(&mut descent, false)?;
-        analysis.settle(&mut descent, false)?;
-        analysis.blocks = analysis.calc_directions(&descent.linear, &descent.point)?.1;
-        analysis.settle(&mut descent, true)?;
-        analysis.choose_kernels(&mut descent)?;
-        let fit = analysis.followed(descent)?;
-        Ok((analysis, fit))
-    }
-
     /// The moment that a training trial is fitted to [N·m].
     pub(crate) fn target(&self, position: usize) -> &[f64] {
         match &self.targets {
@@ -305,65 +237,22 @@ impl<'a> Analysis<'a> {
         point
     }
 
-    /// Objective, gradient and information at a point.
-    pub(crate) fn account(&self, linear: &[Linear], point: &Point, noise: &Noise) -> Account {
-        let whitened = self.whitened(linear, &noise.factors);
-        let (precision, offset) = self.prior(point);
-        let p = precision.len();
-        let mut information = DMatrix::from_diagonal(&DVector::from_vec(precision.clone()));
-        let mut gradient = DVector::from_iterator(p, precision.iter().zip(&offset).map(|(a, b)| -a * b));
-        let mut objective = precision.iter().zip(&offset).map(|(a, b)| a * b * b).sum::<f64>();
-        let products: Vec<_> = whitened
-            .par_iter()
-            .with_max_len(ONE_BY_ONE)
-            .map(|w| {
-                let x = w.columns(0, p);
-                (x.tr_mul(&x), x.tr_mul(&w.column(p)), w.column(p).norm_squared())
-            })
-            .collect();
-        for (of_information, of_gradient, of_objective) in products {
-            information += of_information;
-            gradient += of_gradient;
-            objective += of_objective;
-        }
-        let gain = information.clone().cholesky().map_or(0.0, |c| gradient.dot(&c.solve(&gradient)));
-        Account { whitened, information, gradient, objective, gain, precision, offset }
-    }
-
     /// Is anything left after a fit? Effects that are on are not tested again.
     ///
     /// - `skip`: names of further blocks to leave out
     pub fn anything_left(&self, fit: &Fit, skip: &[&str]) -> Option<Omnibus> {
-        Some(self.scores_left(fit, skip, true, None)?.omnibus(self.seed))
-    }
-
-    /// What would be left beside an effect that is not on, to first order: nothing is fitted.
-    ///
-    /// - `effect`: its name; `skip`: as for [`Analysis::anything_left`]
-    pub fn anything_left_beside(&self, fit: &Fit, effect: &str, skip: &[&str]) -> Option<Omnibus> {
-        Some(self.scores_left(fit, skip, true, Some(effect))?.omnibus(self.seed))
-    }
-
-    /// As [`Analysis::anything_left_beside`], every block by itself.
-    pub fn blocks_left_beside(&self, fit: &Fit, effect: &str, skip: &[&str]) -> Option<Vec<BlockScore>> {
-        Some(self.scores_left(fit, skip, true, Some(effect))?.blocks)
+        Some(self.scores_left(fit, skip)?.omnibus(self.seed))
     }
 
     /// As [`Analysis::anything_left`], every block by itself.
     pub fn blocks_left(&self, fit: &Fit, skip: &[&str]) -> Option<Vec<BlockScore>> {
-        Some(self.scores_left(fit, skip, true, None)?.blocks)
+        Some(self.scores_left(fit, skip)?.blocks)
     }
 
-    /// As [`Analysis::blocks_left`], with scores as they are: where a model is far off, their means would be those of an EMG that
-    /// was bent to make up for it.
-    pub fn blocks_left_uncentred(&self, fit: &Fit, skip: &[&str]) -> Option<Vec<BlockScore>> {
-        Some(self.scores_left(fit, skip, false, None)?.blocks)
-    }
-
-    fn scores_left(&self, fit: &Fit, skip: &[&str], centred: bool, beside: Option<&str>) -> Option<Tested> {
+    fn scores_left(&self, fit: &Fit, skip: &[&str]) -> Option<Tested> {
         let p = fit.precision.len();
         let columns = fit.directions.first()?.ncols();
-        let (mut normal, parts): (Vec<DMatrix<f64>>, Vec<Vec<DMatrix<f64>>>) = fit
+        let (normal, parts): (Vec<DMatrix<f64>>, Vec<Vec<DMatrix<f64>>>) = fit
             .whitened
             .par_iter()
             .with_max_len(ONE_BY_ONE)
@@ -387,36 +276,13 @@ impl<'a> Analysis<'a> {
         let blocks: Vec<Block> = self
             .blocks
             .iter()
-            .filter(|b| !on(&b.name) && !skip.contains(&b.name.as_str()) && beside != Some(&*b.name))
+            .filter(|b| !on(&b.name) && !skip.contains(&b.name.as_str()))
             .map(|b| Block { name: b.name.clone(), columns: columns_of(b) })
             .collect();
-        let mut nuisance: Vec<usize> = (0..p).collect();
-        nuisance.extend(self.blocks.iter().filter(|b| beside == Some(&*b.name)).flat_map(columns_of));
-        let mut precision = fit.precision.clone();
-        precision.resize(nuisance.len(), AMPLITUDE_PRECISION);
-        let mut offset = fit.offset.clone();
-        offset.resize(nuisance.len(), 0.0);
-        if centred {
-            let means = fit.bias.iter().fold(DVector::zeros(p + columns), |sum, bias| sum + bias).insert_row(p, 0.0);
-            let profile = Nuisance { columns: &nuisance, precision: &precision, offset: &vec![0.0; nuisance.len()] };
-            let largest = score_test::largest_statistic(&normal, &profile, &blocks, &means);
-            let share = (LARGEST_MEAN / largest.max(1e-300).sqrt()).min(1.0);
-            for (normal, bias) in normal.iter_mut().zip(&*fit.bias) {
-                for (i, mean) in bias.iter().enumerate() {
-                    normal[(if i < p { i } else { i + 1 }, p)] -= share * mean;
-                }
-            }
-        }
-        let nuisance = Nuisance { columns: &nuisance, precision: &precision, offset: &offset };
+        let nuisance: Vec<usize> = (0..p).collect();
+        let nuisance = Nuisance { columns: &nuisance, precision: &fit.precision, offset: &fit.offset };
         let variances = Variances { products: &by_variance, spread: &fit.level_spread };
         score_test::tested(&normal, &nuisance, &variances, &blocks, p)
-    }
-
-    /// Standard deviation of the noise of a sample of the training trials [N·m].
-    pub fn noise_floor(&self, fit: &Fit) -> f64 {
-        let total: f64 = fit.noise.iter().map(|n| n.variance_of_samples(&fit.levels)).sum();
-        let count: usize = self.train.iter().map(|g| block_starts(&self.forward.trials[*g].time).len() - 1).sum();
-        (total / count.max(1) as f64).sqrt()
     }
 }
 

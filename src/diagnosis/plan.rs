@@ -1,11 +1,8 @@
 //! Which further trials would tell effects apart: what `carpus plan` asks.
 
-use super::addition::unidentifiable;
-use super::diagnose::{Request, tested_null};
-use super::fit::Analysis;
+use super::diagnose::Request;
 use super::separation::{Laboratory, Separation, separations};
 use crate::simulation::SimulationError;
-use crate::study::TrialUse;
 
 /// Everything that experiments do for every pair of these effects; the most useful first.
 ///
@@ -19,9 +16,9 @@ pub fn plan(
     rivals: &[&'static str],
     progress: &dyn Fn(usize, usize),
 ) -> Result<Vec<Separation>, SimulationError> {
-    let train = request.forward.trials_for(TrialUse::Train);
-    let (analysis, null) =
-        Analysis::new(request.forward, train, request.candidates.clone(), &request.bounds, request.seed)?;
-    let null = tested_null(&analysis, null, &unidentifiable(&analysis))?.fit;
-    separations(&analysis, &null, laboratory, &request.bounds, rivals, &|done, all| progress(1 + done, 1 + all))
+    let mut session = request.session();
+    let alone = session.estimate(&[], true, &request.report())?;
+    let null = session.as_fit(&alone);
+    let analysis = &session.analysis;
+    separations(analysis, &null, laboratory, &request.bounds, rivals, &|done, all| progress(1 + done, 1 + all))
 }

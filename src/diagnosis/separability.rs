@@ -6,18 +6,19 @@
 //! several valleys. What remains is the distance in standard deviations:
 //!
 //! ```text
-//! D = min over θ, φ of  Σ_g ‖τ_g(truth) − τ_g(θ, φ)‖²_V + ‖θ − θ₀‖²_Λ  −  ‖θ(truth) − θ₀‖²_Λ,   z = D / √(D + S)
+//! D = min over θ, φ of  Σ_g ‖τ_g(truth) − τ_g(θ, φ)‖²_V + ‖θ − θ₀‖²_Λ  −  ‖θ(truth) − θ₀‖²_Λ,   z = √D
 //! ```
-//! −2 log likelihood of the rival is D larger on average, the noise being known, with a standard deviation of 2 √(D + S): S, which is
-//! of noise that passes through the two differently, is in `misfit.rs`. [`Analysis::pairwise_z`] is √D to first
-//! order around the model without effects, of which shapes are not free.
+//! −2 log likelihood of the rival is D larger on average, the noise being known, with a standard deviation of 2 √D.
+//! [`super::fit::Analysis::pairwise_z`] is √D to first order around the model without effects, of which shapes are not free.
 
 use rayon::prelude::*;
 
 use super::diagnose::Request;
 use super::effect::Effect;
-use super::fit::{Analysis, Fit, Point};
+use super::fit::Point;
 use super::forward_model::Setting;
+use super::inference::search::Budget;
+use super::inference::session::{Session, State};
 use crate::simulation::SimulationError;
 use crate::study::TrialUse;
 
@@ -49,24 +50,24 @@ pub fn separability(request: &Request, truth: &Setting) -> Result<Vec<Distance>,
         .collect();
     let given = forward.given().iter().chain([truth]).cloned().collect();
     let with = forward.clone().with_given(given);
-    let (analysis, fit) = Analysis::new(&with, train.clone(), rivals.clone(), &request.bounds, request.seed)?;
-    let targets = analysis.moments_of(&fit)?;
-    let without = Analysis::without_data(forward, train, rivals.clone(), &request.bounds, request.seed)
-        .with_kernels_of(&analysis)
-        .with_targets(targets);
-    let (_, null) = Analysis::new(forward, without.train.clone(), rivals.clone(), &request.bounds, request.seed)?;
+    let mut session = Session::new(&with, train.clone(), Vec::new(), &request.bounds, Budget::none(), request.seed);
+    let state = session.estimate(&[], true, &request.report())?;
+    let targets = moments_of(&session, &state)?;
+    let mut without = Session::new(forward, train, Vec::new(), &request.bounds, Budget::none(), request.seed);
+    let null = without.estimate(&[], true, &request.report())?;
     let near = |effects: &[Setting]| {
-        let from = |muscles: &Fit| {
+        let on: Vec<&'static dyn Effect> = effects.iter().map(|s| s.effect).collect();
+        let from = |muscles: &State| {
             let start = Point {
                 parameters: muscles.point.parameters.clone(),
                 effects: effects.to_vec(),
-                baseline: vec![0.0; without.n_muscles()],
-                correction: without.no_correction(),
-                ..fit.point.clone()
+                baseline: vec![0.0; muscles.point.baseline.len()],
+                correction: session.analysis.no_correction(),
+                ..state.point.clone()
             };
-            without.distance(start, &fit)
+            session.beside(forward, on.clone(), targets.clone()).distance(start, &state)
         };
-        match (from(&fit), from(&null)) {
+        match (from(&state), from(&null)) {
             (Ok(a), Ok(b)) => Ok(a.min(b)),
             (a, b) => a.or(b),
         }
@@ -84,21 +85,14 @@ pub fn separability(request: &Request, truth: &Setting) -> Result<Vec<Distance>,
     Ok(found)
 }
 
-impl Analysis<'_> {
-    /// The same with other moments to fit.
-    fn with_targets(mut self, targets: Vec<Vec<f64>>) -> Self {
-        self.targets = Some(targets);
-        self
-    }
-
-    /// Moments of the training trials that a fit predicts, its noise of the EMG taken for the truth [N·m].
-    fn moments_of(&self, fit: &Fit) -> Result<Vec<Vec<f64>>, SimulationError> {
-        let Point { parameters, effects, inputs, .. } = &fit.point;
-        let variant = self.forward.variant(effects)?;
-        let of_trial = |(g, input): (&usize, &std::sync::Arc<super::forward_model::TrialInput>)| {
-            let core = self.forward.core(&variant, *g, input, parameters, effects, false)?;
-            Ok(self.forward.recorded_moment(*g, &core, effects))
-        };
-        self.train.par_iter().zip(inputs).map(of_trial).collect::<Vec<_>>().into_iter().collect()
-    }
+/// Moments of the training trials that a state predicts, its excitations taken for the truth [N·m].
+fn moments_of(session: &Session, state: &State) -> Result<Vec<Vec<f64>>, SimulationError> {
+    let Point { parameters, effects, inputs, .. } = &state.point;
+    let analysis = &session.analysis;
+    let variant = analysis.forward.variant(effects)?;
+    let of_trial = |(g, input): (&usize, &std::sync::Arc<super::forward_model::TrialInput>)| {
+        let core = analysis.forward.core(&variant, *g, input, parameters, effects, false)?;
+        Ok(analysis.forward.recorded_moment(*g, &core, effects))
+    };
+    analysis.train.par_iter().zip(inputs).map(of_trial).collect::<Vec<_>>().into_iter().collect()
 }

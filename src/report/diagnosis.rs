@@ -19,21 +19,18 @@ pub struct DiagnosisResult {
     /// The confidence set.
     #[serde(default)]
     pub explanations: Vec<ExplanationResult>,
-    /// Where many things are a little wrong at once: effects that are missing beyond that.
+    /// Effects that are missing.
     #[serde(default)]
     pub effects: Vec<NamedEffectResult>,
     /// Formulas for what remains.
     #[serde(default)]
     pub proposals: Vec<ProposalResult>,
-    /// Effects that were fitted and leave something.
+    /// Effects that are hardly missing.
     #[serde(default)]
     pub ruled_out: Vec<String>,
-    /// Effects that leave nothing, but make moments and EMG much less likely than an explanation does.
+    /// Effects that may be missing, less likely than what is named.
     #[serde(default)]
     pub less_likely: Vec<String>,
-    /// Effects that leave nothing at a size that is not plausible.
-    #[serde(default)]
-    pub implausible: Vec<String>,
     /// Effects that the diagnosis was restricted to; empty: the whole catalogue.
     #[serde(default)]
     pub restricted_to: Vec<String>,
@@ -59,7 +56,7 @@ pub struct DiagnosisResult {
     pub noise: BTreeMap<String, Option<f64>>,
 }
 
-/// An effect that is missing where many things are a little wrong at once.
+/// An effect that is missing.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct NamedEffectResult {
     /// Effect.
@@ -167,9 +164,9 @@ pub struct CandidateResult {
     /// p-value that nothing is left once it is fitted.
     #[serde(default)]
     pub p_value: Option<f64>,
-    /// Where that does not reject it: how much farther the data are from it than from the nearest explanation.
+    /// Probability that it is missing.
     #[serde(default)]
-    pub misfit_behind: Option<f64>,
+    pub probability: f64,
     /// p-value of its own score test.
     #[serde(default)]
     pub score_p_value: Option<f64>,

@@ -9,11 +9,11 @@ use super::ledger::Estimate;
 use super::number::{percent, plain, significant};
 use super::residuals::{FrequencyBand, ResidualResult};
 use super::results::{Kind, Results};
-use super::story_figures::{WaterfallStep, interval, p_bar, separation, share_bar, waterfall};
+use super::story_figures::{WaterfallStep, interval, probability_bar, separation, share_bar, waterfall};
 use super::view::{Fact, Group, Pair, ParameterGroup, facts, groups, maybe, parameter_groups};
 use super::warnings::{self, WarningGroup};
 use crate::diagnosis::catalogue::effect;
-use crate::diagnosis::diagnose::{LEAST_SHARE, REJECT_EXPLANATION, is_determined};
+use crate::diagnosis::diagnose::{RULED_OUT, is_determined};
 use crate::diagnosis::separation::SEPARABLE_Z;
 
 /// Candidates that the ranking shows in full.
@@ -103,7 +103,7 @@ pub struct CandidateRow {
     pub status: &'static str,
     pub survives: bool,
     pub svg: String,
-    pub p_value: String,
+    pub probability: String,
     pub score: String,
     pub kept: String,
     pub held_out: String,
@@ -272,24 +272,9 @@ fn verdict_words(verdict: &str) -> (&'static str, &'static str) {
         "negligible" => ("negligible", "good"),
         "implausible" => ("implausible", "bad"),
         "dominant" => ("one effect beyond a little of everything", "good"),
-        "several" => ("many things a little wrong", "good"),
+        "several" => ("several effects", "good"),
         _ => ("unknown cause", "bad"),
     }
-}
-
-/// Which of the effects that were fitted lowers the held-out error most.
-fn nearest(diagnosis: &DiagnosisResult) -> Option<String> {
-    let refitted = diagnosis.error.held_out.as_ref()?.refit_only;
-    let fitted = diagnosis.candidates.iter().filter_map(|c| Some((c.held_out_error?, c)));
-    let (error, nearest) = fitted.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|(error, _)| *error < refitted)?;
-    let outside = |p: &Estimate| p.ci95[1] < p.plausible[0] || p.ci95[0] > p.plausible[1];
-    let size = if nearest.parameters.values().any(outside) { ", at a size outside of what is plausible," } else { "" };
-    Some(format!(
-        "Of those that were fitted, {}{size} lowers the error on held-out trials most, from {} with muscles alone to {}.",
-        named_in_sentence(std::slice::from_ref(&nearest.effect)),
-        percent(refitted),
-        percent(error)
-    ))
 }
 
 /// What remains, as a formula.
@@ -318,37 +303,19 @@ fn listed(ids: &[String]) -> String {
     ids.iter().map(|id| name(id)).collect::<Vec<_>>().join(", ")
 }
 
-/// What explanations leave, in words: one that is likely enough to stay is not always likely.
-fn what_is_left(explanations: &[ExplanationResult]) -> String {
-    let least = explanations.iter().filter_map(|e| e.p_value).fold(1.0, f64::min);
-    match least < REJECT_EXPLANATION {
-        true => format!("no more is left than chance may leave ({})", p_words(least)),
-        false => "nothing systematic is left".to_owned(),
-    }
-}
-
-/// What is said of the effects that leave nothing either, but do not stand in the set of explanations.
+/// What is said of effects that are less likely than what is named, but not ruled out.
 fn runners_up(diagnosis: &DiagnosisResult) -> String {
-    let rows = candidates(diagnosis);
-    let with = |status: &str| -> Vec<String> {
-        rows.iter().filter(|r| r.status == status).map(|r| named_in_sentence(std::slice::from_ref(&r.id))).collect()
-    };
-    let (less_likely, implausible) = (with(LESS_LIKELY), with(IMPLAUSIBLE_SIZE));
-    let mut others = Vec::new();
-    if !less_likely.is_empty() {
-        others.push(format!("moments and EMG are much less likely with {}", less_likely.join(" or ")));
-    }
-    if !implausible.is_empty() {
-        others.push(format!("{} would have an implausible size", implausible.join(" or ")));
-    }
     let considered = diagnosis.candidates.len();
-    if others.is_empty() {
-        format!("Of {considered} effects that were considered, it is the only one of which this holds.")
-    } else {
-        format!(
-            "Of {considered} effects that were considered, others leave nothing either, but {}.",
-            others.join(", and ")
-        )
+    let likely = |id: &String| diagnosis.candidates.iter().find(|c| c.effect == *id).map_or(0.0, |c| c.probability);
+    let mut others: Vec<&String> = diagnosis.less_likely.iter().collect();
+    others.sort_by(|a, b| likely(b).total_cmp(&likely(a)));
+    let listed: Vec<String> = others.iter().take(3).map(|id| in_sentence(id)).collect();
+    match listed.as_slice() {
+        [] => format!("Of {considered} effects that were considered, all others are ruled out."),
+        _ => format!(
+            "Of {considered} effects that were considered, the most likely to be missing beside it: {}.",
+            listed.join(", ")
+        ),
     }
 }
 
@@ -389,7 +356,7 @@ fn told(
         }
         _ => "Something is missing that none of the effects that were considered explains".to_owned(),
     };
-    let leaves = what_is_left(&diagnosis.explanations);
+    let leaves = "nothing systematic is left";
     let mut lead = vec![match diagnosis.verdict.as_str() {
         "identified" => format!(
             "With {} fitted together with the muscles, {leaves} in the training trials. {} An effect outside the catalogue that acts alike cannot be told from it.",
@@ -408,7 +375,6 @@ fn told(
         "dominant" | "several" => "As in most laboratories, no single effect leaves nothing. Muscles, EMG errors, every effect of the catalogue and a smooth discrepancy of each muscle's moment were estimated together; the effects below are larger than the little that a laboratory has of everything.".to_owned(),
         _ => "Whatever effect was fitted together with the muscles, something systematic is left. The figures below show what it depends on.".to_owned(),
     }];
-    lead.extend((diagnosis.verdict == "unknown").then(|| nearest(diagnosis)).flatten());
     lead.extend(proposed(diagnosis));
     if let (Some(first), Some(last)) = (steps.first(), steps.last()) {
         let (what, a, b) = match (first.held_out, last.held_out) {
@@ -545,7 +511,10 @@ fn several(diagnosis: &DiagnosisResult) -> Vec<SeveralView> {
             parameters: estimates(&parameters),
         }
     };
-    diagnosis.effects.iter().map(view).collect()
+    match diagnosis.verdict.as_str() {
+        "dominant" | "several" => diagnosis.effects.iter().map(view).collect(),
+        _ => Vec::new(),
+    }
 }
 
 /// The effects of a group but the first, in a sentence; of many the first few.
@@ -564,38 +533,30 @@ fn amplitude_first(id: &str, key: &str) -> usize {
     description.and_then(|d| d.parameters.iter().position(|p| p.name == name)).unwrap_or(usize::MAX)
 }
 
-/// Of a candidate that leaves nothing, but makes moments and EMG less likely than the explanations do.
-const LESS_LIKELY: &str = "less likely";
-/// Of a candidate that leaves nothing, but at a size that is not plausible.
-const IMPLAUSIBLE_SIZE: &str = "implausible size";
-
-/// All candidates, what explains the data first, then by score.
+/// All candidates, what is named first, then by probability.
 fn candidates(diagnosis: &DiagnosisResult) -> Vec<CandidateRow> {
     let survives = |id: &str| diagnosis.explanations.iter().any(|e| e.effects.len() == 1 && e.effects[0] == id);
     let in_pair =
         |id: &str| diagnosis.explanations.iter().any(|e| e.effects.len() > 1 && e.effects.iter().any(|x| x == id));
-    let rejected = !matches!(diagnosis.verdict.as_str(), "nothing_detectable");
-    let most = diagnosis.explanations.iter().filter_map(|e| e.p_value).fold(0.0, f64::max);
-    let level = REJECT_EXPLANATION.max(LEAST_SHARE * most);
+    let is_missing = |id: &str| diagnosis.effects.iter().any(|e| e.effect == id);
+    let named = |id: &str| survives(id) || in_pair(id) || is_missing(id);
     let row = |c: &CandidateResult| {
         let testable = !diagnosis.not_testable.contains(&c.effect);
         let status = match () {
             () if survives(&c.effect) => "explains the data",
             () if in_pair(&c.effect) => "part of a pair",
             () if !testable => "not testable",
-            () if !rejected => "not needed",
-            () if c.p_value.is_none() => "not fitted",
-            () if c.p_value.is_some_and(|p| p <= level) => "ruled out",
-            () if c.misfit_behind.is_some() => LESS_LIKELY,
-            () => IMPLAUSIBLE_SIZE,
+            () if is_missing(&c.effect) => "missing",
+            () if c.probability < RULED_OUT => "ruled out",
+            () => "less likely",
         };
         CandidateRow {
             name: name(&c.effect),
             id: c.effect.clone(),
             status,
-            survives: survives(&c.effect) || in_pair(&c.effect),
-            svg: c.p_value.map(|p| p_bar(p, level, survives(&c.effect))).unwrap_or_default(),
-            p_value: c.p_value.map(p_words).unwrap_or_default(),
+            survives: named(&c.effect),
+            svg: probability_bar(c.probability, RULED_OUT, named(&c.effect)),
+            probability: significant(c.probability, 2),
             score: c.score.map(|s| significant(s, 3)).unwrap_or_default(),
             kept: c.kept.map(|k| format!("{:.0}\u{202f}%", 100.0 * k)).unwrap_or_default(),
             held_out: c.held_out_error.map(percent).unwrap_or_default(),
@@ -611,8 +572,8 @@ fn candidates(diagnosis: &DiagnosisResult) -> Vec<CandidateRow> {
                 .unwrap_or_default(),
         }
     };
-    // What explains the data is shown whatever its score.
-    let explains = |c: &&CandidateResult| survives(&c.effect) || in_pair(&c.effect);
+    // What is named is shown whatever its probability.
+    let explains = |c: &&CandidateResult| named(&c.effect);
     let (first, others): (Vec<_>, Vec<_>) = diagnosis.candidates.iter().partition(explains);
     first.into_iter().chain(others).map(row).collect()
 }

@@ -16,14 +16,14 @@ use crate::cli::table::{fixed, table};
 use crate::diagnosis::baselines::Ingredients;
 use crate::diagnosis::catalogue::{effect, with_own};
 use crate::diagnosis::diagnose::{
-    Candidate, Diagnosis, Outcome, ParameterEstimate, REJECT_EXPLANATION, Request, Verdict, diagnose, is_determined,
+    Candidate, Diagnosis, Outcome, ParameterEstimate, Request, Verdict, diagnose, is_determined,
 };
 use crate::diagnosis::effect::Effect;
 use crate::diagnosis::forward_model::{ForwardModel, Setting};
 use crate::diagnosis::joint_traits::JointTraits;
 use crate::diagnosis::moments::simulate_all;
+use crate::diagnosis::named::NamedEffect;
 use crate::diagnosis::separation::{Laboratory, SEPARABLE_Z, Separation};
-use crate::diagnosis::several::NamedEffect;
 use crate::diagnosis::synthesis::sized;
 use crate::diagnosis::what_remains::ProposedFormula;
 use crate::osim::spec::MuscleSpec;
@@ -34,8 +34,6 @@ use crate::study::TrialUse;
 
 /// Effects of a group that are listed.
 const IN_GROUP: usize = 3;
-/// Effects that are listed where none explains what is missing.
-const NEAREST: usize = 3;
 
 /// Runs the command.
 ///
@@ -87,13 +85,11 @@ pub fn with_models(
     global: &Global,
 ) -> Result<Results, Failure> {
     let nominal = forward.nominal_parameters();
-    let several = outcome.several.as_ref();
-    let refitted = several.map_or(&outcome.refit.point.parameters, |s| &s.recalibrated.parameters);
+    let refitted = &outcome.recalibrated.parameters;
     let mut fitted: Vec<(&str, String, &[MuscleParameters], &[Setting])> =
         vec![("base", "As given".to_owned(), &nominal, &[]), ("refit", "Muscles refitted".to_owned(), refitted, &[])];
-    let best = outcome.best.as_ref().map(|fit| (&fit.point.parameters, &fit.point.effects));
-    let handed_over = several.map(|s| (&s.handed_over.parameters, &s.handed_over.effects));
-    if let Some((parameters, effects)) = best.or(handed_over).filter(|(_, effects)| !effects.is_empty()) {
+    let (parameters, effects) = (&outcome.handed_over.parameters, &outcome.handed_over.effects);
+    if !effects.is_empty() {
         let names = effects.iter().map(|s| s.effect.description().name).collect::<Vec<_>>().join(" + ");
         fitted.push(("with_effect", format!("With {names}"), parameters, effects));
     }
@@ -331,16 +327,6 @@ fn estimate_rows(parameters: &BTreeMap<String, ParameterEstimate>, last: &str) -
     parameters.iter().map(row).collect()
 }
 
-/// Of the effects that were fitted, those that lower the held-out error most: so many at most, a row per parameter.
-fn nearest_rows(diagnosis: &Diagnosis) -> Vec<Vec<String>> {
-    let refitted = diagnosis.error.held_out.as_ref().map_or(0.0, |h| h.refit_only);
-    let better = |c: &Candidate| c.held_out_error.filter(|error| *error < refitted);
-    let mut found: Vec<(f64, &Candidate)> = diagnosis.candidates.iter().filter_map(|c| Some((better(c)?, c))).collect();
-    found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let rows = |(error, c): (f64, &Candidate)| estimate_rows(&c.parameters, &fixed(100.0 * error, 2));
-    found.into_iter().take(NEAREST).flat_map(rows).collect()
-}
-
 /// The most useful experiment of every pair.
 fn best_of_pairs(separations: &[Separation]) -> Vec<&Separation> {
     let mut best: Vec<&Separation> = Vec::new();
@@ -370,15 +356,13 @@ fn readable(diagnosis: &Diagnosis) -> String {
     }
     text.push_str("\nRMSE in % of the session's MVC moment\n");
     text.push_str(&table(&["trials", "as given", "muscles refitted", "with effect", "noise floor"], 1, rows));
-    if !diagnosis.effects.is_empty() {
+    if matches!(diagnosis.verdict, Verdict::Dominant | Verdict::Several) {
         text.push_str("\n\nMissing effects: probability, and share of the model's mean squared error that comes back without each\n");
         let header = ["effect", "probability", "training %", "held out %", "parameters, 95 % intervals"];
         text.push_str(&table(&header, 4, several_rows(diagnosis)));
         text.push_str("\n`carpus effect auto STUDY` adds them, one after the other");
     } else if !diagnosis.explanations.is_empty() {
-        let survive = diagnosis.explanations.iter().all(|e| e.p_value >= REJECT_EXPLANATION);
-        text.push_str("\n\nExplanations that leave nothing");
-        text.push_str(if survive { "\n" } else { ", or what chance may leave\n" });
+        text.push_str("\n\nExplanations that leave nothing\n");
         let rows = diagnosis.explanations.iter().flat_map(|e| estimate_rows(&e.parameters, &fixed(e.p_value, 3)));
         text.push_str(&table(&["parameter", "estimate, 95 % interval", "plausible", "p"], 2, rows));
         if !diagnosis.separating_experiments.is_empty() {
@@ -399,13 +383,6 @@ fn readable(diagnosis: &Diagnosis) -> String {
             })
         });
         text.push_str(&table(&["effect", "parameter", "size", "unit"], 2, rows));
-    } else if diagnosis.verdict == Verdict::Unknown {
-        let rows = nearest_rows(diagnosis);
-        if !rows.is_empty() {
-            text.push_str("\n\nLowers the held-out error most, and leaves something all the same\n");
-            text.push_str(&table(&["parameter", "estimate, 95 % interval", "plausible", "held out"], 2, rows));
-            text.push_str("\n`carpus effect add STUDY ID --i-choose` adds one all the same");
-        }
     }
     if !diagnosis.proposals.is_empty() {
         text.push_str(

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::super::named::{AccountStep, NamedEffect};
 use super::super::noise::Kernels;
 use super::super::separation::Separation;
-use super::super::several::{AccountStep, NamedEffect};
 use super::super::what_remains::ProposedFormula;
 use super::super::where_it_fails::AxisResult;
 
@@ -48,9 +48,9 @@ pub struct ParameterEstimate {
 }
 
 impl ParameterEstimate {
-    /// Whether the interval, this many times as wide, reaches the plausible range.
-    pub fn reaches_plausible(&self, times: f64) -> bool {
-        let [low, high] = self.ci95.map(|end| self.value + times * (end - self.value));
+    /// Whether the interval reaches the plausible range.
+    pub fn reaches_plausible(&self) -> bool {
+        let [low, high] = self.ci95;
         high >= self.plausible[0] && low <= self.plausible[1]
     }
 }
@@ -62,18 +62,13 @@ pub struct Explanation {
     pub effects: Vec<&'static str>,
     /// p-value of "nothing is left".
     pub p_value: f64,
-    /// How much less −2 log posterior it leaves than the model without effects.
-    pub deviance_fall: f64,
-    /// How much nearer moments and EMG are to it than to the model without effects: −2 log likelihood of both, less 1 for every parameter
-    /// that is free to follow the noise.
-    pub misfit_fall: f64,
-    /// How much farther they are from it than from the nearest explanation.
-    pub misfit_behind: f64,
+    /// How much larger −2 log posterior is with it than with the most probable explanation.
+    pub deviance_behind: f64,
     /// Share by which it lowers the training error of the model without effects.
     pub error_fall: f64,
     /// RMSE over held-out trials / session MVC moment.
     pub held_out_error: Option<f64>,
-    /// Every interval, as wide as the fit's standard errors say, reaches its plausible range.
+    /// Every interval reaches its plausible range.
     pub plausible: bool,
     /// Parameters by `effect.parameter`.
     pub parameters: BTreeMap<String, ParameterEstimate>,
@@ -97,7 +92,9 @@ pub struct Left {
 pub struct Candidate {
     /// Effect.
     pub effect: &'static str,
-    /// p-value that nothing is left once it is fitted; `None` if it was not fitted.
+    /// Probability that it is missing from the model.
+    pub probability: f64,
+    /// p-value that nothing is left beside it; `None` unless it alone is an explanation.
     pub p_value: Option<f64>,
     /// p-value of its own score test on the model without effects.
     pub score_p_value: f64,
@@ -105,22 +102,16 @@ pub struct Candidate {
     pub score: f64,
     /// Share of its signature that fitting the muscles leaves.
     pub kept: f64,
-    /// Once fitted: how much less −2 log posterior it leaves than the model without effects.
-    pub deviance_fall: Option<f64>,
-    /// Once fitted: how much nearer moments and EMG are to it than to the model without effects; see [`Explanation::misfit_fall`].
-    pub misfit_fall: Option<f64>,
-    /// Where residuals do not reject it: how much farther moments and EMG are from it than from the nearest explanation.
-    pub misfit_behind: Option<f64>,
     /// Smallest size that would be found, per amplitude, in the parameter's unit: how far from its value in the model without the
     /// effect.
     pub detectable_size: BTreeMap<&'static str, f64>,
     /// What is plausible of its parameters.
     pub plausible: BTreeMap<&'static str, [f64; 2]>,
-    /// RMSE over held-out trials / session MVC moment, once fitted.
+    /// RMSE over held-out trials / session MVC moment, of an explanation.
     pub held_out_error: Option<f64>,
-    /// Parameters, once fitted.
+    /// Parameters, of an explanation.
     pub parameters: BTreeMap<String, ParameterEstimate>,
-    /// Once fitted: what the data would rather have beside it.
+    /// Of an explanation: what the data would rather have beside it.
     pub left: Vec<Left>,
 }
 
@@ -159,15 +150,13 @@ pub struct Confusion {
     pub z: f64,
 }
 
-/// Effects that were fitted jointly with the muscles and are no explanations.
+/// Effects that are not named.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct NotListed {
-    /// Those that leave something.
+    /// Those that are hardly missing: with a probability of less than 1 %.
     pub ruled_out: Vec<&'static str>,
-    /// Those that leave nothing, but make moments and EMG much less likely than an explanation does.
+    /// Those that may be missing, and are less likely than what is named.
     pub less_likely: Vec<&'static str>,
-    /// Those that leave nothing at a size that is not plausible, where another explanation's is.
-    pub implausible: Vec<&'static str>,
 }
 
 /// The diagnosis of one participant.
@@ -179,28 +168,26 @@ pub struct Diagnosis {
     pub participant: String,
     /// What the data say.
     pub verdict: Verdict,
-    /// p-value of the model without effects: the larger of those by the normal law and by sign flips of whole trials; that by
-    /// the normal law alone where a direction is beyond doubt.
+    /// p-value that nothing is left beside the muscles alone, over all directions.
     pub null_p_value: f64,
-    /// That by sign flips of whole trials alone.
+    /// The same by sign flips of whole trials.
     pub null_sign_flip_p_value: f64,
+    /// p-value that nothing is left beside what is named.
+    pub p_value: f64,
     /// The confidence set.
     pub explanations: Vec<Explanation>,
-    /// Where many things are a little wrong at once: effects that are missing beyond that, the largest share of the error first.
+    /// Effects that are missing, the largest share of the error first.
     pub effects: Vec<NamedEffect>,
-    /// There: the error, step by step.
+    /// The error, step by step.
     pub account: Vec<AccountStep>,
-    /// There: how far what is handed over is from the model as given (0) to the joint mode (1), as trials left out one at a time
+    /// How far what is handed over is from the model as given (0) to the joint mode (1), as trials left out one at a time
     /// are predicted best.
-    pub part_of_the_way: Option<f64>,
+    pub part_of_the_way: f64,
     /// Formulas for what remains, where no effect of the catalogue explains it all.
     pub proposals: Vec<ProposedFormula>,
-    /// Effects that were fitted jointly with the muscles and are no explanations.
+    /// Effects that are not named.
     #[serde(flatten)]
     pub not_listed: NotListed,
-    /// Effects that can be tested and were not fitted: nothing was rejected, or their scores leave them no chance; or they came out no
-    /// larger than what noise has of them in any case.
-    pub not_fitted: Vec<&'static str>,
     /// Effects that these data cannot test.
     pub not_testable: Vec<&'static str>,
     /// Errors.

@@ -196,7 +196,8 @@ impl ForwardModel {
     /// What the muscles' dynamics make of the effect is the exact derivative of the simulation
     /// ([`PreparedTrial::force_derivative`]); closed formulas before and after them are differentiated by central
     /// differences of a ten-thousandth of the scale, which at a kink give the mean of both sides, unless the effect knows its
-    /// derivative itself ([`Effect::moment_derivative`]).
+    /// derivative itself ([`Effect::moment_derivative`]). Noise of the recorded angle matters to what effects on the joint add themselves,
+    /// and hardly to how other effects change it: there it is left out.
     ///
     /// - `effects`: the effects that are on, the one in question at position `which`
     /// - `core`: of the same trial, input, parameters and effects, with derivatives
@@ -215,12 +216,12 @@ impl ForwardModel {
         variants: &[[Cow<'_, MusculoskeletalModel>; 2]],
         parameter: usize,
     ) -> Result<Vec<f64>, SimulationError> {
-        if let Some(by) = self.joint_derivative(trial, core, effects, which, parameter) {
-            return Ok(by);
+        let stage = effects[which].effect.description().stage;
+        if matches!(stage, Stage::Joint | Stage::Inertia) {
+            return Ok(self.joint_derivative(trial, core, effects, which, parameter));
         }
         let step = step(effects[which].effect);
         let sides = [1.0, -1.0].map(|sign| self.moved(effects, which, parameter, sign * step));
-        let stage = effects[which].effect.description().stage;
         if stage <= Stage::Activation
             && let Some((changes, follows)) =
                 self.followed(trial, core, input, (stage, &sides), variants.get(parameter), 2.0 * step)
@@ -235,20 +236,25 @@ impl ForwardModel {
             }
             return Ok(by);
         }
-        let [up, down] = if stage >= Stage::Joint {
-            sides.map(|effects| self.recorded_moment(trial, core, &effects))
+        let [up, down] = if stage >= Stage::Sensor {
+            sides.each_ref().map(|effects| self.recorded_at(trial, core, effects))
         } else {
             let variants = variants[parameter].each_ref().map(|v| &**v);
             let acting = sides.each_ref().map(|effects| self.acting(effects).into_owned());
             let acting = (&acting, FEEDBACK_ROUNDS);
             let [up, down] = self.beside(trial, core, input, parameters, acting, variants, 2.0 * step)?;
-            [self.recorded_moment(trial, &up, &sides[0]), self.recorded_moment(trial, &down, &sides[1])]
+            [self.recorded_at(trial, &up, &sides[0]), self.recorded_at(trial, &down, &sides[1])]
         };
         Ok(up.iter().zip(&down).map(|(a, b)| (a - b) / (2.0 * step)).collect())
     }
 
-    /// Derivative of the recorded moment by a parameter of an effect on the joint that knows its derivative itself, as expected with noise
-    /// in the recorded angle [N·m per unit of the parameter's scale]; `None` for others.
+    /// The moment that the sensor records were the angle free of noise [N·m].
+    fn recorded_at(&self, trial: usize, core: &Core, effects: &[Setting]) -> Vec<f64> {
+        self.recorded(trial, core, core.moment.clone(), core.shown(), effects, false)
+    }
+
+    /// Derivative of the recorded moment by a parameter of an effect on the joint, as expected with noise in the recorded angle
+    /// [N·m per unit of the parameter's scale]. Effects on the joint add their moments: what the others add stays as it is.
     fn joint_derivative(
         &self,
         trial: usize,
@@ -256,44 +262,61 @@ impl ForwardModel {
         effects: &[Setting],
         which: usize,
         parameter: usize,
-    ) -> Option<Vec<f64>> {
+    ) -> Vec<f64> {
         let Setting { effect, values } = &effects[which];
+        let step = step(*effect);
+        let scale = self.joint.scale(&effect.description().parameters[parameter]);
+        let sides = [1.0, -1.0].map(|sign| {
+            let mut values = values.clone();
+            values[parameter] += sign * step * scale;
+            values
+        });
         let context = self.context(trial, &core.excitation, core.shown());
         let kinematics = core.prepared.kinematics();
+        let samples = kinematics.angle.len();
+        let mut both = [vec![0.0; samples], vec![0.0; samples]];
+        // Adds the derivative, times a weight.
+        let mut add = |joint: &JointState, weight: f64, to: &mut [f64]| {
+            if let Some(by) = effect.moment_derivative(values, parameter, joint) {
+                to.iter_mut().zip(&by).for_each(|(to, by)| *to += weight * scale * by);
+                return;
+            }
+            for (values, moment) in sides.iter().zip(&mut both) {
+                moment.fill(0.0);
+                effect.add_moment(values, joint, moment);
+            }
+            let weight = weight / (2.0 * step);
+            to.iter_mut().zip(&both[0]).zip(&both[1]).for_each(|((to, up), down)| *to += weight * (up - down));
+        };
         let muscles = &kinematics.muscles[..];
-        let sum = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a + b).collect() };
-        let disturbances = self.angle_noise.as_ref().map_or(&[][..], |noise| &noise.draws[trial]);
-        let mut by = match disturbances {
+        let mut by = vec![0.0; samples];
+        match self.angle_noise.as_ref().map_or(&[][..], |noise| &noise.draws[trial]) {
             [] => {
                 let (angle, speed) = (&kinematics.angle, &kinematics.speed);
                 let acceleration = &kinematics.acceleration;
-                let joint = JointState { trial: &context, angle, speed, acceleration, muscles };
-                effect.moment_derivative(values, parameter, &joint)?
+                add(&JointState { trial: &context, angle, speed, acceleration, muscles }, 1.0, &mut by);
             }
             draws => {
-                let mut mean = vec![0.0; kinematics.angle.len()];
+                let sum = |a: &[f64], b: &[f64], to: &mut [f64]| {
+                    to.iter_mut().zip(a).zip(b).for_each(|((to, a), b)| *to = a + b);
+                };
+                let [mut angle, mut speed, mut acceleration] = [(); 3].map(|()| vec![0.0; samples]);
                 for draw in draws {
-                    let joint = JointState {
-                        trial: &context,
-                        angle: &sum(&kinematics.angle, &draw.angle),
-                        speed: &sum(&kinematics.speed, &draw.speed),
-                        acceleration: &sum(&kinematics.acceleration, &draw.acceleration),
-                        muscles,
-                    };
-                    let by = effect.moment_derivative(values, parameter, &joint)?;
-                    mean.iter_mut().zip(&by).for_each(|(mean, by)| *mean += by / draws.len() as f64);
+                    sum(&kinematics.angle, &draw.angle, &mut angle);
+                    sum(&kinematics.speed, &draw.speed, &mut speed);
+                    sum(&kinematics.acceleration, &draw.acceleration, &mut acceleration);
+                    let (angle, speed, acceleration) = (&angle, &speed, &acceleration);
+                    let joint = JointState { trial: &context, angle, speed, acceleration, muscles };
+                    add(&joint, 1.0 / draws.len() as f64, &mut by);
                 }
-                mean
             }
-        };
-        let scale = self.joint.scale(&effect.description().parameters[parameter]);
-        by.iter_mut().for_each(|by| *by *= scale);
+        }
         let acting = self.acting(effects);
         let sensing: Vec<&Setting> = in_order(&acting).into_iter().filter(|s| senses(s)).collect();
-        Some(match sensing.is_empty() {
+        match sensing.is_empty() {
             true => by,
             false => self.sensed_changes(trial, core, &sensing, [Change::Moment(&by)]).swap_remove(0),
-        })
+        }
     }
 
     /// Changes of the excitations from one side to the other, and how the muscles that something changes for follow; `None` where more

@@ -10,14 +10,12 @@
 //! discrepancy, what a model of this kind never gets right: a relative error of each muscle's moment τ_m (6), and a moment of its own (7).
 //! ε: white and slow noise of the recorded moment.
 //!
-//! - [`excitation`]: the true excitation, given the recorded EMG
 //! - [`linear_model`]: the session around one point, as a linear Gaussian model
 //! - [`discrepancy`]: columns of h and g
 //! - [`search`]: which sets of effects are missing
 //! - [`session`]: the joint mode: relinearized, noise and EMG estimated along the way
 
 pub mod discrepancy;
-pub mod excitation;
 pub mod linear_model;
 pub mod search;
 pub mod session;

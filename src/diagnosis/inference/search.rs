@@ -22,6 +22,13 @@ pub struct Budget {
     pub expansions: usize,
 }
 
+impl Budget {
+    /// Nothing is looked for.
+    pub fn none() -> Budget {
+        Budget { expansions: 0 }
+    }
+}
+
 /// A set of effects.
 #[derive(Clone, Debug)]
 pub struct Candidate {

@@ -4,14 +4,13 @@
 mod columns;
 mod handing_over;
 mod noise_along_the_way;
+mod sets;
 mod steps;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use super::discrepancy::Ranges;
-use super::excitation;
-use super::excitation::{Expected, Signal};
 use super::linear_model::{LinearModel, Sizes};
 use super::search::{Budget, Sets, search};
 use crate::diagnosis::effect::Effect;
@@ -36,8 +35,6 @@ const STARTS: usize = 3;
 const FIRST_EXPANSIONS: usize = 6;
 /// Effects that are tried alone from there, those first that the linear model calls for most.
 const SCREENED: usize = 12;
-/// Gauss–Newton steps of these.
-const FIRST_STEPS: usize = 3;
 /// Rounds of search, simulation of other sets, noise and relinearization, at most.
 const ROUNDS: usize = 4;
 /// Share of the sizes' scales that is as good as nothing.
@@ -58,10 +55,6 @@ const ALL_OF_IT: f64 = 0.9;
 const ASSESSED: usize = 2;
 /// Turns of muscles and noise before effects are looked for.
 const CALIBRATIONS: usize = 2;
-/// Turns of the noise's variances and of what is expected of the EMG, which goes with them.
-const TURNS: usize = 2;
-/// Change of a variance's logarithm that is as good as none.
-const STILL: f64 = 0.05;
 /// The estimate has settled when a round lowers −2 log posterior, equation (20), by less than this.
 const SETTLED: f64 = 3.0;
 
@@ -70,22 +63,13 @@ struct EffectColumns {
     amplitudes: Vec<usize>,
 }
 
-/// How noise enters all trials.
-pub(crate) struct Passage {
-    /// The EMG's by its response alone.
-    bare: Vec<TrialNoise>,
-    /// Per trial and muscle: what is expected of the EMG's error.
-    expected: Vec<Vec<Expected>>,
-    /// As the expected excitations leave it.
-    noise: Vec<TrialNoise>,
-}
-
 /// What descents with several sets of effects start from.
+#[derive(Clone, Copy)]
 struct Around<'s> {
     point: &'s Point,
     model: &'s LinearModel,
     sizes: &'s Sizes,
-    noise: &'s Passage,
+    noise: &'s [TrialNoise],
     factors: &'s [Cholesky<f64, Dyn>],
     directions: &'s [DMatrix<f64>],
 }
@@ -103,6 +87,16 @@ struct Reached {
     sizes: Sizes,
     /// −2 log posterior, the noise held, up to a constant: equation (18).
     deviance: f64,
+    /// As of where the descent began.
+    directions: Vec<DMatrix<f64>>,
+}
+
+impl Reached {
+    /// A round begins here.
+    fn start(self, levels: NoiseLevels) -> Start {
+        let Reached { set, point, sizes, directions, .. } = self;
+        Start { point, levels, set, sizes, directions }
+    }
 }
 
 /// A session being estimated.
@@ -111,13 +105,11 @@ pub struct Session<'a> {
     pub analysis: Analysis<'a>,
     ranges: Ranges,
     budget: Budget,
-    /// Variances of the noise beside everything at once; autocorrelation and signals are known with them.
+    /// Variances of the noise beside everything at once; its autocorrelation is known with them.
     levels: NoiseLevels,
     noise_is_known: bool,
     /// Whether lengths of its autocorrelation were chosen beside the effects that are missing.
     noise_is_final: bool,
-    /// Of every channel of the EMG.
-    signals: Vec<Signal>,
 }
 
 /// What is handed over to the user.
@@ -139,6 +131,8 @@ struct Start {
     levels: NoiseLevels,
     set: Vec<usize>,
     sizes: Sizes,
+    /// Directions near the point: what is left beside them is noise.
+    directions: Vec<DMatrix<f64>>,
 }
 
 /// An estimate that has begun: at the most probable of many starts.
@@ -151,14 +145,12 @@ pub struct Begun {
 
 /// Where the estimate stands.
 pub struct State {
-    /// −2 log posterior of the most probable set, up to a constant: equation (20).
-    pub deviance: f64,
     /// Muscles, effects, EMG.
     pub point: Point,
     /// Variances of the noise.
     pub levels: NoiseLevels,
     /// How noise enters every trial.
-    pub(crate) noise: Passage,
+    pub(crate) noise: Vec<TrialNoise>,
     /// Factors of V.
     pub factors: Vec<Cholesky<f64, Dyn>>,
     /// Around the point.
@@ -179,20 +171,23 @@ impl<'a> Session<'a> {
         candidates: Vec<&'static dyn Effect>,
         bounds: &ParameterBounds,
         budget: Budget,
+        seed: u64,
     ) -> Session<'a> {
-        let ranges = Ranges::of(train.iter().map(|g| {
-            let kinematics = forward.base(*g).kinematics();
+        Session::of(Analysis::without_data(forward, train, candidates, bounds, seed), budget)
+    }
+
+    fn of(analysis: Analysis<'a>, budget: Budget) -> Session<'a> {
+        let ranges = Ranges::of(analysis.train.iter().map(|g| {
+            let kinematics = analysis.forward.base(*g).kinematics();
             (&kinematics.angle[..], &kinematics.speed[..])
         }));
-        let analysis = Analysis::without_data(forward, train, candidates, bounds, 0);
         Session {
+            levels: NoiseLevels::usual(analysis.forward.joint.strength),
             analysis,
             ranges,
             budget,
-            levels: NoiseLevels::usual(forward.joint.strength),
             noise_is_known: false,
             noise_is_final: false,
-            signals: Vec::new(),
         }
     }
 
@@ -227,26 +222,27 @@ impl<'a> Session<'a> {
             self.noise_is_known = true;
             report(&format!("kernels {:?} {:.1?}", self.analysis.kernels, clock.elapsed()));
         }
-        let starts = self.starts(&candidates, &always)?;
+        let starts = self.starts(&candidates, &always, report)?;
         report(&format!("{} starts, {:.1?}", starts.len(), clock.elapsed()));
         let mut followed: Vec<State> = Vec::new();
         for start in starts {
             let Ok(mut state) = self.assessed(start, &candidates, &always) else { continue };
             let next = self.advanced(&state, None)?.into_iter().next();
             if let Some(Ok(next)) = next.map(|start| self.assessed(start, &candidates, &always)) {
-                state = if next.deviance < state.deviance { next } else { state };
+                state = if self.behind(&next, &state) < 0.0 { next } else { state };
             }
             report(&format!("start {} {:.1?}", self.in_words(&state), clock.elapsed()));
             followed.push(state);
         }
-        let mut best = followed.into_iter().min_by(|a, b| a.deviance.total_cmp(&b.deviance));
+        let mut best = self.most_probable(followed);
         if let Some(state) = best.as_mut().filter(|_| !self.noise_is_final) {
             let found = state.sets.best().clone();
             self.choose_kernels(state, &found.effects, &found.sizes, false);
             self.noise_is_final = true;
             report(&format!("kernels {:?} {:.1?}", self.analysis.kernels, clock.elapsed()));
             let (point, levels) = (state.point.clone(), state.levels);
-            let start = Start { point, levels, set: found.effects, sizes: found.sizes };
+            let directions = state.directions.clone();
+            let start = Start { point, levels, set: found.effects, sizes: found.sizes, directions };
             best = Some(self.assessed(start, &candidates, &always)?);
         }
         let state = best.ok_or(SimulationError::NoiseCovariance)?;
@@ -264,11 +260,11 @@ impl<'a> Session<'a> {
             let next = self
                 .advanced(&best, Some((&candidates, &always)))?
                 .into_iter()
-                .filter_map(|start| self.assessed(start, &candidates, &always).ok())
-                .min_by(|a, b| a.deviance.total_cmp(&b.deviance));
+                .filter_map(|start| self.assessed(start, &candidates, &always).ok());
+            let next = self.most_probable(next);
             let Some(next) = next else { break };
             report(&format!("round {} {:.1?}", self.in_words(&next), clock.elapsed()));
-            let fall = best.deviance - next.deviance;
+            let fall = self.behind(&best, &next);
             if fall > 0.0 {
                 best = next;
             }
@@ -285,7 +281,7 @@ impl<'a> Session<'a> {
         let posterior = state.model.posterior(&set, self.sizes(state));
         let columns = self.all_columns(&state.point, &state.linear, &state.directions);
         let regressors = Self::regressors(&state.model, &columns, &posterior.sd);
-        let trials: Vec<_> = state.noise.noise.iter().zip(&regressors).map(|(n, (x, r))| (n, x, r)).collect();
+        let trials: Vec<_> = state.noise.iter().zip(&regressors).map(|(n, (x, r))| (n, x, r)).collect();
         let count = regressors.first().map_or(0, |(x, _)| x.ncols());
         let level_spread = noise::spread(&trials, &DVector::from_element(count, 1.0), &state.levels)
             .unwrap_or_else(|| DMatrix::zeros(noise::COMPONENTS, noise::COMPONENTS));
@@ -293,19 +289,17 @@ impl<'a> Session<'a> {
         let effects: usize = state.point.effects.iter().map(|s| s.values.len()).sum();
         let covariance = posterior.covariance().view((first, first), (effects, effects)).into_owned();
         let (precision, offset) = self.analysis.prior(&state.point);
-        let bias = state.directions.iter().map(|d| DVector::zeros(first + effects + d.ncols())).collect::<Vec<_>>();
         Fit {
-            deviance: state.deviance,
+            deviance: state.sets.best().deviance,
             covariance,
             levels: state.levels,
             level_spread,
-            noise: state.noise.noise.clone(),
+            noise: state.noise.clone(),
             factors: state.factors.clone(),
             whitened: self.analysis.whitened(&state.linear, &state.factors),
             offset,
             precision,
             directions: std::sync::Arc::new(state.directions.clone()),
-            bias: std::sync::Arc::new(bias),
             point: state.point.clone(),
         }
     }
@@ -317,9 +311,8 @@ impl<'a> Session<'a> {
     fn in_words(&self, state: &State) -> String {
         let best = state.sets.best();
         format!(
-            "{:?} deviance {:.1} of set {:.1} κ {:.3} σ {:.3?} levels {:.3?}",
+            "{:?} {:.1} κ {:.3} σ {:.3?} levels {:.3?}",
             self.ids(&best.effects),
-            state.deviance,
             best.deviance,
             best.sizes.everything,
             best.sizes.discrepancy,
@@ -332,26 +325,24 @@ impl<'a> Session<'a> {
     fn calibrate(&mut self) -> Result<NoiseLevels, SimulationError> {
         let mut levels = self.levels;
         let mut point = self.analysis.nominal_point();
-        self.signals = excitation::signals(&self.envelopes(), &levels, &self.analysis.kernels.emg);
         for turn in 1..=CALIBRATIONS {
-            self.start_at_expected(&mut point, &levels)?;
             let mut linear = self.analysis.linearize(&point, &[])?;
-            let passage = self.structure(&mut linear, &point, &levels);
+            let noise = self.structure(&mut linear, &point);
             let directions;
             (directions, self.analysis.blocks) = self.analysis.calc_directions(&linear, &point)?;
-            let factors = factors(&passage.noise, &levels)?;
+            let factors = factors(&noise, &levels)?;
             let model = self.model(&point, &self.all_columns(&point, &linear, &directions), &factors);
             let sizes = Sizes { everything: 1.0, ..model.usual_sizes() };
             let from = Around {
                 point: &point,
                 model: &model,
                 sizes: &sizes,
-                noise: &passage,
+                noise: &noise,
                 factors: &factors,
                 directions: &directions,
             };
             let reached = self.reach(&from, &[], STEPS)?;
-            let start = Start { point: reached.point, levels, set: Vec::new(), sizes: sizes.clone() };
+            let start = Start { sizes: sizes.clone(), ..reached.start(levels) };
             let mut state = self.with_noise(start)?;
             if turn == CALIBRATIONS {
                 self.choose_kernels(&mut state, &[], &sizes, true);
@@ -363,46 +354,59 @@ impl<'a> Session<'a> {
 
     /// Where to begin: from the model as given every effect alone, none, and what the linear model at that point calls for, each fitted with
     /// the same usual noise; the most probable first.
-    fn starts(&mut self, candidates: &[usize], always: &[usize]) -> Result<Vec<Start>, SimulationError> {
+    fn starts(
+        &mut self,
+        candidates: &[usize],
+        always: &[usize],
+        report: &dyn Fn(&str),
+    ) -> Result<Vec<Start>, SimulationError> {
         let levels = self.levels;
-        let mut point = self.analysis.nominal_point();
-        self.start_at_expected(&mut point, &levels)?;
+        // With the EMG as recorded: that expected beside everything at once may have been bent to make up for what is missing.
+        let point = self.analysis.nominal_point();
         let mut linear = self.analysis.linearize(&point, &[])?;
-        let passage = self.structure(&mut linear, &point, &levels);
+        let noise = self.structure(&mut linear, &point);
         let directions = self.analysis.calc_directions(&linear, &point)?.0;
-        let factors = factors(&passage.noise, &levels)?;
+        let factors = factors(&noise, &levels)?;
         let model = self.model(&point, &self.all_columns(&point, &linear, &directions), &factors);
         let sizes = model.usual_sizes();
         let found =
             search(&model, candidates, always, 2.0 * ODDS.ln(), &[], &sizes, Budget { expansions: FIRST_EXPANSIONS });
-        let mut sets: Vec<Vec<usize>> = vec![always.to_vec(), found.best().effects.clone()];
+        // Each effect alone, as if nothing else were wrong: a little of everything would make up for any of them.
+        let nothing = sizes.scaled(NOTHING_ELSE);
         let with = |e: &usize| [always, &[*e]].concat();
         let mut alone: Vec<(f64, Vec<usize>)> = candidates
             .par_iter()
             .filter(|e| !always.contains(e))
-            .map(|e| (model.posterior(&with(e), &sizes).deviance, with(e)))
+            .map(|e| (model.posterior(&with(e), &nothing).deviance, with(e)))
             .collect();
         alone.sort_by(|a, b| a.0.total_cmp(&b.0));
-        sets.extend(alone.into_iter().take(SCREENED).map(|(_, set)| set));
-        sets.iter_mut().for_each(|s| s.sort_unstable());
-        sets.sort_unstable();
-        sets.dedup();
+        let mut sets: Vec<(Vec<usize>, &Sizes)> = vec![(always.to_vec(), &sizes), (always.to_vec(), &nothing)];
+        sets.push((found.best().effects.clone(), &sizes));
+        sets.extend(alone.into_iter().take(SCREENED).map(|(_, set)| (set, &nothing)));
+        for (set, _) in &mut sets {
+            set.sort_unstable();
+        }
         let from = Around {
             point: &point,
             model: &model,
             sizes: &sizes,
-            noise: &passage,
+            noise: &noise,
             factors: &factors,
             directions: &directions,
         };
-        let mut reached: Vec<Reached> =
-            sets.par_iter().with_max_len(1).filter_map(|set| self.reach(&from, set, FIRST_STEPS).ok()).collect();
-        // The muscles alone, too, as if nothing else were wrong: what they can explain is not to be left to a little of everything.
-        let nothing = sizes.scaled(NOTHING_ELSE);
-        reached.extend(self.reach(&Around { sizes: &nothing, ..from }, always, STEPS));
+        let reach = |(set, sizes): &(Vec<usize>, &Sizes)| self.reach(&Around { sizes, ..from }, set, STEPS).ok();
+        let mut reached: Vec<Reached> = sets.par_iter().with_max_len(1).filter_map(reach).collect();
         reached.sort_by(|a, b| a.deviance.total_cmp(&b.deviance));
+        for r in &reached {
+            report(&format!(
+                "from the model as given {:?} {:.1} κ {:.3}",
+                self.ids(&r.set),
+                r.deviance,
+                r.sizes.everything
+            ));
+        }
         reached.truncate(STARTS);
-        Ok(reached.into_iter().map(|r| Start { point: r.point, levels, set: r.set, sizes: r.sizes }).collect())
+        Ok(reached.into_iter().map(|r| r.start(levels)).collect())
     }
 
     /// Noise, linear model and sets at a point.
@@ -415,34 +419,29 @@ impl<'a> Session<'a> {
 
     /// Noise and linear model at a point.
     fn with_noise(&self, start: Start) -> Result<State, SimulationError> {
-        let Start { mut point, mut levels, set, sizes } = start;
-        self.start_at_expected(&mut point, &levels)?;
+        let Start { mut point, levels, set, sizes, directions } = start;
+        let mut linear = self.analysis.linearize(&point, &[])?;
+        let noise = self.structure(&mut linear, &point);
+        let columns = self.all_columns(&point, &linear, &directions);
+        let passing = factors(&noise, &levels)?;
+        let model = self.model(&point, &columns, &passing);
+        let step = model.posterior(&set, &sizes).mean - &model.offset;
+        self.follow_emg(&mut point, &noise, &weighted(&columns, &step, &passing), &levels)?;
         let mut linear = self.analysis.linearize(&point, &[])?;
         let directions = self.analysis.calc_directions(&linear, &point)?.0;
-        let mut passage = self.structure(&mut linear, &point, &levels);
-        let mut columns = self.all_columns(&point, &linear, &directions);
-        // What is expected of the EMG goes with the variances of its noise.
-        for turn in 0..TURNS {
-            let model = self.model(&point, &columns, &factors(&passage.noise, &levels)?);
-            let regressors = Self::regressors(&model, &columns, &model.sds(&set, &sizes));
-            let before = levels;
-            levels = self.levels(&passage.noise, &regressors, levels);
-            let moved = levels.0.iter().zip(&before.0).map(|(a, b)| (a / b).ln().abs()).fold(0.0, f64::max);
-            if turn + 1 == TURNS || moved < STILL {
-                break;
-            }
-            passage = self.structure(&mut linear, &point, &levels);
-            columns = self.all_columns(&point, &linear, &directions);
-        }
-        let factors = factors(&passage.noise, &levels)?;
+        let noise = self.structure(&mut linear, &point);
+        let columns = self.all_columns(&point, &linear, &directions);
+        let model = self.model(&point, &columns, &factors(&noise, &levels)?);
+        let regressors = Self::regressors(&model, &columns, &model.sds(&set, &sizes));
+        let levels = self.levels(&noise, &regressors, levels);
+        let factors = factors(&noise, &levels)?;
         Ok(State {
-            deviance: f64::INFINITY,
             model: self.model(&point, &columns, &factors),
             factors,
             sets: Sets::none(),
             point,
             levels,
-            noise: passage,
+            noise,
             linear,
             directions,
         })
@@ -451,18 +450,27 @@ impl<'a> Session<'a> {
     /// The linear model with the noise as it is, its sets and deviance.
     fn weigh(&self, state: &mut State, set: &[usize], sizes: &Sizes, candidates: &[usize], always: &[usize]) {
         state.sets = search(&state.model, candidates, always, 2.0 * ODDS.ln(), &[set.to_vec()], sizes, self.budget);
-        let determinant: f64 = state
-            .factors
-            .iter()
-            .flat_map(|f| f.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).collect::<Vec<_>>())
-            .sum();
-        state.deviance = determinant + state.sets.best().deviance + noise::prior_deviance(&state.levels);
     }
 
-    /// Sizes that go with the effects of the point.
-    pub(super) fn sizes<'s>(&self, state: &'s State) -> &'s Sizes {
-        let set = self.places(&state.point.effects);
-        &state.sets.found.iter().find(|s| s.effects == set).unwrap_or(state.sets.best()).sizes
+    /// How much larger −2 log posterior is at one state than at another, each with its most probable set, equation (20): both at the
+    /// geometric means of their noise's variances, true excitations being parameters as all others are. That a model lets less of the
+    /// EMG's noise pass is no evidence for it.
+    pub(crate) fn behind(&self, a: &State, b: &State) -> f64 {
+        let levels = a.levels.between(&b.levels);
+        let deviance = |state: &State| {
+            let columns = self.all_columns(&state.point, &state.linear, &state.directions);
+            let best = state.sets.best();
+            let of =
+                |factors: Vec<_>| self.model(&state.point, &columns, &factors).posterior(&best.effects, &best.sizes);
+            let cost = 2.0 * ODDS.ln() * best.effects.len() as f64;
+            factors(&state.noise, &levels).map_or(f64::INFINITY, |factors| of(factors).deviance + cost)
+        };
+        deviance(a) - deviance(b)
+    }
+
+    /// The most probable of several states.
+    fn most_probable(&self, states: impl IntoIterator<Item = State>) -> Option<State> {
+        states.into_iter().reduce(|known, other| if self.behind(&other, &known) < 0.0 { other } else { known })
     }
 
     /// Places of effects among the candidates, ascending.
@@ -473,6 +481,14 @@ impl<'a> Session<'a> {
         out.sort_unstable();
         out
     }
+}
+
+/// V⁻¹ times what a step of all columns leaves of the residual, per trial.
+fn weighted(columns: &[DMatrix<f64>], step: &DVector<f64>, factors: &[Cholesky<f64, Dyn>]) -> Vec<DVector<f64>> {
+    let p = step.len();
+    let of =
+        |(all, factor): (&DMatrix<f64>, &Cholesky<f64, Dyn>)| factor.solve(&(all.column(p) - all.columns(0, p) * step));
+    columns.par_iter().zip(factors).map(of).collect()
 }
 
 /// Factors of V of all trials.

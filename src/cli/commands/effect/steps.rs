@@ -10,7 +10,7 @@ use crate::cli::diagnosis_file::KnownDiagnosis;
 use crate::cli::failure::{Failure, Message};
 use crate::cli::residuals::residual_result;
 use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
-use crate::diagnosis::addition::{FittedStep, fit_steps, fit_steps_of_several};
+use crate::diagnosis::addition::{FittedStep, fit_steps};
 use crate::diagnosis::diagnose::rmse;
 use crate::diagnosis::effect::Effect;
 use crate::diagnosis::export::{self, SideCar};
@@ -51,9 +51,7 @@ pub fn add(
     let at_model = |text: String| Message::error(text).in_file(&run.loaded.path);
     let asked = request(study, run, forward, crate::cli::commands::diagnose::candidates(&[])?, global);
     let bar = progress(global, 1 + effects.len() as u64, &format!("fitting {}", run.participant.name));
-    // Where many things are a little wrong, a fit that allows for nothing else would take the rest for muscles and EMG.
-    let fit = if diagnosis.result.effects.is_empty() { fit_steps } else { fit_steps_of_several };
-    let fitted = fit(&asked, effects, &|done| bar.set_position(done as u64));
+    let fitted = fit_steps(&asked, effects, &|done| bar.set_position(done as u64));
     bar.finish_and_clear();
     let fitted = fitted.map_err(|e| at_model(e.to_string()))?;
 

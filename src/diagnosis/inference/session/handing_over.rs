@@ -140,7 +140,7 @@ impl Session<'_> {
 
     /// Standard deviation of the noise of a sample of the training trials [N·m].
     pub fn noise_floor(&self, state: &State) -> f64 {
-        let total: f64 = state.noise.bare.iter().map(|n| n.variance_of_samples(&state.levels)).sum();
+        let total: f64 = state.noise.iter().map(|n| n.variance_of_samples(&state.levels)).sum();
         let blocks: usize = state.linear.iter().map(|l| l.bare.len()).sum();
         (total / blocks.max(1) as f64).sqrt()
     }

@@ -1,4 +1,4 @@
-//! Noise along the way: what is expected of the EMG, how it passes through the muscles, variances and autocorrelation
+//! Noise along the way: what EMG and moment say of it, how it passes through the muscles, variances and autocorrelation
 //! (`docs/src/theory/many-small-errors.md`, equations (8) to (12)).
 
 use std::sync::Arc;
@@ -6,13 +6,11 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::super::excitation::{self, Expected};
 use super::super::linear_model::Sizes;
-use super::{LARGEST_NOISE, Passage, Session, State};
-use crate::diagnosis::effect::interpolate;
-use crate::diagnosis::fit::{Linear, Point, corrected, knot_count, trial_times};
+use super::{LARGEST_NOISE, Session, State};
+use crate::diagnosis::fit::{Linear, Point, corrected, trial_times};
 use crate::diagnosis::kernel::{FAMILIES, Kernel};
-use crate::diagnosis::noise::{self, KNOT_SPACING, NoiseLevels, TrialNoise};
+use crate::diagnosis::noise::{self, NoiseLevels, TrialNoise};
 use crate::simulation::SimulationError;
 
 /// Families of autocorrelation are compared on so many trials at most, evenly spread over the session; lengths on twice as many.
@@ -30,58 +28,48 @@ impl Session<'_> {
         noise::estimate(&trials, &DVector::from_element(count, 1.0), self.analysis.least_white(), start)
     }
 
-    /// Takes the excitations that are expected before the moment is looked at.
-    pub(super) fn start_at_expected(&self, point: &mut Point, levels: &NoiseLevels) -> Result<(), SimulationError> {
-        let expected = excitation::expected(&self.envelopes(), levels, &self.analysis.kernels.emg, &self.signals);
-        for (position, g) in self.analysis.train.iter().enumerate() {
-            let record = &self.forward().trials[*g];
-            let clamp = |e: &Expected| e.mean.map(|w| w.clamp(-LARGEST_NOISE, LARGEST_NOISE));
-            point.correction[position] = expected[position].iter().map(clamp).collect();
-            let excitation = corrected(&record.time, &record.excitation, &point.correction[position]);
-            point.inputs[position] = Arc::new(self.forward().input(*g, excitation)?);
+    /// Takes the excitations that are expected of recorded EMG and moment together, equation (10).
+    ///
+    /// - `linear`, `noise`: at the point; `left`: what the linear model leaves of the residual, the noise's factors applied
+    pub(super) fn follow_emg(
+        &self,
+        point: &mut Point,
+        noise: &[TrialNoise],
+        weighted: &[DVector<f64>],
+        levels: &NoiseLevels,
+    ) -> Result<(), SimulationError> {
+        let clamped = |w: DVector<f64>| w.map(|w| w.clamp(-LARGEST_NOISE, LARGEST_NOISE));
+        let of = |(position, (noise, weighted)): (usize, (&TrialNoise, &DVector<f64>))| {
+            let correction: Vec<DVector<f64>> =
+                noise.expected_noise(levels, weighted).into_iter().map(clamped).collect();
+            let g = self.analysis.train[position];
+            let record = &self.forward().trials[g];
+            let excitation = corrected(&record.time, &record.excitation, &correction);
+            Ok((correction, Arc::new(self.forward().input(g, excitation)?)))
+        };
+        let found: Vec<Result<_, SimulationError>> = noise.par_iter().zip(weighted).enumerate().map(of).collect();
+        for (position, found) in found.into_iter().enumerate() {
+            (point.correction[position], point.inputs[position]) = found?;
         }
         Ok(())
     }
 
-    /// Recorded envelopes on knots, per trial and muscle.
-    pub(super) fn envelopes(&self) -> Vec<Vec<DVector<f64>>> {
-        let of = |g: &usize| {
-            let record = &self.forward().trials[*g];
-            let knots = knot_count(&record.time);
-            let at = |e: &Vec<f64>, j: usize| interpolate(&record.time, e, record.time[0] + KNOT_SPACING * j as f64);
-            record.excitation.iter().map(|e| DVector::from_fn(knots, |j, _| at(e, j))).collect()
-        };
-        self.analysis.train.iter().map(of).collect()
-    }
-
     /// How noise enters every trial, equation (12); the linearization is made to match.
-    pub(super) fn structure(&self, linear: &mut [Linear], point: &Point, levels: &NoiseLevels) -> Passage {
-        let bare = self.analysis.noise_structure(linear, point);
-        let expected = excitation::expected(&self.envelopes(), levels, &self.analysis.kernels.emg, &self.signals);
-        let kernel = &self.analysis.kernels.emg;
-        let noise = bare
-            .par_iter()
-            .zip(&expected)
-            .map(|(n, e)| n.with_expected(e.iter().map(|e| (&e.shaping, &e.known)), kernel))
-            .collect();
-        let passage = Passage { bare, expected, noise };
-        self.attach(linear, point, &passage);
-        passage
+    pub(super) fn structure(&self, linear: &mut [Linear], point: &Point) -> Vec<TrialNoise> {
+        let noise = self.analysis.noise_structure(linear, point);
+        self.attach(linear, point, &noise);
+        noise
     }
 
-    /// Residuals with what is expected of the EMG, equation (13), and baselines' columns.
-    pub(super) fn attach(&self, linear: &mut [Linear], point: &Point, passage: &Passage) {
-        linear.par_iter_mut().enumerate().for_each(|(i, l)| {
-            self.analysis.attach(l, i, point, &passage.bare[i]);
-            let means: Vec<DVector<f64>> = passage.expected[i].iter().map(|e| e.mean.clone()).collect();
-            l.residual -= passage.bare[i].respond(&means);
-        });
+    /// Residuals of the recorded EMG, equation (13), and baselines' columns.
+    pub(super) fn attach(&self, linear: &mut [Linear], point: &Point, noise: &[TrialNoise]) {
+        linear.par_iter_mut().enumerate().for_each(|(i, l)| self.analysis.attach(l, i, point, &noise[i]));
     }
 
     /// Linearized at a point, noise passing as it does.
-    pub(super) fn linearized(&self, point: &Point, passage: &Passage) -> Result<Vec<Linear>, SimulationError> {
+    pub(super) fn linearized(&self, point: &Point, noise: &[TrialNoise]) -> Result<Vec<Linear>, SimulationError> {
         let mut linear = self.analysis.linearize(point, &[])?;
-        self.attach(&mut linear, point, passage);
+        self.attach(&mut linear, point, noise);
         Ok(linear)
     }
 
@@ -96,7 +84,7 @@ impl Session<'_> {
         let least = self.analysis.least_white();
         for of_emg in [true, false] {
             let known = if of_emg { self.analysis.kernels.emg } else { self.analysis.kernels.moment };
-            let noise = &state.noise.noise;
+            let noise = &state.noise;
             let levels = state.levels;
             let with = |kernel: &Kernel, every: usize| -> Vec<TrialNoise> {
                 let of = |(n, g): (&TrialNoise, &usize)| match of_emg {
@@ -117,11 +105,10 @@ impl Session<'_> {
             });
             let found = with(&best, 1);
             state.levels = self.levels(&found, &regressors, state.levels);
-            state.noise.noise = found;
+            state.noise = found;
             if of_emg { self.analysis.kernels.emg = best } else { self.analysis.kernels.moment = best }
         }
         let time = |g: &usize| trial_times(&self.forward().trials[*g], &self.analysis.kernels.moment);
         self.analysis.times = self.analysis.train.iter().map(time).collect();
-        self.signals = excitation::signals(&self.envelopes(), &state.levels, &self.analysis.kernels.emg);
     }
 }

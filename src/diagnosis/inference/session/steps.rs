@@ -1,15 +1,14 @@
 //! Steps: effects switched on and off, descents with the noise held, sets that are tried by simulation
 //! (`docs/src/theory/many-small-errors.md`, equation (21)).
 
-use nalgebra::{Cholesky, DMatrix, Dyn};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use super::super::linear_model::{LinearModel, Posterior, Sizes};
 use super::super::search::Sets;
-use super::{
-    ASSESSED, Around, ODDS, OTHERS, Passage, Reached, STEPS, Session, Start, State, TRIED, WhitenedDirections,
-};
+use super::{ASSESSED, Around, ODDS, OTHERS, Reached, STEPS, Session, Start, State, TRIED, WhitenedDirections};
 use crate::diagnosis::fit::{Linear, Point, whiten};
+use crate::diagnosis::noise::TrialNoise;
 use crate::simulation::SimulationError;
 
 impl Session<'_> {
@@ -36,7 +35,7 @@ impl Session<'_> {
         let mut reached: Vec<Reached> = found.into_iter().flatten().collect();
         reached.sort_by(|a, b| a.deviance.total_cmp(&b.deviance));
         reached.truncate(ASSESSED);
-        let start = |r: Reached| Start { point: r.point, levels: state.levels, set: r.set, sizes: r.sizes };
+        let start = |r: Reached| r.start(state.levels);
         Ok(reached.into_iter().map(start).collect())
     }
 
@@ -146,7 +145,7 @@ impl Session<'_> {
             self.descend(&mut point, &mut linear, from.noise, from.factors, &directions, set, from.sizes, steps)?;
         let (sizes, deviance) = model.sizes_for(set, from.sizes, 2);
         let deviance = deviance + 2.0 * ODDS.ln() * set.len() as f64;
-        Ok(Reached { set: set.to_vec(), point, sizes, deviance })
+        Ok(Reached { set: set.to_vec(), point, sizes, deviance, directions })
     }
 
     /// Gauss–Newton steps of muscles, baselines and effects; directions and discrepancy are profiled out.
@@ -154,7 +153,7 @@ impl Session<'_> {
         &self,
         point: &mut Point,
         linear: &mut Vec<Linear>,
-        noise: &Passage,
+        noise: &[TrialNoise],
         factors: &[Cholesky<f64, Dyn>],
         directions: &[DMatrix<f64>],
         set: &[usize],
@@ -200,7 +199,7 @@ impl Session<'_> {
 /// Ψ of equation (21): penalized sum of squares at the point, directions and discrepancy profiled out.
 ///
 /// - `own`: columns that the point itself has
-fn profiled(model: &LinearModel, own: usize, set: &[usize], sizes: &Sizes) -> f64 {
+pub(super) fn profiled(model: &LinearModel, own: usize, set: &[usize], sizes: &Sizes) -> f64 {
     let sd = model.sds(set, sizes);
     let p = model.len();
     let rest = p - own;

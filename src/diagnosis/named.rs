@@ -1,34 +1,18 @@
-//! Where many things are a little wrong at once: which effects are missing all the same, and what each takes of the error.
-//!
-//! In a laboratory no model with one effect more leaves nothing. [`Session`] allows for a little of every effect and for a
-//! smooth discrepancy, and says which effects are beyond that. Here it is decided whether a participant's trials are of this kind, and the answer
-//! is put into the terms of a diagnosis.
+//! Effects that are missing: what each takes of the error, and the error step by step
+//! (`docs/src/theory/many-small-errors.md`, equations (22), (23) and (27)).
 
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::addition::unidentifiable;
-use super::catalogue::CATALOGUE;
-use super::diagnose::{BEYOND_DOUBT, ParameterEstimate, Request, simulate};
+use super::diagnose::{ParameterEstimate, Request, simulate};
 use super::effect::Effect;
 use super::forward_model::{ForwardModel, Setting};
-use super::inference::search::Budget;
 use super::inference::session::{HandedOver, Session, State};
-use super::what_remains::{ProposedFormula, formulas};
 use crate::simulation::{MuscleParameters, SimulationError};
 use crate::study::TrialUse;
 
-/// Sets whose neighbours are looked at in a round.
-const EXPANSIONS: usize = 12;
-/// What a laboratory has of every effect, as a share of what is plausible: beyond this many things are a little wrong, and a search for the one
-/// effect that leaves nothing is in vain. Sessions with one effect and noise alone are an order of magnitude below, laboratories above.
-const LABORATORY: f64 = 0.02;
-/// More effects than this are many things, too; of so few it is asked whether one, or both, leave nothing.
-pub const FEW: usize = 2;
-/// An effect, or one of its group, is dominant only if it is more likely missing than not …
-const LIKELY: f64 = 0.5;
-/// … and if at least this share of the mean square of the given model's error comes back without it.
+/// An effect is dominant if at least this share of the mean square of the given model's error comes back without it.
 const DOMINANT: f64 = 0.15;
 
 /// An effect that is missing.
@@ -67,98 +51,6 @@ pub struct AccountStep {
     pub train: f64,
     /// Held-out trials.
     pub held_out: Option<f64>,
-}
-
-/// What is missing from a model of a session in which many things are a little wrong.
-#[derive(Clone, Debug)]
-pub struct Several {
-    /// Effects, the largest share first.
-    pub effects: Vec<NamedEffect>,
-    /// The error, step by step.
-    pub account: Vec<AccountStep>,
-    /// What is handed over: muscles and effects.
-    pub handed_over: HandedOver,
-    /// Muscles alone.
-    pub recalibrated: HandedOver,
-    /// Noise of a sample [N·m].
-    pub noise_floor: f64,
-    /// Whether something is left beside its effects beyond doubt: then neither one effect nor two leave nothing.
-    pub leaves_something: bool,
-    /// Formulas for what remains beside what is handed over.
-    pub proposals: Vec<ProposedFormula>,
-}
-
-/// A model fitted with effects.
-pub struct Fitted {
-    /// What is handed over.
-    pub handed_over: HandedOver,
-    /// Estimates at the joint mode.
-    pub estimates: BTreeMap<String, ParameterEstimate>,
-    /// Noise of a sample [N·m].
-    pub noise_floor: f64,
-}
-
-fn session<'a>(request: &'a Request) -> Session<'a> {
-    let train = request.forward.trials_for(TrialUse::Train);
-    let candidates = if request.candidates.is_empty() { CATALOGUE.to_vec() } else { request.candidates.clone() };
-    Session::new(request.forward, train, candidates, &request.bounds, Budget { expansions: EXPANSIONS })
-}
-
-/// The muscles fitted with these effects and no others.
-///
-/// # Errors
-/// A trial that cannot be simulated.
-pub fn fitted_with(request: &Request, effects: &[&str]) -> Result<Fitted, SimulationError> {
-    let mut session = session(request);
-    let state = session.estimate(effects, true, &|_| {})?;
-    Ok(Fitted {
-        handed_over: session.handed_over(&state)?,
-        estimates: session.estimates(&state),
-        noise_floor: session.noise_floor(&state),
-    })
-}
-
-/// What is missing, if many things are a little wrong; `None` if one effect, or two, may leave nothing.
-///
-/// # Errors
-/// A trial that cannot be simulated.
-pub fn several(request: &Request) -> Result<Option<Several>, SimulationError> {
-    let mut session = session(request);
-    // Of so few nothing can be learnt about everything.
-    if session.analysis.candidates.len() <= FEW {
-        return Ok(None);
-    }
-    let is_few = |state: &State| {
-        let best = state.sets.best();
-        best.sizes.everything < LABORATORY && best.effects.len().max(state.point.effects.len()) <= FEW
-    };
-    let begun = session.begin(&[], false, &|_| {})?;
-    if is_few(&begun.state) {
-        return Ok(None);
-    }
-    let state = session.settle(begun, &|_| {})?;
-    if is_few(&state) {
-        return Ok(None);
-    }
-    let mut handed_over = session.handed_over(&state)?;
-    let mut effects = named(request, &session, &state, &handed_over)?;
-    effects.sort_by(|a, b| b.share_of_error.train[0].total_cmp(&a.share_of_error.train[0]));
-    let mut noise_floor = session.noise_floor(&state);
-    let left = session.analysis.blocks_left(&session.as_fit(&state), &unidentifiable(&session.analysis));
-    let left = left.unwrap_or_default();
-    let leaves_something = left.iter().any(|b| b.p_value * (left.len() as f64) < BEYOND_DOUBT);
-    let alone = session.estimate(&[], true, &|_| {})?;
-    let recalibrated = session.handed_over(&alone)?;
-    // Effects that do not help to predict trials that were left out are not missing.
-    if recalibrated.left_out_ratio <= handed_over.left_out_ratio {
-        (handed_over, noise_floor) = (recalibrated.clone(), session.noise_floor(&alone));
-        effects.clear();
-    }
-    let account = account(request, &effects, &handed_over, &recalibrated, noise_floor)?;
-    let moments = simulate(request.forward, &handed_over.parameters, &handed_over.effects, TrialUse::Train)?;
-    let proposals =
-        formulas(request.forward, &moments, &state.factors, &session.of_muscle_parameters(&state), request.seed);
-    Ok(Some(Several { effects, account, handed_over, recalibrated, noise_floor, leaves_something, proposals }))
 }
 
 /// Mean squares of the residuals of every trial of a use [(N·m)²], weighted by samples.
@@ -208,8 +100,11 @@ fn own(estimates: &BTreeMap<String, ParameterEstimate>, id: &str) -> BTreeMap<St
     estimates.iter().filter_map(of).collect()
 }
 
-/// Effects of the joint mode.
-fn named(
+/// Effects of the joint mode, the largest share of the error first.
+///
+/// # Errors
+/// A trial that cannot be simulated.
+pub(super) fn named(
     request: &Request,
     session: &Session,
     state: &State,
@@ -237,15 +132,20 @@ fn named(
             effect: id,
             group: group.into_iter().map(|e| session.analysis.candidates[e].description().id).collect(),
             probability,
-            dominant: probability >= LIKELY && train[0] >= DOMINANT && train[1] > 0.0,
+            dominant: train[0] >= DOMINANT && train[1] > 0.0,
             share_of_error: Shares { train, held_out: shares[1] },
             parameters: own(&estimates, id),
         });
     }
+    out.sort_by(|a, b| b.share_of_error.train[0].total_cmp(&a.share_of_error.train[0]));
     Ok(out)
 }
 
-fn account(
+/// The error, step by step.
+///
+/// # Errors
+/// A trial that cannot be simulated.
+pub(super) fn account(
     request: &Request,
     effects: &[NamedEffect],
     handed_over: &HandedOver,
