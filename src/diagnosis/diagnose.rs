@@ -13,7 +13,7 @@ use super::fit::{Analysis, Fit};
 use super::forward_model::{ForwardModel, Setting};
 use super::inference::search::Budget;
 use super::inference::session::{HandedOver, Session, State};
-use super::named::{NamedEffect, account, named};
+use super::named::{AccountStep, named};
 use super::noise::NoiseLevels;
 use super::score_test::{BlockScore, Omnibus};
 use super::separation::{Laboratory, Separation, most_useful, separations};
@@ -103,7 +103,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let report = request.report();
     let found = session.estimate(&[], false, &report)?;
     let alone = session.estimate(&[], true, &report)?;
-    let mut state = session.likely(found)?;
+    let state = session.likely(found)?;
     let null = session.as_fit(&alone);
     let first = session.analysis.blocks_left(&null, &[]).ok_or(SimulationError::NoiseCovariance)?;
     let not_testable: Vec<&'static str> = session
@@ -119,14 +119,8 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let left_alone = test(&session.analysis, &null, &not_testable)?;
 
     let recalibrated = session.handed_over(&alone)?;
-    let mut handed_over = session.handed_over(&state)?;
-    let mut effects = named(request, &session, &state, &handed_over)?;
-    // Effects that do not help to predict trials that were left out are not missing.
-    if recalibrated.left_out_ratio <= handed_over.left_out_ratio {
-        handed_over = recalibrated.clone();
-        effects.clear();
-        state = alone;
-    }
+    let handed_over = session.handed_over(&state)?;
+    let (effects, mut account) = named(request, &session, &state, &handed_over, &recalibrated)?;
     let left = test(&session.analysis, &session.as_fit(&state), &not_testable)?;
     let something_is_left = left.p_value < LEVEL;
     let judge = Judge { request, session: &session, null: &null, not_testable: &not_testable };
@@ -176,6 +170,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         list.push(c.effect);
     }
     let noise_floor = session.noise_floor(&state) / request.mvc;
+    account.push(AccountStep { step: "noise".to_owned(), train: noise_floor, held_out: None });
     let diagnosis = Diagnosis {
         schema: "carpus.diagnosis/2",
         participant: request.participant.clone(),
@@ -186,7 +181,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         candidates,
         confusion: judge.confusion(&left_alone, &kept),
         separating_experiments,
-        account: account(request, &effects, &handed_over, &recalibrated, noise_floor)?,
+        account,
         part_of_the_way: handed_over.part,
         proposals,
         not_listed,

@@ -28,11 +28,11 @@ use super::kernel::Kernel;
 use super::noise::{COMPONENTS, Kernels, NoiseLevels, TrialNoise, TrialTimes};
 use super::score_test::{self, Block, BlockScore, Nuisance, Omnibus, Tested, Variances};
 use super::trial_record::TrialRecord;
-use crate::simulation::{MuscleParameters, SimulationError};
+use crate::simulation::MuscleParameters;
 use crate::study::ParameterBounds;
 
-pub(crate) use grid::{between_knots, corrected, knot_count, memory_of_noise};
 pub(crate) use grid::{block_means, block_starts};
+pub(crate) use grid::{corrected, knot_count, memory_of_noise};
 pub(crate) use linearization::Linear;
 
 /// Where a fit stands.
@@ -288,12 +288,32 @@ impl<'a> Analysis<'a> {
 
 /// Prior precision of amplitudes in units of their scale: 20 scales are one standard deviation.
 pub(crate) const AMPLITUDE_PRECISION: f64 = 1.0 / 400.0;
+
+/// Rows that are solved for at a time: what is below them takes them as a product of matrices, which is several times as fast.
+const ROWS: usize = 24;
+
+/// L⁻¹ times columns, V = L Lᵀ.
 pub(crate) fn whiten(factor: &Cholesky<f64, Dyn>, columns: &DMatrix<f64>) -> DMatrix<f64> {
     let mut out = columns.clone();
-    // The factor has a positive diagonal, so that this always succeeds.
-    let solved = factor.l_dirty().solve_lower_triangular_mut(&mut out);
-    debug_assert!(solved);
+    let l = factor.l_dirty();
+    let n = l.nrows();
+    for start in (0..n).step_by(ROWS) {
+        let size = ROWS.min(n - start);
+        let rest = n - start - size;
+        // The factor has a positive diagonal, so that this always succeeds.
+        let solved = l.view((start, start), (size, size)).solve_lower_triangular_mut(&mut out.rows_mut(start, size));
+        debug_assert!(solved);
+        if rest > 0 {
+            let above = out.rows(start, size).into_owned();
+            out.rows_mut(start + size, rest).gemm(-1.0, &l.view((start + size, start), (rest, size)), &above, 1.0);
+        }
+    }
     out
+}
+
+/// Aᵀ B.
+pub(crate) fn product(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    a.transpose() * b
 }
 
 fn prior_sd(bounds: &ParameterBounds) -> [f64; FITTED_PER_MUSCLE] {

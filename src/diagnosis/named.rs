@@ -6,13 +6,12 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::diagnose::{ParameterEstimate, Request, simulate};
-use super::effect::Effect;
 use super::forward_model::{ForwardModel, Setting};
 use super::inference::session::{HandedOver, Session, State};
 use crate::simulation::{MuscleParameters, SimulationError};
 use crate::study::TrialUse;
 
-/// An effect is dominant if at least this share of the mean square of the given model's error comes back without it.
+/// An effect is dominant if it takes at least this share of the mean square of the given model's error.
 const DOMINANT: f64 = 0.15;
 
 /// An effect that is missing.
@@ -26,8 +25,8 @@ pub struct NamedEffect {
     pub probability: f64,
     /// Whether it takes more of the error than a little of everything does.
     pub dominant: bool,
-    /// Share of the mean square of the error of the model as given that comes back when the effect is taken out and muscles and the other
-    /// effects make up for it as they can: value and 95 % interval over trials.
+    /// Share of the mean square of the error of the model as given that it takes beside the effects before it, muscles and these making
+    /// up for what is missing as they can: value and 95 % interval over trials.
     pub share_of_error: Shares,
     /// Parameters by name, at the joint mode.
     pub parameters: BTreeMap<String, ParameterEstimate>,
@@ -100,7 +99,11 @@ fn own(estimates: &BTreeMap<String, ParameterEstimate>, id: &str) -> BTreeMap<St
     estimates.iter().filter_map(of).collect()
 }
 
-/// Effects of the joint mode, the largest share of the error first.
+/// Mean squares of training and held-out trials.
+type Squares = [Vec<[f64; 2]>; 2];
+
+/// Effects of the joint mode in the order in which they lower the training error most, each beside those before it, and the error step by
+/// step.
 ///
 /// # Errors
 /// A trial that cannot be simulated.
@@ -109,24 +112,43 @@ pub(super) fn named(
     session: &Session,
     state: &State,
     handed_over: &HandedOver,
-) -> Result<Vec<NamedEffect>, SimulationError> {
+    recalibrated: &HandedOver,
+) -> Result<(Vec<NamedEffect>, Vec<AccountStep>), SimulationError> {
     let forward = request.forward;
-    let nominal = forward.nominal_parameters();
-    let estimates = session.estimates(state);
-    let squares_of = |parameters: &[MuscleParameters], effects: &[Setting]| {
+    let squares_of = |parameters: &[MuscleParameters], effects: &[Setting]| -> Result<Squares, SimulationError> {
         let of = |usage| squares(forward, parameters, effects, usage);
-        Ok::<_, SimulationError>([of(TrialUse::Train)?, of(TrialUse::Test)?])
+        Ok([of(TrialUse::Train)?, of(TrialUse::Test)?])
     };
-    let given = squares_of(&nominal, &[])?;
-    let with = squares_of(&handed_over.parameters, &handed_over.effects)?;
+    let with_some = |kept: &[usize]| {
+        let (parameters, effects) = session.with_some(state, kept, handed_over.part);
+        squares_of(&parameters, &effects)
+    };
+    let step = |name: &str, squares: &Squares| {
+        let [train, held_out] = squares.each_ref().map(|s| rms(s).map(|e| e / request.mvc));
+        AccountStep { step: name.to_owned(), train: train.unwrap_or(0.0), held_out }
+    };
+    let given = squares_of(&forward.nominal_parameters(), &[])?;
+    let mut account = vec![
+        step("as_given", &given),
+        step("recalibrated", &squares_of(&recalibrated.parameters, &recalibrated.effects)?),
+    ];
+    let estimates = session.estimates(state);
     let mut out = Vec::new();
-    for place in session.places(&state.point.effects) {
-        let effect: &'static dyn Effect = session.analysis.candidates[place];
-        let id = effect.description().id;
+    let mut open = session.places(&state.point.effects);
+    let mut kept: Vec<usize> = Vec::new();
+    let mut before = with_some(&[])?;
+    while !open.is_empty() {
+        let beside = |place: &usize| with_some(&[&kept[..], &[*place]].concat());
+        let found: Vec<Squares> = match open.as_slice() {
+            [_] => vec![squares_of(&handed_over.parameters, &handed_over.effects)?],
+            _ => open.iter().map(beside).collect::<Result<_, _>>()?,
+        };
+        let left = |s: &Squares| s[0].iter().map(|s| s[0]).sum::<f64>();
+        let first = (0..open.len()).min_by(|a, b| left(&found[*a]).total_cmp(&left(&found[*b]))).unwrap_or(0);
+        let place = open.remove(first);
+        let id = session.analysis.candidates[place].description().id;
         let (group, probability) = session.group(state, place);
-        let (parameters, rest) = session.without(state, place, handed_over.part);
-        let without = squares_of(&parameters, &rest)?;
-        let shares = [0, 1].map(|i| share(&given[i], &with[i], &without[i]));
+        let shares = [0, 1].map(|i| share(&given[i], &found[first][i], &before[i]));
         let train = shares[0].unwrap_or([0.0; 3]);
         out.push(NamedEffect {
             effect: id,
@@ -136,38 +158,11 @@ pub(super) fn named(
             share_of_error: Shares { train, held_out: shares[1] },
             parameters: own(&estimates, id),
         });
+        account.push(step(id, &found[first]));
+        kept.push(place);
+        before = found.into_iter().nth(first).unwrap_or(before);
     }
-    out.sort_by(|a, b| b.share_of_error.train[0].total_cmp(&a.share_of_error.train[0]));
-    Ok(out)
-}
-
-/// The error, step by step.
-///
-/// # Errors
-/// A trial that cannot be simulated.
-pub(super) fn account(
-    request: &Request,
-    effects: &[NamedEffect],
-    handed_over: &HandedOver,
-    recalibrated: &HandedOver,
-    noise_floor: f64,
-) -> Result<Vec<AccountStep>, SimulationError> {
-    let forward = request.forward;
-    let step = |name: String, parameters: &[MuscleParameters], effects: &[Setting]| {
-        let error = |usage| Ok::<_, SimulationError>(rms(&squares(forward, parameters, effects, usage)?));
-        let of_mvc = |e: f64| e / request.mvc;
-        let train = error(TrialUse::Train)?.map_or(0.0, of_mvc);
-        Ok::<_, SimulationError>(AccountStep { step: name, train, held_out: error(TrialUse::Test)?.map(of_mvc) })
-    };
-    let mut out = vec![step("as_given".to_owned(), &forward.nominal_parameters(), &[])?];
-    out.push(step("recalibrated".to_owned(), &recalibrated.parameters, &recalibrated.effects)?);
-    if !effects.is_empty() {
-        let names: Vec<&str> = effects.iter().map(|e| e.effect).collect();
-        out.push(step(names.join("+"), &handed_over.parameters, &handed_over.effects)?);
-    }
-    let floor = noise_floor / request.mvc;
-    out.push(AccountStep { step: "noise".to_owned(), train: floor, held_out: None });
-    Ok(out)
+    Ok((out, account))
 }
 
 #[cfg(test)]

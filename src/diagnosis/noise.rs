@@ -157,12 +157,6 @@ impl Response {
         *rows = if rows.start == rows.end { block..block + 1 } else { rows.start.min(block)..rows.end.max(block + 1) };
     }
 
-    /// Of a matrix, blocks × knots.
-    fn dense(by_knots: DMatrix<f64>) -> Response {
-        let rows = vec![0..by_knots.nrows(); by_knots.ncols()];
-        Response { by_knots, rows }
-    }
-
     /// G K; with `factors` on the knots G D K.
     ///
     /// - `by_step`: correlations over knots
@@ -392,37 +386,6 @@ impl TrialNoise {
         let whole = self.whole.column(muscle);
         out.ger(gain, &whole, &whole, 1.0);
         out
-    }
-
-    /// The same noise, that of the EMG being what an expected true excitation leaves of it.
-    ///
-    /// - `shaping`, `known`: per muscle, what of the noise is left, and the covariance of what was smoothed away
-    pub fn with_expected<'e>(
-        &self,
-        expected: impl Iterator<Item = (&'e DMatrix<f64>, &'e DMatrix<f64>)>,
-        kernel: &Kernel,
-    ) -> TrialNoise {
-        let mut known =
-            self.of_angle.clone().unwrap_or_else(|| DMatrix::zeros(self.times.white.len(), self.times.white.len()));
-        let response = self.response.iter().zip(expected).map(|(g, (shaping, covariance))| {
-            known += &g.by_knots * covariance * g.by_knots.transpose();
-            Response::dense(&g.by_knots * shaping)
-        });
-        let response: Vec<Response> = response.collect();
-        let mut whole = DMatrix::zeros(self.times.white.len(), response.len());
-        for (g, mut whole) in response.iter().zip(whole.column_iter_mut()) {
-            whole.copy_from(&g.by_knots.column_sum());
-        }
-        let emg = [DMatrix::zeros(0, 0), &whole * whole.transpose(), DMatrix::zeros(0, 0)];
-        let of_angle = Some(known);
-        TrialNoise { response, whole, emg, of_angle, ..self.clone() }.with_emg_kernel(kernel)
-    }
-
-    /// Covariance of all knots of a muscle with the moment, times V⁻¹ r, for an expected true excitation.
-    ///
-    /// - `weighted`: V⁻¹ r
-    pub fn known_response(&self, muscle: usize, known: &DMatrix<f64>, weighted: &DVector<f64>) -> DVector<f64> {
-        known * self.response[muscle].by_knots.tr_mul(weighted)
     }
 
     /// Sum of V's diagonal for single samples instead of blocks [(N·m)²].

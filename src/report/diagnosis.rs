@@ -22,6 +22,9 @@ pub struct DiagnosisResult {
     /// Effects that are missing.
     #[serde(default)]
     pub effects: Vec<NamedEffectResult>,
+    /// The error, step by step.
+    #[serde(default)]
+    pub account: Vec<AccountResult>,
     /// Formulas for what remains.
     #[serde(default)]
     pub proposals: Vec<ProposalResult>,
@@ -69,12 +72,24 @@ pub struct NamedEffectResult {
     /// Whether it takes more of the error than a little of everything does.
     #[serde(default)]
     pub dominant: bool,
-    /// Share of the model's mean squared error that comes back without it.
+    /// Share of the model's mean squared error that it takes beside those before it.
     #[serde(default)]
     pub share_of_error: SharesResult,
     /// Parameters by name.
     #[serde(default)]
     pub parameters: BTreeMap<String, Estimate>,
+}
+
+/// A step of the error: RMSE / session MVC moment.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AccountResult {
+    /// `as_given`, `recalibrated`, an effect, or `noise`.
+    pub step: String,
+    /// Training trials.
+    pub train: f64,
+    /// Held-out trials.
+    #[serde(default)]
+    pub held_out: Option<f64>,
 }
 
 /// A formula for what remains.

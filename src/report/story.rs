@@ -243,20 +243,17 @@ fn steps(results: &Results, diagnosis: &DiagnosisResult) -> Vec<WaterfallStep> {
             })
             .collect();
     }
-    let (train, held_out) = (&diagnosis.error.train, diagnosis.error.held_out.as_ref());
-    let several: Vec<String> = diagnosis.effects.iter().map(|e| e.effect.clone()).collect();
-    let with = diagnosis.explanations.first().map(|e| format!("+ {}", names(&e.effects)));
-    let with = with.or((!several.is_empty()).then(|| format!("+ {}", names(&several))));
-    let step =
-        |label: String, train: f64, held_out: Option<f64>| WaterfallStep { label, train, held_out, current: false };
-    let mut steps = vec![
-        step("Model as given".to_owned(), train.base, held_out.map(|h| h.base)),
-        step("Muscles refitted".to_owned(), train.refit_only, held_out.map(|h| h.refit_only)),
-    ];
-    if let Some(error) = train.with_effect {
-        let label = with.unwrap_or_else(|| "With the best explanation".to_owned());
-        steps.push(step(label, error, held_out.and_then(|h| h.with_effect)));
-    }
+    let label = |step: &str| match step {
+        "as_given" => "Model as given".to_owned(),
+        "recalibrated" => "Muscles refitted".to_owned(),
+        effect => format!("+ {}", name(effect)),
+    };
+    let mut steps: Vec<WaterfallStep> = diagnosis
+        .account
+        .iter()
+        .filter(|s| s.step != "noise")
+        .map(|s| WaterfallStep { label: label(&s.step), train: s.train, held_out: s.held_out, current: false })
+        .collect();
     if let Some(last) = steps.last_mut() {
         last.current = true;
     }

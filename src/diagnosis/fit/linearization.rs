@@ -46,11 +46,6 @@ impl Analysis<'_> {
         self.linearized(point, noise, &variants)
     }
 
-    /// As [`Analysis::linearize`], but for the columns of effects: there are none.
-    pub(crate) fn linearize_muscles(&self, point: &Point) -> Result<Vec<Linear>, SimulationError> {
-        self.linearized(point, &[], &[])
-    }
-
     /// - `variants`: of every effect of which derivatives are asked for, those of the point in their order
     fn linearized(
         &self,
@@ -121,24 +116,6 @@ impl Analysis<'_> {
             Ok(block_means(&by, &starts))
         };
         (0..effects[which].values.len()).map(by).collect()
-    }
-
-    /// A linearization as it is with one more effect, which is absent: nothing but its own columns is computed.
-    ///
-    /// - `point`: with that effect, the last
-    pub(crate) fn with_absent(&self, linear: &[Linear], point: &Point) -> Result<Vec<Linear>, SimulationError> {
-        let which = point.effects.len() - 1;
-        let variants = self.forward.difference_variants(&point.effects, which)?;
-        let of_trial = |(position, l): (usize, &Linear)| {
-            let own = self.by_effect(position, &l.core, point, &point.effects, which, &variants)?;
-            let known = l.effects.ncols();
-            let mut effects = l.effects.clone().resize_horizontally(known + own.len(), 0.0);
-            own.iter().enumerate().for_each(|(i, by)| effects.set_column(known + i, by));
-            let Linear { nuisance, bare, residual, core, .. } = l;
-            let (nuisance, core) = (nuisance.clone(), Arc::clone(core));
-            Ok(Linear { nuisance, effects, bare: bare.clone(), residual: residual.clone(), core })
-        };
-        linear.par_iter().with_max_len(ONE_BY_ONE).enumerate().map(of_trial).collect::<Vec<_>>().into_iter().collect()
     }
 
     /// Takes the noise of a trial into account in a linearization.
@@ -387,7 +364,7 @@ mod tests {
             let with = [others, &[sized("unmodelled_muscles", &[0.5, 0.4])]].concat();
             let responses = |effects: &[Setting]| {
                 let point = Point { effects: effects.to_vec(), ..analysis.nominal_point() };
-                let linear = analysis.linearize_muscles(&point).unwrap();
+                let linear = analysis.linearize(&point, &[]).unwrap();
                 analysis.noise_structure(&linear, &point)
             };
             let [of_with, of_others] = [&with[..], others].map(responses);
@@ -436,7 +413,7 @@ mod tests {
         curved.values[0] = -1.0;
         for effects in [vec![], vec![curved]] {
             let point = Point { effects, ..analysis.nominal_point() };
-            let linear = analysis.linearize_muscles(&point).unwrap();
+            let linear = analysis.linearize(&point, &[]).unwrap();
             let noise = analysis.noise_structure(&linear, &point);
             for (g, record) in forward.trials.iter().enumerate() {
                 let found = noise[g].respond(&waves(forward.muscles.len(), knot_count(&record.time), 1.0));

@@ -162,14 +162,19 @@ impl LinearModel {
         Sizes { everything: self.size_priors.everything, discrepancy: self.size_priors.discrepancy.clone() }
     }
 
-    /// The model in which an effect is absent: its amplitudes are nothing.
+    /// The model in which effects are absent: their amplitudes are nothing.
     ///
-    /// - `effect`: its place
-    pub fn without(&self, effect: usize) -> LinearModel {
-        let mut model = self.clone();
-        let of = |p: &Prior| matches!(*p, Prior::Amplitude { effect: e, .. } if e == effect);
-        model.priors.iter_mut().filter(|p| of(p)).for_each(|p| *p = Prior::Known(0.0));
-        model
+    /// - `effects`: their places
+    pub fn without(&self, effects: &[usize]) -> LinearModel {
+        let absent = |p: &Prior| matches!(p, Prior::Amplitude { effect, .. } if effects.contains(effect));
+        let prior = |p: &Prior| if absent(p) { Prior::Known(0.0) } else { *p };
+        LinearModel {
+            priors: self.priors.iter().map(prior).collect(),
+            offset: self.offset.clone(),
+            by_trial: Vec::new(),
+            products: self.products.clone(),
+            size_priors: self.size_priors.clone(),
+        }
     }
 
     /// Prior standard deviation of every column.

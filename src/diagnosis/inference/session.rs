@@ -33,10 +33,10 @@ const ODDS: f64 = 20.0;
 const STARTS: usize = 3;
 /// Sets whose neighbours are looked at around the model as given.
 const FIRST_EXPANSIONS: usize = 6;
-/// Effects that are tried alone from there, those first that the linear model calls for most.
-const SCREENED: usize = 12;
+/// Gauss–Newton steps from there.
+const FIRST_STEPS: usize = 4;
 /// Rounds of search, simulation of other sets, noise and relinearization, at most.
-const ROUNDS: usize = 4;
+const ROUNDS: usize = 6;
 /// Share of the sizes' scales that is as good as nothing.
 const NOTHING_ELSE: f64 = 0.02;
 /// Gauss–Newton steps with a set of effects.
@@ -263,8 +263,8 @@ impl<'a> Session<'a> {
                 .filter_map(|start| self.assessed(start, &candidates, &always).ok());
             let next = self.most_probable(next);
             let Some(next) = next else { break };
-            report(&format!("round {} {:.1?}", self.in_words(&next), clock.elapsed()));
             let fall = self.behind(&best, &next);
+            report(&format!("round {} {:.1?}, lower by {fall:.1}", self.in_words(&next), clock.elapsed()));
             if fall > 0.0 {
                 best = next;
             }
@@ -311,8 +311,9 @@ impl<'a> Session<'a> {
     fn in_words(&self, state: &State) -> String {
         let best = state.sets.best();
         format!(
-            "{:?} {:.1} κ {:.3} σ {:.3?} levels {:.3?}",
+            "{:?} at {:?} {:.1} κ {:.3} σ {:.3?} levels {:.3?}",
             self.ids(&best.effects),
+            self.ids(&self.places(&state.point.effects)),
             best.deviance,
             best.sizes.everything,
             best.sizes.discrepancy,
@@ -374,15 +375,9 @@ impl<'a> Session<'a> {
         // Each effect alone, as if nothing else were wrong: a little of everything would make up for any of them.
         let nothing = sizes.scaled(NOTHING_ELSE);
         let with = |e: &usize| [always, &[*e]].concat();
-        let mut alone: Vec<(f64, Vec<usize>)> = candidates
-            .par_iter()
-            .filter(|e| !always.contains(e))
-            .map(|e| (model.posterior(&with(e), &nothing).deviance, with(e)))
-            .collect();
-        alone.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut sets: Vec<(Vec<usize>, &Sizes)> = vec![(always.to_vec(), &sizes), (always.to_vec(), &nothing)];
         sets.push((found.best().effects.clone(), &sizes));
-        sets.extend(alone.into_iter().take(SCREENED).map(|(_, set)| (set, &nothing)));
+        sets.extend(candidates.iter().filter(|e| !always.contains(e)).map(|e| (with(e), &nothing)));
         for (set, _) in &mut sets {
             set.sort_unstable();
         }
@@ -394,7 +389,7 @@ impl<'a> Session<'a> {
             factors: &factors,
             directions: &directions,
         };
-        let reach = |(set, sizes): &(Vec<usize>, &Sizes)| self.reach(&Around { sizes, ..from }, set, STEPS).ok();
+        let reach = |(set, sizes): &(Vec<usize>, &Sizes)| self.reach(&Around { sizes, ..from }, set, FIRST_STEPS).ok();
         let mut reached: Vec<Reached> = sets.par_iter().with_max_len(1).filter_map(reach).collect();
         reached.sort_by(|a, b| a.deviance.total_cmp(&b.deviance));
         for r in &reached {
@@ -452,20 +447,22 @@ impl<'a> Session<'a> {
         state.sets = search(&state.model, candidates, always, 2.0 * ODDS.ln(), &[set.to_vec()], sizes, self.budget);
     }
 
-    /// How much larger −2 log posterior is at one state than at another, each with its most probable set, equation (20): both at the
+    /// How much larger −2 log posterior is at one state than at another, each with its point's effects, equation (20): both at the
     /// geometric means of their noise's variances, true excitations being parameters as all others are. That a model lets less of the
-    /// EMG's noise pass is no evidence for it.
+    /// EMG's noise pass is no evidence for it, and where two let different parts of it pass, their difference is in part chance.
     pub(crate) fn behind(&self, a: &State, b: &State) -> f64 {
         let levels = a.levels.between(&b.levels);
         let deviance = |state: &State| {
             let columns = self.all_columns(&state.point, &state.linear, &state.directions);
-            let best = state.sets.best();
-            let of =
-                |factors: Vec<_>| self.model(&state.point, &columns, &factors).posterior(&best.effects, &best.sizes);
-            let cost = 2.0 * ODDS.ln() * best.effects.len() as f64;
+            let set = self.places(&state.point.effects);
+            let of = |factors: Vec<_>| self.model(&state.point, &columns, &factors).posterior(&set, self.sizes(state));
+            let cost = 2.0 * ODDS.ln() * set.len() as f64;
             factors(&state.noise, &levels).map_or(f64::INFINITY, |factors| of(factors).deviance + cost)
         };
-        deviance(a) - deviance(b)
+        let difference = deviance(a) - deviance(b);
+        let scatter = noise::scatter_of_all(&a.noise, &b.noise, &levels).unwrap_or(0.0).max(0.0);
+        let known = difference.abs() / (difference.abs() + scatter).max(f64::MIN_POSITIVE);
+        if difference.is_finite() { difference * known } else { difference }
     }
 
     /// The most probable of several states.

@@ -7,7 +7,7 @@ use super::super::discrepancy;
 use super::super::linear_model::{LinearModel, Prior, SizePriors};
 use super::{EVERYTHING, EffectColumns, OF_MOMENT, OF_MUSCLES, Session, WhitenedDirections};
 use crate::diagnosis::effect::{Effect, Role};
-use crate::diagnosis::fit::{Linear, Point, block_means, block_starts, whiten};
+use crate::diagnosis::fit::{Linear, Point, block_means, block_starts, product, whiten};
 use crate::diagnosis::forward_model::{Change, FITTED_PER_MUSCLE};
 
 impl Session<'_> {
@@ -147,7 +147,7 @@ impl Session<'_> {
         let (priors, offset) = self.priors(point);
         let products = |(columns, factor): (&DMatrix<f64>, &Cholesky<f64, Dyn>)| {
             let w = whiten(factor, columns);
-            w.tr_mul(&w)
+            product(&w, &w)
         };
         let by_trial: Vec<_> = columns.par_iter().zip(factors).map(products).collect();
         LinearModel::new(priors, offset, by_trial, self.size_priors())
@@ -173,8 +173,8 @@ impl Session<'_> {
                 moving.columns_mut(own, rest - 1).copy_from(&of_muscles);
                 moving.set_column(own + rest - 1, &l.residual);
                 let moving = whiten(factor, &moving);
-                let squares = moving.tr_mul(&moving);
-                let cross = moving.tr_mul(&d.columns);
+                let squares = product(&moving, &moving);
+                let cross = product(&moving, &d.columns);
                 let n = own + directions + rest;
                 let mut out = DMatrix::zeros(n, n);
                 let at = own + directions;

@@ -85,18 +85,19 @@ impl Session<'_> {
         (parameters.collect(), point.effects.iter().map(shortened).collect())
     }
 
-    /// What would be handed over without one of the effects: muscles and the others take, to first order, what it leaves.
+    /// What would be handed over with some of the effects alone: muscles and these take, to first order, what the others leave.
     /// Equation (27) compares it with what is handed over.
     ///
-    /// - `effect`: its place
-    pub fn without(&self, state: &State, effect: usize, part: f64) -> (Vec<MuscleParameters>, Vec<Setting>) {
-        let set: Vec<usize> = self.places(&state.point.effects).into_iter().filter(|e| *e != effect).collect();
-        let posterior = state.model.without(effect).posterior(&set, self.sizes(state));
+    /// - `kept`: places of the effects that stay
+    pub fn with_some(&self, state: &State, kept: &[usize], part: f64) -> (Vec<MuscleParameters>, Vec<Setting>) {
+        let set = self.places(&state.point.effects);
+        let (kept, others): (Vec<usize>, Vec<usize>) = set.into_iter().partition(|e| kept.contains(e));
+        let posterior = state.model.without(&others).posterior(&kept, self.sizes(state));
         let own = self.analysis.n_nuisance() + state.point.effects.iter().map(|s| s.values.len()).sum::<usize>();
         let step = (&posterior.mean - &state.model.offset).rows(0, own).into_owned();
         let mut point = self.analysis.moved(&state.point, &step);
-        let id = self.analysis.candidates[effect].description().id;
-        point.effects.retain(|s| s.effect.description().id != id);
+        let stays = |s: &Setting| self.places(std::slice::from_ref(s)).iter().all(|place| kept.contains(place));
+        point.effects.retain(stays);
         self.part_of_the_way(&point, part)
     }
 

@@ -1,13 +1,13 @@
 //! Steps: effects switched on and off, descents with the noise held, sets that are tried by simulation
 //! (`docs/src/theory/many-small-errors.md`, equation (21)).
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{Cholesky, DMatrix, Dyn};
 use rayon::prelude::*;
 
 use super::super::linear_model::{LinearModel, Posterior, Sizes};
 use super::super::search::Sets;
 use super::{ASSESSED, Around, ODDS, OTHERS, Reached, STEPS, Session, Start, State, TRIED, WhitenedDirections};
-use crate::diagnosis::fit::{Linear, Point, whiten};
+use crate::diagnosis::fit::{Linear, Point, product, whiten};
 use crate::diagnosis::noise::TrialNoise;
 use crate::simulation::SimulationError;
 
@@ -165,7 +165,7 @@ impl Session<'_> {
             .zip(factors)
             .map(|(d, factor)| {
                 let columns = whiten(factor, d);
-                WhitenedDirections { products: columns.tr_mul(&columns), columns }
+                WhitenedDirections { products: product(&columns, &columns), columns }
             })
             .collect();
         let mut model = self.model_beside(point, linear, &whitened, factors);
