@@ -37,7 +37,7 @@ pub fn fit_steps(
     let mut step = |count: usize| {
         let state = session.estimate(&ids[..count], true, &request.report())?;
         let handed_over = session.handed_over(&state)?;
-        progress(1 + count);
+        progress(1 + effects.len() - count);
         // What is handed over may be short of the joint mode: an interval holds both.
         let forward = request.forward;
         let mut estimates = session.estimates(&state);
@@ -55,7 +55,7 @@ pub fn fit_steps(
         let mut added = handed_over.effects;
         added.sort_by_key(|s| ids.iter().position(|id| *id == s.effect.description().id));
         let left = session.analysis.anything_left(&session.as_fit(&state), &unidentifiable(&session.analysis));
-        Ok(FittedStep {
+        Ok::<_, SimulationError>(FittedStep {
             parameters: handed_over.parameters,
             effects: added,
             estimates,
@@ -63,7 +63,10 @@ pub fn fit_steps(
             noise_floor: session.noise_floor(&state),
         })
     };
-    (0..=effects.len()).map(&mut step).collect()
+    // With all of them first: the noise is estimated beside everything that is missing.
+    let mut steps = (0..=effects.len()).rev().map(&mut step).collect::<Result<Vec<_>, _>>()?;
+    steps.reverse();
+    Ok(steps)
 }
 
 /// Effects that no data tell from the muscles' parameters.

@@ -103,7 +103,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let report = request.report();
     let found = session.estimate(&[], false, &report)?;
     let alone = session.estimate(&[], true, &report)?;
-    let state = session.likely(found)?;
+    let state = session.likely(found, &report)?;
     let null = session.as_fit(&alone);
     let first = session.analysis.blocks_left(&null, &[]).ok_or(SimulationError::NoiseCovariance)?;
     let not_testable: Vec<&'static str> = session

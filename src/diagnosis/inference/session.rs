@@ -53,8 +53,6 @@ const STANDS_IN: f64 = 0.1;
 const ALL_OF_IT: f64 = 0.9;
 /// Of the sets that were tried in a round, those first whose noise is estimated anew.
 const ASSESSED: usize = 2;
-/// Turns of muscles and noise before effects are looked for.
-const CALIBRATIONS: usize = 2;
 /// The estimate has settled when a round lowers −2 log posterior, equation (20), by less than this.
 const SETTLED: f64 = 3.0;
 
@@ -105,10 +103,10 @@ pub struct Session<'a> {
     pub analysis: Analysis<'a>,
     ranges: Ranges,
     budget: Budget,
-    /// Variances of the noise beside everything at once; its autocorrelation is known with them.
+    /// Variances of the noise that estimates start with: usual ones until they were estimated beside the effects that are missing, because the
+    /// errors of a model that is far off would be taken for noise.
     levels: NoiseLevels,
-    noise_is_known: bool,
-    /// Whether lengths of its autocorrelation were chosen beside the effects that are missing.
+    /// Whether they were, and its autocorrelation chosen.
     noise_is_final: bool,
 }
 
@@ -186,7 +184,6 @@ impl<'a> Session<'a> {
             analysis,
             ranges,
             budget,
-            noise_is_known: false,
             noise_is_final: false,
         }
     }
@@ -217,11 +214,6 @@ impl<'a> Session<'a> {
         let always: Vec<usize> = always.iter().filter_map(place).collect();
         let candidates = if only { Vec::new() } else { self.testable() };
         let clock = std::time::Instant::now();
-        if !self.noise_is_known {
-            self.levels = self.calibrate()?;
-            self.noise_is_known = true;
-            report(&format!("kernels {:?} {:.1?}", self.analysis.kernels, clock.elapsed()));
-        }
         let starts = self.starts(&candidates, &always, report)?;
         report(&format!("{} starts, {:.1?}", starts.len(), clock.elapsed()));
         let mut followed: Vec<State> = Vec::new();
@@ -237,13 +229,15 @@ impl<'a> Session<'a> {
         let mut best = self.most_probable(followed);
         if let Some(state) = best.as_mut().filter(|_| !self.noise_is_final) {
             let found = state.sets.best().clone();
-            self.choose_kernels(state, &found.effects, &found.sizes, false);
+            self.choose_kernels(state, &found.effects, &found.sizes);
             self.noise_is_final = true;
             report(&format!("kernels {:?} {:.1?}", self.analysis.kernels, clock.elapsed()));
             let (point, levels) = (state.point.clone(), state.levels);
             let directions = state.directions.clone();
             let start = Start { point, levels, set: found.effects, sizes: found.sizes, directions };
-            best = Some(self.assessed(start, &candidates, &always)?);
+            let state = self.assessed(start, &candidates, &always)?;
+            self.levels = state.levels;
+            best = Some(state);
         }
         let state = best.ok_or(SimulationError::NoiseCovariance)?;
         Ok(Begun { state, candidates, always })
@@ -321,38 +315,6 @@ impl<'a> Session<'a> {
         )
     }
 
-    /// Variances and autocorrelation of the noise, and what signals the EMG has, estimated beside everything at once: muscles fitted, every
-    /// effect of a plausible size. What an effect does is not to be taken for noise.
-    fn calibrate(&mut self) -> Result<NoiseLevels, SimulationError> {
-        let mut levels = self.levels;
-        let mut point = self.analysis.nominal_point();
-        for turn in 1..=CALIBRATIONS {
-            let mut linear = self.analysis.linearize(&point, &[])?;
-            let noise = self.structure(&mut linear, &point);
-            let directions;
-            (directions, self.analysis.blocks) = self.analysis.calc_directions(&linear, &point)?;
-            let factors = factors(&noise, &levels)?;
-            let model = self.model(&point, &self.all_columns(&point, &linear, &directions), &factors);
-            let sizes = Sizes { everything: 1.0, ..model.usual_sizes() };
-            let from = Around {
-                point: &point,
-                model: &model,
-                sizes: &sizes,
-                noise: &noise,
-                factors: &factors,
-                directions: &directions,
-            };
-            let reached = self.reach(&from, &[], STEPS)?;
-            let start = Start { sizes: sizes.clone(), ..reached.start(levels) };
-            let mut state = self.with_noise(start)?;
-            if turn == CALIBRATIONS {
-                self.choose_kernels(&mut state, &[], &sizes, true);
-            }
-            (point, levels) = (state.point, state.levels);
-        }
-        Ok(levels)
-    }
-
     /// Where to begin: from the model as given every effect alone, none, and what the linear model at that point calls for, each fitted with
     /// the same usual noise; the most probable first.
     fn starts(
@@ -366,7 +328,8 @@ impl<'a> Session<'a> {
         let point = self.analysis.nominal_point();
         let mut linear = self.analysis.linearize(&point, &[])?;
         let noise = self.structure(&mut linear, &point);
-        let directions = self.analysis.calc_directions(&linear, &point)?.0;
+        let directions;
+        (directions, self.analysis.blocks) = self.analysis.calc_directions(&linear, &point)?;
         let factors = factors(&noise, &levels)?;
         let model = self.model(&point, &self.all_columns(&point, &linear, &directions), &factors);
         let sizes = model.usual_sizes();
@@ -444,7 +407,8 @@ impl<'a> Session<'a> {
 
     /// The linear model with the noise as it is, its sets and deviance.
     fn weigh(&self, state: &mut State, set: &[usize], sizes: &Sizes, candidates: &[usize], always: &[usize]) {
-        state.sets = search(&state.model, candidates, always, 2.0 * ODDS.ln(), &[set.to_vec()], sizes, self.budget);
+        let starts = [set.to_vec(), self.places(&state.point.effects)];
+        state.sets = search(&state.model, candidates, always, 2.0 * ODDS.ln(), &starts, sizes, self.budget);
     }
 
     /// How much larger −2 log posterior is at one state than at another, each with its point's effects, equation (20): both at the

@@ -13,7 +13,7 @@ use crate::diagnosis::kernel::{FAMILIES, Kernel};
 use crate::diagnosis::noise::{self, NoiseLevels, TrialNoise};
 use crate::simulation::SimulationError;
 
-/// Families of autocorrelation are compared on so many trials at most, evenly spread over the session; lengths on twice as many.
+/// Autocorrelations are compared on so many trials at most, evenly spread over the session.
 const TRIALS_FOR_KERNELS: usize = 12;
 
 impl Session<'_> {
@@ -75,8 +75,8 @@ impl Session<'_> {
 
     /// Chooses how noise is autocorrelated by restricted likelihood: of the EMG's, then of the moment's.
     ///
-    /// - `set`, `sizes`: of effects and of everything else meanwhile; `anew`: all families are compared, else lengths alone
-    pub(super) fn choose_kernels(&mut self, state: &mut State, set: &[usize], sizes: &Sizes, anew: bool) {
+    /// - `set`, `sizes`: of effects and of everything else meanwhile
+    pub(super) fn choose_kernels(&mut self, state: &mut State, set: &[usize], sizes: &Sizes) {
         let columns = self.all_columns(&state.point, &state.linear, &state.directions);
         let regressors = Self::regressors(&state.model, &columns, &state.model.sds(set, sizes));
         let count = regressors.first().map_or(0, |(x, _)| x.ncols());
@@ -94,9 +94,7 @@ impl Session<'_> {
                 noise.par_iter().zip(&self.analysis.train).step_by(every).map(of).collect()
             };
             let every = noise.len().div_ceil(TRIALS_FOR_KERNELS).max(1);
-            let every = if anew { every } else { every.div_ceil(2) };
-            let families = if anew { &FAMILIES[..] } else { &[known.family] };
-            let best = noise::best_kernel(&known, families, |kernel| {
+            let best = noise::best_kernel(&known, &FAMILIES, |kernel| {
                 let noise = with(kernel, every);
                 let regressors = regressors.iter().step_by(every);
                 let trials: Vec<_> = noise.iter().zip(regressors).map(|(n, (x, r))| (n, x, r)).collect();

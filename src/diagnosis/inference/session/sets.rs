@@ -19,18 +19,26 @@ const LIKELY: f64 = 0.5;
 
 impl Session<'_> {
     /// The state with the effects that are more likely missing than not, and no others (the median probability model; Barbieri &
-    /// Berger 2004, doi:10.1214/009053604000000238).
+    /// Berger 2004, doi:10.1214/009053604000000238): as the linear model says, and as the fit without each of them does, the least likely
+    /// first.
     ///
     /// # Errors
     /// A trial that cannot be simulated.
-    pub fn likely(&self, state: State) -> Result<State, SimulationError> {
-        let set = self.places(&state.point.effects);
-        let stays = |e: &usize| self.group(&state, *e).1 >= LIKELY;
-        let likely: Vec<usize> = set.iter().copied().filter(stays).collect();
-        match likely == set {
-            true => Ok(state),
-            false => self.with_set(&state, &likely, &self.testable()),
+    pub fn likely(&self, mut state: State, report: &dyn Fn(&str)) -> Result<State, SimulationError> {
+        let candidates = self.testable();
+        let mut set: Vec<(f64, usize)> =
+            self.places(&state.point.effects).into_iter().map(|e| (self.group(&state, e).1, e)).collect();
+        set.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for (probability, effect) in set {
+            let rest: Vec<usize> = self.places(&state.point.effects).into_iter().filter(|e| *e != effect).collect();
+            let without = self.with_set(&state, &rest, &candidates)?;
+            let behind = self.behind(&without, &state);
+            report(&format!("without {:?} ({probability:.2}) {behind:.1} behind", self.ids(&[effect])));
+            if probability < LIKELY || behind < 0.0 {
+                state = without;
+            }
         }
+        Ok(state)
     }
 
     /// The state with these effects and no others: muscles, effects and noise estimated anew.
