@@ -191,7 +191,8 @@ impl OutputFolder {
         self
     }
 
-    /// As [`OutputFolder::with_results_of`]; files of the same names are overwritten whoever made them, as OpenSim's tools do.
+    /// As [`OutputFolder::with_results_of`]; files of the same names are overwritten whoever made them: as OpenSim's tools do, or
+    /// because the folder is given to be changed.
     pub fn overwriting_with_results_of(self, source: &Path) -> OutputFolder {
         let mut out = self.with_results_of(source);
         out.overwrites = true;
@@ -219,7 +220,11 @@ impl OutputFolder {
                 out.claim = Some(manifest);
                 (out, inside)
             }
-            None => (OutputFolder::create(folder, &[])?.with_results_of(&whole.join(name)), PathBuf::new()),
+            // The folder is given to be changed.
+            None => {
+                let out = OutputFolder::create(folder, &[])?.overwriting_with_results_of(&whole.join(name));
+                (out, PathBuf::new())
+            }
         })
     }
 

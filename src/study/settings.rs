@@ -365,7 +365,7 @@ fn warn_of_units(settings: &Settings, lines: &ColumnLines, file: &Path, problems
         if unit.of == holds && (unit.factor * scale - 1.0).abs() < 1e-9 {
             return;
         }
-        let factor = (unit.of == holds).then(|| unit.factor * scale);
+        let factor = (unit.of == holds).then_some(unit.factor * scale);
         let fault = Fault::UnitInName { column: column.to_owned(), unit, holds, taken_as, factor };
         problems.push(Problem::warning(file, line, fault));
     };
