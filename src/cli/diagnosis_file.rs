@@ -114,7 +114,7 @@ pub fn known_or_made(
 
 /// A diagnosis that was made of the same bytes, with the same seed and version; `None` if there is none.
 fn read(file: &Path, inputs: &[InputFile], global: &Global) -> Option<(Value, DiagnosisResult)> {
-    let value: Value = serde_json::from_str(&std::fs::read_to_string(file).ok()?).ok()?;
+    let value: Value = serde_json::from_str(&crate::regular_file::read_text(file).ok()?).ok()?;
     let made: Provenance = serde_json::from_value(value.get("provenance")?.clone()).ok()?;
     let all = value.get("restricted_to")?.as_array()?.is_empty();
     let bytes = |files: &[InputFile]| {

@@ -114,7 +114,7 @@ impl Message {
         if !file.extension().is_some_and(|e| e.eq_ignore_ascii_case("osim")) {
             return None;
         }
-        let text = std::fs::read(file).ok()?;
+        let text = crate::regular_file::read(file).ok()?;
         let line = text.split(|b| *b == b'\n').nth(self.line?.checked_sub(1)?)?;
         let line = String::from_utf8_lossy(line).replace('\t', "  ");
         let line = line.trim();

@@ -96,8 +96,38 @@ pub fn elsewhere(diagnostic: &Diagnostic) -> String {
     }
 }
 
+/// What a file that is no model is, and which command takes it, where its name and content say so.
+fn other_than_a_model(path: &Path) -> Option<Message> {
+    let shown = path.display();
+    let is_study = |file: &Path| crate::regular_file::read_text(file).is_ok_and(|text| text.contains("[study]"));
+    let of_study = |what: &str| {
+        (
+            format!("{what}, not a model"),
+            format!("give the model that study.toml names; carpus compare {shown} --out compared checks the study"),
+        )
+    };
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let (text, hint) = match extension.as_str() {
+        _ if path.is_dir() && is_study(&path.join("study.toml")) => of_study("this is the folder of a study"),
+        "toml" if is_study(path) => of_study("this is a study"),
+        "c3d" => {
+            let hint = format!("carpus c3d {shown} --out FOLDER shows and converts it");
+            ("this is a recording, not a model".to_owned(), hint)
+        }
+        "csv" | "sto" | "mot" | "trc" => {
+            ("this is a table, not a model".to_owned(), "give the path of a model (.osim)".to_owned())
+        }
+        _ => return None,
+    };
+    Some(Message::error(text).in_file(path).hint(hint))
+}
+
 /// Why a model file cannot be read, one message per problem.
 pub fn osim_failure(path: &Path, error: &OsimError) -> Failure {
+    let is_another_file = matches!(error, OsimError::Document(_) | OsimError::NotAModel { .. }) || path.is_dir();
+    if let Some(message) = is_another_file.then(|| other_than_a_model(path)).flatten() {
+        return message.into();
+    }
     let message_in = |file: &Path, text: String, line: usize, hint: Option<String>| {
         let message = Message::error(text).in_file(file).at_line(line);
         Message { hint, ..message }

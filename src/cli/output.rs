@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use serde::{Deserialize, Serialize};
 
 use super::failure::{Failure, Message};
-use super::provenance::hash_of;
+use super::provenance::{Hashed, hash_of};
 use crate::printable::{deceptive_in, number_of};
 
 /// The file that says who made the others.
@@ -19,6 +19,10 @@ const SCHEMA: &str = "carpus.output/1";
 const UNFINISHED: &str = "unfinished run";
 /// Files that a message names before it counts the rest.
 const NAMED: usize = 5;
+/// Foreign files that are looked for: more are not counted.
+const MOST_FOREIGN: usize = 1000;
+/// Files that file managers put into folders, besides those whose names begin with a dot.
+const OF_THE_SYSTEM: [&str; 2] = ["Thumbs.db", "desktop.ini"];
 
 /// A folder that was found to be writable before anything was computed. Files appear in it whole or not at all.
 #[derive(Debug)]
@@ -36,6 +40,10 @@ pub struct OutputFolder {
     kept: Mutex<BTreeSet<String>>,
     /// Whether the manifest is written.
     closed: AtomicBool,
+    /// Whether the folder says that a run has begun to write into it.
+    begun: AtomicBool,
+    /// Whether results of no study take the place of files that are not of this program.
+    overwrites: bool,
 }
 
 /// Who made the files of a folder.
@@ -47,6 +55,9 @@ struct Manifest {
     study: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     study_file: Option<PathBuf>,
+    /// The command that began to write here and did not end: what it wrote is not in the list.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    begun: Option<String>,
     files: BTreeMap<String, Made>,
 }
 
@@ -85,15 +96,70 @@ impl OutputFolder {
         std::fs::create_dir_all(path).map_err(unwritable)?;
         tempfile::Builder::new().prefix(".carpus-").tempfile_in(path).map_err(unwritable)?;
         let inputs = inputs.iter().filter_map(|file| file.canonicalize().ok()).collect();
-        let (written, kept, closed) = Default::default();
-        Ok(OutputFolder { path: path.to_owned(), inputs, claim: None, source: None, written, kept, closed })
+        let (written, kept, closed, begun) = Default::default();
+        let (path, claim, source, overwrites) = (path.to_owned(), None, None, false);
+        Ok(OutputFolder { path, inputs, claim, source, written, kept, closed, begun, overwrites })
+    }
+
+    /// Fails if the folder holds what is not of this command, of which a person could not tell the results apart: results of
+    /// another command; or, where no manifest says who made what, any files. An empty folder, one with nothing but inputs, and
+    /// one with earlier results of the command are fine.
+    ///
+    /// - `command`: its name
+    ///
+    /// # Errors
+    /// It does.
+    pub fn only_of(self, command: &str) -> Result<OutputFolder, Failure> {
+        let refused = |text: String| {
+            let hint = "choose another folder with --out, or empty this one; beside each other they would be mixed up";
+            Failure::from(Message::error(text).in_file(&self.path).hint(hint))
+        };
+        let Some(known) = Manifest::read(&self.path.join(MANIFEST)) else {
+            let foreign = self.foreign_files();
+            let [_, ..] = foreign.as_slice() else { return Ok(self) };
+            let text = format!("holds files that are not of {command}: {}", listed(&foreign));
+            return Err(refused(text));
+        };
+        if let Some(other) = known.begun.as_deref().filter(|other| !is_same_command(other, command)) {
+            return Err(refused(format!("holds what a run of {other} left that did not end; this is {command}")));
+        }
+        let is_other = |(file, made): &(&String, &Made)| {
+            made.command != UNFINISHED && !is_same_command(&made.command, command) && self.path.join(file).exists()
+        };
+        let others: Vec<(&String, &Made)> = known.files.iter().filter(is_other).collect();
+        let Some((_, first)) = others.first() else { return Ok(self) };
+        let of_first: Vec<String> =
+            others.iter().filter(|(_, made)| made.command == first.command).map(|(file, _)| (*file).clone()).collect();
+        Err(refused(format!("holds results of {}, not of {command}: {}", first.command, listed(&of_first))))
+    }
+
+    /// Files in the folder, by their paths in it, that are neither inputs nor what the system puts there; those of a folder that
+    /// has a manifest of its own are known.
+    fn foreign_files(&self) -> Vec<String> {
+        let (mut found, mut folders) = (Vec::new(), vec![self.path.clone()]);
+        while let Some(folder) = folders.pop().filter(|_| found.len() <= MOST_FOREIGN) {
+            for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
+                let (path, name) = (entry.path(), entry.file_name());
+                let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
+                let is_hidden = name.to_string_lossy().starts_with('.') || OF_THE_SYSTEM.iter().any(|n| *n == name);
+                if is_folder && !path.join(MANIFEST).exists() && !is_hidden {
+                    folders.push(path);
+                } else if !is_folder && !is_hidden && self.refuse_input(&path).is_ok() {
+                    found.push(name_of(path.strip_prefix(&self.path).unwrap_or(&path)));
+                }
+            }
+        }
+        found.sort();
+        found
     }
 
     /// Takes the folder for the results of a study.
     ///
+    /// - `command`: the command that makes them
+    ///
     /// # Errors
-    /// It holds those of another study.
-    pub fn claimed_for(mut self, name: &str, study_file: &Path) -> Result<OutputFolder, Failure> {
+    /// It holds those of another study, or what is not of this command ([`OutputFolder::only_of`]).
+    pub fn claimed_for(self, name: &str, study_file: &Path, command: &str) -> Result<OutputFolder, Failure> {
         let study_file = study_file.canonicalize().unwrap_or_else(|_| study_file.to_owned());
         let mut known = Manifest::read(&self.path.join(MANIFEST)).unwrap_or_else(Manifest::new);
         let is_there = |(file, made): (&String, &Made)| made.source.is_none() && self.path.join(file).exists();
@@ -109,17 +175,28 @@ impl OutputFolder {
             known.files.retain(|_, made| made.source.is_some());
             (known.study, known.study_file) = (Some(name.to_owned()), Some(study_file));
         }
-        self.claim = Some(known);
-        Ok(self)
+        let mut own = self.only_of(command)?;
+        known.begun = Some(command.to_owned());
+        own.claim = Some(known);
+        Ok(own)
     }
 
-    /// Takes the folder for results that are of no study. What else is in it stays.
+    /// Takes the folder for results that are of no study. What else is in it stays, and is not overwritten if it is not of this
+    /// program.
     ///
     /// - `source`: the file that the results are made from
     pub fn with_results_of(mut self, source: &Path) -> OutputFolder {
         self.claim = Some(Manifest::read(&self.path.join(MANIFEST)).unwrap_or_else(Manifest::new));
         self.source = Some(source.canonicalize().unwrap_or_else(|_| source.to_owned()));
         self
+    }
+
+    /// As [`OutputFolder::with_results_of`]; files of the same names are overwritten whoever made them: as OpenSim's tools do, or
+    /// because the folder is given to be changed.
+    pub fn overwriting_with_results_of(self, source: &Path) -> OutputFolder {
+        let mut out = self.with_results_of(source);
+        out.overwrites = true;
+        out
     }
 
     /// The folder of an earlier run in which `folder` lies, and the way from there to `folder`: the nearest whose manifest has a
@@ -143,7 +220,11 @@ impl OutputFolder {
                 out.claim = Some(manifest);
                 (out, inside)
             }
-            None => (OutputFolder::create(folder, &[])?.with_results_of(&whole.join(name)), PathBuf::new()),
+            // The folder is given to be changed.
+            None => {
+                let out = OutputFolder::create(folder, &[])?.overwriting_with_results_of(&whole.join(name));
+                (out, PathBuf::new())
+            }
         })
     }
 
@@ -254,7 +335,22 @@ impl OutputFolder {
         Made { command: command.to_owned(), source: self.source.clone(), sha256: sha256.to_owned() }
     }
 
+    /// Says in the folder of a study's results, before the first of them, which command began: a run that is killed cannot say
+    /// it any more.
+    fn begin(&self) -> Result<(), Failure> {
+        match &self.claim {
+            Some(manifest) if manifest.begun.is_some() && !self.begun.swap(true, Ordering::Relaxed) => {
+                self.put_manifest_as(manifest)
+            }
+            _ => Ok(()),
+        }
+    }
+
     fn put_manifest(&self, manifest: &Manifest) -> Result<(), Failure> {
+        self.put_manifest_as(&Manifest { begun: None, ..manifest.clone() })
+    }
+
+    fn put_manifest_as(&self, manifest: &Manifest) -> Result<(), Failure> {
         let text = serde_json::to_string_pretty(manifest).map_err(|e| Failure::Internal(e.to_string()))? + "\n";
         self.put(MANIFEST.as_ref(), text.as_bytes()).map(|_| ())
     }
@@ -273,7 +369,9 @@ impl OutputFolder {
         }
         let unreadable =
             |error: std::io::Error| Message::error(format!("cannot be removed: {}", reason(&error))).in_file(&path);
-        if hash_of(&std::fs::read(&path).map_err(unreadable)?) != sha256 || self.refuse_input(&path).is_err() {
+        if hash_of(&crate::regular_file::read(&path).map_err(unreadable)?) != sha256
+            || self.refuse_input(&path).is_err()
+        {
             return Ok(Some(false));
         }
         std::fs::remove_file(&path).map_err(unreadable)?;
@@ -305,10 +403,25 @@ impl OutputFolder {
     /// # Errors
     /// The disk; or the file is one of the inputs.
     pub fn write(&self, relative: impl AsRef<Path>, bytes: &[u8]) -> Result<PathBuf, Failure> {
+        self.write_with(relative, |file| file.write_all(bytes))
+    }
+
+    /// As [`OutputFolder::write`], of a file that is too long to be held in memory.
+    ///
+    /// - `content`: writes it
+    ///
+    /// # Errors
+    /// As there.
+    pub fn write_with(
+        &self,
+        relative: impl AsRef<Path>,
+        content: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
+    ) -> Result<PathBuf, Failure> {
         self.refuse_result_of_study(relative.as_ref())?;
-        let target = self.put(relative.as_ref(), bytes)?;
+        self.refuse_foreign(relative.as_ref())?;
+        let (target, sha256) = self.put_with(relative.as_ref(), content)?;
         if self.claim.is_some() {
-            lock(&self.written).insert(name_of(relative.as_ref()), hash_of(bytes));
+            lock(&self.written).insert(name_of(relative.as_ref()), sha256);
         }
         Ok(target)
     }
@@ -318,6 +431,18 @@ impl OutputFolder {
     /// # Errors
     /// As there.
     pub fn put(&self, relative: &Path, bytes: &[u8]) -> Result<PathBuf, Failure> {
+        self.put_with(relative, |file| file.write_all(bytes)).map(|(target, _)| target)
+    }
+
+    /// Writes a file; its path and hash.
+    fn put_with(
+        &self,
+        relative: &Path,
+        content: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
+    ) -> Result<(PathBuf, String), Failure> {
+        if relative != Path::new(MANIFEST) {
+            self.begin()?;
+        }
         let target = self.path.join(relative);
         if let Some(found) = deceptive_in(&relative.to_string_lossy()) {
             let text =
@@ -333,10 +458,12 @@ impl OutputFolder {
         let folder = target.parent().unwrap_or(&self.path);
         std::fs::create_dir_all(folder).map_err(unwritable)?;
         let mut file = tempfile::Builder::new().prefix(".carpus-").tempfile_in(folder).map_err(unwritable)?;
-        file.write_all(bytes).map_err(unwritable)?;
+        let mut hashed = Hashed::new(std::io::BufWriter::new(file.as_file_mut()));
+        content(&mut hashed).and_then(|()| hashed.flush()).map_err(unwritable)?;
+        let sha256 = hashed.hash();
         allow_reading(file.as_file()).map_err(unwritable)?;
         file.persist(&target).map_err(|e| unwritable(e.error))?;
-        Ok(target)
+        Ok((target, sha256))
     }
 
     /// Fails if results that are of no study would take the place of one of a study.
@@ -350,6 +477,18 @@ impl OutputFolder {
             }
             None => Ok(()),
         }
+    }
+
+    /// Fails if results that are of no study would take the place of a file that is not of this program.
+    fn refuse_foreign(&self, relative: &Path) -> Result<(), Failure> {
+        let (Some(_), Some(manifest), false) = (&self.source, &self.claim, self.overwrites) else { return Ok(()) };
+        let (name, target) = (name_of(relative), self.path.join(relative));
+        let is_known = manifest.files.contains_key(&name) || lock(&self.written).contains_key(&name);
+        if is_known || !target.exists() || self.refuse_input(&target).is_err() {
+            return Ok(());
+        }
+        let text = "there is a file of this name that carpus did not make here; it is not overwritten";
+        Err(Message::error(text).in_file(&target).hint("choose another folder with --out, or move the file").into())
     }
 
     /// Fails if `target` is one of the files that were read.
@@ -382,13 +521,13 @@ impl Drop for OutputFolder {
 impl Manifest {
     /// The manifest of a folder; `None` if there is none that can be read.
     fn read(file: &Path) -> Option<Manifest> {
-        let manifest: Manifest = serde_json::from_slice(&std::fs::read(file).ok()?).ok()?;
+        let manifest: Manifest = serde_json::from_slice(&crate::regular_file::read(file).ok()?).ok()?;
         (manifest.schema == SCHEMA).then_some(manifest)
     }
 
     /// One of a folder of which nothing is known.
     fn new() -> Manifest {
-        Manifest { schema: SCHEMA.to_owned(), study: None, study_file: None, files: BTreeMap::new() }
+        Manifest { schema: SCHEMA.to_owned(), study: None, study_file: None, begun: None, files: BTreeMap::new() }
     }
 
     /// Whether results of `other` are of this study: the same study.toml, the same study that was moved, or one that was made
@@ -399,6 +538,14 @@ impl Manifest {
             || self.files.keys().any(|file| folder.join(file).canonicalize().is_ok_and(|f| f == study_file));
         other_file == study_file || moved || made_here()
     }
+}
+
+/// Whether results of two commands belong into one folder: those of one command (`study` and `study --steps`), and those of
+/// commands that go on with a diagnosis where it lies.
+fn is_same_command(a: &str, b: &str) -> bool {
+    const OF_A_DIAGNOSIS: [&str; 3] = ["diagnose", "effect", "plan"];
+    let [a, b] = [a, b].map(|command| command.split(' ').next().unwrap_or(command));
+    a == b || [a, b].iter().all(|command| OF_A_DIAGNOSIS.contains(command))
 }
 
 /// A path in the folder as the manifest writes it.
@@ -458,7 +605,7 @@ mod tests {
 
     /// A run of a command that writes these files.
     fn run(folder: &Path, study: &Path, command: &str, others: &[&str], files: &[&str]) -> Vec<Message> {
-        let out = OutputFolder::create(folder, &[]).unwrap().claimed_for("s", study).unwrap();
+        let out = OutputFolder::create(folder, &[]).unwrap().claimed_for("s", study, command).unwrap();
         files.iter().for_each(|file| drop(out.write(file, file.as_bytes()).unwrap()));
         out.close(command, others).unwrap()
     }
@@ -471,10 +618,6 @@ mod tests {
         let there = |file: &str| folder.join(file).exists();
         let first = ["P01/series/a.csv", "P01/series/b/c.csv", "P01/mine.osim", "P02/series/a.csv", "all.csv"];
         assert!(run(&folder, &study, "simulate", &[], &first).is_empty());
-        assert!(
-            run(&folder, &study, "compare", &[], &["P01/errors.csv"]).is_empty(),
-            "another command removes nothing"
-        );
         std::fs::write(folder.join("P01/mine.osim"), "changed by hand").unwrap();
         std::fs::write(folder.join("P01/notes.txt"), "not of this program").unwrap();
         let said = run(&folder, &study, "simulate", &["P02"], &["P01/series/a.csv"]);
@@ -482,7 +625,7 @@ mod tests {
         assert!(said[0].text.contains("P01/series/b/c.csv") && said[0].text.contains("all.csv"), "{}", said[0].text);
         assert!(said[1].text.contains("P01/mine.osim"), "{}", said[1].text);
         assert!(!there("P01/series/b") && !there("all.csv"), "folders left empty go, too");
-        for kept in ["P01/series/a.csv", "P01/mine.osim", "P01/notes.txt", "P02/series/a.csv", "P01/errors.csv"] {
+        for kept in ["P01/series/a.csv", "P01/mine.osim", "P01/notes.txt", "P02/series/a.csv"] {
             assert!(there(kept), "{kept}");
         }
         assert!(run(&folder, &study, "simulate", &[], &["P01/series/a.csv"])[0].text.contains("P02/series/a.csv"));
@@ -493,7 +636,7 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let (folder, study) = (place.path().join("out"), place.path().join("study.toml"));
         std::fs::write(&study, "").unwrap();
-        let out = OutputFolder::create(&folder, &[]).unwrap().claimed_for("s", &study).unwrap();
+        let out = OutputFolder::create(&folder, &[]).unwrap().claimed_for("s", &study, "simulate").unwrap();
         out.write("P01/a.csv", b"a").unwrap();
         drop(out);
         assert_eq!(run(&folder, &study, "simulate", &[], &["P01/b.csv"]).len(), 1);
@@ -508,7 +651,8 @@ mod tests {
         std::fs::write(&one, "").unwrap();
         std::fs::write(&other, "").unwrap();
         run(&folder, &one, "simulate", &[], &["a.csv", "study.toml"]);
-        let claim = |name: &str, study: &Path| OutputFolder::create(&folder, &[]).unwrap().claimed_for(name, study);
+        let claim =
+            |name: &str, study: &Path| OutputFolder::create(&folder, &[]).unwrap().claimed_for(name, study, "simulate");
         assert!(matches!(claim("s", &other), Err(Failure::Input(m)) if m[0].text.contains("another study")));
         assert!(claim("s", &folder.join("study.toml")).is_ok(), "a study that was made here");
         std::fs::remove_file(&one).unwrap();
@@ -545,11 +689,60 @@ mod tests {
         run_from(&folder, &a, "run-tool", &["x.sto", "y.sto"], Leftovers::Name);
         let said = run_from(&folder, &a, "run-tool", &["x.sto"], Leftovers::Name);
         assert!(said.len() == 1 && said[0].text.contains("left here: y.sto") && there("y.sto"), "{said:?}");
-        // A study takes the folder, and what is of none stays; its own results are not overwritten by such.
+        // What is there and is not of this program stays, unless the tool is one of OpenSim's.
+        std::fs::write(folder.join("b.csv"), "mine").unwrap();
+        let out = OutputFolder::create(&folder, &[]).unwrap().with_results_of(&b);
+        assert!(matches!(out.write("b.csv", b""), Err(Failure::Input(m)) if m[0].text.contains("did not make")));
+        assert_eq!(std::fs::read_to_string(folder.join("b.csv")).unwrap(), "mine");
+        OutputFolder::create(&folder, &[]).unwrap().overwriting_with_results_of(&b).write("b.csv", b"").unwrap();
+        // A study does not take the folder, and its own results are not overwritten by such.
+        let taken = OutputFolder::create(&folder, &[]).unwrap().claimed_for("s", &study, "simulate");
+        assert!(matches!(taken, Err(Failure::Input(m)) if m[0].text.contains("holds results of c3d")));
+        let folder = place.path().join("of_study");
         run(&folder, &study, "simulate", &[], &["all.csv"]);
-        assert!(there("a.trc") && Manifest::read(&folder.join(MANIFEST)).unwrap().files.len() == 5);
         let out = OutputFolder::create(&folder, &[]).unwrap().with_results_of(&a);
         assert!(matches!(out.write("all.csv", b""), Err(Failure::Input(m)) if m[0].text.contains("of study `s`")));
+    }
+
+    #[test]
+    fn verif_a_folder_with_what_is_not_of_the_command_is_refused() {
+        let place = tempfile::tempdir().unwrap();
+        let (folder, study) = (place.path().join("out"), place.path().join("study.toml"));
+        std::fs::write(&study, "").unwrap();
+        let claim = |folder: &Path, command: &str| {
+            let inputs = [folder.join("study.toml")];
+            OutputFolder::create(folder, &inputs).unwrap().claimed_for("s", &study, command).map_err(|e| match e {
+                Failure::Input(messages) => messages[0].text.clone(),
+                other => format!("{other:?}"),
+            })
+        };
+        run(&folder, &study, "study --steps", &[], &["P01/models/a.osim", "all.csv"]);
+        let said = claim(&folder, "compare").unwrap_err();
+        assert_eq!(said, "holds results of study --steps, not of compare: P01/models/a.osim, all.csv");
+        assert!(claim(&folder, "study").is_ok(), "the same command with other words");
+        let diagnosed = place.path().join("diagnosed");
+        run(&diagnosed, &study, "diagnose", &[], &["P01/diagnosis.json"]);
+        assert!(claim(&diagnosed, "effect").is_ok() && claim(&diagnosed, "plan --effect").is_ok());
+        assert!(claim(&diagnosed, "personalize").is_err());
+        // Files of another hand; but not what is read, what the system puts there, or a folder that says itself what it holds.
+        let foreign = place.path().join("foreign");
+        std::fs::create_dir_all(foreign.join("deep/processed")).unwrap();
+        run(&foreign.join("deep/processed"), &study, "dynamometer", &[], &["study.toml"]);
+        for file in ["study.toml", ".DS_Store", "desktop.ini"] {
+            std::fs::write(foreign.join(file), "").unwrap();
+        }
+        assert!(claim(&foreign, "compare").is_ok());
+        std::fs::write(foreign.join("deep/old.csv"), "").unwrap();
+        assert_eq!(claim(&foreign, "compare").unwrap_err(), "holds files that are not of compare: deep/old.csv");
+        // A run that was killed could not say what it wrote, but did say who it was.
+        let killed = place.path().join("killed");
+        let out = claim(&killed, "personalize").unwrap();
+        out.write("P01/model.osim", b"half").unwrap();
+        std::mem::forget(out);
+        assert!(claim(&killed, "personalize").is_ok());
+        assert!(claim(&killed, "compare").unwrap_err().contains("a run of personalize left that did not end"));
+        run(&killed, &study, "personalize", &[], &["P01/model.osim"]);
+        assert!(Manifest::read(&killed.join(MANIFEST)).unwrap().begun.is_none());
     }
 
     #[test]

@@ -79,19 +79,19 @@ pub fn write_tables(
         let taken = |name: &str| models.iter().any(|(_, known)| known == &format!("models/{name}"));
         let name = (1..).map(|i| if i == 1 { name.clone() } else { format!("{i}_{name}") }).find(|n| !taken(n));
         let relative = format!("models/{}", name.unwrap_or_default());
-        let bytes = std::fs::read(model)
+        let bytes = crate::regular_file::read(model)
             .map_err(|e| Failure::from(Message::error(format!("cannot be read: {e}")).in_file(model)))?;
         out.write(&relative, &bytes)?;
         models.push((model.clone(), relative));
     }
     let relative = |model: &Path| models.iter().find(|(known, _)| known == model).map(|(_, name)| name.clone());
-    let text = std::fs::read_to_string(&study.file)
+    let text = crate::regular_file::read_text(&study.file)
         .map_err(|e| Failure::from(Message::error(format!("cannot be read: {e}")).in_file(&study.file)))?;
     out.write("study.toml", new_toml(study, &text, &relative(&study.settings.model).unwrap_or_default()).as_bytes())?;
     out.write("participants.csv", participants_csv(study, participants, &relative)?.as_bytes())?;
     out.write("trials.csv", trials_csv(trials, study)?.as_bytes())?;
     let ultrasound = study.folder.join("ultrasound.csv");
-    if let Ok(bytes) = std::fs::read(&ultrasound) {
+    if let Ok(bytes) = crate::regular_file::read(&ultrasound) {
         out.write("ultrasound.csv", &bytes)?;
     }
     Ok(())
@@ -211,7 +211,8 @@ fn participants_csv(
 ) -> Result<String, Failure> {
     let path = study.folder.join("participants.csv");
     let broken = |e: csv::Error| Failure::from(Message::error(e.to_string()).in_file(&path));
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_path(&path).map_err(broken)?;
+    let file = crate::regular_file::open(&path).map_err(|e| broken(e.into()))?;
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(file);
     let header: Vec<String> = reader.headers().map_err(broken)?.iter().map(str::to_owned).collect();
     let at = |name: &str| header.iter().position(|column| column.trim_start_matches('\u{feff}') == name);
     let (name, model) = (at("participant"), at("model"));

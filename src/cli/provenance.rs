@@ -37,7 +37,7 @@ pub fn provenance(global: &Global, inputs: Vec<InputFile>) -> Provenance {
 /// The file cannot be read.
 pub fn input_file(path: &Path, shown: &str, role: &str) -> Result<InputFile, Failure> {
     let unreadable = |error: std::io::Error| Message::error(format!("cannot be read: {error}")).in_file(path);
-    let mut file = std::fs::File::open(path).map_err(unreadable)?;
+    let mut file = crate::regular_file::open(path).map_err(unreadable)?;
     let mut hasher = Sha256::new();
     let mut buffer = [0; 1 << 16];
     loop {
@@ -47,6 +47,36 @@ pub fn input_file(path: &Path, shown: &str, role: &str) -> Result<InputFile, Fai
         }
     }
     Ok(InputFile { path: shown.to_string(), role: role.to_string(), sha256: hexadecimal(&hasher.finalize()) })
+}
+
+/// What passes bytes on and knows their SHA-256.
+pub struct Hashed<W> {
+    to: W,
+    hasher: Sha256,
+}
+
+impl<W: std::io::Write> Hashed<W> {
+    /// Nothing was written yet.
+    pub fn new(to: W) -> Hashed<W> {
+        Hashed { to, hasher: Sha256::new() }
+    }
+
+    /// Of what was written, hexadecimal.
+    pub fn hash(self) -> String {
+        hexadecimal(&self.hasher.finalize())
+    }
+}
+
+impl<W: std::io::Write> std::io::Write for Hashed<W> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let count = self.to.write(bytes)?;
+        self.hasher.update(&bytes[..count]);
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.to.flush()
+    }
 }
 
 /// SHA-256 of bytes, hexadecimal.

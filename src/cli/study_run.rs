@@ -182,29 +182,36 @@ impl StudyRun {
 
     /// Reads the study's tables and makes the output folder.
     ///
+    /// - `command`: the command whose results come into the folder
+    ///
     /// # Errors
     /// The study; an unknown participant; the output folder.
-    pub fn prepare(args: &StudyArgs) -> Result<StudyRun, Failure> {
-        StudyRun::prepare_with(args, None)
+    pub fn prepare(args: &StudyArgs, command: &str) -> Result<StudyRun, Failure> {
+        StudyRun::prepare_with(args, None, command)
     }
 
     /// As [`StudyRun::prepare`]; the model has the effects of a side-car.
     ///
     /// # Errors
     /// The study; the side-car; an unknown participant; the output folder.
-    pub fn prepare_with(args: &StudyArgs, effects: Option<&Path>) -> Result<StudyRun, Failure> {
-        StudyRun::prepare_for(args, effects, None)
+    pub fn prepare_with(args: &StudyArgs, effects: Option<&Path>, command: &str) -> Result<StudyRun, Failure> {
+        StudyRun::prepare_for(args, effects, None, command)
     }
 
     /// As [`StudyRun::prepare`], of a study that was made of another, whose results these are.
     ///
     /// # Errors
     /// As there.
-    pub fn prepare_processed(args: &StudyArgs, of: &Study) -> Result<StudyRun, Failure> {
-        StudyRun::prepare_for(args, None, Some(of))
+    pub fn prepare_processed(args: &StudyArgs, of: &Study, command: &str) -> Result<StudyRun, Failure> {
+        StudyRun::prepare_for(args, None, Some(of), command)
     }
 
-    fn prepare_for(args: &StudyArgs, effects: Option<&Path>, of: Option<&Study>) -> Result<StudyRun, Failure> {
+    fn prepare_for(
+        args: &StudyArgs,
+        effects: Option<&Path>,
+        of: Option<&Study>,
+        command: &str,
+    ) -> Result<StudyRun, Failure> {
         let is_wanted = |p: &Participant| args.participant.is_empty() || args.participant.contains(&p.name);
         let study = Study::read_tables_for(&args.study, |p| args.model.is_none() && is_wanted(p))?;
         let side_car = effects.map(|file| read_side_car(file, &study)).transpose()?;
@@ -214,7 +221,7 @@ impl StudyRun {
         inputs.extend(effects.map(Path::to_owned));
         inputs.extend(own_effects::files(effects));
         let owner = of.unwrap_or(&study);
-        let out = OutputFolder::create(&args.out, &inputs)?.claimed_for(&owner.settings.name, &owner.file)?;
+        let out = OutputFolder::create(&args.out, &inputs)?.claimed_for(&owner.settings.name, &owner.file, command)?;
         for participant in &participants {
             out.refuse_input(&args.out.join(&participant.name).join("model.osim"))?;
         }

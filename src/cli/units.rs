@@ -166,7 +166,7 @@ impl<'o> UnitStore<'o> {
     pub fn seconds(&self) -> BTreeMap<String, f64> {
         let places: Vec<String> = lock(&self.finished).keys().cloned().collect();
         let read = |place: String| {
-            let text = std::fs::read_to_string(self.out.path().join(self.timing(&place))).ok()?;
+            let text = crate::regular_file::read_text(&self.out.path().join(self.timing(&place))).ok()?;
             Some((place, text.trim().parse().ok()?))
         };
         places.into_iter().filter_map(read).collect()
@@ -182,7 +182,9 @@ impl<'o> UnitStore<'o> {
 
     /// What is stored at a place; a value counts if it is of this key and has the checksum it was stored with.
     fn stored(&self, place: &str, key: &str) -> Stored {
-        let Ok(bytes) = std::fs::read(self.out.path().join(self.file(place))) else { return Stored::Nothing };
+        let Ok(bytes) = crate::regular_file::read(&self.out.path().join(self.file(place))) else {
+            return Stored::Nothing;
+        };
         let Ok(mut stored) = serde_json::from_slice::<Value>(&bytes) else { return Stored::Damaged };
         let text_of = |name: &str| stored.get(name).and_then(Value::as_str);
         match (text_of("schema"), text_of("key"), text_of("sha256"), stored.get("value")) {

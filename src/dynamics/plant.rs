@@ -455,8 +455,8 @@ impl Plant {
     }
 
     fn energy_rates(&self, work: &Work, rates: &mut [f64]) {
-        for (i, bushing) in self.energies.clone().zip(self.forces.dampers()) {
-            rates[i] = bushing.dissipated_power(&self.model, &work.cache);
+        for (i, damper) in self.energies.clone().zip(self.forces.dampers()) {
+            rates[i] = damper.dissipated_power(&self.model, &work.q, &work.u, &work.cache);
         }
     }
 

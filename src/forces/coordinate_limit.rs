@@ -32,6 +32,8 @@ pub struct CoordinateLimitForce {
     pub damping: f64,
     /// Width of the transition [rad or m].
     pub transition: f64,
+    /// Whether what the damping takes is a state.
+    pub computes_dissipation: bool,
     upper_step: Function,
     lower_step: Function,
 }
@@ -46,6 +48,7 @@ impl CoordinateLimitForce {
             lower_limit,
             damping,
             transition,
+            computes_dissipation,
         } = &force.kind
         else {
             unreachable!("called for a CoordinateLimit only")
@@ -82,6 +85,7 @@ impl CoordinateLimitForce {
             lower_stiffness: lower_stiffness / unit,
             damping: damping / unit,
             transition: width,
+            computes_dissipation,
             upper_step: step(0.0, 1.0, upper, upper + width)?,
             lower_step: step(1.0, 0.0, lower - width, lower)?,
         })
@@ -96,6 +100,14 @@ impl CoordinateLimitForce {
         let upper = -self.upper_stiffness * s_up * (q - self.upper_limit);
         let lower = self.lower_stiffness * s_low * (self.lower_limit - q);
         upper + lower - self.damping * (s_up + s_low) * u
+    }
+
+    /// Power that the damping takes \[W\] (OpenSim: `getPowerDissipation`).
+    ///
+    /// - `q`: value of the coordinate [rad or m]
+    /// - `u`: its speed [rad/s or m/s]
+    pub fn dissipated_power(&self, q: f64, u: f64) -> f64 {
+        self.damping * (self.upper_step.value(q) + self.lower_step.value(q)) * u * u
     }
 
     /// Energy stored in the stiffness [J] (OpenSim: `computePotentialEnergy`).

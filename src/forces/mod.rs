@@ -123,6 +123,20 @@ pub struct Force {
     pub law: ForceLaw,
 }
 
+impl Force {
+    /// Power that the damping of a bushing or a limit takes \[W\]; of other forces 0.
+    ///
+    /// - `q`, `u`: values [rad or m] and speeds [rad/s or m/s] of the coordinates
+    /// - `cache`: holds positions and velocities
+    pub fn dissipated_power(&self, model: &Model, q: &[f64], u: &[f64], cache: &Cache) -> f64 {
+        match &self.law {
+            ForceLaw::Bushing(bushing) => bushing.dissipated_power(model, cache),
+            ForceLaw::CoordinateLimit(limit) => limit.dissipated_power(q[limit.coordinate.0], u[limit.coordinate.0]),
+            _ => 0.0,
+        }
+    }
+}
+
 /// A force along a path, with the path as the file states it.
 #[derive(Clone, Debug)]
 pub struct ForceAlongPath {
@@ -222,11 +236,13 @@ impl Forces {
         self.forces.iter().for_each(|force| force.apply(model, q, u, cache, applied));
     }
 
-    /// Every `BushingForce`, in the order of the file: those of which OpenSim keeps the energy that they took up.
-    pub fn dampers(&self) -> impl Iterator<Item = &BushingForce> {
-        self.forces.iter().filter_map(|force| match &force.law {
-            ForceLaw::Bushing(bushing) if matches!(bushing.law, BushingLaw::Linear(_)) => Some(bushing.as_ref()),
-            _ => None,
+    /// Every force of which OpenSim keeps the energy that its damping took up, in the order of the file: `BushingForce`, and
+    /// `CoordinateLimitForce` where it says so.
+    pub fn dampers(&self) -> impl Iterator<Item = &Force> {
+        self.forces.iter().filter(|force| match &force.law {
+            ForceLaw::Bushing(bushing) => matches!(bushing.law, BushingLaw::Linear(_)),
+            ForceLaw::CoordinateLimit(limit) => limit.computes_dissipation,
+            _ => false,
         })
     }
 

@@ -3,6 +3,7 @@
 use super::parameters::Millard2012;
 use super::pennation::significant_real;
 use crate::numerics::{Scalar, newton_bisection};
+use crate::plausible;
 use thiserror::Error;
 
 /// Force imbalance that counts as equilibrium, over `max_isometric_force` (OpenSim's tolerance).
@@ -90,6 +91,20 @@ pub enum EquilibriumError {
         /// Activation, clamped.
         activation: f64,
     },
+    /// Forces that are no finite numbers.
+    #[error(
+        "{muscle}: the forces of fibre and tendon are not finite, path {path_length} m, activation {activation}: {cause}"
+    )]
+    ForceNotFinite {
+        /// Muscle name.
+        muscle: String,
+        /// Length of the path [m].
+        path_length: f64,
+        /// Activation, clamped.
+        activation: f64,
+        /// The parameters that make them so.
+        cause: String,
+    },
 }
 
 /// The force balance as a function of the fibre length.
@@ -120,7 +135,8 @@ impl EquilibriumError {
             EquilibriumError::NotFinite { muscle, .. }
             | EquilibriumError::PathLength { muscle, .. }
             | EquilibriumError::NoLength { muscle, .. }
-            | EquilibriumError::NotConverged { muscle, .. } => muscle,
+            | EquilibriumError::NotConverged { muscle, .. }
+            | EquilibriumError::ForceNotFinite { muscle, .. } => muscle,
         }
     }
 }
@@ -256,6 +272,10 @@ impl<S: Scalar> Millard2012<S> {
                 status: EquilibriumStatus::Converged,
                 opensim_converges: false,
             }),
+            None if !root.map_or(at_minimum.0, |root| root.residual).is_finite() => {
+                let (muscle, cause) = (self.name().to_owned(), self.implausible_parameters());
+                Err(EquilibriumError::ForceNotFinite { muscle, path_length, activation, cause })
+            }
             None => Err(EquilibriumError::NotConverged {
                 muscle: self.name().to_owned(),
                 residual: root.map_or(at_minimum.0, |root| root.residual),
@@ -264,6 +284,23 @@ impl<S: Scalar> Millard2012<S> {
                 activation,
             }),
         }
+    }
+
+    /// The parameters that no muscle has; if there is none, all that a balance at rest depends on.
+    fn implausible_parameters(&self) -> String {
+        let own = &self.parameters;
+        let all = [
+            ("optimal_fiber_length", own.optimal_fiber_length.value(), &plausible::OPTIMAL_FIBER_LENGTH),
+            ("tendon_slack_length", own.tendon_slack_length.value(), &plausible::TENDON_SLACK_LENGTH),
+            ("pennation_angle_at_optimal", own.pennation_angle_at_optimal.value(), &plausible::PENNATION_ANGLE),
+        ];
+        let doubts: Vec<String> = all
+            .iter()
+            .filter_map(|(name, value, range)| range.doubt(*value).map(|doubt| format!("{name}: {doubt}")))
+            .collect();
+        let given = || all.iter().map(|(name, value, range)| format!("{name} {value} {}", range.unit)).collect();
+        let listed: Vec<String> = if doubts.is_empty() { given() } else { doubts };
+        listed.join("; ")
     }
 
     /// Newton steps from within the tolerance to machine precision, where the length is determined that well.

@@ -4,6 +4,8 @@
 
 use thiserror::Error;
 
+use crate::printable::{number_of, visible};
+
 /// Why a file could not be turned into a model.
 #[derive(Debug, Error)]
 pub enum OsimError {
@@ -210,6 +212,14 @@ pub struct Problem {
 /// Kinds of [`Problem`].
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ProblemKind {
+    /// A name of several lines or columns, which would tear apart every table that it stands in.
+    #[error("name \"{}\": expected a name in one line, found {}", visible(.name), number_of(*.found))]
+    NameOfLines {
+        /// The name.
+        name: String,
+        /// The first character that begins a line or column.
+        found: char,
+    },
     /// Text that is not what the property needs.
     #[error("{property}: expected {expected}, found \"{found}\"")]
     NotReadable {
@@ -299,6 +309,9 @@ impl Problem {
         match &self.kind {
             ProblemKind::UnknownReference { nearest: Some(nearest), .. } => {
                 Some(format!("did you mean \"{nearest}\"?"))
+            }
+            ProblemKind::NameOfLines { .. } => {
+                Some("OpenSim 4.6 refuses line breaks and tabs in names, too: write the name anew".to_owned())
             }
             ProblemKind::UnsupportedFrame { .. } => Some(
                 "put a PhysicalOffsetFrame on the same body in its place: OpenSim's findTransformInBaseFrame() gives its \

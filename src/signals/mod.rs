@@ -21,6 +21,6 @@ pub use emg::{EmgProcessing, EnvelopeKind, MvcLevel, SavitzkyGolay, mvc_level};
 pub use error::SignalError;
 pub use quality::{Finding, MAINS_FREQUENCIES_HZ, QualityLimits, check_artefact, check_channel, check_excitation};
 pub use resampling::{interpolate_linear, resample, sample_rate};
-pub use sampling::{OwnSamples, Resampled, own_samples};
+pub use sampling::{OwnSamples, Resampled, independent_samples, own_samples};
 pub use sections::{SecondOrderSections, Section};
 pub use smoothing::{moving_mean, moving_rms, odd_window, rectify, savitzky_golay};

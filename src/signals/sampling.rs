@@ -16,6 +16,22 @@ const ROUNDING: f64 = 1e-12;
 /// lines by less than 1/5000 of the corners that noise makes, and of recorded noise one bend in a thousand is as small.
 const BENT: f64 = 1e-3;
 
+/// One step of a converter of 16 bits, relative to the range that the signal uses: recorders leave more noise than the rounding
+/// of such steps.
+const CONVERTER: f64 = 1.0 / 65_536.0;
+/// Noise of a signal that is nothing but the rounding of its last digit, relative to that rounding.
+const ROUNDED: f64 = 1.3;
+/// Last digits that are finer than this share of the signal's range are no steps of a recorder: it would have 13 bits of signal
+/// and no noise.
+const WRITTEN: f64 = 1.0 / 8192.0;
+/// From how many rows on noise grows by less than this over twice as many: at the rate of its own samples it does not grow, below
+/// twice that rate fourfold and more.
+const LEVEL: f64 = 1.8;
+/// Noise above this share of the signal's range is no noise but the signal.
+const MOST_NOISE: f64 = 0.02;
+/// Fewest samples of its own that a smoothed signal is recognized by.
+const FEWEST_OWN: usize = 40;
+
 /// How a signal came to its grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Resampled {
@@ -23,6 +39,8 @@ pub enum Resampled {
     Held,
     /// On straight lines between samples.
     Interpolated,
+    /// Low-pass filtered, or on smooth curves between samples.
+    Smoothed,
 }
 
 /// The samples that a signal on a faster grid was made of.
@@ -42,6 +60,62 @@ pub fn own_samples(x: &[f64]) -> Option<OwnSamples> {
     let largest = x.iter().fold(0.0, |max: f64, v| max.max(v.abs()));
     let unit = written_unit(x);
     held(x, unit).or_else(|| interpolated(x, 2.5 * unit + ROUNDING * largest))
+}
+
+/// As [`own_samples`]; also recognizes a signal without the noise of a recorder: one that was low-pass filtered far below half its
+/// rate, or put on a faster grid by a smooth curve (spline, sinc). Its own samples are as many a second as have noise of their
+/// own.
+///
+/// Sixth differences hold what is left of noise: they take away all that a person does. Over few rows they are below what
+/// even the steps of a good converter leave; over more and more rows they grow, until they are the differences of samples that
+/// know nothing of each other, and grow no more. A smooth signal without any noise goes on growing and is not recognized.
+pub fn independent_samples(x: &[f64]) -> Option<OwnSamples> {
+    own_samples(x).or_else(|| smoothed(x))
+}
+
+/// Rows apart from which the samples of a signal without a recorder's noise have noise of their own.
+fn smoothed(x: &[f64]) -> Option<OwnSamples> {
+    let (lowest, highest) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+    let (range, unit) = (highest - lowest, written_unit(x));
+    let of_steps = |step: f64| step / 12f64.sqrt();
+    let found = white_part(x, 1)?;
+    let below_converter = found < of_steps(CONVERTER * range);
+    let rounding_alone = found < ROUNDED * of_steps(unit) && unit < WRITTEN * range;
+    if !(range > 0.0 && range.is_finite() && (below_converter || rounding_alone)) {
+        return None;
+    }
+    let least = 3.0 * of_steps((CONVERTER * range).max(unit));
+    let mut step = 2;
+    while x.len() >= FEWEST_OWN * step {
+        let noise = white_part(x, step)?;
+        if noise > MOST_NOISE * range {
+            return None; // the signal itself
+        }
+        if noise > least && white_part(x, 2 * step)? < LEVEL * noise {
+            let at = (0..x.len()).step_by(step).collect();
+            return Some(OwnSamples { how: Resampled::Smoothed, at, step: step as f64 });
+        }
+        step = (step + 1).max(step * 9 / 8);
+    }
+    None
+}
+
+/// Standard deviation of white noise whose differences of sixth order, over so many rows each, are as large as those of a signal
+/// (median). `None`: the signal is too short.
+fn white_part(x: &[f64], rows: usize) -> Option<f64> {
+    const BINOMIAL: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
+    /// Sum of their squares: what differences make of the variance of white noise.
+    const GAIN: f64 = 924.0;
+    /// Median of |N(0, 1)|.
+    const MEDIAN_ABSOLUTE_NORMAL: f64 = 0.674_489_750_196_081_7;
+    /// Differences that are looked at: their median is known to a hundredth.
+    const MOST: usize = 20_000;
+    let n = x.len().checked_sub(6 * rows).filter(|n| *n >= 2 * FEWEST)?;
+    let difference = |k: usize| BINOMIAL.iter().enumerate().map(|(i, c)| c * x[k + i * rows]).sum::<f64>().abs();
+    let mut sizes: Vec<f64> = (0..n).step_by(n.div_ceil(MOST)).map(difference).collect();
+    let middle = sizes.len() / 2;
+    let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
+    Some(*median / (MEDIAN_ABSOLUTE_NORMAL * GAIN.sqrt()))
 }
 
 /// Values that change every so many rows, by more than the resolution they are written with: a slow ramp of few digits
@@ -135,12 +209,8 @@ mod tests {
         let value = |k: usize| {
             let place = (k as f64 + shift) / ratio;
             let before = place as usize;
-            match how {
-                Resampled::Held => torque[before],
-                Resampled::Interpolated => {
-                    torque[before] + (torque[before + 1] - torque[before]) * (place - before as f64)
-                }
-            }
+            let change = torque[before + 1] - torque[before];
+            if how == Resampled::Held { torque[before] } else { torque[before] + change * (place - before as f64) }
         };
         (0..rows).map(value).collect()
     }
@@ -163,6 +233,48 @@ mod tests {
             }
         }
         assert_eq!(own_samples(&resampled(Resampled::Held, 2.0, 0.0)).map(|f| f.how), Some(Resampled::Held));
+    }
+
+    /// A torque of 100 Hz on a grid of `ratio` rows a sample, by cubic curves through the samples (Catmull and Rom).
+    fn on_cubics(torque: &[f64], ratio: usize) -> Vec<f64> {
+        let curve = |k: usize| {
+            let (i, t) = (1 + k / ratio, (k % ratio) as f64 / ratio as f64);
+            let [a, b, c, d] = [torque[i - 1], torque[i], torque[i + 1], torque[i + 2]];
+            b + 0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a)))
+        };
+        (0..(torque.len() - 3) * ratio).map(curve).collect()
+    }
+
+    #[test]
+    fn verif_smooth_signals_are_recognized_by_the_noise_that_they_lack() {
+        let long: Vec<f64> =
+            noise(1001).iter().enumerate().map(|(k, e)| 3.0 * (0.02 * k as f64).sin() + 0.05 * e).collect();
+        for ratio in [10, 20, 33] {
+            let x = on_cubics(&long, ratio);
+            for x in [x.clone(), rounded(&x, 6), rounded(&x, 4)] {
+                let found = independent_samples(&x).unwrap_or_else(|| panic!("{ratio}"));
+                assert_eq!(found.how, Resampled::Smoothed);
+                assert!((0.7..1.1).contains(&(found.step / ratio as f64)), "{ratio}: {}", found.step);
+            }
+        }
+        // 1000 Hz, low-passed at 20 Hz there and back: 40 samples a second are independent.
+        let x: Vec<f64> =
+            noise(10_000).iter().enumerate().map(|(k, e)| 3.0 * (0.002 * k as f64).sin() + 0.05 * e).collect();
+        let filter = crate::signals::Butterworth { order: 4, band: crate::signals::Band::LowPass { cutoff_hz: 20.0 } };
+        let smooth = filter.design(1000.0).unwrap().filter_zero_phase(&x).unwrap();
+        for x in [smooth.clone(), rounded(&smooth, 5)] {
+            let found = independent_samples(&x).unwrap();
+            assert!((12.0..40.0).contains(&found.step), "{}", found.step);
+        }
+        assert_eq!(independent_samples(&x), None);
+        // Straight lines remain what they are; what never had noise has no rate of its own.
+        let lines = resampled(Resampled::Interpolated, 20.0, 0.0);
+        assert_eq!(independent_samples(&lines), own_samples(&lines));
+        let quiet: Vec<f64> = (0..4000).map(|k| 3.0 * (1e-3 * f64::from(k)).sin()).collect();
+        for decimals in [12, 6, 4, 3] {
+            assert_eq!(independent_samples(&rounded(&quiet, decimals)), None, "{decimals}");
+            assert_eq!(independent_samples(&rounded(&x, decimals)), None, "{decimals}");
+        }
     }
 
     #[test]

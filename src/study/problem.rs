@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use super::trial::{LONGEST_STEP, LONGEST_TRIAL, SHORTEST_STEP};
-use crate::plausible::{Doubt, moment_unit_of_ratio};
+use crate::plausible::{Doubt, Measured, NamedUnit, moment_unit_of_ratio};
 use crate::printable::number_of;
 use crate::signals::{Finding, Resampled, SignalError};
 
@@ -501,8 +501,7 @@ pub enum Fault {
     },
     /// A moment that was put on a faster grid than it was recorded on.
     #[error(
-        "the moment was {} to {rate_hz:.0} Hz: {own_rate_hz:.0} of its samples a second are its own",
-        match how { Resampled::Held => "held", Resampled::Interpolated => "interpolated" }
+        "the moment {}", how_resampled(*how, *own_rate_hz, *rate_hz)
     )]
     MomentResampled {
         /// What was done to it.
@@ -514,8 +513,7 @@ pub enum Fault {
     },
     /// An angle or EMG that was put on a faster grid than it was recorded on.
     #[error(
-        "the {quantity} `{column}` was {} to {rate_hz:.0} Hz: {own_rate_hz:.0} of its samples a second are its own",
-        match how { Resampled::Held => "held", Resampled::Interpolated => "interpolated" }
+        "the {quantity} `{column}` {}", how_resampled(*how, *own_rate_hz, *rate_hz)
     )]
     ColumnResampled {
         /// `angle`, `raw EMG` or `EMG`.
@@ -604,14 +602,18 @@ pub enum Fault {
         doubt: Doubt,
     },
     /// A column whose name states another unit than its numbers are taken in.
-    #[error("column `{column}`: its name states {unit}; its numbers are taken as N·m")]
+    #[error("column `{column}`: its name states {}{}; its numbers are taken as {taken_as}", .unit.symbol, other_quantity(.unit, *.holds))]
     UnitInName {
         /// The column.
         column: String,
-        /// The unit's symbol.
-        unit: &'static str,
-        /// One of it \[N·m\].
-        in_n_m: f64,
+        /// The unit of the name.
+        unit: &'static NamedUnit,
+        /// What the column is to hold.
+        holds: Measured,
+        /// Unit that the numbers are taken in.
+        taken_as: &'static str,
+        /// One of `unit` in that unit, if the quantity is the same.
+        factor: Option<f64>,
     },
     /// A maximum voluntary moment that the MVC trials do not show.
     #[error(
@@ -779,18 +781,32 @@ impl Fault {
                 }
                 None => format!("check mass ({mass_kg} kg) and height ({height_m} m)"),
             },
-            UnitInName { unit, in_n_m, .. } => {
-                format!("1 {unit} is {in_n_m} N·m: multiply the column, and give it a name without the unit")
+            UnitInName { unit, taken_as, factor: Some(factor), .. } => {
+                let scaled = format!("1 {} is {} {taken_as}: multiply the column, and give it a name without the unit", unit.symbol, seven_digits(*factor));
+                match (unit.symbol, *taken_as) {
+                    ("rad", "deg") => format!("{scaled}; or set [columns] angle_unit = \"rad\""),
+                    ("deg", "rad") => format!("{scaled}; or set [columns] angle_unit = \"deg\""),
+                    _ => scaled,
+                }
             }
+            UnitInName { unit, holds, .. } => match (unit.of, holds) {
+                (Measured::Voltage, Measured::Part) => {
+                    "raw EMG is declared by [emg] kind = \"raw\"; envelopes are divided by the maximum voluntary contraction".to_owned()
+                }
+                (Measured::Voltage, _) => "is it the recorder's voltage? multiply it by the calibration factor first".to_owned(),
+                (Measured::MomentPerMass, _) => "multiply it by the body mass first".to_owned(),
+                (Measured::Force, Measured::Moment) => "is it a force? multiply it by its lever arm in metres first".to_owned(),
+                _ => "is it the right column? see [columns] in study.toml".to_owned(),
+            },
             MvcDisagrees { stated_n_m, measured_n_m, .. } => {
                 let otherwise = "the trial was not maximal, or the MVC is of another session or posture";
                 // The one or the other is not in N·m; which of the two, only the lab knows.
                 match (moment_unit_of_ratio(measured_n_m / stated_n_m), moment_unit_of_ratio(stated_n_m / measured_n_m)) {
                     (Some(unit), _) => {
-                        format!("1 {0} is {1:.3} N·m: is the moment of the trials in {0}? Else: {otherwise}", unit.symbol, unit.in_n_m)
+                        format!("1 {0} is {1:.3} N·m: is the moment of the trials in {0}? Else: {otherwise}", unit.symbol, unit.factor)
                     }
                     (_, Some(unit)) => {
-                        format!("1 {0} is {1:.3} N·m: is the MVC in {0}? Else: {otherwise}", unit.symbol, unit.in_n_m)
+                        format!("1 {0} is {1:.3} N·m: is the MVC in {0}? Else: {otherwise}", unit.symbol, unit.factor)
                     }
                     _ => format!("EMG and strength are scaled by them: {otherwise}"),
                 }
@@ -806,7 +822,7 @@ impl Fault {
                     .to_owned()
             }
             OutsideStudy { .. } => "it is read; a study that is copied elsewhere lacks it".to_owned(),
-            NotRegular { .. } => "a trial is read from a file of its own".to_owned(),
+            NotRegular { .. } => "tables and trials are read from files, not from devices or pipes".to_owned(),
             _ => return None,
         };
         Some(text)
@@ -859,6 +875,37 @@ fn quoted(text: &str) -> String {
     }
     let short: String = text.chars().take(40).collect();
     if short.len() < text.len() { format!("`{short}…`") } else { format!("`{short}`") }
+}
+
+/// What was done to a signal before it stood at so many samples a second, and how many of them are its own.
+fn how_resampled(how: Resampled, own_rate_hz: f64, rate_hz: f64) -> String {
+    let done = match how {
+        Resampled::Held => "held",
+        Resampled::Interpolated => "interpolated",
+        Resampled::Smoothed => {
+            // Independent samples are twice as many a second as the highest frequency.
+            let cutoff_hz = own_rate_hz / 2.0;
+            return format!(
+                "has no noise above about {cutoff_hz:.0} Hz at {rate_hz:.0} Hz: it was low-passed, or interpolated by smooth \
+                 curves; about {own_rate_hz:.0} of its samples a second are independent"
+            );
+        }
+    };
+    format!("was {done} to {rate_hz:.0} Hz: {own_rate_hz:.0} of its samples a second are its own")
+}
+
+/// What a unit measures, where that is not what the column holds.
+fn other_quantity(unit: &NamedUnit, holds: Measured) -> String {
+    if unit.of == holds { String::new() } else { format!(", {}", unit.of.words()) }
+}
+
+/// A conversion factor with the digits that tables give; those of angles with fewer.
+fn seven_digits(number: f64) -> f64 {
+    if number.fract() == 0.0 || number < 0.1 {
+        four_digits(number)
+    } else {
+        format!("{number:.6}").parse().unwrap_or(number)
+    }
 }
 
 /// A number to four significant digits.

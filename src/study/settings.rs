@@ -8,7 +8,7 @@ use super::processing::{self, ProcessingSettings};
 use super::raw_emg::{self, EmgSignal};
 use super::scaling::{self, ScalingSettings, StrengthSettings};
 use super::toml_section::{Sections, TomlSection};
-use crate::plausible::{self, Doubt, moment_unit_in_name};
+use crate::plausible::{self, Doubt, Measured, unit_in_name};
 
 /// Bounds of table 3.2 of Jadelis (2025): three standard deviations of Lieber et al. (1990)
 /// and Loren & Lieber (1995) for the lengths, the span of wrist moments of Holzbaur et al. (2007) for force.
@@ -212,11 +212,8 @@ impl Settings {
         let active_line = muscles.line_of("active");
         muscles.finish(problems);
 
-        let mut columns = columns(&sections, active.as_deref().unwrap_or_default(), file, problems);
+        let (mut columns, lines) = columns(&sections, active.as_deref().unwrap_or_default(), problems);
         columns.further_moments = further_moments;
-        for further in &columns.further_moments {
-            warn_of_moment_unit(&further.column, file, further.line, problems);
-        }
         let columns_sound = problems[before..].iter().all(|problem| problem.severity != Severity::Error);
         let emg = raw_emg::settings(&sections, problems);
         let bounds = bounds(&sections, file, problems);
@@ -254,6 +251,7 @@ impl Settings {
             own_effects: own.into_iter().map(PathBuf::from).collect(),
             own_effects_line,
         };
+        warn_of_units(&settings, &lines, file, problems);
         Some((settings, columns_sound))
     }
 }
@@ -268,6 +266,7 @@ fn dynamometer(
         section.required_string("coordinate", "the OpenSim coordinate whose generalized force is measured");
     let coordinate_line = section.line_of("coordinate");
     let damping = section.optional_number("damping_n_m_s_per_deg", "a number, 0 or more, in N·m·s/deg", |v| v >= 0.0);
+    let damping_line = section.line_of("damping_n_m_s_per_deg");
     let parts = [
         ("muscles", MomentPart::Muscles),
         ("passive", MomentPart::Passive),
@@ -298,6 +297,10 @@ fn dynamometer(
         problems.push(Problem::error(file, same.line, fault));
     }
     // One degree is π/180 rad, so a drag per degree is the larger number per radian.
+    if let Some(doubt) = damping.and_then(|damping| plausible::DYNAMOMETER_DAMPING.doubt(damping)) {
+        let fault = Fault::Implausible { name: "`damping_n_m_s_per_deg`".to_owned(), doubt };
+        problems.push(Problem::warning(file, damping_line, fault));
+    }
     let damping = damping.unwrap_or(0.0) / 1f64.to_radians();
     let dynamometer = coordinate.map(|coordinate| Dynamometer { coordinate, coordinate_line, damping, include });
     (dynamometer, further)
@@ -345,15 +348,69 @@ fn radian_evidence(value: f64) -> Option<String> {
         .then(|| format!("{value} rad are {nearest}°"))
 }
 
-/// Warns of a column of moments whose name states another unit than N·m.
-fn warn_of_moment_unit(column: &str, file: &Path, line: usize, problems: &mut Vec<Problem>) {
-    if let Some(unit) = moment_unit_in_name(column) {
-        let fault = Fault::UnitInName { column: column.to_owned(), unit: unit.symbol, in_n_m: unit.in_n_m };
+/// Warns of columns whose names state other units than their numbers are taken in.
+fn warn_of_units(settings: &Settings, lines: &ColumnLines, file: &Path, problems: &mut Vec<Problem>) {
+    let columns = &settings.columns;
+    let (angle, velocity) = match columns.angle_unit {
+        AngleUnit::Degrees => ("deg", "deg/s"),
+        AngleUnit::Radians => ("rad", "rad/s"),
+    };
+    let per_degree = match columns.angle_unit {
+        AngleUnit::Degrees => 1.0,
+        AngleUnit::Radians => 1f64.to_radians(),
+    };
+    let mut warn = |column: &str, holds: Measured, taken_as: &'static str, line: usize| {
+        let Some(unit) = unit_in_name(column, holds) else { return };
+        let scale = if matches!(holds, Measured::Angle | Measured::AngularVelocity) { per_degree } else { 1.0 };
+        if unit.of == holds && (unit.factor * scale - 1.0).abs() < 1e-9 {
+            return;
+        }
+        let factor = (unit.of == holds).then_some(unit.factor * scale);
+        let fault = Fault::UnitInName { column: column.to_owned(), unit, holds, taken_as, factor };
         problems.push(Problem::warning(file, line, fault));
+    };
+    warn(&columns.time, Measured::Time, "s", lines.time);
+    // Of names that end so, the trials say more.
+    if !["_deg", "_rad"].iter().any(|end| columns.angle.to_lowercase().ends_with(end)) {
+        warn(&columns.angle, Measured::Angle, angle, lines.angle);
+    }
+    warn(&columns.velocity, Measured::AngularVelocity, velocity, lines.velocity);
+    warn(&columns.moment, Measured::Moment, "N·m", lines.moment);
+    for further in &columns.further_moments {
+        warn(&further.column, Measured::Moment, "N·m", further.line);
+    }
+    if let Some(second) = &settings.processing.second_recorder {
+        warn(&second.time, Measured::Time, "s", 0);
+    }
+    let (holds, taken_as) = match settings.emg {
+        EmgSignal::Normalized => (Measured::Part, "parts of 1"),
+        EmgSignal::Raw(_) => (Measured::Voltage, "raw EMG"),
+    };
+    for (i, column) in columns.emg.iter().enumerate() {
+        // Names of muscles end in many letters; of raw channels any unit of voltage will do.
+        let is_bracketed = column.ends_with([']', ')']);
+        let tells = unit_in_name(column, holds).is_some_and(|unit| match unit.of {
+            Measured::Voltage => holds == Measured::Part && (is_bracketed || unit.symbol != "V"),
+            Measured::Part => true,
+            _ => false,
+        });
+        if tells && !columns.emg[..i].contains(column) {
+            warn(column, holds, taken_as, lines.emg);
+        }
     }
 }
 
-fn columns(sections: &Sections<'_>, active: &[String], file: &Path, problems: &mut Vec<Problem>) -> Columns {
+/// Lines of `study.toml` that name columns, or of their table.
+#[derive(Default)]
+struct ColumnLines {
+    time: usize,
+    angle: usize,
+    velocity: usize,
+    moment: usize,
+    emg: usize,
+}
+
+fn columns(sections: &Sections<'_>, active: &[String], problems: &mut Vec<Problem>) -> (Columns, ColumnLines) {
     let mut section = sections.section("columns");
     let angle_unit = section
         .optional_word("angle_unit", "angle unit", &[("deg", AngleUnit::Degrees), ("rad", AngleUnit::Radians)])
@@ -374,11 +431,11 @@ fn columns(sections: &Sections<'_>, active: &[String], file: &Path, problems: &m
         ignore: section.optional_strings("ignore", "list of column names").unwrap_or_default(),
         angle_unit,
     };
-    let line = section.line_of("moment");
+    let [time, angle, velocity, moment, emg] =
+        ["time", "angle", "velocity", "moment", "emg"].map(|key| section.line_of(key));
     one_quantity_each(&mut section, &columns);
     section.finish(problems);
-    warn_of_moment_unit(&columns.moment, file, line, problems);
-    columns
+    (columns, ColumnLines { time, angle, velocity, moment, emg })
 }
 
 /// Reports columns that are to hold two quantities; muscles alone may share one, that of their EMG.

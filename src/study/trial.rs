@@ -7,7 +7,7 @@ use super::raw_emg::{self, EmgSignal};
 use super::settings::{AngleUnit, Columns, Settings};
 use super::table::{csv_problem, is_of_a_study, missing_column, open};
 use super::trial_list::TrialInfo;
-use crate::signals::{OwnSamples, Resampled, own_samples};
+use crate::signals::{OwnSamples, Resampled, independent_samples, own_samples};
 
 /// Fewest samples a trial may have: enough for a cubic spline with something to smooth.
 pub const MIN_SAMPLES: usize = 10;
@@ -53,7 +53,7 @@ pub struct Trial {
     pub further_moments: Vec<Vec<f64>>,
     /// Excitation of each active muscle, 0 to 1, in the order of the study's active muscles.
     pub excitation: Vec<Vec<f64>>,
-    /// The moment's own samples, where it was held or interpolated to the grid of the file; `None`: one a row.
+    /// The moment's own samples, where it was held, interpolated or smoothed on the grid of the file; `None`: one a row.
     pub moment_samples: Option<OwnSamples>,
     /// What a person should look at.
     pub warnings: Vec<Problem>,
@@ -185,7 +185,7 @@ impl Trial {
         let trial = read_samples(info, settings, trials_file, &mut problems).map(|mut trial| {
             let before = problems.len();
             check_time(&trial, settings.max_gap, &mut problems);
-            trial.moment_samples = own_samples(&trial.moment);
+            trial.moment_samples = independent_samples(&trial.moment);
             note_resampled(&trial, settings, &mut problems);
             match &settings.emg {
                 EmgSignal::Normalized => check_excitation(&mut trial, settings, &mut problems),

@@ -664,10 +664,15 @@ impl System {
         self.model.body(name)
     }
 
-    /// Every `BushingForce` that applies: position among the forces of the specification.
-    fn dampers(&self) -> impl Iterator<Item = usize> + '_ {
-        let forces = self.spec.forces.iter().enumerate();
-        forces.filter(|(_, f)| f.applies_force && matches!(f.kind, ForceKind::Bushing { .. })).map(|(i, _)| i)
+    /// Every force that applies and has the energy that its damping takes as a state: position among the forces of the
+    /// specification, and the state's name.
+    fn dampers(&self) -> impl Iterator<Item = (usize, &'static str)> + '_ {
+        let forces = self.spec.forces.iter().enumerate().filter(|(_, force)| force.applies_force);
+        forces.filter_map(|(i, force)| match force.kind {
+            ForceKind::Bushing { .. } => Some((i, "dissipated_energy")),
+            ForceKind::CoordinateLimit { computes_dissipation: true, .. } => Some((i, "dissipatedEnergy")),
+            _ => None,
+        })
     }
 
     /// Every actuator that has an activation: position among the forces of the specification, and the activation.

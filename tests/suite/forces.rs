@@ -3,6 +3,8 @@
 use super::multibody::{Case, fixture_cases, numbers, shared_cases};
 use super::validation::{self, Differences, Judge, Row};
 use carpus::forces::{Force, ForceLaw, Forces, gravity_force, inertia_force};
+use carpus::multibody::Model;
+use carpus::osim::OsimFile;
 use carpus::spatial::SpatialForce;
 use nalgebra::Vector3;
 use serde_json::Value;
@@ -220,4 +222,21 @@ fn val_opensim_forces_of_shared_models() {
     }
     validation::write("passive_forces", &all);
     validation::assert_passed(&all);
+}
+
+#[test]
+fn verif_a_limit_that_says_so_keeps_the_energy_of_its_damping() {
+    let flag = "<compute_dissipation_energy>true</compute_dissipation_energy></CoordinateLimitForce>";
+    let text = include_str!("../../models/wrist.osim").replacen("</CoordinateLimitForce>", flag, 1);
+    let file = OsimFile::parse(text, "wrist.osim").expect("model");
+    let model = Model::compile(&file.spec).expect("model");
+    let forces = Forces::compile(&file.spec, &model).expect("forces");
+    let dampers: Vec<_> = forces.dampers().collect();
+    assert_eq!(dampers.len(), 1, "of two limits one says so");
+    let ForceLaw::CoordinateLimit(limit) = &dampers[0].law else { panic!("{:?}", dampers[0]) };
+    for q in [0.0, limit.upper_limit + 0.5 * limit.transition, limit.lower_limit - 2.0 * limit.transition] {
+        let taken = (limit.limit_force(q, 0.0) - limit.limit_force(q, 2.0)) * 2.0;
+        assert!((limit.dissipated_power(q, 2.0) - taken).abs() < 1e-12, "{q}");
+    }
+    assert!(limit.dissipated_power(limit.upper_limit + limit.transition, 2.0) > 0.0);
 }

@@ -122,12 +122,25 @@ fn verif_an_output_folder_holds_nothing_of_another_run() {
     let before = files(&out).into_keys().collect::<Vec<_>>();
     carpus(&["compare"], &other, &out).code(1).stderr(contains("another study").and(contains("hint: choose another")));
     assert_eq!(files(&out).into_keys().collect::<Vec<_>>(), before);
-    // With one trial less its results go, and it is said; what another command made stays.
-    carpus(&["compare"], &one, &out).success().stderr(contains("removed").not());
+    // So is another command of the same study, and a folder with files of another hand.
+    let refused = carpus(&["compare"], &one, &out).code(1).stdout("");
+    refused.stderr(contains("holds results of simulate, not of compare").and(contains("hint: choose another folder")));
+    let paths = ["paths", "--sweep", "flexion=-60:60:30deg"];
+    carpus(&paths, &root("models/wrist.osim"), &out).code(1).stderr(contains("results of simulate, not of paths"));
+    let foreign = place.path().join("foreign");
+    std::fs::create_dir(&foreign).unwrap();
+    carpus(&["simulate"], &one, &foreign).success();
+    std::fs::remove_file(foreign.join("carpus-output.json")).unwrap();
+    carpus(&["simulate"], &one, &foreign).code(1).stderr(contains("files that are not of simulate: P01/"));
+    assert_eq!(files(&out).into_keys().collect::<Vec<_>>(), before);
+    // With one trial less its results go, and it is said.
+    carpus(&["simulate"], &one, &out).success().stderr(contains("removed").not());
     let table = std::fs::read_to_string(one.with_file_name("trials.csv")).unwrap();
     std::fs::write(one.with_file_name("trials.csv"), table.lines().take(2).collect::<Vec<_>>().join("\n")).unwrap();
-    let run = carpus(&["compare"], &one, &out).success();
-    run.stderr(contains("removed what an earlier run of compare had left here").and(contains("isotonic_25_flexion_2")));
+    let run = carpus(&["simulate"], &one, &out).success();
+    run.stderr(
+        contains("removed what an earlier run of simulate had left here").and(contains("isotonic_25_flexion_2")),
+    );
     assert!(!there("P01/series/isotonic_25_flexion_2.sto") && there("P01/series/isotonic_25_flexion_1.sto"));
 }
 
@@ -150,7 +163,8 @@ fn verif_what_simulation_and_comparison_write_is_read() {
     }
     // Paths and equilibria, with negative numbers among theirs.
     let sweep = ["paths", "--sweep", "flexion=-60:60:30deg"];
-    carpus(&sweep, &root("models/wrist.osim"), &out).success();
+    let swept = out.join("swept");
+    carpus(&sweep, &root("models/wrist.osim"), &swept).success();
     let csv = out.join("rest.csv");
     let mut rest = Command::cargo_bin("carpus").unwrap();
     rest.arg("equilibrium").arg(root("models/wrist.osim")).args(["--set", "flexion=-30deg", "--csv"]).arg(&csv);

@@ -308,8 +308,8 @@ fn verif_further_trials_never_lose_information_and_a_flipped_arm_tells_a_spring_
     let found = looped();
     let out = tempfile::tempdir().unwrap();
     std::fs::create_dir_all(out.path().join("P01")).unwrap();
-    for name in ["diagnosis.json", "results.json"] {
-        std::fs::copy(found.path("with/P01").join(name), out.path().join("P01").join(name)).unwrap();
+    for name in ["P01/diagnosis.json", "P01/results.json", "carpus-output.json"] {
+        std::fs::copy(found.path("with").join(name), out.path().join(name)).unwrap();
     }
     let mut command = carpus();
     command.arg("plan").arg(found.path("hidden/study.toml")).args(["--candidates", "joint_stiffness,gravity", "--out"]);

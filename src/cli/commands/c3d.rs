@@ -35,7 +35,7 @@ pub fn run(args: &C3dArgs, global: &Global) -> Result<(), Failure> {
         written.push(folder.write(format!("{stem}_analog.csv"), text.as_bytes())?);
     }
     failure::print(&folder.close("c3d", &[])?);
-    let rate = |time: &[f64]| time.get(1).map_or(f64::NAN, |second| 1.0 / (second - time[0]));
+    let rate = |time: &[f64]| time.get(1).map(|second| 1.0 / (second - time[0]));
     if global.json {
         let files: Vec<String> = written.iter().map(|f| f.display().to_string()).collect();
         let channels: Vec<_> =
@@ -47,21 +47,20 @@ pub fn run(args: &C3dArgs, global: &Global) -> Result<(), Failure> {
         });
         return print_result(&value.to_string());
     }
-    let mut lines = vec![format!(
-        "{} markers, {} frames at {} Hz: {}",
-        markers.names.len(),
-        markers.time.len(),
-        markers.data_rate,
-        markers.names.join(", ")
-    )];
+    let at = |rate: Option<f64>| rate.map_or_else(String::new, |rate| format!(" at {rate:.6} Hz"));
+    let markers_of = (!markers.names.is_empty()).then(|| {
+        let (n, frames) = (markers.names.len(), markers.time.len());
+        format!("{n} markers, {frames} frames at {} Hz: {}", markers.data_rate, markers.names.join(", "))
+    });
     let channels: Vec<String> = analog.labels.iter().zip(units).map(|(l, u)| format!("{l} [{u}]")).collect();
-    lines.push(format!(
-        "{} analog channels, {} samples at {:.6} Hz: {}",
-        channels.len(),
-        analog.len(),
-        rate(&analog.time),
-        channels.join(", ")
-    ));
+    let channels_of = (!channels.is_empty()).then(|| {
+        let (n, samples, rate) = (channels.len(), analog.len(), at(rate(&analog.time)));
+        format!("{n} analog channels, {samples} samples{rate}: {}", channels.join(", "))
+    });
+    let mut lines = vec![
+        markers_of.unwrap_or_else(|| "no markers".to_owned()),
+        channels_of.unwrap_or_else(|| "no analog channels".to_owned()),
+    ];
     lines.extend(written.iter().map(|f| f.display().to_string()));
     print_result(&lines.join("\n"))
 }

@@ -16,7 +16,7 @@ use crate::report::results::{Errors, Kind, Results, Use};
 /// # Errors
 /// The study, its models and trials, or the output folder.
 pub fn run(args: &CompareArgs, global: &Global) -> Result<(), Failure> {
-    let study = StudyRun::prepare_with(&args.study, args.effects.file())?;
+    let study = StudyRun::prepare_with(&args.study, args.effects.file(), "compare")?;
     let bar = progress(global, study.participants.len() as u64, "comparing");
     let outcomes = study.each(|participant| {
         let run = study.participant(participant)?;

@@ -55,14 +55,15 @@ pub fn write_study(folder: &OutputFolder) -> Result<(), Failure> {
 /// # Errors
 /// The output folder.
 pub fn run(args: &DemoArgs, global: &Global) -> Result<(), Failure> {
-    write_study(&OutputFolder::create(&args.out, &[])?)?;
-    let study = StudyRun::prepare(&StudyArgs {
+    write_study(&OutputFolder::create(&args.out, &[])?.only_of("demo")?)?;
+    let args_of_study = StudyArgs {
         study: args.out.join("study/study.toml"),
         participant: Vec::new(),
         model: None,
         out: args.out.clone(),
         allow_unsupported: false,
-    })?;
+    };
+    let study = StudyRun::prepare(&args_of_study, "demo")?;
     let mut outcomes = Vec::new();
     for participant in &study.participants {
         outcomes.push(personalize::personalize(&study, participant, Path::new(""), true, global)?);

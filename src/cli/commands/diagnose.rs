@@ -39,7 +39,7 @@ const IN_GROUP: usize = 3;
 /// The study, its models and trials, the candidates, or the output folder.
 pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
     let candidates = candidates(&args.candidates)?;
-    let study = StudyRun::prepare_with(&args.study, args.effects.file())?;
+    let study = StudyRun::prepare_with(&args.study, args.effects.file(), "diagnose")?;
     let restricted: &[String] = if args.candidates == ["all"] { &[] } else { &args.candidates };
     let bar = progress(global, study.participants.len() as u64, "diagnosing");
     let outcomes = study.each(|participant| {

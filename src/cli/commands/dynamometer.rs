@@ -78,7 +78,7 @@ struct Second {
 /// # Errors
 /// The study, its recordings, or the output folder.
 pub fn run(args: &DynamometerArgs, global: &Global) -> Result<(), Failure> {
-    let study = StudyRun::prepare(&args.study)?;
+    let study = StudyRun::prepare(&args.study, "dynamometer")?;
     study.out.refuse_input(&study.out.path().join("study.toml"))?;
     if study.study.settings.processing == ProcessingSettings::default() {
         let message =

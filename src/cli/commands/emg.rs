@@ -64,7 +64,7 @@ struct ChannelOfTrial {
 /// # Errors
 /// A study whose EMG is normalized already, its trials, or the output folder.
 pub fn run(args: &EmgArgs, global: &Global) -> Result<(), Failure> {
-    let study = StudyRun::prepare(&args.study)?;
+    let study = StudyRun::prepare(&args.study, "emg")?;
     let EmgSignal::Raw(processing) = &study.study.settings.emg else {
         let message = Message::error("the study's EMG is normalized already: there is nothing to process");
         return Err(message

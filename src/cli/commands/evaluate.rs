@@ -24,7 +24,7 @@ pub const LINEAR: &str = "linear";
 /// # Errors
 /// The study, its trials, the models, or the output folder.
 pub fn run(args: &EvaluateArgs, global: &Global) -> Result<(), Failure> {
-    let study = StudyRun::prepare(&args.study)?;
+    let study = StudyRun::prepare(&args.study, "evaluate")?;
     let bar = progress(global, study.participants.len() as u64, "evaluating");
     let mut names: Vec<ModelName> = vec![ModelName { id: LINEAR.to_string(), label: "linear".to_string() }];
     let mut inputs = Vec::new();

@@ -39,7 +39,7 @@ const DIGITS: i32 = 7;
 /// The study, its models and trials, the priors, or the output folder.
 pub fn run(args: &IdentifyArgs, global: &Global) -> Result<(), Failure> {
     let question = Question::new(&args.options)?;
-    let study = StudyRun::prepare(&args.study)?;
+    let study = StudyRun::prepare(&args.study, "identify")?;
     let bar = progress(global, study.participants.len() as u64, "identifying");
     let outcomes = study.each(|participant| {
         let run = study.participant_to_identify(participant)?;

@@ -16,7 +16,7 @@ use crate::report::sweep::{SweepFigure, SweepMuscle};
 pub fn run(args: &PathsArgs, global: &Global) -> Result<(), Failure> {
     let path = &args.model.model;
     let out = args.out.as_ref().map(|dir| OutputFolder::create(dir, std::slice::from_ref(path))).transpose()?;
-    let out = out.map(|out| out.with_results_of(path));
+    let out = out.map(|out| Ok::<_, Failure>(out.only_of("paths")?.with_results_of(path))).transpose()?;
     let mut messages = Vec::new();
     let loaded = model::load(path, Needs::Motion, args.model.allow_unsupported, &mut messages)?;
     let moved = loaded.check_settable(&args.sweep.coordinate, args.sweep.first())?;

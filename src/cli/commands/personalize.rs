@@ -25,7 +25,7 @@ use crate::study::{FascicleUse, Participant, TrialUse};
 /// # Errors
 /// The study, its models and trials, or the output folder.
 pub fn run(args: &PersonalizeArgs, global: &Global) -> Result<(), Failure> {
-    let study = StudyRun::prepare(&args.study)?;
+    let study = StudyRun::prepare(&args.study, "personalize")?;
     let outcomes = study.each(|participant| {
         personalize(&study, participant, &PathBuf::from(&participant.name), !args.no_intervals, global)
     })?;

@@ -42,7 +42,7 @@ pub fn run(args: &PlanArgs, global: &Global) -> Result<(), Failure> {
     if asked.len() == 1 {
         return Err(Message::error("--candidates: expected at least two effects to tell apart").into());
     }
-    let study = StudyRun::prepare_with(&args.study, args.effects.file())?;
+    let study = StudyRun::prepare_with(&args.study, args.effects.file(), "plan")?;
     let outcomes = study.each(|participant| {
         let run = study.participant_to_diagnose(participant)?;
         failure::print(&run.warnings);
@@ -73,7 +73,7 @@ pub fn run(args: &PlanArgs, global: &Global) -> Result<(), Failure> {
 /// How far an effect of a size would be from none and from every other.
 fn of_effect(asked: &EffectSize, args: &PlanArgs, global: &Global) -> Result<(), Failure> {
     known(&asked.id)?;
-    let study = StudyRun::prepare_with(&args.study, args.effects.file())?;
+    let study = StudyRun::prepare_with(&args.study, args.effects.file(), "plan")?;
     let bar = progress(global, study.participants.len() as u64, "separating");
     let outcomes = study.each(|participant| {
         let run = study.participant_to_diagnose(participant)?;
@@ -175,7 +175,9 @@ fn write(
 /// Writes the report of the diagnosis again, now that it has experiments.
 fn report_again(study: &StudyRun, participant: &str, diagnosis: &Value) -> Result<(), Failure> {
     let folder = Path::new(participant);
-    let Ok(text) = std::fs::read_to_string(study.out.path().join(folder).join("results.json")) else { return Ok(()) };
+    let Ok(text) = crate::regular_file::read_text(&study.out.path().join(folder).join("results.json")) else {
+        return Ok(());
+    };
     let Ok(mut results) = Results::parse(&text) else { return Ok(()) };
     if results.diagnosis.is_some() {
         results.diagnosis = Some(diagnosis_file::result(diagnosis)?);

@@ -71,7 +71,8 @@ pub fn run(args: &PriorsArgs, global: &Global) -> Result<(), Failure> {
 /// Result files at or below `path`, in order.
 fn collect(path: &Path, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
     let unreadable = |e: std::io::Error| Message::error(format!("cannot be read: {e}")).in_file(path);
-    if path.metadata().map_err(unreadable)?.is_file() {
+    // What is no folder is read as a file, which says what is wrong with a device or a pipe.
+    if !path.metadata().map_err(unreadable)?.is_dir() {
         files.push(path.to_owned());
         return Ok(());
     }
@@ -93,7 +94,7 @@ fn collect(path: &Path, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
 fn read(file: &Path) -> Result<IdentifiabilityResult, Failure> {
     let fault =
         |what: String| Failure::from(Message::error(what).in_file(file).hint("is it what carpus identify wrote?"));
-    let text = std::fs::read_to_string(file).map_err(|e| fault(format!("cannot be read: {e}")))?;
+    let text = crate::regular_file::read_text(file).map_err(|e| fault(format!("cannot be read: {e}")))?;
     let result: IdentifiabilityResult =
         serde_json::from_str(&text).map_err(|e| fault(format!("not a result of carpus identify: {e}")))?;
     if result.schema != IDENTIFIABILITY_SCHEMA {

@@ -50,7 +50,9 @@ fn write(setup: &Path, outcome: &Outcome) -> Result<Vec<PathBuf>, Failure> {
         }
         let out = match folders.entry(folder.to_owned()) {
             Entry::Occupied(known) => known.into_mut(),
-            Entry::Vacant(new) => new.insert(OutputFolder::create(folder, &outcome.inputs)?.with_results_of(setup)),
+            Entry::Vacant(new) => {
+                new.insert(OutputFolder::create(folder, &outcome.inputs)?.overwriting_with_results_of(setup))
+            }
         };
         written.push(out.write(name, &file.bytes)?);
     }

@@ -72,7 +72,8 @@ fn scale_model(args: &ScaleArgs, global: &Global) -> Result<(), Failure> {
         let text = "nothing to scale by";
         return Err(Message::error(text).hint("--factor BODY=FACTOR, or --mass KG").into());
     }
-    let out = OutputFolder::create(&args.out, std::slice::from_ref(&args.input))?.with_results_of(&args.input);
+    let out = OutputFolder::create(&args.out, std::slice::from_ref(&args.input))?.only_of("scale")?;
+    let out = out.with_results_of(&args.input);
     let mut warnings = Vec::new();
     let loaded = model::load(&args.input, Needs::Motion, args.allow_unsupported, &mut warnings)?;
     let request = ScaleRequest {
@@ -101,13 +102,14 @@ fn scale_study(args: &ScaleArgs, global: &Global) -> Result<(), Failure> {
         let text = "--factor, --mass and --preserve-mass-distribution go with a model; a study says it in [scaling]";
         return Err(Message::error(text).into());
     }
-    let study = StudyRun::prepare(&StudyArgs {
+    let study = StudyArgs {
         study: args.input.clone(),
         participant: args.participant.clone(),
         model: args.model.clone(),
         out: args.out.clone(),
         allow_unsupported: args.allow_unsupported,
-    })?;
+    };
+    let study = StudyRun::prepare(&study, "scale")?;
     let outcomes = study.each(|participant| scaled(&study, participant))?;
     let text = finish(&study.out, &outcomes.done, global)?;
     outcomes.print(&study, "scale", &text)

@@ -16,7 +16,7 @@ use crate::sensitivity::MuscleScreening;
 /// # Errors
 /// The study, its models and trials, a screening of which every run fails, or the output folder.
 pub fn run(args: &SensitivityArgs, global: &Global) -> Result<(), Failure> {
-    let study = StudyRun::prepare(&args.study)?;
+    let study = StudyRun::prepare(&args.study, "sensitivity")?;
     let options = ScreeningOptions {
         starts: args.starts as usize,
         sobol: args.sobol.map(|n| n as usize),

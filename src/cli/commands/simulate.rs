@@ -8,7 +8,7 @@ use crate::cli::account::{self, ModelRun, Setting};
 use crate::cli::args::{Global, SimulateArgs};
 use crate::cli::failure::{self, Failure};
 use crate::cli::provenance::provenance;
-use crate::cli::series;
+use crate::cli::series::Series;
 use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
 use crate::report::results::{Kind, Results};
 use crate::report::{render_report, render_waterfall};
@@ -19,7 +19,7 @@ use crate::simulation::TrialSimulation;
 /// # Errors
 /// The study, its models and trials, or the output folder.
 pub fn run(args: &SimulateArgs, global: &Global) -> Result<(), Failure> {
-    let study = StudyRun::prepare_with(&args.study, args.effects.file())?;
+    let study = StudyRun::prepare_with(&args.study, args.effects.file(), "simulate")?;
     let bar = progress(global, study.participants.len() as u64, "simulating");
     let outcomes = study.each(|participant| {
         let run = study.participant(participant)?;
@@ -83,11 +83,11 @@ pub fn write_series(
     let muscles: Vec<String> = run.model.muscle_names().map(String::from).collect();
     let write = |i: usize| {
         let trial = &run.trials[i];
-        let (csv, sto) =
-            series::texts(coordinate, &muscles, trial, &run.prepared[i], &simulations[i], !run.given.is_empty())?;
+        let with_effects = !run.given.is_empty();
+        let series = Series::new(coordinate, &muscles, trial, &run.prepared[i], &simulations[i], with_effects);
         let name = folder.join("series").join(&trial.info.name);
-        study.out.write(with_extension(&name, "csv"), csv.as_bytes())?;
-        study.out.write(with_extension(&name, "sto"), sto.as_bytes())?;
+        study.out.write_with(with_extension(&name, "csv"), |file| series.write_csv(file))?;
+        study.out.write_with(with_extension(&name, "sto"), |file| series.write_sto(file))?;
         Ok(())
     };
     let written: Vec<Result<(), Failure>> = (0..simulations.len()).into_par_iter().map(write).collect();

@@ -52,7 +52,7 @@ struct Muscle {
 /// # Errors
 /// The study, its models and MVC trials, or the output folder.
 pub fn run(args: &StrengthScaleArgs, global: &Global) -> Result<(), Failure> {
-    let study = StudyRun::prepare(&args.study)?;
+    let study = StudyRun::prepare(&args.study, "strength-scale")?;
     let outcomes = study.each(|participant| scaled(&study, participant, args.linear))?;
     let done = &outcomes.done;
     let mut inputs: Vec<InputFile> = Vec::new();

@@ -46,7 +46,7 @@ pub fn run(args: &SynthArgs, global: &Global) -> Result<(), Failure> {
     for asked in &args.effects {
         known(&asked.id)?;
     }
-    let study = StudyRun::prepare(&args.study)?;
+    let study = StudyRun::prepare(&args.study, "synth")?;
     let noise = match args.noise {
         NoiseLevel::Realistic => RecordingNoise::REALISTIC,
         NoiseLevel::Small => RecordingNoise::REALISTIC.scaled(0.25),

@@ -36,7 +36,11 @@ pub fn run(args: &UltrasoundArgs, global: &Global) -> Result<(), Failure> {
         let message = Message::error("there are no measurements to compare with").in_file(&table_file);
         return Err(message.hint("columns: participant, muscle, posture_deg, muscle_belly_length_m, …").into());
     }
-    let out = OutputFolder::create(&args.out, &study.input_files())?.claimed_for(&study.settings.name, &study.file)?;
+    let out = OutputFolder::create(&args.out, &study.input_files())?.claimed_for(
+        &study.settings.name,
+        &study.file,
+        "ultrasound",
+    )?;
     let mut warnings: Vec<Message> = study.warnings.iter().map(Message::from).collect();
     let mut inputs = vec![
         input_file(&study.file, &study.file.display().to_string(), "study")?,

@@ -157,7 +157,7 @@ impl SideCar {
     /// # Errors
     /// [`SideCarError`].
     pub fn read(file: &Path) -> Result<SideCar, SideCarError> {
-        let text = std::fs::read_to_string(file)
+        let text = crate::regular_file::read_text(file)
             .map_err(|source| SideCarError::Unreadable { file: file.to_owned(), source })?;
         SideCar::parse(&text, file)
     }

@@ -108,7 +108,7 @@ impl Definition {
     /// # Errors
     /// Every problem of the file.
     pub fn read(file: &Path) -> Result<Definition, Vec<Problem>> {
-        let text = std::fs::read_to_string(file)
+        let text = crate::regular_file::read_text(file)
             .map_err(|e| vec![Problem::error(file, None, file_fault(&e, "effect of your own", None))])?;
         Definition::parse(&text, file)
     }

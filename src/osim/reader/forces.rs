@@ -127,7 +127,7 @@ impl Reader<'_> {
 
     fn coordinate_limit(&mut self, object: &Object) -> Option<ForceKind> {
         let coordinate = self.force_coordinate(object)?;
-        let _ = self.own_property(object, &["compute_dissipation_energy"]);
+        let computes_dissipation = self.boolean(object, &["compute_dissipation_energy"], false);
         let mut value = |name, default| self.number(object, &[name], default, Bound::Finite);
         Some(ForceKind::CoordinateLimit {
             coordinate,
@@ -137,6 +137,7 @@ impl Reader<'_> {
             lower_limit: value("lower_limit", 0.0),
             damping: value("damping", 0.001),
             transition: value("transition", 0.1),
+            computes_dissipation,
         })
     }
 

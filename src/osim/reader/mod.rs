@@ -90,6 +90,9 @@ struct Reader<'a> {
     pending_joints: Vec<joints::PendingJoint>,
 }
 
+/// Characters that begin a line or a column of a table; OpenSim 4.6 refuses them in names.
+const LINES_AND_COLUMNS: [char; 2] = ['\n', '\t'];
+
 /// Reads the model of a document.
 pub(super) fn read_model(document: &Document) -> Result<(ModelSpec, Diagnostics), OsimError> {
     let (spec, diagnostics, _) = read_model_and_forces(document, &[], false)?;
@@ -287,6 +290,11 @@ impl Reader<'_> {
         let mut name = written.clone();
         if self.version.strips_white_space_from_names() {
             name.retain(|c| !c.is_whitespace());
+        }
+        if let Some(found) = name.chars().find(|c| LINES_AND_COLUMNS.contains(c)) {
+            let line = self.document.line(element);
+            self.problem(line, owner, ProblemKind::NameOfLines { name: name.clone(), found });
+            name = name.replace(LINES_AND_COLUMNS, " ");
         }
         if name.is_empty() {
             name = upgrade::present_class(self.document.tag(element)).to_lowercase();

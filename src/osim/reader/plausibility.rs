@@ -82,6 +82,16 @@ fn look_at_muscle<'s>(
     let pennation = muscle.pennation_angle_at_optimal;
     look("pennation_angle_at_optimal", at, pennation, &plausible::PENNATION_ANGLE);
     look("max_contraction_velocity", at, muscle.max_contraction_velocity, &plausible::MAX_CONTRACTION_VELOCITY);
+    let damping = match &muscle.kind {
+        MuscleKind::Millard2012Equilibrium(m) => Some(m.fiber_damping),
+        MuscleKind::PathOnly { law, .. } => match law.as_deref() {
+            Some(OtherMuscleSpec::DeGrooteFregly2016(m)) => Some(m.fiber_damping),
+            _ => None,
+        },
+    };
+    if let Some(damping) = damping {
+        look("fiber_damping", at, damping, &plausible::FIBER_DAMPING);
+    }
     let times = match &muscle.kind {
         MuscleKind::Millard2012Equilibrium(m) => Some([m.activation_time_constant, m.deactivation_time_constant]),
         MuscleKind::PathOnly { law, .. } => match law.as_deref() {

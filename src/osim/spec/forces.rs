@@ -37,6 +37,8 @@ pub enum ForceKind {
         damping: f64,
         /// Width of the transition.
         transition: f64,
+        /// Whether what the damping takes is a state, `dissipatedEnergy` \[J\].
+        computes_dissipation: bool,
     },
     /// `SpringGeneralizedForce`: −stiffness·(q − rest_length) − viscosity·q̇.
     SpringGeneralized {

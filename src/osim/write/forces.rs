@@ -74,6 +74,7 @@ impl Writer<'_> {
                 lower_limit,
                 damping,
                 transition,
+                computes_dissipation,
             } => {
                 let name = name(coordinate);
                 self.xml.text("coordinate", &name);
@@ -83,6 +84,9 @@ impl Writer<'_> {
                 self.xml.number("lower_limit", *lower_limit);
                 self.xml.number("damping", *damping);
                 self.xml.number("transition", *transition);
+                if *computes_dissipation {
+                    self.xml.boolean("compute_dissipation_energy", true);
+                }
             }
             ForceKind::SpringGeneralized { coordinate, stiffness, rest_length, viscosity } => {
                 let name = name(coordinate);

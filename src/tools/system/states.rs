@@ -6,7 +6,7 @@ use super::{System, SystemState};
 enum Owner {
     /// A muscle (index).
     Muscle(usize),
-    /// A bushing (number among them).
+    /// A bushing or limit whose damping takes energy (number among them).
     Damper(usize),
     /// An actuator with an activation (number among them).
     Lagged(usize),
@@ -17,19 +17,19 @@ impl System {
     fn with_states(&self) -> Vec<Owner> {
         let order = |force: usize| self.spec.forces[force].at.order();
         let muscles = self.spec.muscles.iter().enumerate().map(|(i, m)| (m.at.order(), Owner::Muscle(i)));
-        let bushings = self.dampers().enumerate().map(|(k, i)| (order(i), Owner::Damper(k)));
+        let bushings = self.dampers().enumerate().map(|(k, (i, _))| (order(i), Owner::Damper(k)));
         let lagged = self.lagged().enumerate().map(|(k, (i, _))| (order(i), Owner::Lagged(k)));
         let mut all: Vec<_> = muscles.chain(bushings).chain(lagged).collect();
         all.sort_by_key(|(order, _)| *order);
         all.into_iter().map(|(_, owner)| owner).collect()
     }
 
-    /// Names of the states in OpenSim's order: value and speed of every coordinate, then what muscles and bushings have.
+    /// Names of the states in OpenSim's order: value and speed of every coordinate, then what muscles and dampers have.
     pub fn state_names(&self) -> Vec<String> {
         let coordinates = self.spec.coordinates.iter();
         let mut names: Vec<String> =
             coordinates.flat_map(|c| [format!("{}/value", c.at.path), format!("{}/speed", c.at.path)]).collect();
-        let bushings: Vec<usize> = self.dampers().collect();
+        let dampers: Vec<(usize, &str)> = self.dampers().collect();
         let lagged: Vec<usize> = self.lagged().map(|(i, _)| i).collect();
         let path = |force: usize| &self.spec.forces[force].at.path;
         for owner in self.with_states() {
@@ -37,7 +37,10 @@ impl System {
                 Owner::Muscle(i) => {
                     self.for_each_muscle_state(i, |name| names.push(format!("{}/{name}", self.muscles[i].path_name)))
                 }
-                Owner::Damper(k) => names.push(format!("{}/dissipated_energy", path(bushings[k]))),
+                Owner::Damper(k) => {
+                    let (force, state) = dampers[k];
+                    names.push(format!("{}/{state}", path(force)));
+                }
                 Owner::Lagged(k) => names.push(format!("{}/activation", path(lagged[k]))),
             }
         }
@@ -91,9 +94,9 @@ impl System {
             },
             "fiber_length" | "normalized_tendon_force" => muscle().map(|i| &mut state.fiber_length[i]),
             "fiber_velocity" => muscle().map(|i| &mut state.fiber_velocity[i]),
-            "dissipated_energy" => {
-                let bushing = self.dampers().position(|i| self.spec.forces[i].at.path == owner);
-                bushing.map(|k| &mut state.dissipated_energy[k])
+            "dissipated_energy" | "dissipatedEnergy" => {
+                let is_it = |(i, name): (usize, &str)| self.spec.forces[i].at.path == owner && name == variable;
+                self.dampers().position(is_it).map(|k| &mut state.dissipated_energy[k])
             }
             _ => None,
         };

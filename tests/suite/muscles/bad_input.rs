@@ -78,6 +78,18 @@ fn verif_other_classes_are_refused() {
 }
 
 #[test]
+fn verif_forces_that_are_not_finite_name_their_cause() {
+    let mut spec = default_spec();
+    spec.optimal_fiber_length = 1e308;
+    let muscle = Millard2012::from_spec(&spec).expect("muscle");
+    let error = muscle.equilibrium(0.3, 0.5).expect_err("no force");
+    assert!(matches!(error, EquilibriumError::ForceNotFinite { .. }), "{error:?}");
+    let text = error.to_string();
+    assert!(text.starts_with("default: ") && text.contains("optimal_fiber_length: 1e308 is not plausible"), "{text}");
+    assert!(!text.contains("NaN"), "{text}");
+}
+
+#[test]
 fn verif_equilibrium_refuses_unusable_input() {
     let muscle = Millard2012::from_spec(&default_spec()).expect("valid");
     let error = muscle.equilibrium(f64::NAN, 0.5).expect_err("NaN");

@@ -408,6 +408,7 @@ fn force_summary<'a>(
             lower_limit,
             damping,
             transition,
+            computes_dissipation: _,
         } => {
             let own = json!({
                 "class": "CoordinateLimitForce", "coordinate": coordinate_name(*coordinate),

@@ -68,6 +68,50 @@ fn verif_a_column_that_states_another_unit_is_warned_of() {
 }
 
 #[test]
+fn verif_columns_of_any_quantity_that_state_another_unit_are_warned_of() {
+    let says_of = |key: &str, from: &str, name: &str| {
+        let folder = Folder::good();
+        folder.write("study.toml", format!("{TOML}[columns]\n{key} = \"{name}\"\n"));
+        for file in ["data/iso.csv", "data/dyn.csv"] {
+            folder.spoil(file, from, name);
+        }
+        folder.read().unwrap().warnings
+    };
+    for (key, from, name, what, hint) in [
+        ("time", "time_s", "time_ms", "states ms; its numbers are taken as s", "1 ms is 0.001 s"),
+        ("time", "time_s", "Zeit [ms]", "states ms", "multiply the column"),
+        ("angle", "angle_deg", "Winkel [rad]", "states rad; its numbers are taken as deg", "1 rad is 57.29578 deg"),
+        ("angle", "angle_deg", "Winkel [rad]", "states rad", "angle_unit = \"rad\""),
+        ("moment", "moment_n_m", "torque_mV", "states mV, a voltage; its numbers are taken as N·m", "calibration"),
+        ("moment", "moment_n_m", "M (Nm/kg)", "states N·m/kg, a moment per body mass", "body mass"),
+    ] {
+        let warnings = says_of(key, from, name);
+        assert_eq!(warnings.len(), 1, "{name}: {}", list(&warnings));
+        says(&warnings[0], what, hint);
+    }
+    for (key, from, name) in [
+        ("time", "time_s", "Zeit [s]"),
+        ("time", "time_s", "t"),
+        ("angle", "angle_deg", "Winkel (°)"),
+        ("moment", "moment_n_m", "Moment [N·m]"),
+        ("moment", "moment_n_m", "torque_2"),
+    ] {
+        assert_eq!(says_of(key, from, name), [], "{name}");
+    }
+}
+
+#[test]
+fn verif_a_drag_that_no_machine_has_is_warned_of() {
+    let with = |value: &str| Folder::spoilt("study.toml", "_per_deg = 0.005", &format!("_per_deg = {value}"));
+    for (value, hint) in [("1e9", "check the unit"), ("20", "20 N·m·s/rad are 0.3491 N·m·s/deg")] {
+        let warnings = with(value).read().unwrap().warnings;
+        let found = warnings.iter().find(|w| w.fault.to_string().contains("damping_n_m_s_per_deg")).expect("a warning");
+        says(found, "is not plausible in N·m·s/deg (expected 0 to 1)", hint);
+    }
+    assert_eq!(with("0.01").read().unwrap().warnings, []);
+}
+
+#[test]
 fn verif_an_mvc_that_the_mvc_trial_does_not_show_is_warned_of() {
     // The trial's largest moment is 1.225 N·m.
     let mvc = |stated: f64| {

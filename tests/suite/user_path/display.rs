@@ -32,6 +32,47 @@ fn verif_deceptive_names_of_a_model_are_written_out() {
 }
 
 #[test]
+fn verif_a_name_of_several_lines_is_refused() {
+    for (name, found) in
+        [("EC&#10;RL", "EC\\u{a}RL\": expected a name in one line, found U+000A"), ("EC&#9;RL", "U+0009")]
+    {
+        let (_folder, file) = renamed(name);
+        let refused = carpus().arg("info").arg(&file).assert().code(1).stdout("");
+        refused.stderr(contains("renamed.osim:329: /forceset").and(contains(found)).and(contains("hint: OpenSim 4.6")));
+    }
+}
+
+#[test]
+fn verif_what_is_no_model_is_called_what_it_is() {
+    let study = StudyCopy::new();
+    for (path, what, hint) in [
+        ("study.toml", "this is a study, not a model", "carpus compare"),
+        ("", "this is the folder of a study, not a model", "carpus compare"),
+        ("trials.csv", "this is a table, not a model", "a model (.osim)"),
+    ] {
+        let refused = carpus().arg("info").arg(study.path(path)).assert().code(1).stdout("");
+        refused.stderr(contains(what).and(contains(hint)).and(contains("root element").not()));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn verif_pipes_that_nobody_writes_into_are_refused() {
+    let study = StudyCopy::new();
+    let pipe = study.path("pipe");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    for option in ["--effects", "--own-effect"] {
+        let mut command = carpus();
+        command.timeout(std::time::Duration::from_secs(60)).arg("simulate").arg(study.path("study.toml"));
+        command.arg(option).arg(&pipe).arg("--out").arg(study.path("out"));
+        command.assert().code(1).stderr(contains("it is a pipe, not a file"));
+    }
+    let mut command = carpus();
+    command.timeout(std::time::Duration::from_secs(60)).arg("priors").arg(&pipe).arg("--out").arg(study.path("x.csv"));
+    command.assert().code(1).stderr(contains("it is a pipe, not a file"));
+}
+
+#[test]
 fn verif_cells_that_a_spreadsheet_would_execute_are_text() {
     let (folder, file) = renamed("=cmd|' /C calc'!A0");
     let out = folder.path().join("rest.csv");

@@ -18,7 +18,7 @@ use crate::report::results::Results;
 /// The study, its models and trials, the effects, a diagnosis that does not support them, or the output folder.
 pub fn run(args: &EffectAddArgs, global: &Global) -> Result<(), Failure> {
     let effects = chosen(&args.chosen)?;
-    let study = StudyRun::prepare_with(&args.study, args.effects.file())?;
+    let study = StudyRun::prepare_with(&args.study, args.effects.file(), "effect")?;
     let outcomes = study.each(|participant| {
         let run = study.participant_to_diagnose(participant)?;
         failure::print(&run.warnings);

@@ -15,7 +15,7 @@ use crate::report::diagnosis::DiagnosisResult;
 /// # Errors
 /// The study, its models and trials, or the output folder.
 pub fn run(args: &EffectAutoArgs, global: &Global) -> Result<(), Failure> {
-    let study = StudyRun::prepare_with(&args.study, args.effects.file())?;
+    let study = StudyRun::prepare_with(&args.study, args.effects.file(), "effect")?;
     let outcomes = study.each(|participant| {
         let run = study.participant_to_diagnose(participant)?;
         failure::print(&run.warnings);

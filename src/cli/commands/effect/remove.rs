@@ -19,7 +19,7 @@ use crate::report::{render_report, render_waterfall};
 /// A folder without a ledger; a step that is not there; the disk.
 pub fn run(args: &EffectRemoveArgs, global: &Global) -> Result<(), Failure> {
     let file = args.folder.join("results.json");
-    let text = std::fs::read_to_string(&file).map_err(|e| {
+    let text = crate::regular_file::read_text(&file).map_err(|e| {
         Message::error(format!("cannot be read: {e}"))
             .in_file(&file)
             .hint("give the folder of a participant that carpus effect add wrote")
@@ -60,7 +60,8 @@ fn restore(out: &OutputFolder, inside: &Path, ledger: &Ledger) -> Result<(), Fai
     let Some(step) = ledger.now() else { return Ok(()) };
     let read = |name: &str| {
         let file = out.path().join(inside).join(name);
-        std::fs::read(&file).map_err(|e| Failure::from(Message::error(format!("cannot be read: {e}")).in_file(&file)))
+        crate::regular_file::read(&file)
+            .map_err(|e| Failure::from(Message::error(format!("cannot be read: {e}")).in_file(&file)))
     };
     let model = read(&step.model)?;
     let side_car = step.side_car.as_deref().map(read).transpose()?;

@@ -37,7 +37,7 @@ pub struct Processed {
 /// # Errors
 /// The study, its recordings, the output folder.
 pub fn prepare(args: &StudyArgs, global: &Global) -> Result<(StudyRun, Option<Processed>), Failure> {
-    let given = StudyRun::prepare(args)?;
+    let given = StudyRun::prepare(args, "study")?;
     let settings = &given.study.settings;
     if settings.processing == ProcessingSettings::default() {
         return Ok((given.scaling_models(), None));
@@ -45,14 +45,18 @@ pub fn prepare(args: &StudyArgs, global: &Global) -> Result<(StudyRun, Option<Pr
     let (constants, damping) =
         (constants(&settings.processing, settings.dynamometer.damping), settings.dynamometer.damping);
     let drag = dynamometer_drag::of_study(&given.study)?;
-    let raw = StudyRun::prepare_processed(&StudyArgs { out: args.out.join(FOLDER), ..args.clone() }, &given.study)?;
+    let raw = StudyRun::prepare_processed(
+        &StudyArgs { out: args.out.join(FOLDER), ..args.clone() },
+        &given.study,
+        "dynamometer",
+    )?;
     raw.out.refuse_input(&raw.out.path().join("study.toml"))?;
     let (outcomes, failures) = process(&raw, global)?.into_parts();
     raw.close("dynamometer")?;
     let file = raw.out.path().join("study.toml");
     let participant = outcomes.iter().map(|o| o.participant.clone()).collect();
     let args = StudyArgs { study: file, participant, ..args.clone() };
-    let study = StudyRun::prepare_processed(&args, &given.study)?.scaling_models();
+    let study = StudyRun::prepare_processed(&args, &given.study, "study")?.scaling_models();
     Ok((study, Some(Processed { constants, outcomes, drag, damping, failures })))
 }
 
