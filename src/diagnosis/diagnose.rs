@@ -103,7 +103,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
     let report = request.report();
     let found = session.estimate(&[], false, &report)?;
     let alone = session.estimate(&[], true, &report)?;
-    let state = session.likely(found, &report)?;
+    let (state, evidence) = session.likely(found, &report)?;
     let null = session.as_fit(&alone);
     let first = session.analysis.blocks_left(&null, &[]).ok_or(SimulationError::NoiseCovariance)?;
     let not_testable: Vec<&'static str> = session
@@ -120,7 +120,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
 
     let recalibrated = session.handed_over(&alone)?;
     let handed_over = session.handed_over(&state)?;
-    let (effects, mut account) = named(request, &session, &state, &handed_over, &recalibrated)?;
+    let (effects, mut account) = named(request, &session, &state, &evidence, [&handed_over, &recalibrated])?;
     let left = test(&session.analysis, &session.as_fit(&state), &not_testable)?;
     let something_is_left = left.p_value < LEVEL;
     let judge = Judge { request, session: &session, null: &null, not_testable: &not_testable };

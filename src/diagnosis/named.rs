@@ -12,7 +12,7 @@ use crate::simulation::{MuscleParameters, SimulationError};
 use crate::study::TrialUse;
 
 /// An effect is dominant if it takes at least this share of the mean square of the given model's error.
-const DOMINANT: f64 = 0.15;
+const DOMINANT: f64 = 0.1;
 
 /// An effect that is missing.
 #[derive(Clone, Debug, Serialize)]
@@ -23,7 +23,9 @@ pub struct NamedEffect {
     pub group: Vec<&'static str>,
     /// Probability that one of the group is missing.
     pub probability: f64,
-    /// Whether it takes more of the error than a little of everything does.
+    /// How much larger −2 log posterior is without it, muscles, the other effects and a little of everything making up for it as they can.
+    pub evidence: f64,
+    /// Whether it takes more of the error than a little of everything does, beyond doubt.
     pub dominant: bool,
     /// Share of the mean square of the error of the model as given that it takes beside the effects before it, muscles and these making
     /// up for what is missing as they can: value and 95 % interval over trials.
@@ -99,11 +101,16 @@ fn own(estimates: &BTreeMap<String, ParameterEstimate>, id: &str) -> BTreeMap<St
     estimates.iter().filter_map(of).collect()
 }
 
+/// Evidence for an effect that is beyond doubt: odds of a thousand to one, 2 ln 1000.
+const BEYOND_DOUBT: f64 = 13.8;
+
 /// Mean squares of training and held-out trials.
 type Squares = [Vec<[f64; 2]>; 2];
 
-/// Effects of the joint mode in the order in which they lower the training error most, each beside those before it, and the error step by
-/// step.
+/// Effects of the joint mode, that with the strongest evidence first, and the error step by step as one after the other comes in.
+///
+/// - `evidence`: their places and by how much −2 log posterior is larger without each, the strongest first
+/// - `[handed_over, recalibrated]`: with these effects, and without any
 ///
 /// # Errors
 /// A trial that cannot be simulated.
@@ -111,8 +118,8 @@ pub(super) fn named(
     request: &Request,
     session: &Session,
     state: &State,
-    handed_over: &HandedOver,
-    recalibrated: &HandedOver,
+    evidence: &[(usize, f64)],
+    [handed_over, recalibrated]: [&HandedOver; 2],
 ) -> Result<(Vec<NamedEffect>, Vec<AccountStep>), SimulationError> {
     let forward = request.forward;
     let squares_of = |parameters: &[MuscleParameters], effects: &[Setting]| -> Result<Squares, SimulationError> {
@@ -133,34 +140,29 @@ pub(super) fn named(
         step("recalibrated", &squares_of(&recalibrated.parameters, &recalibrated.effects)?),
     ];
     let estimates = session.estimates(state);
+    let places: Vec<usize> = evidence.iter().map(|e| e.0).collect();
     let mut out = Vec::new();
-    let mut open = session.places(&state.point.effects);
-    let mut kept: Vec<usize> = Vec::new();
     let mut before = with_some(&[])?;
-    while !open.is_empty() {
-        let beside = |place: &usize| with_some(&[&kept[..], &[*place]].concat());
-        let found: Vec<Squares> = match open.as_slice() {
-            [_] => vec![squares_of(&handed_over.parameters, &handed_over.effects)?],
-            _ => open.iter().map(beside).collect::<Result<_, _>>()?,
+    for (count, (place, evidence)) in evidence.iter().enumerate() {
+        let now = match count + 1 == places.len() {
+            true => squares_of(&handed_over.parameters, &handed_over.effects)?,
+            false => with_some(&places[..=count])?,
         };
-        let left = |s: &Squares| s[0].iter().map(|s| s[0]).sum::<f64>();
-        let first = (0..open.len()).min_by(|a, b| left(&found[*a]).total_cmp(&left(&found[*b]))).unwrap_or(0);
-        let place = open.remove(first);
-        let id = session.analysis.candidates[place].description().id;
-        let (group, probability) = session.group(state, place);
-        let shares = [0, 1].map(|i| share(&given[i], &found[first][i], &before[i]));
+        let id = session.analysis.candidates[*place].description().id;
+        let (group, probability) = session.group(state, *place);
+        let shares = [0, 1].map(|i| share(&given[i], &now[i], &before[i]));
         let train = shares[0].unwrap_or([0.0; 3]);
         out.push(NamedEffect {
             effect: id,
             group: group.into_iter().map(|e| session.analysis.candidates[e].description().id).collect(),
             probability,
-            dominant: train[0] >= DOMINANT && train[1] > 0.0,
+            evidence: *evidence,
+            dominant: train[0] >= DOMINANT && train[1] > 0.0 && *evidence >= BEYOND_DOUBT,
             share_of_error: Shares { train, held_out: shares[1] },
             parameters: own(&estimates, id),
         });
-        account.push(step(id, &found[first]));
-        kept.push(place);
-        before = found.into_iter().nth(first).unwrap_or(before);
+        account.push(step(id, &now));
+        before = now;
     }
     Ok((out, account))
 }

@@ -42,8 +42,6 @@ const SLOW: Range<usize> = 1..4;
 const EMG: Range<usize> = 4..COMPONENTS;
 /// Number of components that a trial has: white, slow, three of the EMG.
 const OF_TRIAL: usize = 5;
-/// A step of the variances is never shortened to less than this share: after a short step the secant says little.
-const LEAST_SHARE: f64 = 0.3;
 
 /// Variances: white [(N·m)²], slow in flexion, in extension and without direction [(N·m)²], relative EMG envelope, relative EMG
 /// gain per trial, additive EMG.
@@ -77,23 +75,6 @@ fn slow_component(direction: Direction) -> usize {
 }
 
 impl NoiseLevels {
-    /// The step from these variances to those estimated next, in logarithms, shortened where it turns back: variances and the
-    /// EMG that is expected with them, taken in turns, otherwise swing between two answers.
-    ///
-    /// - `last`: what was asked for and what was taken the time before, per variance; 0 at first; becomes this step
-    pub fn towards(&self, estimated: &NoiseLevels, last: &mut [[f64; 2]; COMPONENTS]) -> NoiseLevels {
-        let mut out = *self;
-        for ((level, to), last) in out.0.iter_mut().zip(&estimated.0).zip(last) {
-            let asked = (to / *level).ln();
-            // Where the secant through both requests is 0, but no further than was asked for.
-            let share = last[1] / (last[0] - asked);
-            let taken = if share > 0.0 { asked * share.clamp(LEAST_SHARE, 1.0) } else { asked };
-            *last = [asked, taken];
-            *level *= taken.exp();
-        }
-        out
-    }
-
     /// Of slow disturbances in trials of a direction [(N·m)²].
     pub fn slow(&self, direction: Direction) -> f64 {
         self.0[slow_component(direction)]
@@ -633,19 +614,5 @@ mod tests {
         let mean = differences.iter().sum::<f64>() / n as f64;
         let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / n as f64;
         assert!(expected > 1.0 && (variance / expected - 1.0).abs() < 0.05, "{variance} and {expected}");
-    }
-
-    #[test]
-    fn verif_variances_that_swing_come_to_rest() {
-        // What is estimated next, of a variance whose logarithm is x: 0.3 - 2 x swings ever further when taken at its word.
-        let estimated = |levels: &NoiseLevels| NoiseLevels(levels.0.map(|v| (0.3 - 2.0 * v.ln()).exp()));
-        let mut plain = NoiseLevels([0.5; COMPONENTS]);
-        let (mut shortened, mut last) = (plain, [[0.0; 2]; COMPONENTS]);
-        for _ in 0..6 {
-            plain = estimated(&plain);
-            shortened = shortened.towards(&estimated(&shortened), &mut last);
-        }
-        assert!((plain.0[0].ln() - 0.1).abs() > 10.0);
-        assert!(shortened.0.iter().all(|v| (v.ln() - 0.1).abs() < 1e-3), "{shortened:?}");
     }
 }

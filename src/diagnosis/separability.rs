@@ -6,7 +6,7 @@
 //! several valleys. What remains is the distance in standard deviations:
 //!
 //! ```text
-//! D = min over θ, φ of  Σ_g ‖τ_g(truth) − τ_g(θ, φ)‖²_V + ‖θ − θ₀‖²_Λ  −  ‖θ(truth) − θ₀‖²_Λ,   z = √D
+//! D = min over θ, φ of  Σ_g ‖τ_g(truth) − τ_g(θ, φ)‖²_V + ‖θ − θ₀‖²_Λ + ‖φ‖²_Λ  −  ‖θ(truth) − θ₀‖²_Λ,   z = √D
 //! ```
 //! −2 log likelihood of the rival is D larger on average, the noise being known, with a standard deviation of 2 √D.
 //! [`super::fit::Analysis::pairwise_z`] is √D to first order around the model without effects, of which shapes are not free.

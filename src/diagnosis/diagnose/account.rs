@@ -176,7 +176,7 @@ pub struct Diagnosis {
     pub p_value: f64,
     /// The confidence set.
     pub explanations: Vec<Explanation>,
-    /// Effects that are missing, the largest share of the error first.
+    /// Effects that are missing, that with the strongest evidence first.
     pub effects: Vec<NamedEffect>,
     /// The error, step by step.
     pub account: Vec<AccountStep>,

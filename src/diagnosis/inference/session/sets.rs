@@ -19,26 +19,33 @@ const LIKELY: f64 = 0.5;
 
 impl Session<'_> {
     /// The state with the effects that are more likely missing than not, and no others (the median probability model; Barbieri &
-    /// Berger 2004, doi:10.1214/009053604000000238): as the linear model says, and as the fit without each of them does, the least likely
-    /// first.
+    /// Berger 2004, doi:10.1214/009053604000000238). And for each of these, the strongest first, by how much −2 log posterior is larger
+    /// where it is taken out and everything else is fitted anew.
     ///
     /// # Errors
     /// A trial that cannot be simulated.
-    pub fn likely(&self, mut state: State, report: &dyn Fn(&str)) -> Result<State, SimulationError> {
+    pub fn likely(
+        &self,
+        mut state: State,
+        report: &dyn Fn(&str),
+    ) -> Result<(State, Vec<(usize, f64)>), SimulationError> {
         let candidates = self.testable();
         let mut set: Vec<(f64, usize)> =
             self.places(&state.point.effects).into_iter().map(|e| (self.group(&state, e).1, e)).collect();
         set.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut evidence = Vec::new();
         for (probability, effect) in set {
             let rest: Vec<usize> = self.places(&state.point.effects).into_iter().filter(|e| *e != effect).collect();
             let without = self.with_set(&state, &rest, &candidates)?;
             let behind = self.behind(&without, &state);
             report(&format!("without {:?} ({probability:.2}) {behind:.1} behind", self.ids(&[effect])));
-            if probability < LIKELY || behind < 0.0 {
-                state = without;
+            match probability < LIKELY {
+                true => state = without,
+                false => evidence.push((effect, behind)),
             }
         }
-        Ok(state)
+        evidence.sort_by(|a, b| b.1.total_cmp(&a.1));
+        Ok((state, evidence))
     }
 
     /// The state with these effects and no others: muscles, effects and noise estimated anew.
