@@ -11,8 +11,10 @@ use super::inference::session::{HandedOver, Session, State};
 use crate::simulation::{MuscleParameters, SimulationError};
 use crate::study::TrialUse;
 
-/// An effect is dominant if it takes at least this share of the mean square of the given model's error.
-const DOMINANT: f64 = 0.1;
+/// An effect is dominant if the evidence for it is strong, odds of ten to one (2 ln 10), beyond a little of everything …
+const STRONG: f64 = 4.6;
+/// … and if it takes at least this share of the mean square of the given model's error.
+const DOMINANT: f64 = 0.05;
 
 /// An effect that is missing.
 #[derive(Clone, Debug, Serialize)]
@@ -25,7 +27,7 @@ pub struct NamedEffect {
     pub probability: f64,
     /// How much larger −2 log posterior is without it, muscles, the other effects and a little of everything making up for it as they can.
     pub evidence: f64,
-    /// Whether it takes more of the error than a little of everything does, beyond doubt.
+    /// Whether it takes more of the error than a little of everything does.
     pub dominant: bool,
     /// Share of the mean square of the error of the model as given that it takes beside the effects before it, muscles and these making
     /// up for what is missing as they can: value and 95 % interval over trials.
@@ -101,9 +103,6 @@ fn own(estimates: &BTreeMap<String, ParameterEstimate>, id: &str) -> BTreeMap<St
     estimates.iter().filter_map(of).collect()
 }
 
-/// Evidence for an effect that is beyond doubt: odds of a thousand to one, 2 ln 1000.
-const BEYOND_DOUBT: f64 = 13.8;
-
 /// Mean squares of training and held-out trials.
 type Squares = [Vec<[f64; 2]>; 2];
 
@@ -157,7 +156,7 @@ pub(super) fn named(
             group: group.into_iter().map(|e| session.analysis.candidates[e].description().id).collect(),
             probability,
             evidence: *evidence,
-            dominant: train[0] >= DOMINANT && train[1] > 0.0 && *evidence >= BEYOND_DOUBT,
+            dominant: train[0] >= DOMINANT && train[1] > 0.0 && *evidence >= STRONG,
             share_of_error: Shares { train, held_out: shares[1] },
             parameters: own(&estimates, id),
         });
