@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use super::baselines::Ingredients;
-use super::catalogue::CATALOGUE;
+use super::catalogue::with_own;
 use super::effect::{Effect, Role};
 use super::fit::{Analysis, Fit};
 use super::forward_model::{ForwardModel, Setting};
@@ -59,7 +59,7 @@ pub struct Request<'a> {
     pub laboratory: Option<Laboratory<'a>>,
     /// Bounds of the muscle parameters: priors.
     pub bounds: ParameterBounds,
-    /// Effects to consider; empty: all.
+    /// Effects that may be named; empty: all. The others stay of the size that everything has in a laboratory.
     pub candidates: Vec<&'static dyn Effect>,
     /// Largest moment of the session [N·m].
     pub mvc: f64,
@@ -71,8 +71,16 @@ impl<'a> Request<'a> {
     /// The participant's training trials, to be estimated.
     pub(super) fn session(&self) -> Session<'a> {
         let train = self.forward.trials_for(TrialUse::Train);
-        let candidates = if self.candidates.is_empty() { CATALOGUE.to_vec() } else { self.candidates.clone() };
-        Session::new(self.forward, train, candidates, &self.bounds, Budget { expansions: EXPANSIONS }, self.seed)
+        let mut effects = with_own();
+        let is_new = |effect: &&&'static dyn Effect| effects.iter().all(|e| e.description().id != effect.description().id);
+        let new: Vec<&'static dyn Effect> = self.candidates.iter().filter(is_new).copied().collect();
+        effects.extend(new);
+        let session =
+            Session::new(self.forward, train, effects, &self.bounds, Budget { expansions: EXPANSIONS }, self.seed);
+        match self.candidates.as_slice() {
+            [] => session,
+            some => session.naming(some),
+        }
     }
 
     /// Tells the log how far an estimate is.
@@ -189,7 +197,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         where_it_fails: along_axes(forward, &residuals(forward, &moments), &left),
         noise: by_name(&state.levels, &session.analysis),
         noise_correlation: session.analysis.kernels,
-        not_testable: not_testable.clone(),
+        not_testable: not_testable.iter().copied().filter(|id| session.may_name(id)).collect(),
         explanations,
         effects,
     };
@@ -340,7 +348,7 @@ impl Judge<'_> {
         let session = self.session;
         let of = |(place, effect): (usize, &&'static dyn Effect)| {
             let description = effect.description();
-            let score = named_block(first, description.id)?;
+            let score = named_block(first, description.id).filter(|_| session.may_name(description.id))?;
             let explanation = explanations.iter().find(|e| e.effects == [description.id]);
             let detectable_size = description
                 .amplitudes()
@@ -407,7 +415,7 @@ impl Judge<'_> {
     /// - `explaining`: effects of the explanations
     fn confusion(&self, left: &Omnibus, explaining: &[&str]) -> Vec<Confusion> {
         let mut leaders: Vec<&BlockScore> =
-            left.blocks.iter().filter(|b| !b.name.starts_with("axis:") && b.rank > 0).collect();
+            left.blocks.iter().filter(|b| self.session.may_name(&b.name) && b.rank > 0).collect();
         let explains = |b: &BlockScore| explaining.contains(&b.name.as_str());
         leaders.sort_by(|a, b| explains(b).cmp(&explains(a)).then(b.statistic.total_cmp(&a.statistic)));
         leaders.truncate(CONFUSED.max(leaders.iter().filter(|b| explains(b)).count()));

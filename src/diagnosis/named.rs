@@ -30,8 +30,8 @@ pub struct NamedEffect {
     pub evidence: f64,
     /// Whether it takes more of the error than a little of everything does.
     pub dominant: bool,
-    /// Share of the mean square of the error of the model as given that it takes beside the effects before it, muscles and these making
-    /// up for what is missing as they can: value and 95 % interval over trials.
+    /// Share of the mean square of the error of the model as given that it takes, the mean over orders in which the effects come in,
+    /// muscles and those that are there making up for what is missing as they can: value and 95 % interval over trials.
     pub share_of_error: Shares,
     /// Parameters by name, at the joint mode.
     pub parameters: BTreeMap<String, ParameterEstimate>,
@@ -49,7 +49,7 @@ pub struct Shares {
 /// A step of the account of the error: RMSE / session MVC moment.
 #[derive(Clone, Debug, Serialize)]
 pub struct AccountStep {
-    /// What the model has: `as_given`, `recalibrated`, an effect, or `noise`.
+    /// What the model has: `as_given`, `recalibrated`, an effect, `generic_discrepancy`, or `noise`.
     pub step: String,
     /// Training trials.
     pub train: f64,
@@ -77,15 +77,15 @@ fn rms(squares: &[[f64; 2]]) -> Option<f64> {
     (count > 0.0).then(|| (squares.iter().map(|s| s[0]).sum::<f64>() / count).sqrt())
 }
 
-/// (Σ without − Σ with) / Σ given over trials, and its 95 % interval by the jackknife; `None` without two trials.
-fn share(given: &[[f64; 2]], with: &[[f64; 2]], without: &[[f64; 2]]) -> Option<[f64; 3]> {
+/// Σ taken / Σ given over trials, and its 95 % interval by the jackknife, equation (28); `None` without two trials.
+///
+/// - `taken`: of the square of every trial
+fn share(given: &[[f64; 2]], taken: &[f64]) -> Option<[f64; 3]> {
     let n = given.len();
-    let total = |all: &[[f64; 2]], left_out: Option<usize>| -> f64 {
-        all.iter().enumerate().filter(|(i, _)| Some(*i) != left_out).map(|(_, s)| s[0]).sum()
-    };
-    let value = |left_out| {
-        let of_given = total(given, left_out).max(f64::MIN_POSITIVE);
-        (total(without, left_out) - total(with, left_out)) / of_given
+    let value = |left_out: Option<usize>| {
+        let kept = given.iter().zip(taken).enumerate().filter(|(i, _)| Some(*i) != left_out);
+        let (given, taken) = kept.fold((0.0, 0.0), |sum, (_, (g, t))| (sum.0 + g[0], sum.1 + t));
+        taken / given.max(f64::MIN_POSITIVE)
     };
     let all = (n > 1).then(|| value(None))?;
     let others: Vec<f64> = (0..n).map(|i| value(Some(i))).collect();
@@ -93,6 +93,45 @@ fn share(given: &[[f64; 2]], with: &[[f64; 2]], without: &[[f64; 2]]) -> Option<
     let spread = others.iter().map(|v| (v - mean).powi(2)).sum::<f64>() * (n as f64 - 1.0) / n as f64;
     let half = 1.96 * spread.sqrt();
     Some([all, all - half, all + half])
+}
+
+/// Orders in which effects come in: forwards and backwards, each of them first once. Of up to three effects these are all orders.
+fn orders(count: usize) -> Vec<Vec<usize>> {
+    let from = |first: usize| -> Vec<usize> { (first..count).chain(0..first).collect() };
+    let forwards = (0..count).map(from);
+    let mut out: Vec<Vec<usize>> = forwards.flat_map(|o| [o.clone(), o.into_iter().rev().collect()]).collect();
+    out.sort();
+    out.dedup();
+    out
+}
+
+/// What each of several effects takes of the squares, the mean over [`orders`]: Shapley's division of what all take together.
+///
+/// - `squares`: of every trial with some of the effects, ascending
+/// - returns: per effect, of every trial
+fn divided(
+    count: usize,
+    mut squares: impl FnMut(&[usize]) -> Result<Vec<f64>, SimulationError>,
+) -> Result<Vec<Vec<f64>>, SimulationError> {
+    let orders = orders(count);
+    let weight = 1.0 / orders.len().max(1) as f64;
+    let mut taken: Vec<Vec<f64>> = vec![Vec::new(); count];
+    for order in &orders {
+        let mut some: Vec<usize> = Vec::new();
+        let mut before = squares(&some)?;
+        for effect in order {
+            some.push(*effect);
+            some.sort_unstable();
+            let now = squares(&some)?;
+            let taken = &mut taken[*effect];
+            taken.resize(now.len(), 0.0);
+            for ((taken, before), now) in taken.iter_mut().zip(&before).zip(&now) {
+                *taken += weight * (before - now);
+            }
+            before = now;
+        }
+    }
+    Ok(taken)
 }
 
 /// Estimates of one effect, by parameter.
@@ -104,10 +143,11 @@ fn own(estimates: &BTreeMap<String, ParameterEstimate>, id: &str) -> BTreeMap<St
     estimates.iter().filter_map(of).collect()
 }
 
-/// Mean squares of training and held-out trials.
+/// Squares of training and held-out trials.
 type Squares = [Vec<[f64; 2]>; 2];
 
-/// Effects of the joint mode, that with the strongest evidence first, and the error step by step as one after the other comes in.
+/// Effects of the joint mode, that with the largest share of the error first, and the error step by step as one after the other
+/// comes in.
 ///
 /// - `evidence`: their places and by how much −2 log posterior is larger without each, the strongest first
 /// - `[handed_over, recalibrated]`: with these effects, and without any
@@ -126,45 +166,61 @@ pub(super) fn named(
         let of = |usage| squares(forward, parameters, effects, usage);
         Ok([of(TrialUse::Train)?, of(TrialUse::Test)?])
     };
-    let with_some = |kept: &[usize]| {
-        let (parameters, effects) = session.with_some(state, kept, handed_over.part);
-        squares_of(&parameters, &effects)
+    let mut known: BTreeMap<Vec<usize>, Squares> = BTreeMap::new();
+    known.insert((0..evidence.len()).collect(), squares_of(&handed_over.parameters, &handed_over.effects)?);
+    let mut with_some = |some: &[usize]| -> Result<Squares, SimulationError> {
+        if let Some(squares) = known.get(some) {
+            return Ok(squares.clone());
+        }
+        let places: Vec<usize> = some.iter().map(|i| evidence[*i].0).collect();
+        let (parameters, effects) = session.with_some(state, &places, handed_over.part);
+        let found = squares_of(&parameters, &effects)?;
+        known.insert(some.to_vec(), found.clone());
+        Ok(found)
     };
-    let step = |name: &str, squares: &Squares| {
-        let [train, held_out] = squares.each_ref().map(|s| rms(s).map(|e| e / request.mvc));
-        AccountStep { step: name.to_owned(), train: train.unwrap_or(0.0), held_out }
-    };
-    let given = squares_of(&forward.nominal_parameters(), &[])?;
-    let mut account = vec![
-        step("as_given", &given),
-        step("recalibrated", &squares_of(&recalibrated.parameters, &recalibrated.effects)?),
+    let of_use = |squares: Squares, usage: usize| squares[usage].iter().map(|s| s[0]).collect::<Vec<f64>>();
+    let taken = [
+        divided(evidence.len(), |some| Ok(of_use(with_some(some)?, 0)))?,
+        divided(evidence.len(), |some| Ok(of_use(with_some(some)?, 1)))?,
     ];
+    let given = squares_of(&forward.nominal_parameters(), &[])?;
     let estimates = session.estimates(state);
-    let places: Vec<usize> = evidence.iter().map(|e| e.0).collect();
-    let mut out = Vec::new();
-    let mut before = with_some(&[])?;
-    for (count, (place, evidence)) in evidence.iter().enumerate() {
-        let now = match count + 1 == places.len() {
-            true => squares_of(&handed_over.parameters, &handed_over.effects)?,
-            false => with_some(&places[..=count])?,
-        };
+    let of_effect = |(i, (place, evidence)): (usize, &(usize, f64))| {
         let id = session.analysis.candidates[*place].description().id;
         let (group, probability) = session.group(state, *place);
-        let shares = [0, 1].map(|i| share(&given[i], &now[i], &before[i]));
-        let train = shares[0].unwrap_or([0.0; 3]);
-        out.push(NamedEffect {
+        let [train, held_out] = [0, 1].map(|usage| share(&given[usage], &taken[usage][i]));
+        let train = train.unwrap_or([0.0; 3]);
+        let effect = NamedEffect {
             effect: id,
             group: group.into_iter().map(|e| session.analysis.candidates[e].description().id).collect(),
             probability,
             evidence: *evidence,
             dominant: train[0] >= DOMINANT && train[1] > 0.0 && *evidence >= POSITIVE,
-            share_of_error: Shares { train, held_out: shares[1] },
+            share_of_error: Shares { train, held_out },
             parameters: own(&estimates, id),
-        });
-        account.push(step(id, &now));
-        before = now;
+        };
+        (i, effect)
+    };
+    let mut effects: Vec<(usize, NamedEffect)> = evidence.iter().enumerate().map(of_effect).collect();
+    let share_of = |e: &(usize, NamedEffect)| e.1.share_of_error.train[0];
+    effects.sort_by(|a, b| share_of(b).total_cmp(&share_of(a)));
+    let step = |name: &str, squares: &Squares| {
+        let [train, held_out] = squares.each_ref().map(|s| rms(s).map(|e| e / request.mvc));
+        AccountStep { step: name.to_owned(), train: train.unwrap_or(0.0), held_out }
+    };
+    let mut account = vec![
+        step("as_given", &given),
+        step("recalibrated", &squares_of(&recalibrated.parameters, &recalibrated.effects)?),
+    ];
+    let mut some = Vec::new();
+    for (i, effect) in &effects {
+        some.push(*i);
+        some.sort_unstable();
+        account.push(step(effect.effect, &with_some(&some)?));
     }
-    Ok((out, account))
+    let [train, held_out] = session.beside_discrepancy(state, handed_over)?.map(|e| e.map(|e| e / request.mvc));
+    account.push(AccountStep { step: "generic_discrepancy".to_owned(), train: train.unwrap_or(0.0), held_out });
+    Ok((effects.into_iter().map(|e| e.1).collect(), account))
 }
 
 #[cfg(test)]
@@ -174,12 +230,27 @@ mod tests {
     #[test]
     fn verif_shares_are_of_the_mean_square_and_their_interval_of_trials() {
         let given = [[4.0, 10.0], [6.0, 10.0], [5.0, 10.0]];
-        let with = [[1.0, 10.0], [1.5, 10.0], [1.25, 10.0]];
-        let without = [[2.0, 10.0], [3.0, 10.0], [2.5, 10.0]];
-        let [value, low, high] = share(&given, &with, &without).unwrap();
+        let [value, low, high] = share(&given, &[1.0, 1.5, 1.25]).unwrap();
         assert!((value - 0.25).abs() < 1e-12 && (high - low).abs() < 1e-12, "{low} {high}");
-        let [value, low, high] = share(&given, &with, &[[2.0, 10.0], [1.5, 10.0], [4.0, 10.0]]).unwrap();
-        assert!(low < value && value < high);
-        assert!(share(&[], &[], &[]).is_none() && share(&given[..1], &with[..1], &given[..1]).is_none());
+        let [value, low, high] = share(&given, &[1.0, 0.0, 2.75]).unwrap();
+        assert!((value - 0.25).abs() < 1e-12 && low < value && value < high);
+        assert!(share(&[], &[]).is_none() && share(&given[..1], &[1.0]).is_none());
+    }
+
+    #[test]
+    fn verif_what_effects_take_adds_up_in_whatever_order_they_come() {
+        // Two that do the same, and one of its own.
+        let squares = |some: &[usize]| -> Result<Vec<f64>, SimulationError> {
+            let either = some.contains(&0) || some.contains(&1);
+            let both = some.contains(&0) && some.contains(&1);
+            let other = if some.contains(&2) { 5.0 } else { 0.0 };
+            Ok(vec![20.0 - if either { 8.0 } else { 0.0 } - if both { 2.0 } else { 0.0 } - other])
+        };
+        let taken = divided(3, squares).unwrap();
+        assert_eq!(taken.iter().map(|t| t[0]).sum::<f64>(), 15.0);
+        assert!((taken[0][0] - 5.0).abs() < 1e-12 && (taken[1][0] - 5.0).abs() < 1e-12, "{taken:?}");
+        assert!(divided(0, squares).unwrap().is_empty());
+        assert_eq!(orders(1), [[0]]);
+        assert_eq!((orders(2).len(), orders(3).len(), orders(4).len()), (2, 6, 8));
     }
 }

@@ -20,6 +20,7 @@ use rayon::prelude::*;
 
 use super::ONE_BY_ONE;
 use super::kernel::{Family, Kernel, correlated, root};
+use crate::numerics::cholesky;
 use crate::study::Direction;
 
 pub use restricted_likelihood::{
@@ -498,7 +499,7 @@ impl TrialNoise {
 
 /// Cholesky factor of V.
 pub fn factor(noise: &TrialNoise, levels: &NoiseLevels) -> Option<Cholesky<f64, Dyn>> {
-    noise.covariance(levels).cholesky()
+    cholesky(noise.covariance(levels))
 }
 
 /// S: how differently noise passes through two models of the same trials; 0 where it passes alike.

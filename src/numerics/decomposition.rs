@@ -1,6 +1,6 @@
 //! Decompositions that end whatever a matrix holds: nalgebra's iterate for ever on numbers that are not finite.
 
-use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SymmetricEigen};
 
 /// Whether every element of a matrix is finite, so that it can be decomposed.
 pub fn is_finite(matrix: &DMatrix<f64>) -> bool {
@@ -19,6 +19,41 @@ pub fn symmetric_eigen(matrix: DMatrix<f64>) -> SymmetricEigen<f64, Dyn> {
     }
 }
 
+/// Columns that are factored at a time: what is left of them is taken away as one product of matrices.
+const BLOCK: usize = 24;
+
+/// Factor L with L Lᵀ a symmetric matrix, of which the lower triangle is read; `None` if it is not positive definite.
+///
+/// By blocks of columns (Golub & Van Loan, Matrix Computations, section 4.2.9), so that most of the work is products of matrices.
+pub fn cholesky(mut matrix: DMatrix<f64>) -> Option<Cholesky<f64, Dyn>> {
+    let n = matrix.nrows();
+    for start in (0..n).step_by(BLOCK) {
+        let size = BLOCK.min(n - start);
+        let (done, mut block) = matrix.columns_range_pair_mut(0..start, start..start + size);
+        let mut below = block.rows_mut(start, n - start);
+        if start > 0 {
+            let known = done.rows(start, n - start);
+            let own = done.rows(start, size).transpose();
+            below.gemm(-1.0, &known, &own, 1.0);
+        }
+        for j in 0..size {
+            let (known, mut column) = below.columns_range_pair_mut(0..j, j);
+            for k in 0..j {
+                let factor = known[(j, k)];
+                column.rows_range_mut(j..).axpy(-factor, &known.view((j, k), (n - start - j, 1)).column(0), 1.0);
+            }
+            let diagonal = column[j];
+            if !(diagonal > 0.0 && diagonal.is_finite()) {
+                return None;
+            }
+            let root = diagonal.sqrt();
+            column[j] = root;
+            column.rows_range_mut(j + 1..).scale_mut(1.0 / root);
+        }
+    }
+    Some(Cholesky::pack_dirty(matrix))
+}
+
 /// A matrix L with L Lᵀ a symmetric matrix, eigenvalues below 0 counting as 0.
 pub fn symmetric_root(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     let eigen = symmetric_eigen(matrix.clone());
@@ -32,6 +67,20 @@ pub fn symmetric_root(matrix: &DMatrix<f64>) -> DMatrix<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn verif_factors_by_blocks_are_those_of_single_columns() {
+        for n in [0, 1, 5, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK + 7] {
+            let root = DMatrix::from_fn(n, n, |i, j| (1.3 * i as f64 + 0.7 * j as f64 * j as f64).sin());
+            let matrix = &root * root.transpose() + DMatrix::identity(n, n);
+            let found = cholesky(matrix.clone()).unwrap().l();
+            assert!(found.iter().zip(matrix.clone().cholesky().unwrap().l().iter()).all(|(a, b)| (a - b).abs() < 1e-11));
+        }
+        let mut indefinite = DMatrix::identity(2 * BLOCK, 2 * BLOCK);
+        indefinite[(BLOCK + 3, BLOCK + 3)] = -1.0;
+        assert!(cholesky(indefinite).is_none());
+        assert!(cholesky(DMatrix::from_element(2, 2, f64::NAN)).is_none());
+    }
 
     #[test]
     fn verif_roots_of_singular_and_of_indefinite_matrices() {

@@ -10,7 +10,7 @@ mod scalar;
 mod smooth_segmented;
 
 pub use bdf::{Bdf, Cost, StepError, StiffSystem};
-pub use decomposition::{is_finite, symmetric_eigen, symmetric_root};
+pub use decomposition::{cholesky, is_finite, symmetric_eigen, symmetric_root};
 pub use dual::Dual;
 pub use grouped::Grouped;
 pub use root::{BracketedRoot, RootError, newton_bisection};

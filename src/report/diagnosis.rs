@@ -83,7 +83,7 @@ pub struct NamedEffectResult {
 /// A step of the error: RMSE / session MVC moment.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AccountResult {
-    /// `as_given`, `recalibrated`, an effect, or `noise`.
+    /// `as_given`, `recalibrated`, an effect, `generic_discrepancy`, or `noise`.
     pub step: String,
     /// Training trials.
     pub train: f64,

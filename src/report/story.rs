@@ -183,6 +183,9 @@ impl Story {
     pub fn new(results: &Results) -> Option<Story> {
         let diagnosis = results.diagnosis.as_ref()?;
         let steps = steps(results, diagnosis);
+        // The ledger's steps are of other models than the account's last one.
+        let discrepancy = beside_discrepancy(diagnosis).filter(|_| results.ledger.is_none());
+        let drawn: Vec<WaterfallStep> = steps.iter().cloned().chain(discrepancy).collect();
         let floor = results.ledger.as_ref().map(|l| l.noise_floor).or(diagnosis.error.noise_floor);
         let shown = steps.len().min(results.models.len());
         let models = &results.models[..shown];
@@ -205,7 +208,7 @@ impl Story {
             cards: cards(diagnosis, &steps, floor),
             facts: facts(results),
             warnings: warnings::groups(&results.warnings),
-            waterfall: waterfall(&steps, floor),
+            waterfall: waterfall(&drawn, floor),
             measure: diagnosis.error.measure.clone(),
             explanations: explanations(results, diagnosis),
             several: several(diagnosis),
@@ -251,13 +254,20 @@ fn steps(results: &Results, diagnosis: &DiagnosisResult) -> Vec<WaterfallStep> {
     let mut steps: Vec<WaterfallStep> = diagnosis
         .account
         .iter()
-        .filter(|s| s.step != "noise")
+        .filter(|s| !["generic_discrepancy", "noise"].contains(&s.step.as_str()))
         .map(|s| WaterfallStep { label: label(&s.step), train: s.train, held_out: s.held_out, current: false })
         .collect();
     if let Some(last) = steps.last_mut() {
         last.current = true;
     }
     steps
+}
+
+/// The error that a smooth error of every muscle and of the joint would leave beside what is in the model.
+fn beside_discrepancy(diagnosis: &DiagnosisResult) -> Option<WaterfallStep> {
+    let step = diagnosis.account.iter().find(|s| s.step == "generic_discrepancy")?;
+    let label = "A smooth error of any cause would take".to_owned();
+    Some(WaterfallStep { label, train: step.train, held_out: step.held_out, current: false })
 }
 
 fn verdict_words(verdict: &str) -> (&'static str, &'static str) {

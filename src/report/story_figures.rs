@@ -6,6 +6,7 @@ use super::number::percent;
 use super::plot::{Scale, escape, tick_label, ticks};
 
 /// A step of the waterfall.
+#[derive(Clone)]
 pub struct WaterfallStep {
     pub label: String,
     pub train: f64,

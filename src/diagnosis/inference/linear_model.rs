@@ -24,6 +24,9 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use statrs::distribution::{ContinuousCDF, Normal};
 
+use crate::diagnosis::fit::{product, whiten};
+use crate::numerics::cholesky;
+
 /// What the prior standard deviation of a column is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Prior {
@@ -64,6 +67,16 @@ pub struct Sizes {
 }
 
 impl Sizes {
+    /// κ, then those of the discrepancy.
+    fn all(&self) -> impl Iterator<Item = f64> + '_ {
+        std::iter::once(self.everything).chain(self.discrepancy.iter().copied())
+    }
+
+    /// From κ, then those of the discrepancy.
+    fn of(mut all: impl Iterator<Item = f64>) -> Sizes {
+        Sizes { everything: all.next().unwrap_or(0.0), discrepancy: all.collect() }
+    }
+
     /// All of them times a factor.
     pub fn scaled(&self, factor: f64) -> Sizes {
         Sizes {
@@ -86,6 +99,13 @@ pub struct SizePriors {
 const LEAST_SIZE: f64 = 0.01;
 /// Largest size, as a multiple of its prior scale.
 const LARGEST_SIZE: f64 = 20.0;
+
+/// Steps of the sizes at most.
+const SIZE_STEPS: usize = 12;
+/// Longest step of the logarithm of a size.
+const LONGEST_STEP: f64 = 1.5;
+/// A step of all sizes that lowers the deviance by less is the last.
+const LEAST_FALL: f64 = 0.02;
 
 /// Products of the whitened columns and the residual.
 #[derive(Clone, Debug)]
@@ -177,6 +197,14 @@ impl LinearModel {
         }
     }
 
+    /// The model in which the first columns stay where they are.
+    pub fn holding(&self, columns: usize) -> LinearModel {
+        let mut held = self.without(&[]);
+        held.priors[..columns].fill(Prior::Known(0.0));
+        held.offset.rows_mut(0, columns).fill(0.0);
+        held
+    }
+
     /// Prior standard deviation of every column.
     ///
     /// - `set`: places of the effects that are missing from the model
@@ -218,10 +246,8 @@ impl LinearModel {
             column[j] += 1.0;
         }
         let c = right.component_mul(&sd);
-        // I plus a positive semidefinite matrix: factors exist unless a column is not finite.
-        let factor = Cholesky::new_with_substitute(m, 1.0).unwrap_or_else(|| {
-            Cholesky::new(DMatrix::identity(p, p)).unwrap_or_else(|| unreachable!("the identity has a factor"))
-        });
+        // I plus a positive semidefinite matrix: a factor exists unless a column is not finite.
+        let factor = cholesky(m).unwrap_or_else(|| Cholesky::pack_dirty(DMatrix::identity(p, p)));
         let solved = factor.solve(&c);
         let squares = squares - c.dot(&solved);
         let log_determinant: f64 = factor.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum();
@@ -251,47 +277,91 @@ impl LinearModel {
         self.priors.iter().enumerate().map(of).sum()
     }
 
-    /// The sizes that are most probable for a set, starting from others: one after the other, in logarithms. The minimum of equation (18).
+    /// The sizes that are most probable for a set, starting from others, and the deviance with them: the minimum of equation (18).
     ///
-    /// - `rounds`: through all sizes
-    pub fn sizes_for(&self, set: &[usize], start: &Sizes, rounds: usize) -> (Sizes, f64) {
-        /// First step of a logarithm.
-        const STEP: f64 = 0.7;
-        let mut best = start.clone();
-        let mut least = self.posterior(set, &best).deviance;
-        let scale = |i: usize| if i == 0 { self.size_priors.everything } else { self.size_priors.discrepancy[i - 1] };
-        let with = |sizes: &Sizes, i: usize, value: f64| {
-            let mut sizes = sizes.clone();
-            let value = value.clamp(LEAST_SIZE * scale(i), LARGEST_SIZE * scale(i));
-            if i == 0 {
-                sizes.everything = value
-            } else {
-                sizes.discrepancy[i - 1] = value
-            }
-            sizes
-        };
-        let value = |sizes: &Sizes, i: usize| if i == 0 { sizes.everything } else { sizes.discrepancy[i - 1] };
-        for round in 0..rounds {
-            let before = least;
-            for i in 0..=self.size_priors.discrepancy.len() {
-                let mut step = if round == 0 { STEP } else { 0.5 * STEP };
-                let mut turns = 0;
-                while turns < 2 {
-                    let moved = with(&best, i, value(&best, i) * step.exp());
-                    let deviance = self.posterior(set, &moved).deviance;
-                    if deviance < least - 1e-3 {
-                        (best, least) = (moved, deviance);
-                    } else {
-                        step *= -0.5;
-                        turns += 1;
-                    }
+    /// Fisher scoring in the logarithms of the sizes. With T = I − M⁻¹ and u = M⁻¹ c
+    ///
+    /// ```text
+    /// ∂D/∂ln s_k = 2 Σ_{j∈k} (T_jj − u_j²) + 2 (s_k/scale_k)²
+    /// E[∂²D/∂ln s_k ∂ln s_l] = 4 Σ_{i∈k, j∈l} T_ij²,   on the diagonal + 4 (s_k/scale_k)²
+    /// ```
+    pub fn sizes_for(&self, set: &[usize], start: &Sizes) -> (Sizes, f64) {
+        let scales: Vec<f64> = self.size_scales().collect();
+        let bounds: Vec<[f64; 2]> = scales.iter().map(|s| [(LEAST_SIZE * s).ln(), (LARGEST_SIZE * s).ln()]).collect();
+        let mut sizes = start.clone();
+        let mut logs = DVector::from_iterator(scales.len(), start.all().map(f64::ln));
+        let mut here = self.posterior(set, &sizes);
+        for _ in 0..SIZE_STEPS {
+            let (mut gradient, mut information) = self.by_sizes(set, &here, &sizes);
+            for (k, [least, most]) in bounds.iter().enumerate() {
+                // Far from the minimum the expected curvature says little; a step is then one of the logarithm.
+                information[(k, k)] += gradient[k].abs();
+                let outwards = (logs[k] <= *least && gradient[k] > 0.0) || (logs[k] >= *most && gradient[k] < 0.0);
+                if outwards || information[(k, k)] <= 0.0 {
+                    gradient[k] = 0.0;
+                    information.row_mut(k).fill(0.0);
+                    information.column_mut(k).fill(0.0);
+                    information[(k, k)] = 1.0;
                 }
             }
-            if before - least < 0.2 {
+            let Some(factor) = information.cholesky() else { break };
+            let step = factor.solve(&gradient);
+            let mut fall = 0.0;
+            for part in [1.0, 0.4, 0.1] {
+                let moved = DVector::from_fn(logs.len(), |k, _| {
+                    (logs[k] - part * step[k].clamp(-LONGEST_STEP, LONGEST_STEP)).clamp(bounds[k][0], bounds[k][1])
+                });
+                let other = Sizes::of(moved.iter().map(|log| log.exp()));
+                let there = self.posterior(set, &other);
+                if there.deviance < here.deviance {
+                    fall = here.deviance - there.deviance;
+                    (sizes, logs, here) = (other, moved, there);
+                    break;
+                }
+            }
+            if fall < LEAST_FALL {
                 break;
             }
         }
-        (best, least)
+        (sizes, here.deviance)
+    }
+
+    /// Prior scales of the sizes, κ first.
+    fn size_scales(&self) -> impl Iterator<Item = f64> + '_ {
+        std::iter::once(self.size_priors.everything).chain(self.size_priors.discrepancy.iter().copied())
+    }
+
+    /// The size, κ first, that a column's prior goes with.
+    fn size_of(&self, set: &[usize], column: usize) -> Option<usize> {
+        match self.priors[column] {
+            Prior::Amplitude { effect, .. } if !set.contains(&effect) => Some(0),
+            Prior::Discrepancy { size, .. } => Some(1 + size),
+            _ => None,
+        }
+    }
+
+    /// Gradient of the deviance by the logarithms of the sizes, and its expected second derivatives; signs (17) are left out.
+    fn by_sizes(&self, set: &[usize], here: &Posterior, sizes: &Sizes) -> (DVector<f64>, DMatrix<f64>) {
+        let p = self.len();
+        let root = whiten(&here.factor, &DMatrix::identity(p, p));
+        let inverse = product(&root, &root);
+        let of: Vec<(usize, usize)> = (0..p).filter_map(|j| Some((j, self.size_of(set, j)?))).collect();
+        let count = 1 + sizes.discrepancy.len();
+        let (mut gradient, mut information) = (DVector::zeros(count), DMatrix::zeros(count, count));
+        for &(j, k) in of.iter().filter(|(j, _)| here.sd[*j] > 0.0) {
+            let standardized = here.mean[j] / here.sd[j];
+            gradient[k] += 2.0 * (1.0 - inverse[(j, j)] - standardized * standardized);
+            for &(i, l) in &of {
+                let t = if i == j { 1.0 - inverse[(i, j)] } else { -inverse[(i, j)] };
+                information[(l, k)] += 4.0 * t * t;
+            }
+        }
+        for (k, (size, scale)) in sizes.all().zip(self.size_scales()).enumerate() {
+            let of_prior = (size / scale).powi(2);
+            gradient[k] += 2.0 * of_prior;
+            information[(k, k)] += 4.0 * of_prior;
+        }
+        (gradient, information)
     }
 }
 
@@ -347,7 +417,7 @@ mod tests {
     #[test]
     fn verif_sizes_are_where_no_neighbour_is_more_probable() {
         let (model, ..) = model();
-        let (sizes, least) = model.sizes_for(&[0], &model.usual_sizes(), 20);
+        let (sizes, least) = model.sizes_for(&[0], &model.usual_sizes());
         for factor in [0.8, 1.25] {
             let mut other = sizes.clone();
             other.discrepancy[0] *= factor;

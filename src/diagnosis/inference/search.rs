@@ -88,7 +88,7 @@ pub fn search(
 ) -> Sets {
     let prior = |set: &[usize]| cost * set.len() as f64;
     let refined = |set: Vec<usize>, from: &Sizes| {
-        let (sizes, deviance) = model.sizes_for(&set, from, 3);
+        let (sizes, deviance) = model.sizes_for(&set, from);
         Candidate { deviance: deviance + prior(&set), effects: set, sizes, refined: true }
     };
     let mut known: BTreeMap<Vec<usize>, Candidate> = BTreeMap::new();

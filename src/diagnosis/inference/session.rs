@@ -2,6 +2,7 @@
 //! (`docs/src/theory/many-small-errors.md`, equation (20)).
 
 mod columns;
+mod generic_discrepancy;
 mod handing_over;
 mod noise_along_the_way;
 mod sets;
@@ -33,6 +34,8 @@ const ODDS: f64 = 20.0;
 const STARTS: usize = 3;
 /// Sets whose neighbours are looked at around the model as given.
 const FIRST_EXPANSIONS: usize = 6;
+/// Effects that are tried alone from there: those that the linear model has lower the deviance most.
+const ALONE: usize = 16;
 /// Gauss–Newton steps from there.
 const FIRST_STEPS: usize = 4;
 /// Rounds of search, simulation of other sets, noise and relinearization, at most.
@@ -108,6 +111,8 @@ pub struct Session<'a> {
     levels: NoiseLevels,
     /// Whether they were, and its autocorrelation chosen.
     noise_is_final: bool,
+    /// Places of the effects that may be named.
+    nameable: Vec<usize>,
 }
 
 /// What is handed over to the user.
@@ -181,11 +186,25 @@ impl<'a> Session<'a> {
         }));
         Session {
             levels: NoiseLevels::usual(analysis.forward.joint.strength),
+            nameable: (0..analysis.candidates.len()).collect(),
             analysis,
             ranges,
             budget,
             noise_is_final: false,
         }
+    }
+
+    /// The session in which only some effects may be named.
+    pub fn naming(mut self, effects: &[&'static dyn Effect]) -> Session<'a> {
+        let known = |c: &&'static dyn Effect| effects.iter().any(|e| e.description().id == c.description().id);
+        let places = self.analysis.candidates.iter().enumerate().filter(|(_, c)| known(c));
+        self.nameable = places.map(|(place, _)| place).collect();
+        self
+    }
+
+    /// Whether an effect may be named.
+    pub fn may_name(&self, id: &str) -> bool {
+        self.nameable.iter().any(|e| self.analysis.candidates[*e].description().id == id)
     }
 
     fn forward(&self) -> &'a ForwardModel {
@@ -337,13 +356,22 @@ impl<'a> Session<'a> {
             search(&model, candidates, always, 2.0 * ODDS.ln(), &[], &sizes, Budget { expansions: FIRST_EXPANSIONS });
         // Each effect alone, as if nothing else were wrong: a little of everything would make up for any of them.
         let nothing = sizes.scaled(NOTHING_ELSE);
-        let with = |e: &usize| [always, &[*e]].concat();
-        let mut sets: Vec<(Vec<usize>, &Sizes)> = vec![(always.to_vec(), &sizes), (always.to_vec(), &nothing)];
-        sets.push((found.best().effects.clone(), &sizes));
-        sets.extend(candidates.iter().filter(|e| !always.contains(e)).map(|e| (with(e), &nothing)));
-        for (set, _) in &mut sets {
+        let sorted = |mut set: Vec<usize>| {
             set.sort_unstable();
+            set
+        };
+        let with = |e: &usize| sorted([always, &[*e]].concat());
+        let others = candidates.iter().filter(|e| !always.contains(e));
+        let mut alone: Vec<(f64, Vec<usize>)> =
+            others.map(with).map(|set| (model.posterior(&set, &nothing).deviance, set)).collect();
+        alone.sort_by(|a, b| a.0.total_cmp(&b.0));
+        alone.truncate(ALONE);
+        let none = sorted(always.to_vec());
+        let mut sets: Vec<(Vec<usize>, &Sizes)> = vec![(none.clone(), &sizes), (none.clone(), &nothing)];
+        if found.best().effects != none {
+            sets.push((found.best().effects.clone(), &sizes));
         }
+        sets.extend(alone.into_iter().map(|(_, set)| (set, &nothing)));
         let from = Around {
             point: &point,
             model: &model,

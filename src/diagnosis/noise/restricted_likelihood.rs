@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::{COMPONENTS, EMG, NoiseLevels, SLOW, TrialNoise, factor};
 use crate::diagnosis::ONE_BY_ONE;
 use crate::diagnosis::kernel::{Family, Kernel};
+use crate::numerics::cholesky;
 
 /// Iterations of the variance estimate.
 const ITERATIONS: usize = 6;
@@ -144,7 +145,7 @@ pub fn restricted_deviance(
     }
     let information = total.view((0, 0), (n, n)) + DMatrix::from_diagonal(precision);
     let right = total.view((0, n), (n, 1)).into_owned();
-    let Some(solver) = information.cholesky() else { return f64::INFINITY };
+    let Some(solver) = cholesky(information) else { return f64::INFINITY };
     let fitted = right.dot(&solver.solve(&right));
     deviance + solver.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum::<f64>() + total[(n, n)] - fitted
 }
@@ -227,7 +228,7 @@ fn projected(
         information += &part.0;
         right += &part.1;
     }
-    let information = information.cholesky()?;
+    let information = cholesky(information)?;
     let coefficients = information.solve(&right);
     let covariance = information.inverse();
     let of_trial = |(_, _, inverse, ax, ar): (_, _, DMatrix<f64>, DMatrix<f64>, DVector<f64>)| {

@@ -11,10 +11,10 @@ use crate::diagnosis::fit::{Linear, Point, block_means, block_starts, product, w
 use crate::diagnosis::forward_model::{Change, FITTED_PER_MUSCLE};
 
 impl Session<'_> {
-    /// Places of the effects that the data can speak of.
+    /// Places of the effects that may be named and of which the data can speak.
     pub(super) fn testable(&self) -> Vec<usize> {
         let testable = |i: &usize| self.analysis.candidates[*i].description().unidentifiable.is_none();
-        (0..self.analysis.candidates.len()).filter(testable).collect()
+        self.nameable.iter().copied().filter(testable).collect()
     }
 
     /// Standard deviation of what is plausible of an amplitude, in units of its scale, and the sign that it must have: equation (3).

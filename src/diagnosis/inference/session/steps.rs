@@ -9,6 +9,7 @@ use super::super::search::Sets;
 use super::{ASSESSED, Around, ODDS, OTHERS, Reached, STEPS, Session, Start, State, TRIED, WhitenedDirections};
 use crate::diagnosis::fit::{Linear, Point, product, whiten};
 use crate::diagnosis::noise::TrialNoise;
+use crate::numerics::cholesky;
 use crate::simulation::SimulationError;
 
 impl Session<'_> {
@@ -143,7 +144,7 @@ impl Session<'_> {
         }
         let model =
             self.descend(&mut point, &mut linear, from.noise, from.factors, &directions, set, from.sizes, steps)?;
-        let (sizes, deviance) = model.sizes_for(set, from.sizes, 2);
+        let (sizes, deviance) = model.sizes_for(set, from.sizes);
         let deviance = deviance + 2.0 * ODDS.ln() * set.len() as f64;
         Ok(Reached { set: set.to_vec(), point, sizes, deviance, directions })
     }
@@ -213,6 +214,6 @@ pub(super) fn profiled(model: &LinearModel, own: usize, set: &[usize], sizes: &S
         c[j] *= sd[own + j];
     }
     let of_prior: f64 = (0..own).filter(|j| sd[*j] > 0.0).map(|j| (model.offset[j] / sd[j]).powi(2)).sum();
-    let explained = m.cholesky().map_or(0.0, |f| c.dot(&f.solve(&c)));
+    let explained = cholesky(m).map_or(0.0, |f| c.dot(&f.solve(&c)));
     model.products[(p, p)] - explained + of_prior
 }
