@@ -16,7 +16,8 @@ pub struct DiagnoseArgs {
     /// The study.
     #[command(flatten)]
     pub study: StudyArgs,
-    /// Only these effects (comma-separated; default: all)
+    /// Name only these effects (comma-separated; default: all); the others are taken to be as small as
+    /// everything in a laboratory
     #[arg(long, value_name = "ID,…", value_delimiter = ',', value_parser = trimmed)]
     pub candidates: Vec<String>,
     /// Also write what simpler methods need to compare themselves (key `baselines`, megabytes)

@@ -167,7 +167,6 @@ pub(super) fn named(
         Ok([of(TrialUse::Train)?, of(TrialUse::Test)?])
     };
     let mut known: BTreeMap<Vec<usize>, Squares> = BTreeMap::new();
-    known.insert((0..evidence.len()).collect(), squares_of(&handed_over.parameters, &handed_over.effects)?);
     let mut with_some = |some: &[usize]| -> Result<Squares, SimulationError> {
         if let Some(squares) = known.get(some) {
             return Ok(squares.clone());
@@ -216,7 +215,10 @@ pub(super) fn named(
     for (i, effect) in &effects {
         some.push(*i);
         some.sort_unstable();
-        account.push(step(effect.effect, &with_some(&some)?));
+        account.push(match some.len() == evidence.len() {
+            true => step(effect.effect, &squares_of(&handed_over.parameters, &handed_over.effects)?),
+            false => step(effect.effect, &with_some(&some)?),
+        });
     }
     let [train, held_out] = session.beside_discrepancy(state, handed_over)?.map(|e| e.map(|e| e / request.mvc));
     account.push(AccountStep { step: "generic_discrepancy".to_owned(), train: train.unwrap_or(0.0), held_out });

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::{ALL_OF_IT, HandedOver, STANDS_IN, Session, State};
+use super::{ALL_OF_IT, HandedOver, NOTHING_ELSE, STANDS_IN, Session, State};
 use crate::diagnosis::diagnose::ParameterEstimate;
 use crate::diagnosis::fit::{Point, block_means, block_starts, whiten};
 use crate::diagnosis::forward_model::{FITTED_PER_MUSCLE, Setting};
@@ -85,14 +85,14 @@ impl Session<'_> {
         (parameters.collect(), point.effects.iter().map(shortened).collect())
     }
 
-    /// What would be handed over with some of the effects alone: muscles and these take, to first order, what the others leave.
-    /// Equation (27) compares it with what is handed over.
+    /// The model with some of the effects, as if nothing else were wrong: muscles and these take, to first order, all that they can.
+    /// Equation (27) compares such models.
     ///
     /// - `kept`: places of the effects that stay
     pub fn with_some(&self, state: &State, kept: &[usize], part: f64) -> (Vec<MuscleParameters>, Vec<Setting>) {
         let set = self.places(&state.point.effects);
         let (kept, others): (Vec<usize>, Vec<usize>) = set.into_iter().partition(|e| kept.contains(e));
-        let posterior = state.model.without(&others).posterior(&kept, self.sizes(state));
+        let posterior = state.model.without(&others).posterior(&kept, &self.sizes(state).scaled(NOTHING_ELSE));
         let own = self.analysis.n_nuisance() + state.point.effects.iter().map(|s| s.values.len()).sum::<usize>();
         let step = (&posterior.mean - &state.model.offset).rows(0, own).into_owned();
         let mut point = self.analysis.moved(&state.point, &step);
