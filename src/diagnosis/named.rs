@@ -146,7 +146,7 @@ fn own(estimates: &BTreeMap<String, ParameterEstimate>, id: &str) -> BTreeMap<St
 /// Squares of training and held-out trials.
 type Squares = [Vec<[f64; 2]>; 2];
 
-/// Effects of the joint mode, that with the largest share of the error first, and the error step by step as one after the other
+/// Effects of the joint mode, the dominant ones first, each part by its share of the error, and the error step by step as one after the other
 /// comes in.
 ///
 /// - `evidence`: their places and by how much −2 log posterior is larger without each, the strongest first
@@ -202,7 +202,7 @@ pub(super) fn named(
     };
     let mut effects: Vec<(usize, NamedEffect)> = evidence.iter().enumerate().map(of_effect).collect();
     let share_of = |e: &(usize, NamedEffect)| e.1.share_of_error.train[0];
-    effects.sort_by(|a, b| share_of(b).total_cmp(&share_of(a)));
+    effects.sort_by(|a, b| b.1.dominant.cmp(&a.1.dominant).then(share_of(b).total_cmp(&share_of(a))));
     let step = |name: &str, squares: &Squares| {
         let [train, held_out] = squares.each_ref().map(|s| rms(s).map(|e| e / request.mvc));
         AccountStep { step: name.to_owned(), train: train.unwrap_or(0.0), held_out }

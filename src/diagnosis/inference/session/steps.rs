@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::super::linear_model::{LinearModel, Posterior, Sizes};
 use super::super::search::Sets;
-use super::{ASSESSED, Around, ODDS, OTHERS, Reached, STEPS, Session, Start, State, TRIED, WhitenedDirections};
+use super::{ASSESSED, Around, ODDS, OTHERS, Reached, STEPS, Session, Start, State, WhitenedDirections};
 use crate::diagnosis::fit::{Linear, Point, product, whiten};
 use crate::diagnosis::noise::TrialNoise;
 use crate::numerics::cholesky;
@@ -82,7 +82,8 @@ impl Session<'_> {
         Point { effects: set.iter().map(of).collect(), ..point.clone() }
     }
 
-    /// Sets that are tried by simulation beside the best: the most probable others, and those in which an effect gives way to a rival.
+    /// Sets that are tried by simulation beside the best: the most probable of those that were looked at, and of those in which an effect
+    /// gives way to a rival.
     pub(super) fn alternatives(
         &self,
         set: &[usize],
@@ -105,10 +106,12 @@ impl Session<'_> {
             }
         }
         let sizes = &sets.best().sizes;
-        let deviance = |set: &[usize]| model.posterior(set, sizes).deviance + 2.0 * ODDS.ln() * set.len() as f64;
-        let least = deviance(set);
-        out.retain(|other| deviance(other) < least + TRIED);
-        out
+        let deviance = |set: Vec<usize>| {
+            (model.posterior(&set, sizes).deviance + 2.0 * ODDS.ln() * set.len() as f64, set)
+        };
+        let mut out: Vec<(f64, Vec<usize>)> = out.into_iter().map(deviance).collect();
+        out.sort_by(|a, b| a.0.total_cmp(&b.0));
+        out.into_iter().take(OTHERS).map(|(_, set)| set).collect()
     }
 
     /// Where the descent comes to with a set of effects, the noise held.
