@@ -72,7 +72,8 @@ impl<'a> Request<'a> {
     pub(super) fn session(&self) -> Session<'a> {
         let train = self.forward.trials_for(TrialUse::Train);
         let mut effects = with_own();
-        let is_new = |effect: &&&'static dyn Effect| effects.iter().all(|e| e.description().id != effect.description().id);
+        let is_new =
+            |effect: &&&'static dyn Effect| effects.iter().all(|e| e.description().id != effect.description().id);
         let new: Vec<&'static dyn Effect> = self.candidates.iter().filter(is_new).copied().collect();
         effects.extend(new);
         let session =

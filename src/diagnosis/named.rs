@@ -11,9 +11,8 @@ use super::inference::session::{HandedOver, Session, State};
 use crate::simulation::{MuscleParameters, SimulationError};
 use crate::study::TrialUse;
 
-/// An effect is dominant if there is positive evidence for it, odds of three to one (2 ln 3; Kass & Raftery 1995,
-/// doi:10.1080/01621459.1995.10476572), beyond a little of everything …
-const POSITIVE: f64 = 2.2;
+/// An effect is dominant if it is at least this large, in units of the larger end of its plausible range …
+const LARGE: f64 = 0.5;
 /// … and if it takes at least this share of the mean square of the given model's error.
 const DOMINANT: f64 = 0.05;
 
@@ -194,7 +193,7 @@ pub(super) fn named(
             group: group.into_iter().map(|e| session.analysis.candidates[e].description().id).collect(),
             probability,
             evidence: *evidence,
-            dominant: train[0] >= DOMINANT && train[1] > 0.0 && *evidence >= POSITIVE,
+            dominant: train[0] >= DOMINANT && train[1] > 0.0 && session.share_of_plausible(state, *place) >= LARGE,
             share_of_error: Shares { train, held_out },
             parameters: own(&estimates, id),
         };

@@ -74,7 +74,9 @@ mod tests {
             let root = DMatrix::from_fn(n, n, |i, j| (1.3 * i as f64 + 0.7 * j as f64 * j as f64).sin());
             let matrix = &root * root.transpose() + DMatrix::identity(n, n);
             let found = cholesky(matrix.clone()).unwrap().l();
-            assert!(found.iter().zip(matrix.clone().cholesky().unwrap().l().iter()).all(|(a, b)| (a - b).abs() < 1e-11));
+            assert!(
+                found.iter().zip(matrix.clone().cholesky().unwrap().l().iter()).all(|(a, b)| (a - b).abs() < 1e-11)
+            );
         }
         let mut indefinite = DMatrix::identity(2 * BLOCK, 2 * BLOCK);
         indefinite[(BLOCK + 3, BLOCK + 3)] = -1.0;

@@ -44,8 +44,10 @@ const ROUNDS: usize = 6;
 const NOTHING_ELSE: f64 = 0.02;
 /// Gauss–Newton steps with a set of effects.
 const STEPS: usize = 5;
-/// Sets beside the best that are tried by simulation in a round.
-const OTHERS: usize = 6;
+/// Most probable sets beside the best that are tried by simulation in a round …
+const OTHERS: usize = 3;
+/// … and sets in which an effect gives way to a rival.
+const RIVALS: usize = 6;
 /// Largest expected error of the logarithm of the EMG.
 const LARGEST_NOISE: f64 = 0.7;
 /// An effect may stand in another's place where the set with it has more than this share of the probability, equation (22).

@@ -58,8 +58,7 @@ impl<'a> Session<'a> {
     /// At what is handed over, the EMG as recorded.
     fn at(&self, handed_over: &HandedOver) -> Result<There, SimulationError> {
         let HandedOver { parameters, effects, .. } = handed_over;
-        let point =
-            Point { parameters: parameters.clone(), effects: effects.clone(), ..self.analysis.nominal_point() };
+        let point = Point { parameters: parameters.clone(), effects: effects.clone(), ..self.analysis.nominal_point() };
         let linear = self.analysis.linearize(&point, &[])?;
         let (directions, _) = self.analysis.calc_directions(&linear, &point)?;
         let columns = self.all_columns(&point, &linear, &directions);

@@ -132,6 +132,23 @@ impl Session<'_> {
         out
     }
 
+    /// How large an effect of the point is, in units of the larger end of its plausible range: the largest of its amplitudes.
+    ///
+    /// - `effect`: its place
+    pub fn share_of_plausible(&self, state: &State, effect: usize) -> f64 {
+        let of = |setting: &Setting| {
+            let description = setting.effect.description();
+            let of_amplitude = |i: usize| {
+                let p = &description.parameters[i];
+                let size = (setting.values[i] - self.forward().joint.start(p)).abs() / self.forward().joint.scale(p);
+                0.5 * size / self.plausible(setting.effect, i).0.max(f64::MIN_POSITIVE)
+            };
+            description.amplitudes().map(of_amplitude).fold(0.0, f64::max)
+        };
+        let own = state.point.effects.iter().filter(|s| self.places(std::slice::from_ref(s)).contains(&effect));
+        own.map(of).fold(0.0, f64::max)
+    }
+
     /// What muscle parameters do to every trial's moment, averaged over blocks, the noise whitened.
     pub fn of_muscle_parameters(&self, state: &State) -> Vec<DMatrix<f64>> {
         let muscles = self.analysis.n_muscles() * FITTED_PER_MUSCLE;

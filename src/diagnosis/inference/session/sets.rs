@@ -19,8 +19,7 @@ const LIKELY: f64 = 0.5;
 
 impl Session<'_> {
     /// The state with the effects that are more likely missing than not, and no others (the median probability model; Barbieri &
-    /// Berger 2004, doi:10.1214/009053604000000238): by the linear model around the point, and where the state without one is estimated
-    /// anew. And for each of these, the strongest first, by how much −2 log posterior is larger
+    /// Berger 2004, doi:10.1214/009053604000000238). And for each of these, the strongest first, by how much −2 log posterior is larger
     /// where it is taken out and everything else is fitted anew.
     ///
     /// # Errors
@@ -40,7 +39,7 @@ impl Session<'_> {
             let without = self.with_set(&state, &rest, &candidates)?;
             let behind = self.behind(&without, &state);
             report(&format!("without {:?} ({probability:.2}) {behind:.1} behind", self.ids(&[effect])));
-            match probability < LIKELY || behind < 0.0 {
+            match probability < LIKELY {
                 true => state = without,
                 false => evidence.push((effect, behind)),
             }

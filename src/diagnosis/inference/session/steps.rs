@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::super::linear_model::{LinearModel, Posterior, Sizes};
 use super::super::search::Sets;
-use super::{ASSESSED, Around, ODDS, OTHERS, Reached, STEPS, Session, Start, State, WhitenedDirections};
+use super::{ASSESSED, Around, ODDS, OTHERS, RIVALS, Reached, STEPS, Session, Start, State, WhitenedDirections};
 use crate::diagnosis::fit::{Linear, Point, product, whiten};
 use crate::diagnosis::noise::TrialNoise;
 use crate::numerics::cholesky;
@@ -82,8 +82,8 @@ impl Session<'_> {
         Point { effects: set.iter().map(of).collect(), ..point.clone() }
     }
 
-    /// Sets that are tried by simulation beside the best: the most probable of those that were looked at, and of those in which an effect
-    /// gives way to a rival.
+    /// Sets that are tried by simulation beside the best: the most probable others that were looked at, and the most probable of those in
+    /// which an effect gives way to a rival.
     pub(super) fn alternatives(
         &self,
         set: &[usize],
@@ -94,24 +94,22 @@ impl Session<'_> {
     ) -> Vec<Vec<usize>> {
         let mut out: Vec<Vec<usize>> =
             sets.found.iter().map(|s| s.effects.clone()).filter(|s| s != set).take(OTHERS).collect();
+        let sizes = &sets.best().sizes;
+        let mut exchanged: Vec<(f64, Vec<usize>)> = Vec::new();
         for effect in set.iter().filter(|e| !always.contains(e)) {
             let rivals = self.analysis.candidates[*effect].description().rivals;
             let is_rival = |e: &&usize| rivals.contains(&self.analysis.candidates[**e].description().id);
             for rival in candidates.iter().filter(|e| !set.contains(e)).filter(is_rival) {
                 let mut other: Vec<usize> = set.iter().copied().filter(|e| e != effect).chain([*rival]).collect();
                 other.sort_unstable();
-                if !out.contains(&other) {
-                    out.push(other);
+                if !out.contains(&other) && exchanged.iter().all(|e| e.1 != other) {
+                    exchanged.push((model.posterior(&other, sizes).deviance, other));
                 }
             }
         }
-        let sizes = &sets.best().sizes;
-        let deviance = |set: Vec<usize>| {
-            (model.posterior(&set, sizes).deviance + 2.0 * ODDS.ln() * set.len() as f64, set)
-        };
-        let mut out: Vec<(f64, Vec<usize>)> = out.into_iter().map(deviance).collect();
-        out.sort_by(|a, b| a.0.total_cmp(&b.0));
-        out.into_iter().take(OTHERS).map(|(_, set)| set).collect()
+        exchanged.sort_by(|a, b| a.0.total_cmp(&b.0));
+        out.extend(exchanged.into_iter().take(RIVALS).map(|(_, set)| set));
+        out
     }
 
     /// Where the descent comes to with a set of effects, the noise held.
