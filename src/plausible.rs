@@ -146,6 +146,15 @@ pub static MAX_CONTRACTION_VELOCITY: Plausible = Plausible {
     slips: &[],
 };
 
+/// Activation that a muscle starts from, or does not fall below.
+pub static ACTIVATION: Plausible = Plausible {
+    quantity: "activation",
+    unit: "parts of 1",
+    range: [0.0, 1.0],
+    source: "Zajac 1989 (1: all fibres of the muscle are fully active)",
+    slips: &[Slip { unit: "%", factor: 0.01 }],
+};
+
 /// Time constants of activation and deactivation.
 pub static ACTIVATION_TIME: Plausible = Plausible {
     quantity: "time constant of activation",
@@ -333,7 +342,7 @@ pub static FASCICLE_LENGTH: Plausible = Plausible {
 };
 
 /// The table: every range that anything is compared with.
-pub static TABLE: [&Plausible; 25] = [
+pub static TABLE: [&Plausible; 26] = [
     &OPTIMAL_FIBER_LENGTH,
     &TENDON_SLACK_LENGTH,
     &MAX_ISOMETRIC_FORCE,
@@ -341,6 +350,7 @@ pub static TABLE: [&Plausible; 25] = [
     &MAX_CONTRACTION_VELOCITY,
     &ACTIVATION_TIME,
     &FIBER_DAMPING,
+    &ACTIVATION,
     &DYNAMOMETER_DAMPING,
     &SEGMENT_MASS,
     &POINT_DISTANCE,

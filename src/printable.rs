@@ -12,11 +12,23 @@ pub fn is_deceptive(c: char) -> bool {
     c.is_control()
         || matches!(
             c,
-            '\u{61c}' | '\u{200b}' | '\u{200e}' | '\u{200f}' // Arabic letter mark, zero-width space, direction marks
+            '\u{ad}' | '\u{34f}' | '\u{115f}' | '\u{1160}' | '\u{180e}' | '\u{3164}' | '\u{ffa0}' // shown as nothing
+            | '\u{61c}' | '\u{200b}' | '\u{200e}' | '\u{200f}' // Arabic letter mark, zero-width space, direction marks
             | '\u{2028}'..='\u{202e}' // line and paragraph separators, embeddings and overrides of direction
-            | '\u{2060}' | '\u{2066}'..='\u{2069}' // word joiner, isolates of direction
+            | '\u{2060}'..='\u{206f}' // word joiner, unseen operators, isolates of direction
             | '\u{feff}' | '\u{fff9}'..='\u{fffb}' // byte order mark, marks of annotation
+            | '\u{e0000}'..='\u{e007f}' // tags
         )
+}
+
+/// A number as it is written, but a power of ten where it would be a long row of zeros.
+pub fn number(value: f64) -> String {
+    let size = value.abs();
+    if size != 0.0 && size.is_finite() && !(1e-7..1e15).contains(&size) {
+        format!("{value:e}")
+    } else {
+        value.to_string()
+    }
 }
 
 /// The first such character of a text.
@@ -41,8 +53,9 @@ pub fn visible_lines(text: &str) -> Cow<'_, str> {
 
 /// As [`visible_lines`], of JSON: the same value, as these characters stand in strings only.
 pub fn visible_json(json: &str) -> Cow<'_, str> {
-    // JSON's own escapes hold UTF-16 units; all characters here are one each.
-    written_out(json, |c| matches!(c, '\n' | '\t' | '\r'), |c| format!("\\u{:04x}", u32::from(c)))
+    // JSON's own escapes hold UTF-16 units.
+    let escape = |c: char| c.encode_utf16(&mut [0; 2]).iter().map(|unit| format!("\\u{unit:04x}")).collect();
+    written_out(json, |c| matches!(c, '\n' | '\t' | '\r'), escape)
 }
 
 fn written_out(text: &str, allowed: fn(char) -> bool, escape: fn(char) -> String) -> Cow<'_, str> {
@@ -84,11 +97,20 @@ mod tests {
         assert_eq!(visible("\u{1b}[31mred"), "\\u{1b}[31mred");
         assert_eq!(visible("a\u{202e}b\u{feff}\nc"), "a\\u{202e}b\\u{feff}\\u{a}c");
         assert_eq!(visible_lines("a\n\tb\u{7}"), "a\n\tb\\u{7}");
+        for unseen in ['\u{ad}', '\u{2063}', '\u{206a}', '\u{3164}', '\u{e0041}'] {
+            assert_eq!(deceptive_in(&format!("FC{unseen}U")), Some(unseen));
+        }
         assert!(matches!(visible("Müller 手首 −3 µV 5\u{202f}%"), Cow::Borrowed(_)));
-        let json = serde_json::json!({ "name": "a\u{202e}\u{1b}" }).to_string();
+        let json = serde_json::json!({ "name": "a\u{202e}\u{1b}\u{e0041}" }).to_string();
         let shown = visible_json(&json);
         assert_eq!(deceptive_in(&shown), None);
-        assert_eq!(serde_json::from_str::<serde_json::Value>(&shown).unwrap()["name"], "a\u{202e}\u{1b}");
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&shown).unwrap()["name"], "a\u{202e}\u{1b}\u{e0041}");
+    }
+
+    #[test]
+    fn verif_numbers_are_no_rows_of_zeros() {
+        let shown = [1e308, -1e308, 1e-320, 0.0, -0.25, 1e7, f64::INFINITY].map(number);
+        assert_eq!(shown, ["1e308", "-1e308", "1e-320", "0", "-0.25", "10000000", "inf"]);
     }
 
     #[test]

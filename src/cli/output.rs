@@ -1,5 +1,6 @@
 //! The folder that a command writes into, and what says who made the files in it.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::path::{Component, Path, PathBuf};
@@ -10,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::failure::{Failure, Message};
 use super::provenance::{Hashed, hash_of};
-use crate::printable::{deceptive_in, number_of};
+use crate::printable::{deceptive_in, number_of, visible_json};
 
 /// The file that says who made the others.
 const MANIFEST: &str = "carpus-output.json";
@@ -403,7 +404,8 @@ impl OutputFolder {
     /// # Errors
     /// The disk; or the file is one of the inputs.
     pub fn write(&self, relative: impl AsRef<Path>, bytes: &[u8]) -> Result<PathBuf, Failure> {
-        self.write_with(relative, |file| file.write_all(bytes))
+        let bytes = as_shown(relative.as_ref(), bytes);
+        self.write_with(relative, |file| file.write_all(&bytes))
     }
 
     /// As [`OutputFolder::write`], of a file that is too long to be held in memory.
@@ -431,7 +433,8 @@ impl OutputFolder {
     /// # Errors
     /// As there.
     pub fn put(&self, relative: &Path, bytes: &[u8]) -> Result<PathBuf, Failure> {
-        self.put_with(relative, |file| file.write_all(bytes)).map(|(target, _)| target)
+        let bytes = as_shown(relative, bytes);
+        self.put_with(relative, |file| file.write_all(&bytes)).map(|(target, _)| target)
     }
 
     /// Writes a file; its path and hash.
@@ -585,6 +588,15 @@ fn reason(error: &std::io::Error) -> String {
     text.split(" (os error").next().unwrap_or(&text).to_lowercase()
 }
 
+/// The content of a file; JSON with characters that are not shown as they are written as escapes, which leaves its values.
+fn as_shown<'a>(name: &Path, bytes: &'a [u8]) -> Cow<'a, [u8]> {
+    let json = name.extension().filter(|e| *e == "json").and_then(|_| std::str::from_utf8(bytes).ok());
+    match json.map(visible_json) {
+        Some(Cow::Owned(text)) => Cow::Owned(text.into_bytes()),
+        _ => Cow::Borrowed(bytes),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -597,6 +609,10 @@ mod tests {
         let out = OutputFolder::create(folder.path(), std::slice::from_ref(&model)).unwrap();
         assert!(matches!(out.write("model.osim", b"theirs"), Err(Failure::Input(_))));
         assert_eq!(std::fs::read_to_string(&model).unwrap(), "mine");
+        out.write("results.json", "{\"model\": \"a\u{202e}b\"}".as_bytes()).unwrap();
+        let json = std::fs::read_to_string(folder.path().join("results.json")).unwrap();
+        assert_eq!(json, "{\"model\": \"a\\u202eb\"}", "what is not shown is written out");
+        std::fs::remove_file(folder.path().join("results.json")).unwrap();
         out.write("a/b/other.txt", b"text").unwrap();
         assert_eq!(std::fs::read_to_string(folder.path().join("a/b/other.txt")).unwrap(), "text");
         let left = std::fs::read_dir(folder.path()).unwrap().count();

@@ -9,6 +9,7 @@ use std::fmt::Write;
 use super::failure::{Failure, Gravity, Message};
 use super::model::LoadedModel;
 use crate::osim::spec::{CoordinateIndex, MotionType, MuscleIndex};
+use crate::printable::number;
 
 /// A path is wound too far when it is longer than this much of the straight lines through its points …
 const LONGEST_RELATIVE: f64 = 1.5;
@@ -141,7 +142,60 @@ pub fn over_range(
     let value = |i: usize| lower + (upper - lower) * i as f64 / (count.max(2) - 1) as f64;
     let values: Vec<f64> = (0..count).map(value).collect();
     let samples = samples(loaded, muscles, moved, posture, &values)?;
-    Ok(muscles.iter().zip(&samples).flat_map(|(m, s)| swept(loaded, *m, moved, s)).collect())
+    let mut warnings = Vec::new();
+    for (muscle, samples) in muscles.iter().zip(&samples) {
+        let found = swept(loaded, *muscle, moved, samples);
+        // A path that is wound or jumps is too long for that reason.
+        if found.is_empty() {
+            let longest = samples.iter().map(|s| s.length).fold(0.0, f64::max);
+            warnings.extend(overstretched(loaded, *muscle, longest));
+            warnings.extend(never_taut(loaded, *muscle, longest));
+        }
+        warnings.extend(found);
+    }
+    Ok(warnings)
+}
+
+/// A fibre is overstretched where path less tendon is more than this multiple of its optimal length: passive fibres tear
+/// before they reach twice their optimal length (Noonan et al. 1993), and no joint takes them there.
+const LONGEST_FIBER: f64 = 3.0;
+
+/// Below this multiple of their optimal length fibres exert no active force (Millard et al. 2013: 0.44).
+const SHORTEST_ACTIVE_FIBER: f64 = 0.4;
+
+/// The warning that even the longest path leaves the fibres of a muscle too short for any force.
+///
+/// - `longest`: path over all recorded angles [m]
+fn never_taut(loaded: &LoadedModel, muscle: MuscleIndex, longest: f64) -> Option<Message> {
+    let spec = &loaded.file.spec.muscles[muscle.0];
+    let length = (longest - spec.tendon_slack_length) / spec.optimal_fiber_length;
+    (length < SHORTEST_ACTIVE_FIBER).then(|| {
+        let text = format!(
+            "the path of {} is {longest:.4} m long at most, and its tendon {} m: with an optimal length of {} m its fibres exert no force",
+            spec.name,
+            number(spec.tendon_slack_length),
+            number(spec.optimal_fiber_length)
+        );
+        warning(loaded, muscle, text).hint("a point of the path, or a length of the muscle, is not where it should be")
+    })
+}
+
+/// The warning that a muscle's path leaves to its fibres a length to which none can be stretched.
+///
+/// - `length`: of the path [m]
+pub fn overstretched(loaded: &LoadedModel, muscle: MuscleIndex, length: f64) -> Option<Message> {
+    let spec = &loaded.file.spec.muscles[muscle.0];
+    let stretch = (length - spec.tendon_slack_length) / spec.optimal_fiber_length;
+    (stretch > LONGEST_FIBER).then(|| {
+        let text = format!(
+            "the path of {} is {} m long, and its tendon {} m: its fibres are stretched to {stretch:.1} times their optimal length of {} m",
+            spec.name,
+            number(1e-4 * (1e4 * length).round()),
+            number(spec.tendon_slack_length),
+            number(spec.optimal_fiber_length)
+        );
+        warning(loaded, muscle, text).hint("a point of the path, or a length of the muscle, is not where it should be")
+    })
 }
 
 /// The error that a path is not finite at a pose.

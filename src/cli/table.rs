@@ -17,6 +17,9 @@ pub fn table(header: &[&str], left_columns: usize, rows: impl IntoIterator<Item 
 
 /// A number with fixed decimals; what rounds to zero has no sign.
 pub fn fixed(value: f64, decimals: usize) -> String {
+    if value.is_finite() && value.abs() >= 1e15 {
+        return format!("{value:.decimals$e}");
+    }
     let text = format!("{value:.decimals$}");
     let zero = text.chars().all(|c| matches!(c, '-' | '0' | '.'));
     if zero { text.trim_start_matches('-').to_string() } else { text }
@@ -28,6 +31,7 @@ mod tests {
 
     #[test]
     fn verif_zero_has_no_sign() {
+        assert_eq!(fixed(-1e300, 2), "-1.00e300");
         assert_eq!(fixed(-0.001, 2), "0.00");
         assert_eq!(fixed(-0.01, 2), "-0.01");
     }

@@ -4,6 +4,7 @@ use super::parameters::Millard2012;
 use super::pennation::significant_real;
 use crate::numerics::{Scalar, newton_bisection};
 use crate::plausible;
+use crate::printable::number;
 use thiserror::Error;
 
 /// Force imbalance that counts as equilibrium, over `max_isometric_force` (OpenSim's tolerance).
@@ -58,7 +59,7 @@ pub enum EquilibriumError {
         value: f64,
     },
     /// A path cannot be that short.
-    #[error("{muscle}: the path is {path_length} m long, expected more than 0 m")]
+    #[error("{muscle}: the path is {} m long, expected more than 0 m", number(*path_length))]
     PathLength {
         /// Muscle name.
         muscle: String,
@@ -66,7 +67,7 @@ pub enum EquilibriumError {
         path_length: f64,
     },
     /// The search of a class ended at no length at all.
-    #[error("{muscle}: no fibre length balances fibre and tendon, path {path_length} m, activation {activation}")]
+    #[error("{muscle}: no fibre length balances fibre and tendon, path {} m, activation {activation}", number(*path_length))]
     NoLength {
         /// Muscle name.
         muscle: String,
@@ -77,7 +78,9 @@ pub enum EquilibriumError {
     },
     /// The search ended with forces that do not balance.
     #[error(
-        "{muscle}: fibre and tendon differ by {residual:e}·Fmax at {fiber_length} m, path {path_length} m, activation {activation}"
+        "{muscle}: fibre and tendon differ by {residual:e}·Fmax at {} m, path {} m, activation {activation}",
+        number(*fiber_length),
+        number(*path_length)
     )]
     NotConverged {
         /// Muscle name.
@@ -93,7 +96,8 @@ pub enum EquilibriumError {
     },
     /// Forces that are no finite numbers.
     #[error(
-        "{muscle}: the forces of fibre and tendon are not finite, path {path_length} m, activation {activation}: {cause}"
+        "{muscle}: the forces of fibre and tendon are not finite, path {} m, activation {activation}: {cause}",
+        number(*path_length)
     )]
     ForceNotFinite {
         /// Muscle name.

@@ -4,7 +4,7 @@
 
 use thiserror::Error;
 
-use crate::printable::{number_of, visible};
+use crate::printable::{number, number_of, visible};
 
 /// Why a file could not be turned into a model.
 #[derive(Debug, Error)]
@@ -231,7 +231,7 @@ pub enum ProblemKind {
         found: String,
     },
     /// A number outside its allowed range.
-    #[error("{property}: expected {expected}, found {found}")]
+    #[error("{property}: expected {expected}, found {}", number(*found))]
     OutOfRange {
         /// Property name.
         property: String,

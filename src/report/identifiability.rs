@@ -194,6 +194,7 @@ struct Page<'a> {
     result: &'a IdentifiabilityResult,
     level: String,
     lead: String,
+    warnings: Vec<String>,
     rows: Vec<Row>,
     fixed: Vec<[String; 3]>,
     free: Vec<[String; 3]>,
@@ -208,7 +209,7 @@ pub fn render_identifiability(result: &IdentifiabilityResult) -> String {
     let determined = result.parameters.iter().filter(|p| p.is_determined()).count();
     let percent = |v: f64| format!("{} %", significant(v, 2));
     let combination = |c: &CombinationResult| {
-        [c.words.clone(), format!("±{}", percent(c.sd_percent)), format!("±{}", percent(c.prior_sd_percent))]
+        [in_superscript(&c.words), format!("±{}", percent(c.sd_percent)), format!("±{}", percent(c.prior_sd_percent))]
     };
     let shown = result.combinations.len().min(6);
     let s = &result.soundness;
@@ -227,6 +228,7 @@ pub fn render_identifiability(result: &IdentifiabilityResult) -> String {
             result.parameters.len(),
             result.trials
         ),
+        warnings: result.warnings.iter().map(|w| sentence(&w.message)).collect(),
         rows: result.parameters.iter().map(row).collect(),
         fixed: result.combinations.iter().filter(|c| c.share_from_data >= 0.5).take(shown).map(combination).collect(),
         free: result
@@ -262,6 +264,25 @@ pub fn render_identifiability(result: &IdentifiabilityResult) -> String {
         ),
     };
     finished(&page)
+}
+
+/// A message as a sentence of its own.
+fn sentence(message: &str) -> String {
+    let mut letters = message.chars();
+    let first: String = letters.next().into_iter().flat_map(char::to_uppercase).collect();
+    let end = if message.ends_with(['.', '!', '?']) { "" } else { "." };
+    format!("{first}{}{end}", letters.as_str())
+}
+
+/// Powers as `<sup>`, all else as text: `FCU strength^-0.99 × …`.
+fn in_superscript(words: &str) -> String {
+    let factor = |factor: &str| match factor.rsplit_once('^') {
+        Some((name, power)) if power.parse::<f64>().is_ok() => {
+            format!("{}<sup>{}</sup>", escape(name), power.replace('-', "−"))
+        }
+        _ => escape(factor),
+    };
+    words.split(" × ").map(factor).collect::<Vec<_>>().join(" × ")
 }
 
 /// The most correlated pairs.

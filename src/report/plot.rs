@@ -34,8 +34,16 @@ pub fn ticks(low: f64, high: f64, wanted: usize) -> Vec<f64> {
     (first..=last).map(|i| i as f64 * step).collect()
 }
 
-/// The text of a tick: as many decimals as the distance between ticks needs.
+/// The text of a tick: as many decimals as the distance between ticks needs; a power of ten where these are more than four.
 pub fn tick_label(value: f64, step: f64) -> String {
+    if step > 0.0 && step < 0.99e-4 {
+        if value.abs() < 0.5 * step {
+            return "0".to_string();
+        }
+        let power = |v: f64| (v.abs().log10() + 1e-9).floor();
+        let digits = (power(value) - power(step)).max(0.0) as usize;
+        return format!("{value:.digits$e}").replace('-', "−");
+    }
     let decimals = if step > 0.0 { (-step.log10().floor()).clamp(0.0, 6.0) as usize } else { 0 };
     let text = format!("{value:.decimals$}");
     let text = if text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') { "0".to_string() } else { text };
@@ -93,7 +101,11 @@ pub struct CurveFigure<'a> {
     pub ticks: [usize; 2],
 }
 
+/// Least distance of the axis from the left edge.
 const LEFT: f64 = 36.0;
+/// Width of a character of a tick's label, and its distance from the axis.
+const TICK_CHARACTER: f64 = 6.7;
+const TICK_GAP: f64 = 5.0;
 const RIGHT: f64 = 8.0;
 const TOP: f64 = 8.0;
 const BOTTOM: f64 = 20.0;
@@ -102,14 +114,32 @@ const STRIP: f64 = 34.0;
 impl CurveFigure<'_> {
     /// The figure as SVG.
     pub fn svg(&self) -> String {
-        self.svg_over(&[])
+        self.draw(&[], self.left())
+    }
+
+    /// The figure with its axis at `left`, as that of a figure above or below it.
+    pub fn svg_from(&self, left: f64) -> String {
+        self.draw(&[], left)
+    }
+
+    /// Where the axis stands, so that the widest label of the ordinate is inside the drawing.
+    pub fn left(&self) -> f64 {
+        let [low, high] = self.y_range;
+        let values = ticks(low, high, self.ticks[1]);
+        let step = tick_step(&values);
+        let widest = values.iter().map(|v| tick_label(*v, step).chars().count()).max().unwrap_or(0);
+        LEFT.max(TICK_CHARACTER * widest as f64 + TICK_GAP)
     }
 
     /// The figure over bands: class, and lower and upper edge at the abscissae.
     pub fn svg_over(&self, bands: &[(&'static str, Vec<[f64; 2]>)]) -> String {
+        self.draw(bands, self.left())
+    }
+
+    fn draw(&self, bands: &[(&'static str, Vec<[f64; 2]>)], left: f64) -> String {
         let [width, height] = self.size;
         let strip_height = if self.strip.is_some() { STRIP } else { 0.0 };
-        let x = Scale { data: self.x_range, drawn: [LEFT, width - RIGHT] };
+        let x = Scale { data: self.x_range, drawn: [left, width - RIGHT] };
         let y = Scale { data: self.y_range, drawn: [height - BOTTOM - strip_height, TOP] };
         let mut svg = String::new();
         let w = &mut svg;
@@ -152,16 +182,16 @@ impl CurveFigure<'_> {
     fn draw_axes(&self, w: &mut String, x: Scale, y: Scale, bottom: f64) {
         let [left, right] = x.drawn;
         let y_ticks = ticks(y.data[0], y.data[1], self.ticks[1]);
-        let step = y_ticks.windows(2).map(|t| t[1] - t[0]).next().unwrap_or(1.0);
+        let step = tick_step(&y_ticks);
         for value in &y_ticks {
             let at = y.at(*value);
             let class = if value.abs() < 1e-12 { "zero" } else { "grid" };
             let label = tick_label(*value, step);
             let _ = write!(w, r#"<line class="{class}" x1="{left}" x2="{right}" y1="{at:.1}" y2="{at:.1}"/>"#);
-            let _ = write!(w, r#"<text class="tick y" x="{:.1}" y="{:.1}">{label}</text>"#, left - 5.0, at + 3.5);
+            let _ = write!(w, r#"<text class="tick y" x="{:.1}" y="{:.1}">{label}</text>"#, left - TICK_GAP, at + 3.5);
         }
         let x_ticks = ticks(x.data[0], x.data[1], self.ticks[0]);
-        let step = x_ticks.windows(2).map(|t| t[1] - t[0]).next().unwrap_or(1.0);
+        let step = tick_step(&x_ticks);
         for (i, value) in x_ticks.iter().enumerate() {
             let at = x.at(*value);
             let unit = if i + 1 == x_ticks.len() { self.x_name.1 } else { "" };
@@ -184,7 +214,11 @@ impl CurveFigure<'_> {
         let [low, high] = y.data;
         for (value, at) in [(high, y.drawn[1] + 3.0), (low, y.drawn[0] + 1.0)] {
             let label = format!("{value:.0}°").replace('-', "−");
-            let _ = write!(w, r#"<text class="tick y angle-text" x="{}" y="{at:.1}">{label}</text>"#, x.drawn[0] - 5.0);
+            let _ = write!(
+                w,
+                r#"<text class="tick y angle-text" x="{}" y="{at:.1}">{label}</text>"#,
+                x.drawn[0] - TICK_GAP
+            );
         }
         let _ = write!(
             w,
@@ -192,6 +226,11 @@ impl CurveFigure<'_> {
             y.data[0], y.data[1], y.drawn[0], y.drawn[1]
         );
     }
+}
+
+/// Distance between ticks.
+fn tick_step(ticks: &[f64]) -> f64 {
+    ticks.windows(2).map(|t| t[1] - t[0]).next().unwrap_or(1.0)
 }
 
 fn polyline(xs: &[f64], ys: &[f64], x: Scale, y: Scale) -> String {
@@ -318,6 +357,31 @@ mod tests {
         let found = ticks(-0.31, 12.7, 5);
         assert!(found.iter().all(|t| (-0.31..=12.7).contains(t)) && found.len() >= 3, "{found:?}");
         assert_eq!(ticks(2.0, 2.0, 5), vec![2.0]);
+    }
+
+    #[test]
+    fn verif_wide_labels_of_the_ordinate_stay_inside_the_drawing() {
+        let [x, y] = [[0.0, 1.0], [-1.2e-4, 1.2e-4]];
+        let figure = |y_range: [f64; 2]| CurveFigure {
+            description: String::new(),
+            x: &x,
+            x_name: ("t", "s"),
+            unit: "V",
+            curves: Vec::new(),
+            x_range: x,
+            y_range,
+            strip: None,
+            size: [320.0, 90.0],
+            ticks: [5, 4],
+        };
+        // "−0.0001" and "−100000" are about 44 wide in letters of 10.5
+        for range in [y, [-1e5, 1e5]] {
+            assert!(figure(range).left() > 49.0, "{}", figure(range).left());
+        }
+        assert_eq!(figure([0.0, 20.0]).left(), LEFT);
+        assert!(figure(x).svg_from(60.0).contains(r#"class="axis" x1="60""#));
+        assert_eq!([2e-5, -1.5e-4, 0.0].map(|v| tick_label(v, 5e-5)), ["2e−5", "−1.5e−4", "0"]);
+        assert_eq!(tick_label(3e-9, 1e-9), "3e−9");
     }
 
     #[test]

@@ -109,7 +109,7 @@ pub fn render_signals(report: &SignalReport) -> String {
         title: panel.title.clone(),
         note: panel.note.clone(),
         findings: panel.findings.clone(),
-        figures: panel.figures.iter().map(svg).collect(),
+        figures: svgs(&panel.figures),
     };
     let section = |section: &SignalSection| SectionView {
         title: section.title.clone(),
@@ -125,20 +125,23 @@ pub fn render_signals(report: &SignalReport) -> String {
     finished(&page)
 }
 
-fn svg(figure: &SignalFigure) -> String {
+/// The figures of a panel, with their axes of time below each other.
+fn svgs(figures: &[SignalFigure]) -> Vec<String> {
+    let drawn: Vec<CurveFigure> = figures.iter().map(drawing).collect();
+    let left = drawn.iter().map(CurveFigure::left).fold(0.0, f64::max);
+    drawn.iter().map(|figure| figure.svg_from(left)).collect()
+}
+
+fn drawing(figure: &SignalFigure) -> CurveFigure<'_> {
     let values = figure.curves.iter().flat_map(|(_, _, values)| values.iter().copied());
     let range = plot::extent(values.chain(figure.include.iter().copied())).unwrap_or([0.0, 1.0]);
-    let curve =
-        |(class, name, values): &'_ (&'static str, String, Vec<f64>)| (class.to_string(), name.clone(), values.clone());
-    let curves: Vec<(String, String, Vec<f64>)> = figure.curves.iter().map(curve).collect();
     CurveFigure {
         description: figure.description.clone(),
         x: &figure.x,
         x_name: figure.x_name,
         unit: figure.unit,
-        curves: curves
-            .iter()
-            .map(|(class, name, values)| Curve { class: class.clone(), name: name.clone(), values })
+        curves: (figure.curves.iter())
+            .map(|(class, name, values)| Curve { class: class.to_string(), name: name.clone(), values })
             .collect(),
         x_range: plot::extent(figure.x.iter().copied()).unwrap_or([0.0, 1.0]),
         y_range: plot::padded(range, 0.06),
@@ -146,7 +149,6 @@ fn svg(figure: &SignalFigure) -> String {
         size: [320.0, figure.height],
         ticks: [5, 4],
     }
-    .svg()
 }
 
 /// A signal with few points for drawing: of every stretch its least and its greatest sample, in their order, so that

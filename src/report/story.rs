@@ -665,8 +665,8 @@ fn detectable(diagnosis: &DiagnosisResult) -> Vec<DetectableRow> {
         let mut plausible = Vec::new();
         for p in description.parameters {
             let Some(size) = c.detectable_size.get(p.name).copied().flatten() else { continue };
-            let unit = if p.unit == "1" { "" } else { p.unit };
-            sizes.push(format!("{} {} {unit}", p.name.replace('_', " "), significant(size, 2)));
+            let unit = if p.unit == "1" { String::new() } else { format!(" {}", p.unit) };
+            sizes.push(format!("{} {}{unit}", p.name.replace('_', " "), significant(size, 2)));
             let [low, high] = c.plausible.get(p.name).copied().unwrap_or(p.plausible);
             plausible.push(format!("{} to {}", plain(low), plain(high)));
         }

@@ -49,6 +49,7 @@ struct Warnings {
 
 struct MusclePanel {
     name: String,
+    own_axis: bool,
     length_svg: String,
     arm_svg: String,
     arms: String,
@@ -68,17 +69,17 @@ struct Page<'a> {
     view: Warnings,
     /// Muscles that turn the coordinate, in the order of the model.
     muscles: Vec<MusclePanel>,
+    /// How many of them have an axis of their own.
+    own_axis: usize,
     /// Name and lengths of the others.
     without_arm: Vec<(String, String)>,
 }
 
 /// The page of a sweep: one self-contained HTML page.
 pub fn render_sweep(figure: &SweepFigure) -> String {
-    let arm_range = plot::extent(figure.muscles.iter().flat_map(|m| m.moment_arm_m.iter().map(|v| 1e3 * v)));
-    let arm_range = plot::padded(arm_range.unwrap_or([0.0, 1.0]), 0.06);
-    let arm_range = [arm_range[0].min(0.0), arm_range[1].max(0.0)];
     let acts = |m: &&SweepMuscle| m.moment_arm_m.iter().any(|arm| arm.abs() > NO_ARM);
     let (acting, others): (Vec<&SweepMuscle>, Vec<&SweepMuscle>) = figure.muscles.iter().partition(acts);
+    let (shared, own) = shared_arm_range(&acting);
     let page = Page {
         policy: content_security_policy(),
         style: STYLE,
@@ -88,10 +89,37 @@ pub fn render_sweep(figure: &SweepFigure) -> String {
         first: figure.values.first().map(|v| super::plain(*v)).unwrap_or_default(),
         last: figure.values.last().map(|v| super::plain(*v)).unwrap_or_default(),
         view: Warnings { warnings: warnings::groups(&figure.warnings) },
-        muscles: acting.iter().map(|m| panel(figure, m, arm_range)).collect(),
+        muscles: (acting.iter().zip(&own))
+            .map(|(m, own)| panel(figure, m, if *own { arm_range(&[m]) } else { shared }, *own))
+            .collect(),
+        own_axis: own.iter().filter(|own| **own).count(),
         without_arm: others.iter().map(|m| (m.name.clone(), words(&mm(&m.length_m)))).collect(),
     };
     finished(&page)
+}
+
+/// Times the middle one of the muscles' largest moment arms from which a muscle has an axis of its own.
+const FAR_OUT: f64 = 4.0;
+
+/// The axis of moment arms [mm] that the muscles share, and which of them do not: those whose largest moment arm is so far
+/// beyond the others', as where a path jumps, that the others would be flat lines beside it.
+fn shared_arm_range(muscles: &[&SweepMuscle]) -> ([f64; 2], Vec<bool>) {
+    let largest =
+        |m: &&SweepMuscle| m.moment_arm_m.iter().map(|v| v.abs()).filter(|v| v.is_finite()).fold(0.0, f64::max);
+    let each: Vec<f64> = muscles.iter().map(largest).collect();
+    let mut sorted = each.clone();
+    sorted.sort_by(f64::total_cmp);
+    let middle = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+    let own: Vec<bool> = each.iter().map(|v| *v > FAR_OUT * middle).collect();
+    let sharing: Vec<&SweepMuscle> = muscles.iter().zip(&own).filter(|(_, own)| !**own).map(|(m, _)| *m).collect();
+    (arm_range(&sharing), own)
+}
+
+/// The axis of some muscles' moment arms [mm], zero in it.
+fn arm_range(muscles: &[&SweepMuscle]) -> [f64; 2] {
+    let range = plot::extent(muscles.iter().flat_map(|m| m.moment_arm_m.iter().map(|v| 1e3 * v)));
+    let [low, high] = plot::padded(range.unwrap_or([0.0, 1.0]), 0.06);
+    [low.min(0.0), high.max(0.0)]
 }
 
 fn mm(values: &[f64]) -> Vec<f64> {
@@ -107,7 +135,7 @@ fn words(values: &[f64]) -> String {
     }
 }
 
-fn panel(figure: &SweepFigure, muscle: &SweepMuscle, arm_range: [f64; 2]) -> MusclePanel {
+fn panel(figure: &SweepFigure, muscle: &SweepMuscle, arm_range: [f64; 2], own_axis: bool) -> MusclePanel {
     let x_range = plot::extent(figure.values.iter().copied()).unwrap_or([0.0, 1.0]);
     let draw = |values_mm: &[f64], y_range: [f64; 2], class: &str, what: &str, height: f64| {
         CurveFigure {
@@ -128,6 +156,7 @@ fn panel(figure: &SweepFigure, muscle: &SweepMuscle, arm_range: [f64; 2]) -> Mus
     let length_range = plot::padded(plot::extent(length.iter().copied()).unwrap_or([0.0, 1.0]), 0.08);
     MusclePanel {
         name: muscle.name.clone(),
+        own_axis,
         arm_svg: draw(&arm, arm_range, "after", "moment arm", 170.0),
         length_svg: draw(&length, length_range, "measured", "length", 110.0),
         arms: words(&arm),
@@ -138,6 +167,21 @@ fn panel(figure: &SweepFigure, muscle: &SweepMuscle, arm_range: [f64; 2]) -> Mus
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn verif_a_muscle_whose_path_jumps_does_not_flatten_the_others() {
+        let muscle = |largest: f64| SweepMuscle {
+            name: "m".to_owned(),
+            length_m: vec![0.2, 0.21],
+            moment_arm_m: vec![0.005, largest],
+        };
+        let muscles = [muscle(0.012), muscle(-0.137), muscle(-0.018), muscle(0.02)];
+        let (shared, own) = shared_arm_range(&muscles.iter().collect::<Vec<_>>());
+        assert_eq!(own, [false, true, false, false]);
+        assert!(shared[0] > -21.0 && shared[0] < -18.0 && shared[1] > 20.0 && shared[1] < 23.0, "{shared:?}");
+        let one = muscle(0.3);
+        assert_eq!(shared_arm_range(&[&one]).1, [false], "one muscle is not far from itself");
+    }
 
     #[test]
     fn verif_muscles_without_a_moment_arm_and_warnings_stand_where_they_are_seen() {

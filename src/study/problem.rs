@@ -323,6 +323,14 @@ pub enum Fault {
         /// How many further such rows there are.
         more: usize,
     },
+    /// A file of another format stands where a table is read.
+    #[error("{found}; expected a table with columns separated by commas ({what})")]
+    NotATable {
+        /// What it is: `this is XML, as a model or a setup`.
+        found: &'static str,
+        /// What is read here: `trial file`.
+        what: &'static str,
+    },
     /// The header is one field that contains another separator.
     #[error("columns are separated by {found}; expected commas")]
     Separator {
@@ -720,6 +728,7 @@ impl Fault {
                 "between double quotes a backslash is written twice; between folders write /".to_owned()
             }
             NotText => "save the file as UTF-8".to_owned(),
+            NotATable { .. } => "give the table's path here; models are named by `model` in study.toml".to_owned(),
             Separator { .. } => "export with commas between columns and points as decimal marks".to_owned(),
             BadNumber { found, .. } if found.contains(['−', '–']) => "use a hyphen, -, as minus sign".to_owned(),
             BadNumber { found, .. } if found.contains(',') => "use a point as decimal mark".to_owned(),
@@ -836,9 +845,11 @@ impl Fault {
 pub(crate) fn value_and_range(value: f64, range: [f64; 2], is_translation: bool) -> (String, [String; 2]) {
     /// Decimals beyond which two numbers of this size do not differ.
     const MOST: usize = 13;
-    let show = |v: f64, decimals: usize| match is_translation {
-        true => format!("{v:.decimals$} m"),
-        false => format!("{:.decimals$}°", v.to_degrees()),
+    /// Angles and lengths from here on are no row of digits [rad or m].
+    const ABSURD: f64 = 1e9;
+    let show = |v: f64, decimals: usize| {
+        let (shown, unit) = if is_translation { (v, " m") } else { (v.to_degrees(), "°") };
+        if v.abs() >= ABSURD { format!("{shown:.3e}{unit}") } else { format!("{shown:.decimals$}{unit}") }
     };
     let least = if is_translation { 4 } else { 2 };
     let differs =
@@ -983,6 +994,7 @@ mod tests {
     fn verif_a_value_outside_a_range_shows_what_tells_it_from_the_ends() {
         let of_degrees = |value: f64| outside_range(value.to_radians(), [-90.0, 180.0].map(f64::to_radians), false);
         assert_eq!(of_degrees(200.0), "200.00°, outside its range of -90.00° to 180.00°");
+        assert_eq!(of_degrees(1e308), "1.000e308°, outside its range of -90.00° to 180.00°");
         assert_eq!(of_degrees(180.0004), "180.0004°, outside its range of -90.0000° to 180.0000°");
         assert_eq!(outside_range(0.12001, [0.0, 0.12], true), "0.12001 m, outside its range of 0.00000 m to 0.12000 m");
     }

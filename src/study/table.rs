@@ -64,6 +64,8 @@ pub(crate) fn open(
     let before = problems.len();
     if header.iter().all(String::is_empty) {
         problems.push(Problem::error(path, None, Fault::Empty { what }));
+    } else if let Some(found) = other_than_a_table(&header) {
+        problems.push(Problem::error(path, 1, Fault::NotATable { found, what }));
     } else if let [only] = header.as_slice() {
         let separator = [(';', "semicolons"), ('\t', "tabs")].into_iter().find(|(c, _)| only.contains(*c));
         if let Some((_, found)) = separator {
@@ -80,6 +82,18 @@ pub(crate) fn open(
         }
     }
     (problems.len() == before).then_some((reader, header))
+}
+
+/// What a file is whose first line is no header of a table.
+fn other_than_a_table(header: &[String]) -> Option<&'static str> {
+    let first = header.first()?;
+    let starts = |with: &[&str]| with.iter().any(|text| first.starts_with(text));
+    match header {
+        _ if starts(&["<?xml", "<OpenSimDocument", "<!--"]) => Some("this is XML, as a model or a setup"),
+        _ if starts(&["<!DOCTYPE", "<html"]) => Some("this is a page"),
+        [_] if starts(&["[", "{"]) => Some("this is a file of settings"),
+        _ => None,
+    }
 }
 
 /// The fault for a file that could not be read.

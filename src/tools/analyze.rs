@@ -14,6 +14,7 @@ use super::system::{NotFinite, System, SystemState, SystemWork};
 use crate::dynamics::DynamicsError;
 use crate::muscles::EquilibriumError;
 use crate::osim::Document;
+use crate::printable::number;
 use crate::storage::{Storage, spline};
 
 /// Analyses that are run.
@@ -86,7 +87,7 @@ impl Frame {
         let precision = tool.count("output_precision", 8, 0..=MOST_DIGITS)?;
         let time = [tool.time("initial_time", 0.0)?, tool.time("final_time", 1.0)?];
         if time[1] < time[0] {
-            let expected = format!("a time from initial_time ({} s) on", time[0]);
+            let expected = format!("a time from initial_time ({} s) on", number(time[0]));
             return Err(tool.bad_value("final_time", &expected, &format!("{}", time[1])));
         }
         Ok(Frame {

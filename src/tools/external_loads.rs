@@ -124,9 +124,10 @@ pub fn add_external_loads(path: &Path, system: &mut System) -> Result<Vec<String
             system.actors.push(Actor::External(Box::new(force)));
         }
     }
-    warnings.extend(
-        setup.unread().into_iter().map(|(line, tag)| format!("{}:{line}: <{tag}> is not known", path.display())),
-    );
+    warnings.extend(setup.unread().into_iter().map(|(line, tag, one_more)| {
+        let what = if one_more { "stands here again and was not used" } else { "is not known" };
+        format!("{}:{line}: <{tag}> {what}", path.display())
+    }));
     Ok(warnings)
 }
 

@@ -8,6 +8,7 @@ use super::setup::Properties;
 use super::system::System;
 use crate::functions::Function;
 use crate::osim::spec::CoordinateIndex;
+use crate::printable::number;
 use crate::storage::{Markers, Storage};
 
 /// Tasks of a setup.
@@ -119,7 +120,10 @@ pub fn run(tool: &Properties, system: System, outcome: &mut Outcome) -> Result<(
     let constraint_weight =
         tool.number_that("constraint_weight", f64::INFINITY, "a number from 0 on, or Inf", |weight| weight >= 0.0)?;
     if constraint_weight.is_finite() {
-        let text = format!("constraint_weight {constraint_weight} has no effect, as in OpenSim 4.6: constraints hold");
+        let text = format!(
+            "constraint_weight {} has no effect, as in OpenSim 4.6: constraints hold",
+            number(constraint_weight)
+        );
         outcome.warn(&setup, tool.child("constraint_weight").map_or(0, |weight| weight.line()), text);
     }
     // Searches end at the minimum, whatever accuracy is asked for.

@@ -102,8 +102,13 @@ pub fn run_tool(setup: &Path, model: Option<&Path>, allow_unsupported: bool) -> 
             return Err(ToolError::at(setup.path(), tool.line(), problem));
         }
     }
-    for (line, tag) in setup.unread() {
-        outcome.warn(setup.path(), line, format!("<{tag}> is no property of {} and was not used", tool.class()));
+    for (line, tag, one_more) in setup.unread() {
+        let text = if one_more {
+            format!("<{tag}> stands here again and was not used: the first counts, as in OpenSim")
+        } else {
+            format!("<{tag}> is no property of {} and was not used", tool.class())
+        };
+        outcome.warn(setup.path(), line, text);
     }
     inputs::refuse_to_overwrite(setup.path(), model, &mut outcome)?;
     Ok(outcome)

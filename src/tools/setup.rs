@@ -115,13 +115,19 @@ impl Setup {
         self.used.borrow_mut()[element.0] = true;
     }
 
-    /// Properties that nothing asked for: line and tag. Children of such are not listed again.
-    pub fn unread(&self) -> Vec<(usize, String)> {
+    /// Properties that nothing asked for: line, tag, and whether it is one more of a property that was read (the first
+    /// counts, as in OpenSim). Children of such are not listed again.
+    pub fn unread(&self) -> Vec<(usize, String, bool)> {
         let used = self.used.borrow();
         let is_first = |e: &ElementId| !used[e.0] && self.document.parent(*e).is_none_or(|parent| used[parent.0]);
         let empty = |e: &ElementId| self.document.children(*e).is_empty() && self.document.text(*e).is_empty();
         let unread = self.document.elements().filter(is_first).filter(|e| !empty(e));
-        unread.map(|e| (self.document.line(e), self.document.tag(e).to_owned())).collect()
+        let tag = |e: ElementId| self.document.tag(e);
+        let one_more = |e: ElementId| {
+            let beside = self.document.parent(e).map(|parent| self.document.children(parent)).unwrap_or_default();
+            beside.iter().any(|other| used[other.0] && tag(*other) == tag(e))
+        };
+        unread.map(|e| (self.document.line(e), tag(e).to_owned(), one_more(e))).collect()
     }
 }
 

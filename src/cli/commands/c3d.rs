@@ -52,7 +52,11 @@ pub fn run(args: &C3dArgs, global: &Global) -> Result<(), Failure> {
         let (n, frames) = (markers.names.len(), markers.time.len());
         format!("{n} markers, {frames} frames at {} Hz: {}", markers.data_rate, markers.names.join(", "))
     });
-    let channels: Vec<String> = analog.labels.iter().zip(units).map(|(l, u)| format!("{l} [{u}]")).collect();
+    let channel = |(label, unit): (&String, &String)| match unit.as_str() {
+        "" => label.clone(),
+        unit => format!("{label} [{unit}]"),
+    };
+    let channels: Vec<String> = analog.labels.iter().zip(units).map(channel).collect();
     let channels_of = (!channels.is_empty()).then(|| {
         let (n, samples, rate) = (channels.len(), analog.len(), at(rate(&analog.time)));
         format!("{n} analog channels, {samples} samples{rate}: {}", channels.join(", "))

@@ -12,7 +12,7 @@ use crate::cli::table::{fixed, table};
 use crate::cli::{path_check, print_result};
 use crate::muscles::{EquilibriumStatus, Millard2012};
 use crate::osim::spec::{CoordinateIndex, MuscleIndex, MuscleKind};
-use crate::printable::visible;
+use crate::printable::{number, visible};
 
 /// One muscle at rest.
 #[derive(Debug, Serialize)]
@@ -38,8 +38,8 @@ struct Moment {
     moment_n_m: f64,
 }
 
-/// A path that wrapping makes absurdly long.
-struct Wound {
+/// A path at the posture.
+struct PathLength {
     muscle: MuscleIndex,
     length: f64,
     polyline: f64,
@@ -60,12 +60,14 @@ pub fn run(args: &EquilibriumArgs, global: &Global) -> Result<(), Failure> {
     if !args.moment_about.is_empty() {
         messages.extend(about.iter().filter_map(|coordinate| loaded.ambiguous(*coordinate)));
     }
-    let mut wound = Vec::new();
-    let rows = rows(&loaded, &muscles, &posture, &about, args.activation, &mut wound)?;
+    let mut paths = Vec::new();
+    let rows = rows(&loaded, &muscles, &posture, &about, args.activation, &mut paths)?;
     let set: Vec<String> = args.set.iter().map(ToString::to_string).collect();
     let pose = if set.is_empty() { "the default posture".to_string() } else { set.join(", ") };
-    messages
-        .extend(wound.iter().map(|w| path_check::wound_message(&loaded, w.muscle, w.length, w.polyline, &pose, None)));
+    messages.extend(paths.iter().filter_map(|p| match path_check::wound_too_far(p.length, p.polyline) {
+        true => Some(path_check::wound_message(&loaded, p.muscle, p.length, p.polyline, &pose, None)),
+        false => path_check::overstretched(&loaded, p.muscle, p.length),
+    }));
     failure::print(&messages);
     if let Some((folder, name)) = &csv_file {
         folder.write(name, csv(&rows)?.as_bytes())?;
@@ -131,7 +133,7 @@ fn rows(
     posture: &[f64],
     about: &[CoordinateIndex],
     activation: f64,
-    wound: &mut Vec<Wound>,
+    lengths: &mut Vec<PathLength>,
 ) -> Result<Vec<Row>, Failure> {
     let model = &loaded.model;
     let mut cache = model.new_cache();
@@ -141,9 +143,7 @@ fn rows(
     for (index, (path, geometry)) in muscles.iter().zip(&mut paths) {
         path.update(posture, &cache, geometry);
         let (length, polyline) = (geometry.length(), path.polyline_length(posture, &cache));
-        if path_check::wound_too_far(length, polyline) {
-            wound.push(Wound { muscle: *index, length, polyline });
-        }
+        lengths.push(PathLength { muscle: *index, length, polyline });
         rows.push(at_rest(loaded, *index, length, activation)?);
     }
     for coordinate in about {
@@ -169,6 +169,7 @@ fn at_rest(loaded: &LoadedModel, index: MuscleIndex, path_length: f64, activatio
     let state = muscle.dynamics(found.fiber_length, activation, path_length, 0.0);
     let numbers = [state.fiber_length, state.tendon_length, state.active_fiber_force, state.passive_fiber_force];
     if !numbers.iter().chain([&state.pennation_angle, &found.tendon_force]).all(|v| v.is_finite()) {
+        let path_length = number(path_length);
         let text = format!("{}: forces at a path of {path_length} m are not finite: a property is absurd", spec.name);
         return Err(unusable(text).into());
     }

@@ -92,6 +92,19 @@ fn look_at_muscle<'s>(
     if let Some(damping) = damping {
         look("fiber_damping", at, damping, &plausible::FIBER_DAMPING);
     }
+    let activations = match &muscle.kind {
+        MuscleKind::Millard2012Equilibrium(m) => [Some(m.default_activation), Some(m.minimum_activation)],
+        MuscleKind::PathOnly { law, .. } => match law.as_deref() {
+            Some(OtherMuscleSpec::Thelen2003(m)) => [Some(m.default_activation), Some(m.minimum_activation)],
+            Some(OtherMuscleSpec::DeGrooteFregly2016(m)) => [Some(m.default_activation), None],
+            _ => [None; 2],
+        },
+    };
+    for (property, activation) in ["default_activation", "minimum_activation"].into_iter().zip(activations) {
+        if let Some(activation) = activation {
+            look(property, at, activation, &plausible::ACTIVATION);
+        }
+    }
     let times = match &muscle.kind {
         MuscleKind::Millard2012Equilibrium(m) => Some([m.activation_time_constant, m.deactivation_time_constant]),
         MuscleKind::PathOnly { law, .. } => match law.as_deref() {

@@ -61,6 +61,16 @@ fn verif_present_setups_have_no_controls_file() {
     assert!(written(&outcome, "run_Actuation_force.sto").rows.iter().flatten().all(|force| *force == 0.0));
 }
 
+/// The first counts, and the second is not called unknown.
+#[test]
+fn verif_a_property_that_stands_twice_is_named() {
+    let outcome = changed("analyze.xml", "<final_time>", "<final_time>0.1</final_time><final_time>");
+    let found = warnings(&outcome);
+    let text = "<final_time> stands here again and was not used: the first counts, as in OpenSim";
+    assert!(found.iter().any(|(_, found)| *found == text), "{found:?}");
+    assert!((written(&outcome, "run_Actuation_force.sto").rows.last().unwrap()[0] - 0.1).abs() < 1e-9);
+}
+
 /// The last control is none of the model, so that OpenSim connects the first two only.
 #[test]
 fn verif_a_control_that_opensim_does_not_connect_is_named() {
