@@ -307,10 +307,14 @@ fn val_opensim_a_dominant_effect_is_found_where_everything_is_a_little_wrong() {
     assert!(first.group.contains(&hidden) && first.dominant, "{first:?}");
     assert!(first.probability > 0.9 && first.share_of_error.held_out.unwrap()[0] > 0.0, "{first:?}");
     assert_never_worse(&found);
-    // As given, recalibrated, one effect after the other, noise: with all of them the error is less than that of the muscles alone.
-    let steps = &found.account[..found.account.len() - 1];
+    // As given, recalibrated, one effect after the other, discrepancy, noise: with all effects the error is less than that of the muscles
+    // alone, and the discrepancy takes more.
+    let [steps @ .., discrepancy, noise] = found.account.as_slice() else { panic!("{:?}", found.account) };
     assert_eq!(steps.len(), 2 + found.effects.len());
-    assert!(steps.last().unwrap().train < steps[1].train && steps[1].train <= steps[0].train, "{:?}", found.account);
+    assert_eq!([discrepancy.step.as_str(), noise.step.as_str()], ["generic_discrepancy", "noise"]);
+    let last = steps.last().unwrap();
+    assert!(last.train < steps[1].train && steps[1].train <= steps[0].train, "{:?}", found.account);
+    assert!(discrepancy.train < last.train, "{:?}", found.account);
 }
 
 #[test]
