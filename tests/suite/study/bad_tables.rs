@@ -132,8 +132,13 @@ fn verif_empty_tables_and_wrong_separators() {
     says(&folder.only_error("trials.csv", None), "trials.csv is empty", "");
     folder.write("trials.csv", TRIALS.replace(',', ";"));
     says(&folder.only_error("trials.csv", 1), "separated by semicolons; expected commas", "points as decimal marks");
-    folder.write("trials.csv", "<?xml version=\"1.0\"?>\n<OpenSimDocument>\n<Model name=\"a,b\"/>\n</OpenSimDocument>\n");
-    says(&folder.only_error("trials.csv", 1), "this is XML, as a model or a setup; expected a table", "models are named");
+    folder
+        .write("trials.csv", "<?xml version=\"1.0\"?>\n<OpenSimDocument>\n<Model name=\"a,b\"/>\n</OpenSimDocument>\n");
+    says(
+        &folder.only_error("trials.csv", 1),
+        "this is XML, as a model or a setup; expected a table",
+        "models are named",
+    );
     folder.write("trials.csv", "[study]\nname = \"x\"\n");
     says(&folder.only_error("trials.csv", 1), "this is a file of settings; expected a table", "");
     folder.write("trials.csv", TRIALS.lines().next().unwrap());

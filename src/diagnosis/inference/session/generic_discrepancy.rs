@@ -1,9 +1,9 @@
 //! The last step of the account of the error: what the generic discrepancy takes of what is handed over.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
-use super::{HandedOver, Session, State, factors};
+use super::{HandedOver, Session, State};
 use crate::diagnosis::effect::interpolate;
 use crate::diagnosis::fit::{Analysis, Linear, Point, block_means, block_starts, trial_times};
 use crate::simulation::SimulationError;
@@ -20,7 +20,7 @@ struct There {
 impl<'a> Session<'a> {
     /// Root mean square of the residuals of what is handed over, EMG as recorded, once the discrepancy (6), (7) and the small sizes of all
     /// effects that are not in it have taken their part [N·m]: of training trials, to which their coefficients are fitted with their
-    /// priors, and of held-out trials with the same coefficients; `None` without trials.
+    /// priors and white noise, and of held-out trials with the same coefficients; `None` without trials.
     ///
     /// # Errors
     /// A trial that cannot be simulated.
@@ -31,7 +31,11 @@ impl<'a> Session<'a> {
     ) -> Result<[Option<f64>; 2], SimulationError> {
         let there = self.at(handed_over)?;
         let (own, set) = (self.columns_of_point(&there.point), self.places(&there.point.effects));
-        let model = self.model(&there.point, &there.columns, &factors(&state.noise, &state.levels)?).holding(own);
+        // The plain error is what is accounted for: all samples count alike.
+        let noise = self.noise_floor(state);
+        let white = |c: &DMatrix<f64>| Cholesky::pack_dirty(DMatrix::identity(c.nrows(), c.nrows()) * noise);
+        let factors: Vec<Cholesky<f64, Dyn>> = there.columns.iter().map(white).collect();
+        let model = self.model(&there.point, &there.columns, &factors).holding(own);
         let mean = model.posterior(&set, self.sizes(state)).mean;
         let held_out = self.on(self.forward().trials_for(TrialUse::Test));
         let of_held_out = held_out.at(handed_over)?;
