@@ -2,17 +2,17 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::account::{csv_text, digits};
 use super::anova::{EFFECT_COLUMNS, EFFECT_HEADER, effect_cells, effect_columns};
 use super::commands::evaluate::{ReportParts, errors_csv};
 use super::failure::Failure;
-use super::study_run::ParticipantRun;
 use super::table::{fixed, table};
 use crate::evaluation::{Cohort, CohortMeasure, ConditionError};
 use crate::report::article::{Block, TextTable, p_text};
 use crate::report::bars::{BarFigure, legend};
 use crate::report::moments::moment_figure;
 use crate::report::results::{rounded, thinned};
+use crate::session::account::{csv_text, digits};
+use crate::session::loading::LoadedParticipant;
 use crate::study::{Contraction, Direction};
 
 /// Samples of a moment that are kept for drawing.
@@ -64,7 +64,7 @@ impl Representative {
 }
 
 /// The first held-out trial of every condition.
-pub fn representatives(run: &ParticipantRun, held_out: &[usize]) -> Vec<Representative> {
+pub fn representatives(run: &LoadedParticipant, held_out: &[usize]) -> Vec<Representative> {
     let mut found: Vec<Representative> = Vec::new();
     for &i in held_out {
         let trial = &run.trials[i];
