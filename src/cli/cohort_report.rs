@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::anova::{EFFECT_COLUMNS, EFFECT_HEADER, effect_cells, effect_columns};
-use super::commands::evaluate::{ReportParts, errors_csv};
 use super::failure::Failure;
+use super::report_parts::ReportParts;
 use super::table::{fixed, table};
 use crate::evaluation::{Cohort, CohortMeasure, ConditionError};
 use crate::report::article::{Block, TextTable, p_text};
@@ -420,4 +420,36 @@ fn readable(cohort: &Cohort, names: &[ModelName]) -> String {
         row
     });
     format!("NRMSE [%] on held-out trials, mean ± standard deviation over participants\n{}", table(&header, 1, rows))
+}
+
+/// Errors of every participant, model and condition as CSV.
+///
+/// # Errors
+/// None that input can cause.
+fn errors_csv(errors: &[ConditionError]) -> Result<String, Failure> {
+    let header = [
+        "participant",
+        "model",
+        "contraction",
+        "effort_percent",
+        "direction",
+        "trials",
+        "nrmse_percent",
+        "pearson_r",
+        "rmse_n_m",
+    ];
+    let rows = errors.iter().map(|e| {
+        vec![
+            e.participant.clone(),
+            e.model.clone(),
+            e.contraction.word().to_string(),
+            e.effort_percent.to_string(),
+            e.direction.word().to_string(),
+            e.trials.to_string(),
+            digits(100.0 * e.nrmse),
+            e.pearson_r.map(digits).unwrap_or_default(),
+            digits(e.rmse_n_m),
+        ]
+    });
+    csv_text(header.iter(), rows)
 }

@@ -1,7 +1,7 @@
 //! Intervals of muscle parameters over participants: tables, figures and CSV.
 
-use super::commands::evaluate::ReportParts;
 use super::failure::Failure;
+use super::report_parts::ReportParts;
 use super::table::{fixed, table};
 use crate::report::article::{Block, TextTable};
 use crate::report::identifiability::{IdentifiabilityResult, ParameterKnowledge};

@@ -15,6 +15,7 @@ mod help;
 mod identify_report;
 mod own_effects;
 mod provenance;
+mod report_parts;
 mod residuals;
 mod said;
 mod sensitivity_report;

@@ -1,8 +1,8 @@
 //! Tables and figures of sensitivity over participants: chapter 2 of the dissertation.
 
 use super::anova::{EFFECT_COLUMNS, EFFECT_HEADER, effect_cells, effect_columns};
-use super::commands::evaluate::ReportParts;
 use super::failure::Failure;
+use super::report_parts::ReportParts;
 use super::table::{fixed, table};
 use crate::report::article::{Block, TextTable, p_text};
 use crate::report::bars::{BarFigure, heat_map, legend};

@@ -77,11 +77,14 @@ pub fn at_size(
             warnings.push(Diagnostic::warning(text));
         }
     }
-    let setting = sized(known(&asked.id)?, &asked.values, muscles, joint).map_err(|e| {
-        let hint = format!("carpus effects {} tells its parameters", asked.id);
-        Failure::from(Diagnostic::error(format!("--effect: {e}")).hint(hint))
-    })?;
-    Ok((setting, warnings))
+    match sized(known(&asked.id)?, &asked.values, muscles, joint) {
+        Ok(setting) => Ok((setting, warnings)),
+        Err(e) => {
+            let hint = format!("carpus effects {} tells its parameters", asked.id);
+            warnings.push(Diagnostic::error(format!("--effect: {e}")).hint(hint));
+            Err(warnings.into())
+        }
+    }
 }
 
 /// The names of effects, joined.

@@ -17,8 +17,8 @@ use crate::imaging::path_length;
 use crate::muscles::Millard2012;
 use crate::osim::OsimFile;
 use crate::personalization::{
-    FitOptions, FitProblem, FittedParameter, Personalization, Progress as FitProgress, Property, RestingFiber, Stage,
-    TrainingTrial, WriteBackError, write_parameters,
+    FitOptions, FitProblem, FittedParameter, Personalization, PersonalizationError, Progress as FitProgress, Property,
+    RestingFiber, Stage, TrainingTrial, WriteBackError, personalize_while, write_parameters,
 };
 use crate::report::results::{IntervalResult, Kind, ParameterResult, Results, StageResult, rounded};
 use crate::simulation::{MuscleParameters, TrialSimulation};
@@ -106,11 +106,13 @@ impl Session<'_> {
         let what = format!("fitting {}", run.participant.name);
         progress.at(&what, 0, 0);
         let options = FitOptions { seed, ..FitOptions::default() };
-        let fit = crate::personalization::personalize(&problem, &options, &|p: FitProgress| {
-            progress.at(&format!("{what}: {}", p.stage), p.evaluations, p.expected);
-        });
+        let tell = |p: FitProgress| progress.at(&format!("{what}: {}", p.stage), p.evaluations, p.expected);
+        let fit = personalize_while(&problem, &options, &tell, &|| !progress.is_cancelled());
         progress.finished();
-        fit.map_err(|e| Diagnostic::error(e.to_string()).in_file(&study.tables.file).into())
+        fit.map_err(|e| match e {
+            PersonalizationError::Stopped => Failure::Cancelled,
+            other => Diagnostic::error(other.to_string()).in_file(&study.tables.file).into(),
+        })
     }
 }
 
@@ -221,5 +223,38 @@ fn stage(stage: &Stage) -> StageResult {
         evaluations: stage.evaluations,
         objective_before: stage.objective_before,
         objective_after: stage.objective_after,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use super::*;
+    use crate::session::progress::Progress;
+
+    /// Lets work go on until it was asked a number of times.
+    struct Impatient {
+        left: AtomicUsize,
+    }
+
+    impl Progress for Impatient {
+        fn is_cancelled(&self) -> bool {
+            self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |n| n.checked_sub(1)).is_err()
+        }
+    }
+
+    #[test]
+    fn verif_a_fit_stops_between_its_searches() {
+        let study = Study::open("fixtures/demo_study").unwrap();
+        let participant = study.participants().next().unwrap();
+        // Asked before the work and before the fit; then between the searches.
+        for asked in [0, 2, 3] {
+            let impatient = Impatient { left: AtomicUsize::new(asked) };
+            let session = participant.load().unwrap().with_progress(&impatient);
+            let stopped = session.personalize(&Personalize { intervals: false, ..Personalize::default() });
+            assert_eq!(stopped.err(), Some(Failure::Cancelled), "{asked}");
+            assert_eq!(impatient.left.load(Ordering::Relaxed), 0);
+        }
     }
 }

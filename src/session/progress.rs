@@ -16,7 +16,8 @@ pub trait Progress: Sync {
     /// Something that a person should know came up on the way.
     fn warning(&self, _warning: &Diagnostic) {}
 
-    /// Whether work is to stop. Asked before each piece of work: a fit, its intervals, a diagnosis.
+    /// Whether work is to stop. Asked before each piece of work (a diagnosis, the intervals of a
+    /// fit) and between the searches of a fit.
     fn is_cancelled(&self) -> bool {
         false
     }

@@ -10,9 +10,8 @@ use crate::cli::study_run::{StudyRun, progress};
 use crate::evaluation::{Cohort, ConditionError, ErrorTable, TrialErrors, condition_errors};
 use crate::osim::OsimFile;
 use crate::osim::spec::ModelSpec;
-use crate::report::article::{Article, Block};
+use crate::report::article::Article;
 use crate::report::render_article;
-use crate::session::account::{self, csv_text};
 use crate::session::loading::LoadedParticipant;
 use crate::session::model::osim_failure;
 use crate::session::provenance::input_file;
@@ -187,53 +186,4 @@ pub fn evaluate(
         }
     }
     Ok((errors, curves))
-}
-
-/// Errors of every participant, model and condition as CSV.
-///
-/// # Errors
-/// None that input can cause.
-pub fn errors_csv(errors: &[ConditionError]) -> Result<String, Failure> {
-    let header = [
-        "participant",
-        "model",
-        "contraction",
-        "effort_percent",
-        "direction",
-        "trials",
-        "nrmse_percent",
-        "pearson_r",
-        "rmse_n_m",
-    ];
-    let rows = errors.iter().map(|e| {
-        vec![
-            e.participant.clone(),
-            e.model.clone(),
-            e.contraction.word().to_string(),
-            e.effort_percent.to_string(),
-            e.direction.word().to_string(),
-            e.trials.to_string(),
-            account::digits(100.0 * e.nrmse),
-            e.pearson_r.map(account::digits).unwrap_or_default(),
-            account::digits(e.rmse_n_m),
-        ]
-    });
-    csv_text(header.iter(), rows)
-}
-
-/// What a report of several participants is made of.
-#[derive(Clone, Debug, Default)]
-pub struct ReportParts {
-    /// What was found.
-    pub lead: String,
-    /// What the reader must know.
-    pub warnings: Vec<String>,
-    /// Text, tables and figures.
-    pub blocks: Vec<Block>,
-    /// Names and texts of CSV files.
-    pub tables: Vec<(String, String)>,
-    /// For a terminal.
-    pub readable: String,
-    /// The tests, for programs.
-    pub anova: serde_json::Value,
 }

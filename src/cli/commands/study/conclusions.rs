@@ -1,8 +1,9 @@
 //! What the dissertation concluded, beside what this study shows: every verdict is computed from the steps before.
 
 use super::{Context, Step, Told, evaluate, ultrasound};
-use crate::cli::commands::evaluate::{LINEAR, ReportParts};
+use crate::cli::commands::evaluate::LINEAR;
 use crate::cli::failure::Failure;
+use crate::cli::report_parts::ReportParts;
 use crate::cli::table::{fixed, table};
 use crate::evaluation::{Cohort, CohortMeasure};
 use crate::report::article::{Block, TextTable, p_text};

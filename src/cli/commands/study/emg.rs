@@ -4,8 +4,8 @@ use std::path::Path;
 
 use super::{Context, Step, Told};
 use crate::cli::commands::emg::{COLUMNS, Outcome, constants, findings, processed, rows};
-use crate::cli::commands::evaluate::ReportParts;
 use crate::cli::failure::Failure;
+use crate::cli::report_parts::ReportParts;
 use crate::cli::table::table;
 use crate::report::article::{Block, TextTable};
 use crate::session::account::csv_text;

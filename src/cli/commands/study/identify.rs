@@ -1,11 +1,11 @@
 //! Intervals of the muscle parameters, what the data leave open, and which trial would narrow it down.
 
 use super::{Context, Step, Told};
-use crate::cli::commands::evaluate::ReportParts;
 use crate::cli::commands::identify::request;
 use crate::cli::failure::Failure;
 use crate::cli::identify_report;
 use crate::cli::provenance::provenance;
+use crate::cli::report_parts::ReportParts;
 use crate::report::identifiability::IdentifiabilityResult;
 use crate::session::account::{csv_text, warning_result};
 use crate::session::identify_files::write;

@@ -16,10 +16,10 @@ mod sensitivity;
 mod ultrasound;
 
 use crate::cli::args::{Global, WholeStudyArgs};
-use crate::cli::commands::evaluate::ReportParts;
 use crate::cli::failure::{self, Diagnostic, Failure, Severity};
 use crate::cli::print_result;
 use crate::cli::provenance::provenance;
+use crate::cli::report_parts::ReportParts;
 use crate::cli::study_run::{StudyRun, progress};
 use crate::report::article::{Article, Block, Section};
 use crate::report::render_article;

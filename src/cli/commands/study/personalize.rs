@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::{Context, Step, Told};
-use crate::cli::commands::evaluate::ReportParts;
 use crate::cli::failure::{Diagnostic, Failure};
+use crate::cli::report_parts::ReportParts;
 use crate::cli::table::{fixed, table};
 use crate::osim::OsimFile;
 use crate::personalization::{

@@ -1,8 +1,9 @@
 //! Could this many participants have shown it? The power analysis of chapter 3, on the study's own effect.
 
 use super::{Context, Step, Told, evaluate};
-use crate::cli::commands::evaluate::{LINEAR, ReportParts};
+use crate::cli::commands::evaluate::LINEAR;
 use crate::cli::failure::Failure;
+use crate::cli::report_parts::ReportParts;
 use crate::cli::table::{fixed, table};
 use crate::evaluation::{Cohort, CohortMeasure};
 use crate::report::article::{Block, TextTable, p_text};

@@ -4,9 +4,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Context, Step, Told};
-use crate::cli::commands::evaluate::{LINEAR, ReportParts};
+use crate::cli::commands::evaluate::LINEAR;
 use crate::cli::commands::strength_scale::refused;
 use crate::cli::failure::Failure;
+use crate::cli::report_parts::ReportParts;
 use crate::cli::table::{fixed, table};
 use crate::osim::OsimFile;
 use crate::report::article::{Block, TextTable};
