@@ -1,8 +1,8 @@
 //! Rows of analyses of variance: for people, and for CSV.
 
-use super::account::digits;
 use super::table::fixed;
 use crate::report::article::p_text;
+use crate::session::account::digits;
 use crate::statistics::Effect;
 
 /// Header of [`effect_cells`].

@@ -8,7 +8,9 @@ use clap::{Args, Parser, Subcommand};
 pub use super::args_diagnosis::{
     DiagnoseArgs, EffectArgs, EffectCommand, EffectsArgs, EffectsFile, PlanArgs, SynthArgs,
 };
-use super::quantity::{Assignment, Sweep};
+use crate::session::identify::{DEFAULT_DRAWS, INTERVAL_LEVEL, TiedMuscles};
+use crate::session::provenance::DEFAULT_SEED;
+use crate::session::quantity::{Assignment, Sweep};
 
 /// Personalize OpenSim hand and wrist models from dynamometer and EMG recordings, and see where the model fails.
 #[derive(Debug, Parser)]
@@ -38,7 +40,7 @@ pub struct Global {
     #[arg(long, global = true, value_name = "N", help_heading = "Global options")]
     pub threads: Option<NonZeroUsize>,
     /// Seed of everything random; the same seed gives the same bytes
-    #[arg(long, global = true, value_name = "N", default_value_t = 1, help_heading = "Global options")]
+    #[arg(long, global = true, value_name = "N", default_value_t = DEFAULT_SEED, help_heading = "Global options")]
     pub seed: u64,
     /// Print the result as JSON, for programs
     #[arg(long, global = true, help_heading = "Global options")]
@@ -361,17 +363,11 @@ pub struct IdentifyOptions {
     #[arg(long, value_name = "FILE")]
     pub priors: Option<PathBuf>,
     /// Level of intervals
-    #[arg(long, value_name = "P", default_value_t = 0.9, value_parser = level)]
+    #[arg(long, value_name = "P", default_value_t = INTERVAL_LEVEL, value_parser = level)]
     pub level: f64,
     /// Draws from the posterior
-    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(40..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_DRAWS as u32, value_parser = clap::value_parser!(u32).range(40..=1_000_000))]
     pub draws: u32,
-}
-
-impl Default for IdentifyOptions {
-    fn default() -> Self {
-        IdentifyOptions { properties: Vec::new(), tie: Vec::new(), priors: None, level: 0.9, draws: 2000 }
-    }
 }
 
 /// `carpus priors`
@@ -406,15 +402,6 @@ pub struct UltrasoundArgs {
     /// Go on although a model has components that would change the result and are not supported
     #[arg(long)]
     pub allow_unsupported: bool,
-}
-
-/// Muscles whose parameters have one factor.
-#[derive(Clone, Debug)]
-pub struct TiedMuscles {
-    /// Name of the group.
-    pub name: String,
-    /// Its muscles.
-    pub muscles: Vec<String>,
 }
 
 /// A named set of models, one per participant.

@@ -1,11 +1,11 @@
 //! Arguments of the commands about missing physical effects.
 
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 use clap::{Args, Subcommand};
 
 use super::args::{StudyArgs, trimmed};
+use crate::session::candidates::EffectSize;
 
 /// `carpus diagnose`
 #[derive(Debug, Args)]
@@ -89,7 +89,7 @@ pub struct SynthArgs {
     #[command(flatten)]
     pub study: StudyArgs,
     /// Effect to hide, with its parameters in the units of `carpus effects ID`; may be given several times
-    #[arg(long = "effect", value_name = "ID[:NAME=VALUE,…]", allow_hyphen_values = true)]
+    #[arg(long = "effect", value_name = "ID[:NAME=VALUE,…]", value_parser = effect_size, allow_hyphen_values = true)]
     pub effects: Vec<EffectSize>,
     /// Noise of the recordings
     #[arg(long, value_name = "LEVEL", value_enum, default_value_t = NoiseLevel::Realistic)]
@@ -110,30 +110,18 @@ pub enum NoiseLevel {
     None,
 }
 
-/// An effect and the parameters named with it: `joint_stiffness:stiffness=1.2,rest_angle=0.1`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct EffectSize {
-    /// Identifier of the effect.
-    pub id: String,
-    /// Names and values.
-    pub values: Vec<(String, f64)>,
-}
-
-impl FromStr for EffectSize {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<EffectSize, String> {
-        let (id, listed) = text.split_once(':').unwrap_or((text, ""));
-        let value = |item: &str| {
-            let (name, value) = item.split_once('=').ok_or_else(|| format!("expected NAME=VALUE, found `{item}`"))?;
-            match value.trim().parse::<f64>() {
-                Ok(number) if number.is_finite() => Ok((name.trim().to_owned(), number)),
-                _ => Err(format!("{}: expected a number, found `{value}`", name.trim())),
-            }
-        };
-        let values = listed.split(',').filter(|item| !item.trim().is_empty()).map(value).collect::<Result<_, _>>()?;
-        Ok(EffectSize { id: id.trim().to_owned(), values })
-    }
+/// An effect of a size, as typed: `joint_stiffness:stiffness=1.2,rest_angle=0.1`.
+fn effect_size(text: &str) -> Result<EffectSize, String> {
+    let (id, listed) = text.split_once(':').unwrap_or((text, ""));
+    let value = |item: &str| {
+        let (name, value) = item.split_once('=').ok_or_else(|| format!("expected NAME=VALUE, found `{item}`"))?;
+        match value.trim().parse::<f64>() {
+            Ok(number) if number.is_finite() => Ok((name.trim().to_owned(), number)),
+            _ => Err(format!("{}: expected a number, found `{value}`", name.trim())),
+        }
+    };
+    let values = listed.split(',').filter(|item| !item.trim().is_empty()).map(value).collect::<Result<_, _>>()?;
+    Ok(EffectSize { id: id.trim().to_owned(), values })
 }
 
 /// Effects that a model has beside its file.
@@ -241,7 +229,7 @@ pub struct PlanArgs {
     pub candidates: Vec<String>,
     /// Say instead how far an effect of this size would be, in the trials at hand, from none and from every other effect; parameters
     /// in the units of `carpus effects ID`
-    #[arg(long, value_name = "ID[:NAME=VALUE,…]", allow_hyphen_values = true, conflicts_with = "candidates")]
+    #[arg(long, value_name = "ID[:NAME=VALUE,…]", value_parser = effect_size, allow_hyphen_values = true, conflicts_with = "candidates")]
     pub effect: Option<EffectSize>,
     /// Effects beside the model.
     #[command(flatten)]

@@ -2,17 +2,17 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::account::{csv_text, digits};
 use super::anova::{EFFECT_COLUMNS, EFFECT_HEADER, effect_cells, effect_columns};
-use super::commands::evaluate::{ReportParts, errors_csv};
 use super::failure::Failure;
-use super::study_run::ParticipantRun;
+use super::report_parts::ReportParts;
 use super::table::{fixed, table};
 use crate::evaluation::{Cohort, CohortMeasure, ConditionError};
 use crate::report::article::{Block, TextTable, p_text};
 use crate::report::bars::{BarFigure, legend};
 use crate::report::moments::moment_figure;
 use crate::report::results::{rounded, thinned};
+use crate::session::account::{csv_text, digits};
+use crate::session::loading::LoadedParticipant;
 use crate::study::{Contraction, Direction};
 
 /// Samples of a moment that are kept for drawing.
@@ -64,7 +64,7 @@ impl Representative {
 }
 
 /// The first held-out trial of every condition.
-pub fn representatives(run: &ParticipantRun, held_out: &[usize]) -> Vec<Representative> {
+pub fn representatives(run: &LoadedParticipant, held_out: &[usize]) -> Vec<Representative> {
     let mut found: Vec<Representative> = Vec::new();
     for &i in held_out {
         let trial = &run.trials[i];
@@ -420,4 +420,36 @@ fn readable(cohort: &Cohort, names: &[ModelName]) -> String {
         row
     });
     format!("NRMSE [%] on held-out trials, mean ± standard deviation over participants\n{}", table(&header, 1, rows))
+}
+
+/// Errors of every participant, model and condition as CSV.
+///
+/// # Errors
+/// None that input can cause.
+fn errors_csv(errors: &[ConditionError]) -> Result<String, Failure> {
+    let header = [
+        "participant",
+        "model",
+        "contraction",
+        "effort_percent",
+        "direction",
+        "trials",
+        "nrmse_percent",
+        "pearson_r",
+        "rmse_n_m",
+    ];
+    let rows = errors.iter().map(|e| {
+        vec![
+            e.participant.clone(),
+            e.model.clone(),
+            e.contraction.word().to_string(),
+            e.effort_percent.to_string(),
+            e.direction.word().to_string(),
+            e.trials.to_string(),
+            digits(100.0 * e.nrmse),
+            e.pearson_r.map(digits).unwrap_or_default(),
+            digits(e.rmse_n_m),
+        ]
+    });
+    csv_text(header.iter(), rows)
 }

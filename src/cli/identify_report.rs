@@ -1,14 +1,14 @@
 //! Intervals of muscle parameters over participants: tables, figures and CSV.
 
-use super::account::csv_text;
-use super::commands::evaluate::ReportParts;
-use super::commands::identify::{INTERVAL_COLUMNS, interval_row};
 use super::failure::Failure;
+use super::report_parts::ReportParts;
 use super::table::{fixed, table};
 use crate::report::article::{Block, TextTable};
 use crate::report::identifiability::{IdentifiabilityResult, ParameterKnowledge};
 use crate::report::intervals::{IntervalRow, intervals};
 use crate::report::results::rounded;
+use crate::session::account::csv_text;
+use crate::session::identify_files::{INTERVAL_COLUMNS, interval_row};
 
 /// Combinations shown of every participant, on either side.
 const SHOWN: usize = 2;

@@ -3,32 +3,24 @@
 //! Results go to stdout, messages to stderr. Exit codes: 0 done, 1 the input (arguments, model, study, disk) is at
 //! fault, 2 carpus is at fault.
 
-mod account;
 mod anova;
 mod args;
 mod args_diagnosis;
+mod bars;
 mod book;
 mod cohort_report;
 mod commands;
-mod diagnosis_file;
 mod failure;
 mod help;
 mod identify_report;
-mod model;
-mod output;
 mod own_effects;
-mod path_check;
-mod processed_study;
 mod provenance;
-mod quantity;
+mod report_parts;
 mod residuals;
 mod said;
-mod screening;
 mod sensitivity_report;
-mod series;
 mod study_run;
 mod table;
-mod units;
 
 use std::num::NonZeroUsize;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -39,7 +31,7 @@ use clap::error::ErrorKind;
 
 use crate::printable;
 use args::{Cli, Command, Global};
-use failure::{Failure, Message};
+use failure::{Diagnostic, Failure};
 
 /// Exit code for faults of the input.
 const INPUT_FAULT: u8 = 1;
@@ -70,6 +62,10 @@ fn run() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::Input(messages)) => {
             failure::print(&messages);
+            ExitCode::from(INPUT_FAULT)
+        }
+        Err(Failure::Cancelled) => {
+            failure::say(&Failure::Cancelled.to_string());
             ExitCode::from(INPUT_FAULT)
         }
         Err(Failure::Internal(what)) => {
@@ -130,7 +126,7 @@ fn start_threads(global: &Global) -> Result<(), Failure> {
     let threads = asked.min(cores);
     if threads < asked {
         let text = format!("{by} {asked}: there are {cores} cores; {threads} threads are started");
-        failure::print(&[Message::warning(text)]);
+        failure::print(&[Diagnostic::warning(text)]);
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
     pool.build_global().map_err(|e| Failure::Internal(format!("cannot start {threads} threads: {e}")))
@@ -169,6 +165,6 @@ fn print_result(text: &str) -> Result<(), Failure> {
     match written.and_then(|()| stdout.flush()) {
         Ok(()) => Ok(()),
         Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-        Err(error) => Err(Message::error(format!("cannot write to standard output: {error}")).into()),
+        Err(error) => Err(Diagnostic::error(format!("cannot write to standard output: {error}")).into()),
     }
 }

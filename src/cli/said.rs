@@ -1,6 +1,6 @@
 //! Warnings that were said already: what holds for several participants is said once, and then for whom else.
 
-use super::failure::Message;
+use crate::session::diagnostic::Diagnostic;
 
 /// Stands for a participant's name in warnings that differ in it alone.
 const NAME: &str = "\u{0}";
@@ -42,7 +42,7 @@ impl Said {
     }
 
     /// Whether a warning is new; one that is not is noted to hold for the present participant, too.
-    pub fn is_new(&mut self, message: &Message) -> bool {
+    pub fn is_new(&mut self, message: &Diagnostic) -> bool {
         let plain = |text: &str| match &self.participant {
             Some(name) => without_name(text, name),
             None => text.to_owned(),
@@ -129,9 +129,9 @@ mod tests {
     #[test]
     fn verif_a_warning_is_said_once_and_then_for_whom_else() {
         let mut said = Said::new();
-        let of_trial = |name: &str| Message::warning("no angle").in_file(Path::new(&format!("data/{name}/t.csv")));
-        let of_model = Message::warning("no mass").in_file(Path::new("arm.osim")).at_line(3);
-        let of_person = |name: &str| Message::warning(format!("participant {name}: every trial is passive"));
+        let of_trial = |name: &str| Diagnostic::warning("no angle").in_file(Path::new(&format!("data/{name}/t.csv")));
+        let of_model = Diagnostic::warning("no mass").in_file(Path::new("arm.osim")).at_line(3);
+        let of_person = |name: &str| Diagnostic::warning(format!("participant {name}: every trial is passive"));
         let mut new = Vec::new();
         for name in ["P1", "P2", "P10"] {
             said.about(Some(name));
@@ -142,10 +142,10 @@ mod tests {
         assert!(said.account().is_empty(), "once");
         // Only for one more, and something else.
         said.about(Some("P2"));
-        assert!(!said.is_new(&of_person("P2")) && said.is_new(&Message::warning("P1 is no name here")));
+        assert!(!said.is_new(&of_person("P2")) && said.is_new(&Diagnostic::warning("P1 is no name here")));
         assert_eq!(said.account(), ["so it is with P2: participant P1: every trial is passive"]);
         // Another line is another warning.
-        assert!(said.is_new(&Message::warning("no mass").in_file(Path::new("arm.osim")).at_line(4)));
+        assert!(said.is_new(&Diagnostic::warning("no mass").in_file(Path::new("arm.osim")).at_line(4)));
     }
 
     #[test]

@@ -1,15 +1,15 @@
 //! Tables and figures of sensitivity over participants: chapter 2 of the dissertation.
 
-use super::account::{csv_text, digits};
 use super::anova::{EFFECT_COLUMNS, EFFECT_HEADER, effect_cells, effect_columns};
-use super::commands::evaluate::ReportParts;
 use super::failure::Failure;
-use super::screening::{ConditionSensitivity, condition_name};
+use super::report_parts::ReportParts;
 use super::table::{fixed, table};
 use crate::report::article::{Block, TextTable, p_text};
 use crate::report::bars::{BarFigure, heat_map, legend};
 use crate::report::convergence::{convergence_figure, convergence_legend};
 use crate::sensitivity::{Cell, ScreenedProperty, SensitivityCohort};
+use crate::session::account::{csv_text, digits};
+use crate::session::screening::{ConditionSensitivity, condition_name};
 use crate::statistics::Comparison;
 use crate::study::Contraction;
 

@@ -54,6 +54,9 @@ pub enum PersonalizationError {
     /// The model's own parameters cannot be simulated.
     #[error(transparent)]
     Simulation(#[from] SimulationError),
+    /// The caller did not want it to go on ([`super::personalize_while`]).
+    #[error("the fit was stopped on request")]
+    Stopped,
     /// The search ended without a usable result.
     #[error("{stage}: the search stopped: {reason}")]
     Search {

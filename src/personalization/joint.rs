@@ -87,6 +87,7 @@ impl Run<'_> {
         let mut best: Option<(Vec<f64>, f64)> = None;
         let mut reason = String::new();
         for start in starts {
+            self.go_on()?;
             match problem.fit(start) {
                 Ok(found) if best.as_ref().is_none_or(|(_, cost)| found.1 < *cost) => best = Some(found),
                 Ok(_) => {}
@@ -95,6 +96,7 @@ impl Run<'_> {
         }
         let (mut theta, _) = best.ok_or_else(|| failed(reason))?;
         for _ in 1..PASSES {
+            self.go_on()?;
             problem.rescale(&theta)?;
             theta = problem.fit(theta).map_err(failed)?.0;
         }

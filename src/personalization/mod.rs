@@ -145,10 +145,26 @@ pub fn personalize(
     options: &FitOptions,
     progress: &dyn Fn(Progress),
 ) -> Result<Personalization, PersonalizationError> {
+    personalize_while(problem, options, progress, &|| true)
+}
+
+/// As [`personalize`], as long as it is to go on.
+///
+/// - `goes_on`: asked between the searches of a fit, from the calling thread
+///
+/// # Errors
+/// As there; [`PersonalizationError::Stopped`].
+pub fn personalize_while(
+    problem: &FitProblem,
+    options: &FitOptions,
+    progress: &dyn Fn(Progress),
+    goes_on: &dyn Fn() -> bool,
+) -> Result<Personalization, PersonalizationError> {
     let space = parameters::ParameterSpace::new(problem)?;
     let set = TrainingSet::new(problem)?;
     let expected = options.global_points + options.local_evaluations + joint::EXPECTED_EVALUATIONS;
-    let mut run = Run { space: &space, set: &set, options, progress, expected, stages: Vec::new(), evaluations: 0 };
+    let (stages, evaluations) = (Vec::new(), 0);
+    let mut run = Run { space: &space, set: &set, options, progress, goes_on, expected, stages, evaluations };
     let mut factors = run.two_stages()?;
     let mut determination = None;
     if options.method == Method::Joint {
@@ -170,12 +186,18 @@ struct Run<'a> {
     set: &'a TrainingSet<'a>,
     options: &'a FitOptions,
     progress: &'a dyn Fn(Progress),
+    goes_on: &'a dyn Fn() -> bool,
     expected: usize,
     stages: Vec<Stage>,
     evaluations: usize,
 }
 
 impl Run<'_> {
+    /// Fails where the fit is not to go on.
+    fn go_on(&self) -> Result<(), PersonalizationError> {
+        if (self.goes_on)() { Ok(()) } else { Err(PersonalizationError::Stopped) }
+    }
+
     fn finish_stage(&mut self, stage: Stage) {
         self.evaluations += stage.evaluations;
         (self.progress)(Progress { stage: stage.name, evaluations: self.evaluations, expected: self.expected });

@@ -22,7 +22,9 @@ impl Run<'_> {
     pub(super) fn two_stages(&mut self) -> Result<Vec<f64>, PersonalizationError> {
         let mut factors = self.space.unchanged();
         let start = self.set.objective(&self.space.parameters(&factors))?;
+        self.go_on()?;
         let after_lengths = self.fit_lengths(&mut factors, start)?;
+        self.go_on()?;
         self.fit_forces(&mut factors, after_lengths)?;
         Ok(factors)
     }
@@ -38,6 +40,7 @@ impl Run<'_> {
         let points = latin_hypercube(self.options.global_points, n, self.options.seed, 1);
         let costs: Vec<f64> = points.par_iter().map(|point| objective_at(point)).collect();
         let (best, cost) = best_of(&points, &costs, space.unit_point(&base, 0, n), start);
+        self.go_on()?;
         let local = minimize_in_unit_box(&objective_at, &best, LOCAL_RADIUS, self.options.local_evaluations)
             .map_err(|reason| PersonalizationError::Search { stage: LENGTHS_LOCALLY, reason })?;
         self.finish_stage(Stage {

@@ -2,8 +2,8 @@
 
 use crate::cli::args::BookArgs;
 use crate::cli::failure::Failure;
-use crate::cli::output::OutputFolder;
 use crate::cli::{book, print_result};
+use crate::session::output::OutputFolder;
 
 /// Runs the command.
 ///

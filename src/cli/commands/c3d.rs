@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
-use crate::cli::account::csv_text;
 use crate::cli::args::{C3dArgs, Global};
-use crate::cli::failure::{self, Failure, Message};
-use crate::cli::output::OutputFolder;
+use crate::cli::failure::{self, Diagnostic, Failure};
 use crate::cli::print_result;
+use crate::session::account::csv_text;
+use crate::session::output::OutputFolder;
 use crate::storage::{MotionCapture, StorageError};
 
 /// Runs the command.
@@ -17,8 +17,8 @@ use crate::storage::{MotionCapture, StorageError};
 /// A file that cannot be read, or the disk.
 pub fn run(args: &C3dArgs, global: &Global) -> Result<(), Failure> {
     let found = MotionCapture::read(&args.file).map_err(|e| unreadable(&e))?;
-    let warnings: Vec<Message> =
-        found.warnings.iter().map(|text| Message::warning(text.as_str()).in_file(&args.file)).collect();
+    let warnings: Vec<Diagnostic> =
+        found.warnings.iter().map(|text| Diagnostic::warning(text.as_str()).in_file(&args.file)).collect();
     failure::print(&warnings);
     let folder = OutputFolder::create(&args.out, std::slice::from_ref(&args.file))?.with_results_of(&args.file);
     let stem = args.file.file_stem().map_or_else(|| "c3d".to_owned(), |s| s.to_string_lossy().into_owned());
@@ -70,7 +70,7 @@ pub fn run(args: &C3dArgs, global: &Global) -> Result<(), Failure> {
 }
 
 fn unreadable(error: &StorageError) -> Failure {
-    let message = Message::error(error.problem.to_string()).in_file(&error.file).at_line(error.line);
+    let message = Diagnostic::error(error.problem.to_string()).in_file(&error.file).at_line(error.line);
     match error.hint() {
         Some(hint) => message.hint(hint).into(),
         None => message.into(),

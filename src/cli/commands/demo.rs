@@ -5,9 +5,10 @@ use std::path::Path;
 use super::personalize;
 use crate::cli::args::{DemoArgs, Global, StudyArgs};
 use crate::cli::failure::Failure;
-use crate::cli::output::OutputFolder;
 use crate::cli::print_result;
 use crate::cli::study_run::StudyRun;
+use crate::session::output::OutputFolder;
+use crate::session::personalize::Personalize;
 
 /// Name and content of every file of the bundled study.
 macro_rules! bundled {
@@ -65,8 +66,9 @@ pub fn run(args: &DemoArgs, global: &Global) -> Result<(), Failure> {
     };
     let study = StudyRun::prepare(&args_of_study, "demo")?;
     let mut outcomes = Vec::new();
-    for participant in &study.participants {
-        outcomes.push(personalize::personalize(&study, participant, Path::new(""), true, global)?);
+    let request = Personalize { seed: global.seed, ..Personalize::default() };
+    for participant in study.study.participants() {
+        outcomes.push(personalize::personalize(&study, &participant, Path::new(""), &request, global)?);
     }
     study.close("demo")?;
     if global.json {

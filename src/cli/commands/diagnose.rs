@@ -4,31 +4,20 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::plan::as_table;
-use super::simulate::{account, write_results};
-use crate::cli::account::ModelRun;
 use crate::cli::args::{DiagnoseArgs, Global};
-use crate::cli::args_diagnosis::EffectSize;
-use crate::cli::diagnosis_file;
-use crate::cli::failure::{self, Failure, Message};
-use crate::cli::residuals::residual_result;
-use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
+use crate::cli::failure::{self, Failure};
+use crate::cli::study_run::{StudyRun, progress};
 use crate::cli::table::{fixed, table};
-use crate::diagnosis::baselines::Ingredients;
 use crate::diagnosis::catalogue::{effect, with_own};
-use crate::diagnosis::diagnose::{Diagnosis, Outcome, ParameterEstimate, Request, Verdict, diagnose, is_determined};
-use crate::diagnosis::effect::Effect;
-use crate::diagnosis::forward_model::{ForwardModel, Setting};
-use crate::diagnosis::joint_traits::JointTraits;
-use crate::diagnosis::moments::simulate_all;
+use crate::diagnosis::diagnose::{Diagnosis, ParameterEstimate, Verdict, is_determined};
 use crate::diagnosis::named::NamedEffect;
-use crate::diagnosis::separation::{Laboratory, SEPARABLE_Z, Separation};
-use crate::diagnosis::synthesis::sized;
+use crate::diagnosis::separation::{SEPARABLE_Z, Separation};
 use crate::diagnosis::what_remains::ProposedFormula;
-use crate::osim::spec::MuscleSpec;
 use crate::report::intervals::with_validity;
-use crate::report::results::{Kind, Results};
-use crate::simulation::MuscleParameters;
-use crate::study::TrialUse;
+use crate::session::candidates::{candidates, names_of};
+use crate::session::diagnose::{Diagnose, forward_model};
+use crate::session::diagnosis_file::proposal_file;
+use crate::session::loading::Purpose;
 
 /// Effects of a group that are listed.
 const IN_GROUP: usize = 3;
@@ -38,25 +27,17 @@ const IN_GROUP: usize = 3;
 /// # Errors
 /// The study, its models and trials, the candidates, or the output folder.
 pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
-    let candidates = candidates(&args.candidates)?;
+    candidates(&args.candidates)?;
     let study = StudyRun::prepare_with(&args.study, args.effects.file(), "diagnose")?;
-    let restricted: &[String] = if args.candidates == ["all"] { &[] } else { &args.candidates };
-    let bar = progress(global, study.participants.len() as u64, "diagnosing");
-    let outcomes = study.each(|participant| {
-        let run = study.participant_to_diagnose(participant)?;
-        failure::print(&run.warnings);
-        let forward = forward_model(&run)?;
-        let outcome = diagnosed(&study, &run, &forward, candidates.clone(), global)?;
-        let value = diagnosis_file::value(&outcome, &run, restricted, global)?;
-        if args.baselines {
-            diagnosis_file::write(&study, &participant.name, &with_baselines(&value, &outcome.ingredients)?)?;
-        } else {
-            diagnosis_file::write(&study, &participant.name, &value)?;
-        }
-        let results = with_models(&study, &run, &forward, &outcome, &value, global)?;
-        write_results(&study, Path::new(&participant.name), &results)?;
+    let request = Diagnose { seed: global.seed, candidates: args.candidates.clone(), baselines: args.baselines };
+    let bar = progress(global, study.participants().len() as u64, "diagnosing");
+    let outcomes = study.each_of(|participant| {
+        let session = participant.load_for(Purpose::Diagnosis)?;
+        failure::print(&session.data.warnings);
+        let diagnosed = session.diagnosed(&forward_model(&session.data)?, &request)?;
+        diagnosed.write_to(&study.out, Path::new(&participant.about().name))?;
         bar.inc(1);
-        Ok((outcome.diagnosis, value))
+        Ok((diagnosed.diagnosis, diagnosed.known.value))
     });
     bar.finish_and_clear();
     let outcomes = outcomes?;
@@ -68,179 +49,6 @@ pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
     let shown = |(d, _): &(Diagnosis, serde_json::Value)| format!("{}\n\n{}", readable(d), page(d));
     let text = outcomes.done.iter().map(shown).collect::<Vec<_>>().join("\n\n");
     outcomes.print(&study, "diagnose", &text)
-}
-
-/// The results of a diagnosis: the model as given, with its muscles refitted, and with the best explanation.
-///
-/// # Errors
-/// A trial that cannot be simulated.
-pub fn with_models(
-    study: &StudyRun,
-    run: &ParticipantRun,
-    forward: &ForwardModel,
-    outcome: &Outcome,
-    value: &serde_json::Value,
-    global: &Global,
-) -> Result<Results, Failure> {
-    let nominal = forward.nominal_parameters();
-    let refitted = &outcome.recalibrated.parameters;
-    let mut fitted: Vec<(&str, String, &[MuscleParameters], &[Setting])> =
-        vec![("base", "As given".to_owned(), &nominal, &[]), ("refit", "Muscles refitted".to_owned(), refitted, &[])];
-    let (parameters, effects) = (&outcome.handed_over.parameters, &outcome.handed_over.effects);
-    if !effects.is_empty() {
-        let names = effects.iter().map(|s| s.effect.description().name).collect::<Vec<_>>().join(" + ");
-        fitted.push(("with_effect", format!("With {names}"), parameters, effects));
-    }
-    let mut models = Vec::new();
-    let mut residuals = Vec::new();
-    for (id, label, parameters, effects) in fitted {
-        let simulated = simulate_all(forward, parameters, effects)
-            .map_err(|e| Message::error(e.to_string()).in_file(&run.loaded.path))?;
-        let moments: Vec<Vec<f64>> = simulated.into_iter().map(|t| t.moment).collect();
-        residuals.push(residual_result(run, id, &moments));
-        let file = run.loaded.path.display().to_string();
-        let name = run.loaded.model.name.clone();
-        models.push(ModelRun { id: id.to_owned(), label, name, file, moments });
-    }
-    let mut results = account(Kind::Diagnosis, global, study, run, &models)?;
-    results.residuals = residuals;
-    results.diagnosis = Some(diagnosis_file::result(value)?);
-    Ok(results)
-}
-
-fn with_baselines(value: &serde_json::Value, ingredients: &Ingredients) -> Result<serde_json::Value, Failure> {
-    let mut value = value.clone();
-    value["baselines"] = serde_json::to_value(ingredients).map_err(|e| Failure::Internal(e.to_string()))?;
-    Ok(value)
-}
-
-/// The trials of a participant, ready to be simulated with effects.
-///
-/// # Errors
-/// A trial that cannot be simulated; nothing to train on.
-pub fn forward_model(run: &ParticipantRun) -> Result<ForwardModel, Failure> {
-    let forward = ForwardModel::for_diagnosis(&run.loaded.file.spec, &run.model, &run.trials)
-        .map_err(|e| Message::error(e.to_string()).in_file(&run.loaded.path))?
-        .with_given(run.given.clone());
-    let found = forward.trials_for(TrialUse::Train).len();
-    if found < 2 {
-        let name = &run.participant.name;
-        let text = format!("participant {name}: expected at least two trials with use = train, found {found}");
-        let message = Message::error(text).in_file(&run.trials_file);
-        return Err(message.hint("a diagnosis compares trials with each other").into());
-    }
-    Ok(forward)
-}
-
-/// Diagnoses one participant.
-///
-/// # Errors
-/// A trial that cannot be simulated.
-pub fn diagnosed(
-    study: &StudyRun,
-    run: &ParticipantRun,
-    forward: &ForwardModel,
-    candidates: Vec<&'static dyn Effect>,
-    global: &Global,
-) -> Result<Outcome, Failure> {
-    diagnose(&request(study, run, forward, candidates, global))
-        .map_err(|e| Message::error(e.to_string()).in_file(&run.loaded.path).into())
-}
-
-/// What is asked of a participant's data.
-pub fn request<'a>(
-    study: &StudyRun,
-    run: &'a ParticipantRun,
-    forward: &'a ForwardModel,
-    candidates: Vec<&'static dyn Effect>,
-    global: &Global,
-) -> Request<'a> {
-    Request {
-        participant: run.participant.name.clone(),
-        forward,
-        laboratory: Some(laboratory(run)),
-        bounds: study.study.settings.bounds,
-        candidates,
-        mvc: largest_moment(run),
-        seed: global.seed,
-    }
-}
-
-/// What experiments are simulated with.
-pub fn laboratory(run: &ParticipantRun) -> Laboratory<'_> {
-    Laboratory { spec: &run.loaded.file.spec, model: &run.model }
-}
-
-/// The session's MVC moment [N·m]: as the study states it, else the largest that was recorded.
-fn largest_moment(run: &ParticipantRun) -> f64 {
-    let p = &run.participant;
-    let stated = [p.mvc_flexion, p.mvc_extension].into_iter().flatten().fold(0.0, f64::max);
-    if stated > 0.0 { stated } else { run.trials.iter().map(|t| t.max_abs_moment()).fold(0.0, f64::max) }
-}
-
-/// The effects of these identifiers; `all` or nothing: the whole catalogue and the laboratory's own.
-///
-/// # Errors
-/// An unknown identifier.
-pub fn candidates(ids: &[String]) -> Result<Vec<&'static dyn Effect>, Failure> {
-    if ids.is_empty() || ids == ["all"] {
-        return Ok(with_own());
-    }
-    let mut found: Vec<&'static dyn Effect> = Vec::new();
-    for id in ids {
-        let effect = known(id)?;
-        if found.iter().all(|e| e.description().id != effect.description().id) {
-            found.push(effect);
-        }
-    }
-    Ok(found)
-}
-
-/// The effect of an identifier.
-///
-/// # Errors
-/// There is none.
-pub fn known(id: &str) -> Result<&'static dyn Effect, Failure> {
-    effect(id).ok_or_else(|| {
-        let message = Message::error(format!("there is no effect `{id}`"));
-        let hint = match crate::study::nearest(id, with_own().iter().map(|e| e.description().id)) {
-            Some(nearest) => format!("did you mean `{nearest}`? `carpus effects` lists all"),
-            None if Path::new(id).exists() => {
-                "the study comes first, then the effects; `carpus effects` lists all".to_string()
-            }
-            None => "`carpus effects` lists all".to_string(),
-        };
-        message.hint(hint).into()
-    })
-}
-
-/// An effect of the size that was asked for with `--effect`.
-///
-/// Prints a warning of what is not plausible: an angle in degrees, say.
-///
-/// - `muscles`, `joint`: of the model
-///
-/// # Errors
-/// An unknown effect or parameter; a size out of reach.
-pub fn at_size(asked: &EffectSize, muscles: &[MuscleSpec], joint: &JointTraits) -> Result<Setting, Failure> {
-    for p in known(&asked.id)?.description().parameters {
-        let [low, high] = joint.plausible(p);
-        for (_, value) in asked.values.iter().filter(|(name, value)| name == p.name && !(low..=high).contains(value)) {
-            let text =
-                format!("--effect: {}.{} is {value} {}; plausible are {low} to {high}", asked.id, p.name, p.unit);
-            failure::print(&[Message::warning(text)]);
-        }
-    }
-    sized(known(&asked.id)?, &asked.values, muscles, joint).map_err(|e| {
-        let hint = format!("carpus effects {} tells its parameters", asked.id);
-        Message::error(format!("--effect: {e}")).hint(hint).into()
-    })
-}
-
-/// The names of effects, joined.
-pub fn names_of<S: AsRef<str>>(ids: &[S]) -> String {
-    let name = |id: &S| effect(id.as_ref()).map_or(id.as_ref().to_owned(), |e| e.description().name.to_owned());
-    ids.iter().map(name).collect::<Vec<_>>().join(" + ")
 }
 
 /// A verdict in words.
@@ -387,7 +195,7 @@ fn readable(diagnosis: &Diagnosis) -> String {
             "\n\nWhat remains looks like this moment [N·m]; share of its mean square in trials that were left out\n",
         );
         let row = |(i, p): (usize, &ProposedFormula)| {
-            vec![p.formula.clone(), fixed(100.0 * p.share_of_error, 0), diagnosis_file::proposal_file(i)]
+            vec![p.formula.clone(), fixed(100.0 * p.share_of_error, 0), proposal_file(i)]
         };
         let rows = diagnosis.proposals.iter().enumerate().map(row);
         text.push_str(&table(&["formula", "%", "as an effect of your own"], 1, rows));

@@ -5,16 +5,17 @@ use std::path::Path;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::cli::account::{csv_text, digits};
 use crate::cli::args::{DynamometerArgs, Global};
-use crate::cli::failure::{self, Failure, Message};
-use crate::cli::processed_study::{NewTrial, trial_file, write_tables, write_trial};
-use crate::cli::provenance::{input_file, provenance};
+use crate::cli::failure::{self, Diagnostic, Failure};
+use crate::cli::provenance::provenance;
 use crate::cli::study_run::{Outcomes, StudyRun, progress};
 use crate::cli::table::{fixed, table};
 use crate::report::results::InputFile;
 use crate::report::signals::{SignalFigure, SignalPanel, SignalReport, SignalSection, SignalTable, thinned_signal};
 use crate::report::{render_signals, significant};
+use crate::session::account::{csv_text, digits};
+use crate::session::processed_study::{NewTrial, trial_file, write_tables, write_trial};
+use crate::session::provenance::input_file;
 use crate::signals::Band;
 use crate::study::{Participant, ProcessedTrial, ProcessingError, ProcessingResult, ProcessingSettings, named_file};
 
@@ -80,15 +81,15 @@ struct Second {
 pub fn run(args: &DynamometerArgs, global: &Global) -> Result<(), Failure> {
     let study = StudyRun::prepare(&args.study, "dynamometer")?;
     study.out.refuse_input(&study.out.path().join("study.toml"))?;
-    if study.study.settings.processing == ProcessingSettings::default() {
-        let message =
-            Message::error("the study has no [processing]: there is nothing to do").in_file(&study.study.file);
+    if study.study.tables.settings.processing == ProcessingSettings::default() {
+        let message = Diagnostic::error("the study has no [processing]: there is nothing to do")
+            .in_file(&study.study.tables.file);
         let hint = "e.g.\n  [processing]\n  filter_hz = 6\n  remove_drag = true\n  subtract_passive = true";
         return Err(message.hint(hint).into());
     }
     let outcomes = process(&study, global)?;
     for (file, text) in outcomes.done.iter().flat_map(|o| &o.findings) {
-        failure::print(&[Message::warning(text.clone()).in_file(&named_file(&study.study.folder, file))]);
+        failure::print(&[Diagnostic::warning(text.clone()).in_file(&named_file(&study.study.tables.folder, file))]);
     }
     let mut inputs: Vec<InputFile> = Vec::new();
     for file in outcomes.done.iter().flat_map(|outcome| &outcome.inputs) {
@@ -112,7 +113,7 @@ pub fn run(args: &DynamometerArgs, global: &Global) -> Result<(), Failure> {
 /// # Errors
 /// The recordings, or the output folder.
 pub fn process(study: &StudyRun, global: &Global) -> Result<Outcomes<Outcome>, Failure> {
-    let bar = progress(global, study.participants.len() as u64, "processing");
+    let bar = progress(global, study.participants().len() as u64, "processing");
     let outcomes = study.each(|participant| {
         let outcome = processed(study, participant, global)?;
         bar.inc(1);
@@ -127,27 +128,27 @@ pub fn process(study: &StudyRun, global: &Global) -> Result<Outcomes<Outcome>, F
         // Names that differ by case alone are one file on some disks.
         if new[..i].iter().any(|before| before.file.to_lowercase() == trial.file.to_lowercase()) {
             let text = format!("two recordings would both become {}", trial.file);
-            return Err(Message::error(text).hint("give the files of a participant different names").into());
+            return Err(Diagnostic::error(text).hint("give the files of a participant different names").into());
         }
     }
     let written: Vec<Result<(), Failure>> =
-        new.par_iter().map(|trial| write_trial(&study.study, &study.out, trial)).collect();
+        new.par_iter().map(|trial| write_trial(&study.study.tables, &study.out, trial)).collect();
     written.into_iter().collect::<Result<(), Failure>>()?;
     let participants: Vec<Participant> = study
-        .participants
+        .participants()
         .iter()
         .filter(|p| outcomes.done.iter().any(|outcome| outcome.participant == p.name))
         .cloned()
         .collect();
-    write_tables(&study.study, &study.out, &participants, &new)?;
+    write_tables(&study.study.tables, &study.out, &participants, &new)?;
     Ok(outcomes)
 }
 
 fn processed(study: &StudyRun, participant: &Participant, global: &Global) -> Result<Outcome, Failure> {
-    let result = study.study.processed_trials(&participant.name).map_err(refused)?;
-    let mut inputs = vec![input_file(&study.study.file, "study.toml", "study")?];
+    let result = study.study.tables.processed_trials(&participant.name).map_err(refused)?;
+    let mut inputs = vec![input_file(&study.study.tables.file, "study.toml", "study")?];
     for (name, role) in [("participants.csv", "participants"), ("trials.csv", "trials")] {
-        inputs.push(input_file(&study.study.folder.join(name), name, role)?);
+        inputs.push(input_file(&study.study.tables.folder.join(name), name, role)?);
     }
     let mut findings: Vec<(String, String)> = Vec::new();
     for trial in &result.trials {
@@ -196,10 +197,10 @@ fn processed(study: &StudyRun, participant: &Participant, global: &Global) -> Re
     };
     let section = SignalSection { title: "Moments".to_owned(), panels: result.trials.iter().map(panel).collect() };
     let report = SignalReport {
-        kicker: format!("Dynamometer · {}", study.study.settings.name),
+        kicker: format!("Dynamometer · {}", study.study.tables.settings.name),
         title: format!("Processed recordings of {}", participant.name),
         lead: format!("{} trials; every number can be made again from the files below.", result.trials.len()),
-        facts: constants(&study.study.settings.processing, study.study.settings.dynamometer.damping),
+        facts: constants(&study.study.tables.settings.processing, study.study.tables.settings.dynamometer.damping),
         findings,
         tables: vec![trials_table(&outcome)],
         legend: vec![("measured", "moment as measured [N·m]".to_owned()), ("after", "processed [N·m]".to_owned())],
@@ -217,7 +218,7 @@ fn refused(error: ProcessingError) -> Failure {
     let hint = error.hint();
     match error {
         ProcessingError::Study(errors) => errors.into(),
-        other => hint.into_iter().fold(Message::error(other.to_string()), Message::hint).into(),
+        other => hint.into_iter().fold(Diagnostic::error(other.to_string()), Diagnostic::hint).into(),
     }
 }
 

@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use crate::cli::args::{DynamometerDragArgs, Global};
-use crate::cli::failure::{Failure, Message};
+use crate::cli::failure::{Diagnostic, Failure};
 use crate::cli::print_result;
-use crate::cli::provenance::{input_file, provenance};
+use crate::cli::provenance::provenance;
 use crate::cli::table::{fixed, table};
 use crate::dynamometer::{DragError, DragEstimate, MachineRun, estimate_drag};
 use crate::report::results::rounded;
 use crate::report::significant;
+use crate::session::provenance::input_file;
 use crate::study::{AngleUnit, Recorded, Study, named_file};
 
 /// A machine's recording, in radians.
@@ -83,7 +84,7 @@ fn estimated(files: &[PathBuf], names: &Names) -> Result<DragEstimate, Failure> 
         .map(|r| MachineRun { time: &r.time, angle: &r.angle, velocity: r.velocity.as_deref(), moment: &r.moment })
         .collect();
     estimate_drag(&machine).map_err(|e| {
-        let message = Message::error(e.to_string());
+        let message = Diagnostic::error(e.to_string());
         Failure::from(match e {
             DragError::OneVelocity { .. } => message.hint("add runs at other velocities, or in the other direction"),
             DragError::Regression(_) => message.hint("at least two phases of constant velocity are needed"),
@@ -115,7 +116,7 @@ fn files(args: &DynamometerDragArgs) -> Result<(Vec<PathBuf>, Names), Failure> {
         let study = Study::read_tables(only)?;
         let (files, names) = named_by(&study);
         if files.is_empty() {
-            let message = Message::error("the study names no recordings of the machine alone").in_file(&study.file);
+            let message = Diagnostic::error("the study names no recordings of the machine alone").in_file(&study.file);
             return Err(message.hint("[processing] drag_runs = [\"machine/run_1.csv\", …]").into());
         }
         return Ok((files, names));

@@ -4,7 +4,6 @@ mod check;
 
 use serde::Serialize;
 
-use super::diagnose::known;
 use crate::cli::args::{EffectsArgs, Global};
 use crate::cli::args_diagnosis::EffectsCommand;
 use crate::cli::failure::Failure;
@@ -13,6 +12,7 @@ use crate::cli::table::table;
 use crate::diagnosis::catalogue::with_own;
 use crate::diagnosis::effect::{Description, OsimForm, Parameter, Role, Stage};
 use crate::diagnosis::own_effect::registered;
+use crate::session::candidates::known;
 
 /// Lines of the description of one effect are broken before this column.
 const WIDTH: usize = 100;

@@ -5,15 +5,16 @@ use std::path::Path;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::cli::account::csv_text;
 use crate::cli::args::{EmgArgs, Global};
-use crate::cli::failure::{self, Failure, Message};
-use crate::cli::provenance::{input_file, provenance};
+use crate::cli::failure::{self, Diagnostic, Failure};
+use crate::cli::provenance::provenance;
 use crate::cli::study_run::{StudyRun, progress};
 use crate::cli::table::{fixed, table};
 use crate::report::results::{InputFile, rounded};
 use crate::report::signals::{SignalFigure, SignalPanel, SignalReport, SignalSection, SignalTable, thinned_signal};
 use crate::report::{render_signals, significant};
+use crate::session::account::csv_text;
+use crate::session::provenance::input_file;
 use crate::signals::{EmgProcessing, EnvelopeKind, MvcLevel};
 use crate::study::{EmgSignal, Participant, ProcessedEmg};
 
@@ -28,7 +29,7 @@ pub struct Outcome {
     channels: Vec<Channel>,
     trials: Vec<Trial>,
     #[serde(skip)]
-    warnings: Vec<Message>,
+    warnings: Vec<Diagnostic>,
     #[serde(skip)]
     inputs: Vec<InputFile>,
 }
@@ -65,14 +66,14 @@ struct ChannelOfTrial {
 /// A study whose EMG is normalized already, its trials, or the output folder.
 pub fn run(args: &EmgArgs, global: &Global) -> Result<(), Failure> {
     let study = StudyRun::prepare(&args.study, "emg")?;
-    let EmgSignal::Raw(processing) = &study.study.settings.emg else {
-        let message = Message::error("the study's EMG is normalized already: there is nothing to process");
+    let EmgSignal::Raw(processing) = &study.study.tables.settings.emg else {
+        let message = Diagnostic::error("the study's EMG is normalized already: there is nothing to process");
         return Err(message
-            .in_file(&study.study.file)
+            .in_file(&study.study.tables.file)
             .hint("raw channels are declared by [emg] kind = \"raw\"")
             .into());
     };
-    let bar = progress(global, study.participants.len() as u64, "EMG");
+    let bar = progress(global, study.participants().len() as u64, "EMG");
     let outcomes = study.each(|participant| {
         let outcome = processed(&study, participant, processing, global, Path::new(&participant.name))?;
         failure::print(&outcome.warnings);
@@ -110,8 +111,8 @@ pub fn processed(
     global: &Global,
     folder: &Path,
 ) -> Result<Outcome, Failure> {
-    let settings = &study.study.settings;
-    let emg = study.study.processed_emg(&participant.name)?;
+    let settings = &study.study.tables.settings;
+    let emg = study.study.tables.processed_emg(&participant.name)?;
     let write = |trial: &ProcessedEmg| -> Result<(), Failure> {
         let mut header: Vec<String> = vec!["time_s".to_owned()];
         header.extend(settings.active_muscles.iter().map(|muscle| format!("emg_{muscle}")));
@@ -127,14 +128,14 @@ pub fn processed(
     };
     emg.trials.par_iter().map(write).collect::<Vec<_>>().into_iter().collect::<Result<(), Failure>>()?;
 
-    let mut inputs = vec![input_file(&study.study.file, "study.toml", "study")?];
+    let mut inputs = vec![input_file(&study.study.tables.file, "study.toml", "study")?];
     for (name, role) in [("participants.csv", "participants"), ("trials.csv", "trials")] {
-        inputs.push(input_file(&study.study.folder.join(name), name, role)?);
+        inputs.push(input_file(&study.study.tables.folder.join(name), name, role)?);
     }
     for trial in &emg.trials {
         inputs.push(input_file(&trial.info.file, &trial.info.file_as_written, "trial")?);
     }
-    let warnings = emg.trials.iter().flat_map(|t| t.warnings.iter().map(Message::from)).collect::<Vec<_>>();
+    let warnings = emg.trials.iter().flat_map(|t| t.warnings.iter().map(Diagnostic::from)).collect::<Vec<_>>();
 
     // Muscles that share a channel are one channel here.
     let columns = &settings.columns.emg;

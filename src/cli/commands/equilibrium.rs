@@ -2,17 +2,18 @@
 
 use serde::Serialize;
 
-use crate::cli::account::csv_text;
-use crate::cli::account::warning_result;
 use crate::cli::args::{EquilibriumArgs, Global};
-use crate::cli::failure::{self, Failure, Message};
-use crate::cli::model::{self, LoadedModel, Needs};
-use crate::cli::output::OutputFolder;
+use crate::cli::failure::{self, Diagnostic, Failure};
+use crate::cli::print_result;
 use crate::cli::table::{fixed, table};
-use crate::cli::{path_check, print_result};
 use crate::muscles::{EquilibriumStatus, Millard2012};
 use crate::osim::spec::{CoordinateIndex, MuscleIndex, MuscleKind};
 use crate::printable::{number, visible};
+use crate::session::account::csv_text;
+use crate::session::account::warning_result;
+use crate::session::model::{self, LoadedModel, Needs};
+use crate::session::output::OutputFolder;
+use crate::session::path_check;
 
 /// One muscle at rest.
 #[derive(Debug, Serialize)]
@@ -87,7 +88,7 @@ pub fn run(args: &EquilibriumArgs, global: &Global) -> Result<(), Failure> {
 fn csv_target(file: &std::path::Path, inputs: &[std::path::PathBuf]) -> Result<(OutputFolder, String), Failure> {
     let folder = file.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(std::path::Path::new("."));
     let name = file.file_name().and_then(|n| n.to_str());
-    let name = name.ok_or_else(|| Message::error("--csv: expected the name of a file").in_file(file))?;
+    let name = name.ok_or_else(|| Diagnostic::error("--csv: expected the name of a file").in_file(file))?;
     let folder = OutputFolder::create(folder, inputs)?;
     folder.refuse_input(file)?;
     Ok((folder, name.to_string()))
@@ -97,7 +98,7 @@ fn csv_target(file: &std::path::Path, inputs: &[std::path::PathBuf]) -> Result<(
 fn computed_muscles(
     loaded: &LoadedModel,
     args: &EquilibriumArgs,
-    messages: &mut Vec<Message>,
+    messages: &mut Vec<Diagnostic>,
 ) -> Result<Vec<MuscleIndex>, Failure> {
     let mut computed = Vec::new();
     let mut others = Vec::new();
@@ -107,7 +108,8 @@ fn computed_muscles(
             MuscleKind::Millard2012Equilibrium(_) => computed.push(index),
             MuscleKind::PathOnly { class, .. } => {
                 let text = format!("{}: {class} is not computed, only Millard2012EquilibriumMuscle is", muscle.at.path);
-                let message = if args.model.allow_unsupported { Message::warning(text) } else { Message::error(text) };
+                let message =
+                    if args.model.allow_unsupported { Diagnostic::warning(text) } else { Diagnostic::error(text) };
                 let message = message.in_file(&loaded.path).at_line(muscle.at.line);
                 others.push(message.hint("--allow-unsupported leaves such muscles out; --muscles picks some"));
             }
@@ -163,7 +165,7 @@ fn rows(
 /// A muscle at rest, without its moments.
 fn at_rest(loaded: &LoadedModel, index: MuscleIndex, path_length: f64, activation: f64) -> Result<Row, Failure> {
     let spec = &loaded.file.spec.muscles[index.0];
-    let unusable = |text: String| Message::error(text).in_file(&loaded.path).at_line(spec.at.line);
+    let unusable = |text: String| Diagnostic::error(text).in_file(&loaded.path).at_line(spec.at.line);
     let muscle = Millard2012::from_spec(spec).map_err(|e| unusable(e.to_string()))?;
     let found = muscle.equilibrium(path_length, activation).map_err(|e| unusable(e.to_string()))?;
     let state = muscle.dynamics(found.fiber_length, activation, path_length, 0.0);

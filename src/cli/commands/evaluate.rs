@@ -2,18 +2,19 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::cli::account::{self, csv_text};
 use crate::cli::args::{EvaluateArgs, Global};
 use crate::cli::cohort_report::{self, ModelName, Representative};
-use crate::cli::failure::{self, Failure, Message};
-use crate::cli::model::osim_failure;
-use crate::cli::provenance::{input_file, provenance};
-use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
+use crate::cli::failure::{self, Diagnostic, Failure};
+use crate::cli::provenance::provenance;
+use crate::cli::study_run::{StudyRun, progress};
 use crate::evaluation::{Cohort, ConditionError, ErrorTable, TrialErrors, condition_errors};
 use crate::osim::OsimFile;
 use crate::osim::spec::ModelSpec;
-use crate::report::article::{Article, Block};
+use crate::report::article::Article;
 use crate::report::render_article;
+use crate::session::loading::LoadedParticipant;
+use crate::session::model::osim_failure;
+use crate::session::provenance::input_file;
 use crate::study::{Contraction, Participant, TrialUse};
 
 /// The participant's model as the study names it.
@@ -25,7 +26,7 @@ pub const LINEAR: &str = "linear";
 /// The study, its trials, the models, or the output folder.
 pub fn run(args: &EvaluateArgs, global: &Global) -> Result<(), Failure> {
     let study = StudyRun::prepare(&args.study, "evaluate")?;
-    let bar = progress(global, study.participants.len() as u64, "evaluating");
+    let bar = progress(global, study.participants().len() as u64, "evaluating");
     let mut names: Vec<ModelName> = vec![ModelName { id: LINEAR.to_string(), label: "linear".to_string() }];
     let mut inputs = Vec::new();
     let outcomes = study.each(|participant| {
@@ -65,7 +66,7 @@ pub fn run(args: &EvaluateArgs, global: &Global) -> Result<(), Failure> {
     inputs.dedup();
     let article = Article {
         title: "Models on held-out trials".to_string(),
-        kicker: format!("Evaluation · {}", study.study.settings.name),
+        kicker: format!("Evaluation · {}", study.study.tables.settings.name),
         lead: report.lead.clone(),
         facts: vec![
             ("participants".to_string(), cohort.participants().len().to_string()),
@@ -103,7 +104,7 @@ fn model_files(folders: &[PathBuf], participant: &Participant) -> Result<Vec<(St
     for folder in folders {
         let of_participant = folder.join(&participant.name);
         let unreadable = |e: std::io::Error| {
-            Message::error(format!("models of participant {}: {e}", participant.name))
+            Diagnostic::error(format!("models of participant {}: {e}", participant.name))
                 .in_file(&of_participant)
                 .hint("--models takes folders with one folder a participant, e.g. DIR/P01/isotonic_25.osim")
         };
@@ -115,14 +116,14 @@ fn model_files(folders: &[PathBuf], participant: &Participant) -> Result<Vec<(St
             }
         }
         if here.is_empty() {
-            let message = Message::error("no .osim file in this folder").in_file(&of_participant);
+            let message = Diagnostic::error("no .osim file in this folder").in_file(&of_participant);
             return Err(message.into());
         }
         here.sort();
         for (name, path) in here {
             if found.iter().any(|(known, _)| *known == name) {
                 let text = format!("two models are called `{name}`");
-                return Err(Message::error(text).in_file(&path).hint("rename the file").into());
+                return Err(Diagnostic::error(text).in_file(&path).hint("rename the file").into());
             }
             found.push((name, path));
         }
@@ -146,7 +147,7 @@ fn model_name(path: &Path, folder: &Path) -> String {
 /// A model that cannot be simulated; no held-out trial.
 pub fn evaluate(
     study: &StudyRun,
-    run: &ParticipantRun,
+    run: &LoadedParticipant,
     models: &[(String, ModelSpec)],
     shown: &[&str],
 ) -> Result<(Vec<ConditionError>, Vec<Representative>), Failure> {
@@ -160,15 +161,15 @@ pub fn evaluate(
         .collect();
     if held_out.is_empty() {
         let text = format!("participant {}: no held-out isometric or isotonic trial", run.participant.name);
-        return Err(Message::error(text)
-            .in_file(&study.study.folder.join("trials.csv"))
+        return Err(Diagnostic::error(text)
+            .in_file(&study.study.tables.folder.join("trials.csv"))
             .hint("mark repetitions with use = test")
             .into());
     }
     let mut errors = Vec::new();
     let mut curves: Vec<Representative> = cohort_report::representatives(run, &held_out);
     for (name, spec) in models {
-        let simulated = study.simulate_some(run, spec, &held_out)?;
+        let simulated = study.study.simulate_some(run, spec, &held_out)?;
         let trial_errors = held_out.iter().zip(&simulated).map(|(&i, simulation)| {
             TrialErrors::calc(&run.trials[i].info, &run.trials[i].moment, &simulation.moment)
                 .map_err(|e| Failure::Internal(format!("trial {}: {e}", run.trials[i].info.name)))
@@ -185,53 +186,4 @@ pub fn evaluate(
         }
     }
     Ok((errors, curves))
-}
-
-/// Errors of every participant, model and condition as CSV.
-///
-/// # Errors
-/// None that input can cause.
-pub fn errors_csv(errors: &[ConditionError]) -> Result<String, Failure> {
-    let header = [
-        "participant",
-        "model",
-        "contraction",
-        "effort_percent",
-        "direction",
-        "trials",
-        "nrmse_percent",
-        "pearson_r",
-        "rmse_n_m",
-    ];
-    let rows = errors.iter().map(|e| {
-        vec![
-            e.participant.clone(),
-            e.model.clone(),
-            e.contraction.word().to_string(),
-            e.effort_percent.to_string(),
-            e.direction.word().to_string(),
-            e.trials.to_string(),
-            account::digits(100.0 * e.nrmse),
-            e.pearson_r.map(account::digits).unwrap_or_default(),
-            account::digits(e.rmse_n_m),
-        ]
-    });
-    csv_text(header.iter(), rows)
-}
-
-/// What a report of several participants is made of.
-#[derive(Clone, Debug, Default)]
-pub struct ReportParts {
-    /// What was found.
-    pub lead: String,
-    /// What the reader must know.
-    pub warnings: Vec<String>,
-    /// Text, tables and figures.
-    pub blocks: Vec<Block>,
-    /// Names and texts of CSV files.
-    pub tables: Vec<(String, String)>,
-    /// For a terminal.
-    pub readable: String,
-    /// The tests, for programs.
-    pub anova: serde_json::Value,
 }

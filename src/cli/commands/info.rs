@@ -3,12 +3,13 @@
 use serde::Serialize;
 
 use crate::cli::args::{Global, InfoArgs};
-use crate::cli::failure::{Failure, Gravity, Message};
+use crate::cli::failure::{Diagnostic, Failure, Severity};
+use crate::cli::print_result;
 use crate::cli::table::table;
-use crate::cli::{model, print_result};
 use crate::multibody::Model;
 use crate::osim::spec::{CoordinateIndex, JointKind, ModelSpec, MotionType, MuscleKind, MuscleSpec};
-use crate::osim::{Diagnostics, OsimFile, Severity};
+use crate::osim::{Diagnostics, OsimFile, Severity as FindingSeverity};
+use crate::session::model;
 
 /// A coordinate, for people and programs.
 #[derive(Debug, Serialize)]
@@ -91,7 +92,7 @@ pub fn run(args: &InfoArgs, global: &Global) -> Result<(), Failure> {
     match compiled {
         Ok(_) => Ok(()),
         Err(e) => {
-            let message = Message { gravity: Gravity::Error, ..Message::error(e.to_string()) };
+            let message = Diagnostic { severity: Severity::Error, ..Diagnostic::error(e.to_string()) };
             Err(message
                 .in_file(&args.model)
                 .at_line(e.at().line)
@@ -243,10 +244,10 @@ fn findings(diagnostics: &Diagnostics, file: &str, all: bool) -> String {
     }
     text.push('\n');
     let severities = [
-        (Severity::Unsupported, "unsupported (would change the result in OpenSim)"),
-        (Severity::Approximated, "approximated"),
-        (Severity::Warning, "warnings"),
-        (Severity::Ignored, "ignored (no influence on motion or forces)"),
+        (FindingSeverity::Unsupported, "unsupported (would change the result in OpenSim)"),
+        (FindingSeverity::Approximated, "approximated"),
+        (FindingSeverity::Warning, "warnings"),
+        (FindingSeverity::Ignored, "ignored (no influence on motion or forces)"),
     ];
     for (severity, title) in severities {
         let found: Vec<_> = diagnostics.of(severity).collect();

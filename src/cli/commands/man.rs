@@ -4,8 +4,8 @@ use clap::CommandFactory;
 
 use crate::cli::args::{Cli, ManArgs};
 use crate::cli::failure::Failure;
-use crate::cli::output::OutputFolder;
 use crate::cli::print_result;
+use crate::session::output::OutputFolder;
 
 /// Runs the command.
 ///

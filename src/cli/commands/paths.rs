@@ -1,13 +1,14 @@
 //! `carpus paths`: muscle lengths and moment arms over a coordinate.
 
-use crate::cli::account::{csv_text, warning_result};
 use crate::cli::args::{Global, PathsArgs};
-use crate::cli::failure::{self, Failure, Message};
-use crate::cli::model::{self, Needs};
-use crate::cli::output::OutputFolder;
-use crate::cli::{path_check, print_result, provenance};
+use crate::cli::failure::{self, Diagnostic, Failure};
+use crate::cli::{print_result, provenance};
 use crate::osim::spec::MotionType;
 use crate::report::sweep::{SweepFigure, SweepMuscle};
+use crate::session::account::{csv_text, warning_result};
+use crate::session::model::{self, Needs};
+use crate::session::output::OutputFolder;
+use crate::session::path_check;
 
 /// Runs the command.
 ///
@@ -48,7 +49,7 @@ pub fn run(args: &PathsArgs, global: &Global) -> Result<(), Failure> {
         warnings: messages.iter().map(warning_result).collect(),
         provenance: provenance::provenance(
             global,
-            vec![provenance::input_file(path, &path.display().to_string(), "model")?],
+            vec![crate::session::provenance::input_file(path, &path.display().to_string(), "model")?],
         ),
     };
     failure::print(&messages);
@@ -84,7 +85,7 @@ fn csv(figure: &SweepFigure) -> Result<String, Failure> {
     csv_text(header.iter(), rows)
 }
 
-fn json(figure: &SweepFigure, warnings: &[Message]) -> String {
+fn json(figure: &SweepFigure, warnings: &[Diagnostic]) -> String {
     let warnings: Vec<_> = warnings.iter().map(warning_result).collect();
     let muscles: Vec<_> = figure
         .muscles

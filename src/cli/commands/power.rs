@@ -1,7 +1,7 @@
 //! `carpus power`: power of a test, and the participants it needs.
 
 use crate::cli::args::{Global, PowerArgs, PowerTest};
-use crate::cli::failure::{Failure, Message};
+use crate::cli::failure::{Diagnostic, Failure};
 use crate::cli::print_result;
 use crate::cli::table::{fixed, table};
 use crate::statistics::{PowerAnalysis, StatisticsError, Tails, TestDesign};
@@ -20,7 +20,7 @@ pub fn run(args: &PowerArgs, global: &Global) -> Result<(), Failure> {
     };
     let tails = if args.tails == 1 { Tails::One } else { Tails::Two };
     let analysis = PowerAnalysis { design, alpha: args.alpha, tails };
-    let refused = |e: StatisticsError| Failure::from(Message::error(e.to_string()));
+    let refused = |e: StatisticsError| Failure::from(Diagnostic::error(e.to_string()));
     let achieved = args.n.map(|n| analysis.power(n)).transpose().map_err(refused)?;
     let needed = analysis.needed_n(args.power).map_err(refused)?;
     if global.json {
@@ -92,7 +92,7 @@ const PUBLISHED: [Published; 2] = [
 
 /// The dissertation's numbers beside what each test gives.
 fn published(args: &PowerArgs, global: &Global) -> Result<(), Failure> {
-    let refused = |e: StatisticsError| Failure::from(Message::error(e.to_string()));
+    let refused = |e: StatisticsError| Failure::from(Diagnostic::error(e.to_string()));
     let (mut text, mut json) = (String::new(), Vec::new());
     for p in &PUBLISHED {
         let mut rows = vec![vec!["published".to_string(), fixed(p.power, 2), p.needed.to_string()]];

@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use nalgebra::{DMatrix, DVector};
 use serde_json::json;
 
-use crate::cli::account::{csv_text, digits};
 use crate::cli::args::{Global, PriorsArgs};
-use crate::cli::failure::{self, Failure, Message};
-use crate::cli::output::OutputFolder;
+use crate::cli::failure::{self, Diagnostic, Failure};
 use crate::cli::print_result;
 use crate::cli::table::{fixed, table};
 use crate::report::identifiability::{IDENTIFIABILITY_SCHEMA, IdentifiabilityResult, ParameterKnowledge};
+use crate::session::account::{csv_text, digits};
+use crate::session::output::OutputFolder;
 use crate::statistics::{Evidence, Population, population};
 
 const RESULT: &str = "identifiability.json";
@@ -34,7 +34,7 @@ pub fn run(args: &PriorsArgs, global: &Global) -> Result<(), Failure> {
         collect(path, &mut files)?;
         if files.len() == before {
             let hint = "expected a folder that carpus identify or carpus study wrote";
-            return Err(Message::error(format!("no {RESULT} in it")).in_file(path).hint(hint).into());
+            return Err(Diagnostic::error(format!("no {RESULT} in it")).in_file(path).hint(hint).into());
         }
     }
     let fits = files.iter().map(|file| read(file)).collect::<Result<Vec<_>, _>>()?;
@@ -42,11 +42,11 @@ pub fn run(args: &PriorsArgs, global: &Global) -> Result<(), Failure> {
     let known = knowledge(&fits, global.seed)?;
     if fits.len() < FEW {
         let text = format!("{} earlier fits: the spread between persons is mostly what the bounds allow", fits.len());
-        failure::print(&[Message::warning(text)]);
+        failure::print(&[Diagnostic::warning(text)]);
     }
     let folder = args.out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let Some(name) = args.out.file_name() else {
-        return Err(Message::error("expected a file to write").in_file(&args.out).into());
+        return Err(Diagnostic::error("expected a file to write").in_file(&args.out).into());
     };
     let rows = known.iter().map(|k| {
         let sd = k.next.mean.exp() * (k.next.sd.powi(2).exp() - 1.0).sqrt();
@@ -70,7 +70,7 @@ pub fn run(args: &PriorsArgs, global: &Global) -> Result<(), Failure> {
 
 /// Result files at or below `path`, in order.
 fn collect(path: &Path, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
-    let unreadable = |e: std::io::Error| Message::error(format!("cannot be read: {e}")).in_file(path);
+    let unreadable = |e: std::io::Error| Diagnostic::error(format!("cannot be read: {e}")).in_file(path);
     // What is no folder is read as a file, which says what is wrong with a device or a pipe.
     if !path.metadata().map_err(unreadable)?.is_dir() {
         files.push(path.to_owned());
@@ -93,7 +93,7 @@ fn collect(path: &Path, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
 
 fn read(file: &Path) -> Result<IdentifiabilityResult, Failure> {
     let fault =
-        |what: String| Failure::from(Message::error(what).in_file(file).hint("is it what carpus identify wrote?"));
+        |what: String| Failure::from(Diagnostic::error(what).in_file(file).hint("is it what carpus identify wrote?"));
     let text = crate::regular_file::read_text(file).map_err(|e| fault(format!("cannot be read: {e}")))?;
     let result: IdentifiabilityResult =
         serde_json::from_str(&text).map_err(|e| fault(format!("not a result of carpus identify: {e}")))?;
@@ -109,7 +109,7 @@ fn refuse_twice(files: &[PathBuf], fits: &[IdentifiabilityResult]) -> Result<(),
     for (file, fit) in files.iter().zip(fits) {
         if let Some(first) = seen.insert((&fit.study, &fit.participant), file) {
             let text = format!("{} of study `{}` is in {} already", fit.participant, fit.study, first.display());
-            return Err(Message::error(text).in_file(file).hint("name every participant's fit once").into());
+            return Err(Diagnostic::error(text).in_file(file).hint("name every participant's fit once").into());
         }
     }
     Ok(())
@@ -169,11 +169,11 @@ fn knowledge(fits: &[IdentifiabilityResult], seed: u64) -> Result<Vec<Known>, Fa
         counts[k] += usize::from(parameter.share_from_data >= LEAST_SHARE);
     }
     if counts.iter().all(|count| *count == 0) {
-        return Err(Message::error("the data of these fits say nothing about any parameter").into());
+        return Err(Diagnostic::error("the data of these fits say nothing about any parameter").into());
     }
     let persons = fits.iter().map(|fit| evidence(fit, &names, &priors)).collect::<Result<Vec<_>, _>>()?;
     let before = DVector::from_iterator(names.len(), priors.iter().map(|p| p[1]));
-    let found = population(&persons, &before, seed).map_err(|e| Failure::from(Message::error(e.to_string())))?;
+    let found = population(&persons, &before, seed).map_err(|e| Failure::from(Diagnostic::error(e.to_string())))?;
     let all = names.iter().zip(&priors).zip(found).zip(counts).filter(|(_, fits)| *fits > 0);
     let known = all.map(|(((name, prior), next), fits)| Known {
         muscle: name.0.to_string(),
@@ -201,7 +201,7 @@ fn evidence(fit: &IdentifiabilityResult, names: &[(&str, &str)], priors: &[[f64;
     let faulty = || {
         let text =
             format!("{} of study `{}`: correlations that do not go with its parameters", fit.participant, fit.study);
-        Failure::from(Message::error(text))
+        Failure::from(Diagnostic::error(text))
     };
     if fit.correlations.len() != n || fit.correlations.iter().any(|row| row.len() != n) {
         return Err(faulty());

@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use crate::cli::args::{Global, RunToolArgs};
-use crate::cli::failure::{self, Failure, Message};
-use crate::cli::output::{Leftovers, OutputFolder};
-use crate::cli::{model, print_result};
+use crate::cli::failure::{self, Diagnostic, Failure};
+use crate::cli::print_result;
+use crate::session::model;
+use crate::session::output::{Leftovers, OutputFolder};
 use crate::tools::{Outcome, ToolError, ToolProblem, run_tool};
 
 /// Runs the command.
@@ -18,10 +19,10 @@ use crate::tools::{Outcome, ToolError, ToolProblem, run_tool};
 /// The setup, the files that it names, or the disk.
 pub fn run(args: &RunToolArgs, global: &Global) -> Result<(), Failure> {
     let outcome = run_tool(&args.setup, args.model.as_deref(), args.allow_unsupported).map_err(tool_failure)?;
-    let warnings: Vec<Message> = outcome
+    let warnings: Vec<Diagnostic> = outcome
         .warnings
         .iter()
-        .map(|(file, line, text)| Message::warning(text.clone()).in_file(file).at_line(*line))
+        .map(|(file, line, text)| Diagnostic::warning(text.clone()).in_file(file).at_line(*line))
         .collect();
     failure::print(&warnings);
     let written = write(&args.setup, &outcome)?;
@@ -72,6 +73,6 @@ fn tool_failure(error: ToolError) -> Failure {
         ToolProblem::Document(document) => document.kind.to_string(),
         other => other.to_string(),
     };
-    let message = Message::error(text).in_file(&error.file).at_line(error.line);
-    Message { hint: error.hint(), ..message }.into()
+    let message = Diagnostic::error(text).in_file(&error.file).at_line(error.line);
+    Diagnostic { hint: error.hint(), ..message }.into()
 }

@@ -4,17 +4,19 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::cli::account::{csv_text, warning_result};
 use crate::cli::args::{Global, ScaleArgs, StudyArgs};
-use crate::cli::failure::{self, Failure, Message};
-use crate::cli::model::{self, Needs};
-use crate::cli::output::OutputFolder;
+use crate::cli::failure::{self, Diagnostic, Failure};
 use crate::cli::print_result;
-use crate::cli::provenance::{input_file, provenance};
+use crate::cli::provenance::provenance;
 use crate::cli::study_run::StudyRun;
 use crate::cli::table::{fixed, table};
 use crate::report::results::{InputFile, WarningResult};
-use crate::scaling::{LinearScaling, ParticipantScalingError, ScaleRequest, SegmentFactor, scale, scale_participant};
+use crate::scaling::{LinearScaling, ScaleRequest, SegmentFactor, scale, scale_participant};
+use crate::session::account::{csv_text, warning_result};
+use crate::session::model::{self, Needs};
+use crate::session::output::OutputFolder;
+use crate::session::provenance::input_file;
+use crate::session::study::scaling_refused;
 use crate::study::Participant;
 
 /// A scaled model.
@@ -66,11 +68,11 @@ pub fn run(args: &ScaleArgs, global: &Global) -> Result<(), Failure> {
 fn scale_model(args: &ScaleArgs, global: &Global) -> Result<(), Failure> {
     if !args.participant.is_empty() || args.model.is_some() {
         let text = "--participant and --model go with a study; a model is scaled by --factor";
-        return Err(Message::error(text).hint("carpus scale STUDY/study.toml --participant P01 --out DIR").into());
+        return Err(Diagnostic::error(text).hint("carpus scale STUDY/study.toml --participant P01 --out DIR").into());
     }
     if args.factor.is_empty() && args.mass.is_none() {
         let text = "nothing to scale by";
-        return Err(Message::error(text).hint("--factor BODY=FACTOR, or --mass KG").into());
+        return Err(Diagnostic::error(text).hint("--factor BODY=FACTOR, or --mass KG").into());
     }
     let out = OutputFolder::create(&args.out, std::slice::from_ref(&args.input))?.only_of("scale")?;
     let out = out.with_results_of(&args.input);
@@ -84,7 +86,7 @@ fn scale_model(args: &ScaleArgs, global: &Global) -> Result<(), Failure> {
     let mut file = loaded.file.clone();
     let scaling = scale(&mut file, &request).map_err(|e| {
         let hint = e.hint();
-        Failure::from(hint.into_iter().fold(Message::error(e.to_string()).in_file(&loaded.path), Message::hint))
+        Failure::from(hint.into_iter().fold(Diagnostic::error(e.to_string()).in_file(&loaded.path), Diagnostic::hint))
     })?;
     warnings.extend(left(&scaling, &loaded.path));
     failure::print(&warnings);
@@ -100,7 +102,7 @@ fn scale_model(args: &ScaleArgs, global: &Global) -> Result<(), Failure> {
 fn scale_study(args: &ScaleArgs, global: &Global) -> Result<(), Failure> {
     if !args.factor.is_empty() || args.mass.is_some() || args.preserve_mass_distribution {
         let text = "--factor, --mass and --preserve-mass-distribution go with a model; a study says it in [scaling]";
-        return Err(Message::error(text).into());
+        return Err(Diagnostic::error(text).into());
     }
     let study = StudyArgs {
         study: args.input.clone(),
@@ -116,36 +118,29 @@ fn scale_study(args: &ScaleArgs, global: &Global) -> Result<(), Failure> {
 }
 
 fn scaled(study: &StudyRun, participant: &Participant) -> Result<Outcome, Failure> {
-    let mut warnings: Vec<Message> = study.study.warnings.iter().map(Message::from).collect();
-    let loaded = study.load_model(participant, Needs::Motion, &mut warnings)?;
+    let mut warnings: Vec<Diagnostic> = study.study.tables.warnings.iter().map(Diagnostic::from).collect();
+    let loaded = study.study.load_model(participant, Needs::Motion, &mut warnings)?;
     let mut file = loaded.file.clone();
-    let settings = study.study.settings.scaling.as_ref();
+    let settings = study.study.tables.settings.scaling.as_ref();
     let scaled = scale_participant(&mut file, settings, participant)
-        .map_err(|e| refused(&e, &study.study.file, &loaded.path))?;
+        .map_err(|e| scaling_refused(&e, &study.study.tables.file, &loaded.path))?;
     if !scaled.unmeasured.is_empty() {
         let text = format!("{}: no length of {}: left as it is", participant.name, scaled.unmeasured.join(", "));
-        let table = study.study.folder.join("participants.csv");
-        warnings.push(Message::warning(text).in_file(&table).at_line(participant.line));
+        let table = study.study.tables.folder.join("participants.csv");
+        warnings.push(Diagnostic::warning(text).in_file(&table).at_line(participant.line));
     }
     warnings.extend(left(&scaled.scaling, &loaded.path));
     failure::print(&warnings);
     let name = Path::new(&participant.name).join("model.osim");
     study.out.write(&name, file.document.bytes())?;
-    let inputs = study.inputs(participant, &loaded.path, &[])?;
+    let inputs = study.study.inputs(participant, &loaded.path, &[])?;
     let name = name.display().to_string();
     Ok(outcome(&participant.name, name, &scaled.segments, scaled.scaling, &warnings, inputs))
 }
 
-/// What to tell about a scaling that failed.
-pub fn refused(error: &ParticipantScalingError, study: &Path, model: &Path) -> Failure {
-    let of_model = matches!(error, ParticipantScalingError::Scaling(_) | ParticipantScalingError::Compile(_));
-    let message = Message::error(error.to_string()).in_file(if of_model { model } else { study });
-    error.hint().into_iter().fold(message.at_line(error.line()), Message::hint).into()
-}
-
-fn left(scaling: &LinearScaling, model: &Path) -> Vec<Message> {
+fn left(scaling: &LinearScaling, model: &Path) -> Vec<Diagnostic> {
     let warning =
-        |(path, why): &(String, String)| Message::warning(format!("{path}: not scaled: {why}")).in_file(model);
+        |(path, why): &(String, String)| Diagnostic::warning(format!("{path}: not scaled: {why}")).in_file(model);
     scaling.left.iter().map(warning).collect()
 }
 
@@ -154,7 +149,7 @@ fn outcome(
     model: String,
     segments: &[SegmentFactor],
     scaling: LinearScaling,
-    warnings: &[Message],
+    warnings: &[Diagnostic],
     inputs: Vec<InputFile>,
 ) -> Outcome {
     let length = |l: &crate::scaling::ScaledLength| Length {

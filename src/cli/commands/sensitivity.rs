@@ -3,13 +3,13 @@
 use crate::cli::args::{Global, SensitivityArgs};
 use crate::cli::failure::{self, Failure};
 use crate::cli::provenance::provenance;
-use crate::cli::screening::{ConditionSensitivity, ScreeningOptions, conditions, refused, screened};
 use crate::cli::sensitivity_report;
 use crate::cli::study_run::{StudyRun, progress};
 use crate::report::article::{Article, Section};
 use crate::report::render_article;
 use crate::report::results::InputFile;
 use crate::sensitivity::MuscleScreening;
+use crate::session::screening::{ConditionSensitivity, ScreeningOptions, conditions, refused, screened};
 
 /// Runs the command.
 ///
@@ -23,7 +23,7 @@ pub fn run(args: &SensitivityArgs, global: &Global) -> Result<(), Failure> {
         resamples: args.resamples as usize,
         seed: global.seed,
     };
-    let bar = progress(global, study.participants.len() as u64, "screening");
+    let bar = progress(global, study.participants().len() as u64, "screening");
     let mut inputs: Vec<InputFile> = Vec::new();
     let outcomes = study.each(|participant| {
         let run = study.participant(participant)?;
@@ -54,7 +54,7 @@ pub fn run(args: &SensitivityArgs, global: &Global) -> Result<(), Failure> {
     }
     let article = Article {
         title: "What the trials respond to".to_string(),
-        kicker: format!("Sensitivity · {}", study.study.settings.name),
+        kicker: format!("Sensitivity · {}", study.study.tables.settings.name),
         lead: report.lead.clone(),
         facts: vec![("participants".to_string(), outcomes.done.len().to_string())],
         warnings: report.warnings.clone(),

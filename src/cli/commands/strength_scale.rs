@@ -4,15 +4,16 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::cli::account::{csv_text, warning_result};
 use crate::cli::args::{Global, StrengthScaleArgs};
-use crate::cli::failure::{self, Failure, Message};
-use crate::cli::model::Needs;
+use crate::cli::failure::{self, Diagnostic, Failure};
 use crate::cli::provenance::provenance;
 use crate::cli::study_run::StudyRun;
 use crate::cli::table::{fixed, table};
 use crate::report::results::{InputFile, WarningResult};
 use crate::scaling::{GroupScaling, StrengthError, StrengthScaling, TargetSource, scale_participant, strength_scale};
+use crate::session::account::{csv_text, warning_result};
+use crate::session::model::Needs;
+use crate::session::study::scaling_refused;
 use crate::study::{Direction, Participant, named_file};
 
 /// A participant's scaling.
@@ -74,19 +75,19 @@ pub fn run(args: &StrengthScaleArgs, global: &Global) -> Result<(), Failure> {
 }
 
 fn scaled(study: &StudyRun, participant: &Participant, linear: bool) -> Result<Outcome, Failure> {
-    let mut warnings: Vec<Message> = study.study.warnings.iter().map(Message::from).collect();
-    let loaded = study.load_model(participant, Needs::Motion, &mut warnings)?;
+    let mut warnings: Vec<Diagnostic> = study.study.tables.warnings.iter().map(Diagnostic::from).collect();
+    let loaded = study.study.load_model(participant, Needs::Motion, &mut warnings)?;
     let mut file = loaded.file.clone();
     if linear {
-        let settings = study.study.settings.scaling.as_ref();
+        let settings = study.study.tables.settings.scaling.as_ref();
         scale_participant(&mut file, settings, participant)
-            .map_err(|e| super::scale::refused(&e, &study.study.file, &loaded.path))?;
+            .map_err(|e| scaling_refused(&e, &study.study.tables.file, &loaded.path))?;
     }
-    let scaling = strength_scale(&mut file, &study.study, participant).map_err(|e| refused(e, &loaded.path))?;
+    let scaling = strength_scale(&mut file, &study.study.tables, participant).map_err(|e| refused(e, &loaded.path))?;
     if !scaling.unscaled.is_empty() {
         let text = format!("{}: not scaled: {}", participant.name, scaling.unscaled.join(", "));
         let hint = "no moment arm in the posture, or no maximum moment in their direction";
-        warnings.push(Message::warning(text).hint(hint));
+        warnings.push(Diagnostic::warning(text).hint(hint));
     }
     failure::print(&warnings);
     let name = Path::new(&participant.name).join("model.osim");
@@ -108,11 +109,11 @@ fn inputs(
     model: &Path,
     scaling: &StrengthScaling,
 ) -> Result<Vec<InputFile>, Failure> {
-    let mut inputs = study.inputs(participant, model, &[])?;
+    let mut inputs = study.study.inputs(participant, model, &[])?;
     for group in &scaling.groups {
         if let TargetSource::Trial(file) = &group.source {
-            let path = named_file(&study.study.folder, file);
-            inputs.push(crate::cli::provenance::input_file(&path, file, "trial")?);
+            let path = named_file(&study.study.tables.folder, file);
+            inputs.push(crate::session::provenance::input_file(&path, file, "trial")?);
         }
     }
     Ok(inputs)
@@ -124,11 +125,11 @@ pub fn refused(error: StrengthError, model: &Path) -> Failure {
     let message = match error {
         StrengthError::Study(errors) => return errors.into(),
         StrengthError::Simulation(_) | StrengthError::Muscle(_) | StrengthError::Equilibrium(_) => {
-            Message::error(error.to_string()).in_file(model)
+            Diagnostic::error(error.to_string()).in_file(model)
         }
-        _ => Message::error(error.to_string()),
+        _ => Diagnostic::error(error.to_string()),
     };
-    hint.into_iter().fold(message, Message::hint).into()
+    hint.into_iter().fold(message, Diagnostic::hint).into()
 }
 
 fn group(group: &GroupScaling) -> Group {

@@ -6,14 +6,12 @@ use std::path::Path;
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
-use super::diagnose::{at_size, known};
-use crate::cli::account::csv_text;
 use crate::cli::args::{Global, SynthArgs};
 use crate::cli::args_diagnosis::NoiseLevel;
-use crate::cli::failure::{self, Failure, Message};
+use crate::cli::failure::{self, Diagnostic, Failure};
 use crate::cli::print_result;
 use crate::cli::provenance::provenance;
-use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
+use crate::cli::study_run::{StudyRun, progress};
 use crate::cli::table::table;
 use crate::diagnosis::angle_noise::AngleNoise;
 use crate::diagnosis::forward_model::{ForwardModel, Setting};
@@ -21,6 +19,9 @@ use crate::diagnosis::holds::steadied_trials;
 use crate::diagnosis::own_effect::registered;
 use crate::diagnosis::synthesis::{RecordingNoise, Synthetic, largest_moments, synthesize};
 use crate::report::results::{InputFile, rounded};
+use crate::session::account::csv_text;
+use crate::session::candidates::{at_size, known};
+use crate::session::loading::LoadedParticipant;
 use crate::study::{Participant, Settings, Trial, is_of_a_study, write};
 
 /// What the files say about where they come from.
@@ -52,9 +53,9 @@ pub fn run(args: &SynthArgs, global: &Global) -> Result<(), Failure> {
         NoiseLevel::Small => RecordingNoise::REALISTIC.scaled(0.25),
         NoiseLevel::None => RecordingNoise::REALISTIC.scaled(0.0),
     };
-    let bar = progress(global, study.participants.len() as u64, "simulating");
+    let bar = progress(global, study.participants().len() as u64, "simulating");
     let mut made = Vec::new();
-    for participant in &study.participants {
+    for participant in study.participants() {
         let one = make(args, global, &study, participant, &noise)?;
         one.synthetic.trials.iter().try_for_each(holdable)?;
         made.push(one);
@@ -79,7 +80,7 @@ fn make(
 ) -> Result<Made, Failure> {
     let run = study.participant(participant)?;
     failure::print(&run.warnings);
-    let at_model = |text: String| Message::error(text).in_file(&run.loaded.path);
+    let at_model = |text: String| Diagnostic::error(text).in_file(&run.loaded.path);
     // Where the machine held the joint it was still: what the recorded angle did there was noise.
     let trials = match AngleNoise::of(&run.trials) {
         Some(noise) => steadied_trials(&run.trials, &noise),
@@ -89,10 +90,14 @@ fn make(
     let effects = args
         .effects
         .iter()
-        .map(|asked| at_size(asked, &forward.muscles, &forward.joint))
+        .map(|asked| {
+            let (setting, warnings) = at_size(asked, &forward.muscles, &forward.joint)?;
+            failure::print(&warnings);
+            Ok(setting)
+        })
         .collect::<Result<Vec<Setting>, Failure>>()?;
     // Every participant has an own seed, the same whoever else is asked for.
-    let place = study.study.participants.iter().position(|p| p.name == participant.name).unwrap_or(0) as u64;
+    let place = study.study.tables.participants.iter().position(|p| p.name == participant.name).unwrap_or(0) as u64;
     let seed = global.seed.wrapping_add(place.wrapping_mul(0x9e37_79b9_7f4a_7c15));
     let mut synthetic = synthesize(&forward, &trials, &effects, noise, seed).map_err(|e| at_model(e.to_string()))?;
     // Noise alone takes no angle beyond the range, or beyond what was recorded outside of it.
@@ -123,7 +128,7 @@ fn make(
 
 /// What is hidden.
 fn truth(
-    run: &ParticipantRun,
+    run: &LoadedParticipant,
     forward: &ForwardModel,
     effects: &[Setting],
     reported: &[Vec<f64>],
@@ -170,14 +175,14 @@ fn holdable(trial: &Trial) -> Result<(), Failure> {
         Some(number) => {
             let text =
                 format!("trial {}: the effects make a number of {number:e}, which no study can hold", trial.info.name);
-            Err(Message::error(text).hint("give the effects smaller sizes").into())
+            Err(Diagnostic::error(text).hint("give the effects smaller sizes").into())
         }
         None => Ok(()),
     }
 }
 
 fn write_study(study: &StudyRun, made: &[Made], noise: &RecordingNoise, global: &Global) -> Result<(), Failure> {
-    let settings = &study.study.settings;
+    let settings = &study.study.tables.settings;
     let mut outputs = BTreeMap::new();
     let mut put = |name: &str, bytes: &[u8]| -> Result<(), Failure> {
         study.out.write(name, bytes)?;

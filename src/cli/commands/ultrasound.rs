@@ -2,13 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::cli::account::{csv_text, warning_result};
 use crate::cli::args::{Global, UltrasoundArgs};
-use crate::cli::failure::{self, Failure, Message};
-use crate::cli::model::{self, LoadedModel, Needs};
-use crate::cli::output::OutputFolder;
+use crate::cli::failure::{self, Diagnostic, Failure};
 use crate::cli::print_result;
-use crate::cli::provenance::{input_file, provenance};
+use crate::cli::provenance::provenance;
 use crate::cli::table::table;
 use crate::imaging::{self, Comparison, Pair, Quantity};
 use crate::multibody::Model;
@@ -18,6 +15,10 @@ use crate::report::results::{InputFile, rounded};
 use crate::report::ultrasound::{
     CaseResult, Point, QuantityResult, ULTRASOUND_SCHEMA, UltrasoundResult, render_ultrasound,
 };
+use crate::session::account::{csv_text, warning_result};
+use crate::session::model::{self, LoadedModel, Needs};
+use crate::session::output::OutputFolder;
+use crate::session::provenance::input_file;
 use crate::study::Study;
 
 /// Significant digits of what is written.
@@ -33,7 +34,7 @@ pub fn run(args: &UltrasoundArgs, global: &Global) -> Result<(), Failure> {
     let study = Study::read_tables(&args.study)?;
     let table_file = study.folder.join("ultrasound.csv");
     if study.ultrasound.is_empty() {
-        let message = Message::error("there are no measurements to compare with").in_file(&table_file);
+        let message = Diagnostic::error("there are no measurements to compare with").in_file(&table_file);
         return Err(message.hint("columns: participant, muscle, posture_deg, muscle_belly_length_m, …").into());
     }
     let out = OutputFolder::create(&args.out, &study.input_files())?.claimed_for(
@@ -41,7 +42,7 @@ pub fn run(args: &UltrasoundArgs, global: &Global) -> Result<(), Failure> {
         &study.file,
         "ultrasound",
     )?;
-    let mut warnings: Vec<Message> = study.warnings.iter().map(Message::from).collect();
+    let mut warnings: Vec<Diagnostic> = study.warnings.iter().map(Diagnostic::from).collect();
     let mut inputs = vec![
         input_file(&study.file, &study.file.display().to_string(), "study")?,
         input_file(&table_file, &table_file.display().to_string(), "ultrasound")?,
@@ -79,7 +80,7 @@ fn pairs_of(
     study: &Study,
     pattern: Option<&str>,
     args: &UltrasoundArgs,
-    warnings: &mut Vec<Message>,
+    warnings: &mut Vec<Diagnostic>,
     inputs: &mut Vec<InputFile>,
 ) -> Result<Vec<Pair>, Failure> {
     let mut pairs = Vec::new();
@@ -114,7 +115,7 @@ pub fn pairs_with(study: &Study, participant: &str, spec: &ModelSpec, skeleton: 
     let mut pairs = Vec::new();
     for image in study.ultrasound.iter().filter(|m| m.participant == participant) {
         let muscle = imaging::at_rest(spec, skeleton, study, image).map_err(|e| {
-            let message = Message::error(format!("{participant} {}: {e}", image.muscle));
+            let message = Diagnostic::error(format!("{participant} {}: {e}", image.muscle));
             message.in_file(&study.folder.join("ultrasound.csv")).at_line(image.line)
         })?;
         pairs.extend(imaging::pairs(image, &muscle, &study.settings.imaging));
@@ -127,12 +128,12 @@ fn check_names(study: &Study, loaded: &LoadedModel) -> Result<(), Failure> {
     let coordinates: Vec<&str> = spec.coordinates.iter().map(|c| c.name.as_str()).collect();
     let muscles: Vec<&str> = spec.muscles.iter().map(|m| m.name.as_str()).collect();
     let problems = study.check_names(&loaded.path, &coordinates, &muscles);
-    let messages: Vec<Message> = problems.iter().map(Message::from).collect();
+    let messages: Vec<Diagnostic> = problems.iter().map(Diagnostic::from).collect();
     if messages.is_empty() { Ok(()) } else { Err(messages.into()) }
 }
 
 /// Says once which ratios the study would have to give.
-pub fn missing_ratios(study: &Study, cases: &[CaseResult], warnings: &mut Vec<Message>) {
+pub fn missing_ratios(study: &Study, cases: &[CaseResult], warnings: &mut Vec<Diagnostic>) {
     let unconverted = |q: Quantity| {
         let key = key(q);
         cases.iter().flat_map(|c| &c.quantities).any(|r| r.quantity == key && r.unconverted > 0)
@@ -146,7 +147,7 @@ pub fn missing_ratios(study: &Study, cases: &[CaseResult], warnings: &mut Vec<Me
             let text =
                 format!("[ultrasound] {name} is not given for every muscle: no limits of agreement for the others");
             let hint = format!("the dissertation took it from {source}: {name} = {{ MUSCLE = fraction, … }}");
-            warnings.push(Message::warning(text).in_file(&study.file).hint(hint));
+            warnings.push(Diagnostic::warning(text).in_file(&study.file).hint(hint));
         }
     }
 }

@@ -3,10 +3,11 @@
 use serde_json::json;
 
 use crate::cli::args::{Global, UpgradeArgs};
-use crate::cli::failure::{self, Failure, Message};
-use crate::cli::output::OutputFolder;
-use crate::cli::{model, print_result};
+use crate::cli::failure::{self, Diagnostic, Failure};
+use crate::cli::print_result;
 use crate::osim::OsimFile;
+use crate::session::model;
+use crate::session::output::OutputFolder;
 
 /// Runs the command.
 ///
@@ -17,15 +18,15 @@ pub fn run(args: &UpgradeArgs, global: &Global) -> Result<(), Failure> {
     let file = OsimFile::read(&args.old).map_err(fail)?;
     let before = file.spec.document_version;
     let upgraded = file.upgraded().map_err(fail)?;
-    let warnings: Vec<Message> = upgraded
+    let warnings: Vec<Diagnostic> = upgraded
         .left_out
         .iter()
-        .map(|(line, text)| Message::warning(format!("left out: {text}")).in_file(&args.old).at_line(*line))
+        .map(|(line, text)| Diagnostic::warning(format!("left out: {text}")).in_file(&args.old).at_line(*line))
         .collect();
     failure::print(&warnings);
     let folder = args.new.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(std::path::Path::new("."));
     let Some(name) = args.new.file_name() else {
-        return Err(Message::error("expected a file to write").in_file(&args.new).into());
+        return Err(Diagnostic::error("expected a file to write").in_file(&args.new).into());
     };
     let written =
         OutputFolder::create(folder, std::slice::from_ref(&args.old))?.write(name, upgraded.file.document.bytes())?;

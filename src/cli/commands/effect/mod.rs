@@ -3,7 +3,6 @@
 mod add;
 mod auto;
 mod remove;
-mod steps;
 
 use crate::cli::args::{EffectArgs, EffectCommand, Global};
 use crate::cli::failure::Failure;

@@ -3,15 +3,15 @@
 use std::path::Path;
 
 use super::readable;
-use super::steps::remove_file;
 use crate::cli::args::Global;
 use crate::cli::args_diagnosis::EffectRemoveArgs;
-use crate::cli::failure::{Failure, Message};
-use crate::cli::output::OutputFolder;
+use crate::cli::failure::{Diagnostic, Failure};
 use crate::cli::print_result;
 use crate::report::ledger::Ledger;
 use crate::report::results::Results;
 use crate::report::{render_report, render_waterfall};
+use crate::session::effect_steps::remove_file;
+use crate::session::output::OutputFolder;
 
 /// Runs the command.
 ///
@@ -20,25 +20,25 @@ use crate::report::{render_report, render_waterfall};
 pub fn run(args: &EffectRemoveArgs, global: &Global) -> Result<(), Failure> {
     let file = args.folder.join("results.json");
     let text = crate::regular_file::read_text(&file).map_err(|e| {
-        Message::error(format!("cannot be read: {e}"))
+        Diagnostic::error(format!("cannot be read: {e}"))
             .in_file(&file)
             .hint("give the folder of a participant that carpus effect add wrote")
     })?;
-    let mut results = Results::parse(&text).map_err(|e| Message::error(e.to_string()).in_file(&file))?;
+    let mut results = Results::parse(&text).map_err(|e| Diagnostic::error(e.to_string()).in_file(&file))?;
     let Some(ledger) = &mut results.ledger else {
-        let message = Message::error("no effect was added here: there is no ledger").in_file(&file);
+        let message = Diagnostic::error("no effect was added here: there is no ledger").in_file(&file);
         return Err(message.hint("give the folder of a participant that carpus effect add wrote").into());
     };
     let to = match (args.to, ledger.current) {
         (Some(to), _) => to,
         (None, 0) => {
-            return Err(Message::error("the model is as it was given: nothing to remove").in_file(&file).into());
+            return Err(Diagnostic::error("the model is as it was given: nothing to remove").in_file(&file).into());
         }
         (None, now) => now - 1,
     };
     if to >= ledger.steps.len() {
         let text = format!("there is no step {to}: the last one is {}", ledger.steps.len() - 1);
-        return Err(Message::error(text).in_file(&file).into());
+        return Err(Diagnostic::error(text).in_file(&file).into());
     }
     ledger.current = to;
     let (out, inside) = OutputFolder::of_earlier_run(&args.folder, "results.json")?;
@@ -61,7 +61,7 @@ fn restore(out: &OutputFolder, inside: &Path, ledger: &Ledger) -> Result<(), Fai
     let read = |name: &str| {
         let file = out.path().join(inside).join(name);
         crate::regular_file::read(&file)
-            .map_err(|e| Failure::from(Message::error(format!("cannot be read: {e}")).in_file(&file)))
+            .map_err(|e| Failure::from(Diagnostic::error(format!("cannot be read: {e}")).in_file(&file)))
     };
     let model = read(&step.model)?;
     let side_car = step.side_car.as_deref().map(read).transpose()?;

@@ -6,16 +6,17 @@ use super::details;
 use crate::cli::args::Global;
 use crate::cli::args_diagnosis::EffectsCheckArgs;
 use crate::cli::commands::demo;
-use crate::cli::failure::{Failure, Message};
-use crate::cli::output::OutputFolder;
+use crate::cli::failure::{Diagnostic, Failure};
+use crate::cli::print_result;
 use crate::cli::table::table;
-use crate::cli::{own_effects, print_result};
 use crate::diagnosis::conformance::{Check, checks};
 use crate::diagnosis::effect::{Effect, Role};
 use crate::diagnosis::forward_model::ForwardModel;
 use crate::diagnosis::own_effect::{OwnEffect, Place, Variable};
 use crate::osim::OsimFile;
 use crate::report::significant;
+use crate::session::output::OutputFolder;
+use crate::session::own_effects;
 use crate::simulation::{MusculoskeletalModel, Setup};
 use crate::study::{Contraction, Study, Trial, TrialInfo};
 
@@ -43,16 +44,16 @@ pub fn run(args: &EffectsCheckArgs, global: &Global) -> Result<(), Failure> {
     let study = Study::read_tables(&file)?;
     let unknown = effect.defined().unknown_muscles(&study.settings.active_muscles);
     if !unknown.is_empty() {
-        let mut messages: Vec<Message> = unknown.iter().map(Message::from).collect();
+        let mut messages: Vec<Diagnostic> = unknown.iter().map(Diagnostic::from).collect();
         if args.study.is_none() {
             let text = "without --study the effect is shown on the bundled study, which has the muscles of a wrist";
-            messages.push(Message::warning(text).hint("--study STUDY/study.toml shows it on yours"));
+            messages.push(Diagnostic::warning(text).hint("--study STUDY/study.toml shows it on yours"));
         }
         return Err(messages.into());
     }
     let forward = forward(&study, args.participant.as_deref())?;
     let found =
-        checks(&forward, effect, effect.has_kinks()).map_err(|e| Message::error(e.to_string()).in_file(&file))?;
+        checks(&forward, effect, effect.has_kinks()).map_err(|e| Diagnostic::error(e.to_string()).in_file(&file))?;
     let failed = found.iter().filter(|c| !c.passed).count();
     if global.json {
         let value = json!({
@@ -73,7 +74,7 @@ pub fn run(args: &EffectsCheckArgs, global: &Global) -> Result<(), Failure> {
         0 => Ok(()),
         _ => {
             let text = format!("{failed} of {} checks failed", found.len());
-            let message = Message::error(text).in_file(&args.file).at_line(effect.defined().formula_line);
+            let message = Diagnostic::error(text).in_file(&args.file).at_line(effect.defined().formula_line);
             Err(message.hint(advice(&found, effect)).into())
         }
     }
@@ -113,9 +114,9 @@ fn forward(study: &Study, participant: Option<&str>) -> Result<ForwardModel, Fai
     let participant = name.as_deref().and_then(|name| study.participant(name)).ok_or_else(|| {
         let known: Vec<&str> = study.participants.iter().map(|p| p.name.as_str()).collect();
         let text = format!("there is no participant `{}`", name.as_deref().unwrap_or_default());
-        Message::error(text).in_file(&study.file).hint(format!("there are: {}", known.join(", ")))
+        Diagnostic::error(text).in_file(&study.file).hint(format!("there are: {}", known.join(", ")))
     })?;
-    let at_model = |text: String| Message::error(text).in_file(&participant.model);
+    let at_model = |text: String| Diagnostic::error(text).in_file(&participant.model);
     let file = OsimFile::read(&participant.model).map_err(|e| at_model(e.to_string()))?;
     let model = MusculoskeletalModel::compile(&file.spec, &Setup::from_settings(&study.settings))
         .map_err(|e| at_model(e.to_string()))?;

@@ -1,16 +1,17 @@
 //! What the dissertation concluded, beside what this study shows: every verdict is computed from the steps before.
 
 use super::{Context, Step, Told, evaluate, ultrasound};
-use crate::cli::account::csv_text;
-use crate::cli::commands::evaluate::{LINEAR, ReportParts};
+use crate::cli::commands::evaluate::LINEAR;
 use crate::cli::failure::Failure;
-use crate::cli::screening::ConditionSensitivity;
-use crate::cli::study_run::ParticipantRun;
+use crate::cli::report_parts::ReportParts;
 use crate::cli::table::{fixed, table};
-use crate::cli::units::Unit;
 use crate::evaluation::{Cohort, CohortMeasure};
 use crate::report::article::{Block, TextTable, p_text};
 use crate::sensitivity::{ScreenedProperty, SensitivityCohort};
+use crate::session::account::csv_text;
+use crate::session::loading::LoadedParticipant;
+use crate::session::screening::ConditionSensitivity;
+use crate::session::units::Unit;
 use crate::statistics::{PairedT, paired_t_test};
 
 use super::scale::STRENGTH;
@@ -72,7 +73,7 @@ impl Step for Conclusions {
         "Beside the dissertation"
     }
 
-    fn units<'a>(&self, _: &'a Context, _: &'a ParticipantRun) -> Result<Vec<Unit<'a>>, Failure> {
+    fn units<'a>(&self, _: &'a Context, _: &'a LoadedParticipant) -> Result<Vec<Unit<'a>>, Failure> {
         Ok(Vec::new())
     }
 

@@ -4,14 +4,15 @@ use super::{Context, Step, Told};
 use crate::cli::args::{Global, StudyArgs};
 use crate::cli::commands::dynamometer::{COLUMNS, Outcome, constants, process, rows, trials_csv};
 use crate::cli::commands::dynamometer_drag;
-use crate::cli::commands::evaluate::ReportParts;
-use crate::cli::failure::{Failure, Message};
-use crate::cli::study_run::{ParticipantRun, StudyRun};
+use crate::cli::failure::{Diagnostic, Failure};
+use crate::cli::report_parts::ReportParts;
+use crate::cli::study_run::StudyRun;
 use crate::cli::table::table;
-use crate::cli::units::Unit;
 use crate::dynamometer::DragEstimate;
 use crate::report::article::{Block, TextTable};
 use crate::report::significant;
+use crate::session::loading::LoadedParticipant;
+use crate::session::units::Unit;
 use crate::study::ProcessingSettings;
 
 /// Folder of the processed study in that of the results.
@@ -29,7 +30,7 @@ pub struct Processed {
     /// Drag that was reckoned with [N·m·s/rad].
     damping: f64,
     /// Why some participants' recordings could not be processed.
-    pub failures: Vec<Message>,
+    pub failures: Vec<Diagnostic>,
 }
 
 /// The study that all other steps work on: the one given, or what its `[processing]` makes of it.
@@ -38,13 +39,13 @@ pub struct Processed {
 /// The study, its recordings, the output folder.
 pub fn prepare(args: &StudyArgs, global: &Global) -> Result<(StudyRun, Option<Processed>), Failure> {
     let given = StudyRun::prepare(args, "study")?;
-    let settings = &given.study.settings;
+    let settings = &given.study.tables.settings;
     if settings.processing == ProcessingSettings::default() {
         return Ok((given.scaling_models(), None));
     }
     let (constants, damping) =
         (constants(&settings.processing, settings.dynamometer.damping), settings.dynamometer.damping);
-    let drag = dynamometer_drag::of_study(&given.study)?;
+    let drag = dynamometer_drag::of_study(&given.study.tables)?;
     let raw = StudyRun::prepare_processed(
         &StudyArgs { out: args.out.join(FOLDER), ..args.clone() },
         &given.study,
@@ -69,7 +70,7 @@ impl Step for Dynamometer {
         "Dynamometer"
     }
 
-    fn units<'a>(&self, _: &'a Context, _: &'a ParticipantRun) -> Result<Vec<Unit<'a>>, Failure> {
+    fn units<'a>(&self, _: &'a Context, _: &'a LoadedParticipant) -> Result<Vec<Unit<'a>>, Failure> {
         Ok(Vec::new()) // Recordings are processed before anything else.
     }
 

@@ -3,14 +3,14 @@
 use std::path::Path;
 
 use super::{Context, Step, Told};
-use crate::cli::account::csv_text;
 use crate::cli::commands::emg::{COLUMNS, Outcome, constants, findings, processed, rows};
-use crate::cli::commands::evaluate::ReportParts;
 use crate::cli::failure::Failure;
-use crate::cli::study_run::ParticipantRun;
+use crate::cli::report_parts::ReportParts;
 use crate::cli::table::table;
-use crate::cli::units::{Unit, value};
 use crate::report::article::{Block, TextTable};
+use crate::session::account::csv_text;
+use crate::session::loading::LoadedParticipant;
+use crate::session::units::{Unit, value};
 use crate::study::EmgSignal;
 
 /// The step.
@@ -25,8 +25,8 @@ impl Step for Emg {
         "EMG"
     }
 
-    fn units<'a>(&self, context: &'a Context, run: &'a ParticipantRun) -> Result<Vec<Unit<'a>>, Failure> {
-        let EmgSignal::Raw(processing) = &context.study.study.settings.emg else { return Ok(Vec::new()) };
+    fn units<'a>(&self, context: &'a Context, run: &'a LoadedParticipant) -> Result<Vec<Unit<'a>>, Failure> {
+        let EmgSignal::Raw(processing) = &context.study.study.tables.settings.emg else { return Ok(Vec::new()) };
         let name = &run.participant.name;
         let folder = Path::new(self.id()).join(name);
         let work = move || value(&processed(context.study, &run.participant, processing, context.global, &folder)?);
@@ -34,18 +34,18 @@ impl Step for Emg {
         Ok(vec![Unit { place, depends_on: String::new(), work: Box::new(work) }])
     }
 
-    fn write(&self, context: &Context, run: &ParticipantRun) -> Result<(), Failure> {
+    fn write(&self, context: &Context, run: &LoadedParticipant) -> Result<(), Failure> {
         // A unit that was found finished wrote its files then.
         context.study.out.keep(Path::new(self.id()).join(&run.participant.name));
         Ok(())
     }
 
     fn section(&self, context: &Context) -> Result<Told, Failure> {
-        let EmgSignal::Raw(processing) = &context.study.study.settings.emg else {
+        let EmgSignal::Raw(processing) = &context.study.study.tables.settings.emg else {
             return Ok(Told::NotRun("the study's EMG is normalized already ([emg] kind = \"normalized\")".to_string()));
         };
         let mut all: Vec<Outcome> = context.store.finished(self.id())?;
-        all.sort_by_key(|o| context.study.participants.iter().position(|p| p.name == o.participant));
+        all.sort_by_key(|o| context.study.participants().iter().position(|p| p.name == o.participant));
         if all.is_empty() {
             return Ok(Told::NotRun("no participant could be read".to_string()));
         }

@@ -8,11 +8,11 @@ use super::{Context, Step, Told};
 use crate::cli::cohort_report::{self, ModelName, Representative};
 use crate::cli::commands::evaluate::{LINEAR, evaluate};
 use crate::cli::failure::Failure;
-use crate::cli::provenance::hash;
-use crate::cli::study_run::ParticipantRun;
-use crate::cli::units::{Unit, value};
 use crate::evaluation::{Cohort, ConditionError};
 use crate::personalization::{Optimizer, TrainingCase};
+use crate::session::loading::LoadedParticipant;
+use crate::session::provenance::hash;
+use crate::session::units::{Unit, value};
 
 /// The step.
 pub struct Evaluate;
@@ -35,7 +35,7 @@ impl Step for Evaluate {
         "Evaluation on held-out trials"
     }
 
-    fn units<'a>(&self, context: &'a Context, run: &'a ParticipantRun) -> Result<Vec<Unit<'a>>, Failure> {
+    fn units<'a>(&self, context: &'a Context, run: &'a LoadedParticipant) -> Result<Vec<Unit<'a>>, Failure> {
         let cases = files(context, run, Optimizer::ExactGradients)?;
         let mut names: Vec<ModelName> = cases.iter().map(|(case, _)| name_of(case)).collect();
         let mut models: Vec<_> = cases.iter().map(|(case, file)| (case.id(), file.spec.clone())).collect();
@@ -61,7 +61,7 @@ impl Step for Evaluate {
 
     fn section(&self, context: &Context) -> Result<Told, Failure> {
         let mut units: Vec<Evaluated> = context.store.finished(self.id())?;
-        units.sort_by_key(|u| context.study.participants.iter().position(|p| p.name == u.participant));
+        units.sort_by_key(|u| context.study.participants().iter().position(|p| p.name == u.participant));
         let mut names: Vec<ModelName> = Vec::new();
         for name in units.iter().flat_map(|u| &u.models) {
             if !names.contains(name) {

@@ -1,15 +1,17 @@
 //! Intervals of the muscle parameters, what the data leave open, and which trial would narrow it down.
 
 use super::{Context, Step, Told};
-use crate::cli::account::{csv_text, warning_result};
-use crate::cli::commands::evaluate::ReportParts;
-use crate::cli::commands::identify::{Question, write};
+use crate::cli::commands::identify::request;
 use crate::cli::failure::Failure;
 use crate::cli::identify_report;
-use crate::cli::provenance::{input_file, provenance};
-use crate::cli::study_run::ParticipantRun;
-use crate::cli::units::{Unit, value};
+use crate::cli::provenance::provenance;
+use crate::cli::report_parts::ReportParts;
 use crate::report::identifiability::IdentifiabilityResult;
+use crate::session::account::{csv_text, warning_result};
+use crate::session::identify_files::write;
+use crate::session::loading::LoadedParticipant;
+use crate::session::provenance::input_file;
+use crate::session::units::{Unit, value};
 use crate::study::TrialUse;
 
 /// The step.
@@ -24,16 +26,16 @@ impl Step for Identify {
         "Identifiability and uncertainty"
     }
 
-    fn units<'a>(&self, context: &'a Context, run: &'a ParticipantRun) -> Result<Vec<Unit<'a>>, Failure> {
+    fn units<'a>(&self, context: &'a Context, run: &'a LoadedParticipant) -> Result<Vec<Unit<'a>>, Failure> {
         if !run.trials.iter().any(|t| t.info.usage == TrialUse::Train) {
             return Ok(Vec::new());
         }
         let options = &context.args.identify;
-        let question = Question::new(options)?;
+        let request = request(options, context.global.seed)?;
         let priors = options.priors.as_deref().map(|path| input_file(path, "priors", "priors")).transpose()?;
         let depends_on = format!("{options:?} {} {priors:?}", context.global.seed);
         let work = move || {
-            let (mut result, _, warnings) = question.answered(context.study, run, context.global.seed)?;
+            let (mut result, _, warnings) = request.answered(&context.study.study, run)?;
             result.warnings = warnings.iter().map(warning_result).collect();
             value(&result)
         };
@@ -41,17 +43,17 @@ impl Step for Identify {
         Ok(vec![Unit { place, depends_on, work: Box::new(work) }])
     }
 
-    fn write(&self, context: &Context, run: &ParticipantRun) -> Result<(), Failure> {
+    fn write(&self, context: &Context, run: &LoadedParticipant) -> Result<(), Failure> {
         let name = &run.participant.name;
         let place = format!("{}/{name}", self.id());
         let Some(mut result) = context.store.get::<IdentifiabilityResult>(&place)? else { return Ok(()) };
         result.provenance = provenance(context.global, run.inputs.clone());
-        write(context.study, &std::path::Path::new(self.id()).join(name), &result)
+        write(&context.study.out, &std::path::Path::new(self.id()).join(name), &result)
     }
 
     fn section(&self, context: &Context) -> Result<Told, Failure> {
         let mut all: Vec<IdentifiabilityResult> = context.store.finished(self.id())?;
-        all.sort_by_key(|r| context.study.participants.iter().position(|p| p.name == r.participant));
+        all.sort_by_key(|r| context.study.participants().iter().position(|p| p.name == r.participant));
         if all.is_empty() {
             return Ok(Told::NotRun("no participant has training trials".to_string()));
         }

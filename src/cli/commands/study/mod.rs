@@ -1,6 +1,6 @@
 //! `carpus study`: chapters 2 to 4 of the dissertation from one study folder, resumable.
 //!
-//! A study is a list of [`STEPS`]. A step divides a participant's work into [units](crate::cli::units) and, when all
+//! A study is a list of [`STEPS`]. A step divides a participant's work into [units](crate::session::units) and, when all
 //! participants are done, makes a section of the report from the units' results. A step is one file and one line of the
 //! list.
 
@@ -16,16 +16,17 @@ mod sensitivity;
 mod ultrasound;
 
 use crate::cli::args::{Global, WholeStudyArgs};
-use crate::cli::commands::evaluate::ReportParts;
-use crate::cli::failure::{self, Failure, Gravity, Message};
-use crate::cli::output::OutputFolder;
+use crate::cli::failure::{self, Diagnostic, Failure, Severity};
 use crate::cli::print_result;
 use crate::cli::provenance::provenance;
-use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
-use crate::cli::units::{Unit, UnitStore};
+use crate::cli::report_parts::ReportParts;
+use crate::cli::study_run::{StudyRun, progress};
 use crate::report::article::{Article, Block, Section};
 use crate::report::render_article;
 use crate::report::results::InputFile;
+use crate::session::loading::LoadedParticipant;
+use crate::session::output::OutputFolder;
+use crate::session::units::{Unit, UnitStore};
 
 use dynamometer::Processed;
 
@@ -77,13 +78,13 @@ pub trait Step: Sync {
     ///
     /// # Errors
     /// Why the participant's part cannot be done.
-    fn units<'a>(&self, context: &'a Context, run: &'a ParticipantRun) -> Result<Vec<Unit<'a>>, Failure>;
+    fn units<'a>(&self, context: &'a Context, run: &'a LoadedParticipant) -> Result<Vec<Unit<'a>>, Failure>;
 
     /// Writes what is not part of the report, such as models.
     ///
     /// # Errors
     /// The disk.
-    fn write(&self, _context: &Context, _run: &ParticipantRun) -> Result<(), Failure> {
+    fn write(&self, _context: &Context, _run: &LoadedParticipant) -> Result<(), Failure> {
         Ok(())
     }
 
@@ -103,11 +104,11 @@ pub fn run(args: &WholeStudyArgs, global: &Global) -> Result<(), Failure> {
     let (study, processing) = dynamometer::prepare(&args.study, global)?;
     let store = UnitStore::new(&study.out)?;
     let context = Context { study: &study, args, global, store: &store, processing };
-    let bar = progress(global, (study.participants.len() * steps.len()) as u64, "reading");
-    let (mut inputs, mut warnings): (Vec<InputFile>, Vec<Message>) = Default::default();
-    let mut printed: Vec<(&str, Vec<Message>)> = Vec::new();
+    let bar = progress(global, (study.participants().len() * steps.len()) as u64, "reading");
+    let (mut inputs, mut warnings): (Vec<InputFile>, Vec<Diagnostic>) = Default::default();
+    let mut printed: Vec<(&str, Vec<Diagnostic>)> = Vec::new();
     let mut failures = context.processing.as_ref().map(|p| p.failures.clone()).unwrap_or_default();
-    for participant in &study.participants {
+    for participant in study.participants() {
         bar.set_message(format!("{}: reading", participant.name));
         let run = match study.participant(participant) {
             Ok(run) => run,
@@ -135,7 +136,7 @@ pub fn run(args: &WholeStudyArgs, global: &Global) -> Result<(), Failure> {
             let done = |place: &str| bar.set_message(place.to_string());
             let said = store.run(&units, &hashes.join(" "), &done)?;
             let (damaged, not_done): (Vec<_>, Vec<_>) =
-                said.into_iter().partition(|message| message.gravity == Gravity::Warning);
+                said.into_iter().partition(|message| message.severity == Severity::Warning);
             // Said now, and not in the report, which does not depend on what lay in the folder.
             failure::print(&damaged);
             failures.extend(not_done);
@@ -207,7 +208,7 @@ fn chosen(names: &[String]) -> Result<Vec<&'static dyn Step>, Failure> {
                 Some(nearest) => format!("did you mean `{nearest}`?"),
                 None => format!("there are: {}", known.join(", ")),
             };
-            return Err(Message::error(format!("there is no step `{name}`")).hint(hint).into());
+            return Err(Diagnostic::error(format!("there is no step `{name}`")).hint(hint).into());
         }
     }
     Ok(STEPS.iter().copied().filter(|s| names.iter().any(|n| n == s.id())).collect())
@@ -224,11 +225,11 @@ fn add_new<T: Clone + PartialEq>(all: &mut Vec<T>, more: &[T]) {
 fn article(
     context: &Context,
     told: &[(&dyn Step, Told)],
-    warnings: &[Message],
-    failures: &[Message],
+    warnings: &[Diagnostic],
+    failures: &[Diagnostic],
     inputs: Vec<InputFile>,
 ) -> Article {
-    let text = |m: &Message| match m.place() {
+    let text = |m: &Diagnostic| match m.place() {
         Some(place) => format!("{place}: {}", m.text),
         None => m.text.clone(),
     };
@@ -241,13 +242,13 @@ fn article(
     let mut read_first: Vec<String> = failures.iter().map(|m| format!("Not done: {}", text(m))).collect();
     read_first.extend(parts().flat_map(|part| part.warnings.iter().cloned()));
     read_first.extend(warnings.iter().map(text));
-    let settings = &context.study.study.settings;
+    let settings = &context.study.study.tables.settings;
     Article {
         title: settings.name.clone(),
         kicker: "Study".to_string(),
         lead: parts().map(|p| p.lead.as_str()).filter(|l| !l.is_empty()).collect::<Vec<_>>().join(" "),
         facts: vec![
-            ("participants".to_string(), context.study.participants.len().to_string()),
+            ("participants".to_string(), context.study.participants().len().to_string()),
             ("muscles".to_string(), settings.active_muscles.join(", ")),
             ("coordinate".to_string(), settings.dynamometer.coordinate.clone()),
         ],
@@ -283,7 +284,7 @@ fn write(out: &OutputFolder, article: &Article, parts: &[(&dyn Step, &ReportPart
 /// Processor seconds of every unit: the one table that depends on the machine.
 fn write_timings(store: &UnitStore, out: &OutputFolder) -> Result<(), Failure> {
     let rows = store.seconds().into_iter().map(|(place, seconds)| vec![place, format!("{seconds:.3}")]);
-    let text = crate::cli::account::csv_text(["unit", "processor_seconds"].iter(), rows)?;
+    let text = crate::session::account::csv_text(["unit", "processor_seconds"].iter(), rows)?;
     out.put("timings.csv".as_ref(), text.as_bytes())?;
     Ok(())
 }

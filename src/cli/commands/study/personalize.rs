@@ -5,19 +5,19 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::{Context, Step, Told};
-use crate::cli::account::{csv_text, digits};
-use crate::cli::commands::evaluate::ReportParts;
-use crate::cli::commands::personalize::writing_failure;
-use crate::cli::failure::{Failure, Message};
-use crate::cli::study_run::ParticipantRun;
+use crate::cli::failure::{Diagnostic, Failure};
+use crate::cli::report_parts::ReportParts;
 use crate::cli::table::{fixed, table};
-use crate::cli::units::{Unit, value};
 use crate::osim::OsimFile;
 use crate::personalization::{
     CaseFit, CaseOptions, CaseProblem, FittedParameter, Optimizer, Property, TrainingCase, TrainingTrial, fit_case,
     write_parameters,
 };
 use crate::report::article::{Block, TextTable};
+use crate::session::account::{csv_text, digits};
+use crate::session::loading::LoadedParticipant;
+use crate::session::personalize::writing_failure;
+use crate::session::units::{Unit, value};
 
 /// The step.
 pub struct Personalize;
@@ -95,7 +95,7 @@ impl Step for Personalize {
         "Training cases"
     }
 
-    fn units<'a>(&self, context: &'a Context, run: &'a ParticipantRun) -> Result<Vec<Unit<'a>>, Failure> {
+    fn units<'a>(&self, context: &'a Context, run: &'a LoadedParticipant) -> Result<Vec<Unit<'a>>, Failure> {
         let options = CaseOptions {
             seed: context.global.seed,
             bayesian_evaluations: context.args.bayesian_evaluations as usize,
@@ -107,7 +107,7 @@ impl Step for Personalize {
             for optimizer in Optimizer::ALL {
                 units.push(Unit {
                     place: place(&run.participant.name, &case, optimizer),
-                    depends_on: format!("{options:?} {:?}", context.study.study.settings.bounds),
+                    depends_on: format!("{options:?} {:?}", context.study.study.tables.settings.bounds),
                     work: Box::new(move || value(&fitted(context, run, &case, optimizer, &options)?)),
                 });
             }
@@ -115,7 +115,7 @@ impl Step for Personalize {
         Ok(units)
     }
 
-    fn write(&self, context: &Context, run: &ParticipantRun) -> Result<(), Failure> {
+    fn write(&self, context: &Context, run: &LoadedParticipant) -> Result<(), Failure> {
         for (folder, optimizer) in
             [("models", Optimizer::ExactGradients), ("models_bayesian_sqp", Optimizer::BayesianSqp)]
         {
@@ -144,7 +144,7 @@ impl Step for Personalize {
 /// A value that cannot be written into the model.
 pub fn files(
     context: &Context,
-    run: &ParticipantRun,
+    run: &LoadedParticipant,
     optimizer: Optimizer,
 ) -> Result<Vec<(TrainingCase, OsimFile)>, Failure> {
     let mut files = Vec::new();
@@ -179,7 +179,7 @@ fn values(case: &FittedCase) -> Vec<FittedParameter> {
 
 fn fitted(
     context: &Context,
-    run: &ParticipantRun,
+    run: &LoadedParticipant,
     case: &TrainingCase,
     optimizer: Optimizer,
     options: &CaseOptions,
@@ -193,17 +193,17 @@ fn fitted(
         forces: chosen(&|case, i| case.informs_forces(&run.trials[i].info)),
         muscles: run.model.muscle_names().map(String::from).collect(),
         nominal: run.model.nominal_parameters(),
-        bounds: context.study.study.settings.bounds,
+        bounds: context.study.study.tables.settings.bounds,
     };
     let fit = fit_case(&problem, optimizer, options).map_err(|e| {
         let text = format!("participant {}, {}: {e}", run.participant.name, case.label());
-        Failure::from(Message::error(text).in_file(&context.study.study.folder.join("trials.csv")))
+        Failure::from(Diagnostic::error(text).in_file(&context.study.study.tables.folder.join("trials.csv")))
     })?;
     Ok(stored(run, case, optimizer, &problem, &fit))
 }
 
 fn stored(
-    run: &ParticipantRun,
+    run: &LoadedParticipant,
     case: &TrainingCase,
     optimizer: Optimizer,
     problem: &CaseProblem,
@@ -242,7 +242,7 @@ fn stored(
 /// In the order of participants and cases.
 fn in_order(context: &Context, mut cases: Vec<FittedCase>) -> Vec<FittedCase> {
     let order = |c: &FittedCase| {
-        let participant = context.study.participants.iter().position(|p| p.name == c.participant);
+        let participant = context.study.participants().iter().position(|p| p.name == c.participant);
         let kind = crate::personalization::CaseKind::ALL.iter().position(|k| c.case.starts_with(k.word()));
         (participant, kind, c.case.clone(), c.optimizer.clone())
     };

@@ -1,14 +1,15 @@
 //! Could this many participants have shown it? The power analysis of chapter 3, on the study's own effect.
 
 use super::{Context, Step, Told, evaluate};
-use crate::cli::account::{csv_text, digits};
-use crate::cli::commands::evaluate::{LINEAR, ReportParts};
+use crate::cli::commands::evaluate::LINEAR;
 use crate::cli::failure::Failure;
-use crate::cli::study_run::ParticipantRun;
+use crate::cli::report_parts::ReportParts;
 use crate::cli::table::{fixed, table};
-use crate::cli::units::Unit;
 use crate::evaluation::{Cohort, CohortMeasure};
 use crate::report::article::{Block, TextTable, p_text};
+use crate::session::account::{csv_text, digits};
+use crate::session::loading::LoadedParticipant;
+use crate::session::units::Unit;
 use crate::statistics::{PowerAnalysis, Tails, TestDesign, paired_t_test};
 
 /// The step.
@@ -26,7 +27,7 @@ impl Step for Power {
         "Power"
     }
 
-    fn units<'a>(&self, _: &'a Context, _: &'a ParticipantRun) -> Result<Vec<Unit<'a>>, Failure> {
+    fn units<'a>(&self, _: &'a Context, _: &'a LoadedParticipant) -> Result<Vec<Unit<'a>>, Failure> {
         Ok(Vec::new())
     }
 

@@ -4,16 +4,17 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Context, Step, Told};
-use crate::cli::account::{csv_text, digits};
-use crate::cli::commands::evaluate::{LINEAR, ReportParts};
+use crate::cli::commands::evaluate::LINEAR;
 use crate::cli::commands::strength_scale::refused;
 use crate::cli::failure::Failure;
-use crate::cli::study_run::ParticipantRun;
+use crate::cli::report_parts::ReportParts;
 use crate::cli::table::{fixed, table};
-use crate::cli::units::{Unit, value};
 use crate::osim::OsimFile;
 use crate::report::article::{Block, TextTable};
 use crate::scaling::strength_scale;
+use crate::session::account::{csv_text, digits};
+use crate::session::loading::LoadedParticipant;
+use crate::session::units::{Unit, value};
 
 /// The step.
 pub struct Scale;
@@ -53,7 +54,7 @@ impl Step for Scale {
         "Scaling"
     }
 
-    fn units<'a>(&self, context: &'a Context, run: &'a ParticipantRun) -> Result<Vec<Unit<'a>>, Failure> {
+    fn units<'a>(&self, context: &'a Context, run: &'a LoadedParticipant) -> Result<Vec<Unit<'a>>, Failure> {
         let work = move || {
             let lengths = run.scaling.iter().flat_map(|s| &s.segments).map(|s| Factor {
                 name: s.segment.clone(),
@@ -69,7 +70,7 @@ impl Step for Scale {
                 note: None,
             };
             let mut file = run.loaded.file.clone();
-            match strength_scale(&mut file, &context.study.study, &run.participant) {
+            match strength_scale(&mut file, &context.study.study.tables, &run.participant) {
                 Ok(found) => scaled.groups.extend(found.groups.iter().map(|g| Factor {
                     name: g.direction.word().to_string(),
                     unit: "N·m".to_string(),
@@ -91,7 +92,7 @@ impl Step for Scale {
         Ok(vec![Unit { place, depends_on: String::new(), work: Box::new(work) }])
     }
 
-    fn write(&self, context: &Context, run: &ParticipantRun) -> Result<(), Failure> {
+    fn write(&self, context: &Context, run: &LoadedParticipant) -> Result<(), Failure> {
         let folder = format!("models/{}", run.participant.name);
         context.study.out.write(format!("{folder}/{LINEAR}.osim"), run.loaded.file.document.bytes())?;
         if let Some(file) = strong(context, run)? {
@@ -102,7 +103,7 @@ impl Step for Scale {
 
     fn section(&self, context: &Context) -> Result<Told, Failure> {
         let mut all: Vec<Scaled> = context.store.finished(self.id())?;
-        all.sort_by_key(|s| context.study.participants.iter().position(|p| p.name == s.participant));
+        all.sort_by_key(|s| context.study.participants().iter().position(|p| p.name == s.participant));
         if all.is_empty() {
             return Ok(Told::NotRun("no participant could be read".to_string()));
         }
@@ -153,9 +154,9 @@ impl Step for Scale {
 ///
 /// # Errors
 /// A fault of this program.
-pub fn strong(context: &Context, run: &ParticipantRun) -> Result<Option<OsimFile>, Failure> {
+pub fn strong(context: &Context, run: &LoadedParticipant) -> Result<Option<OsimFile>, Failure> {
     let mut file = run.loaded.file.clone();
-    match strength_scale(&mut file, &context.study.study, &run.participant) {
+    match strength_scale(&mut file, &context.study.study.tables, &run.participant) {
         Ok(_) => Ok(Some(file)),
         Err(error) => match refused(error, &run.loaded.path) {
             Failure::Input(_) => Ok(None),

@@ -2,10 +2,10 @@
 
 use super::{Context, Step, Told};
 use crate::cli::failure::Failure;
-use crate::cli::screening::{ConditionSensitivity, ScreeningOptions, condition_name, conditions, screened};
 use crate::cli::sensitivity_report;
-use crate::cli::study_run::ParticipantRun;
-use crate::cli::units::{Unit, value};
+use crate::session::loading::LoadedParticipant;
+use crate::session::screening::{ConditionSensitivity, ScreeningOptions, condition_name, conditions, screened};
+use crate::session::units::{Unit, value};
 
 /// The step.
 pub struct Sensitivity;
@@ -22,7 +22,7 @@ impl Step for Sensitivity {
         "Sensitivity"
     }
 
-    fn units<'a>(&self, context: &'a Context, run: &'a ParticipantRun) -> Result<Vec<Unit<'a>>, Failure> {
+    fn units<'a>(&self, context: &'a Context, run: &'a LoadedParticipant) -> Result<Vec<Unit<'a>>, Failure> {
         let options = ScreeningOptions {
             starts: context.args.starts as usize,
             sobol: Some(context.args.sobol as usize).filter(|n| *n > 1),
@@ -42,7 +42,7 @@ impl Step for Sensitivity {
 
     fn section(&self, context: &Context) -> Result<Told, Failure> {
         let mut found: Vec<ConditionSensitivity> = context.store.finished(self.id())?;
-        found.sort_by_key(|f| context.study.participants.iter().position(|p| p.name == f.participant));
+        found.sort_by_key(|f| context.study.participants().iter().position(|p| p.name == f.participant));
         if found.is_empty() {
             return Ok(Told::NotRun("the study has no isometric or isotonic training trials to screen".to_string()));
         }

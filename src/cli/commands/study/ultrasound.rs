@@ -5,12 +5,10 @@ use serde::{Deserialize, Serialize};
 use super::personalize::files;
 use super::scale::{STRENGTH, strong};
 use super::{Context, Step, Told};
-use crate::cli::commands::evaluate::{LINEAR, ReportParts};
+use crate::cli::commands::evaluate::LINEAR;
 use crate::cli::commands::ultrasound::{case_result, missing_ratios, pairs_with, readable, tables};
-use crate::cli::failure::{Failure, Message};
-use crate::cli::provenance::hash;
-use crate::cli::study_run::ParticipantRun;
-use crate::cli::units::{Unit, value};
+use crate::cli::failure::{Diagnostic, Failure};
+use crate::cli::report_parts::ReportParts;
 use crate::imaging::Pair;
 use crate::multibody::Model;
 use crate::osim::OsimFile;
@@ -18,6 +16,9 @@ use crate::personalization::Optimizer;
 use crate::report::article::Block;
 use crate::report::results::rounded;
 use crate::report::ultrasound::{CaseResult, ultrasound_blocks};
+use crate::session::loading::LoadedParticipant;
+use crate::session::provenance::hash;
+use crate::session::units::{Unit, value};
 
 /// The step.
 pub struct Ultrasound;
@@ -46,9 +47,9 @@ impl Step for Ultrasound {
         "Models beside ultrasound images"
     }
 
-    fn units<'a>(&self, context: &'a Context, run: &'a ParticipantRun) -> Result<Vec<Unit<'a>>, Failure> {
+    fn units<'a>(&self, context: &'a Context, run: &'a LoadedParticipant) -> Result<Vec<Unit<'a>>, Failure> {
         let participant = &run.participant.name;
-        if !context.study.study.ultrasound.iter().any(|m| m.participant == *participant) {
+        if !context.study.study.tables.ultrasound.iter().any(|m| m.participant == *participant) {
             return Ok(Vec::new());
         }
         let fitted = files(context, run, Optimizer::ExactGradients)?;
@@ -65,9 +66,9 @@ impl Step for Ultrasound {
             let mut cases = Vec::new();
             for (id, label, file) in &models {
                 let skeleton = Model::compile(&file.spec).map_err(|e| {
-                    Failure::from(Message::error(e.to_string()).in_file(&run.loaded.path).at_line(e.at().line))
+                    Failure::from(Diagnostic::error(e.to_string()).in_file(&run.loaded.path).at_line(e.at().line))
                 })?;
-                let pairs = pairs_with(&context.study.study, participant, &file.spec, &skeleton)?;
+                let pairs = pairs_with(&context.study.study.tables, participant, &file.spec, &skeleton)?;
                 cases.push(Case { id: id.clone(), label: label.clone(), pairs });
             }
             value(&Imaged { participant: participant.clone(), cases })
@@ -82,8 +83,8 @@ impl Step for Ultrasound {
         }
         let results: Vec<CaseResult> = cases.iter().map(|c| case_result(&c.label, &c.pairs)).collect();
         let mut warnings = Vec::new();
-        missing_ratios(&context.study.study, &results, &mut warnings);
-        let imaging = &context.study.study.settings.imaging;
+        missing_ratios(&context.study.study.tables, &results, &mut warnings);
+        let imaging = &context.study.study.tables.settings.imaging;
         let tension = rounded(imaging.specific_tension / 1e4, 8);
         let [correlation, agreement, figures] = ultrasound_blocks(&results, tension, imaging.source.as_deref());
         let explained = Block::Text(format!(
@@ -104,7 +105,7 @@ impl Step for Ultrasound {
 /// All images beside every model, participants together; controls last.
 fn cases(context: &Context) -> Result<Vec<Case>, Failure> {
     let mut all: Vec<Imaged> = context.store.finished("ultrasound")?;
-    all.sort_by_key(|i| context.study.participants.iter().position(|p| p.name == i.participant));
+    all.sort_by_key(|i| context.study.participants().iter().position(|p| p.name == i.participant));
     let mut cases: Vec<Case> = Vec::new();
     for case in all.into_iter().flat_map(|i| i.cases) {
         match cases.iter_mut().find(|known| known.id == case.id) {

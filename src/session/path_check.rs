@@ -6,7 +6,7 @@
 
 use std::fmt::Write;
 
-use super::failure::{Failure, Gravity, Message};
+use super::diagnostic::{Diagnostic, Failure, Severity};
 use super::model::LoadedModel;
 use crate::osim::spec::{CoordinateIndex, MotionType, MuscleIndex};
 use crate::printable::number;
@@ -58,7 +58,7 @@ pub fn swept(
     muscle: MuscleIndex,
     moved: CoordinateIndex,
     samples: &[PathSample],
-) -> Vec<Message> {
+) -> Vec<Diagnostic> {
     let coordinate = &loaded.model.coordinates[moved.0];
     let show = |v: f64| match coordinate.motion_type {
         MotionType::Translational => format!("{v:.4} m"),
@@ -103,7 +103,7 @@ pub fn wound_message(
     polyline: f64,
     pose: &str,
     of_sweep: Option<(usize, usize)>,
-) -> Message {
+) -> Diagnostic {
     let name = &loaded.file.spec.muscles[muscle.0].name;
     let extent = of_sweep.map_or(String::new(), |(count, all)| format!(" (so at {count} of {all} values)"));
     let text = format!(
@@ -114,9 +114,9 @@ pub fn wound_message(
     )
 }
 
-fn warning(loaded: &LoadedModel, muscle: MuscleIndex, text: String) -> Message {
+fn warning(loaded: &LoadedModel, muscle: MuscleIndex, text: String) -> Diagnostic {
     let line = loaded.file.spec.muscles[muscle.0].path.at.line;
-    Message { gravity: Gravity::Warning, ..loaded.message(text) }.at_line(line)
+    Diagnostic { severity: Severity::Warning, ..loaded.message(text) }.at_line(line)
 }
 
 /// Values of the coordinate at which a study's paths are checked, over the range of its recorded angles.
@@ -135,7 +135,7 @@ pub fn over_range(
     moved: CoordinateIndex,
     posture: &[f64],
     range: [f64; 2],
-) -> Result<Vec<Message>, Failure> {
+) -> Result<Vec<Diagnostic>, Failure> {
     let [lower, upper] = range;
     // A held angle is one value.
     let count = if upper > lower { STUDY_VALUES } else { 1 };
@@ -199,7 +199,7 @@ pub fn overstretched(loaded: &LoadedModel, muscle: MuscleIndex, length: f64) -> 
 }
 
 /// The error that a path is not finite at a pose.
-fn not_finite(loaded: &LoadedModel, muscle: MuscleIndex, pose: &str, length: f64, moment_arm: f64) -> Message {
+fn not_finite(loaded: &LoadedModel, muscle: MuscleIndex, pose: &str, length: f64, moment_arm: f64) -> Diagnostic {
     let name = &loaded.file.spec.muscles[muscle.0].name;
     let line = loaded.file.spec.muscles[muscle.0].path.at.line;
     let text = format!("the path of {name} has the length {length} m and the moment arm {moment_arm} at {pose}");

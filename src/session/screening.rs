@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::failure::{Failure, Message};
-use super::study_run::ParticipantRun;
+use super::diagnostic::{Diagnostic, Failure};
+use super::loading::LoadedParticipant;
 use crate::sensitivity::{
     CohortIndex, FirstOrderEstimator, MorrisConvergence, MorrisResult, MorrisSample, MuscleScreening, Parameter,
     ScreenedProperty, SensitivityError, SobolResult, SobolSample,
@@ -82,7 +82,7 @@ impl ConditionSensitivity {
 
 /// Why a screening cannot be made.
 pub fn refused(error: SensitivityError) -> Failure {
-    Message::error(error.to_string()).into()
+    Diagnostic::error(error.to_string()).into()
 }
 
 /// The name of a condition.
@@ -93,7 +93,7 @@ pub fn condition_name((contraction, effort_percent): Condition) -> String {
     }
 }
 
-fn used(run: &ParticipantRun, i: usize) -> bool {
+fn used(run: &LoadedParticipant, i: usize) -> bool {
     let info = &run.trials[i].info;
     info.usage == TrialUse::Train && CONTRACTIONS.contains(&info.contraction)
 }
@@ -102,7 +102,7 @@ fn used(run: &ParticipantRun, i: usize) -> bool {
 ///
 /// # Errors
 /// There is none.
-pub fn conditions(run: &ParticipantRun) -> Result<Vec<Condition>, Failure> {
+pub fn conditions(run: &LoadedParticipant) -> Result<Vec<Condition>, Failure> {
     let mut conditions: Vec<Condition> = Vec::new();
     for i in (0..run.trials.len()).filter(|i| used(run, *i)) {
         let condition = (run.trials[i].info.contraction, run.trials[i].info.effort_percent);
@@ -112,7 +112,7 @@ pub fn conditions(run: &ParticipantRun) -> Result<Vec<Condition>, Failure> {
     }
     if conditions.is_empty() {
         let text = format!("participant {}: no trial with use = train to screen", run.participant.name);
-        return Err(Message::error(text).hint("isometric, isotonic and freehand trials are screened").into());
+        return Err(Diagnostic::error(text).hint("isometric, isotonic and freehand trials are screened").into());
     }
     conditions.sort_by(|a, b| (a.0.cmp(&b.0)).then(a.1.unwrap_or(0.0).total_cmp(&b.1.unwrap_or(0.0))));
     Ok(conditions)
@@ -123,7 +123,7 @@ pub fn conditions(run: &ParticipantRun) -> Result<Vec<Condition>, Failure> {
 /// # Errors
 /// A screening of which every run fails.
 pub fn screened(
-    run: &ParticipantRun,
+    run: &LoadedParticipant,
     (contraction, effort_percent): Condition,
     options: &ScreeningOptions,
 ) -> Result<ConditionSensitivity, Failure> {
@@ -140,7 +140,7 @@ pub fn screened(
     let screening = MuscleScreening::new(trials, &nominal).map_err(refused)?;
     let (morris, sobol) = analyzed(&screening, &parameters, options).map_err(|error| {
         let condition = condition_name((contraction, effort_percent));
-        Failure::from(Message::error(format!("participant {}, {condition}: {error}", run.participant.name)))
+        Failure::from(Diagnostic::error(format!("participant {}, {condition}: {error}", run.participant.name)))
     })?;
     Ok(ConditionSensitivity {
         participant: run.participant.name.clone(),

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::failure::{Failure, Gravity, Message};
+use super::diagnostic::{Diagnostic, Failure, Severity};
 use crate::evaluation::{ErrorMeasures, ErrorSummary, ErrorTable, SetErrors, TrialErrors};
 use crate::osim::spec::{ModelSpec, MotionType};
 use crate::printable;
@@ -46,7 +46,7 @@ pub struct Setting<'a> {
     /// The participant's model.
     pub spec: &'a ModelSpec,
     /// What a person should know.
-    pub warnings: &'a [Message],
+    pub warnings: &'a [Diagnostic],
 }
 
 /// Puts a results file together, without fitted parameters.
@@ -261,8 +261,9 @@ fn participant_result(participant: &Participant) -> ParticipantResult {
     }
 }
 
-pub(crate) fn warning_result(message: &Message) -> WarningResult {
-    debug_assert_eq!(message.gravity, Gravity::Warning);
+/// A warning as results have it.
+pub fn warning_result(message: &Diagnostic) -> WarningResult {
+    debug_assert_eq!(message.severity, Severity::Warning);
     WarningResult { at: message.place(), message: message.text.clone(), hint: message.hint.clone() }
 }
 

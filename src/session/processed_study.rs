@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::account::csv_text;
-use super::failure::{Failure, Message};
+use super::diagnostic::{Diagnostic, Failure};
 use super::output::OutputFolder;
 use crate::report::results::rounded;
 use crate::study::{AngleUnit, MomentPart, Participant, ProcessedTrial, Study, TrialInfo, TrialUse};
@@ -66,7 +66,7 @@ pub fn write_tables(
 ) -> Result<(), Failure> {
     if let Some(missing) = participants.iter().find(|p| !p.model.is_file()) {
         let text = format!("model of participant {} not found", missing.name);
-        return Err(Message::error(text).in_file(&missing.model).hint("the new study gets a copy of it").into());
+        return Err(Diagnostic::error(text).in_file(&missing.model).hint("the new study gets a copy of it").into());
     }
     let mut models: Vec<(PathBuf, String)> = Vec::new();
     let all = participants.iter().map(|p| &p.model).chain(std::iter::once(&study.settings.model));
@@ -80,13 +80,13 @@ pub fn write_tables(
         let name = (1..).map(|i| if i == 1 { name.clone() } else { format!("{i}_{name}") }).find(|n| !taken(n));
         let relative = format!("models/{}", name.unwrap_or_default());
         let bytes = crate::regular_file::read(model)
-            .map_err(|e| Failure::from(Message::error(format!("cannot be read: {e}")).in_file(model)))?;
+            .map_err(|e| Failure::from(Diagnostic::error(format!("cannot be read: {e}")).in_file(model)))?;
         out.write(&relative, &bytes)?;
         models.push((model.clone(), relative));
     }
     let relative = |model: &Path| models.iter().find(|(known, _)| known == model).map(|(_, name)| name.clone());
     let text = crate::regular_file::read_text(&study.file)
-        .map_err(|e| Failure::from(Message::error(format!("cannot be read: {e}")).in_file(&study.file)))?;
+        .map_err(|e| Failure::from(Diagnostic::error(format!("cannot be read: {e}")).in_file(&study.file)))?;
     out.write("study.toml", new_toml(study, &text, &relative(&study.settings.model).unwrap_or_default()).as_bytes())?;
     out.write("participants.csv", participants_csv(study, participants, &relative)?.as_bytes())?;
     out.write("trials.csv", trials_csv(trials, study)?.as_bytes())?;
@@ -210,7 +210,7 @@ fn participants_csv(
     relative: &impl Fn(&Path) -> Option<String>,
 ) -> Result<String, Failure> {
     let path = study.folder.join("participants.csv");
-    let broken = |e: csv::Error| Failure::from(Message::error(e.to_string()).in_file(&path));
+    let broken = |e: csv::Error| Failure::from(Diagnostic::error(e.to_string()).in_file(&path));
     let file = crate::regular_file::open(&path).map_err(|e| broken(e.into()))?;
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(file);
     let header: Vec<String> = reader.headers().map_err(broken)?.iter().map(str::to_owned).collect();

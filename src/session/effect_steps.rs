@@ -1,15 +1,19 @@
-//! Fitting effects step by step, and writing every step's model, the ledger, results and report.
+//! Effects added to a model step by step: every step's model as it is written, the ledger, results.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use crate::cli::account::ModelRun;
-use crate::cli::args::Global;
-use crate::cli::commands::diagnose::request;
-use crate::cli::commands::simulate::{account, write_results};
-use crate::cli::diagnosis_file::KnownDiagnosis;
-use crate::cli::failure::{Failure, Message};
-use crate::cli::residuals::residual_result;
-use crate::cli::study_run::{ParticipantRun, StudyRun, progress};
+use super::account::{ModelRun, warning_result};
+use super::candidates::candidates;
+use super::diagnosis_file::KnownDiagnosis;
+use super::diagnostic::{Diagnostic, Failure};
+use super::effect_choice::is_supported;
+use super::loading::LoadedParticipant;
+use super::output::OutputFolder;
+use super::participant::Session;
+use super::provenance::DEFAULT_SEED;
+use super::residuals::residual_result;
+use super::result_files::{account, write_results};
+use super::study::Study;
 use crate::diagnosis::addition::{FittedStep, fit_steps};
 use crate::diagnosis::diagnose::rmse;
 use crate::diagnosis::effect::Effect;
@@ -21,6 +25,104 @@ use crate::report::ledger::{Choice, Estimate, LEDGER_SCHEMA, Ledger, Step};
 use crate::report::results::{Kind, ParameterResult, Results, rounded};
 use crate::simulation::{MuscleParameters, MusculoskeletalModel};
 use crate::study::TrialUse;
+
+/// Effects that are added to a participant's model, one after the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AddEffects {
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Whether a person insists on effects that the diagnosis does not support; this is recorded.
+    pub i_choose: bool,
+}
+
+impl Default for AddEffects {
+    fn default() -> Self {
+        AddEffects { seed: DEFAULT_SEED, i_choose: false }
+    }
+}
+
+/// A model with effects.
+pub struct WithEffects {
+    /// What is written as `results.json`, with the ledger.
+    pub results: Results,
+    steps: Vec<Written>,
+}
+
+impl Session<'_> {
+    /// Fits the muscles, then with one effect after the other.
+    ///
+    /// - `out`: where steps are going to be written, for warnings
+    /// - `forward`: [`super::diagnose::forward_model`] of the session, whose trials were read for a diagnosis
+    /// - `effects`: [`super::effect_choice`] says which
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated; an effect that cannot be written.
+    pub fn add_effects(
+        &self,
+        out: &OutputFolder,
+        forward: &ForwardModel,
+        effects: &[&'static dyn Effect],
+        diagnosis: &KnownDiagnosis,
+        request: &AddEffects,
+    ) -> Result<WithEffects, Failure> {
+        let (run, progress) = (&self.data, self.progress()?);
+        let at_model = |text: String| Failure::from(Diagnostic::error(text).in_file(&run.loaded.path));
+        let asked = self.estimation(forward, candidates(&[])?, request.seed);
+        let what = format!("fitting {}", run.participant.name);
+        progress.at(&what, 0, 1 + effects.len());
+        let fitted = fit_steps(&asked, effects, &|done| progress.at(&what, done, 1 + effects.len()));
+        progress.finished();
+        let fitted = fitted.map_err(|e| at_model(e.to_string()))?;
+
+        // Fits are content with less; what is reported is simulated as accurately as everywhere else, and of the angles as recorded.
+        let forward = &ForwardModel::new(&run.loaded.file.spec, &run.model, &run.trials)
+            .map_err(|e| at_model(e.to_string()))?
+            .with_given(run.given.clone());
+        let mut steps = vec![written(self, forward, "0_base".to_owned(), None)?];
+        for (i, step) in fitted.iter().enumerate() {
+            let last = step.effects.last().map_or("refit", |s| s.effect.description().id);
+            steps.push(written(self, forward, format!("{}_{last}", i + 1), Some(step))?);
+        }
+        let mut warnings = run.warnings.clone();
+        for step in steps.iter().filter(|s| s.differs > SAME * asked.mvc) {
+            let text = format!("the written model differs by {:.2e} N·m from the one that was fitted", step.differs);
+            let folder = out.path().join(&run.participant.name).join(&step.folder);
+            warnings.push(Diagnostic::warning(text).in_file(&folder));
+        }
+        let ledger = ledger(run, forward, asked.mvc, &fitted, &steps, choice(diagnosis, effects, request.i_choose));
+        let mut results = results(self, request, &ledger, &steps)?;
+        results.warnings = warnings.iter().map(warning_result).collect();
+        results.parameters = muscle_parameters(self.study, run, &steps);
+        results.diagnosis = Some(diagnosis.result.clone());
+        results.ledger = Some(ledger);
+        Ok(WithEffects { results, steps })
+    }
+}
+
+impl WithEffects {
+    /// Writes every step's model and the last one's, effects beside them, the ledger, `results.json` and its report.
+    ///
+    /// - `folder`: the participant's, in the folder of the results
+    ///
+    /// # Errors
+    /// The disk.
+    pub fn write_to(&self, out: &OutputFolder, folder: &Path) -> Result<(), Failure> {
+        for step in &self.steps {
+            let at = folder.join("steps").join(&step.folder);
+            out.write(at.join("model.osim"), step.file.document.bytes())?;
+            put_side_car(out, &at, &step.side_car)?;
+        }
+        if let Some(last) = self.steps.last() {
+            out.write(folder.join("model.osim"), last.file.document.bytes())?;
+            put_side_car(out, folder, &last.side_car)?;
+        }
+        if let Some(ledger) = &self.results.ledger {
+            let text = serde_json::to_string_pretty(ledger).map_err(|e| Failure::Internal(e.to_string()))? + "\n";
+            out.write(folder.join("ledger.json"), text.as_bytes())?;
+        }
+        write_results(out, folder, &self.results)
+    }
+}
 
 /// Written models whose moments differ by more of the largest moment from what was fitted get a warning.
 const SAME: f64 = 1e-3;
@@ -35,66 +137,22 @@ struct Written {
     differs: f64,
 }
 
-/// Fits the muscles, then with one effect after the other, and writes everything.
-///
-/// # Errors
-/// A trial that cannot be simulated; an effect that cannot be written; the disk.
-pub fn add(
-    study: &StudyRun,
-    run: &ParticipantRun,
-    forward: &ForwardModel,
-    effects: &[&'static dyn Effect],
-    diagnosis: &KnownDiagnosis,
-    i_choose: bool,
-    global: &Global,
-) -> Result<Results, Failure> {
-    let at_model = |text: String| Message::error(text).in_file(&run.loaded.path);
-    let asked = request(study, run, forward, crate::cli::commands::diagnose::candidates(&[])?, global);
-    let bar = progress(global, 1 + effects.len() as u64, &format!("fitting {}", run.participant.name));
-    let fitted = fit_steps(&asked, effects, &|done| bar.set_position(done as u64));
-    bar.finish_and_clear();
-    let fitted = fitted.map_err(|e| at_model(e.to_string()))?;
-
-    // Fits are content with less; what is reported is simulated as accurately as everywhere else, and of the angles as recorded.
-    let forward = &ForwardModel::new(&run.loaded.file.spec, &run.model, &run.trials)
-        .map_err(|e| at_model(e.to_string()))?
-        .with_given(run.given.clone());
-    let mut steps = vec![written(study, run, forward, "0_base".to_owned(), None)?];
-    for (i, step) in fitted.iter().enumerate() {
-        let last = step.effects.last().map_or("refit", |s| s.effect.description().id);
-        steps.push(written(study, run, forward, format!("{}_{last}", i + 1), Some(step))?);
-    }
-    let mut warnings = run.warnings.clone();
-    for step in steps.iter().filter(|s| s.differs > SAME * asked.mvc) {
-        let text = format!("the written model differs by {:.2e} N·m from the one that was fitted", step.differs);
-        warnings.push(Message::warning(text).in_file(&study.out.path().join(&run.participant.name).join(&step.folder)));
-    }
-    let ledger = ledger(run, forward, asked.mvc, &fitted, &steps, choice(diagnosis, effects, i_choose));
-    let mut results = results(study, run, &ledger, &steps, global)?;
-    results.warnings = warnings.iter().map(crate::cli::account::warning_result).collect();
-    results.parameters = muscle_parameters(study, run, &steps);
-    results.diagnosis = Some(diagnosis.result.clone());
-    results.ledger = Some(ledger);
-    write(study, run, &steps, &results)?;
-    Ok(results)
-}
-
 /// Puts a step into a copy of the model file and simulates what stands there.
 fn written(
-    study: &StudyRun,
-    run: &ParticipantRun,
+    session: &Session<'_>,
     forward: &ForwardModel,
     folder: String,
     step: Option<&FittedStep>,
 ) -> Result<Written, Failure> {
-    let at_model = |text: String| Failure::from(Message::error(text).in_file(&run.loaded.path));
+    let (study, run) = (session.study, &session.data);
+    let at_model = |text: String| Failure::from(Diagnostic::error(text).in_file(&run.loaded.path));
     let simulate = |forward: &ForwardModel, parameters: &[MuscleParameters], effects: &[Setting]| {
         let simulated = simulate_all(forward, parameters, effects).map_err(|e| at_model(e.to_string()))?;
         Ok::<_, Failure>(simulated.into_iter().map(|t| t.moment).collect::<Vec<_>>())
     };
     let mut file = run.loaded.file.clone();
     let mut side_car =
-        SideCar { coordinate: study.study.settings.dynamometer.coordinate.clone(), effects: run.given.clone() };
+        SideCar { coordinate: study.tables.settings.dynamometer.coordinate.clone(), effects: run.given.clone() };
     let Some(step) = step else {
         let parameters = forward.nominal_parameters();
         let moments = simulate(forward, &parameters, &[])?;
@@ -133,15 +191,8 @@ fn written(
     Ok(Written { folder, file, side_car, parameters: step.parameters.clone(), moments, differs })
 }
 
-fn choice(diagnosis: &KnownDiagnosis, effects: &[&'static dyn Effect], i_choose: bool) -> Choice {
-    let chosen: Vec<String> = effects.iter().map(|e| e.description().id.to_owned()).collect();
-    let explanations: Vec<Vec<String>> = diagnosis.result.explanations.iter().map(|e| e.effects.clone()).collect();
-    let supported = super::add::is_supported(&diagnosis.result, &chosen);
-    Choice { verdict: diagnosis.result.verdict.clone(), explanations, chosen, supported, i_choose }
-}
-
 fn ledger(
-    run: &ParticipantRun,
+    run: &LoadedParticipant,
     forward: &ForwardModel,
     mvc: f64,
     fitted: &[FittedStep],
@@ -196,12 +247,12 @@ fn ledger(
 }
 
 fn results(
-    study: &StudyRun,
-    run: &ParticipantRun,
+    session: &Session<'_>,
+    request: &AddEffects,
     ledger: &Ledger,
     steps: &[Written],
-    global: &Global,
 ) -> Result<Results, Failure> {
+    let run = &session.data;
     let models: Vec<ModelRun> = steps
         .iter()
         .zip(&ledger.steps)
@@ -213,15 +264,15 @@ fn results(
             moments: written.moments.clone(),
         })
         .collect();
-    let mut results = account(Kind::Effects, global, study, run, &models)?;
+    let mut results = account(Kind::Effects, session, request, request.seed, &models)?;
     results.residuals = models.iter().map(|m| residual_result(run, &m.id, &m.moments)).collect();
     Ok(results)
 }
 
 /// Muscle parameters before and after, with the bounds that are their prior.
-fn muscle_parameters(study: &StudyRun, run: &ParticipantRun, steps: &[Written]) -> Vec<ParameterResult> {
+fn muscle_parameters(study: &Study, run: &LoadedParticipant, steps: &[Written]) -> Vec<ParameterResult> {
     let (Some(first), Some(last)) = (steps.first(), steps.last()) else { return Vec::new() };
-    let bounds = &study.study.settings.bounds;
+    let bounds = &study.tables.settings.bounds;
     type Of = fn(&MuscleParameters) -> f64;
     let properties: [(&str, &str, Of, _); 3] = [
         ("optimal_fiber_length", "m", |p| p.optimal_fiber_length, bounds.optimal_fiber_length),
@@ -248,33 +299,23 @@ fn muscle_parameters(study: &StudyRun, run: &ParticipantRun, steps: &[Written]) 
     out
 }
 
-fn write(study: &StudyRun, run: &ParticipantRun, steps: &[Written], results: &Results) -> Result<(), Failure> {
-    let folder = PathBuf::from(&run.participant.name);
-    for step in steps {
-        let at = folder.join("steps").join(&step.folder);
-        study.out.write(at.join("model.osim"), step.file.document.bytes())?;
-        put_side_car(study, &at, &step.side_car)?;
-    }
-    if let Some(last) = steps.last() {
-        study.out.write(folder.join("model.osim"), last.file.document.bytes())?;
-        put_side_car(study, &folder, &last.side_car)?;
-    }
-    if let Some(ledger) = &results.ledger {
-        let text = serde_json::to_string_pretty(ledger).map_err(|e| Failure::Internal(e.to_string()))? + "\n";
-        study.out.write(folder.join("ledger.json"), text.as_bytes())?;
-    }
-    write_results(study, &folder, results)
+/// What a person chose, beside what the diagnosis says.
+fn choice(diagnosis: &KnownDiagnosis, effects: &[&'static dyn Effect], i_choose: bool) -> Choice {
+    let chosen: Vec<String> = effects.iter().map(|e| e.description().id.to_owned()).collect();
+    let explanations: Vec<Vec<String>> = diagnosis.result.explanations.iter().map(|e| e.effects.clone()).collect();
+    let supported = is_supported(&diagnosis.result, &chosen);
+    Choice { verdict: diagnosis.result.verdict.clone(), explanations, chosen, supported, i_choose }
 }
 
 /// Writes a side-car, or removes the one of an earlier run that would otherwise seem to belong to the model.
-fn put_side_car(study: &StudyRun, folder: &Path, side_car: &SideCar) -> Result<(), Failure> {
+fn put_side_car(out: &OutputFolder, folder: &Path, side_car: &SideCar) -> Result<(), Failure> {
     let name = folder.join("effects.toml");
     if side_car.effects.is_empty() {
-        let file = study.out.path().join(&name);
-        study.out.refuse_input(&file)?;
+        let file = out.path().join(&name);
+        out.refuse_input(&file)?;
         return remove_file(&file);
     }
-    study.out.write(name, side_car.to_toml().as_bytes())?;
+    out.write(name, side_car.to_toml().as_bytes())?;
     Ok(())
 }
 
@@ -285,7 +326,7 @@ fn put_side_car(study: &StudyRun, folder: &Path, side_car: &SideCar) -> Result<(
 pub fn remove_file(file: &Path) -> Result<(), Failure> {
     match std::fs::remove_file(file) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
-            Err(Message::error(format!("cannot be removed: {e}")).in_file(file).into())
+            Err(Diagnostic::error(format!("cannot be removed: {e}")).in_file(file).into())
         }
         _ => Ok(()),
     }

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde::{Deserialize, Serialize};
 
-use super::failure::{Failure, Message};
+use super::diagnostic::{Diagnostic, Failure};
 use super::provenance::{Hashed, hash_of};
 use crate::printable::{deceptive_in, number_of, visible_json};
 
@@ -90,7 +90,7 @@ impl OutputFolder {
     /// The folder cannot be made or written to.
     pub fn create(path: &Path, inputs: &[PathBuf]) -> Result<OutputFolder, Failure> {
         let unwritable = |error: std::io::Error| {
-            Message::error(format!("cannot write results here: {}", reason(&error)))
+            Diagnostic::error(format!("cannot write results here: {}", reason(&error)))
                 .in_file(path)
                 .hint("choose another folder with --out, or change its permissions")
         };
@@ -113,7 +113,7 @@ impl OutputFolder {
     pub fn only_of(self, command: &str) -> Result<OutputFolder, Failure> {
         let refused = |text: String| {
             let hint = "choose another folder with --out, or empty this one; beside each other they would be mixed up";
-            Failure::from(Message::error(text).in_file(&self.path).hint(hint))
+            Failure::from(Diagnostic::error(text).in_file(&self.path).hint(hint))
         };
         let Some(known) = Manifest::read(&self.path.join(MANIFEST)) else {
             let foreign = self.foreign_files();
@@ -170,7 +170,7 @@ impl OutputFolder {
                 let text = format!("holds results of another study, `{other}` ({})", other_file.display());
                 let hint =
                     "choose another folder with --out, or delete this one; beside each other they would be mixed up";
-                return Err(Message::error(text).in_file(&self.path).hint(hint).into());
+                return Err(Diagnostic::error(text).in_file(&self.path).hint(hint).into());
             }
         } else {
             known.files.retain(|_, made| made.source.is_some());
@@ -254,7 +254,7 @@ impl OutputFolder {
     ///
     /// # Errors
     /// The disk.
-    pub fn close(&self, command: &str, others: &[&str]) -> Result<Vec<Message>, Failure> {
+    pub fn close(&self, command: &str, others: &[&str]) -> Result<Vec<Diagnostic>, Failure> {
         self.close_with(command, others, Leftovers::Remove)
     }
 
@@ -262,7 +262,7 @@ impl OutputFolder {
     ///
     /// # Errors
     /// As there.
-    pub fn close_with(&self, command: &str, others: &[&str], leftovers: Leftovers) -> Result<Vec<Message>, Failure> {
+    pub fn close_with(&self, command: &str, others: &[&str], leftovers: Leftovers) -> Result<Vec<Diagnostic>, Failure> {
         let Some(mut manifest) = self.claim.clone() else { return Ok(Vec::new()) };
         if self.source.is_some() {
             // Runs from other sources may have ended meanwhile.
@@ -305,16 +305,16 @@ impl OutputFolder {
         let mut messages = Vec::new();
         if !removed.is_empty() {
             let text = format!("removed what an earlier run of {command} had left here: {}", listed(&removed));
-            messages.push(Message::warning(text).in_file(&self.path));
+            messages.push(Diagnostic::warning(text).in_file(&self.path));
         }
         if !changed.is_empty() {
             let text =
                 format!("of an earlier run of {command}, changed since then and left here: {}", listed(&changed));
-            messages.push(Message::warning(text).in_file(&self.path).hint("these files are not of this run"));
+            messages.push(Diagnostic::warning(text).in_file(&self.path).hint("these files are not of this run"));
         }
         if !named.is_empty() {
             let text = format!("of an earlier run of {command} with this file, left here: {}", listed(&named));
-            messages.push(Message::warning(text).in_file(&self.path).hint("these files are not of this run"));
+            messages.push(Diagnostic::warning(text).in_file(&self.path).hint("these files are not of this run"));
         }
         Ok(messages)
     }
@@ -369,7 +369,7 @@ impl OutputFolder {
             return Ok(None);
         }
         let unreadable =
-            |error: std::io::Error| Message::error(format!("cannot be removed: {}", reason(&error))).in_file(&path);
+            |error: std::io::Error| Diagnostic::error(format!("cannot be removed: {}", reason(&error))).in_file(&path);
         if hash_of(&crate::regular_file::read(&path).map_err(unreadable)?) != sha256
             || self.refuse_input(&path).is_err()
         {
@@ -450,14 +450,15 @@ impl OutputFolder {
         if let Some(found) = deceptive_in(&relative.to_string_lossy()) {
             let text =
                 format!("the name of this file has the character {}, which does not show as it is", number_of(found));
-            return Err(Message::error(text)
+            return Err(Diagnostic::error(text)
                 .in_file(&target)
                 .hint("change the name that the file is made from")
                 .into());
         }
         self.refuse_input(&target)?;
-        let unwritable =
-            |error: std::io::Error| Message::error(format!("cannot be written: {}", reason(&error))).in_file(&target);
+        let unwritable = |error: std::io::Error| {
+            Diagnostic::error(format!("cannot be written: {}", reason(&error))).in_file(&target)
+        };
         let folder = target.parent().unwrap_or(&self.path);
         std::fs::create_dir_all(folder).map_err(unwritable)?;
         let mut file = tempfile::Builder::new().prefix(".carpus-").tempfile_in(folder).map_err(unwritable)?;
@@ -476,7 +477,7 @@ impl OutputFolder {
         match manifest.files.get(&name_of(relative)).filter(|made| made.source.is_none() && target.exists()) {
             Some(made) => {
                 let text = format!("this is a result of {} of study `{study}`; it is not overwritten", made.command);
-                Err(Message::error(text).in_file(&target).hint("choose another folder").into())
+                Err(Diagnostic::error(text).in_file(&target).hint("choose another folder").into())
             }
             None => Ok(()),
         }
@@ -491,14 +492,14 @@ impl OutputFolder {
             return Ok(());
         }
         let text = "there is a file of this name that carpus did not make here; it is not overwritten";
-        Err(Message::error(text).in_file(&target).hint("choose another folder with --out, or move the file").into())
+        Err(Diagnostic::error(text).in_file(&target).hint("choose another folder with --out, or move the file").into())
     }
 
     /// Fails if `target` is one of the files that were read.
     pub fn refuse_input(&self, target: &Path) -> Result<(), Failure> {
         match target.canonicalize() {
             Ok(found) if self.inputs.contains(&found) => {
-                Err(Message::error("this is one of the files that are read; it is not overwritten")
+                Err(Diagnostic::error("this is one of the files that are read; it is not overwritten")
                     .in_file(target)
                     .hint("choose another folder with --out")
                     .into())
@@ -620,7 +621,7 @@ mod tests {
     }
 
     /// A run of a command that writes these files.
-    fn run(folder: &Path, study: &Path, command: &str, others: &[&str], files: &[&str]) -> Vec<Message> {
+    fn run(folder: &Path, study: &Path, command: &str, others: &[&str], files: &[&str]) -> Vec<Diagnostic> {
         let out = OutputFolder::create(folder, &[]).unwrap().claimed_for("s", study, command).unwrap();
         files.iter().for_each(|file| drop(out.write(file, file.as_bytes()).unwrap()));
         out.close(command, others).unwrap()
@@ -680,7 +681,7 @@ mod tests {
     }
 
     /// A run of a command that makes these files from a source.
-    fn run_from(folder: &Path, source: &Path, command: &str, files: &[&str], leftovers: Leftovers) -> Vec<Message> {
+    fn run_from(folder: &Path, source: &Path, command: &str, files: &[&str], leftovers: Leftovers) -> Vec<Diagnostic> {
         let out = OutputFolder::create(folder, &[]).unwrap().with_results_of(source);
         files.iter().for_each(|file| drop(out.write(file, file.as_bytes()).unwrap()));
         out.close_with(command, &[], leftovers).unwrap()

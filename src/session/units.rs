@@ -11,7 +11,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-use super::failure::{Failure, Message};
+use super::diagnostic::{Diagnostic, Failure};
 use super::output::OutputFolder;
 use super::provenance::{self, hash};
 
@@ -71,7 +71,7 @@ impl<'o> UnitStore<'o> {
     ///
     /// # Errors
     /// A fault of this program, the disk.
-    pub fn run(&self, units: &[Unit], inputs: &str, done: &(dyn Fn(&str) + Sync)) -> Result<Vec<Message>, Failure> {
+    pub fn run(&self, units: &[Unit], inputs: &str, done: &(dyn Fn(&str) + Sync)) -> Result<Vec<Diagnostic>, Failure> {
         let mut messages = Vec::new();
         let keys: Vec<String> =
             units.iter().map(|u| hash(&[self.program.as_str(), &u.place, &u.depends_on, inputs])).collect();
@@ -86,7 +86,7 @@ impl<'o> UnitStore<'o> {
                 Stored::Nothing => open.push(i),
                 Stored::Damaged => {
                     let text = "was changed or damaged after it was stored: it is computed again";
-                    messages.push(Message::warning(text).in_file(&self.out.path().join(self.file(&unit.place))));
+                    messages.push(Diagnostic::warning(text).in_file(&self.out.path().join(self.file(&unit.place))));
                     open.push(i);
                 }
             }
@@ -233,7 +233,7 @@ pub fn value<T: Serialize + DeserializeOwned>(of: &T) -> Result<Value, Failure> 
     let value = serde_json::to_value(of).map_err(|e| Failure::Internal(e.to_string()))?;
     match T::deserialize(&value) {
         Ok(_) => Ok(value),
-        Err(e) => Err(Message::error(format!("the result cannot be stored, a number is not finite: {e}"))
+        Err(e) => Err(Diagnostic::error(format!("the result cannot be stored, a number is not finite: {e}"))
             .hint("a number of the model or the trials is too large or too small to be computed with")
             .into()),
     }
@@ -330,7 +330,7 @@ mod tests {
         let fails = Unit {
             place: "s/P01/bad".into(),
             depends_on: String::new(),
-            work: Box::new(|| Err(Message::error("no trials").into())),
+            work: Box::new(|| Err(Diagnostic::error("no trials").into())),
         };
         let messages = store.run(&[fails, unit("s/P01/good", "", &count)], "", &|_| ()).unwrap();
         assert_eq!(messages.len(), 1);

@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use super::failure::{Failure, Gravity, Message};
+use super::diagnostic::{Diagnostic, Failure, Severity};
 use super::quantity::{Assignment, Quantity};
 use crate::multibody::Model;
 use crate::osim::spec::{CoordinateIndex, MotionType, MuscleIndex};
-use crate::osim::{Diagnostic, OsimError, OsimFile, Severity};
+use crate::osim::{Diagnostic as Finding, OsimError, OsimFile, Severity as FindingSeverity};
 use crate::paths::{Path as MusclePath, PathGeometry};
 use crate::study::outside_range;
 
@@ -34,21 +34,21 @@ pub enum Needs {
 ///
 /// # Errors
 /// The file is not a usable model; or it has unsupported components that matter, and they are not allowed.
-pub fn load(path: &Path, needs: Needs, allow: bool, messages: &mut Vec<Message>) -> Result<LoadedModel, Failure> {
+pub fn load(path: &Path, needs: Needs, allow: bool, messages: &mut Vec<Diagnostic>) -> Result<LoadedModel, Failure> {
     let file = OsimFile::read(path).map_err(|e| osim_failure(path, &e))?;
     let findings = &file.diagnostics;
-    messages.extend(findings.of(Severity::Warning).map(|d| finding(path, d, Gravity::Warning)));
+    messages.extend(findings.of(FindingSeverity::Warning).map(|d| finding(path, d, Severity::Warning)));
     // Muscles are judged by those who know which of them act.
-    let is_muscle = |d: &Diagnostic| file.spec.muscles.iter().any(|m| m.at.path == d.path);
-    let matters = |d: &&Diagnostic| match needs {
+    let is_muscle = |d: &Finding| file.spec.muscles.iter().any(|m| m.at.path == d.path);
+    let matters = |d: &&Finding| match needs {
         Needs::Motion => !acts_by_force(&d.path),
         Needs::Forces => !is_driver(&d.path) && !is_muscle(d),
     };
-    let unsupported: Vec<_> = findings.of(Severity::Unsupported).filter(matters).collect();
+    let unsupported: Vec<_> = findings.of(FindingSeverity::Unsupported).filter(matters).collect();
     if allow {
-        messages.extend(unsupported.iter().map(|d| finding(path, d, Gravity::Warning)));
+        messages.extend(unsupported.iter().map(|d| finding(path, d, Severity::Warning)));
     } else if !unsupported.is_empty() {
-        let errors = unsupported.iter().map(|d| finding(path, d, Gravity::Error));
+        let errors = unsupported.iter().map(|d| finding(path, d, Severity::Error));
         let mut errors: Vec<_> = messages.drain(..).chain(errors).collect();
         if let Some(last) = errors.last_mut() {
             let more = "--allow-unsupported goes on without them";
@@ -60,7 +60,7 @@ pub fn load(path: &Path, needs: Needs, allow: bool, messages: &mut Vec<Message>)
         return Err(errors.into());
     }
     let model = Model::compile(&file.spec).map_err(|e| {
-        let message = Message::error(e.to_string()).in_file(path);
+        let message = Diagnostic::error(e.to_string()).in_file(path);
         Failure::from(message.at_line(e.at().line))
     })?;
     Ok(LoadedModel { path: path.to_owned(), file, model })
@@ -77,9 +77,9 @@ fn is_driver(path: &str) -> bool {
 }
 
 /// A finding as a message.
-pub fn finding(path: &Path, diagnostic: &Diagnostic, gravity: Gravity) -> Message {
-    Message {
-        gravity,
+pub fn finding(path: &Path, diagnostic: &Finding, severity: Severity) -> Diagnostic {
+    Diagnostic {
+        severity,
         file: Some(path.to_owned()),
         line: Some(diagnostic.line),
         text: format!("{}: {}{}", diagnostic.path, diagnostic.message, elsewhere(diagnostic)),
@@ -88,7 +88,7 @@ pub fn finding(path: &Path, diagnostic: &Diagnostic, gravity: Gravity) -> Messag
 }
 
 /// At how many further lines the same was found.
-pub fn elsewhere(diagnostic: &Diagnostic) -> String {
+pub fn elsewhere(diagnostic: &Finding) -> String {
     match diagnostic.also_at.len() {
         0 => String::new(),
         1 => " (and at 1 more line)".to_string(),
@@ -97,7 +97,7 @@ pub fn elsewhere(diagnostic: &Diagnostic) -> String {
 }
 
 /// What a file that is no model is, and which command takes it, where its name and content say so.
-fn other_than_a_model(path: &Path) -> Option<Message> {
+fn other_than_a_model(path: &Path) -> Option<Diagnostic> {
     let shown = path.display();
     let is_study = |file: &Path| crate::regular_file::read_text(file).is_ok_and(|text| text.contains("[study]"));
     let of_study = |what: &str| {
@@ -119,7 +119,7 @@ fn other_than_a_model(path: &Path) -> Option<Message> {
         }
         _ => return None,
     };
-    Some(Message::error(text).in_file(path).hint(hint))
+    Some(Diagnostic::error(text).in_file(path).hint(hint))
 }
 
 /// Why a model file cannot be read, one message per problem.
@@ -129,8 +129,8 @@ pub fn osim_failure(path: &Path, error: &OsimError) -> Failure {
         return message.into();
     }
     let message_in = |file: &Path, text: String, line: usize, hint: Option<String>| {
-        let message = Message::error(text).in_file(file).at_line(line);
-        Message { hint, ..message }
+        let message = Diagnostic::error(text).in_file(file).at_line(line);
+        Diagnostic { hint, ..message }
     };
     let message = |text: String, line: usize, hint: Option<String>| message_in(path, text, line, hint);
     let messages = match error {
@@ -158,8 +158,8 @@ pub fn osim_failure(path: &Path, error: &OsimError) -> Failure {
 
 impl LoadedModel {
     /// Name of the file, for messages.
-    pub fn message(&self, text: String) -> Message {
-        Message::error(text).in_file(&self.path)
+    pub fn message(&self, text: String) -> Diagnostic {
+        Diagnostic::error(text).in_file(&self.path)
     }
 
     /// The coordinate of that name.
@@ -189,10 +189,10 @@ impl LoadedModel {
             let found = muscles.iter().position(|m| m.name == *name).map(MuscleIndex);
             found.ok_or_else(|| self.unknown("muscle", name, muscles.iter().map(|m| m.name.as_str())))
         };
-        names.iter().map(find).collect::<Result<_, Message>>().map_err(Failure::from)
+        names.iter().map(find).collect::<Result<_, Diagnostic>>().map_err(Failure::from)
     }
 
-    fn unknown<'a>(&self, what: &str, name: &str, names: impl Iterator<Item = &'a str> + Clone) -> Message {
+    fn unknown<'a>(&self, what: &str, name: &str, names: impl Iterator<Item = &'a str> + Clone) -> Diagnostic {
         let message = self.message(format!("the model has no {what} `{name}`"));
         match crate::study::nearest(name, names.clone()) {
             Some(nearest) => message.hint(format!("did you mean `{nearest}`?")),
@@ -224,14 +224,14 @@ impl LoadedModel {
     }
 
     /// The warning that several coordinates have a name: the first of them is meant, as in OpenSim.
-    pub fn ambiguous(&self, index: CoordinateIndex) -> Option<Message> {
+    pub fn ambiguous(&self, index: CoordinateIndex) -> Option<Diagnostic> {
         let specs = &self.file.spec.coordinates;
         let name = &specs[index.0].name;
         let same: Vec<&str> = specs.iter().filter(|c| c.name == *name).map(|c| c.at.path.as_str()).collect();
         let [first, others @ ..] = same.as_slice() else { return None };
         let text =
             format!("coordinate `{name}` is ambiguous: {first} is taken, as in OpenSim, not {}", others.join(", "));
-        let message = Message { gravity: Gravity::Warning, ..self.message(text) }.at_line(specs[index.0].at.line);
+        let message = Diagnostic { severity: Severity::Warning, ..self.message(text) }.at_line(specs[index.0].at.line);
         (!others.is_empty()).then(|| message.hint("give each coordinate a name of its own".to_owned()))
     }
 
@@ -240,7 +240,7 @@ impl LoadedModel {
     ///
     /// # Errors
     /// A coordinate that the model does not have, follows another, or is of another kind than the unit.
-    pub fn posture(&self, set: &[Assignment], messages: &mut Vec<Message>) -> Result<Vec<f64>, Failure> {
+    pub fn posture(&self, set: &[Assignment], messages: &mut Vec<Diagnostic>) -> Result<Vec<f64>, Failure> {
         let mut q = self.model.default_coordinates();
         for assignment in set {
             let index = self.check_settable(&assignment.coordinate, assignment.value)?;
@@ -256,12 +256,13 @@ impl LoadedModel {
     }
 
     /// The warning that a value lies outside a coordinate's range.
-    pub fn outside_range(&self, index: CoordinateIndex, value: f64) -> Message {
+    pub fn outside_range(&self, index: CoordinateIndex, value: f64) -> Diagnostic {
         let coordinate = &self.model.coordinates[index.0];
         let is_translation = coordinate.motion_type == MotionType::Translational;
         let outside = outside_range(value, coordinate.range, is_translation);
         let text = format!("coordinate `{}` is {outside}", coordinate.name);
-        Message { gravity: Gravity::Warning, ..self.message(text) }.at_line(self.file.spec.coordinates[index.0].at.line)
+        Diagnostic { severity: Severity::Warning, ..self.message(text) }
+            .at_line(self.file.spec.coordinates[index.0].at.line)
     }
 
     /// The compiled paths of muscles, each with its buffers.
