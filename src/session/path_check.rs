@@ -166,7 +166,7 @@ const SHORTEST_ACTIVE_FIBER: f64 = 0.4;
 /// The warning that even the longest path leaves the fibres of a muscle too short for any force.
 ///
 /// - `longest`: path over all recorded angles [m]
-fn never_taut(loaded: &LoadedModel, muscle: MuscleIndex, longest: f64) -> Option<Message> {
+fn never_taut(loaded: &LoadedModel, muscle: MuscleIndex, longest: f64) -> Option<Diagnostic> {
     let spec = &loaded.file.spec.muscles[muscle.0];
     let length = (longest - spec.tendon_slack_length) / spec.optimal_fiber_length;
     (length < SHORTEST_ACTIVE_FIBER).then(|| {
@@ -183,7 +183,7 @@ fn never_taut(loaded: &LoadedModel, muscle: MuscleIndex, longest: f64) -> Option
 /// The warning that a muscle's path leaves to its fibres a length to which none can be stretched.
 ///
 /// - `length`: of the path [m]
-pub fn overstretched(loaded: &LoadedModel, muscle: MuscleIndex, length: f64) -> Option<Message> {
+pub fn overstretched(loaded: &LoadedModel, muscle: MuscleIndex, length: f64) -> Option<Diagnostic> {
     let spec = &loaded.file.spec.muscles[muscle.0];
     let stretch = (length - spec.tendon_slack_length) / spec.optimal_fiber_length;
     (stretch > LONGEST_FIBER).then(|| {
