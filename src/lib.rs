@@ -23,41 +23,35 @@
 //! `ARCHITECTURE.md`. Inside the library all quantities are SI units and radians; another unit is part of a name
 //! (`angle_deg`).
 
-pub mod cli;
-pub mod diagnosis;
-pub mod dynamics;
-pub mod dynamometer;
-pub mod evaluation;
-pub mod forces;
-pub mod functions;
-pub mod identifiability;
-pub mod imaging;
-pub mod multibody;
-pub mod muscles;
-pub mod numerics;
-pub mod osim;
-pub mod paths;
-pub mod personalization;
-pub mod plausible;
-pub mod printable;
-pub mod regular_file;
-pub mod report;
-pub mod scaling;
-pub mod sensitivity;
-pub mod session;
-pub mod signals;
-pub mod simulation;
-pub mod spatial;
-pub mod statistics;
-pub mod storage;
-pub mod study;
-pub mod tools;
-
+#[cfg(feature = "session")]
 pub use session::compare::Compare;
+#[cfg(feature = "session")]
 pub use session::diagnose::Diagnose;
+#[cfg(feature = "session")]
 pub use session::diagnostic::{Diagnostic, Failure};
+#[cfg(feature = "session")]
 pub use session::identify::Identify;
+#[cfg(feature = "session")]
 pub use session::personalize::Personalize;
+#[cfg(feature = "session")]
 pub use session::plan::Plan;
+#[cfg(feature = "session")]
 pub use session::simulate::Simulate;
+#[cfg(feature = "session")]
 pub use session::study::Study;
+
+#[cfg(feature = "cli")]
+pub use carpus_cli as cli;
+pub use carpus_diagnosis as diagnosis;
+pub use carpus_identifiability as identifiability;
+pub use carpus_multibody::{dynamics, forces, multibody, muscles, paths};
+pub use carpus_numerics::{numerics, plausible, printable, regular_file, signals, spatial, statistics};
+pub use carpus_osim::{functions, osim, storage};
+pub use carpus_personalization::{personalization, sensitivity};
+#[cfg(feature = "report")]
+pub use carpus_report as report;
+#[cfg(feature = "session")]
+pub use carpus_session as session;
+pub use carpus_simulation::{evaluation, imaging, scaling, simulation};
+pub use carpus_study::{dynamometer, study};
+pub use carpus_tools as tools;

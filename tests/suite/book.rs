@@ -260,7 +260,7 @@ fn verif_only_evidence_pages_speak_of_builds_seeds_and_tuning() {
         let text = read(page);
         paragraphs(&text, |l| Some(l.trim())).iter().for_each(|(line, text)| look(page, *line, text));
     }
-    let sources = files(&root().join("src"), "rs");
+    let sources = ["src", "crates"].map(|folder| files(&root().join(folder), "rs")).concat();
     assert!(sources.len() > 200, "{} sources", sources.len());
     for source in &sources {
         let text = read(source);

@@ -72,7 +72,7 @@ fn regress_no_source_names_a_final_participant_of_the_laboratory() {
     let generated = std::fs::read_to_string(&generator).expect("the laboratory's generator");
     let seeds = whole_numbers(&generated).filter(|number| reserved.contains(number)).count();
     assert!(seeds >= 5, "the generator's final participants and studies are in the reserved range, found {seeds}");
-    let folders = ["src", "tests", "benches", "fixtures/scripts"].map(|folder| root().join(folder));
+    let folders = ["src", "crates", "tests", "benches", "fixtures/scripts"].map(|folder| root().join(folder));
     let sources = folders.iter().flat_map(|folder| files_below(folder)).filter(|path| *path != generator);
     for path in sources {
         let text = String::from_utf8_lossy(&std::fs::read(&path).expect("a readable file")).into_owned();

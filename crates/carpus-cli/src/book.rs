@@ -1,0 +1,184 @@
+//! Pages of the book that are made from the program: the commands from their arguments, the catalogue from the
+//! effects' descriptions.
+
+use std::fmt::Write;
+
+use clap::{Arg, Command, CommandFactory};
+
+use super::args::Cli;
+use super::commands::effects::{form, parameter, stage};
+use super::help;
+use carpus_diagnosis::catalogue::CATALOGUE;
+use carpus_diagnosis::effect::Description;
+
+/// Stands at the top of every page that is made here.
+const MADE: &str = "<!-- Made by `cargo run -- book --out docs/src`. -->\n\n";
+
+/// All pages: path below the book's sources, and text.
+pub fn pages() -> Vec<(String, String)> {
+    let mut pages =
+        vec![("reference/commands.md".to_string(), commands()), ("catalogue/index.md".to_string(), catalogue())];
+    pages.extend(CATALOGUE.iter().map(|e| {
+        let description = e.description();
+        (format!("catalogue/{}.md", description.id), effect(description))
+    }));
+    pages
+}
+
+fn commands() -> String {
+    let mut root = Cli::command();
+    root.build();
+    let mut text = format!(
+        "{MADE}# Commands\n\nResults go to standard output, messages to standard error. Exit codes: 0 done, 1 the input is at \
+         fault, 2 Carpus is at fault.\n\n## Options of every command\n\n"
+    );
+    let global: Vec<&Arg> = root.get_arguments().filter(|a| a.is_global_set()).collect();
+    arguments(&mut text, &global);
+    for (title, names) in help::GROUPS {
+        let found: Vec<&Command> =
+            names.iter().filter(|n| **n != "help").filter_map(|n| root.find_subcommand(n)).collect();
+        let _ = write!(text, "## {title}\n\n");
+        found.into_iter().for_each(|command| command_section(&mut text, command));
+    }
+    text
+}
+
+fn command_section(text: &mut String, command: &Command) {
+    let mut shown = command.clone();
+    let name = shown.get_bin_name().unwrap_or_else(|| command.get_name()).to_string();
+    let about = command.get_about().map(ToString::to_string).unwrap_or_default();
+    let usage = shown.render_usage().to_string();
+    let usage = usage.trim_start_matches("Usage:").split_whitespace().collect::<Vec<_>>().join(" ");
+    let _ = write!(text, "### {name}\n\n{}.\n\n```text\n{usage}\n```\n\n", prose(&about));
+    let own: Vec<&Arg> = command
+        .get_arguments()
+        .filter(|a| !a.is_global_set() && !["help", "version"].contains(&a.get_id().as_str()))
+        .collect();
+    arguments(text, &own);
+    if let Some(after) = command.get_after_help() {
+        explanation(text, &after.to_string());
+    }
+    command.get_subcommands().filter(|c| c.get_name() != "help").for_each(|sub| command_section(text, sub));
+}
+
+fn arguments(text: &mut String, arguments: &[&Arg]) {
+    if arguments.is_empty() {
+        return;
+    }
+    text.push_str("| | |\n|---|---|\n");
+    for argument in arguments {
+        let values: Vec<String> =
+            argument.get_value_names().unwrap_or_default().iter().map(|v| format!("<{v}>")).collect();
+        let takes = argument.get_action().takes_values();
+        let value = if takes { values.join(" ") } else { String::new() };
+        let word = match (argument.get_long(), argument.get_short()) {
+            (Some(long), Some(short)) => format!("-{short}, --{long} {value}"),
+            (Some(long), None) => format!("--{long} {value}"),
+            (None, Some(short)) => format!("-{short} {value}"),
+            (None, None) => value,
+        };
+        let mut what = argument.get_help().map(ToString::to_string).unwrap_or_default();
+        let defaults: Vec<_> = argument.get_default_values().iter().map(|d| d.to_string_lossy()).collect();
+        if takes && !defaults.is_empty() {
+            let _ = write!(what, " (default: {})", defaults.join(", "));
+        }
+        let possible: Vec<String> = argument.get_possible_values().iter().map(|v| v.get_name().to_string()).collect();
+        if takes && !possible.is_empty() {
+            let _ = write!(what, "; one of {}", possible.join(", "));
+        }
+        let _ = writeln!(text, "| `{}` | {} |", word.trim().replace('|', "\\|"), prose(&what).replace('|', "\\|"));
+    }
+    text.push('\n');
+}
+
+/// The explanation below a command's options: indented lines are code, the others paragraphs.
+fn explanation(text: &mut String, after: &str) {
+    let mut is_code = false;
+    for line in after.lines() {
+        let indented = line.starts_with("  ");
+        if indented && !is_code {
+            text.push_str("\n```text\n");
+        } else if !indented && is_code {
+            text.push_str("```\n\n");
+        }
+        is_code = indented;
+        match line.strip_prefix("  ") {
+            Some(code) => text.push_str(code),
+            None => text.push_str(&prose(line)),
+        }
+        text.push('\n');
+    }
+    text.push_str(if is_code { "```\n\n" } else { "\n" });
+}
+
+/// Text with the characters written out that Markdown would take for its own. Code in back quotes stays.
+fn prose(text: &str) -> String {
+    let escaped = |part: &str| part.replace('<', "&lt;").replace('*', "\\*").replace('[', "\\[").replace(']', "\\]");
+    let parts = text.split('`').enumerate();
+    parts.map(|(i, part)| if i % 2 == 1 { format!("`{part}`") } else { escaped(part) }).collect()
+}
+
+fn catalogue() -> String {
+    let mut text = format!(
+        "{MADE}# Catalogue of effects\n\n{} physical effects that a model may lack, each with its equation, plausible sizes, \
+         signature and rivals. `carpus effects` prints this list, `carpus effects ID` one of them, `--json` all of it for \
+         programs. [`carpus diagnose`](../tutorial/missing-physics.md) asks which of them the recordings call for.\n\n\
+         In a model, *native* means that a component or property of stock OpenSim 4.6 gives the effect; *controls* that no \
+         component does, and that it could be computed into the excitations; *side-car* neither. `carpus effect add` keeps the \
+         last two in `effects.toml` beside the model.\n\n| effect | acts on | in a model | identifiable |\n|---|---|---|---|\n",
+        CATALOGUE.len()
+    );
+    for d in CATALOGUE.iter().map(|e| e.description()) {
+        let identifiable = if d.unidentifiable.is_some() { "no" } else { "yes" };
+        let _ = writeln!(
+            text,
+            "| [{}]({}.md) | {} | {} | {identifiable} |",
+            prose(d.name),
+            d.id,
+            stage(d.stage),
+            form(d).0
+        );
+    }
+    text
+}
+
+fn effect(d: &Description) -> String {
+    let mut text = format!("{MADE}# {}\n\n`{}`, acts on: {}.\n\n", prose(d.name), d.id, stage(d.stage));
+    let equation = d.equation.split_whitespace().collect::<Vec<_>>().join(" ");
+    let _ = write!(text, "## Equation\n\n```text\n{}\n```\n\n## Parameters\n\n", equation.replace("; ", ";\n"));
+    d.parameters.iter().for_each(|p| {
+        let _ = writeln!(text, "- {}", prose(&parameter(p)));
+    });
+    let _ = write!(text, "\n## How it shows\n\n{}.\n\n", capital(d.signature));
+    let _ = write!(text, "Exposed by: {}.\n\n## Rivals\n\n", prose(d.experiment));
+    let rivals: Vec<String> = d.rivals.iter().map(|id| rival(id)).collect();
+    match rivals.is_empty() {
+        true => text.push_str("None in the catalogue.\n"),
+        false => rivals.iter().for_each(|r| {
+            let _ = writeln!(text, "- {r}");
+        }),
+    }
+    let (kind, what) = form(d);
+    let _ = write!(text, "\n## In a model\n\n{}: {}.\n\n## Identifiable\n\n", capital(kind), prose(what));
+    match d.unidentifiable {
+        Some(why) => {
+            let _ = writeln!(text, "No: {}.", prose(why));
+        }
+        None => text.push_str("Where the trials allow it; `carpus diagnose` says so.\n"),
+    }
+    text
+}
+
+/// A rival with its page; one that is no effect of the catalogue is named as it is.
+fn rival(id: &str) -> String {
+    match CATALOGUE.iter().map(|e| e.description()).find(|d| d.id == id) {
+        Some(d) => format!("[{}]({}.md)", prose(d.name), d.id),
+        None => prose(id),
+    }
+}
+
+fn capital(text: &str) -> String {
+    let mut characters = text.chars();
+    let first: String = characters.next().into_iter().flat_map(char::to_uppercase).collect();
+    prose(&format!("{first}{}", characters.as_str()))
+}

@@ -1,0 +1,208 @@
+//! `carpus diagnose`: where the model fails, and which physical effect is missing.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::plan::as_table;
+use crate::args::{DiagnoseArgs, Global};
+use crate::failure::{self, Failure};
+use crate::study_run::{StudyRun, progress};
+use crate::table::{fixed, table};
+use carpus_diagnosis::catalogue::{effect, with_own};
+use carpus_diagnosis::diagnose::{Diagnosis, ParameterEstimate, Verdict, is_determined};
+use carpus_diagnosis::named::NamedEffect;
+use carpus_diagnosis::separation::{SEPARABLE_Z, Separation};
+use carpus_diagnosis::what_remains::ProposedFormula;
+use carpus_report::intervals::with_validity;
+use carpus_session::candidates::{candidates, names_of};
+use carpus_session::diagnose::{Diagnose, forward_model};
+use carpus_session::diagnosis_file::proposal_file;
+use carpus_session::loading::Purpose;
+
+/// Effects of a group that are listed.
+const IN_GROUP: usize = 3;
+
+/// Runs the command.
+///
+/// # Errors
+/// The study, its models and trials, the candidates, or the output folder.
+pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
+    candidates(&args.candidates)?;
+    let study = StudyRun::prepare_with(&args.study, args.effects.file(), "diagnose")?;
+    let request = Diagnose { seed: global.seed, candidates: args.candidates.clone(), baselines: args.baselines };
+    let bar = progress(global, study.participants().len() as u64, "diagnosing");
+    let outcomes = study.each_of(|participant| {
+        let session = participant.load_for(Purpose::Diagnosis)?;
+        failure::print(&session.data.warnings);
+        let diagnosed = session.diagnosed(&forward_model(&session.data)?, &request)?;
+        diagnosed.write_to(&study.out, Path::new(&participant.about().name))?;
+        bar.inc(1);
+        Ok((diagnosed.diagnosis, diagnosed.known.value))
+    });
+    bar.finish_and_clear();
+    let outcomes = outcomes?;
+    if global.json {
+        let text = serde_json::Value::Array(outcomes.done.iter().map(|(_, value)| value.clone()).collect()).to_string();
+        return outcomes.print(&study, "diagnose", &text);
+    }
+    let page = |d: &Diagnosis| study.out.path().join(&d.participant).join("report.html").display().to_string();
+    let shown = |(d, _): &(Diagnosis, serde_json::Value)| format!("{}\n\n{}", readable(d), page(d));
+    let text = outcomes.done.iter().map(shown).collect::<Vec<_>>().join("\n\n");
+    outcomes.print(&study, "diagnose", &text)
+}
+
+/// A verdict in words.
+pub fn in_words(diagnosis: &Diagnosis) -> String {
+    let sets: Vec<String> = diagnosis.explanations.iter().map(|e| names_of(&e.effects)).collect();
+    match diagnosis.verdict {
+        Verdict::Identified => format!("consistent with one missing effect: {}", sets.join("")),
+        Verdict::TwoEffects => format!("no single effect explains the data; consistent with {}", sets.join("")),
+        Verdict::CannotTell => format!("cannot tell; consistent with any of: {}", sets.join("; ")),
+        Verdict::NothingDetectable => "nothing detectable beyond muscle parameters and noise".to_string(),
+        Verdict::Negligible => format!("detectable but negligible; consistent with {}", sets.join("; ")),
+        Verdict::Unknown if diagnosis.candidates.len() < with_own().len() => {
+            "something is missing, and no effect that was considered explains it".to_string()
+        }
+        Verdict::Unknown => "something is missing, and no effect of the catalogue explains it".to_string(),
+        Verdict::Implausible => format!("only implausible sizes explain the data: {}", sets.join("; ")),
+        Verdict::Dominant => format!("many things are a little wrong; missing beyond that: {}", groups(diagnosis)),
+        Verdict::Several if diagnosis.effects.iter().all(|e| !e.dominant) => {
+            format!("many things are a little wrong, and none stands out; the largest first: {}", groups(diagnosis))
+        }
+        Verdict::Several => {
+            format!("many things are a little wrong; missing beyond that, the largest first: {}", groups(diagnosis))
+        }
+    }
+}
+
+/// Effects that are missing where many things are a little wrong, each with those that cannot be told from it.
+fn groups(diagnosis: &Diagnosis) -> String {
+    let name = |e: &NamedEffect| match e.group.as_slice() {
+        [_] => names_of(&[e.effect]),
+        group => {
+            let listed: Vec<String> = group.iter().take(IN_GROUP).map(|id| names_of(&[*id])).collect();
+            let more = match group.len().saturating_sub(IN_GROUP) {
+                0 => String::new(),
+                more => format!(" and {more} more"),
+            };
+            format!("one of {}{more}", listed.join(" / "))
+        }
+    };
+    diagnosis.effects.iter().map(name).collect::<Vec<_>>().join("; ")
+}
+
+/// A row per effect that is missing where many things are a little wrong: probability, share of the error, parameters.
+fn several_rows(diagnosis: &Diagnosis) -> Vec<Vec<String>> {
+    let row = |e: &NamedEffect| {
+        let parameters = e.parameters.iter().map(|(name, p)| {
+            format!(
+                "{name} {:.4} [{:.4}, {:.4}] {}",
+                p.value,
+                p.ci95[0],
+                p.ci95[1],
+                if p.unit == "1" { "" } else { p.unit }
+            )
+        });
+        let percent =
+            |[value, low, high]: [f64; 3]| format!("{:.0} [{:.0}, {:.0}]", 100.0 * value, 100.0 * low, 100.0 * high);
+        vec![
+            e.effect.to_owned(),
+            fixed(e.probability, 2),
+            percent(e.share_of_error.train),
+            e.share_of_error.held_out.map_or("–".to_owned(), percent),
+            parameters.map(|p| p.trim_end().to_owned()).collect::<Vec<_>>().join("\n"),
+        ]
+    };
+    diagnosis.effects.iter().map(row).collect()
+}
+
+/// A row per parameter: name, estimate, what is plausible, and one more column.
+fn estimate_rows(parameters: &BTreeMap<String, ParameterEstimate>, last: &str) -> Vec<Vec<String>> {
+    let row = |(name, p): (&String, &ParameterEstimate)| {
+        let interval = match is_determined(p.ci95) {
+            true => with_validity(format!("[{:.4}, {:.4}]", p.ci95[0], p.ci95[1]), p.ci95, p.value),
+            false => "(not determined)".to_owned(),
+        };
+        vec![
+            name.clone(),
+            format!("{:.4} {interval} {}", p.value, p.unit),
+            format!("{} to {}", p.plausible[0], p.plausible[1]),
+            last.to_owned(),
+        ]
+    };
+    parameters.iter().map(row).collect()
+}
+
+/// The most useful experiment of every pair.
+fn best_of_pairs(separations: &[Separation]) -> Vec<&Separation> {
+    let mut best: Vec<&Separation> = Vec::new();
+    for s in separations {
+        if best.iter().all(|b| b.separates != s.separates) {
+            best.push(s);
+        }
+    }
+    best
+}
+
+fn readable(diagnosis: &Diagnosis) -> String {
+    let mut text = format!("{}: {}\n", diagnosis.participant, in_words(diagnosis));
+    let percent = |v: Option<f64>| v.map_or("–".to_string(), |v| fixed(100.0 * v, 2));
+    let mut rows = Vec::new();
+    let steps = [("training", Some(diagnosis.error.train)), ("held out", diagnosis.error.held_out)];
+    for (name, steps) in steps {
+        let Some(s) = steps else { continue };
+        let floor = percent(Some(diagnosis.error.noise_floor));
+        rows.push(vec![
+            name.to_string(),
+            percent(Some(s.base)),
+            percent(Some(s.refit_only)),
+            percent(s.with_effect),
+            floor,
+        ]);
+    }
+    text.push_str("\nRMSE in % of the session's MVC moment\n");
+    text.push_str(&table(&["trials", "as given", "muscles refitted", "with effect", "noise floor"], 1, rows));
+    if matches!(diagnosis.verdict, Verdict::Dominant | Verdict::Several) {
+        text.push_str("\n\nMissing effects: probability, and share of the model's mean squared error that each takes beside those above it\n");
+        let header = ["effect", "probability", "training %", "held out %", "parameters, 95 % intervals"];
+        text.push_str(&table(&header, 4, several_rows(diagnosis)));
+        text.push_str("\n`carpus effect auto STUDY` adds them, one after the other");
+    } else if !diagnosis.explanations.is_empty() {
+        text.push_str("\n\nExplanations that leave nothing\n");
+        let rows = diagnosis.explanations.iter().flat_map(|e| estimate_rows(&e.parameters, &fixed(e.p_value, 3)));
+        text.push_str(&table(&["parameter", "estimate, 95 % interval", "plausible", "p"], 2, rows));
+        if !diagnosis.separating_experiments.is_empty() {
+            text.push_str(&format!(
+                "\n\nFurther trials that would tell (z: standard deviations; told apart from {SEPARABLE_Z})\n{}",
+                as_table(best_of_pairs(&diagnosis.separating_experiments))
+            ));
+        }
+    } else if diagnosis.verdict == Verdict::NothingDetectable {
+        text.push_str(&format!("\n\np = {:.3}. Smallest sizes that would have been found:\n", diagnosis.null_p_value));
+        let rows = diagnosis.candidates.iter().flat_map(|c| {
+            let unit = |name: &str| {
+                let description = effect(c.effect).map(|e| e.description());
+                description.and_then(|d| d.parameters.iter().find(|p| p.name == name)).map_or("", |p| p.unit)
+            };
+            c.detectable_size.iter().map(move |(name, size)| {
+                vec![c.effect.to_string(), (*name).to_string(), format!("{size:.4}"), unit(name).to_owned()]
+            })
+        });
+        text.push_str(&table(&["effect", "parameter", "size", "unit"], 2, rows));
+    }
+    if !diagnosis.proposals.is_empty() {
+        text.push_str(
+            "\n\nWhat remains looks like this moment [N·m]; share of its mean square in trials that were left out\n",
+        );
+        let row = |(i, p): (usize, &ProposedFormula)| {
+            vec![p.formula.clone(), fixed(100.0 * p.share_of_error, 0), proposal_file(i)]
+        };
+        let rows = diagnosis.proposals.iter().enumerate().map(row);
+        text.push_str(&table(&["formula", "%", "as an effect of your own"], 1, rows));
+        text.push_str("\n`carpus effect add STUDY proposal_1 --own-effect …/proposal_1.toml --i-choose` adds one");
+    }
+    if !diagnosis.not_testable.is_empty() {
+        text.push_str(&format!("\n\nNot testable with these trials: {}", diagnosis.not_testable.join(", ")));
+    }
+    text
+}

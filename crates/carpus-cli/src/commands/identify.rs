@@ -1,0 +1,113 @@
+//! `carpus identify`: intervals of muscle parameters, what the data leave open, and which trial would narrow it down.
+
+use std::path::Path;
+
+use crate::args::{Global, IdentifyArgs, IdentifyOptions};
+use crate::failure::{self, Diagnostic, Failure};
+use crate::study_run::{StudyRun, progress};
+use crate::table::{fixed, table};
+use carpus_identifiability::MuscleProperty;
+use carpus_report::identifiability::{CombinationResult, IdentifiabilityResult};
+use carpus_report::intervals::with_validity;
+use carpus_session::identify::{Identify, Priors};
+use carpus_session::loading::Purpose;
+
+/// Runs the command.
+///
+/// # Errors
+/// The study, its models and trials, the priors, or the output folder.
+pub fn run(args: &IdentifyArgs, global: &Global) -> Result<(), Failure> {
+    let request = request(&args.options, global.seed)?;
+    let study = StudyRun::prepare(&args.study, "identify")?;
+    let bar = progress(global, study.participants().len() as u64, "identifying");
+    let outcomes = study.each_of(|participant| {
+        let session = participant.load_for(Purpose::Identification)?;
+        let identified = session.identify(&request)?;
+        failure::print(&identified.warnings);
+        identified.write_to(&study.out, Path::new(&participant.about().name))?;
+        bar.inc(1);
+        Ok(identified.result)
+    });
+    bar.finish_and_clear();
+    let outcomes = outcomes?;
+    let text = if global.json {
+        serde_json::to_string(&outcomes.done).map_err(|e| Failure::Internal(e.to_string()))?
+    } else {
+        outcomes.done.iter().map(|r| readable(r, &study)).collect::<Vec<_>>().join("\n\n")
+    };
+    outcomes.print(&study, "identify", &text)
+}
+
+/// What is asked on the command line.
+///
+/// # Errors
+/// An unknown property; the priors.
+pub fn request(options: &IdentifyOptions, seed: u64) -> Result<Identify, Failure> {
+    let priors = options.priors.as_deref().map(Priors::read).transpose()?;
+    let properties = properties(&options.properties)?;
+    let (tie, level, draws) = (options.tie.clone(), options.level, options.draws as usize);
+    Ok(Identify { seed, properties, tie, priors, level, draws })
+}
+
+fn properties(names: &[String]) -> Result<Vec<MuscleProperty>, Failure> {
+    if names.is_empty() {
+        return Ok(MuscleProperty::USUAL.to_vec());
+    }
+    names
+        .iter()
+        .map(|name| {
+            MuscleProperty::from_name(name).ok_or_else(|| {
+                let message = Diagnostic::error(format!("--properties: there is no property `{name}`"));
+                let known = MuscleProperty::ALL.map(MuscleProperty::name);
+                let hint = match carpus_study::study::nearest(name, known) {
+                    Some(nearest) => format!("did you mean `{nearest}`?"),
+                    None => format!("there are: {}", known.join(", ")),
+                };
+                message.hint(hint).into()
+            })
+        })
+        .collect()
+}
+
+fn readable(r: &IdentifiabilityResult, study: &StudyRun) -> String {
+    let level = format!("{} %", 100.0 * r.level);
+    let mut text = format!("{}: {} training trials, {level} intervals\n", r.participant, r.trials);
+    let rows = r.parameters.iter().map(|p| {
+        let (scale, unit, decimals) = match p.unit.as_str() {
+            "m" => (1e3, "mm", 1),
+            "rad" => (1f64.to_degrees(), "°", 1),
+            "N" => (1.0, "N", 0),
+            other => (1.0, other, 3),
+        };
+        let number = |v: f64| fixed(scale * v, decimals);
+        let end =
+            |i: usize| if p.end_from_data[i] { number(p.interval[i]) } else { format!("[{}]", number(p.interval[i])) };
+        vec![
+            p.muscle.clone(),
+            p.property.clone(),
+            unit.to_string(),
+            number(p.model),
+            number(p.most_likely),
+            end(0),
+            with_validity(end(1), p.interval, p.most_likely),
+            format!("{} … {}", number(p.credible[0]), number(p.credible[1])),
+            format!("{:.0} %", 100.0 * p.share_from_data),
+        ]
+    });
+    let header = ["muscle", "property", "", "model", "most likely", "from", "to", "with prior", "from data"];
+    text.push_str(&table(&header, 3, rows));
+    text.push_str("\n[ ]: the bound, which the data do not reach\n\nthe data fix            known to\n");
+    let line = |c: &CombinationResult| format!("  ±{:.2} %  {}\n", c.sd_percent, c.words);
+    r.combinations.iter().filter(|c| c.share_from_data >= 0.5).take(3).for_each(|c| text.push_str(&line(c)));
+    text.push_str("the data leave free     known to\n");
+    r.combinations.iter().rev().filter(|c| c.share_from_data < 0.5).take(3).for_each(|c| text.push_str(&line(c)));
+    text.push_str("\nnext trial              intervals shrink by\n");
+    for t in r.next_trials.iter().take(3) {
+        text.push_str(&format!(
+            "  {:.1} %  {} (most: {} {:.0} %)\n",
+            t.mean_shrinkage_percent, t.trial, t.most, t.most_percent
+        ));
+    }
+    text.push_str(&format!("\n{}\n", study.out.path().join(&r.participant).join("report.html").display()));
+    text
+}

@@ -1,0 +1,100 @@
+//! `carpus plan`: which further trials would separate the explanations that survive, and what the trials at hand can tell.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use crate::args::{Global, PlanArgs};
+use crate::bars::Bars;
+use crate::failure::{self, Failure};
+use crate::study_run::{StudyRun, progress};
+use crate::table::{fixed, table};
+use carpus_diagnosis::separability::Distance;
+use carpus_diagnosis::separation::{SEPARABLE_Z, Separation, most_useful};
+use carpus_session::candidates::{EffectSize, known, names_of};
+use carpus_session::diagnose::forward_model;
+use carpus_session::loading::Purpose;
+use carpus_session::plan::{Plan, Planned, Separability};
+
+/// Runs the command.
+///
+/// # Errors
+/// The study, its models and trials, the candidates, or the output folder.
+pub fn run(args: &PlanArgs, global: &Global) -> Result<(), Failure> {
+    if let Some(asked) = &args.effect {
+        return of_effect(asked, args, global);
+    }
+    let request = Plan { seed: global.seed, rivals: args.candidates.clone() };
+    request.named()?;
+    let study = StudyRun::prepare_with(&args.study, args.effects.file(), "plan")?;
+    let bars = Bars::new(global);
+    let outcomes = study.each_of(|participant| {
+        let session = participant.load_for(Purpose::Diagnosis)?.with_progress(&bars);
+        failure::print(&session.data.warnings);
+        let forward = forward_model(&session.data)?;
+        let diagnosis = session.known_or_made(&study.out, &forward, global.seed)?;
+        let planned = session.plan(&forward, diagnosis, &request)?;
+        planned.write_to(&study.out, Path::new(&participant.about().name))?;
+        Ok(planned)
+    })?;
+    if global.json {
+        let one = |p: &Planned| json!({ "participant": p.participant, "separating_experiments": p.separations });
+        let text = Value::Array(outcomes.done.iter().map(one).collect()).to_string();
+        return outcomes.print(&study, "plan", &text);
+    }
+    let text = outcomes.done.iter().map(readable).collect::<Vec<_>>().join("\n\n");
+    outcomes.print(&study, "plan", &text)
+}
+
+/// How far an effect of a size would be from none and from every other.
+fn of_effect(asked: &EffectSize, args: &PlanArgs, global: &Global) -> Result<(), Failure> {
+    known(&asked.id)?;
+    let study = StudyRun::prepare_with(&args.study, args.effects.file(), "plan")?;
+    let bar = progress(global, study.participants().len() as u64, "separating");
+    let bars = Bars::new(global);
+    let outcomes = study.each_of(|participant| {
+        let session = participant.load_for(Purpose::Diagnosis)?.with_progress(&bars);
+        failure::print(&session.data.warnings);
+        let found = session.separability(&forward_model(&session.data)?, asked, global.seed)?;
+        found.write_to(&study.out, Path::new(&participant.about().name))?;
+        bar.inc(1);
+        Ok(found)
+    });
+    bar.finish_and_clear();
+    let outcomes = outcomes?;
+    if global.json {
+        let text = Value::Array(outcomes.done.iter().map(|found| found.value.clone()).collect()).to_string();
+        return outcomes.print(&study, "plan --effect", &text);
+    }
+    let shown = |found: &Separability| {
+        let row = |d: &Distance| {
+            let told = if d.z >= SEPARABLE_Z { "yes" } else { "no" };
+            vec![d.rival.map_or("none".to_owned(), |id| names_of(&[id])), fixed(d.z, 1), told.to_owned()]
+        };
+        let title = format!(
+            "{}: how far {} of this size is from the best that muscles do with others in its place (z; told apart from {SEPARABLE_Z})",
+            found.participant,
+            names_of(&[&asked.id])
+        );
+        format!("{title}\n{}", table(&["in its place", "z", "told apart"], 1, found.distances.iter().map(row)))
+    };
+    let text = outcomes.done.iter().map(shown).collect::<Vec<_>>().join("\n\n");
+    outcomes.print(&study, "plan --effect", &text)
+}
+
+fn readable(planned: &Planned) -> String {
+    format!(
+        "{}: further trials, and how far they would set explanations apart (z; told apart from {SEPARABLE_Z})\n{}",
+        planned.participant,
+        as_table(most_useful(&planned.separations))
+    )
+}
+
+/// A row for every experiment.
+pub fn as_table<'a>(separations: impl IntoIterator<Item = &'a Separation>) -> String {
+    let rows = separations.into_iter().map(|s| {
+        let told = if s.z_then >= SEPARABLE_Z { "yes" } else { "no" };
+        vec![s.separates.join(" | "), s.trials.to_owned(), fixed(s.z_now, 1), fixed(s.z_then, 1), told.to_owned()]
+    });
+    table(&["tell apart", "record", "z now", "z then", "told apart"], 2, rows)
+}

@@ -1,0 +1,128 @@
+//! Recordings filtered, corrected, cut and aligned before they are the study's trials.
+
+use super::{Context, Step, Told};
+use crate::args::{Global, StudyArgs};
+use crate::commands::dynamometer::{COLUMNS, Outcome, constants, process, rows, trials_csv};
+use crate::commands::dynamometer_drag;
+use crate::failure::{Diagnostic, Failure};
+use crate::report_parts::ReportParts;
+use crate::study_run::StudyRun;
+use crate::table::table;
+use carpus_report::article::{Block, TextTable};
+use carpus_report::significant;
+use carpus_session::loading::LoadedParticipant;
+use carpus_session::units::Unit;
+use carpus_study::dynamometer::DragEstimate;
+use carpus_study::study::ProcessingSettings;
+
+/// Folder of the processed study in that of the results.
+const FOLDER: &str = "processed";
+
+/// The step.
+pub struct Dynamometer;
+
+/// What was done to the recordings.
+pub struct Processed {
+    constants: Vec<(String, String)>,
+    outcomes: Vec<Outcome>,
+    /// Drag of the machine, from recordings of it alone.
+    drag: Option<DragEstimate>,
+    /// Drag that was reckoned with [N·m·s/rad].
+    damping: f64,
+    /// Why some participants' recordings could not be processed.
+    pub failures: Vec<Diagnostic>,
+}
+
+/// The study that all other steps work on: the one given, or what its `[processing]` makes of it.
+///
+/// # Errors
+/// The study, its recordings, the output folder.
+pub fn prepare(args: &StudyArgs, global: &Global) -> Result<(StudyRun, Option<Processed>), Failure> {
+    let given = StudyRun::prepare(args, "study")?;
+    let settings = &given.study.tables.settings;
+    if settings.processing == ProcessingSettings::default() {
+        return Ok((given.scaling_models(), None));
+    }
+    let (constants, damping) =
+        (constants(&settings.processing, settings.dynamometer.damping), settings.dynamometer.damping);
+    let drag = dynamometer_drag::of_study(&given.study.tables)?;
+    let raw = StudyRun::prepare_processed(
+        &StudyArgs { out: args.out.join(FOLDER), ..args.clone() },
+        &given.study,
+        "dynamometer",
+    )?;
+    raw.out.refuse_input(&raw.out.path().join("study.toml"))?;
+    let (outcomes, failures) = process(&raw, global)?.into_parts();
+    raw.close("dynamometer")?;
+    let file = raw.out.path().join("study.toml");
+    let participant = outcomes.iter().map(|o| o.participant.clone()).collect();
+    let args = StudyArgs { study: file, participant, ..args.clone() };
+    let study = StudyRun::prepare_processed(&args, &given.study, "study")?.scaling_models();
+    Ok((study, Some(Processed { constants, outcomes, drag, damping, failures })))
+}
+
+impl Step for Dynamometer {
+    fn id(&self) -> &'static str {
+        "dynamometer"
+    }
+
+    fn title(&self) -> &'static str {
+        "Dynamometer"
+    }
+
+    fn units<'a>(&self, _: &'a Context, _: &'a LoadedParticipant) -> Result<Vec<Unit<'a>>, Failure> {
+        Ok(Vec::new()) // Recordings are processed before anything else.
+    }
+
+    fn section(&self, context: &Context) -> Result<Told, Failure> {
+        let Some(done) = &context.processing else {
+            return Ok(Told::NotRun("the study has no [processing]: its recordings are taken as they are".to_string()));
+        };
+        let words: Vec<String> = done.constants.iter().map(|(name, value)| format!("{name}: {value}")).collect();
+        let shown = rows(&done.outcomes);
+        let mut blocks = vec![
+            Block::Text(format!(
+                "{}. The processed study is in {FOLDER}/, curves of every trial in {FOLDER}/reports/PARTICIPANT.html.",
+                words.join("; ")
+            )),
+            Block::Table(TextTable {
+                title: "Recordings and the trials that came of them".to_string(),
+                header: COLUMNS.map(String::from).to_vec(),
+                left_columns: 1,
+                rows: shown.clone(),
+                note: "Passive: fit of the relaxed limb's moment over the passive trials; correlation: of the quantity that both \
+                       recorders have."
+                    .to_string(),
+            }),
+        ];
+        blocks.extend(done.drag.as_ref().map(|drag| Block::Text(drag_in_words(drag, done.damping))));
+        let warnings = done
+            .outcomes
+            .iter()
+            .flat_map(|o| o.findings.iter().map(move |(file, text)| format!("{}: {file}: {text}", o.participant)));
+        Ok(Told::Parts(ReportParts {
+            warnings: warnings.collect(),
+            blocks,
+            tables: vec![("dynamometer_trials.csv".to_string(), trials_csv(&done.outcomes)?)],
+            readable: table(&COLUMNS, 1, shown),
+            ..ReportParts::default()
+        }))
+    }
+}
+
+fn drag_in_words(drag: &DragEstimate, reckoned: f64) -> String {
+    let per_degree = |v: f64| significant(v * 1f64.to_radians(), 4);
+    let friction = drag.friction.map_or(String::new(), |(f, [low, high])| {
+        let [f, low, high] = [f, low, high].map(|v| significant(v, 3));
+        format!(" Coulomb friction {f} N·m (95 %: {low} to {high}).")
+    });
+    format!(
+        "Drag of the machine from {} phases of constant velocity without a participant: {} N·m·s/deg (95 %: {} to {}); study.toml \
+         reckons with {}.{friction}",
+        drag.phases.len(),
+        per_degree(drag.damping),
+        per_degree(drag.interval[0]),
+        per_degree(drag.interval[1]),
+        per_degree(reckoned)
+    )
+}

@@ -1,0 +1,51 @@
+//! Morris screening and Sobol' indices of every condition.
+
+use super::{Context, Step, Told};
+use crate::failure::Failure;
+use crate::sensitivity_report;
+use carpus_session::loading::LoadedParticipant;
+use carpus_session::screening::{ConditionSensitivity, ScreeningOptions, condition_name, conditions, screened};
+use carpus_session::units::{Unit, value};
+
+/// The step.
+pub struct Sensitivity;
+
+/// Resamples of the bootstrap.
+const RESAMPLES: usize = 1000;
+
+impl Step for Sensitivity {
+    fn id(&self) -> &'static str {
+        "sensitivity"
+    }
+
+    fn title(&self) -> &'static str {
+        "Sensitivity"
+    }
+
+    fn units<'a>(&self, context: &'a Context, run: &'a LoadedParticipant) -> Result<Vec<Unit<'a>>, Failure> {
+        let options = ScreeningOptions {
+            starts: context.args.starts as usize,
+            sobol: Some(context.args.sobol as usize).filter(|n| *n > 1),
+            resamples: RESAMPLES,
+            seed: context.global.seed,
+        };
+        let unit = |condition| {
+            let name = condition_name(condition).replace(" %", "").replace(' ', "_");
+            Unit {
+                place: format!("{}/{}/{name}", self.id(), run.participant.name),
+                depends_on: format!("{options:?}"),
+                work: Box::new(move || value(&screened(run, condition, &options)?)),
+            }
+        };
+        Ok(conditions(run)?.into_iter().map(unit).collect())
+    }
+
+    fn section(&self, context: &Context) -> Result<Told, Failure> {
+        let mut found: Vec<ConditionSensitivity> = context.store.finished(self.id())?;
+        found.sort_by_key(|f| context.study.participants().iter().position(|p| p.name == f.participant));
+        if found.is_empty() {
+            return Ok(Told::NotRun("the study has no isometric or isotonic training trials to screen".to_string()));
+        }
+        sensitivity_report::report(&found).map(Told::Parts)
+    }
+}

@@ -1,0 +1,51 @@
+//! Width of the active force-length curve.
+
+use crate::effect::{Description, Effect, OsimForm, Stage, amplitude, scale_property};
+use carpus_osim::osim::spec::MuscleSpec;
+
+/// Width of the active force-length curve: `normalized lengths 1 + w (l - 1) of the active force-length curve; w is the width ratio`.
+pub struct ActiveForceWidth;
+
+static DESCRIPTION: Description = Description {
+    id: "active_force_width",
+    name: "Width of the active force-length curve",
+    stage: Stage::Muscle,
+    equation: "normalized lengths 1 + w (l - 1) of the active force-length curve; w is the width ratio",
+    parameters: &[amplitude(
+        "width_ratio",
+        "1",
+        0.1,
+        [0.7, 1.4],
+        "no source: width of the model's own curve, 0.7 to 1.4 times is taken for plausible",
+    )],
+    signature: "angle × activation",
+    experiment: "five or more angles at maximal effort",
+    rivals: &["moment_arm_slope", "activation_dependent_length"],
+    osim_form: OsimForm::Native("ActiveForceLengthCurve"),
+    unidentifiable: None,
+};
+
+impl Effect for ActiveForceWidth {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn change_muscles(&self, values: &[f64], muscles: &mut [MuscleSpec]) -> bool {
+        scale_property(muscles, values[0], |p, factor| {
+            let curve = &mut p.active_force_length;
+            let stretch = |length: &mut f64| *length = 1.0 + (*length - 1.0) * factor;
+            stretch(&mut curve.min_norm_active_fiber_length);
+            stretch(&mut curve.transition_norm_fiber_length);
+            stretch(&mut curve.max_norm_active_fiber_length);
+            curve.shallow_ascending_slope /= factor;
+        })
+    }
+
+    fn has_log_ratios(&self) -> bool {
+        true
+    }
+
+    fn reported(&self, values: &[f64], _: &[MuscleSpec]) -> Vec<f64> {
+        vec![values[0].exp()]
+    }
+}

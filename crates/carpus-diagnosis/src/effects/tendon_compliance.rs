@@ -1,0 +1,48 @@
+//! Tendon compliance.
+
+use crate::effect::{Description, Effect, OsimForm, Stage, amplitude, scale_property, scaled_mean};
+use carpus_osim::osim::spec::MuscleSpec;
+
+/// Tendon compliance: `strain of the tendon at maximum isometric force; its stiffness changes inversely`.
+pub struct TendonCompliance;
+
+static DESCRIPTION: Description = Description {
+    id: "tendon_compliance",
+    name: "Tendon compliance",
+    stage: Stage::Muscle,
+    equation: "strain of the tendon at maximum isometric force; its stiffness changes inversely",
+    parameters: &[amplitude(
+        "strain_at_one_norm_force",
+        "1",
+        0.3,
+        [0.015, 0.10],
+        "0.02 to 0.10; Loren and Lieber 1995 (tendon biomechanical properties of wrist muscles) give the lower part, numbers unverified; from 0.015 on is still taken for plausible",
+    )],
+    signature: "slow rise of the moment, level × angle",
+    experiment: "fast ramps",
+    rivals: &["emg_nonlinearity", "activation_dynamics"],
+    osim_form: OsimForm::Native("TendonForceLengthCurve"),
+    unidentifiable: None,
+};
+
+impl Effect for TendonCompliance {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn change_muscles(&self, values: &[f64], muscles: &mut [MuscleSpec]) -> bool {
+        scale_property(muscles, values[0], |p, factor| {
+            let curve = &mut p.tendon_force_length;
+            curve.strain_at_one_norm_force *= factor;
+            curve.stiffness_at_one_norm_force.iter_mut().for_each(|stiffness| *stiffness /= factor);
+        })
+    }
+
+    fn has_log_ratios(&self) -> bool {
+        true
+    }
+
+    fn reported(&self, values: &[f64], muscles: &[MuscleSpec]) -> Vec<f64> {
+        vec![scaled_mean(muscles, values[0], |p| p.tendon_force_length.strain_at_one_norm_force)]
+    }
+}

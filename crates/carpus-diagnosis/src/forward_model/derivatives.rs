@@ -1,0 +1,633 @@
+//! Derivatives of the recorded moment: by muscle parameters as the sensor shows them, and by parameters of effects.
+
+use std::borrow::Cow;
+
+use super::super::effect::{Effect, JointState, MuscleState, Stage, TrialContext};
+use super::{
+    Core, FEEDBACK_ROUNDS, ForwardModel, Setting, TrialInput, factor_at, in_order, muscle_factor, shown_effects,
+};
+use carpus_simulation::simulation::{
+    AngleResponse, ExcitationTangent, ForceChange, MuscleParameters, MusculoskeletalModel, PreparedTrial,
+    SimulationError,
+};
+
+/// Change of the muscles' moment for differences of what is recorded [N·m].
+const SMALL_MOMENT: f64 = 1e-5;
+
+/// A change of the muscles' moment at the angle as it is, per sample.
+#[derive(Clone, Copy, Debug)]
+pub enum Change<'c> {
+    /// By the parameter at this place of [`Core::by_parameters`].
+    Parameter(usize),
+    /// The same in all rounds of the moment's feedback [N·m per unit of what changes].
+    Moment(&'c [f64]),
+    /// In every round, as of [`Core::rounds`].
+    OfRounds(&'c [Vec<f64>]),
+}
+
+impl<'c> Change<'c> {
+    /// - `core`: of the round in question; `round`: its place
+    fn at(self, core: &'c Core, round: usize) -> &'c [f64] {
+        match self {
+            Change::Parameter(column) => &core.by_parameters[column],
+            Change::Moment(by) => by,
+            Change::OfRounds(rounds) => &rounds[round],
+        }
+    }
+}
+
+/// A change of a muscle's excitation after the effects on it, per sample; elsewhere there is none.
+pub struct ExcitationChange {
+    /// Which of the active muscles.
+    pub muscle: usize,
+    /// First sample.
+    pub first: usize,
+    /// From there on [per unit of what changes].
+    pub values: Vec<f64>,
+}
+
+impl Core {
+    /// This core, then the one whose moment turned its joint, and so on.
+    pub fn rounds(&self) -> Vec<&Core> {
+        std::iter::successors(Some(self), |core| core.without.as_deref()).collect()
+    }
+
+    /// How forces follow changes of excitation and of time constants of activation; `None` where these change the joint's angle too,
+    /// where a tendon is rigid, and for a core without derivatives.
+    fn tangents(&self) -> Option<&[ExcitationTangent]> {
+        let calc = || {
+            let of = |(i, solution)| self.prepared.excitation_tangent(i, solution);
+            let known = self.without.is_none() && !self.solutions.is_empty();
+            known.then(|| self.solutions.iter().enumerate().map(of).collect()).flatten()
+        };
+        self.tangents.get_or_init(calc).as_deref()
+    }
+
+    /// How the muscles' moment follows changes of the joint's angle.
+    fn by_angle(&self) -> &AngleResponse {
+        self.by_angle.get_or_init(|| self.prepared.angle_response(&self.solutions, &self.factors))
+    }
+}
+
+impl ForwardModel {
+    /// Whether the recorded moment changes otherwise than the muscles' moment does: through the sensor, or through an effect on
+    /// the joint that depends on the muscles' moment.
+    pub fn reshapes_moment(&self, effects: &[Setting]) -> bool {
+        let reshapes = |s: &Setting| senses(s) || !s.is_absent() && s.effect.needs_moment();
+        self.acting(effects).iter().any(reshapes)
+    }
+
+    /// Changes of the recorded moment when the muscles' moment changes, to first order: through its feedback on the joint's angle
+    /// and through the sensor. The noise of the angle hardly matters to them and is left out.
+    ///
+    /// - `core`: with derivatives
+    pub fn recorded_changes<'c>(
+        &self,
+        trial: usize,
+        core: &Core,
+        effects: &[Setting],
+        changes: impl IntoIterator<Item = Change<'c>>,
+    ) -> Vec<Vec<f64>> {
+        let acting = self.acting(effects);
+        if !acting.iter().any(|s| s.effect.needs_moment()) {
+            let sensing: Vec<&Setting> = in_order(&acting).into_iter().filter(|s| senses(s)).collect();
+            return self.sensed_changes(trial, core, &sensing, changes);
+        }
+        let base = self.recorded(trial, core, core.moment.clone(), core.shown(), effects, false);
+        let add =
+            |to: &[f64], by: &[f64], step: f64| -> Vec<f64> { to.iter().zip(by).map(|(m, d)| m + step * d).collect() };
+        let feeding_back: Vec<&Setting> = in_order(&acting).into_iter().filter(|s| s.effect.feeds_back()).collect();
+        let recorded = |by: Change<'c>| {
+            let by = &*self.fed_back(trial, core, &feeding_back, by);
+            let largest = by.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+            if largest == 0.0 {
+                return vec![0.0; by.len()];
+            }
+            // Small, because the direction of a moment may matter, and its share of the largest.
+            let step = SMALL_MOMENT / largest;
+            let shown = add(core.shown(), by, step);
+            let moved = self.recorded(trial, core, add(&core.moment, by, step), &shown, effects, false);
+            moved.iter().zip(&base).map(|(a, b)| (a - b) / step).collect()
+        };
+        changes.into_iter().map(recorded).collect()
+    }
+
+    /// Changes of the recorded moment when the joint's moment changes: a sensor's moment is affine in it.
+    ///
+    /// - `sensing`: effects on the sensor, in order
+    fn sensed_changes<'c>(
+        &self,
+        trial: usize,
+        core: &Core,
+        sensing: &[&Setting],
+        changes: impl IntoIterator<Item = Change<'c>>,
+    ) -> Vec<Vec<f64>> {
+        let context = self.context(trial, &core.excitation, core.shown());
+        let sense = |mut moment: Vec<f64>| {
+            sensing.iter().for_each(|s| s.effect.sense(&s.values, &context, &mut moment));
+            moment
+        };
+        let still = sense(vec![0.0; core.moment.len()]);
+        let sensed = |by: Change<'c>| {
+            let mut moved = sense(by.at(core, 0).to_vec());
+            moved.iter_mut().zip(&still).for_each(|(moved, still)| *moved -= still);
+            moved
+        };
+        changes.into_iter().map(sensed).collect()
+    }
+
+    /// The change of the joint's moment when a change of the muscles' moment turns the joint, in as many rounds as in the
+    /// simulation [N·m per unit of what changes].
+    ///
+    /// - `feeding_back`: effects through which it does
+    fn fed_back<'c>(
+        &self,
+        trial: usize,
+        core: &'c Core,
+        feeding_back: &[&Setting],
+        change: Change<'c>,
+    ) -> Cow<'c, [f64]> {
+        if feeding_back.is_empty() {
+            return Cow::Borrowed(change.at(core, 0));
+        }
+        let angle = |moment: &[f64]| {
+            let context = self.context(trial, &core.excitation, moment);
+            let mut angle = vec![0.0; moment.len()];
+            feeding_back.iter().for_each(|s| s.effect.change_angle(&s.values, &context, &mut angle));
+            angle
+        };
+        // A joint turns in proportion to the moment.
+        let still = angle(&vec![0.0; core.moment.len()]);
+        let mut found: Option<Cow<[f64]>> = None;
+        for (round, core) in core.rounds().into_iter().enumerate().rev() {
+            let by = change.at(core, round);
+            found = Some(match found {
+                None => Cow::Borrowed(by),
+                Some(before) => {
+                    let turned: Vec<f64> =
+                        angle(&before).iter().zip(&still).map(|(angle, still)| angle - still).collect();
+                    let mut through = core.by_angle().moment(&turned);
+                    through.iter_mut().zip(by).for_each(|(through, by)| *through += by);
+                    if round == 0 {
+                        // What effects are shown is the muscles' moment alone.
+                        let rest = || core.prepared.rest_response(&self.model);
+                        core.rest_by_angle.get_or_init(rest).add_moment(&turned, &mut through);
+                    }
+                    Cow::Owned(through)
+                }
+            });
+        }
+        found.unwrap_or_default()
+    }
+
+    /// Derivatives of the recorded moment by the fitted muscle parameters: those of the core as the sensor shows them.
+    pub fn sensed_derivatives(&self, trial: usize, core: &Core, effects: &[Setting]) -> Vec<Vec<f64>> {
+        match self.reshapes_moment(effects) {
+            true => {
+                let columns = (0..core.by_parameters.len()).map(Change::Parameter);
+                self.recorded_changes(trial, core, effects, columns)
+            }
+            false => core.by_parameters.clone(),
+        }
+    }
+
+    /// Derivative of the recorded moment by a parameter of an effect [N·m per unit of the parameter's scale].
+    ///
+    /// What the muscles' dynamics make of the effect is the exact derivative of the simulation
+    /// ([`PreparedTrial::force_derivative`]); closed formulas before and after them are differentiated by central
+    /// differences of a ten-thousandth of the scale, which at a kink give the mean of both sides, unless the effect knows its
+    /// derivative itself ([`Effect::moment_derivative`]). Noise of the recorded angle matters to what effects on the joint add themselves,
+    /// and hardly to how other effects change it: there it is left out.
+    ///
+    /// - `effects`: the effects that are on, the one in question at position `which`
+    /// - `core`: of the same trial, input, parameters and effects, with derivatives
+    /// - `variants`: from [`ForwardModel::difference_variants`]
+    ///
+    /// # Errors
+    /// A property that is not allowed.
+    pub fn effect_derivative(
+        &self,
+        trial: usize,
+        core: &Core,
+        input: &TrialInput,
+        parameters: &[MuscleParameters],
+        effects: &[Setting],
+        which: usize,
+        variants: &[[Cow<'_, MusculoskeletalModel>; 2]],
+        parameter: usize,
+    ) -> Result<Vec<f64>, SimulationError> {
+        let stage = effects[which].effect.description().stage;
+        if matches!(stage, Stage::Joint | Stage::Inertia) {
+            return Ok(self.joint_derivative(trial, core, effects, which, parameter));
+        }
+        let step = step(effects[which].effect);
+        let sides = [1.0, -1.0].map(|sign| self.moved(effects, which, parameter, sign * step));
+        if stage <= Stage::Activation
+            && let Some((changes, follows)) =
+                self.followed(trial, core, input, (stage, &sides), variants.get(parameter), 2.0 * step)
+        {
+            let by = self.moment_derivative(trial, core, input, parameters, effects, &follows, 2.0 * step);
+            let mut by = match self.reshapes_moment(effects) {
+                true => self.recorded_changes(trial, core, effects, [Change::Moment(&by)]).swap_remove(0),
+                false => by,
+            };
+            if let Some((first, beside)) = self.recorded_beside_muscles(trial, core, effects, &changes) {
+                by[first..].iter_mut().zip(&beside).for_each(|(by, beside)| *by += beside);
+            }
+            return Ok(by);
+        }
+        let [up, down] = if stage >= Stage::Sensor {
+            sides.each_ref().map(|effects| self.recorded_at(trial, core, effects))
+        } else {
+            let variants = variants[parameter].each_ref().map(|v| &**v);
+            let acting = sides.each_ref().map(|effects| self.acting(effects).into_owned());
+            let acting = (&acting, FEEDBACK_ROUNDS);
+            let [up, down] = self.beside(trial, core, input, parameters, acting, variants, 2.0 * step)?;
+            [self.recorded_at(trial, &up, &sides[0]), self.recorded_at(trial, &down, &sides[1])]
+        };
+        Ok(up.iter().zip(&down).map(|(a, b)| (a - b) / (2.0 * step)).collect())
+    }
+
+    /// The moment that the sensor records were the angle free of noise [N·m].
+    fn recorded_at(&self, trial: usize, core: &Core, effects: &[Setting]) -> Vec<f64> {
+        self.recorded(trial, core, core.moment.clone(), core.shown(), effects, false)
+    }
+
+    /// Derivative of the recorded moment by a parameter of an effect on the joint, as expected with noise in the recorded angle
+    /// [N·m per unit of the parameter's scale]. Effects on the joint add their moments: what the others add stays as it is.
+    fn joint_derivative(
+        &self,
+        trial: usize,
+        core: &Core,
+        effects: &[Setting],
+        which: usize,
+        parameter: usize,
+    ) -> Vec<f64> {
+        let Setting { effect, values } = &effects[which];
+        let step = step(*effect);
+        let scale = self.joint.scale(&effect.description().parameters[parameter]);
+        let sides = [1.0, -1.0].map(|sign| {
+            let mut values = values.clone();
+            values[parameter] += sign * step * scale;
+            values
+        });
+        let context = self.context(trial, &core.excitation, core.shown());
+        let kinematics = core.prepared.kinematics();
+        let samples = kinematics.angle.len();
+        let mut both = [vec![0.0; samples], vec![0.0; samples]];
+        // Adds the derivative, times a weight.
+        let mut add = |joint: &JointState, weight: f64, to: &mut [f64]| {
+            if let Some(by) = effect.moment_derivative(values, parameter, joint) {
+                to.iter_mut().zip(&by).for_each(|(to, by)| *to += weight * scale * by);
+                return;
+            }
+            for (values, moment) in sides.iter().zip(&mut both) {
+                moment.fill(0.0);
+                effect.add_moment(values, joint, moment);
+            }
+            let weight = weight / (2.0 * step);
+            to.iter_mut().zip(&both[0]).zip(&both[1]).for_each(|((to, up), down)| *to += weight * (up - down));
+        };
+        let muscles = &kinematics.muscles[..];
+        let mut by = vec![0.0; samples];
+        match self.angle_noise.as_ref().map_or(&[][..], |noise| &noise.draws[trial]) {
+            [] => {
+                let (angle, speed) = (&kinematics.angle, &kinematics.speed);
+                let acceleration = &kinematics.acceleration;
+                add(&JointState { trial: &context, angle, speed, acceleration, muscles }, 1.0, &mut by);
+            }
+            draws => {
+                let sum = |a: &[f64], b: &[f64], to: &mut [f64]| {
+                    to.iter_mut().zip(a).zip(b).for_each(|((to, a), b)| *to = a + b);
+                };
+                let [mut angle, mut speed, mut acceleration] = [(); 3].map(|()| vec![0.0; samples]);
+                for draw in draws {
+                    sum(&kinematics.angle, &draw.angle, &mut angle);
+                    sum(&kinematics.speed, &draw.speed, &mut speed);
+                    sum(&kinematics.acceleration, &draw.acceleration, &mut acceleration);
+                    let (angle, speed, acceleration) = (&angle, &speed, &acceleration);
+                    let joint = JointState { trial: &context, angle, speed, acceleration, muscles };
+                    add(&joint, 1.0 / draws.len() as f64, &mut by);
+                }
+            }
+        }
+        let acting = self.acting(effects);
+        let sensing: Vec<&Setting> = in_order(&acting).into_iter().filter(|s| senses(s)).collect();
+        match sensing.is_empty() {
+            true => by,
+            false => self.sensed_changes(trial, core, &sensing, [Change::Moment(&by)]).swap_remove(0),
+        }
+    }
+
+    /// Changes of the excitations from one side to the other, and how the muscles that something changes for follow; `None` where more
+    /// changes than their excitations and time constants of activation.
+    ///
+    /// - `stage`: of what differs; `sides`, `variants`, `distance`: as for [`ForwardModel::beside`]
+    fn followed(
+        &self,
+        trial: usize,
+        core: &Core,
+        input: &TrialInput,
+        (stage, sides): (Stage, &[Vec<Setting>; 2]),
+        variants: Option<&[Cow<'_, MusculoskeletalModel>; 2]>,
+        distance: f64,
+    ) -> Option<(Vec<ExcitationChange>, Vec<(usize, ForceChange)>)> {
+        if stage == Stage::Activation {
+            let [up, down] = variants?;
+            let ratios = up.log_ratios_of_time_constants(down)?;
+            let tangents = core.tangents()?;
+            let of_muscle =
+                |(i, ratios): (usize, [f64; 2])| (i, tangents[i].follow_time_constants(ratios.map(|r| r / distance)));
+            return Some((Vec::new(), ratios.into_iter().enumerate().map(of_muscle).collect()));
+        }
+        let tangents = core.tangents()?;
+        let changes = self.excitation_changes_between(trial, core, input, sides, distance);
+        let follows = changes.iter().map(|c| (c.muscle, tangents[c.muscle].follow(&c.values))).collect();
+        Some((changes, follows))
+    }
+
+    /// Changes of the excitations from one side to the other, of those that differ, in order.
+    ///
+    /// - `sides`, `distance`: as for [`ForwardModel::beside`]
+    fn excitation_changes_between(
+        &self,
+        trial: usize,
+        core: &Core,
+        input: &TrialInput,
+        sides: &[Vec<Setting>; 2],
+        distance: f64,
+    ) -> Vec<ExcitationChange> {
+        let context = self.context(trial, &input.excitation, core.shown());
+        let [up, down] = sides.each_ref().map(|side| self.driven(trial, &in_order(&self.acting(side)), &context).1);
+        let between = |(muscle, (up, down)): (usize, (&Vec<f64>, &Vec<f64>))| {
+            let values = || up.iter().zip(down).map(|(a, b)| (a - b) / distance).collect();
+            (up != down).then(|| ExcitationChange { muscle, first: 0, values: values() })
+        };
+        up.iter().zip(&down).enumerate().filter_map(between).collect()
+    }
+
+    /// Whether the joint's moment follows excitations otherwise than through the active muscles.
+    pub fn follows_excitation(&self, effects: &[Setting]) -> bool {
+        let follows = |s: &Setting| !s.is_absent() && s.effect.excitation_memory(&self.silent_muscles).is_some();
+        self.acting(effects).iter().any(follows)
+    }
+
+    /// Change of the recorded moment when excitations change, but for what the active muscles make of it: first sample and values
+    /// [N·m per unit of what changes]; `None` where there is none. The noise of the angle hardly matters to it and is left out.
+    pub fn recorded_beside_muscles(
+        &self,
+        trial: usize,
+        core: &Core,
+        effects: &[Setting],
+        changes: &[ExcitationChange],
+    ) -> Option<(usize, Vec<f64>)> {
+        if !self.follows_excitation(effects) {
+            return None;
+        }
+        let changes = || changes.iter().filter(|c| !c.values.is_empty());
+        let (first, end) = (changes().map(|c| c.first).min()?, changes().map(|c| c.first + c.values.len()).max()?);
+        let acting = self.acting(effects);
+        let ordered = in_order(&acting);
+        let mut following: Vec<(&Setting, f64)> = Vec::new();
+        for setting in ordered.iter().copied().filter(|s| !s.is_absent()) {
+            following.extend(setting.effect.excitation_memory(&self.silent_muscles).map(|memory| (setting, memory)));
+        }
+        let memory = following.iter().map(|(_, memory)| *memory).fold(0.0, f64::max);
+        let context = self.context(trial, &core.excitation, core.shown());
+        let until = context.time[end - 1] + memory;
+        // A change rises from nothing, unless it is there from the start.
+        let samples = first.saturating_sub(1)..context.time.partition_point(|t| *t <= until).max(end);
+        let mut excitation = vec![vec![0.0; samples.len()]; self.muscles.len()];
+        for change in changes() {
+            let to = &mut excitation[change.muscle][change.first - samples.start..];
+            to[..change.values.len()].copy_from_slice(&change.values);
+        }
+        let context = TrialContext {
+            time: &context.time[samples.clone()],
+            recorded_angle: &context.recorded_angle[samples.clone()],
+            muscle_moment: &context.muscle_moment[samples.clone()],
+            excitation: &excitation,
+            ..context
+        };
+        let kinematics = core.prepared.kinematics();
+        let joint = JointState {
+            trial: &context,
+            angle: &kinematics.angle[samples.clone()],
+            speed: &kinematics.speed[samples.clone()],
+            acceleration: &kinematics.acceleration[samples.clone()],
+            muscles: &[],
+        };
+        let mut moment = vec![0.0; samples.len()];
+        following.iter().for_each(|(s, _)| s.effect.add_moment(&s.values, &joint, &mut moment));
+        let sensing: Vec<&Setting> = ordered.into_iter().filter(|s| senses(s)).collect();
+        if sensing.is_empty() {
+            return Some((samples.start, moment));
+        }
+        let mut whole = vec![0.0; core.moment.len()];
+        whole[samples].copy_from_slice(&moment);
+        Some((0, self.sensed_changes(trial, core, &sensing, [Change::Moment(&whole)]).swap_remove(0)))
+    }
+
+    /// Derivative of the muscles' moment by what changes activation and force alone.
+    ///
+    /// - `follows`: changes of the muscles that follow, by place; `distance`: between the sides that they are between
+    fn moment_derivative(
+        &self,
+        trial: usize,
+        core: &Core,
+        input: &TrialInput,
+        parameters: &[MuscleParameters],
+        effects: &[Setting],
+        follows: &[(usize, ForceChange)],
+        distance: f64,
+    ) -> Vec<f64> {
+        let context = self.context(trial, &input.excitation, core.shown());
+        let acting = self.acting(effects);
+        let ordered = in_order(&acting);
+        let kinematics = core.prepared.kinematics();
+        let mut out = vec![0.0; kinematics.angle.len()];
+        for (i, follows) in follows {
+            let i = *i;
+            let p = &parameters[i];
+            let path = &kinematics.muscles[i];
+            let factor = |by: f64| {
+                let activation = path.activation.iter().zip(&follows.activation).map(|(a, d)| a + by * d);
+                let activation: Vec<f64> = activation.collect();
+                let arm = &path.moment_arm;
+                let state = MuscleState {
+                    trial: &context,
+                    muscle: i,
+                    angle: &kinematics.angle,
+                    moment_arm: arm,
+                    activation: &activation,
+                };
+                factor_at(&ordered, &state)
+            };
+            let [more, less] = [0.5 * distance, -0.5 * distance].map(factor);
+            let force = &core.solutions[i].force;
+            for (k, out) in out.iter_mut().enumerate() {
+                let by_force = 0.5 * (more[k] + less[k]) * follows.force[k];
+                let by_factor = (more[k] - less[k]) / distance * force[k];
+                *out += p.max_isometric_force * path.moment_arm[k] * (by_force + by_factor);
+            }
+        }
+        out
+    }
+
+    /// A trial's core a little way in a direction and against it.
+    ///
+    /// - `sides`: the effects there, and rounds of feedback; `distance`: between them
+    fn beside(
+        &self,
+        trial: usize,
+        core: &Core,
+        input: &TrialInput,
+        parameters: &[MuscleParameters],
+        (sides, rounds): (&[Vec<Setting>; 2], usize),
+        variants: [&MusculoskeletalModel; 2],
+        distance: f64,
+    ) -> Result<[Core; 2], SimulationError> {
+        let without = match &core.without {
+            Some(without) => {
+                let [(above, rounds), (below, _)] = sides.each_ref().map(|s| shown_effects(s, rounds));
+                let sides = [above, below];
+                let [up, down] =
+                    self.beside(trial, without, input, parameters, (&sides, rounds), variants, distance)?;
+                [Some(Box::new(up)), Some(Box::new(down))]
+            }
+            None => [None, None],
+        };
+        let moments = without.each_ref().map(|w| w.as_ref().map_or(&core.muscle_moment, |w| &w.muscle_moment));
+        let contexts = moments.map(|moment| self.context(trial, &input.excitation, moment));
+        let ordered = sides.each_ref().map(|s| in_order(s));
+        let driven = [0, 1].map(|i| self.driven(trial, &ordered[i], &contexts[i]));
+        let recordings = driven.each_ref().map(|(angle, excitation)| self.recording(trial, angle, excitation));
+        let prepared =
+            MusculoskeletalModel::prepare_beside(variants, recordings.each_ref(), &core.prepared, &self.options)?;
+        let mut moments = prepared.each_ref().map(PreparedTrial::moment_without_muscles);
+        for (i, p) in parameters.iter().enumerate() {
+            let solution = match core.solutions.get(i) {
+                Some(known) => Cow::Borrowed(known),
+                None => Cow::Owned(core.prepared.solve(i, p)?),
+            };
+            let by = core.prepared.force_derivative(i, &solution, prepared.each_ref(), distance);
+            for (side, sign) in [(0, 0.5), (1, -0.5)] {
+                let factor = muscle_factor(&ordered[side], &contexts[side], &prepared[side], i, &driven[side].0);
+                let arm = &prepared[side].kinematics().muscles[i].moment_arm;
+                for (k, moment) in moments[side].iter_mut().enumerate() {
+                    let force = solution.force[k] + by.as_ref().map_or(0.0, |by| sign * distance * by[k]);
+                    *moment += p.max_isometric_force * factor[k] * (arm[k] * force);
+                }
+            }
+        }
+        let core = |prepared, excitation, moment, without| Core { without, ..Core::bare(prepared, excitation, moment) };
+        let ([(_, above), (_, below)], [m_up, m_down], [w_up, w_down]) = (driven, moments, without);
+        let [up, down] = prepared;
+        Ok([core(up, above, m_up, w_up), core(down, below, m_down, w_down)])
+    }
+
+    /// The models on both sides of the difference, per parameter of an effect.
+    ///
+    /// # Errors
+    /// A property that is not allowed.
+    pub fn difference_variants(
+        &self,
+        effects: &[Setting],
+        which: usize,
+    ) -> Result<Vec<[Cow<'_, MusculoskeletalModel>; 2]>, SimulationError> {
+        (0..effects[which].values.len())
+            .map(|parameter| {
+                let step = step(effects[which].effect);
+                let up = self.variant(&self.moved(effects, which, parameter, step))?;
+                let down = self.variant(&self.moved(effects, which, parameter, -step))?;
+                Ok([up, down])
+            })
+            .collect()
+    }
+
+    /// Effects, a parameter of one of them moved by so many of its scales.
+    fn moved(&self, effects: &[Setting], which: usize, parameter: usize, step: f64) -> Vec<Setting> {
+        let mut effects = effects.to_vec();
+        let moved = &effects[which].effect.description().parameters[parameter];
+        effects[which].values[parameter] += step * self.joint.scale(moved);
+        effects
+    }
+}
+
+/// Whether an effect is one on the sensor, and there.
+fn senses(setting: &Setting) -> bool {
+    setting.effect.description().stage == Stage::Sensor && !setting.is_absent()
+}
+
+/// Step of differences of closed formulas, in units of a parameter's scale: errors of rounding and of the step squared are
+/// both near 10⁻⁸. Curves of muscles are tables with an error of 10⁻⁸, and take a wider one.
+fn step(effect: &dyn Effect) -> f64 {
+    match effect.description().stage {
+        Stage::Muscle | Stage::Activation => 1e-2,
+        _ => 1e-4,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::catalogue::effect;
+    use crate::silent_muscles::with_two_silent_muscles;
+
+    fn sized(id: &str, values: &[f64]) -> Setting {
+        let mut setting = Setting::absent(effect(id).unwrap());
+        setting.values[..values.len()].copy_from_slice(values);
+        setting
+    }
+
+    /// Whole simulations with silent muscles and without them: what they add to a derivative, and to the difference of moments.
+    #[test]
+    fn verif_silent_muscles_follow_what_changes_the_excitation() {
+        /// Of the difference, in scales.
+        const STEP: f64 = 0.01;
+        let forward = with_two_silent_muscles();
+        let parameters = forward.nominal_parameters();
+        let recorded = |trial: usize, effects: &[Setting]| {
+            let (variant, input) = (forward.variant(effects).unwrap(), forward.recorded_input(trial));
+            let core = forward.core(&variant, trial, &input, &parameters, effects, false).unwrap();
+            forward.recorded_moment(trial, &core, effects)
+        };
+        let rms = |values: &[f64]| (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt();
+        let less = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a - b).collect() };
+        for (id, values, limit) in [
+            ("electromechanical_delay", &[0.013][..], 0.02),
+            ("emg_nonlinearity", &[-1.0], 1e-3),
+            ("emg_gain_drift", &[0.1], 1e-3),
+            ("fatigue", &[0.3], 1e-3),
+            ("emg_crosstalk", &[0.1], 0.02),
+        ] {
+            let others = [sized(id, values), sized("time_shift", &[0.01]), sized("stretch_reflex", &[0.05])];
+            let with = [&others[..], &[sized("unmodelled_muscles", &[0.5, 0.4])]].concat();
+            for parameter in effect(id).unwrap().description().amplitudes() {
+                let scale = forward.joint.scale(&effect(id).unwrap().description().parameters[parameter]);
+                let derivative = |trial: usize, effects: &[Setting]| {
+                    let (variant, input) = (forward.variant(effects).unwrap(), forward.recorded_input(trial));
+                    let core = forward.core(&variant, trial, &input, &parameters, effects, true).unwrap();
+                    let variants = forward.difference_variants(effects, 0).unwrap();
+                    forward
+                        .effect_derivative(trial, &core, &input, &parameters, effects, 0, &variants, parameter)
+                        .unwrap()
+                };
+                let difference = |trial: usize, effects: &[Setting]| -> Vec<f64> {
+                    let side = |sign: f64| {
+                        let mut effects = effects.to_vec();
+                        effects[0].values[parameter] += sign * STEP * scale;
+                        recorded(trial, &effects)
+                    };
+                    less(&side(1.0), &side(-1.0)).iter().map(|d| d / (2.0 * STEP)).collect()
+                };
+                // The second trial: what drifts over the session starts at the first.
+                let found = less(&derivative(1, &with), &derivative(1, &others));
+                let expected = less(&difference(1, &with), &difference(1, &others));
+                let error = rms(&less(&found, &expected)) / rms(&expected);
+                println!("{id}: {error:.1e} of {:.1e}", rms(&expected));
+                assert!(rms(&expected) > 1e-5 && error < limit, "{id}: {error:.1e}");
+            }
+        }
+    }
+}

@@ -1,0 +1,494 @@
+//! The joint mode of a session: point, noise, discrepancy and the sets of effects that the data call for
+//! (`docs/src/theory/many-small-errors.md`, equation (20)).
+
+mod columns;
+mod generic_discrepancy;
+mod handing_over;
+mod noise_along_the_way;
+mod sets;
+mod steps;
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use rayon::prelude::*;
+
+use super::discrepancy::Ranges;
+use super::linear_model::{LinearModel, Sizes};
+use super::search::{Budget, Sets, search};
+use crate::effect::Effect;
+use crate::fit::{Analysis, Fit, Linear, Point};
+use crate::forward_model::{ForwardModel, Setting};
+use crate::noise::{self, NoiseLevels, TrialNoise};
+use carpus_simulation::simulation::{MuscleParameters, SimulationError};
+use carpus_study::study::ParameterBounds;
+
+/// Prior scale of κ: what a laboratory has of every effect, as a share of what is plausible, equation (5).
+const EVERYTHING: f64 = 0.15;
+/// Prior scale of the relative error of a muscle's moment, equations (5) and (6).
+const OF_MUSCLES: f64 = 0.08;
+/// Prior scale of the moment that is left beside the muscles, in tenths of a newton metre at a wrist, equations (5) and
+/// (7).
+const OF_MOMENT: f64 = 0.5;
+/// Prior odds that an effect is not missing, equation (4).
+const ODDS: f64 = 20.0;
+/// Points that are followed from the model as given.
+const STARTS: usize = 3;
+/// Sets whose neighbours are looked at around the model as given.
+const FIRST_EXPANSIONS: usize = 6;
+/// Effects that are tried alone from there: those that the linear model has lower the deviance most.
+const ALONE: usize = 16;
+/// Gauss–Newton steps from there.
+const FIRST_STEPS: usize = 4;
+/// Rounds of search, simulation of other sets, noise and relinearization, at most.
+const ROUNDS: usize = 6;
+/// Share of the sizes' scales that is as good as nothing.
+const NOTHING_ELSE: f64 = 0.02;
+/// Gauss–Newton steps with a set of effects.
+const STEPS: usize = 5;
+/// Most probable sets beside the best that are tried by simulation in a round …
+const OTHERS: usize = 3;
+/// … and sets in which an effect gives way to a rival.
+const RIVALS: usize = 6;
+/// Largest expected error of the logarithm of the EMG.
+const LARGEST_NOISE: f64 = 0.7;
+/// An effect may stand in another's place where the set with it has more than this share of the probability, equation (22).
+const STANDS_IN: f64 = 0.1;
+/// Beyond this part of the way, equation (25), the joint mode itself is handed over.
+const ALL_OF_IT: f64 = 0.9;
+/// Of the sets that were tried in a round, those first whose noise is estimated anew.
+const ASSESSED: usize = 2;
+/// The estimate has settled when a round lowers −2 log posterior, equation (20), by less than this.
+const SETTLED: f64 = 3.0;
+
+/// An effect's columns in the linear model.
+struct EffectColumns {
+    amplitudes: Vec<usize>,
+}
+
+/// What descents with several sets of effects start from.
+#[derive(Clone, Copy)]
+struct Around<'s> {
+    point: &'s Point,
+    model: &'s LinearModel,
+    sizes: &'s Sizes,
+    noise: &'s [TrialNoise],
+    factors: &'s [Cholesky<f64, Dyn>],
+    directions: &'s [DMatrix<f64>],
+}
+
+/// Directions of a trial with the noise whitened, and their products.
+struct WhitenedDirections {
+    columns: DMatrix<f64>,
+    products: DMatrix<f64>,
+}
+
+/// Where a descent with a set of effects has come to.
+struct Reached {
+    set: Vec<usize>,
+    point: Point,
+    sizes: Sizes,
+    /// −2 log posterior, the noise held, up to a constant: equation (18).
+    deviance: f64,
+    /// As of where the descent began.
+    directions: Vec<DMatrix<f64>>,
+}
+
+impl Reached {
+    /// A round begins here.
+    fn start(self, levels: NoiseLevels) -> Start {
+        let Reached { set, point, sizes, directions, .. } = self;
+        Start { point, levels, set, sizes, directions }
+    }
+}
+
+/// A session being estimated.
+pub struct Session<'a> {
+    /// Trials, linearization.
+    pub analysis: Analysis<'a>,
+    ranges: Ranges,
+    budget: Budget,
+    /// Variances of the noise that estimates start with: usual ones until they were estimated beside the effects that are missing, because the
+    /// errors of a model that is far off would be taken for noise.
+    levels: NoiseLevels,
+    /// Whether they were, and its autocorrelation chosen.
+    noise_is_final: bool,
+    /// Places of the effects that may be named.
+    nameable: Vec<usize>,
+}
+
+/// What is handed over to the user.
+#[derive(Clone, Debug)]
+pub struct HandedOver {
+    /// Muscles.
+    pub parameters: Vec<MuscleParameters>,
+    /// Effects.
+    pub effects: Vec<Setting>,
+    /// How far it is from the model as given (0) to the joint mode (1), equation (25).
+    pub part: f64,
+    /// Error of trials that were left out one at a time, at the joint mode, over that of the model as given: R of equation (25).
+    pub left_out_ratio: f64,
+}
+
+/// Where a round begins.
+struct Start {
+    point: Point,
+    levels: NoiseLevels,
+    set: Vec<usize>,
+    sizes: Sizes,
+    /// Directions near the point: what is left beside them is noise.
+    directions: Vec<DMatrix<f64>>,
+}
+
+/// An estimate that has begun: at the most probable of many starts.
+pub struct Begun {
+    /// Where it stands.
+    pub state: State,
+    candidates: Vec<usize>,
+    always: Vec<usize>,
+}
+
+/// Where the estimate stands.
+pub struct State {
+    /// Muscles, effects, EMG.
+    pub point: Point,
+    /// Variances of the noise.
+    pub levels: NoiseLevels,
+    /// How noise enters every trial.
+    pub(crate) noise: Vec<TrialNoise>,
+    /// Factors of V.
+    pub factors: Vec<Cholesky<f64, Dyn>>,
+    /// Around the point.
+    pub(crate) linear: Vec<Linear>,
+    /// Directions of effects that are absent, and of the moment's discrepancy.
+    pub directions: Vec<DMatrix<f64>>,
+    /// The linear model.
+    pub model: LinearModel,
+    /// Sets of effects.
+    pub sets: Sets,
+}
+
+impl<'a> Session<'a> {
+    /// A session of training trials.
+    pub fn new(
+        forward: &'a ForwardModel,
+        train: Vec<usize>,
+        candidates: Vec<&'static dyn Effect>,
+        bounds: &ParameterBounds,
+        budget: Budget,
+        seed: u64,
+    ) -> Session<'a> {
+        Session::of(Analysis::without_data(forward, train, candidates, bounds, seed), budget)
+    }
+
+    fn of(analysis: Analysis<'a>, budget: Budget) -> Session<'a> {
+        let ranges = Ranges::of(analysis.train.iter().map(|g| {
+            let kinematics = analysis.forward.base(*g).kinematics();
+            (&kinematics.angle[..], &kinematics.speed[..])
+        }));
+        Session {
+            levels: NoiseLevels::usual(analysis.forward.joint.strength),
+            nameable: (0..analysis.candidates.len()).collect(),
+            analysis,
+            ranges,
+            budget,
+            noise_is_final: false,
+        }
+    }
+
+    /// The session in which only some effects may be named.
+    pub fn naming(mut self, effects: &[&'static dyn Effect]) -> Session<'a> {
+        let known = |c: &&'static dyn Effect| effects.iter().any(|e| e.description().id == c.description().id);
+        let places = self.analysis.candidates.iter().enumerate().filter(|(_, c)| known(c));
+        self.nameable = places.map(|(place, _)| place).collect();
+        self
+    }
+
+    /// Whether an effect may be named.
+    pub fn may_name(&self, id: &str) -> bool {
+        self.nameable.iter().any(|e| self.analysis.candidates[*e].description().id == id)
+    }
+
+    fn forward(&self) -> &'a ForwardModel {
+        self.analysis.forward
+    }
+
+    /// Estimates the session: many starts, of which the most probable are followed to their end.
+    ///
+    /// - `always`: identifiers of effects that are missing for certain; `only`: no others are
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub fn estimate(&mut self, always: &[&str], only: bool, report: &dyn Fn(&str)) -> Result<State, SimulationError> {
+        let begun = self.begin(always, only, report)?;
+        self.settle(begun, report)
+    }
+
+    /// The most probable of many starts, with the noise that goes with it.
+    ///
+    /// - `always`, `only`: as for [`Session::estimate`]
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub fn begin(&mut self, always: &[&str], only: bool, report: &dyn Fn(&str)) -> Result<Begun, SimulationError> {
+        let place = |id: &&str| self.analysis.candidates.iter().position(|c| c.description().id == *id);
+        let always: Vec<usize> = always.iter().filter_map(place).collect();
+        let candidates = if only { Vec::new() } else { self.testable() };
+        let clock = std::time::Instant::now();
+        let starts = self.starts(&candidates, &always, report)?;
+        report(&format!("{} starts, {:.1?}", starts.len(), clock.elapsed()));
+        let mut followed: Vec<State> = Vec::new();
+        for start in starts {
+            let Ok(mut state) = self.assessed(start, &candidates, &always) else { continue };
+            let next = self.advanced(&state, None)?.into_iter().next();
+            if let Some(Ok(next)) = next.map(|start| self.assessed(start, &candidates, &always)) {
+                state = if self.behind(&next, &state) < 0.0 { next } else { state };
+            }
+            report(&format!("start {} {:.1?}", self.in_words(&state), clock.elapsed()));
+            followed.push(state);
+        }
+        let mut best = self.most_probable(followed);
+        if let Some(state) = best.as_mut().filter(|_| !self.noise_is_final) {
+            let found = state.sets.best().clone();
+            self.choose_kernels(state, &found.effects, &found.sizes);
+            self.noise_is_final = true;
+            report(&format!("kernels {:?} {:.1?}", self.analysis.kernels, clock.elapsed()));
+            let (point, levels) = (state.point.clone(), state.levels);
+            let directions = state.directions.clone();
+            let start = Start { point, levels, set: found.effects, sizes: found.sizes, directions };
+            let state = self.assessed(start, &candidates, &always)?;
+            self.levels = state.levels;
+            best = Some(state);
+        }
+        let state = best.ok_or(SimulationError::NoiseCovariance)?;
+        Ok(Begun { state, candidates, always })
+    }
+
+    /// Rounds of search, simulation of other sets and noise, until nothing more probable is found.
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub fn settle(&self, begun: Begun, report: &dyn Fn(&str)) -> Result<State, SimulationError> {
+        let Begun { state: mut best, candidates, always } = begun;
+        let clock = std::time::Instant::now();
+        for _ in 0..ROUNDS {
+            let next = self
+                .advanced(&best, Some((&candidates, &always)))?
+                .into_iter()
+                .filter_map(|start| self.assessed(start, &candidates, &always).ok());
+            let next = self.most_probable(next);
+            let Some(next) = next else { break };
+            let fall = self.behind(&best, &next);
+            report(&format!("round {} {:.1?}, lower by {fall:.1}", self.in_words(&next), clock.elapsed()));
+            if fall > 0.0 {
+                best = next;
+            }
+            if fall < SETTLED {
+                break;
+            }
+        }
+        Ok(best)
+    }
+
+    /// An estimate in the form that tests of what is left take.
+    pub fn as_fit(&self, state: &State) -> Fit {
+        let set = self.places(&state.point.effects);
+        let posterior = state.model.posterior(&set, self.sizes(state));
+        let columns = self.all_columns(&state.point, &state.linear, &state.directions);
+        let regressors = Self::regressors(&state.model, &columns, &posterior.sd);
+        let trials: Vec<_> = state.noise.iter().zip(&regressors).map(|(n, (x, r))| (n, x, r)).collect();
+        let count = regressors.first().map_or(0, |(x, _)| x.ncols());
+        let level_spread = noise::spread(&trials, &DVector::from_element(count, 1.0), &state.levels)
+            .unwrap_or_else(|| DMatrix::zeros(noise::COMPONENTS, noise::COMPONENTS));
+        let first = self.analysis.n_nuisance();
+        let effects: usize = state.point.effects.iter().map(|s| s.values.len()).sum();
+        let covariance = posterior.covariance().view((first, first), (effects, effects)).into_owned();
+        let (precision, offset) = self.analysis.prior(&state.point);
+        Fit {
+            deviance: state.sets.best().deviance,
+            covariance,
+            levels: state.levels,
+            level_spread,
+            noise: state.noise.clone(),
+            factors: state.factors.clone(),
+            whitened: self.analysis.whitened(&state.linear, &state.factors),
+            offset,
+            precision,
+            directions: std::sync::Arc::new(state.directions.clone()),
+            point: state.point.clone(),
+        }
+    }
+
+    fn ids(&self, set: &[usize]) -> Vec<&'static str> {
+        set.iter().map(|e| self.analysis.candidates[*e].description().id).collect()
+    }
+
+    fn in_words(&self, state: &State) -> String {
+        let best = state.sets.best();
+        format!(
+            "{:?} at {:?} {:.1} κ {:.3} σ {:.3?} levels {:.3?}",
+            self.ids(&best.effects),
+            self.ids(&self.places(&state.point.effects)),
+            best.deviance,
+            best.sizes.everything,
+            best.sizes.discrepancy,
+            state.levels.0.map(f64::sqrt)
+        )
+    }
+
+    /// Where to begin: from the model as given every effect alone, none, and what the linear model at that point calls for, each fitted with
+    /// the same usual noise; the most probable first.
+    fn starts(
+        &mut self,
+        candidates: &[usize],
+        always: &[usize],
+        report: &dyn Fn(&str),
+    ) -> Result<Vec<Start>, SimulationError> {
+        let levels = self.levels;
+        // With the EMG as recorded: that expected beside everything at once may have been bent to make up for what is missing.
+        let point = self.analysis.nominal_point();
+        let mut linear = self.analysis.linearize(&point, &[])?;
+        let noise = self.structure(&mut linear, &point);
+        let directions;
+        (directions, self.analysis.blocks) = self.analysis.calc_directions(&linear, &point)?;
+        let factors = factors(&noise, &levels)?;
+        let model = self.model(&point, &self.all_columns(&point, &linear, &directions), &factors);
+        let sizes = model.usual_sizes();
+        let found =
+            search(&model, candidates, always, 2.0 * ODDS.ln(), &[], &sizes, Budget { expansions: FIRST_EXPANSIONS });
+        // Each effect alone, as if nothing else were wrong: a little of everything would make up for any of them.
+        let nothing = sizes.scaled(NOTHING_ELSE);
+        let sorted = |mut set: Vec<usize>| {
+            set.sort_unstable();
+            set
+        };
+        let with = |e: &usize| sorted([always, &[*e]].concat());
+        let others = candidates.iter().filter(|e| !always.contains(e));
+        let mut alone: Vec<(f64, Vec<usize>)> =
+            others.map(with).map(|set| (model.posterior(&set, &nothing).deviance, set)).collect();
+        alone.sort_by(|a, b| a.0.total_cmp(&b.0));
+        alone.truncate(ALONE);
+        let none = sorted(always.to_vec());
+        let mut sets: Vec<(Vec<usize>, &Sizes)> = vec![(none.clone(), &sizes), (none.clone(), &nothing)];
+        if found.best().effects != none {
+            sets.push((found.best().effects.clone(), &sizes));
+        }
+        sets.extend(alone.into_iter().map(|(_, set)| (set, &nothing)));
+        let from = Around {
+            point: &point,
+            model: &model,
+            sizes: &sizes,
+            noise: &noise,
+            factors: &factors,
+            directions: &directions,
+        };
+        let reach = |(set, sizes): &(Vec<usize>, &Sizes)| self.reach(&Around { sizes, ..from }, set, FIRST_STEPS).ok();
+        let mut reached: Vec<Reached> = sets.par_iter().with_max_len(1).filter_map(reach).collect();
+        reached.sort_by(|a, b| a.deviance.total_cmp(&b.deviance));
+        for r in &reached {
+            report(&format!(
+                "from the model as given {:?} {:.1} κ {:.3}",
+                self.ids(&r.set),
+                r.deviance,
+                r.sizes.everything
+            ));
+        }
+        reached.truncate(STARTS);
+        Ok(reached.into_iter().map(|r| r.start(levels)).collect())
+    }
+
+    /// Noise, linear model and sets at a point.
+    fn assessed(&self, start: Start, candidates: &[usize], always: &[usize]) -> Result<State, SimulationError> {
+        let (set, sizes) = (start.set.clone(), start.sizes.clone());
+        let mut state = self.with_noise(start)?;
+        self.weigh(&mut state, &set, &sizes, candidates, always);
+        Ok(state)
+    }
+
+    /// Noise and linear model at a point.
+    fn with_noise(&self, start: Start) -> Result<State, SimulationError> {
+        let Start { mut point, levels, set, sizes, directions } = start;
+        let mut linear = self.analysis.linearize(&point, &[])?;
+        let noise = self.structure(&mut linear, &point);
+        let columns = self.all_columns(&point, &linear, &directions);
+        let passing = factors(&noise, &levels)?;
+        let model = self.model(&point, &columns, &passing);
+        let step = model.posterior(&set, &sizes).mean - &model.offset;
+        self.follow_emg(&mut point, &noise, &weighted(&columns, &step, &passing), &levels)?;
+        let mut linear = self.analysis.linearize(&point, &[])?;
+        let directions = self.analysis.calc_directions(&linear, &point)?.0;
+        let noise = self.structure(&mut linear, &point);
+        let columns = self.all_columns(&point, &linear, &directions);
+        let model = self.model(&point, &columns, &factors(&noise, &levels)?);
+        let regressors = Self::regressors(&model, &columns, &model.sds(&set, &sizes));
+        let levels = self.levels(&noise, &regressors, levels);
+        let factors = factors(&noise, &levels)?;
+        Ok(State {
+            model: self.model(&point, &columns, &factors),
+            factors,
+            sets: Sets::none(),
+            point,
+            levels,
+            noise,
+            linear,
+            directions,
+        })
+    }
+
+    /// The linear model with the noise as it is, its sets and deviance.
+    fn weigh(&self, state: &mut State, set: &[usize], sizes: &Sizes, candidates: &[usize], always: &[usize]) {
+        let starts = [set.to_vec(), self.places(&state.point.effects)];
+        state.sets = search(&state.model, candidates, always, 2.0 * ODDS.ln(), &starts, sizes, self.budget);
+    }
+
+    /// How much larger −2 log posterior is at one state than at another, each with its point's effects, equation (20): both at the
+    /// geometric means of their noise's variances, true excitations being parameters as all others are. That a model lets less of the
+    /// EMG's noise pass is no evidence for it, and where two let different parts of it pass, their difference is in part chance.
+    pub(crate) fn behind(&self, a: &State, b: &State) -> f64 {
+        let levels = a.levels.between(&b.levels);
+        let deviance = |state: &State| {
+            let columns = self.all_columns(&state.point, &state.linear, &state.directions);
+            let set = self.places(&state.point.effects);
+            let of = |factors: Vec<_>| self.model(&state.point, &columns, &factors).posterior(&set, self.sizes(state));
+            let cost = 2.0 * ODDS.ln() * set.len() as f64;
+            factors(&state.noise, &levels).map_or(f64::INFINITY, |factors| of(factors).deviance + cost)
+        };
+        let difference = deviance(a) - deviance(b);
+        let scatter = noise::scatter_of_all(&a.noise, &b.noise, &levels).unwrap_or(0.0).max(0.0);
+        let known = difference.abs() / (difference.abs() + scatter).max(f64::MIN_POSITIVE);
+        if difference.is_finite() { difference * known } else { difference }
+    }
+
+    /// The most probable of several states.
+    fn most_probable(&self, states: impl IntoIterator<Item = State>) -> Option<State> {
+        states.into_iter().reduce(|known, other| if self.behind(&other, &known) < 0.0 { other } else { known })
+    }
+
+    /// Places of effects among the candidates, ascending.
+    pub(crate) fn places(&self, effects: &[Setting]) -> Vec<usize> {
+        let place =
+            |s: &Setting| self.analysis.candidates.iter().position(|c| c.description().id == s.effect.description().id);
+        let mut out: Vec<usize> = effects.iter().filter_map(place).collect();
+        out.sort_unstable();
+        out
+    }
+}
+
+/// V⁻¹ times what a step of all columns leaves of the residual, per trial.
+fn weighted(columns: &[DMatrix<f64>], step: &DVector<f64>, factors: &[Cholesky<f64, Dyn>]) -> Vec<DVector<f64>> {
+    let p = step.len();
+    let of =
+        |(all, factor): (&DMatrix<f64>, &Cholesky<f64, Dyn>)| factor.solve(&(all.column(p) - all.columns(0, p) * step));
+    columns.par_iter().zip(factors).map(of).collect()
+}
+
+/// Factors of V of all trials.
+///
+/// # Errors
+/// A covariance that is not positive definite.
+fn factors(noise: &[TrialNoise], levels: &NoiseLevels) -> Result<Vec<Cholesky<f64, Dyn>>, SimulationError> {
+    noise
+        .par_iter()
+        .map(|n| noise::factor(n, levels).ok_or(SimulationError::NoiseCovariance))
+        .collect::<Vec<_>>()
+        .into_iter()
+        .collect()
+}

@@ -1,0 +1,112 @@
+//! Noise along the way: what EMG and moment say of it, how it passes through the muscles, variances and autocorrelation
+//! (`docs/src/theory/many-small-errors.md`, equations (8) to (12)).
+
+use std::sync::Arc;
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::super::linear_model::Sizes;
+use super::{LARGEST_NOISE, Session, State};
+use crate::fit::{Linear, Point, corrected, trial_times};
+use crate::kernel::{FAMILIES, Kernel};
+use crate::noise::{self, NoiseLevels, TrialNoise};
+use carpus_simulation::simulation::SimulationError;
+
+/// Autocorrelations are compared on so many trials at most, evenly spread over the session.
+const TRIALS_FOR_KERNELS: usize = 12;
+
+impl Session<'_> {
+    pub(super) fn levels(
+        &self,
+        noise: &[TrialNoise],
+        regressors: &[(DMatrix<f64>, DVector<f64>)],
+        start: NoiseLevels,
+    ) -> NoiseLevels {
+        let trials: Vec<_> = noise.iter().zip(regressors).map(|(n, (x, r))| (n, x, r)).collect();
+        let count = regressors.first().map_or(0, |(x, _)| x.ncols());
+        noise::estimate(&trials, &DVector::from_element(count, 1.0), self.analysis.least_white(), start)
+    }
+
+    /// Takes the excitations that are expected of recorded EMG and moment together, equation (10).
+    ///
+    /// - `linear`, `noise`: at the point; `left`: what the linear model leaves of the residual, the noise's factors applied
+    pub(super) fn follow_emg(
+        &self,
+        point: &mut Point,
+        noise: &[TrialNoise],
+        weighted: &[DVector<f64>],
+        levels: &NoiseLevels,
+    ) -> Result<(), SimulationError> {
+        let clamped = |w: DVector<f64>| w.map(|w| w.clamp(-LARGEST_NOISE, LARGEST_NOISE));
+        let of = |(position, (noise, weighted)): (usize, (&TrialNoise, &DVector<f64>))| {
+            let correction: Vec<DVector<f64>> =
+                noise.expected_noise(levels, weighted).into_iter().map(clamped).collect();
+            let g = self.analysis.train[position];
+            let record = &self.forward().trials[g];
+            let excitation = corrected(&record.time, &record.excitation, &correction);
+            Ok((correction, Arc::new(self.forward().input(g, excitation)?)))
+        };
+        let found: Vec<Result<_, SimulationError>> = noise.par_iter().zip(weighted).enumerate().map(of).collect();
+        for (position, found) in found.into_iter().enumerate() {
+            (point.correction[position], point.inputs[position]) = found?;
+        }
+        Ok(())
+    }
+
+    /// How noise enters every trial, equation (12); the linearization is made to match.
+    pub(super) fn structure(&self, linear: &mut [Linear], point: &Point) -> Vec<TrialNoise> {
+        let noise = self.analysis.noise_structure(linear, point);
+        self.attach(linear, point, &noise);
+        noise
+    }
+
+    /// Residuals of the recorded EMG, equation (13), and baselines' columns.
+    pub(super) fn attach(&self, linear: &mut [Linear], point: &Point, noise: &[TrialNoise]) {
+        linear.par_iter_mut().enumerate().for_each(|(i, l)| self.analysis.attach(l, i, point, &noise[i]));
+    }
+
+    /// Linearized at a point, noise passing as it does.
+    pub(super) fn linearized(&self, point: &Point, noise: &[TrialNoise]) -> Result<Vec<Linear>, SimulationError> {
+        let mut linear = self.analysis.linearize(point, &[])?;
+        self.attach(&mut linear, point, noise);
+        Ok(linear)
+    }
+
+    /// Chooses how noise is autocorrelated by restricted likelihood: of the EMG's, then of the moment's.
+    ///
+    /// - `set`, `sizes`: of effects and of everything else meanwhile
+    pub(super) fn choose_kernels(&mut self, state: &mut State, set: &[usize], sizes: &Sizes) {
+        let columns = self.all_columns(&state.point, &state.linear, &state.directions);
+        let regressors = Self::regressors(&state.model, &columns, &state.model.sds(set, sizes));
+        let count = regressors.first().map_or(0, |(x, _)| x.ncols());
+        let precision = DVector::from_element(count, 1.0);
+        let least = self.analysis.least_white();
+        for of_emg in [true, false] {
+            let known = if of_emg { self.analysis.kernels.emg } else { self.analysis.kernels.moment };
+            let noise = &state.noise;
+            let levels = state.levels;
+            let with = |kernel: &Kernel, every: usize| -> Vec<TrialNoise> {
+                let of = |(n, g): (&TrialNoise, &usize)| match of_emg {
+                    true => n.clone().with_emg_kernel(kernel),
+                    false => n.clone().with_times(trial_times(&self.forward().trials[*g], kernel)),
+                };
+                noise.par_iter().zip(&self.analysis.train).step_by(every).map(of).collect()
+            };
+            let every = noise.len().div_ceil(TRIALS_FOR_KERNELS).max(1);
+            let best = noise::best_kernel(&known, &FAMILIES, |kernel| {
+                let noise = with(kernel, every);
+                let regressors = regressors.iter().step_by(every);
+                let trials: Vec<_> = noise.iter().zip(regressors).map(|(n, (x, r))| (n, x, r)).collect();
+                let levels = noise::estimate_within(2, &trials, &precision, least, levels);
+                noise::restricted_deviance(&trials, &precision, &levels)
+            });
+            let found = with(&best, 1);
+            state.levels = self.levels(&found, &regressors, state.levels);
+            state.noise = found;
+            if of_emg { self.analysis.kernels.emg = best } else { self.analysis.kernels.moment = best }
+        }
+        let time = |g: &usize| trial_times(&self.forward().trials[*g], &self.analysis.kernels.moment);
+        self.analysis.times = self.analysis.train.iter().map(time).collect();
+    }
+}

@@ -1,0 +1,129 @@
+//! What of a joint the catalogue's sizes and angles go with: they are those of a wrist.
+
+use super::effect::{Effect, Parameter};
+use super::forward_model::Setting;
+use carpus_study::study::{Contraction, Trial, TrialUse};
+
+/// Largest moments that trials of wrists show, of weak efforts and of strong people [N·m].
+const WRIST: [f64; 2] = [1.0, 20.0];
+
+/// A joint beside a wrist.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointTraits {
+    /// How many times as strong as a wrist it is: 1 within what wrists reach.
+    pub strength: f64,
+    /// Angle about which its passive properties lie [rad].
+    pub neutral_angle: f64,
+}
+
+/// Where a joint's passive properties are taken to lie about [rad]: the coordinate's zero, as at a wrist, if it is in the middle half of
+/// the range; else the middle of the range, as at an elbow or a knee, whose zero is full extension.
+///
+/// - `range`: of the coordinate [rad]
+pub fn neutral_angle(range: [f64; 2]) -> f64 {
+    let [low, high] = range;
+    let (middle, half) = (0.5 * (low + high), 0.5 * (high - low).abs());
+    // A range without an end is none.
+    if middle.abs() <= 0.5 * half || !(middle.is_finite() && half <= std::f64::consts::TAU) { 0.0 } else { middle }
+}
+
+impl JointTraits {
+    /// Strength by the largest moment of the trials that are not held out; moments at rest do not tell a weak joint.
+    ///
+    /// - `range`: of the coordinate [rad]
+    pub fn of(trials: &[Trial], range: [f64; 2]) -> JointTraits {
+        let seen = || trials.iter().filter(|t| t.info.usage != TrialUse::Test);
+        let largest = seen().flat_map(|t| &t.moment).fold(0.0_f64, |most, m| most.max(m.abs()));
+        let strength = if largest > 0.0 { largest / largest.clamp(WRIST[0], WRIST[1]) } else { 1.0 };
+        let at_rest = seen().all(|t| t.info.contraction == Contraction::Passive);
+        JointTraits {
+            strength: if at_rest { strength.max(1.0) } else { strength },
+            neutral_angle: neutral_angle(range),
+        }
+    }
+
+    /// Scale of an effect's parameter.
+    pub fn scale(&self, parameter: &Parameter) -> f64 {
+        parameter.scale * self.proportion(parameter)
+    }
+
+    /// Value of a parameter without the effect, or of the usual shape.
+    pub fn start(&self, parameter: &Parameter) -> f64 {
+        parameter.start + parameter.moves_with_neutral * self.neutral_angle
+    }
+
+    /// Plausible range of an effect's parameter, as reported.
+    pub fn plausible(&self, parameter: &Parameter) -> [f64; 2] {
+        let shift = parameter.moves_with_neutral * self.neutral_angle;
+        parameter.plausible.map(|end| end * self.proportion(parameter) + shift)
+    }
+
+    /// An effect, absent; of the usual shape at this joint.
+    pub fn absent(&self, effect: &'static dyn Effect) -> Setting {
+        self.at_neutral_angle(effect, &effect.description().absent())
+    }
+
+    /// An effect whose angles are given as at a joint whose neutral angle is 0.
+    pub fn at_neutral_angle(&self, effect: &'static dyn Effect, values: &[f64]) -> Setting {
+        let parameters = effect.description().parameters;
+        let moved = |(value, p): (&f64, &Parameter)| value + p.moves_with_neutral * self.neutral_angle;
+        Setting { effect, values: values.iter().zip(parameters).map(moved).collect() }
+    }
+
+    /// Moments, stiffness, drag and inertia go with strength, compliance against it.
+    fn proportion(&self, parameter: &Parameter) -> f64 {
+        match parameter.unit {
+            _ if !parameter.of_a_wrist => 1.0,
+            "kg·m²" => self.strength,
+            "rad/(N·m)" => 1.0 / self.strength,
+            unit if unit.starts_with("N·m") => self.strength,
+            _ => 1.0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::catalogue::CATALOGUE;
+
+    #[test]
+    fn verif_every_parameter_with_moment_in_its_unit_is_in_proportion() {
+        let joint = JointTraits { strength: 3.0, neutral_angle: 0.0 };
+        for parameter in CATALOGUE.iter().flat_map(|e| e.description().parameters) {
+            let expected = match parameter.unit {
+                "rad/(N·m)" => 1.0 / 3.0,
+                unit if unit.contains("N·m") || unit.contains("kg") => 3.0,
+                _ => 1.0,
+            };
+            assert_eq!(joint.scale(parameter), parameter.scale * expected, "{}", parameter.name);
+        }
+    }
+
+    #[test]
+    fn verif_zero_is_neutral_unless_the_range_lies_to_one_side_of_it() {
+        let degrees = |low: f64, high: f64| neutral_angle([low.to_radians(), high.to_radians()]).to_degrees();
+        assert_eq!(degrees(-70.0, 70.0), 0.0);
+        assert_eq!(degrees(-10.0, 25.0), 0.0);
+        assert_eq!(degrees(-99999.9, 99999.9), 0.0);
+        assert_eq!(degrees(0.0, 99999.9), 0.0);
+        assert!((degrees(0.0, 130.0) - 65.0).abs() < 1e-12);
+        assert!((degrees(-120.0, 10.0) + 55.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn verif_angles_of_effects_move_with_the_neutral_angle() {
+        let joint = JointTraits { strength: 2.0, neutral_angle: 1.0 };
+        let of = |id: &str, name: &str| {
+            let effect = CATALOGUE.iter().find(|e| e.description().id == id).unwrap();
+            let i = effect.description().parameters.iter().position(|p| p.name == name).unwrap();
+            let parameter = &effect.description().parameters[i];
+            assert_eq!(joint.absent(*effect).values[i], joint.start(parameter), "{id}.{name}");
+            (joint.start(parameter), joint.plausible(parameter))
+        };
+        assert_eq!(of("joint_stiffness", "rest_angle"), (1.0, [0.4, 1.6]));
+        assert_eq!(of("ligament_stop", "flexion_limit"), (1.4, [1.1, 2.6]));
+        assert_eq!(of("ligament_stop", "extension_limit"), (-0.6, [-0.9, 0.6000000000000001]));
+        assert_eq!(of("end_range_spring", "flexion_steepness"), (4.0, [2.0, 10.0]));
+    }
+}

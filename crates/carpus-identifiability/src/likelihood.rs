@@ -1,0 +1,606 @@
+//! How probable recorded moments are, given muscle parameters: noise of the moment, and noise of the EMG as it passes
+//! through the muscles.
+//!
+//! ```text
+//! y − τ(θ, ê) + G ŵ − B b ~ N(0, V),   ê = e exp(ŵ),   b ~ N(0, I)
+//! ```
+//! ŵ: expected noise of log excitation given the fit; V: [`carpus_diagnosis::noise`]; b: baseline of every EMG channel.
+//! ŵ, G, B and V are held at the fit ([`Held`]), so that what is left is a sum of squares in θ and b. What that leaves out, and
+//! noise of another kind, shows in how trials scatter about the fit ([`Fit::dispersion`]), by which intervals are widened.
+//!
+//! # References
+//! Lindstrom & Bates (1990), Nonlinear mixed effects models for repeated measures data, doi:10.2307/2532087.
+
+use std::sync::Arc;
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::descent::{Limits, Quadratic, descend};
+use super::held::{Held, HeldTrial, View, add, at_time, corrected, hat, knot_count, positive, whiten};
+use super::parameters::{Layout, MuscleProperty};
+use super::recorded::RecordedTrial;
+use carpus_diagnosis::fit::block_means;
+use carpus_diagnosis::kernel::{FAMILIES, Kernel};
+use carpus_diagnosis::noise::{
+    self, BASELINE_SD, KNOT_SPACING, Kernels, LEAST_WHITE, NoiseLevels, Response, TrialNoise, TrialTimes,
+};
+use carpus_osim::osim::spec::MuscleSpec;
+use carpus_simulation::simulation::{MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, SimulationError};
+
+/// Evaluations of the first descent, with usual noise, and of those after each estimate of the noise.
+const EVALUATIONS: [usize; 6] = [12, 6, 5, 4, 4, 4];
+/// Pass after which correlations of the noise in time are chosen.
+const KERNEL_PASS: usize = 3;
+/// A descent ends when a step promises less than this decrease of −2 log probability.
+const CONVERGED: f64 = 0.005;
+/// A fit that leaves more than this is not one whose intervals another factor could mend.
+const MOST_DISPERSION: f64 = 25.0;
+/// Step of differences by logarithms of properties without exact derivatives.
+const DIFFERENCE: f64 = 0.02;
+/// Channels of a trial are put this far apart in time [s], so that slow disturbances of one are not those of another.
+const CHANNEL_OFFSET: f64 = 1e6;
+
+/// A participant's model and training trials, and the parameters in question.
+#[derive(Clone, Debug)]
+pub(super) struct Problem {
+    pub(super) model: MusculoskeletalModel,
+    pub(super) specs: Vec<MuscleSpec>,
+    pub(super) nominal: Vec<MuscleParameters>,
+    pub(super) layout: Layout,
+    pub(super) trials: Vec<RecordedTrial>,
+    pub(super) options: Options,
+}
+
+/// A most probable parameter set.
+#[derive(Clone, Debug)]
+pub(super) struct Fit {
+    /// Logarithms of factors, then baselines.
+    pub(super) at: DVector<f64>,
+    pub(super) held: Held,
+    /// Of data and baselines, without the parameters' prior; parameters first.
+    pub(super) information: DMatrix<f64>,
+    /// How much more the trials scatter about the fit than the noise says they should (variance ratio), at least 1.
+    pub(super) dispersion: f64,
+}
+
+/// A muscle's unit force with derivatives by the logarithms of its shape parameters.
+struct UnitForce {
+    force: Vec<f64>,
+    by: Vec<(usize, Vec<f64>)>,
+}
+
+impl Problem {
+    pub(super) fn n_muscles(&self) -> usize {
+        self.nominal.len()
+    }
+
+    /// Most probable parameters and their noise.
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub(super) fn fit(&self) -> Result<Fit, SimulationError> {
+        let n = self.layout.len() + self.n_muscles();
+        let mut at = DVector::zeros(n);
+        for (i, p) in self.layout.free.iter().enumerate() {
+            at[i] = p.prior.factor.ln();
+        }
+        let mut held = self.recorded(&at)?;
+        for (pass, evaluations) in EVALUATIONS.into_iter().enumerate() {
+            if pass > 0 {
+                held = self.noise(held, &at, pass)?;
+            }
+            let result = self.descend(&held, at, evaluations)?;
+            at = result.0;
+        }
+        let (total, data) = self.account(&held, &at, true)?;
+        let dispersion = self.dispersion(&held, &at, &total)?;
+        Ok(Fit { at, held, information: data.information, dispersion })
+    }
+
+    /// Variance of the trials' scores over what the noise predicts: trials are the unit that repeats, whatever happens
+    /// within them.
+    ///
+    /// ```text
+    /// c = tr(A⁻¹ Σ s_t s_tᵀ) / tr(A⁻¹ Σ (A_t − A_t A⁻¹ A_t)),   s_t = X_tᵀ V⁻¹ r_t,  A_t = X_tᵀ V⁻¹ X_t,  A = Σ A_t + prior
+    /// ```
+    /// A fit takes part of the scatter away, which the denominator accounts for.
+    ///
+    /// # References
+    /// McCullagh & Nelder (1989), Generalized linear models, section 9.2 (quasi-likelihood); Liang & Zeger (1986),
+    /// doi:10.1093/biomet/73.1.13 (clusters).
+    fn dispersion(&self, held: &Held, at: &DVector<f64>, total: &Quadratic) -> Result<f64, SimulationError> {
+        let n = at.len();
+        let Some(factor) = total.information.clone().cholesky() else { return Ok(1.0) };
+        let (mut found, mut expected) = (0.0, 0.0);
+        for w in self.whitened(held, at)? {
+            let x = w.columns(0, n);
+            let score = x.tr_mul(&w.column(n));
+            let own = x.tr_mul(&x);
+            let share = factor.solve(&own);
+            found += score.dot(&factor.solve(&score));
+            expected += share.trace() - (&share * &share).trace();
+        }
+        Ok(if expected > 0.0 { (found / expected).clamp(1.0, MOST_DISPERSION) } else { 1.0 })
+    }
+
+    fn descend(
+        &self,
+        held: &Held,
+        start: DVector<f64>,
+        evaluations: usize,
+    ) -> Result<(DVector<f64>, Quadratic), SimulationError> {
+        let n = start.len();
+        let p = self.layout.len();
+        let (mut lower, mut upper, mut step) = (vec![-8.0; n], vec![8.0; n], vec![4.0; n]);
+        for (i, parameter) in self.layout.free.iter().enumerate() {
+            [lower[i], upper[i]] = parameter.log_bounds();
+            step[i] = 0.2 * (upper[i] - lower[i]);
+        }
+        debug_assert!(p <= n);
+        let limits = Limits {
+            lower: &lower,
+            upper: &upper,
+            fixed: &vec![false; n],
+            step: &step,
+            evaluations,
+            tolerance: CONVERGED,
+        };
+        let mut failure = None;
+        let found = descend(
+            &mut |x| self.account(held, x, true).map(|(q, _)| q).map_err(|e| failure = Some(e)).ok(),
+            start,
+            &limits,
+        );
+        // The start itself must be computable; a later failure only shortened a step.
+        found.ok_or_else(|| failure.expect("a start that fails says why"))
+    }
+
+    /// The sum of squares at a point: with priors, and of data and baselines alone.
+    pub(super) fn account(
+        &self,
+        held: &Held,
+        at: &DVector<f64>,
+        prior: bool,
+    ) -> Result<(Quadratic, Quadratic), SimulationError> {
+        let whitened = self.whitened(held, at)?;
+        let n = at.len();
+        let mut data = Quadratic { value: 0.0, gradient: DVector::zeros(n), information: DMatrix::zeros(n, n) };
+        for w in &whitened {
+            let x = w.columns(0, n);
+            let r = w.column(n);
+            data.value += r.norm_squared();
+            data.gradient -= x.tr_mul(&r);
+            data.information += x.tr_mul(&x);
+        }
+        for i in self.layout.len()..n {
+            data.value += at[i] * at[i];
+            data.gradient[i] += at[i];
+            data.information[(i, i)] += 1.0;
+        }
+        let mut total = data.clone();
+        if prior {
+            for (i, p) in self.layout.free.iter().enumerate() {
+                let (off, precision) = (at[i] - p.prior.factor.ln(), p.prior.log_sd.powi(-2));
+                total.value += precision * off * off;
+                total.gradient[i] += precision * off;
+                total.information[(i, i)] += precision;
+            }
+        }
+        Ok((total, data))
+    }
+
+    /// Per trial: whitened columns [∂τ by parameters | by baselines | residual].
+    fn whitened(&self, held: &Held, at: &DVector<f64>) -> Result<Vec<DMatrix<f64>>, SimulationError> {
+        let columns = self.columns(held, at)?;
+        Ok(columns.iter().zip(&held.trials).map(|(c, t)| whiten(&t.factor, c)).collect())
+    }
+
+    /// Per trial: columns [∂τ by parameters | by baselines | residual].
+    pub(super) fn columns(&self, held: &Held, at: &DVector<f64>) -> Result<Vec<DMatrix<f64>>, SimulationError> {
+        let (p, m) = (self.layout.len(), self.n_muscles());
+        let variants = self.variants(at)?;
+        let all: Vec<Result<DMatrix<f64>, SimulationError>> = held
+            .trials
+            .par_iter()
+            .zip(&self.trials)
+            .map(|(held, trial)| {
+                let variants = self.prepared_variants(held, trial, &variants)?;
+                let mut out = DMatrix::zeros(held.target.len(), p + m + 1);
+                let mut residual = held.target.clone();
+                for muscle in 0..m {
+                    let strength: f64 = self.layout.strengths[muscle].iter().map(|i| at[*i]).sum();
+                    let scale = self.nominal[muscle].max_isometric_force * strength.exp();
+                    let unit = self.unit_force(held, &variants, muscle, at)?;
+                    let moment = trial.moments_of(muscle, &unit.force, &held.starts) * scale;
+                    residual -= &moment;
+                    for i in &self.layout.strengths[muscle] {
+                        out.column_mut(*i).axpy(1.0, &moment, 1.0);
+                    }
+                    for (i, by) in &unit.by {
+                        let by = trial.moments_of(muscle, by, &held.starts);
+                        out.column_mut(*i).axpy(scale, &by, 1.0);
+                    }
+                    let baseline = held.baselines.column(muscle);
+                    residual.axpy(-at[p + muscle], &baseline, 1.0);
+                    out.set_column(p + muscle, &baseline);
+                }
+                out.set_column(p + m, &residual);
+                Ok(out)
+            })
+            .collect();
+        all.into_iter().collect()
+    }
+
+    /// Per trial and muscle: block means of the moment.
+    pub(super) fn muscle_moments(
+        &self,
+        held: &Held,
+        at: &DVector<f64>,
+    ) -> Result<Vec<Vec<DVector<f64>>>, SimulationError> {
+        let variants = self.variants(at)?;
+        let all: Vec<Result<Vec<DVector<f64>>, SimulationError>> = held
+            .trials
+            .par_iter()
+            .zip(&self.trials)
+            .map(|(held, trial)| {
+                let variants = self.prepared_variants(held, trial, &variants)?;
+                (0..self.n_muscles())
+                    .map(|muscle| {
+                        let strength: f64 = self.layout.strengths[muscle].iter().map(|i| at[*i]).sum();
+                        let scale = self.nominal[muscle].max_isometric_force * strength.exp();
+                        let unit = self.unit_force(held, &variants, muscle, at)?;
+                        Ok(trial.moments_of(muscle, &unit.force, &held.starts) * scale)
+                    })
+                    .collect()
+            })
+            .collect();
+        all.into_iter().collect()
+    }
+
+    /// Models with other curves: at the point, and on both sides by every parameter that needs differences.
+    fn variants(&self, at: &DVector<f64>) -> Result<Option<Variants>, SimulationError> {
+        if !self.layout.changes_model() {
+            return Ok(None);
+        }
+        let model_at = |at: &DVector<f64>| self.model_with(&|_, i| at[i]);
+        let sides = self
+            .layout
+            .free
+            .iter()
+            .enumerate()
+            .map(|(i, p)| {
+                if p.property.is_parameter() {
+                    return Ok(None);
+                }
+                let moved = |step: f64| {
+                    let mut at = at.clone();
+                    at[i] += step;
+                    model_at(&at)
+                };
+                Ok(Some([moved(DIFFERENCE)?, moved(-DIFFERENCE)?]))
+            })
+            .collect::<Result<_, SimulationError>>()?;
+        Ok(Some(Variants { here: model_at(at)?, sides }))
+    }
+
+    /// The model with curves, damping and activation of every muscle at logarithms of factors.
+    pub(super) fn model_with(
+        &self,
+        value: &dyn Fn(usize, usize) -> f64,
+    ) -> Result<MusculoskeletalModel, SimulationError> {
+        let mut specs = self.specs.clone();
+        for (m, spec) in specs.iter_mut().enumerate() {
+            self.layout.change(m, spec, &|i| value(m, i));
+        }
+        self.model.with_muscles(&specs)
+    }
+
+    /// A trial prepared for another model, with every excitation of its views.
+    pub(super) fn prepare(
+        &self,
+        model: &MusculoskeletalModel,
+        trial: &RecordedTrial,
+        held: &HeldTrial,
+    ) -> Result<Vec<PreparedTrial>, SimulationError> {
+        let one = |v: &View| model.prepare_like(&trial.recording(&v.excitation), &trial.prepared, &self.options);
+        held.views.iter().map(one).collect()
+    }
+
+    fn prepared_variants(
+        &self,
+        held: &HeldTrial,
+        trial: &RecordedTrial,
+        variants: &Option<Variants>,
+    ) -> Result<Option<PreparedVariants>, SimulationError> {
+        let Some(v) = variants else { return Ok(None) };
+        let here = self.prepare(&v.here, trial, held)?;
+        let sides = v
+            .sides
+            .iter()
+            .map(|sides| {
+                let Some([up, down]) = sides else { return Ok(None) };
+                Ok(Some([self.prepare(up, trial, held)?, self.prepare(down, trial, held)?]))
+            })
+            .collect::<Result<_, SimulationError>>()?;
+        Ok(Some(PreparedVariants { here, sides }))
+    }
+
+    fn unit_force(
+        &self,
+        held: &HeldTrial,
+        variants: &Option<PreparedVariants>,
+        muscle: usize,
+        at: &DVector<f64>,
+    ) -> Result<UnitForce, SimulationError> {
+        let parameters = self.layout.parameters(muscle, &self.nominal[muscle], &|i| at[i]);
+        let shapes = &self.layout.shapes[muscle];
+        let samples = held.views[0].prepared.len();
+        let mut force = vec![0.0; samples];
+        let mut by: Vec<(usize, Vec<f64>)> = shapes.iter().map(|i| (*i, vec![0.0; samples])).collect();
+        for (k, view) in held.views.iter().enumerate() {
+            let prepared = variants.as_ref().map_or(&view.prepared, |v| &v.here[k]);
+            let unit = prepared.unit_force_with_derivatives(muscle, &parameters)?;
+            add(&mut force, view.weight, &unit.moment);
+            for (i, by) in &mut by {
+                let (series, scale) = match self.layout.free[*i].property {
+                    MuscleProperty::OptimalFiberLength => {
+                        (&unit.by_optimal_fiber_length, parameters.optimal_fiber_length)
+                    }
+                    MuscleProperty::TendonSlackLength => (&unit.by_tendon_slack_length, parameters.tendon_slack_length),
+                    MuscleProperty::PennationAngle => (&unit.by_pennation_angle, parameters.pennation_angle_at_optimal),
+                    _ => {
+                        let Some([up, down]) = variants.as_ref().and_then(|v| v.sides[*i].as_ref()) else { continue };
+                        let weight = view.weight / (2.0 * DIFFERENCE);
+                        add(by, weight, &up[k].unit_force(muscle, &parameters)?);
+                        add(by, -weight, &down[k].unit_force(muscle, &parameters)?);
+                        continue;
+                    }
+                };
+                add(by, view.weight * scale, series);
+            }
+        }
+        Ok(UnitForce { force, by })
+    }
+
+    /// Everything as recorded, weighted with white noise alone: what the first descent sees.
+    fn recorded(&self, at: &DVector<f64>) -> Result<Held, SimulationError> {
+        let levels = NoiseLevels::default();
+        let mut trials = Vec::with_capacity(self.trials.len());
+        for trial in &self.trials {
+            let starts = trial.starts();
+            let target = self.target(trial, &starts);
+            let identity = DMatrix::identity(target.len(), target.len());
+            let (excitation, prepared) = (trial.excitation.clone(), trial.prepared.clone());
+            trials.push(HeldTrial {
+                views: vec![View { weight: 1.0, excitation, prepared }],
+                correction: vec![DVector::zeros(knot_count(&trial.time)); self.n_muscles()],
+                baselines: DMatrix::zeros(target.len(), self.n_muscles()),
+                target,
+                starts,
+                noise: None,
+                factor: positive(identity),
+            });
+        }
+        let mut held = Held { trials, levels, kernels: Kernels::default() };
+        self.restructure(&mut held, at)?;
+        Ok(held)
+    }
+
+    fn target(&self, trial: &RecordedTrial, starts: &[usize]) -> DVector<f64> {
+        trial.stacked(starts, |c| {
+            let channel = &trial.channels[c];
+            channel.measured.iter().zip(&channel.without_muscles).map(|(y, fixed)| y - fixed).collect()
+        })
+    }
+
+    /// How noise enters every trial at a point; targets, baselines and factors follow.
+    fn restructure(&self, held: &mut Held, at: &DVector<f64>) -> Result<(), SimulationError> {
+        let model = if self.layout.changes_model() { Some(self.model_with(&|_, i| at[i])?) } else { None };
+        let (levels, kernels) = (held.levels, held.kernels);
+        held.trials
+            .par_iter_mut()
+            .zip(&self.trials)
+            .map(|(held, trial)| {
+                let own = model.as_ref().map(|m| self.prepare(m, trial, held)).transpose()?;
+                let first = own.as_ref().map_or(&held.views[0].prepared, |own| &own[0]);
+                let noise = self.structure(trial, held, first, at, &kernels)?;
+                held.target = self.target(trial, &held.starts) + noise.respond(&held.correction);
+                for m in 0..self.n_muscles() {
+                    held.baselines.set_column(m, &(noise.respond_to_baseline(m) * BASELINE_SD));
+                }
+                held.factor = positive(noise.covariance(&levels));
+                held.noise = Some(noise);
+                Ok(())
+            })
+            .collect::<Vec<Result<(), SimulationError>>>()
+            .into_iter()
+            .collect()
+    }
+
+    fn structure(
+        &self,
+        trial: &RecordedTrial,
+        held: &HeldTrial,
+        prepared: &PreparedTrial,
+        at: &DVector<f64>,
+        kernels: &Kernels,
+    ) -> Result<TrialNoise, SimulationError> {
+        let starts = &held.starts;
+        let (blocks, channels) = (starts.len() - 1, trial.channels.len());
+        let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
+        let knots = knot_count(&trial.time);
+        let block_of: Vec<usize> = counts.iter().enumerate().flat_map(|(b, c)| std::iter::repeat_n(b, *c)).collect();
+        let (mut responses, mut at_knots) = (Vec::new(), Vec::new());
+        for m in 0..self.n_muscles() {
+            let e = &held.views[0].excitation[m];
+            let parameters = self.layout.parameters(m, &self.nominal[m], &|i| at[i]);
+            let response = prepared.force_response(m, &prepared.solve(m, &parameters)?, e);
+            let mut g = Response::new(blocks * channels, knots);
+            for j in 0..knots {
+                let (first, disturbance) = hat(&trial.time, e, j);
+                response.respond(first, &disturbance, |k, force| {
+                    let b = block_of[k];
+                    for (c, channel) in trial.channels.iter().enumerate() {
+                        g.add(c * blocks + b, j, channel.moment_arms[m][k] * force / counts[b] as f64);
+                    }
+                });
+            }
+            responses.push(g);
+            at_knots
+                .push((0..knots).map(|j| at_time(&trial.time, e, trial.time[0] + KNOT_SPACING * j as f64)).collect());
+        }
+        Ok(TrialNoise::correlated(&trial_times(trial, starts, &kernels.moment), responses, &at_knots, &kernels.emg))
+    }
+
+    /// Chooses the correlations of the noise by restricted likelihood: of the EMG's, then of the moment's, then again.
+    fn choose_kernels(&self, held: &mut Held, columns: &[DMatrix<f64>]) {
+        let (regressors, residuals) = self.regression(columns);
+        let precision = DVector::from_vec(self.precision());
+        let mut structure: Vec<TrialNoise> = held.trials.iter().filter_map(|t| t.noise.clone()).collect();
+        if structure.len() < held.trials.len() {
+            return;
+        }
+        for of_emg in [true, false, true] {
+            let known = held.kernels;
+            let with = |structure: &[TrialNoise], kernels: &Kernels| -> Vec<TrialNoise> {
+                let pairs = structure.par_iter().zip(&self.trials).zip(&held.trials);
+                let one = |((noise, trial), held): ((&TrialNoise, &RecordedTrial), &HeldTrial)| match of_emg {
+                    true => noise.clone().with_emg_kernel(&kernels.emg),
+                    false => noise.clone().with_times(trial_times(trial, &held.starts, &kernels.moment)),
+                };
+                pairs.map(one).collect()
+            };
+            let changed = |kernel: &Kernel| {
+                if of_emg { Kernels { emg: *kernel, ..known } } else { Kernels { moment: *kernel, ..known } }
+            };
+            let start = if of_emg { known.emg } else { known.moment };
+            let best = noise::best_kernel(&start, &FAMILIES, |kernel| {
+                let noise = with(&structure, &changed(kernel));
+                let trials = triples(&noise, &regressors, &residuals);
+                let levels = noise::estimate_within(2, &trials, &precision, LEAST_WHITE, held.levels);
+                noise::restricted_deviance(&trials, &precision, &levels)
+            });
+            held.kernels = changed(&best);
+            structure = with(&structure, &held.kernels);
+            held.levels =
+                noise::estimate(&triples(&structure, &regressors, &residuals), &precision, LEAST_WHITE, held.levels);
+        }
+    }
+
+    /// Regressors and residual of every trial from its columns.
+    fn regression(&self, columns: &[DMatrix<f64>]) -> (Vec<DMatrix<f64>>, Vec<DVector<f64>>) {
+        let n = self.layout.len() + self.n_muscles();
+        let of = |c: &DMatrix<f64>| (c.columns(0, n).into_owned(), c.column(n).into_owned());
+        columns.iter().map(of).unzip()
+    }
+
+    /// Prior precision of logarithms of factors and of baselines.
+    fn precision(&self) -> Vec<f64> {
+        let own = self.layout.free.iter().map(|p| p.prior.log_sd.powi(-2));
+        own.chain(std::iter::repeat_n(1.0, self.n_muscles())).collect()
+    }
+
+    /// Estimates the variances, corrects the excitations, and computes how noise enters anew.
+    fn noise(&self, mut held: Held, at: &DVector<f64>, pass: usize) -> Result<Held, SimulationError> {
+        self.restructure(&mut held, at)?;
+        let n = at.len();
+        let columns = self.columns(&held, at)?;
+        // In the first pass the EMG's noise is not allowed for yet: what it does would be taken for more of it.
+        if pass == KERNEL_PASS {
+            self.choose_kernels(&mut held, &columns);
+            self.restructure(&mut held, at)?;
+        } else if pass > 1 {
+            let (regressors, residuals) = self.regression(&columns);
+            let structure: Vec<&TrialNoise> = held.trials.iter().filter_map(|t| t.noise.as_ref()).collect();
+            let trials: Vec<_> =
+                structure.into_iter().zip(&regressors).zip(&residuals).map(|((t, x), r)| (t, x, r)).collect();
+            let before = held.levels;
+            let found = noise::estimate(&trials, &DVector::from_vec(self.precision()), LEAST_WHITE, before);
+            // Estimates alternate about their common value: take the middle.
+            held.levels = if pass > 2 { before.between(&found) } else { found };
+        }
+        let levels = held.levels;
+        held.trials
+            .par_iter_mut()
+            .zip(&self.trials)
+            .zip(&columns)
+            .map(|((held, trial), columns)| {
+                let Some(noise) = &held.noise else { return Ok(()) };
+                let factor = positive(noise.covariance(&levels));
+                let weighted = factor.solve(&columns.column(n).into_owned());
+                let mut correction = noise.expected_noise(&levels, &weighted);
+                for w in correction.iter_mut().flat_map(|w| w.iter_mut()) {
+                    *w = w.clamp(-0.7, 0.7);
+                }
+                let excitation = corrected(&trial.time, &trial.excitation, &correction);
+                let recording = trial.recording(&excitation);
+                let prepared = self.model.prepare_like(&recording, &trial.prepared, &self.options)?;
+                held.views = vec![View { weight: 1.0, excitation, prepared }];
+                held.correction = correction;
+                Ok(())
+            })
+            .collect::<Vec<Result<(), SimulationError>>>()
+            .into_iter()
+            .collect::<Result<(), _>>()?;
+        self.restructure(&mut held, at)?;
+        Ok(held)
+    }
+
+    /// Expected information of further trials about parameters and baselines, with the noise of a fit: what
+    /// [`Fit::information`] gains by them.
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub(super) fn expected_information(
+        &self,
+        trials: Vec<RecordedTrial>,
+        fit: &Fit,
+    ) -> Result<Vec<DMatrix<f64>>, SimulationError> {
+        let other = Problem { trials, ..self.clone() };
+        let mut held = other.recorded(&fit.at)?;
+        held.levels = fit.held.levels;
+        held.kernels = fit.held.kernels;
+        other.restructure(&mut held, &fit.at)?;
+        let n = fit.at.len();
+        let whitened = other.whitened(&held, &fit.at)?;
+        Ok(whitened
+            .iter()
+            .map(|w| {
+                let x = w.columns(0, n);
+                x.tr_mul(&x)
+            })
+            .collect())
+    }
+}
+
+/// What of a trial's noise depends on its times and direction alone; slow disturbances of one channel are not those of another.
+fn trial_times(trial: &RecordedTrial, starts: &[usize], kernel: &Kernel) -> Arc<TrialTimes> {
+    let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
+    let times = block_means(&trial.time, starts);
+    let channels = trial.channels.len();
+    let all_times: Vec<f64> =
+        (0..channels).flat_map(|c| times.iter().map(move |t| t + CHANNEL_OFFSET * c as f64)).collect();
+    let all_counts: Vec<usize> = (0..channels).flat_map(|_| counts.iter().copied()).collect();
+    let times = TrialTimes::correlated(trial.direction, &all_times, &all_counts, kernel);
+    Arc::new(times.sampled_every(trial.rows_per_moment))
+}
+
+/// What estimates of the noise are made from.
+fn triples<'a>(
+    noise: &'a [TrialNoise],
+    regressors: &'a [DMatrix<f64>],
+    residuals: &'a [DVector<f64>],
+) -> Vec<(&'a TrialNoise, &'a DMatrix<f64>, &'a DVector<f64>)> {
+    noise.iter().zip(regressors).zip(residuals).map(|((n, x), r)| (n, x, r)).collect()
+}
+
+struct Variants {
+    here: MusculoskeletalModel,
+    sides: Vec<Option<[MusculoskeletalModel; 2]>>,
+}
+
+struct PreparedVariants {
+    here: Vec<PreparedTrial>,
+    sides: Vec<Option<[Vec<PreparedTrial>; 2]>>,
+}

@@ -1,0 +1,296 @@
+//! Coordinates that follow others: OpenSim's `CoordinateCouplerConstraint`.
+
+use super::error::{CompileError, CouplerProblem};
+use super::model::{Model, coordinate_in};
+use carpus_osim::functions::{Function, FunctionOfSeveral};
+use carpus_osim::osim::spec::{ConstraintKind, CoordinateIndex, ModelSpec};
+
+/// `dependent = scale_factor · function(independent)`.
+#[derive(Clone, Debug)]
+pub struct Coupler {
+    /// Name of the constraint.
+    pub name: String,
+    /// The arguments: one, but for functions of several variables.
+    pub independent: Vec<CoordinateIndex>,
+    /// The coordinate that follows.
+    pub dependent: CoordinateIndex,
+    function: CouplingFunction,
+    /// Multiplies the function.
+    scale_factor: f64,
+    /// Whether second rates are those of OpenSim where its functions of several variables contradict their derivatives.
+    follows_opensim: bool,
+}
+
+/// What a coupler evaluates.
+#[derive(Clone, Debug)]
+enum CouplingFunction {
+    One(Box<Function>),
+    Several(FunctionOfSeveral),
+}
+
+impl Coupler {
+    /// The same, its second rates those of OpenSim.
+    pub(super) fn with_second_rates_of_opensim(self) -> Coupler {
+        Coupler { follows_opensim: true, ..self }
+    }
+
+    /// The same, its second rates those of its function: with them accelerations keep what velocities satisfy.
+    pub(crate) fn with_own_second_rates(self) -> Coupler {
+        Coupler { follows_opensim: false, ..self }
+    }
+
+    /// The only argument; `None` where there are several.
+    pub fn only_argument(&self) -> Option<CoordinateIndex> {
+        match self.independent[..] {
+            [independent] => Some(independent),
+            _ => None,
+        }
+    }
+
+    /// Value of the dependent coordinate.
+    ///
+    /// - `q`: all coordinates [rad or m]
+    pub fn value(&self, q: &[f64]) -> f64 {
+        self.scale_factor
+            * match &self.function {
+                CouplingFunction::One(function) => function.value(q[self.independent[0].0]),
+                CouplingFunction::Several(function) => function.value(|k| q[self.independent[k].0]),
+            }
+    }
+
+    /// d dependent / d independent, for the argument at position `k`.
+    pub fn derivative(&self, q: &[f64], k: usize) -> f64 {
+        self.scale_factor
+            * match &self.function {
+                CouplingFunction::One(function) => function.derivative(q[self.independent[k].0]),
+                CouplingFunction::Several(function) => function.derivative(|k| q[self.independent[k].0], k),
+            }
+    }
+
+    /// Every argument and d dependent / d argument.
+    pub fn derivatives<'a>(&'a self, q: &'a [f64]) -> impl Iterator<Item = (CoordinateIndex, f64)> + 'a {
+        self.independent.iter().enumerate().map(|(k, &argument)| (argument, self.derivative(q, k)))
+    }
+
+    /// Rate of the dependent coordinate; arguments at rest are not differentiated by.
+    pub fn rate(&self, q: &[f64], qdot: &[f64]) -> f64 {
+        let moving = self.independent.iter().enumerate().filter(|(_, argument)| qdot[argument.0] != 0.0);
+        moving.fold(0.0, |sum, (k, argument)| sum + self.derivative(q, k) * qdot[argument.0])
+    }
+
+    /// Second rate of the dependent coordinate where those of the arguments are 0: `Σ f_kl q̇_k q̇_l`.
+    pub fn second_rate_at_constant_rates(&self, q: &[f64], qdot: &[f64]) -> f64 {
+        let rate = |k: usize| qdot[self.independent[k].0];
+        self.scale_factor
+            * match &self.function {
+                CouplingFunction::One(function) => {
+                    function.second_derivative(q[self.independent[0].0]) * rate(0) * rate(0)
+                }
+                // `MultivariatePolynomialFunction` gives its derivative by the first variable where one by two is asked for.
+                CouplingFunction::Several(function) if self.follows_opensim => {
+                    let n = self.independent.len();
+                    let slope = |k: usize| function.derivative(|k| q[self.independent[k].0], k);
+                    let by_first: f64 = (0..n).map(|k| slope(k) * rate(k)).sum();
+                    by_first * (0..n).map(rate).sum::<f64>()
+                }
+                CouplingFunction::Several(function) => {
+                    let n = self.independent.len();
+                    let value = |k: usize| q[self.independent[k].0];
+                    let term = |(k, l): (usize, usize)| function.second_derivative(value, k, l) * rate(k) * rate(l);
+                    (0..n).flat_map(|k| (0..n).map(move |l| (k, l))).map(term).sum()
+                }
+            }
+    }
+}
+
+/// Builds the enforced couplers of a model, sorted so that a coupler comes after the one that drives its argument.
+pub(super) fn compile_couplers(spec: &ModelSpec) -> Result<Vec<Coupler>, CompileError> {
+    let mut couplers: Vec<(usize, Coupler)> = Vec::new();
+    let mut driven_by: Vec<Option<usize>> = vec![None; spec.coordinates.len()];
+    for (number, constraint) in spec.constraints.iter().enumerate().filter(|(_, c)| c.is_enforced) {
+        let ConstraintKind::CoordinateCoupler { independent_coordinates, dependent_coordinate, function, scale_factor } =
+            &constraint.kind
+        else {
+            continue; // listed in Model::unsupported_constraints
+        };
+        let function = match independent_coordinates.len() {
+            0 => {
+                return Err(CompileError::ArgumentCount {
+                    at: constraint.at.clone(),
+                    property: "coupled_coordinates_function".into(),
+                    found: 0,
+                });
+            }
+            1 => Function::compile(function).map(|function| CouplingFunction::One(Box::new(function))),
+            several => FunctionOfSeveral::compile(function, several).map(CouplingFunction::Several),
+        };
+        let function = function.map_err(|source| CompileError::Function {
+            at: constraint.at.clone(),
+            property: "coupled_coordinates_function".into(),
+            source,
+        })?;
+        let independent = independent_coordinates
+            .iter()
+            .map(|&independent| coordinate_in(spec, independent, &constraint.at))
+            .collect::<Result<_, _>>()?;
+        let dependent = coordinate_in(spec, *dependent_coordinate, &constraint.at)?;
+        if driven_by[dependent.0].replace(couplers.len()).is_some() {
+            return Err(problem(spec, number, dependent, CouplerProblem::DrivenTwice));
+        }
+        let name = constraint.name.clone();
+        couplers.push((
+            number,
+            Coupler { name, independent, dependent, function, scale_factor: *scale_factor, follows_opensim: false },
+        ));
+    }
+    // Length of the longest chain of couplers that drives the arguments of each.
+    let mut depths = vec![0; couplers.len()];
+    for _ in 0..=couplers.len() {
+        let mut longer = false;
+        for (i, (_, coupler)) in couplers.iter().enumerate() {
+            let drivers = coupler.independent.iter().filter_map(|argument| driven_by[argument.0]);
+            let depth = drivers.map(|driver| depths[driver] + 1).max().unwrap_or(0);
+            longer |= depth > depths[i];
+            depths[i] = depth;
+        }
+        if !longer {
+            let mut order: Vec<usize> = (0..couplers.len()).collect();
+            order.sort_by_key(|&i| depths[i]);
+            return Ok(order.into_iter().map(|i| couplers[i].1.clone()).collect());
+        }
+    }
+    // Chains in a cycle grow without end.
+    let (number, coupler) = couplers.iter().zip(&depths).max_by_key(|(_, depth)| **depth).map_or(&couplers[0], |c| c.0);
+    Err(problem(spec, *number, coupler.dependent, CouplerProblem::Cycle))
+}
+
+fn problem(spec: &ModelSpec, number: usize, coordinate: CoordinateIndex, problem: CouplerProblem) -> CompileError {
+    CompileError::Coupler {
+        at: spec.constraints[number].at.clone(),
+        coordinate: spec.coordinates[coordinate.0].name.clone(),
+        problem,
+    }
+}
+
+impl Model {
+    /// Sets every dependent coordinate to the value that its coupler gives.
+    ///
+    /// - `q`: coordinates [rad or m], length `n_coordinates`
+    pub fn satisfy_couplers(&self, q: &mut [f64]) {
+        for coupler in &self.couplers {
+            q[coupler.dependent.0] = coupler.value(q);
+        }
+    }
+
+    /// Default values of all coordinates [rad or m], couplers satisfied.
+    pub fn default_coordinates(&self) -> Vec<f64> {
+        let mut q: Vec<f64> = self.coordinates.iter().map(|c| c.default_value).collect();
+        self.satisfy_couplers(&mut q);
+        q
+    }
+
+    /// Whether a coupler determines the coordinate.
+    pub fn is_dependent(&self, coordinate: CoordinateIndex) -> bool {
+        self.driver_of(coordinate).is_some()
+    }
+
+    /// The coupler that determines the coordinate.
+    pub fn driver_of(&self, coordinate: CoordinateIndex) -> Option<&Coupler> {
+        self.driven_by[coordinate.0].map(|i| &self.couplers[i])
+    }
+
+    /// Whether chains of couplers start at one coordinate and lead to both of two.
+    pub fn are_coupled(&self, a: CoordinateIndex, b: CoordinateIndex) -> bool {
+        let roots = self.roots_of(a);
+        self.roots_of(b).iter().any(|root| roots.contains(root))
+    }
+
+    /// The independent coordinates at the start of a coordinate's chains of couplers, each once (itself, if not
+    /// dependent).
+    pub fn roots_of(&self, coordinate: CoordinateIndex) -> Vec<CoordinateIndex> {
+        let (mut roots, mut seen, mut left) = (Vec::new(), Vec::new(), vec![coordinate]);
+        while let Some(next) = left.pop() {
+            if seen.contains(&next) {
+                continue;
+            }
+            seen.push(next);
+            match self.driver_of(next) {
+                Some(coupler) => left.extend(coupler.independent.iter().rev().copied()),
+                None => roots.push(next),
+            }
+        }
+        roots
+    }
+
+    /// Names of [`Model::roots_of`] in a sentence, with a mark around each.
+    pub fn names_of_roots(&self, coordinate: CoordinateIndex, mark: &str) -> String {
+        let name = |root: &CoordinateIndex| format!("{mark}{}{mark}", self.coordinates[root.0].name);
+        self.roots_of(coordinate).iter().map(name).collect::<Vec<_>>().join(" and ")
+    }
+
+    /// Coupling vector: rate of every coordinate for unit rate of coordinate `c`, couplers followed, all other
+    /// independent coordinates at rest.
+    ///
+    /// If `c` itself is dependent, the coordinates that drive it move along, each in proportion to what it does (as in
+    /// OpenSim's `MomentArmSolver`); the result is not finite where its coupling function is flat.
+    ///
+    /// - `q`: coordinates [rad or m], couplers satisfied
+    /// - `coupling`: receives dqᵢ/dq_c, length `n_coordinates`
+    pub fn update_coupling(&self, q: &[f64], c: CoordinateIndex, coupling: &mut [f64]) {
+        coupling.fill(0.0);
+        let mut root_rate = 1.0;
+        let mut root = c;
+        while let Some(coupler) = self.driver_of(root) {
+            let Some(argument) = coupler.only_argument() else { return self.couple_several(q, c, coupling) };
+            root_rate /= coupler.derivative(q, 0);
+            root = argument;
+        }
+        coupling[root.0] = root_rate;
+        self.follow_couplers(q, coupling);
+        coupling[c.0] = 1.0;
+    }
+
+    /// [`Model::update_coupling`] for a coordinate that several others drive: their rates are the smallest that do.
+    fn couple_several(&self, q: &[f64], c: CoordinateIndex, coupling: &mut [f64]) {
+        let roots = self.roots_of(c);
+        let slope = |root: &CoordinateIndex| {
+            let mut rates = vec![0.0; q.len()];
+            rates[root.0] = 1.0;
+            self.follow_couplers(q, &mut rates);
+            rates[c.0]
+        };
+        let slopes: Vec<f64> = roots.iter().map(slope).collect();
+        let squares: f64 = slopes.iter().map(|slope| slope * slope).sum();
+        roots.iter().zip(&slopes).for_each(|(root, slope)| coupling[root.0] = slope / squares);
+        self.follow_couplers(q, coupling);
+        coupling[c.0] = 1.0;
+    }
+
+    /// Allocating form of [`Model::update_coupling`].
+    pub fn coupling(&self, q: &[f64], c: CoordinateIndex) -> Vec<f64> {
+        let mut coupling = vec![0.0; self.n_coordinates()];
+        self.update_coupling(q, c, &mut coupling);
+        coupling
+    }
+
+    /// Sets the rate of every dependent coordinate from those of the coordinates that drive it.
+    ///
+    /// - `q`: coordinates [rad or m], couplers satisfied
+    /// - `qdot`: rates [rad/s or m/s]; those of dependent coordinates are overwritten
+    pub fn follow_couplers(&self, q: &[f64], qdot: &mut [f64]) {
+        for coupler in &self.couplers {
+            qdot[coupler.dependent.0] = coupler.rate(q, qdot);
+        }
+    }
+
+    /// Sets the second rate of every dependent coordinate:
+    /// `q̈_d = Σ f_k(q)·q̈_k + Σ f_kl(q)·q̇_k·q̇_l`.
+    ///
+    /// - `qddot`: second rates [rad/s² or m/s²]; those of dependent coordinates are overwritten
+    pub fn follow_couplers_second(&self, q: &[f64], qdot: &[f64], qddot: &mut [f64]) {
+        for coupler in &self.couplers {
+            let by_second = coupler.derivatives(q).fold(0.0, |sum, (i, slope)| sum + slope * qddot[i.0]);
+            qddot[coupler.dependent.0] = by_second + coupler.second_rate_at_constant_rates(q, qdot);
+        }
+    }
+}

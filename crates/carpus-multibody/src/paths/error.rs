@@ -1,0 +1,73 @@
+//! Why a path cannot be compiled.
+
+use carpus_osim::functions::FunctionError;
+use carpus_osim::osim::spec::Location;
+
+/// Why a [`PathSpec`](carpus_osim::osim::spec::PathSpec) cannot be compiled into a [`Path`](super::Path).
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PathError {
+    /// Fewer than two points.
+    #[error("{}: expected at least 2 path points, found {found}", .at.path)]
+    TooFewPoints {
+        /// The path.
+        at: Location,
+        /// Number of points found.
+        found: usize,
+    },
+    /// A point or wrap refers to something that the model does not have.
+    #[error("{}: refers to {what} {index}, but there are only {count}", .at.path)]
+    BadReference {
+        /// The point or wrap.
+        at: Location,
+        /// What is referred to: "frame", "coordinate" or "wrap object".
+        what: &'static str,
+        /// The index referred to.
+        index: usize,
+        /// How many there are.
+        count: usize,
+    },
+    /// The `range` of a wrap ends beyond the last point (OpenSim fails when it evaluates such a path).
+    #[error("{}: range {first} {last} goes beyond the {points} points of the path", .at.path)]
+    WrapRange {
+        /// The wrap.
+        at: Location,
+        /// First point of the range, counted from 1.
+        first: i32,
+        /// Last point of the range, counted from 1.
+        last: i32,
+        /// Number of points.
+        points: usize,
+    },
+    /// A dimension of a wrap object is impossible (OpenSim refuses it too).
+    #[error("{}: {property}: expected {expected}, found {found}", .at.path)]
+    WrapDimension {
+        /// The wrap object.
+        at: Location,
+        /// OpenSim's property name.
+        property: &'static str,
+        /// What is allowed.
+        expected: &'static str,
+        /// The value found [m].
+        found: f64,
+    },
+    /// A number is NaN or infinite.
+    #[error("{}: expected finite {property}, found {found}", .at.path)]
+    NotFinite {
+        /// The point or wrap object.
+        at: Location,
+        /// OpenSim's property name.
+        property: &'static str,
+        /// The value found.
+        found: f64,
+    },
+    /// A function of a moving point cannot be built.
+    #[error("{}: {property}: {source}", .at.path)]
+    Function {
+        /// The point.
+        at: Location,
+        /// OpenSim's property name.
+        property: &'static str,
+        /// What is wrong with it.
+        source: FunctionError,
+    },
+}

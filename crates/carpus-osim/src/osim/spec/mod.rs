@@ -1,0 +1,200 @@
+//! Typed view of an `.osim` model, faithful to the file: OpenSim's property names and OpenSim's units.
+//!
+//! References between components (sockets) are already resolved to indices; defaults that OpenSim assumes for absent
+//! properties are already filled in. Nothing here computes: see `carpus::multibody::Model` for the compiled model.
+
+mod constraints;
+mod forces;
+mod functions;
+mod joints;
+mod loops;
+mod muscles;
+mod paths;
+
+pub use constraints::{ConstraintKind, ConstraintSpec};
+pub use forces::{ActuatorActivation, ActuatorKind, ActuatorSpec, ForceKind, ForceSpec, PrescribedForceSpec};
+pub use functions::FunctionSpec;
+pub use joints::{CoordinateSpec, JointKind, JointSpec, MotionType, TransformAxisSpec};
+pub use muscles::{
+    ActiveForceLengthSpec, DeGrooteFregly2016Spec, DeprecatedMuscleKind, DeprecatedMuscleSpec, FiberForceLengthSpec,
+    ForceVelocitySpec, Millard2012Spec, MuscleKind, MuscleSpec, OtherMuscleSpec, RigidTendonSpec,
+    TendonForceLengthSpec, Thelen2003Spec,
+};
+pub use paths::{
+    PathPointKind, PathPointSpec, PathSpec, PathWrapSpec, Quadrant, WrapMethod, WrapObjectSpec, WrapShape,
+};
+
+use nalgebra::{Matrix3, Vector3};
+
+/// Declares an index type into one of the vectors of [`ModelSpec`].
+macro_rules! index_type {
+    ($(#[$doc:meta])* $name:ident) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        pub struct $name(pub usize);
+    };
+}
+index_type!(
+    /// Index into [`ModelSpec::bodies`].
+    BodyIndex
+);
+index_type!(
+    /// Index into [`ModelSpec::frames`]; frame 0 is ground.
+    FrameIndex
+);
+index_type!(
+    /// Index into [`ModelSpec::joints`].
+    JointIndex
+);
+index_type!(
+    /// Index into [`ModelSpec::coordinates`].
+    CoordinateIndex
+);
+index_type!(
+    /// Index into [`ModelSpec::wrap_objects`].
+    WrapObjectIndex
+);
+index_type!(
+    /// Index into [`ModelSpec::muscles`].
+    MuscleIndex
+);
+
+/// Where in its source file something stands.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Location {
+    /// The file: 0 for the model's own, otherwise the place, counted from 1, among the files of forces that were added
+    /// to it ([`crate::osim::OsimFile::with_force_sets`]).
+    pub source: usize,
+    /// Line of the element's start tag, counted from 1; 0 if the component was not read from a file.
+    pub line: usize,
+    /// Absolute component path, e.g. `/forceset/ECRL`.
+    pub path: String,
+    /// The document element (handle used for edits); `None` if the component was not read from a file.
+    pub element: Option<usize>,
+}
+
+impl Location {
+    /// Key that sorts components of one kind in the model's order: those in its own list, in its sets, in its component set;
+    /// and within each of these as they were read.
+    pub fn order(&self) -> (usize, usize, Option<usize>, usize) {
+        let list = match self.path.trim_start_matches('/').split_once('/') {
+            None => 0,
+            Some(("componentset", _)) => 2,
+            Some(_) => 1,
+        };
+        (list, self.source, self.element, self.line)
+    }
+
+    /// Whether it stands in the model's force set: those are the forces and muscles that OpenSim's tools leave out, control or
+    /// list by name. Others act all the same.
+    pub fn is_in_force_set(&self) -> bool {
+        is_in_force_set(&self.path)
+    }
+}
+
+/// Whether a component's path leads into the model's force set.
+pub(in crate::osim) fn is_in_force_set(path: &str) -> bool {
+    path.strip_prefix("/forceset").is_some_and(|rest| rest.starts_with('/'))
+}
+
+/// A model as its file states it.
+#[derive(Clone, Debug, Default)]
+pub struct ModelSpec {
+    /// Model name.
+    pub name: String,
+    /// `OpenSimDocument` version, e.g. 40000.
+    pub document_version: u32,
+    /// Acceleration due to gravity, expressed in ground [m/s²].
+    pub gravity: Vector3<f64>,
+    /// Rigid bodies in the order of the file (ground is not among them).
+    pub bodies: Vec<BodySpec>,
+    /// All frames: ground (index 0), one per body, then offset frames.
+    pub frames: Vec<FrameSpec>,
+    /// Joints in the order of the file.
+    pub joints: Vec<JointSpec>,
+    /// Coordinates, in the order of joints and, within a joint, in OpenSim's order (SpatialTransform order for a
+    /// CustomJoint).
+    pub coordinates: Vec<CoordinateSpec>,
+    /// Constraints.
+    pub constraints: Vec<ConstraintSpec>,
+    /// Wrap objects of all frames.
+    pub wrap_objects: Vec<WrapObjectSpec>,
+    /// Muscles, in the order of the force set.
+    pub muscles: Vec<MuscleSpec>,
+    /// Forces other than muscles, in the order of the force set.
+    pub forces: Vec<ForceSpec>,
+    /// Markers.
+    pub markers: Vec<MarkerSpec>,
+}
+
+/// A rigid body.
+#[derive(Clone, Debug)]
+pub struct BodySpec {
+    /// Body name.
+    pub name: String,
+    /// Where it stands.
+    pub at: Location,
+    /// Mass [kg].
+    pub mass: f64,
+    /// Centre of mass in the body frame [m].
+    pub mass_center: Vector3<f64>,
+    /// Inertia about the mass centre, in body axes [kg·m²].
+    pub inertia: Matrix3<f64>,
+    /// The body's frame.
+    pub frame: FrameIndex,
+}
+
+/// Share of an inertia up to which a negative principal moment is rounding of the numbers in files, which have six digits.
+const INERTIA_ROUNDING: f64 = 1e-6;
+
+/// The smallest principal moment of an inertia [kg·m²], if it is negative: no body has such a one.
+pub fn negative_principal_moment(inertia: &Matrix3<f64>) -> Option<f64> {
+    let size = inertia.norm();
+    // The decomposition of what is not finite would not end.
+    let smallest = size.is_finite().then(|| inertia.symmetric_eigenvalues().min())?;
+    (smallest < -INERTIA_ROUNDING * size).then_some(smallest)
+}
+
+/// A frame that something can be fixed to.
+#[derive(Clone, Debug)]
+pub struct FrameSpec {
+    /// Frame name (not unique).
+    pub name: String,
+    /// Where it stands; `at.path` is unique.
+    pub at: Location,
+    /// What kind of frame.
+    pub kind: FrameKind,
+}
+
+/// What a frame is fixed to.
+#[derive(Clone, Debug, PartialEq)]
+pub enum FrameKind {
+    /// The inertial frame.
+    Ground,
+    /// A body's own frame.
+    Body(BodyIndex),
+    /// `PhysicalOffsetFrame`: fixed in a parent frame.
+    Offset {
+        /// Parent frame.
+        parent: FrameIndex,
+        /// Origin in the parent frame [m].
+        translation: Vector3<f64>,
+        /// Body-fixed x-y-z rotation sequence from the parent frame [rad].
+        orientation: Vector3<f64>,
+    },
+}
+
+/// A marker.
+#[derive(Clone, Debug)]
+pub struct MarkerSpec {
+    /// Name.
+    pub name: String,
+    /// Where it stands.
+    pub at: Location,
+    /// Frame.
+    pub frame: FrameIndex,
+    /// Location in the frame [m].
+    pub location: Vector3<f64>,
+    /// Whether placing markers leaves it where it is.
+    pub fixed: bool,
+}

@@ -1,0 +1,259 @@
+//! Reading `.sto` and `.mot` files of all versions.
+
+use std::path::{Path, PathBuf};
+
+use super::error::{StorageError, StorageProblem};
+use super::{Markers, Storage};
+
+/// Keys of SIMM's motion files that mean nothing here (`simmReservedKeys`).
+const SIMM_KEYS: [&str; 20] = [
+    "name",
+    "datacolumns",
+    "datarows",
+    "otherdata",
+    "range",
+    "bodycolor",
+    "wrap",
+    "enforce_loops",
+    "enforce_constraints",
+    "calc_derivatives",
+    "show_cursor",
+    "event",
+    "color",
+    "event_color",
+    "event_star",
+    "event_plane",
+    "cursor",
+    "sliding_time_scale",
+    "time",
+    "#",
+];
+
+/// What a header says.
+#[derive(Default)]
+struct Header {
+    name: String,
+    version: u32,
+    rows: Option<usize>,
+    columns: Option<usize>,
+    in_degrees: Option<bool>,
+    vectors: bool,
+    range: Option<[f64; 2]>,
+    description: String,
+}
+
+impl Storage {
+    /// Reads a `.sto` or `.mot` file; a `.trc` file as three columns per marker, `_1`, `_2`, `_3`, in metres.
+    ///
+    /// # Errors
+    /// [`StorageError`] with the line.
+    pub fn read(path: impl AsRef<Path>) -> Result<Storage, StorageError> {
+        let path = path.as_ref();
+        if extension(path) == "trc" {
+            return Ok(Markers::read(path)?.into_storage());
+        }
+        let fail = |source| StorageError { file: path.to_owned(), line: 0, problem: StorageProblem::Read(source) };
+        Storage::parse(&carpus_numerics::regular_file::read(path).map_err(fail)?, path)
+    }
+
+    /// Reads the text of a `.sto` or `.mot` file; `file` is its name: in motion files without a version, rotations are
+    /// in degrees.
+    ///
+    /// # Errors
+    /// [`StorageError`] with the line.
+    pub fn parse(bytes: &[u8], file: &Path) -> Result<Storage, StorageError> {
+        let text = String::from_utf8_lossy(bytes);
+        let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+        // \r\n, \n and \r all end a line.
+        let text = text.replace("\r\n", "\n").replace('\r', "\n");
+        let mut lines = text.split('\n').enumerate().map(|(i, line)| (i + 1, line));
+        let at = |line: usize, problem| StorageError { file: file.to_owned(), line, problem };
+        let header = header(&mut lines, file)?;
+        let Some((label_line, labels)) = lines.find(|(_, line)| !line.trim().is_empty()) else {
+            return Err(at(0, StorageProblem::NoLabels));
+        };
+        let all: Vec<String> = labels.split_ascii_whitespace().map(str::to_owned).collect();
+        let mut warnings = Vec::new();
+        if let Some(said) = header.columns.filter(|said| *said != all.len()) {
+            let text =
+                format!("the header says {said} columns, there are labels of {}; the labels are believed", all.len());
+            warnings.push(text);
+        }
+        let time = all.iter().position(|label| label == "time");
+        let mut time = match (time, header.range) {
+            (Some(time), _) => Some(time),
+            (None, Some(_)) => None,
+            (None, None) => {
+                let found = all.iter().take(6).cloned().collect();
+                return Err(at(label_line, StorageProblem::NoTime { found }));
+            }
+        };
+        // OpenSim takes the first column for time, whatever its label, if one is called so.
+        time = time.map(|_| 0);
+        let (mut rows, mut row_lines): (Vec<Vec<f64>>, Vec<usize>) = (Vec::new(), Vec::new());
+        let mut numbers = Vec::new();
+        let width = if header.vectors { 3 * (all.len() - 1) + 1 } else { all.len() };
+        let mut last_line = label_line;
+        // In newer versions OpenSim reads to the end whatever the header says.
+        let bound = header.rows.filter(|_| header.version <= 1);
+        for (line, text) in lines {
+            if bound.is_some_and(|said| rows.len() == said) {
+                if !text.trim().is_empty() {
+                    warnings.push(format!("line {line} and what follows is beyond the rows that the header says"));
+                    break;
+                }
+                continue;
+            }
+            let separators = |c: char| c.is_ascii_whitespace() || (header.vectors && c == ',');
+            for word in text.split(separators).filter(|word| !word.is_empty()) {
+                let Some(value) = number(word) else {
+                    let column = if header.vectors { numbers.len().div_ceil(3) } else { numbers.len() };
+                    let column = all.get(column).cloned().unwrap_or_default();
+                    return Err(at(line, StorageProblem::NotANumber { column, found: word.to_owned() }));
+                };
+                numbers.push(value);
+                if numbers.len() > width {
+                    let found = text.split(separators).filter(|word| !word.is_empty()).count();
+                    return Err(at(line, StorageProblem::RowLength { expected: width, found }));
+                }
+            }
+            last_line = line;
+            if numbers.len() == width {
+                rows.push(std::mem::take(&mut numbers));
+                row_lines.push(line);
+            } else if !numbers.is_empty() && !text.trim().is_empty() && header.version > 1 {
+                return Err(at(line, StorageProblem::RowLength { expected: width, found: numbers.len() }));
+            }
+        }
+        if !numbers.is_empty() {
+            return Err(at(last_line, StorageProblem::RowLength { expected: width, found: numbers.len() }));
+        }
+        if rows.is_empty() {
+            return Err(at(label_line, StorageProblem::NoRows));
+        }
+        if let Some(said) = header.rows.filter(|said| *said > rows.len()) {
+            let found = rows.len();
+            warnings.push(format!("the header says {said} rows, there are {found}: the file may be cut off"));
+        } else if let Some(said) = header.rows.filter(|said| bound.is_none() && *said < rows.len()) {
+            warnings.push(format!("the header says {said} rows, there are {}; all are read", rows.len()));
+        }
+        let mut labels = all;
+        let times: Vec<f64> = match time {
+            Some(time) => {
+                labels.remove(time);
+                rows.iter_mut().map(|row| row.remove(time)).collect()
+            }
+            None => {
+                let [start, end] = header.range.unwrap_or_default();
+                let step = (end - start) / (rows.len().max(2) - 1) as f64;
+                (0..rows.len()).map(|i| i as f64 * step).collect()
+            }
+        };
+        if header.vectors {
+            labels = labels.iter().flat_map(|label| (1..=3).map(move |k| format!("{label}_{k}"))).collect();
+        }
+        let (times, rows, lines, repeated) = without_repeated_times(times, rows, row_lines);
+        if repeated > 0 {
+            warnings.push(format!("{repeated} rows have the time of the row before: of such rows the last is taken"));
+        }
+        if let Some(i) = (1..times.len()).find(|&i| !(times[i] >= times[i - 1])) {
+            let problem = StorageProblem::TimeOrder { previous: times[i - 1], next: times[i] };
+            return Err(at(label_line + i + 1, problem));
+        }
+        let is_motion = extension(file) == "mot";
+        let in_degrees = header.in_degrees.unwrap_or(false) || (header.version < 1 && is_motion);
+        let (name, description) = (header.name, header.description);
+        Ok(Storage { name, in_degrees, description, labels, time: times, rows, lines, warnings })
+    }
+}
+
+/// Times, rows and their lines without those that another row of the same time follows, as OpenSim's `Storage::append`;
+/// also the number of these.
+fn without_repeated_times(
+    times: Vec<f64>,
+    rows: Vec<Vec<f64>>,
+    lines: Vec<usize>,
+) -> (Vec<f64>, Vec<Vec<f64>>, Vec<usize>, usize) {
+    let all = times.len();
+    let keep: Vec<bool> = (0..all).map(|i| times.get(i + 1) != Some(&times[i])).collect();
+    let kept = |i: &usize| keep[*i];
+    let rows: Vec<Vec<f64>> = rows.into_iter().enumerate().filter(|(i, _)| kept(i)).map(|(_, row)| row).collect();
+    let lines: Vec<usize> = lines.into_iter().enumerate().filter(|(i, _)| kept(i)).map(|(_, line)| line).collect();
+    let times: Vec<f64> = times.into_iter().enumerate().filter(|(i, _)| kept(i)).map(|(_, time)| time).collect();
+    let repeated = all - times.len();
+    (times, rows, lines, repeated)
+}
+
+/// Lower-case extension of a file's name.
+pub(super) fn extension(path: &Path) -> String {
+    path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
+}
+
+/// A number as C and C++ write it, missing values among them.
+pub(super) fn number(word: &str) -> Option<f64> {
+    if let Ok(value) = word.parse() {
+        return Some(value);
+    }
+    let lower = word.to_ascii_lowercase();
+    match lower.trim_start_matches(['-', '+']) {
+        text if text.starts_with("nan")
+            || text.contains("#ind")
+            || text.contains("#qnan")
+            || text.contains("#snan") =>
+        {
+            Some(f64::NAN)
+        }
+        text if text.contains("#inf") => Some(if lower.starts_with('-') { f64::NEG_INFINITY } else { f64::INFINITY }),
+        _ => None,
+    }
+}
+
+fn header<'a>(lines: &mut impl Iterator<Item = (usize, &'a str)>, file: &Path) -> Result<Header, StorageError> {
+    let mut header = Header::default();
+    let mut first = true;
+    let at = |line: usize, problem| StorageError { file: PathBuf::from(file), line, problem };
+    for (number_of_line, line) in lines {
+        let line = line.trim();
+        if line.is_empty() {
+            continue;
+        }
+        let end = line.find([' ', '\t', '=']).unwrap_or(line.len());
+        let (key, rest) = (&line[..end], line[end..].trim_start_matches([' ', '\t', '=']));
+        let count = || {
+            let found = rest.split_ascii_whitespace().next().unwrap_or_default();
+            found
+                .parse::<usize>()
+                .map(Some)
+                .map_err(|_| at(number_of_line, StorageProblem::Count { key: key.to_owned(), found: rest.to_owned() }))
+        };
+        match key {
+            "name" => header.name = rest.to_owned(),
+            "nr" | "nRows" | "datarows" => header.rows = count()?,
+            "nc" | "nColumns" | "datacolumns" => header.columns = count()?,
+            "range" => {
+                let numbers: Vec<f64> = rest.split_ascii_whitespace().filter_map(number).collect();
+                header.range = numbers.get(..2).map(|r| [r[0], r[1]]);
+            }
+            "version" => header.version = rest.parse().unwrap_or(0),
+            "inDegrees" => header.in_degrees = Some(matches!(rest.to_lowercase().as_str(), "yes" | "y")),
+            "Angles" if header.version == 0 => {
+                if line == "Angles are in degrees." {
+                    header.in_degrees = Some(true);
+                } else if line == "Angles are in radians." {
+                    header.in_degrees = Some(false);
+                }
+            }
+            "DataType" => match rest {
+                "double" => {}
+                "Vec3" => header.vectors = true,
+                found => return Err(at(number_of_line, StorageProblem::DataType { found: found.to_owned() })),
+            },
+            "endheader" => return Ok(header),
+            key if SIMM_KEYS.contains(&key) => {}
+            _ if first => header.name = line.to_owned(),
+            _ => {}
+        }
+        first = false;
+    }
+    Err(at(0, StorageProblem::NoEndOfHeader))
+}

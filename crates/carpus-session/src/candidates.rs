@@ -1,0 +1,94 @@
+//! Effects by their identifiers, and of a size.
+
+use std::path::Path;
+
+use super::diagnostic::{Diagnostic, Failure};
+use carpus_diagnosis::catalogue::{effect, with_own};
+use carpus_diagnosis::effect::Effect;
+use carpus_diagnosis::forward_model::Setting;
+use carpus_diagnosis::joint_traits::JointTraits;
+use carpus_diagnosis::synthesis::sized;
+use carpus_osim::osim::spec::MuscleSpec;
+
+/// An effect and the parameters named with it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EffectSize {
+    /// Identifier of the effect.
+    pub id: String,
+    /// Names and values, in the units of the catalogue.
+    pub values: Vec<(String, f64)>,
+}
+
+/// The effects of these identifiers; `all` or nothing: the whole catalogue and the laboratory's own.
+///
+/// # Errors
+/// An unknown identifier.
+pub fn candidates(ids: &[String]) -> Result<Vec<&'static dyn Effect>, Failure> {
+    if ids.is_empty() || ids == ["all"] {
+        return Ok(with_own());
+    }
+    let mut found: Vec<&'static dyn Effect> = Vec::new();
+    for id in ids {
+        let effect = known(id)?;
+        if found.iter().all(|e| e.description().id != effect.description().id) {
+            found.push(effect);
+        }
+    }
+    Ok(found)
+}
+
+/// The effect of an identifier.
+///
+/// # Errors
+/// There is none.
+pub fn known(id: &str) -> Result<&'static dyn Effect, Failure> {
+    effect(id).ok_or_else(|| {
+        let message = Diagnostic::error(format!("there is no effect `{id}`"));
+        let hint = match carpus_study::study::nearest(id, with_own().iter().map(|e| e.description().id)) {
+            Some(nearest) => format!("did you mean `{nearest}`? `carpus effects` lists all"),
+            None if Path::new(id).exists() => {
+                "the study comes first, then the effects; `carpus effects` lists all".to_string()
+            }
+            None => "`carpus effects` lists all".to_string(),
+        };
+        message.hint(hint).into()
+    })
+}
+
+/// An effect of the size that was asked for with `--effect`.
+///
+/// Comes with warnings of what is not plausible: an angle in degrees, say.
+///
+/// - `muscles`, `joint`: of the model
+///
+/// # Errors
+/// An unknown effect or parameter; a size out of reach.
+pub fn at_size(
+    asked: &EffectSize,
+    muscles: &[MuscleSpec],
+    joint: &JointTraits,
+) -> Result<(Setting, Vec<Diagnostic>), Failure> {
+    let mut warnings = Vec::new();
+    for p in known(&asked.id)?.description().parameters {
+        let [low, high] = joint.plausible(p);
+        for (_, value) in asked.values.iter().filter(|(name, value)| name == p.name && !(low..=high).contains(value)) {
+            let text =
+                format!("--effect: {}.{} is {value} {}; plausible are {low} to {high}", asked.id, p.name, p.unit);
+            warnings.push(Diagnostic::warning(text));
+        }
+    }
+    match sized(known(&asked.id)?, &asked.values, muscles, joint) {
+        Ok(setting) => Ok((setting, warnings)),
+        Err(e) => {
+            let hint = format!("carpus effects {} tells its parameters", asked.id);
+            warnings.push(Diagnostic::error(format!("--effect: {e}")).hint(hint));
+            Err(warnings.into())
+        }
+    }
+}
+
+/// The names of effects, joined.
+pub fn names_of<S: AsRef<str>>(ids: &[S]) -> String {
+    let name = |id: &S| effect(id.as_ref()).map_or(id.as_ref().to_owned(), |e| e.description().name.to_owned());
+    ids.iter().map(name).collect::<Vec<_>>().join(" + ")
+}

@@ -1,0 +1,246 @@
+//! Where the model fails, and which physical effect is missing.
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use super::account::ModelRun;
+use super::candidates::candidates;
+use super::diagnosis_file::{self, KnownDiagnosis, definitions, proposal_file};
+use super::diagnostic::{Diagnostic, Failure};
+use super::loading::{LoadedParticipant, Purpose};
+use super::output::OutputFolder;
+use super::participant::Session;
+use super::provenance::DEFAULT_SEED;
+use super::residuals::residual_result;
+use super::result_files::{account, write_results};
+use carpus_diagnosis::baselines::Ingredients;
+use carpus_diagnosis::diagnose::{Diagnosis, Outcome, Request, diagnose};
+use carpus_diagnosis::effect::Effect;
+use carpus_diagnosis::forward_model::{ForwardModel, Setting};
+use carpus_diagnosis::moments::simulate_all;
+use carpus_diagnosis::separation::Laboratory;
+use carpus_report::results::{Kind, Results};
+use carpus_simulation::simulation::MuscleParameters;
+use carpus_study::study::TrialUse;
+
+/// A diagnosis.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Diagnose {
+    /// Seed of everything random; the same seed gives the same bytes.
+    pub seed: u64,
+    /// Identifiers of the effects that may be named; none, or `all`: the whole catalogue and the laboratory's own. The others are
+    /// taken to be as small as everything in a laboratory.
+    pub candidates: Vec<String>,
+    /// Whether what simpler methods need to compare themselves is written, too.
+    pub baselines: bool,
+}
+
+impl Default for Diagnose {
+    fn default() -> Self {
+        Diagnose { seed: DEFAULT_SEED, candidates: Vec::new(), baselines: false }
+    }
+}
+
+/// A diagnosis of a participant's trials.
+pub struct Diagnosed<'a> {
+    session: &'a Session<'a>,
+    /// Verdict, explanations, effects, errors.
+    pub diagnosis: Diagnosis,
+    /// What is written as `diagnosis.json`, but for baselines.
+    pub known: KnownDiagnosis,
+    /// What is written as `results.json`: the model as given, with its muscles refitted, and with the best explanation.
+    pub results: Results,
+    baselines: Option<Ingredients>,
+}
+
+impl Session<'_> {
+    /// Diagnoses which physical effects are missing. Held-out trials (use = test) are never fitted. Trials that were not read
+    /// for this purpose are read again for it.
+    ///
+    /// # Errors
+    /// An unknown effect; fewer than two trials to train on; a trial that cannot be simulated.
+    pub fn diagnose(&self, request: &Diagnose) -> Result<Diagnosed<'_>, Failure> {
+        let again = self.read_for(Purpose::Diagnosis)?;
+        let session = again.as_ref().unwrap_or(self);
+        let forward = forward_model(&session.data)?;
+        session.diagnosed(&forward, request).map(|found| found.of(self))
+    }
+
+    /// As [`Session::diagnose`], of trials that were read for the purpose.
+    ///
+    /// - `forward`: [`forward_model`] of the session
+    ///
+    /// # Errors
+    /// As there.
+    pub fn diagnosed(&self, forward: &ForwardModel, request: &Diagnose) -> Result<Diagnosed<'_>, Failure> {
+        self.progress()?;
+        let run = &self.data;
+        let outcome = diagnose(&self.estimation(forward, candidates(&request.candidates)?, request.seed))
+            .map_err(|e| Failure::from(Diagnostic::error(e.to_string()).in_file(&run.loaded.path)))?;
+        let restricted: &[String] = if request.candidates == ["all"] { &[] } else { &request.candidates };
+        let provenance = self.study.provenance(request, request.seed, run.inputs.clone());
+        let value = diagnosis_file::value(&outcome, &provenance, restricted)?;
+        let results = with_models(self, request, forward, &outcome, &value)?;
+        let known = KnownDiagnosis { result: diagnosis_file::result(&value)?, value };
+        let baselines = request.baselines.then_some(outcome.ingredients);
+        Ok(Diagnosed { session: self, diagnosis: outcome.diagnosis, known, results, baselines })
+    }
+
+    /// What is asked of the one estimator.
+    pub(super) fn estimation<'a>(
+        &'a self,
+        forward: &'a ForwardModel,
+        candidates: Vec<&'static dyn Effect>,
+        seed: u64,
+    ) -> Request<'a> {
+        let run = &self.data;
+        Request {
+            participant: run.participant.name.clone(),
+            forward,
+            laboratory: Some(laboratory(run)),
+            bounds: self.study.tables.settings.bounds,
+            candidates,
+            mvc: largest_moment(run),
+            seed,
+        }
+    }
+
+    /// The diagnosis of these files by the whole catalogue: the one in the folder of results if it is of the same bytes, else a
+    /// new one, which is written there.
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated; the disk.
+    pub fn known_or_made(
+        &self,
+        out: &OutputFolder,
+        forward: &ForwardModel,
+        seed: u64,
+    ) -> Result<KnownDiagnosis, Failure> {
+        let folder = Path::new(&self.data.participant.name);
+        let file = out.path().join(folder).join("diagnosis.json");
+        if let Some(known) = diagnosis_file::read(&file, &self.data.inputs, seed) {
+            for file in ["diagnosis.json", "results.json", "report.html", "error.svg"] {
+                out.keep(folder.join(file));
+            }
+            for (i, _) in definitions(&known.value).enumerate() {
+                out.keep(folder.join(proposal_file(i)));
+            }
+            return Ok(known);
+        }
+        if file.exists() {
+            let text = "is of other files, another seed or another version, or leaves effects out: the data are diagnosed anew";
+            self.progress()?.warning(&Diagnostic::warning(text).in_file(&file));
+        }
+        let made = self.diagnosed(forward, &Diagnose { seed, ..Diagnose::default() })?;
+        made.write_to(out, folder)?;
+        Ok(made.known)
+    }
+}
+
+impl Diagnosed<'_> {
+    /// The same diagnosis, as a result of the session that it was asked of.
+    fn of<'t>(self, session: &'t Session<'t>) -> Diagnosed<'t> {
+        let Diagnosed { diagnosis, known, results, baselines, .. } = self;
+        Diagnosed { session, diagnosis, known, results, baselines }
+    }
+
+    /// Writes `diagnosis.json`, proposed formulas as effects' files, `results.json` and its report.
+    ///
+    /// - `folder`: the participant's, in the folder of the results
+    ///
+    /// # Errors
+    /// The disk.
+    pub fn write_to(&self, out: &OutputFolder, folder: &Path) -> Result<(), Failure> {
+        match &self.baselines {
+            Some(ingredients) => {
+                diagnosis_file::write(out, folder, &with_baselines(&self.known.value, ingredients)?)?;
+            }
+            None => diagnosis_file::write(out, folder, &self.known.value)?,
+        }
+        write_results(out, folder, &self.results)
+    }
+
+    /// Writes the files of `carpus diagnose` into a folder of results. Returns what a person should know about files of
+    /// earlier runs.
+    ///
+    /// # Errors
+    /// The folder cannot be written to, or holds what is not of this study and command.
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<Vec<Diagnostic>, Failure> {
+        self.session.write_results(path.as_ref(), "diagnose", |out, folder| self.write_to(out, folder))
+    }
+}
+
+/// The results of a diagnosis: the model as given, with its muscles refitted, and with the best explanation.
+///
+/// # Errors
+/// A trial that cannot be simulated.
+fn with_models(
+    session: &Session<'_>,
+    request: &Diagnose,
+    forward: &ForwardModel,
+    outcome: &Outcome,
+    value: &Value,
+) -> Result<Results, Failure> {
+    let run = &session.data;
+    let nominal = forward.nominal_parameters();
+    let refitted = &outcome.recalibrated.parameters;
+    let mut fitted: Vec<(&str, String, &[MuscleParameters], &[Setting])> =
+        vec![("base", "As given".to_owned(), &nominal, &[]), ("refit", "Muscles refitted".to_owned(), refitted, &[])];
+    let (parameters, effects) = (&outcome.handed_over.parameters, &outcome.handed_over.effects);
+    if !effects.is_empty() {
+        let names = effects.iter().map(|s| s.effect.description().name).collect::<Vec<_>>().join(" + ");
+        fitted.push(("with_effect", format!("With {names}"), parameters, effects));
+    }
+    let mut models = Vec::new();
+    let mut residuals = Vec::new();
+    for (id, label, parameters, effects) in fitted {
+        let simulated = simulate_all(forward, parameters, effects)
+            .map_err(|e| Diagnostic::error(e.to_string()).in_file(&run.loaded.path))?;
+        let moments: Vec<Vec<f64>> = simulated.into_iter().map(|t| t.moment).collect();
+        residuals.push(residual_result(run, id, &moments));
+        let file = run.loaded.path.display().to_string();
+        let name = run.loaded.model.name.clone();
+        models.push(ModelRun { id: id.to_owned(), label, name, file, moments });
+    }
+    let mut results = account(Kind::Diagnosis, session, request, request.seed, &models)?;
+    results.residuals = residuals;
+    results.diagnosis = Some(diagnosis_file::result(value)?);
+    Ok(results)
+}
+
+fn with_baselines(value: &Value, ingredients: &Ingredients) -> Result<Value, Failure> {
+    let mut value = value.clone();
+    value["baselines"] = serde_json::to_value(ingredients).map_err(|e| Failure::Internal(e.to_string()))?;
+    Ok(value)
+}
+
+/// The trials of a participant, ready to be simulated with effects.
+///
+/// # Errors
+/// A trial that cannot be simulated; nothing to train on.
+pub fn forward_model(run: &LoadedParticipant) -> Result<ForwardModel, Failure> {
+    let forward = ForwardModel::for_diagnosis(&run.loaded.file.spec, &run.model, &run.trials)
+        .map_err(|e| Diagnostic::error(e.to_string()).in_file(&run.loaded.path))?
+        .with_given(run.given.clone());
+    let found = forward.trials_for(TrialUse::Train).len();
+    if found < 2 {
+        let name = &run.participant.name;
+        let text = format!("participant {name}: expected at least two trials with use = train, found {found}");
+        let message = Diagnostic::error(text).in_file(&run.trials_file);
+        return Err(message.hint("a diagnosis compares trials with each other").into());
+    }
+    Ok(forward)
+}
+
+/// What experiments are simulated with.
+pub fn laboratory(run: &LoadedParticipant) -> Laboratory<'_> {
+    Laboratory { spec: &run.loaded.file.spec, model: &run.model }
+}
+
+/// The session's MVC moment [N·m]: as the study states it, else the largest that was recorded.
+fn largest_moment(run: &LoadedParticipant) -> f64 {
+    let p = &run.participant;
+    let stated = [p.mvc_flexion, p.mvc_extension].into_iter().flatten().fold(0.0, f64::max);
+    if stated > 0.0 { stated } else { run.trials.iter().map(|t| t.max_abs_moment()).fold(0.0, f64::max) }
+}

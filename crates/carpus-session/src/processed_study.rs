@@ -1,0 +1,293 @@
+//! Writing a processed study: a folder like the one that was read, without anything left to process.
+
+use std::path::{Path, PathBuf};
+
+use super::account::csv_text;
+use super::diagnostic::{Diagnostic, Failure};
+use super::output::OutputFolder;
+use carpus_report::results::rounded;
+use carpus_study::study::{AngleUnit, MomentPart, Participant, ProcessedTrial, Study, TrialInfo, TrialUse};
+
+/// Significant digits of a posture: what was read in degrees comes back as it was written, without the rounding of radians.
+const POSTURE_DIGITS: i32 = 12;
+
+/// A trial of the new study.
+pub struct NewTrial<'a> {
+    /// Its file, relative to the study.
+    pub file: String,
+    /// What it is.
+    pub trial: &'a ProcessedTrial,
+}
+
+/// Name of a trial's file in the new study.
+pub fn trial_file(trial: &ProcessedTrial) -> String {
+    let info = &trial.info;
+    let name = match trial.repetition {
+        Some(repetition) => format!("{}_{repetition}", info.name),
+        None => info.name.clone(),
+    };
+    format!("data/{}/{name}.csv", info.participant)
+}
+
+/// Writes the samples of a trial under the study's own column names.
+///
+/// # Errors
+/// The disk.
+pub fn write_trial(study: &Study, out: &OutputFolder, new: &NewTrial<'_>) -> Result<(), Failure> {
+    let columns = &study.settings.columns;
+    let trial = new.trial;
+    let unit = |v: f64| match columns.angle_unit {
+        AngleUnit::Degrees => v.to_degrees(),
+        AngleUnit::Radians => v,
+    };
+    let mut header = vec![columns.time.as_str(), &columns.angle, &columns.velocity, &columns.moment];
+    let further = || trial.further_moments.iter().chain(&trial.emg);
+    header.extend(further().map(|(name, _)| name.as_str()));
+    let rows = (0..trial.time.len()).map(|i| {
+        let mut row = [trial.time[i], unit(trial.angle[i]), unit(trial.velocity[i]), trial.moment[i]]
+            .map(|v| v.to_string())
+            .to_vec();
+        row.extend(further().map(|(_, samples)| samples[i].to_string()));
+        row
+    });
+    out.write(&new.file, csv_text(header.iter(), rows)?.as_bytes())?;
+    Ok(())
+}
+
+/// Writes `study.toml`, the tables and the models of the new study.
+///
+/// # Errors
+/// The disk; two models of the same name.
+pub fn write_tables(
+    study: &Study,
+    out: &OutputFolder,
+    participants: &[Participant],
+    trials: &[NewTrial<'_>],
+) -> Result<(), Failure> {
+    if let Some(missing) = participants.iter().find(|p| !p.model.is_file()) {
+        let text = format!("model of participant {} not found", missing.name);
+        return Err(Diagnostic::error(text).in_file(&missing.model).hint("the new study gets a copy of it").into());
+    }
+    let mut models: Vec<(PathBuf, String)> = Vec::new();
+    let all = participants.iter().map(|p| &p.model).chain(std::iter::once(&study.settings.model));
+    for model in all {
+        if models.iter().any(|(known, _)| known == model) || !model.is_file() {
+            continue;
+        }
+        let name = model.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        // Participants may each have a model.osim.
+        let taken = |name: &str| models.iter().any(|(_, known)| known == &format!("models/{name}"));
+        let name = (1..).map(|i| if i == 1 { name.clone() } else { format!("{i}_{name}") }).find(|n| !taken(n));
+        let relative = format!("models/{}", name.unwrap_or_default());
+        let bytes = carpus_numerics::regular_file::read(model)
+            .map_err(|e| Failure::from(Diagnostic::error(format!("cannot be read: {e}")).in_file(model)))?;
+        out.write(&relative, &bytes)?;
+        models.push((model.clone(), relative));
+    }
+    let relative = |model: &Path| models.iter().find(|(known, _)| known == model).map(|(_, name)| name.clone());
+    let text = carpus_numerics::regular_file::read_text(&study.file)
+        .map_err(|e| Failure::from(Diagnostic::error(format!("cannot be read: {e}")).in_file(&study.file)))?;
+    out.write("study.toml", new_toml(study, &text, &relative(&study.settings.model).unwrap_or_default()).as_bytes())?;
+    out.write("participants.csv", participants_csv(study, participants, &relative)?.as_bytes())?;
+    out.write("trials.csv", trials_csv(trials, study)?.as_bytes())?;
+    let ultrasound = study.folder.join("ultrasound.csv");
+    if let Ok(bytes) = carpus_numerics::regular_file::read(&ultrasound) {
+        out.write("ultrasound.csv", &bytes)?;
+    }
+    Ok(())
+}
+
+/// The text of study.toml with `[study]` and `[dynamometer]` written anew and `[processing]` left out; all other tables
+/// stay as they are.
+fn new_toml(study: &Study, text: &str, model: &str) -> String {
+    let settings = &study.settings;
+    let words = [
+        (MomentPart::Muscles, "muscles"),
+        (MomentPart::Passive, "passive"),
+        (MomentPart::Gravity, "gravity"),
+        (MomentPart::Inertia, "inertia"),
+    ];
+    // What was subtracted from the measured moment has no place in the simulated one.
+    let subtracted = |part: MomentPart| {
+        settings.processing.passive_order.is_some() && matches!(part, MomentPart::Passive | MomentPart::Gravity)
+    };
+    let include: Vec<String> = words
+        .into_iter()
+        .filter(|(part, _)| settings.dynamometer.includes(*part) && !subtracted(*part))
+        .map(|(_, word)| quoted(word))
+        .collect();
+    let damping = if settings.processing.remove_drag { 0.0 } else { settings.dynamometer.damping * 1f64.to_radians() };
+    let mut out = format!(
+        "[study]\nname = {}\nmodel = {}\n\n[dynamometer]\ncoordinate = {}\ndamping_n_m_s_per_deg = {damping}\ninclude = [{}]\n",
+        quoted(&settings.name),
+        quoted(model),
+        quoted(&settings.dynamometer.coordinate),
+        include.join(", ")
+    );
+    let further = settings.columns.further_moments.iter();
+    let further: Vec<String> = further.map(|f| format!("{} = {}", quoted(&f.coordinate), quoted(&f.column))).collect();
+    if !further.is_empty() {
+        out.push_str(&format!("further_moments = {{ {} }}\n", further.join(", ")));
+    }
+    out.push_str(&other_tables(text));
+    out
+}
+
+/// Whether a table of study.toml is copied into the new study: those that are not are written anew, or done with.
+fn is_copied(table: &str) -> bool {
+    !matches!(table, "study" | "dynamometer" | "processing")
+}
+
+/// The tables that are copied, line by line with their comments; where the lines would say something else (keys above the
+/// first header, text over several lines) as the parser understood them.
+fn other_tables(text: &str) -> String {
+    let mut lines = String::new();
+    let mut kept = false;
+    for line in text.lines() {
+        if let Some(table) = table_name(line) {
+            kept = is_copied(table.split('.').next().unwrap_or_default().trim());
+            if kept {
+                lines.push('\n');
+            }
+        }
+        if kept && !line.trim().is_empty() {
+            lines.push_str(line);
+            lines.push('\n');
+        }
+    }
+    // A study that was read is valid TOML.
+    let mut meant: toml::Table = text.trim_start_matches('\u{feff}').parse().unwrap_or_default();
+    meant.retain(|name, _| is_copied(name));
+    if lines.parse::<toml::Table>().is_ok_and(|said| said == meant) {
+        return lines;
+    }
+    let keys = |table: &toml::Table| -> String {
+        table.iter().map(|(key, value)| format!("{} = {}\n", quoted(key), in_one_line(value))).collect()
+    };
+    let section = |(name, value): (&String, &toml::Value)| {
+        value.as_table().map(|table| format!("\n[{}]\n{}", quoted(name), keys(table)))
+    };
+    meant.iter().filter_map(section).collect()
+}
+
+/// A value of TOML on one line.
+fn in_one_line(value: &toml::Value) -> String {
+    match value {
+        toml::Value::String(text) => quoted(text),
+        toml::Value::Integer(number) => number.to_string(),
+        toml::Value::Float(number) => format!("{number:?}"),
+        toml::Value::Boolean(flag) => flag.to_string(),
+        toml::Value::Datetime(date) => date.to_string(),
+        toml::Value::Array(items) => {
+            format!("[{}]", items.iter().map(in_one_line).collect::<Vec<_>>().join(", "))
+        }
+        toml::Value::Table(table) => {
+            let pairs = table.iter().map(|(key, value)| format!("{} = {}", quoted(key), in_one_line(value)));
+            format!("{{ {} }}", pairs.collect::<Vec<_>>().join(", "))
+        }
+    }
+}
+
+/// A basic string of TOML: JSON's escapes are among TOML's.
+fn quoted(text: &str) -> String {
+    serde_json::Value::from(text).to_string()
+}
+
+/// The name in a table's header, `[name]`.
+fn table_name(line: &str) -> Option<&str> {
+    let line = line.trim();
+    let inner = line.strip_prefix('[')?;
+    let (name, rest) = inner.split_once(']')?;
+    let rest = rest.trim();
+    (rest.is_empty() || rest.starts_with('#')).then_some(name).filter(|name| {
+        name.chars().all(|c| c.is_alphanumeric() || "_-.\" ".contains(c)) && !name.trim_start().starts_with('"')
+    })
+}
+
+fn participants_csv(
+    study: &Study,
+    participants: &[Participant],
+    relative: &impl Fn(&Path) -> Option<String>,
+) -> Result<String, Failure> {
+    let path = study.folder.join("participants.csv");
+    let broken = |e: csv::Error| Failure::from(Diagnostic::error(e.to_string()).in_file(&path));
+    let file = carpus_numerics::regular_file::open(&path).map_err(|e| broken(e.into()))?;
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(file);
+    let header: Vec<String> = reader.headers().map_err(broken)?.iter().map(str::to_owned).collect();
+    let at = |name: &str| header.iter().position(|column| column.trim_start_matches('\u{feff}') == name);
+    let (name, model) = (at("participant"), at("model"));
+    let mut rows = Vec::new();
+    for record in reader.records() {
+        let mut row: Vec<String> = record.map_err(broken)?.iter().map(str::to_owned).collect();
+        let of_row = |p: &&Participant| name.and_then(|i| row.get(i)).is_some_and(|found| *found == p.name);
+        let Some(participant) = participants.iter().find(of_row) else { continue };
+        if let Some(cell) = model.filter(|_| participant.own_model).and_then(|i| row.get_mut(i)) {
+            *cell = relative(&participant.model).unwrap_or_default();
+        }
+        rows.push(row);
+    }
+    let header: Vec<&str> = header.iter().map(|column| column.trim_start_matches('\u{feff}')).collect();
+    csv_text(header.iter(), rows.into_iter())
+}
+
+fn trials_csv(trials: &[NewTrial<'_>], study: &Study) -> Result<String, Failure> {
+    let timed = trials.iter().any(|new| new.trial.info.start_time.is_some());
+    let mut header =
+        vec!["participant", "file", "contraction", "effort_percent", "direction", "posture_deg", "repetition", "use"];
+    header.extend(timed.then_some("start_time_s"));
+    let turned = trials.iter().any(|new| new.trial.info.arm_flipped);
+    header.extend(turned.then_some("arm"));
+    let subtracted = study.settings.processing.passive_order.is_some();
+    let rows = trials.iter().map(|new| {
+        let info: &TrialInfo = &new.trial.info;
+        // With the relaxed limb's moment subtracted a passive trial is nothing but noise.
+        let nothing_left = subtracted && info.contraction == carpus_study::study::Contraction::Passive;
+        let usage = if nothing_left { TrialUse::Ignore } else { info.usage };
+        let mut row = vec![
+            info.participant.clone(),
+            new.file.clone(),
+            info.contraction.word().to_owned(),
+            info.effort_percent.map(|v| v.to_string()).unwrap_or_default(),
+            info.direction.word().to_owned(),
+            info.posture.map(|v| rounded(v.to_degrees(), POSTURE_DIGITS).to_string()).unwrap_or_default(),
+            new.trial.repetition.or(info.repetition).map(|v| v.to_string()).unwrap_or_default(),
+            usage.word().to_owned(),
+        ];
+        if timed {
+            // A repetition begins later than its recording.
+            let start =
+                info.start_time.map(|t| t + new.trial.time[0] * f64::from(new.trial.repetition.is_some() as u8));
+            row.push(start.map(|v| v.to_string()).unwrap_or_default());
+        }
+        row.extend(turned.then(|| info.arm_word().to_owned()));
+        row
+    });
+    csv_text(header.iter(), rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{other_tables, table_name};
+
+    #[test]
+    fn verif_headers_of_tables_are_told_from_lists() {
+        assert_eq!(table_name("[study]"), Some("study"));
+        assert_eq!(table_name(" [processing.repetitions]  # how"), Some("processing.repetitions"));
+        assert_eq!(table_name("active = [\"A\"]"), None);
+        assert_eq!(table_name("[\"ECRL\", \"ECU\"],"), None);
+        assert_eq!(table_name("[\"ECRL\"]"), None);
+    }
+
+    #[test]
+    fn verif_other_tables_are_copied_however_they_are_written() {
+        let plain = "[study]\nname = \"x\"\n\n[emg] # raw\nkind = \"raw\"\n[processing]\nfilter_hz = 6\n";
+        assert_eq!(other_tables(plain), "\n[emg] # raw\nkind = \"raw\"\n");
+        // A table above the first header, a text that looks like a header, a quoted name, keys with dots.
+        let odd = "posture_deg = { elbow_flexion = 90 }\nstudy.name = \"\"\"\n[emg]\n\"\"\"\nprocessing.filter_hz = 6\n\
+                   [\"columns\"]\nignore = [\n  \"a\",\n  \"b\",\n]\n";
+        let copied: toml::Table = other_tables(odd).parse().unwrap();
+        assert_eq!(copied.keys().collect::<Vec<_>>(), ["columns", "posture_deg"]);
+        assert_eq!(copied["posture_deg"]["elbow_flexion"].as_integer(), Some(90));
+        assert_eq!(copied["columns"]["ignore"].as_array().map(Vec::len), Some(2));
+    }
+}

@@ -1,0 +1,78 @@
+//! The fibre of one muscle: its force equilibrium, and its integration over a trial.
+
+pub(crate) mod curve_table;
+pub(crate) mod equation;
+pub(crate) mod integrate;
+pub(crate) mod plan;
+pub(crate) mod radau;
+pub(crate) mod rigid_tendon;
+
+use std::fmt::Debug;
+use std::sync::Arc;
+
+use carpus_multibody::muscles::Millard2012;
+use carpus_numerics::numerics::SmoothSegmentedFunction;
+use carpus_osim::osim::spec::Millard2012Spec;
+use curve_table::CurveTable;
+use equation::FiberCurves;
+
+impl FiberCurves {
+    /// Largest deviation of a tabulated curve from the exact one.
+    pub(crate) fn deviation(&self) -> f64 {
+        let curves = [&self.active, &self.passive, &self.force_velocity, &self.tendon];
+        curves.into_iter().chain(&self.velocity_of_force).map(|table| table.deviation()).fold(0.0, f64::max)
+    }
+
+    /// Tabulates the curves of a muscle; those that `cache` has from another muscle are shared.
+    ///
+    /// - `properties`: what `muscle` was built from
+    pub(crate) fn tabulate(
+        muscle: &Millard2012,
+        properties: &Millard2012Spec,
+        cache: &mut CurveCache,
+    ) -> Arc<FiberCurves> {
+        let curves = muscle.curves();
+        let undamped = !muscle.is_damped() && !muscle.ignore_tendon_compliance();
+        let p = properties;
+        let mut table = |kind: &str, properties: &dyn Debug, curve| {
+            // An undamped muscle's curves are adapted differently.
+            cache.table(format!("{kind} {undamped} {properties:?}"), curve)
+        };
+        Arc::new(FiberCurves {
+            active: table("active", &p.active_force_length, &curves.active_force_length),
+            passive: table("passive", &p.fiber_force_length, &curves.fiber_force_length),
+            force_velocity: table("velocity", &p.force_velocity, &curves.force_velocity),
+            tendon: table("tendon", &p.tendon_force_length, &curves.tendon_force_length),
+            velocity_of_force: undamped.then(|| table("inverse", &p.force_velocity, &curves.force_velocity_inverse)),
+            damping: muscle.parameters().fiber_damping,
+            max_velocity: muscle.parameters().max_contraction_velocity,
+            min_active_length: curves.min_norm_active_fiber_length,
+            sine_max_pennation: properties.maximum_pennation_angle.sin(),
+            length_by_activation: 0.0,
+        })
+    }
+}
+
+/// Tables of the curves of a model's muscles, by the curves' properties: most muscles of a model have the same.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct CurveCache {
+    tables: Vec<(String, Arc<CurveTable>)>,
+}
+
+impl CurveCache {
+    fn table(&mut self, key: String, curve: &SmoothSegmentedFunction) -> Arc<CurveTable> {
+        if let Some((_, table)) = self.tables.iter().find(|(known, _)| *known == key) {
+            return Arc::clone(table);
+        }
+        let jet = |x: f64| {
+            let at = curve.value_and_derivative(x);
+            [at.value, at.derivative, curve.second_derivative(x)]
+        };
+        let table = Arc::new(CurveTable::build(jet, curve.domain()));
+        self.tables.push((key, Arc::clone(&table)));
+        table
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,366 @@
+//! The model as a dynamometer trial needs it: skeleton, active muscles, passive forces, one moving coordinate.
+
+use std::sync::Arc;
+
+use super::activation_trajectory::{ActivationDynamics, TooFast};
+use super::error::SimulationError;
+use super::fiber::CurveCache;
+use super::fiber::equation::{Fiber, FiberCurves};
+use carpus_multibody::forces::{Forces, PathForce};
+use carpus_multibody::multibody::Model;
+use carpus_multibody::muscles::Millard2012;
+use carpus_multibody::paths::Path;
+use carpus_osim::osim::spec::{CoordinateIndex, ModelSpec, MotionType, MuscleKind, MuscleSpec};
+use carpus_study::study::{MomentPart, Settings};
+
+/// Classes of OpenSim forces that do nothing without a control of their own.
+const INERT_CLASSES: [&str; 1] = ["BodyActuator"];
+
+/// What is measured, and what of the model takes part.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setup {
+    /// Coordinate that the dynamometer moves and measures the generalized force of.
+    pub coordinate: String,
+    /// Coordinates held at a value.
+    pub posture: Vec<HeldCoordinate>,
+    /// Muscles that act, in the order of the excitations of every recording; all others are disabled.
+    pub active_muscles: Vec<String>,
+    /// What the simulated moment sums.
+    pub parts: Vec<MomentPart>,
+    /// Viscous drag of the machine [N·m·s/rad]: adds −damping·q̇ to the moment.
+    pub dynamometer_damping: f64,
+    /// Leave out forces and constraints that are not computed, instead of failing.
+    pub allow_unsupported: bool,
+}
+
+/// A coordinate held at a value.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HeldCoordinate {
+    /// OpenSim coordinate.
+    pub coordinate: String,
+    /// The value in degrees for angles and in metres for translations.
+    pub value_deg_or_m: f64,
+}
+
+impl Setup {
+    /// What a study's settings say.
+    pub fn from_settings(settings: &Settings) -> Setup {
+        let held = |p: &carpus_study::study::PostureCoordinate| HeldCoordinate {
+            coordinate: p.coordinate.clone(),
+            value_deg_or_m: p.value_deg_or_m,
+        };
+        Setup {
+            coordinate: settings.dynamometer.coordinate.clone(),
+            posture: settings.posture.iter().map(held).collect(),
+            active_muscles: settings.active_muscles.clone(),
+            parts: settings.dynamometer.include.clone(),
+            dynamometer_damping: settings.dynamometer.damping,
+            allow_unsupported: false,
+        }
+    }
+
+    pub(crate) fn includes(&self, part: MomentPart) -> bool {
+        self.parts.contains(&part)
+    }
+}
+
+/// The muscle parameters that personalization changes, under OpenSim's names.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MuscleParameters {
+    /// Force of the fibres at optimal length, full activation and zero velocity [N].
+    pub max_isometric_force: f64,
+    /// Fibre length of greatest active force [m].
+    pub optimal_fiber_length: f64,
+    /// Tendon length above which the tendon pulls [m].
+    pub tendon_slack_length: f64,
+    /// Angle between fibre and tendon at optimal fibre length [rad].
+    pub pennation_angle_at_optimal: f64,
+}
+
+/// An active muscle.
+#[derive(Clone, Debug)]
+pub(crate) struct ActiveMuscle {
+    pub(crate) name: String,
+    pub(crate) path: Arc<Path>,
+    pub(crate) curves: Arc<FiberCurves>,
+    pub(crate) nominal: MuscleParameters,
+    pub(crate) activation: ActivationDynamics,
+    pub(crate) rigid_tendon: bool,
+}
+
+impl ActiveMuscle {
+    /// Why its activation cannot be followed through a recording.
+    pub(crate) fn too_fast(&self, recording: &str, stuck: TooFast) -> SimulationError {
+        SimulationError::ActivationTooFast {
+            recording: recording.to_owned(),
+            muscle: self.name.clone(),
+            time: stuck.time,
+            activation_time_constant: self.activation.activation_time_constant,
+            deactivation_time_constant: self.activation.deactivation_time_constant,
+        }
+    }
+}
+
+/// A passive force along a path.
+#[derive(Clone, Debug)]
+pub(crate) struct PassivePath {
+    pub(crate) name: String,
+    pub(crate) path: Path,
+    pub(crate) law: PathForce,
+}
+
+/// A model compiled for trials in which a dynamometer moves one coordinate. Immutable; muscle parameters are given to
+/// every simulation, so that one compiled model serves all candidate parameter sets.
+#[derive(Clone, Debug)]
+pub struct MusculoskeletalModel {
+    pub(crate) skeleton: Model,
+    pub(crate) coordinate: CoordinateIndex,
+    /// All coordinates in the posture of the study, couplers satisfied [rad or m].
+    pub posture: Vec<f64>,
+    pub(crate) muscles: Vec<ActiveMuscle>,
+    /// Tabulated curves of the muscles.
+    pub(crate) curve_cache: CurveCache,
+    pub(crate) forces: Forces,
+    pub(crate) passive_paths: Vec<PassivePath>,
+    pub(crate) setup: Setup,
+    left_out: Vec<(String, String)>,
+}
+
+impl MusculoskeletalModel {
+    /// Compiles what a trial needs of a model.
+    ///
+    /// # Errors
+    /// A component that is missing, wrong or not computed (see [`SimulationError`]); forces and constraints that are
+    /// not computed are an error unless `setup.allow_unsupported`.
+    pub fn compile(spec: &ModelSpec, setup: &Setup) -> Result<MusculoskeletalModel, SimulationError> {
+        let skeleton = Model::compile(spec)?;
+        let coordinate = independent_coordinate(&skeleton, &setup.coordinate)?;
+        let posture = posture(&skeleton, &setup.posture)?;
+        let mut cache = CurveCache::default();
+        let muscles = setup
+            .active_muscles
+            .iter()
+            .enumerate()
+            .map(|(i, name)| {
+                if setup.active_muscles[..i].contains(name) {
+                    return Err(SimulationError::RepeatedMuscle { name: name.clone() });
+                }
+                active_muscle(spec, &skeleton, name, &mut cache)
+            })
+            .collect::<Result<_, _>>()?;
+        let mut left_out = skeleton.unsupported_constraints.clone();
+        if !left_out.is_empty() && !setup.allow_unsupported {
+            return Err(SimulationError::UnsupportedConstraints { constraints: left_out });
+        }
+        let passive = setup.includes(MomentPart::Passive);
+        let forces = if passive { Forces::compile(spec, &skeleton)? } else { Forces::default() };
+        let mut unsupported: Vec<_> =
+            forces.unsupported.iter().filter(|(_, class)| !INERT_CLASSES.contains(&class.as_str())).cloned().collect();
+        // A trial's own time is not that of the model's functions.
+        unsupported.extend(forces.over_time.iter().map(|force| (force.name.clone(), "PrescribedForce".to_owned())));
+        if !unsupported.is_empty() && !setup.allow_unsupported {
+            return Err(SimulationError::UnsupportedForces { forces: unsupported });
+        }
+        left_out.extend(unsupported);
+        let passive_paths = forces
+            .along_paths
+            .iter()
+            .map(|force| {
+                let path = compile_path(&force.path, spec, &skeleton, &force.name)?;
+                Ok(PassivePath { name: force.name.clone(), path, law: force.law.clone() })
+            })
+            .collect::<Result<_, SimulationError>>()?;
+        Ok(MusculoskeletalModel {
+            skeleton,
+            coordinate,
+            posture,
+            muscles,
+            curve_cache: cache,
+            forces,
+            passive_paths,
+            setup: setup.clone(),
+            left_out,
+        })
+    }
+
+    /// The compiled skeleton.
+    pub fn skeleton(&self) -> &Model {
+        &self.skeleton
+    }
+
+    /// What it was compiled for.
+    pub fn setup(&self) -> &Setup {
+        &self.setup
+    }
+
+    /// The coordinate that the dynamometer moves.
+    pub fn coordinate(&self) -> CoordinateIndex {
+        self.coordinate
+    }
+
+    /// Names of the active muscles, in order.
+    pub fn muscle_names(&self) -> impl Iterator<Item = &str> {
+        self.muscles.iter().map(|m| m.name.as_str())
+    }
+
+    /// The active muscles' parameters as the file has them, in order.
+    pub fn nominal_parameters(&self) -> Vec<MuscleParameters> {
+        self.muscles.iter().map(|m| m.nominal).collect()
+    }
+
+    /// Name and class of forces and constraints that were left out because `allow_unsupported` was set.
+    pub fn left_out(&self) -> &[(String, String)] {
+        &self.left_out
+    }
+
+    /// Largest deviation of the tabulated muscle curves from the exact ones, of all active muscles.
+    pub fn curve_deviation(&self) -> f64 {
+        self.muscles.iter().map(|m| m.curves.deviation()).fold(0.0, f64::max)
+    }
+}
+
+impl ActiveMuscle {
+    /// The muscle with other parameters.
+    pub(crate) fn fiber(&self, parameters: &MuscleParameters) -> Fiber {
+        Fiber::new(
+            Arc::clone(&self.curves),
+            parameters.optimal_fiber_length,
+            parameters.tendon_slack_length,
+            parameters.pennation_angle_at_optimal,
+        )
+    }
+
+    /// # Errors
+    /// [`SimulationError::InvalidParameter`].
+    pub(crate) fn check(&self, parameters: &MuscleParameters) -> Result<(), SimulationError> {
+        let positive = [
+            ("max_isometric_force", parameters.max_isometric_force),
+            ("optimal_fiber_length", parameters.optimal_fiber_length),
+            ("tendon_slack_length", parameters.tendon_slack_length),
+        ];
+        let invalid = |property, value, expected| {
+            Err(SimulationError::InvalidParameter { muscle: self.name.clone(), property, value, expected })
+        };
+        for (property, value) in positive {
+            if !(value > 0.0 && value.is_finite()) {
+                return invalid(property, value, "a number above 0");
+            }
+        }
+        let angle = parameters.pennation_angle_at_optimal;
+        if !(0.0..std::f64::consts::FRAC_PI_2).contains(&angle) {
+            return invalid("pennation_angle_at_optimal", angle, "at least 0 and below π/2 rad");
+        }
+        Ok(())
+    }
+}
+
+/// The coordinate of that name.
+pub(crate) fn coordinate_named(skeleton: &Model, name: &str) -> Result<CoordinateIndex, SimulationError> {
+    skeleton.coordinate(name).ok_or_else(|| SimulationError::UnknownCoordinate {
+        name: name.to_owned(),
+        available: skeleton.coordinates.iter().map(|c| c.name.clone()).collect(),
+    })
+}
+
+/// The coordinate of that name, if no coupler determines it.
+pub(crate) fn independent_coordinate(skeleton: &Model, name: &str) -> Result<CoordinateIndex, SimulationError> {
+    let coordinate = coordinate_named(skeleton, name)?;
+    match skeleton.driver_of(coordinate) {
+        None => Ok(coordinate),
+        Some(coupler) => Err(SimulationError::DependentCoordinate {
+            name: name.to_owned(),
+            driver: skeleton.names_of_roots(coordinate, "`"),
+            coupler: coupler.name.clone(),
+        }),
+    }
+}
+
+/// Sets coordinates to values in degrees or metres and makes the others follow.
+pub(crate) fn set_posture(skeleton: &Model, q: &mut [f64], held: &[HeldCoordinate]) -> Result<(), SimulationError> {
+    for item in held {
+        let index = independent_coordinate(skeleton, &item.coordinate)?;
+        let coordinate = &skeleton.coordinates[index.0];
+        let value = match coordinate.motion_type {
+            MotionType::Translational => item.value_deg_or_m,
+            MotionType::Rotational | MotionType::Coupled => item.value_deg_or_m.to_radians(),
+        };
+        let [lower, upper] = coordinate.range;
+        // A tenth of a degree: what rounding of values written in degrees may add.
+        let slack = 1.8e-3;
+        if !(value >= lower - slack && value <= upper + slack) {
+            let is_translation = coordinate.motion_type == MotionType::Translational;
+            let name = item.coordinate.clone();
+            return Err(SimulationError::PostureOutOfRange { name, is_translation, value, lower, upper });
+        }
+        q[index.0] = value;
+    }
+    skeleton.satisfy_couplers(q);
+    Ok(())
+}
+
+/// The default pose with some coordinates held and couplers followed [rad or m].
+///
+/// # Errors
+/// A coordinate that is not there, follows another, or is outside its range.
+pub fn posture(skeleton: &Model, held: &[HeldCoordinate]) -> Result<Vec<f64>, SimulationError> {
+    let mut q = skeleton.default_coordinates();
+    set_posture(skeleton, &mut q, held)?;
+    Ok(q)
+}
+
+fn active_muscle(
+    spec: &ModelSpec,
+    skeleton: &Model,
+    name: &str,
+    cache: &mut CurveCache,
+) -> Result<ActiveMuscle, SimulationError> {
+    let muscle = spec.muscles.iter().find(|m| m.name == name).ok_or_else(|| SimulationError::UnknownMuscle {
+        name: name.to_owned(),
+        available: spec.muscles.iter().map(|m| m.name.clone()).collect(),
+    })?;
+    if !muscle.applies_force {
+        return Err(SimulationError::AppliesNoForce { name: name.to_owned() });
+    }
+    active_muscle_along(muscle, Arc::new(compile_path(&muscle.path, spec, skeleton, name)?), cache)
+}
+
+/// The muscle of that specification on a path that is compiled already.
+pub(crate) fn active_muscle_along(
+    muscle: &MuscleSpec,
+    path: Arc<Path>,
+    cache: &mut CurveCache,
+) -> Result<ActiveMuscle, SimulationError> {
+    let millard = Millard2012::from_spec(muscle)?;
+    let MuscleKind::Millard2012Equilibrium(properties) = &muscle.kind else {
+        unreachable!("Millard2012::from_spec accepts this class only")
+    };
+    let p = millard.parameters();
+    let dynamics = millard.activation_dynamics();
+    Ok(ActiveMuscle {
+        name: muscle.name.clone(),
+        path,
+        curves: FiberCurves::tabulate(&millard, properties, cache),
+        nominal: MuscleParameters {
+            max_isometric_force: p.max_isometric_force,
+            optimal_fiber_length: p.optimal_fiber_length,
+            tendon_slack_length: p.tendon_slack_length,
+            pennation_angle_at_optimal: p.pennation_angle_at_optimal,
+        },
+        activation: ActivationDynamics {
+            activation_time_constant: dynamics.activation_time_constant,
+            deactivation_time_constant: dynamics.deactivation_time_constant,
+            minimum_activation: dynamics.minimum_activation,
+            ignored: millard.ignore_activation_dynamics(),
+        },
+        rigid_tendon: millard.ignore_tendon_compliance(),
+    })
+}
+
+pub(crate) fn compile_path(
+    path: &carpus_osim::osim::spec::PathSpec,
+    spec: &ModelSpec,
+    skeleton: &Model,
+    owner: &str,
+) -> Result<Path, SimulationError> {
+    Path::compile(path, spec, skeleton).map_err(|source| SimulationError::Path { owner: owner.to_owned(), source })
+}

@@ -1,0 +1,106 @@
+//! `[processing]` of `study.toml`: what happens to a dynamometer's recordings before they are a study's trials.
+//!
+//! In: trial files as recorders write them. Out: trials in which angle and moment are filtered, the machine's drag and
+//! the relaxed limb's moment are removed, long recordings are cut into repetitions, and EMG of a second recorder is on
+//! the dynamometer's clock. Nothing of it is applied unless a study asks for it.
+
+mod process;
+mod recording;
+
+pub use process::{DelayFound, ProcessedTrial, ProcessingError, ProcessingResult};
+pub use recording::Recorded;
+
+use super::toml_section::{Sections, TomlSection};
+use super::trial_list::Contraction;
+use crate::dynamometer::{RepetitionSettings, RepetitionSignal};
+use carpus_numerics::signals::{Band, Butterworth};
+
+/// Largest delay that is looked for \[s\]: two people start two recorders within ten minutes. Each delay takes a pass
+/// over the recordings.
+const LONGEST_DELAY: f64 = 600.0;
+
+/// Everything `[processing]` says.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ProcessingSettings {
+    /// Zero-phase low-pass of angle, velocity and moment; `None`: as recorded.
+    pub filter: Option<Butterworth>,
+    /// Whether the machine's drag (`[dynamometer] damping_n_m_s_per_deg`) is added to the measured moment.
+    pub remove_drag: bool,
+    /// Order of the polynomial of the relaxed limb's moment that is subtracted; `None`: nothing is subtracted.
+    pub passive_order: Option<usize>,
+    /// Recordings of the machine without a participant, relative to study.toml.
+    pub drag_runs: Vec<String>,
+    /// How long recordings are cut, and which.
+    pub repetitions: Option<(RepetitionSettings, Vec<Contraction>)>,
+    /// A second recorder that holds the EMG.
+    pub second_recorder: Option<SecondRecorder>,
+}
+
+/// A second recorder with EMG and one channel that both recorded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SecondRecorder {
+    /// Its file beside a trial's: `{trial}` stands for the name of the trial's file without extension.
+    pub file: String,
+    /// Its time column \[s\].
+    pub time: String,
+    /// Its column of the common quantity, in any unit, of the same sign.
+    pub shared: String,
+    /// The dynamometer's column of it.
+    pub shared_with: String,
+    /// Largest delay looked for \[s\].
+    pub max_delay: f64,
+}
+
+/// Reads `[processing]`.
+pub(crate) fn settings(sections: &Sections<'_>, problems: &mut Vec<super::Problem>) -> ProcessingSettings {
+    let mut section = sections.section("processing");
+    let whole = |v: f64, from: f64, to: f64| (from..=to).contains(&v) && v.fract() == 0.0;
+    let cutoff =
+        section.optional_number("filter_hz", "a positive frequency in Hz, 0.1 to 1000", |v| (0.1..=1e3).contains(&v));
+    let order = section.optional_number("filter_order", "1 to 20", |v| whole(v, 1.0, 20.0));
+    let passive = section.optional_bool("subtract_passive").unwrap_or(false);
+    let passive_order = section.optional_number("passive_order", "1 to 9", |v| whole(v, 1.0, 9.0)).unwrap_or(5.0);
+    let found = ProcessingSettings {
+        filter: cutoff
+            .map(|cutoff_hz| Butterworth { order: order.unwrap_or(4.0) as usize, band: Band::LowPass { cutoff_hz } }),
+        remove_drag: section.optional_bool("remove_drag").unwrap_or(false),
+        passive_order: passive.then_some(passive_order as usize),
+        drag_runs: section.optional_strings("drag_runs", "list of files").unwrap_or_default(),
+        repetitions: section.optional_table("repetitions", "a table", repetitions),
+        second_recorder: section.optional_table("second_recorder", "a table", second_recorder).flatten(),
+    };
+    section.finish(problems);
+    found
+}
+
+fn repetitions(table: &mut TomlSection<'_>) -> (RepetitionSettings, Vec<Contraction>) {
+    let words = [("moment", RepetitionSignal::Moment), ("movement", RepetitionSignal::Movement)];
+    let seconds = "a number of seconds, 0 or more";
+    let settings = RepetitionSettings {
+        signal: table.optional_word("by", "signal", &words).unwrap_or(RepetitionSignal::Moment),
+        threshold: table
+            .optional_number("threshold", "more than 0, less than 1", |v| v > 0.0 && v < 1.0)
+            .unwrap_or(0.2),
+        min_duration: table.optional_number("min_duration_s", seconds, |v| v >= 0.0).unwrap_or(0.5),
+        max_pause: table.optional_number("max_pause_s", seconds, |v| v >= 0.0).unwrap_or(0.3),
+        margin: table.optional_number("margin_s", seconds, |v| v >= 0.0).unwrap_or(0.25),
+    };
+    let contractions = table.optional_words("contractions", "contraction", &Contraction::WORDS);
+    (
+        settings,
+        contractions.unwrap_or_else(|| vec![Contraction::Isometric, Contraction::Isotonic, Contraction::Passive]),
+    )
+}
+
+fn second_recorder(table: &mut TomlSection<'_>) -> Option<SecondRecorder> {
+    let file = table.required_string("file", "its file beside a trial's, e.g. \"{trial}_emg.csv\"");
+    if file.as_ref().is_some_and(|file| !file.contains("{trial}")) {
+        table.bad_value("file", "a name that contains {trial}", "a name that is the same for every trial");
+    }
+    let time = table.optional_string("time").unwrap_or_else(|| "time_s".to_owned());
+    let shared = table.required_string("shared", "its column of the quantity that both recorded");
+    let shared_with = table.required_string("shared_with", "the trial's column of that quantity");
+    let expected = "a number of seconds above 0, at most 600";
+    let max_delay = table.optional_number("max_delay_s", expected, |v| v > 0.0 && v <= LONGEST_DELAY).unwrap_or(2.0);
+    Some(SecondRecorder { file: file?, time, shared: shared?, shared_with: shared_with?, max_delay })
+}

@@ -1,0 +1,339 @@
+//! `trials.csv`: which trials were recorded, under which condition, and what each is for.
+
+use std::collections::HashMap;
+use std::path::{Component, Path, PathBuf};
+
+use super::participants::Participant;
+use super::problem::{Fault, Problem, nearest};
+use super::table::{Row, Table, named_file};
+use carpus_numerics::plausible;
+
+const COLUMNS: [&str; 10] = [
+    "participant",
+    "file",
+    "contraction",
+    "effort_percent",
+    "direction",
+    "posture_deg",
+    "repetition",
+    "use",
+    "start_time_s",
+    "arm",
+];
+const REQUIRED: [(&str, &str); 5] = [
+    ("participant", "name of the participant"),
+    ("file", "the trial's file, relative to study.toml"),
+    ("contraction", "isometric, isotonic, passive, mvc or freehand"),
+    ("effort_percent", "percent of the maximum voluntary effort"),
+    ("direction", "flexion, extension or none"),
+];
+
+/// One row of `trials.csv`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrialInfo {
+    /// Position among the study's trials, in the order of recording.
+    pub index: usize,
+    /// Position among the participant's trials, in the order of recording; ignored ones count.
+    pub place: usize,
+    /// Line of the row.
+    pub line: usize,
+    /// Short name that no other trial of the participant has, not even in other case: the file's name without extension;
+    /// where several trials have that, with as many of its folders in front as tell them apart.
+    pub name: String,
+    /// Name of the participant.
+    pub participant: String,
+    /// The trial's file.
+    pub file: PathBuf,
+    /// The trial's file as `trials.csv` writes it.
+    pub file_as_written: String,
+    /// Kind of contraction.
+    pub contraction: Contraction,
+    /// Effort asked for, in percent of the maximum voluntary effort; `None` if none was asked for.
+    pub effort_percent: Option<f64>,
+    /// Direction of the effort.
+    pub direction: Direction,
+    /// Posture of the dynamometer's coordinate \[rad\], where one was asked for.
+    pub posture: Option<f64>,
+    /// Number of the repetition, as the lab counts.
+    pub repetition: Option<u32>,
+    /// What the trial is for.
+    pub usage: TrialUse,
+    /// Time at which the trial began, since the session began \[s\].
+    pub start_time: Option<f64>,
+    /// Whether the forearm is turned over, so that gravity acts the other way about the dynamometer's axis.
+    pub arm_flipped: bool,
+}
+
+/// Words of the column `arm`, and whether the forearm is turned over.
+pub(crate) const ARM_WORDS: [(&str, bool); 2] = [("upright", false), ("flipped", true)];
+
+impl TrialInfo {
+    /// Whether it is a maximum voluntary contraction that scales EMG or strength.
+    pub fn is_mvc(&self) -> bool {
+        self.usage == TrialUse::Mvc || self.contraction == Contraction::Mvc
+    }
+
+    /// The word that stands for the arm's position in `trials.csv`.
+    pub fn arm_word(&self) -> &'static str {
+        word_of(&ARM_WORDS, self.arm_flipped)
+    }
+
+    /// A trial of nothing in particular, for tests.
+    #[doc(hidden)]
+    pub fn example(contraction: Contraction, direction: Direction, usage: TrialUse) -> TrialInfo {
+        TrialInfo {
+            index: 0,
+            place: 0,
+            line: 2,
+            name: "trial".to_owned(),
+            participant: "P01".to_owned(),
+            file: "trial.csv".into(),
+            file_as_written: "trial.csv".to_owned(),
+            contraction,
+            effort_percent: None,
+            direction,
+            posture: None,
+            repetition: None,
+            usage,
+            start_time: None,
+            arm_flipped: false,
+        }
+    }
+}
+
+/// Kind of contraction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Contraction {
+    /// The joint is held still.
+    Isometric,
+    /// The joint moves against a constant moment.
+    Isotonic,
+    /// The machine moves a relaxed joint.
+    Passive,
+    /// Maximum voluntary contraction.
+    Mvc,
+    /// The joint moves freely.
+    Freehand,
+}
+
+impl Contraction {
+    pub(crate) const WORDS: [(&'static str, Contraction); 5] = [
+        ("isometric", Contraction::Isometric),
+        ("isotonic", Contraction::Isotonic),
+        ("passive", Contraction::Passive),
+        ("mvc", Contraction::Mvc),
+        ("freehand", Contraction::Freehand),
+    ];
+
+    /// The word that stands for it in `trials.csv`.
+    pub fn word(self) -> &'static str {
+        word_of(&Self::WORDS, self)
+    }
+}
+
+/// Direction of the effort.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Direction {
+    /// Flexion.
+    Flexion,
+    /// Extension.
+    Extension,
+    /// No direction, or both.
+    None,
+}
+
+impl Direction {
+    const WORDS: [(&str, Direction); 3] =
+        [("flexion", Direction::Flexion), ("extension", Direction::Extension), ("none", Direction::None)];
+
+    /// The word that stands for it in `trials.csv`.
+    pub fn word(self) -> &'static str {
+        word_of(&Self::WORDS, self)
+    }
+}
+
+/// What a trial is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TrialUse {
+    /// Seen by fitting.
+    Train,
+    /// Held out: never seen by fitting, diagnosis or effect selection; the fall of the error is reported on these.
+    Test,
+    /// A maximum voluntary contraction that scales EMG or strength.
+    Mvc,
+    /// Not read at all.
+    Ignore,
+}
+
+impl TrialUse {
+    const WORDS: [(&str, TrialUse); 4] =
+        [("train", TrialUse::Train), ("test", TrialUse::Test), ("mvc", TrialUse::Mvc), ("ignore", TrialUse::Ignore)];
+
+    /// The word that stands for it in `trials.csv`.
+    pub fn word(self) -> &'static str {
+        word_of(&Self::WORDS, self)
+    }
+}
+
+fn word_of<T: PartialEq>(words: &[(&'static str, T)], value: T) -> &'static str {
+    words.iter().find(|(_, v)| *v == value).map_or("", |(word, _)| word)
+}
+
+/// Reads `trials.csv`.
+pub(crate) fn read(
+    path: &Path,
+    folder: &Path,
+    participants: &[Participant],
+    problems: &mut Vec<Problem>,
+) -> Vec<TrialInfo> {
+    let Some(table) = Table::read(path, "trials.csv", None, problems) else { return Vec::new() };
+    if !table.check_columns(&REQUIRED, &COLUMNS, |c| COLUMNS.contains(&c), problems) {
+        return Vec::new();
+    }
+    let mut trials: Vec<TrialInfo> = Vec::new();
+    let mut files = HashMap::new();
+    let mut conditions = HashMap::new();
+    let mut places = HashMap::new();
+    for row in table.rows() {
+        let Some(mut trial) = trial(&row, folder, participants, problems) else { continue };
+        trial.index = trials.len();
+        let place = places.entry(trial.participant.clone()).or_insert(0);
+        trial.place = *place;
+        *place += 1;
+        if let Some(&first_line) = files.get(&trial.file) {
+            row.error(Fault::Duplicate { what: "trial file", value: trial.file_as_written, first_line }, problems);
+            continue;
+        }
+        files.insert(trial.file.clone(), row.line);
+        if let Some(repetition) = trial.repetition {
+            let bits = |v: Option<f64>| v.map(f64::to_bits);
+            let condition = (
+                trial.participant.clone(),
+                (trial.contraction, trial.direction, repetition, trial.arm_flipped),
+                (bits(trial.effort_percent), bits(trial.posture)),
+            );
+            let first_line = *conditions.entry(condition).or_insert(row.line);
+            if first_line != row.line {
+                problems.push(Problem::warning(path, row.line, Fault::DuplicateCondition { first_line }));
+            }
+        }
+        let later = |t: &&TrialInfo| t.participant == trial.participant && t.start_time > trial.start_time;
+        if let (Some(start_s), Some(before)) = (trial.start_time, trials.iter().find(later)) {
+            row.error(Fault::StartOrder { start_s, before_line: before.line }, problems);
+        }
+        trials.push(trial);
+    }
+    name_trials(&mut trials, folder);
+    trials
+}
+
+/// Gives every trial its name: a trial is a row, and two rows may have files of one name.
+fn name_trials(trials: &mut [TrialInfo], folder: &Path) {
+    let parts = |trial: &TrialInfo| -> Vec<String> {
+        let path = trial.file.strip_prefix(folder).unwrap_or(&trial.file).with_extension("");
+        let normal = path.components().filter_map(|part| match part {
+            Component::Normal(name) => Some(name.to_string_lossy().into_owned()),
+            _ => None,
+        });
+        normal.collect()
+    };
+    let parts: Vec<Vec<String>> = trials.iter().map(parts).collect();
+    // How many parts of its path a trial's name has; 0: its path says nothing, the row alone does.
+    let mut used = vec![1; trials.len()];
+    loop {
+        for ((trial, parts), used) in trials.iter_mut().zip(&parts).zip(&used) {
+            let row = format!("row_{}", trial.line);
+            trial.name = match parts.len() {
+                0 => row,
+                n if *used > n => format!("{}_{row}", parts.join("_")),
+                n => parts[n - used..].join("_"),
+            };
+        }
+        let mut owners: HashMap<(String, String), Vec<usize>> = HashMap::new();
+        for (i, trial) in trials.iter().enumerate() {
+            owners.entry((trial.participant.clone(), trial.name.to_lowercase())).or_default().push(i);
+        }
+        let shared: Vec<usize> = owners.into_values().filter(|of| of.len() > 1).flatten().collect();
+        // A name with its row in it differs from all others of this kind: nobody takes more than one part beyond its path.
+        let longer: Vec<usize> = shared.into_iter().filter(|&i| used[i] <= parts[i].len()).collect();
+        if longer.is_empty() {
+            return;
+        }
+        longer.into_iter().for_each(|i| used[i] += 1);
+    }
+}
+
+fn trial(row: &Row<'_>, folder: &Path, participants: &[Participant], problems: &mut Vec<Problem>) -> Option<TrialInfo> {
+    let participant = row.required("participant", "a name", problems);
+    let participant = participant.filter(|name| known_participant(row, name, participants, problems));
+    let file = row.required("file", "a path", problems);
+    row.required("contraction", "isometric, isotonic, passive, mvc or freehand", problems);
+    let contraction = row.word("contraction", "contraction", &Contraction::WORDS, problems);
+    row.required("direction", "flexion, extension or none", problems);
+    let direction = row.word("direction", "direction", &Direction::WORDS, problems);
+    let effort_percent = row.number("effort_percent", "0 to 100 percent", |v| (0.0..=100.0).contains(&v), problems);
+    if let Some(effort) = effort_percent.filter(|effort| *effort != 0.0) {
+        row.warn_of("effort_percent", effort, &plausible::EFFORT_PERCENT, problems);
+    }
+    if let Some(file) = file.filter(|file| is_outside(file, folder)) {
+        row.warning(Fault::OutsideStudy { found: file.to_owned() }, problems);
+    }
+    let posture = row.number("posture_deg", "an angle in degrees", |v| v.abs() <= 360.0, problems);
+    let repetition =
+        row.number("repetition", "0, 1, 2, 3 …", |v| (0.0..=1e6).contains(&v) && v.fract() == 0.0, problems);
+    let start_time = row.number("start_time_s", "a time in seconds, 0 or more", |v| v >= 0.0, problems);
+    let usage = match row.text("use") {
+        Option::None => Some(TrialUse::Train),
+        Some(_) => row.word("use", "use", &TrialUse::WORDS, problems),
+    };
+    let arm = match row.text("arm") {
+        Option::None => Some(false),
+        Some(_) => row.word("arm", "position of the arm", &ARM_WORDS, problems),
+    };
+    Some(TrialInfo {
+        index: 0,
+        place: 0,
+        line: row.line,
+        name: String::new(),
+        participant: participant?.to_owned(),
+        file: named_file(folder, file?),
+        file_as_written: file?.to_owned(),
+        contraction: contraction?,
+        effort_percent,
+        direction: direction?,
+        posture: posture.map(f64::to_radians),
+        repetition: repetition.map(|r| r as u32),
+        usage: usage?,
+        start_time,
+        arm_flipped: arm?,
+    })
+}
+
+/// Whether a file that is there lies elsewhere than below the study's folder, links followed.
+fn is_outside(file: &str, folder: &Path) -> bool {
+    let folder_or_here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    match (folder.join(file).canonicalize(), folder_or_here.canonicalize()) {
+        (Ok(file), Ok(folder)) => !file.starts_with(folder),
+        _ => false, // what is not there is reported when it is read
+    }
+}
+
+fn known_participant(row: &Row<'_>, name: &str, participants: &[Participant], problems: &mut Vec<Problem>) -> bool {
+    let known = || participants.iter().map(|p| p.name.as_str());
+    let is_known = known().any(|k| k == name);
+    // With no participants at all, participants.csv itself is at fault and is reported once.
+    if !is_known && !participants.is_empty() {
+        let fault = Fault::UnknownWord {
+            key: "participant".to_owned(),
+            what: "participant",
+            found: name.to_owned(),
+            known: known().map(str::to_owned).collect(),
+            nearest: nearest(name, known()),
+        };
+        row.error(fault, problems);
+    }
+    is_known || participants.is_empty()
+}
