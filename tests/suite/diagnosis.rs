@@ -246,7 +246,8 @@ const FEW: [&str; 4] = ["joint_damping", "torque_drift", "time_shift", "emg_nonl
 #[test]
 fn val_opensim_clean_data_raise_nothing() {
     let (study, trials, file) = demo();
-    let forward = forward(&study, &trials, &file);
+    let model = MusculoskeletalModel::compile(&file.spec, &Setup::from_settings(&study.settings)).unwrap();
+    let forward = ForwardModel::for_diagnosis(&file.spec, &model, &trials).unwrap();
     let found = diagnose(&request(&study, &forward, &FEW)).unwrap().diagnosis;
     println!("p = {}", found.null_p_value);
     assert_eq!(found.verdict, Verdict::NothingDetectable);

@@ -19,7 +19,8 @@ const LIKELY: f64 = 0.5;
 
 impl Session<'_> {
     /// The state with the effects that are more likely missing than not, and no others (the median probability model; Barbieri &
-    /// Berger 2004, doi:10.1214/009053604000000238). And for each of these, the strongest first, by how much −2 log posterior is larger
+    /// Berger 2004, doi:10.1214/009053604000000238), less those without which a state is ahead and predicts left-out trials as well. And for
+    /// each of the others, the strongest first, by how much −2 log posterior is larger
     /// where it is taken out and everything else is fitted anew.
     ///
     /// # Errors
@@ -39,7 +40,9 @@ impl Session<'_> {
             let without = self.with_set(&state, &rest, &candidates)?;
             let behind = self.behind(&without, &state);
             report(&format!("without {:?} ({probability:.2}) {behind:.1} behind", self.ids(&[effect])));
-            match probability < LIKELY {
+            let left_out = |state: &State| self.handed_over(state).map(|model| model.left_out_ratio);
+            let is_better = behind < 0.0 && left_out(&without)? <= left_out(&state)?;
+            match probability < LIKELY || is_better {
                 true => state = without,
                 false => evidence.push((effect, behind)),
             }

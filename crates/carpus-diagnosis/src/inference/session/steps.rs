@@ -12,6 +12,9 @@ use crate::noise::TrialNoise;
 use carpus_numerics::numerics::cholesky;
 use carpus_simulation::simulation::SimulationError;
 
+/// A descent ends where the next step would lower Ψ by less: parameters are then within a quarter of a standard deviation.
+const SETTLED_DESCENT: f64 = 0.05;
+
 impl Session<'_> {
     /// Steps on: the best set reached by descent; with `among`, others tried by simulation, too: the most probable, the noise held.
     pub(super) fn advanced(
@@ -177,7 +180,7 @@ impl Session<'_> {
             let posterior = model.posterior(set, sizes);
             let here = profiled(&model, own, set, sizes);
             let promised = here - posterior.squares;
-            if promised < 0.3 {
+            if promised < SETTLED_DESCENT {
                 break;
             }
             let step = (&posterior.mean - &model.offset).rows(0, own) * radius;
