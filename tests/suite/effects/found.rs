@@ -16,6 +16,9 @@ const BASELINE: f64 = 0.03;
 const SHOWS_WHEN_LARGE: [(&str, &str, f64); 3] =
     [("inertia", "inertia", 0.05), ("angle_offset", "offset", 0.17), ("emg_floor", "baseline", BASELINE)];
 
+/// Springs that act at the ends of the range, which these trials do not reach: that nothing is detectable is right.
+const OUT_OF_REACH: [&str; 1] = ["end_range_spring"];
+
 /// The diagnosis of a person with these effects, of a size that is plain to see, by these candidates; noise a quarter of a
 /// laboratory's, so that it is plain.
 fn found(hidden: &[&'static dyn Effect], candidates: Vec<&'static dyn Effect>) -> Diagnosis {
@@ -63,7 +66,10 @@ fn verif_every_effect_is_found_and_its_nearest_rival_not_blamed_in_its_place() {
             let sets: Vec<&[&str]> = found.explanations.iter().map(|e| e.effects.as_slice()).collect();
             let told = format!("{} (rival {rival:?}): p {:.4}, {:?} {sets:?}", d.id, found.null_p_value, found.verdict);
             println!("{told}");
-            let is_found = sets.contains(&[d.id].as_slice());
+            let is_found = match OUT_OF_REACH.contains(&d.id) {
+                true => found.verdict == Verdict::NothingDetectable,
+                false => sets.contains(&[d.id].as_slice()),
+            };
             (!is_found).then_some(told)
         })
         .collect();

@@ -68,7 +68,7 @@ fn verif_a_property_that_stands_twice_is_named() {
     let found = warnings(&outcome);
     let text = "<final_time> stands here again and was not used: the first counts, as in OpenSim";
     assert!(found.iter().any(|(_, found)| *found == text), "{found:?}");
-    assert!((written(&outcome, "run_Actuation_force.sto").rows.last().unwrap()[0] - 0.1).abs() < 1e-9);
+    assert!((written(&outcome, "run_Actuation_force.sto").time.last().unwrap() - 0.1).abs() < 1e-9);
 }
 
 /// The last control is none of the model, so that OpenSim connects the first two only.

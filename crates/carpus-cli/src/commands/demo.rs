@@ -36,7 +36,7 @@ const STUDY: [(&str, &str); 31] = bundled!(
 /// The bundled model.
 const MODEL: &str = include_str!("../../../../models/wrist.osim");
 /// How the study names its model among the sources, and beside itself.
-const MODEL_LINE: [&str; 2] = [r#"model = "../../../models/wrist.osim""#, r#"model = "wrist.osim""#];
+const MODEL_LINE: [&str; 2] = [r#"model = "../../models/wrist.osim""#, r#"model = "wrist.osim""#];
 
 /// Writes the bundled study with its model to `study` in a folder.
 ///
