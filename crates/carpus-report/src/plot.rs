@@ -380,7 +380,7 @@ mod tests {
         }
         assert_eq!(figure([0.0, 20.0]).left(), LEFT);
         assert!(figure(x).svg_from(60.0).contains(r#"class="axis" x1="60""#));
-        assert_eq!([2e-5, -1.5e-4, 0.0].map(|v| tick_label(v, 5e-5)), ["2e−5", "−1.5e−4", "0"]);
+        assert_eq!([5e-5, -1.5e-4, 0.0].map(|v| tick_label(v, 5e-5)), ["5e−5", "−1.5e−4", "0"]);
         assert_eq!(tick_label(3e-9, 1e-9), "3e−9");
     }
 

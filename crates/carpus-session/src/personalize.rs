@@ -246,7 +246,7 @@ mod tests {
 
     #[test]
     fn verif_a_fit_stops_between_its_searches() {
-        let study = Study::open("fixtures/demo_study").unwrap();
+        let study = Study::open(concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/demo_study")).unwrap();
         let participant = study.participants().next().unwrap();
         // Asked before the work and before the fit; then between the searches.
         for asked in [0, 2, 3] {
