@@ -81,7 +81,7 @@ fn averaged(trials: Vec<Trial>, rate: f64, warnings: &mut Vec<Diagnostic>) -> Ve
 /// Memory that the noise of trials may take [bytes]: half of what a laptop of these years has.
 const MOST_MEMORY: f64 = 4e9;
 
-/// Fails where the noise of the trials to train on would take more memory than [`MOST_MEMORY`]: it grows with the square of
+/// Fails where the noise of the trials to train on would take more memory than `MOST_MEMORY`: it grows with the square of
 /// their duration.
 ///
 /// - `muscles`: active ones
