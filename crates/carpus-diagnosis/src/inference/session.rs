@@ -5,6 +5,7 @@ mod columns;
 mod generic_discrepancy;
 mod handing_over;
 mod noise_along_the_way;
+mod predicting;
 mod sets;
 mod steps;
 
@@ -52,8 +53,6 @@ const RIVALS: usize = 6;
 const LARGEST_NOISE: f64 = 0.7;
 /// An effect may stand in another's place where the set with it has more than this share of the probability, equation (22).
 const STANDS_IN: f64 = 0.1;
-/// Beyond this part of the way, equation (25), the joint mode itself is handed over.
-const ALL_OF_IT: f64 = 0.9;
 /// Of the sets that were tried in a round, those first whose noise is estimated anew.
 const ASSESSED: usize = 2;
 /// The estimate has settled when a round lowers −2 log posterior, equation (20), by less than this.
@@ -122,9 +121,9 @@ pub struct HandedOver {
     pub parameters: Vec<MuscleParameters>,
     /// Effects.
     pub effects: Vec<Setting>,
-    /// How far it is from the model as given (0) to the joint mode (1), equation (25).
+    /// How far it is from the model as given (0) to the joint mode or the least error (1), equation (25).
     pub part: f64,
-    /// Error of trials that were left out one at a time, at the joint mode, over that of the model as given: R of equation (25).
+    /// Error of trials that were left out one at a time, over that of the model as given: R of equation (25).
     pub left_out_ratio: f64,
 }
 

@@ -4,63 +4,57 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 
-use super::{ALL_OF_IT, HandedOver, NOTHING_ELSE, STANDS_IN, Session, State};
+use super::predicting::End;
+use super::{HandedOver, NOTHING_ELSE, STANDS_IN, Session, State};
 use crate::diagnose::ParameterEstimate;
-use crate::fit::{Point, block_means, block_starts, whiten};
+use crate::fit::{Point, whiten};
 use crate::forward_model::{FITTED_PER_MUSCLE, Setting};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 
+/// Parts of the way that are simulated, equation (26).
+const PARTS: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
+
 impl Session<'_> {
-    /// What is handed over: muscles and effects, as far from the model as given as trials left out one at a time are predicted best.
-    ///
-    /// The step to what the other trials say of a trial is linear, equation (24); the residuals at both ends are simulated.
+    /// What is handed over: muscles and effects, of those on the ways from the model as given to the joint mode and to the least error the
+    /// ones that predict trials left out one at a time best, equations (24) to (26).
     ///
     /// # Errors
     /// A trial that cannot be simulated.
     pub fn handed_over(&self, state: &State) -> Result<HandedOver, SimulationError> {
-        let forward = self.forward();
-        let given = forward.nominal_parameters();
-        let residuals =
-            |parameters: &[MuscleParameters], effects: &[Setting]| -> Result<Vec<DVector<f64>>, SimulationError> {
-                let variant = forward.variant(effects)?;
-                let of = |g: &usize| {
-                    let record = &forward.trials[*g];
-                    let core = forward.core(&variant, *g, &forward.recorded_input(*g), parameters, effects, false)?;
-                    let moment = forward.recorded_moment(*g, &core, effects);
-                    let left: Vec<f64> = record.moment.iter().zip(&moment).map(|(y, m)| y - m).collect();
-                    Ok(block_means(&left, &block_starts(&record.time)))
-                };
-                self.analysis.train.par_iter().map(of).collect::<Vec<_>>().into_iter().collect()
-            };
-        let of_given = residuals(&given, &[])?;
-        let of_fit = residuals(&state.point.parameters, &state.point.effects)?;
-        let set = self.places(&state.point.effects);
-        let sizes = self.sizes(state);
-        let muscles = self.analysis.n_muscles() * FITTED_PER_MUSCLE;
-        let at_all = state.model.posterior(&set, sizes).mean;
-        let left_out = |(i, of_fit): (usize, &DVector<f64>)| {
-            let without = &state.model.products - &state.model.by_trial[i];
-            let change = state.model.posterior_of(&without, &set, sizes).mean - &at_all;
-            let linear = &state.linear[i];
-            let of_effects = change.rows(self.analysis.n_nuisance(), linear.effects.ncols());
-            of_fit - linear.nuisance.columns(0, muscles) * change.rows(0, muscles) - &linear.effects * of_effects
-        };
-        let left_out: Vec<DVector<f64>> = of_fit.par_iter().enumerate().map(left_out).collect();
-        // Mean square at a part of the way: a parabola, least at `vertex`.
-        let mut sums = [0.0; 3];
-        for (a, b) in of_given.iter().zip(&left_out) {
-            sums[0] += a.norm_squared();
-            sums[1] += a.dot(&(b - a));
-            sums[2] += (b - a).norm_squared();
+        self.most_predictive(state, &[self.joint_mode(state), self.least_error(state)?])
+    }
+
+    /// Error of trials that were left out one at a time on the way to the joint mode, over that of the model as given.
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub(super) fn left_out_ratio(&self, state: &State) -> Result<f64, SimulationError> {
+        Ok(self.most_predictive(state, &[self.joint_mode(state)])?.left_out_ratio)
+    }
+
+    fn most_predictive(&self, state: &State, ends: &[End]) -> Result<HandedOver, SimulationError> {
+        let square = |residuals: &[DVector<f64>]| residuals.iter().map(|r| r.norm_squared()).sum::<f64>();
+        let as_given = square(&self.residuals(&self.forward().nominal_parameters(), &[])?);
+        let (parameters, effects) = self.part_of_the_way(&state.point, 0.0);
+        let mut best = HandedOver { parameters, effects, part: 0.0, left_out_ratio: 1.0 };
+        let mut least = as_given;
+        for end in ends {
+            for part in PARTS {
+                let (parameters, effects) = self.part_of_the_way(&end.point, part);
+                // A part of the way that cannot be simulated is none.
+                let Ok(residuals) = self.residuals(&parameters, &effects) else { continue };
+                let left_out: Vec<DVector<f64>> =
+                    residuals.iter().zip(&end.left_out).map(|(r, change)| r - change * part).collect();
+                let square = square(&left_out);
+                if square < least {
+                    least = square;
+                    let left_out_ratio = (square / as_given.max(f64::MIN_POSITIVE)).sqrt();
+                    best = HandedOver { parameters, effects, part, left_out_ratio };
+                }
+            }
         }
-        let part = if sums[2] > 0.0 { (-sums[1] / sums[2]).clamp(0.0, 1.0) } else { 0.0 };
-        let part = if part > ALL_OF_IT { 1.0 } else { part };
-        let (parameters, effects) = self.part_of_the_way(&state.point, part);
-        let left = sums[0] + 2.0 * part * sums[1] + part * part * sums[2];
-        let left_out_ratio = (left / sums[0].max(f64::MIN_POSITIVE)).max(0.0).sqrt();
-        Ok(HandedOver { parameters, effects, part, left_out_ratio })
+        Ok(best)
     }
 
     /// Muscles and effects at a part of the way from the model as given to a point, equation (26).

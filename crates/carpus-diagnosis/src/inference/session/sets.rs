@@ -31,22 +31,26 @@ impl Session<'_> {
         report: &dyn Fn(&str),
     ) -> Result<(State, Vec<(usize, f64)>), SimulationError> {
         let candidates = self.testable();
-        let mut set: Vec<(f64, usize)> =
-            self.places(&state.point.effects).into_iter().map(|e| (self.group(&state, e).1, e)).collect();
-        set.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut evidence = Vec::new();
-        for (probability, effect) in set {
-            let rest: Vec<usize> = self.places(&state.point.effects).into_iter().filter(|e| *e != effect).collect();
-            let without = self.with_set(&state, &rest, &candidates)?;
-            let behind = self.behind(&without, &state);
-            report(&format!("without {:?} ({probability:.2}) {behind:.1} behind", self.ids(&[effect])));
-            let left_out = |state: &State| self.handed_over(state).map(|model| model.left_out_ratio);
-            let is_better = behind < 0.0 && left_out(&without)? <= left_out(&state)?;
-            match probability < LIKELY || is_better {
-                true => state = without,
-                false => evidence.push((effect, behind)),
+        let (mut evidence, state) = 'again: loop {
+            let mut set: Vec<(f64, usize)> =
+                self.places(&state.point.effects).into_iter().map(|e| (self.group(&state, e).1, e)).collect();
+            set.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let mut evidence = Vec::new();
+            for (probability, effect) in set {
+                let rest: Vec<usize> = self.places(&state.point.effects).into_iter().filter(|e| *e != effect).collect();
+                let without = self.with_set(&state, &rest, &candidates)?;
+                let behind = self.behind(&without, &state);
+                report(&format!("without {:?} ({probability:.2}) {behind:.1} behind", self.ids(&[effect])));
+                if probability < LIKELY
+                    || (behind < 0.0 && self.left_out_ratio(&without)? <= self.left_out_ratio(&state)?)
+                {
+                    state = without;
+                    continue 'again;
+                }
+                evidence.push((effect, behind));
             }
-        }
+            break (evidence, state);
+        };
         evidence.sort_by(|a, b| b.1.total_cmp(&a.1));
         Ok((state, evidence))
     }

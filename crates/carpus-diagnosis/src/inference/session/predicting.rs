@@ -1,0 +1,264 @@
+//! Where the ways of what is handed over end: the joint mode, and what predicts best as if nothing else were wrong
+//! (`docs/src/theory/many-small-errors.md`, equations (24) and (25)).
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::super::linear_model::Prior;
+use super::{Session, State};
+use crate::fit::{Linear, Point, block_means, block_starts};
+use crate::forward_model::{FITTED_PER_MUSCLE, Setting};
+use carpus_simulation::simulation::{MuscleParameters, SimulationError};
+
+/// Half width of the box, in prior standard deviations: the study's bounds.
+const BOUNDS: f64 = 3.0;
+/// Gauss–Newton steps within it, at most.
+const STEPS: usize = 8;
+/// Share of the objective by which a step must lower it for another to follow.
+const WORTH_IT: f64 = 0.01;
+/// Sweeps over the coordinates of a quadratic form in a box, at most.
+const SWEEPS: usize = 200;
+/// A sweep that moves no coordinate by more than this share of its width is the last.
+const STILL: f64 = 1e-4;
+
+/// A point, and what it would say of every training trial had that not been there.
+pub(super) struct End {
+    /// EMG as recorded.
+    pub(super) point: Point,
+    /// What leaving the trial out adds to its simulated moment, to first order.
+    pub(super) left_out: Vec<DVector<f64>>,
+}
+
+/// A trial around a point: block means, weighted so that all samples count alike.
+struct Rows {
+    /// Columns of nuisance and effects.
+    columns: DMatrix<f64>,
+    residual: DVector<f64>,
+}
+
+/// The prior of a point in a box.
+struct Bounded {
+    low: DVector<f64>,
+    high: DVector<f64>,
+    precision: DVector<f64>,
+}
+
+/// Products of the rows of all trials.
+struct Products {
+    of_trial: Vec<(DMatrix<f64>, DVector<f64>)>,
+    all: (DMatrix<f64>, DVector<f64>),
+}
+
+impl Session<'_> {
+    /// The joint mode.
+    pub(super) fn joint_mode(&self, state: &State) -> End {
+        let set = self.places(&state.point.effects);
+        let sizes = self.sizes(state);
+        let at_all = state.model.posterior(&set, sizes).mean;
+        let own = self.columns_of_point(&state.point);
+        let point = self.as_recorded(state);
+        let left_out = |((position, linear), of_trial): ((usize, &Linear), &DMatrix<f64>)| {
+            let without = &state.model.products - of_trial;
+            let change = state.model.posterior_of(&without, &set, sizes).mean - &at_all;
+            self.of_change(&self.rows(position, linear).columns, &change.rows(0, own).into_owned())
+        };
+        let left_out = state.linear.par_iter().enumerate().zip(&state.model.by_trial).map(left_out).collect();
+        End { point, left_out }
+    }
+
+    /// The muscles and effects with the least squares of the residuals beside their prior, as if nothing else were wrong, equation (25):
+    /// what is systematic in a trial counts as one observation.
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub(super) fn least_error(&self, state: &State) -> Result<End, SimulationError> {
+        let place = self.box_of(state);
+        let displacement = |point: &Point| DVector::from_vec(self.analysis.prior(point).1);
+        let mut point = self.as_recorded(state);
+        let mut rows = self.all_rows(&point)?;
+        for _ in 0..STEPS {
+            let (unit, from) = (unit(&rows), displacement(&point));
+            let here = square(&rows) + unit * place.penalty(&from);
+            let step = place.least(&Products::of(&rows), None, unit, &from) - &from;
+            let mut goes_on = false;
+            for part in [1.0, 0.3] {
+                let moved = self.analysis.moved(&point, &(&step * part));
+                let Ok(next) = self.all_rows(&moved) else { continue };
+                let there = square(&next) + unit * place.penalty(&displacement(&moved));
+                if there < here {
+                    goes_on = there < here * (1.0 - WORTH_IT);
+                    (point, rows) = (moved, next);
+                    break;
+                }
+            }
+            if !goes_on {
+                break;
+            }
+        }
+        let (products, unit, from) = (Products::of(&rows), unit(&rows), displacement(&point));
+        let at_all = place.least(&products, None, unit, &from);
+        let left_out = |(i, rows): (usize, &Rows)| {
+            self.of_change(&rows.columns, &(place.least(&products, Some(i), unit, &from) - &at_all))
+        };
+        let left_out = rows.par_iter().enumerate().map(left_out).collect();
+        Ok(End { point, left_out })
+    }
+
+    /// Measured minus simulated moments of the training trials with the EMG as recorded, as in [`Rows`].
+    pub(super) fn residuals(
+        &self,
+        parameters: &[MuscleParameters],
+        effects: &[Setting],
+    ) -> Result<Vec<DVector<f64>>, SimulationError> {
+        let forward = self.forward();
+        let variant = forward.variant(effects)?;
+        let of = |g: &usize| {
+            let record = &forward.trials[*g];
+            let core = forward.core(&variant, *g, &forward.recorded_input(*g), parameters, effects, false)?;
+            let moment = forward.recorded_moment(*g, &core, effects);
+            let left: Vec<f64> = record.moment.iter().zip(&moment).map(|(y, m)| y - m).collect();
+            Ok(block_means(&left, &block_starts(&record.time)) * self.weight(*g))
+        };
+        self.analysis.train.par_iter().map(of).collect::<Vec<_>>().into_iter().collect()
+    }
+
+    /// Root of the samples in a block of a trial.
+    fn weight(&self, trial: usize) -> f64 {
+        let time = &self.forward().trials[trial].time;
+        (time.len() as f64 / (block_starts(time).len() - 1) as f64).sqrt()
+    }
+
+    fn rows(&self, position: usize, linear: &Linear) -> Rows {
+        let (n, e) = (linear.nuisance.ncols(), linear.effects.ncols());
+        let mut columns = DMatrix::zeros(linear.bare.len(), n + e);
+        columns.columns_mut(0, n).copy_from(&linear.nuisance);
+        columns.columns_mut(n, e).copy_from(&linear.effects);
+        let weight = self.weight(self.analysis.train[position]);
+        Rows { columns: columns * weight, residual: &linear.bare * weight }
+    }
+
+    fn all_rows(&self, point: &Point) -> Result<Vec<Rows>, SimulationError> {
+        let linear = self.analysis.linearize(point, &[])?;
+        Ok(linear.iter().enumerate().map(|(position, linear)| self.rows(position, linear)).collect())
+    }
+
+    /// A state's point with the EMG as recorded.
+    fn as_recorded(&self, state: &State) -> Point {
+        let Point { parameters, effects, .. } = state.point.clone();
+        Point { parameters, effects, ..self.analysis.nominal_point() }
+    }
+
+    /// What a change of muscles and effects does to a trial's moment, to first order.
+    fn of_change(&self, columns: &DMatrix<f64>, change: &DVector<f64>) -> DVector<f64> {
+        let mut change = change.clone();
+        self.baselines().for_each(|j| change[j] = 0.0);
+        columns * change
+    }
+
+    /// Columns of the EMG's baselines.
+    fn baselines(&self) -> std::ops::Range<usize> {
+        self.analysis.n_muscles() * FITTED_PER_MUSCLE..self.analysis.n_nuisance()
+    }
+
+    fn box_of(&self, state: &State) -> Bounded {
+        let own = self.columns_of_point(&state.point);
+        let mut sd = state.model.sds(&self.places(&state.point.effects), self.sizes(state)).rows(0, own).into_owned();
+        self.baselines().for_each(|j| sd[j] = 0.0);
+        let sign = |j: usize| match state.model.priors[j] {
+            Prior::Amplitude { sign, .. } => sign,
+            _ => None,
+        };
+        let end = |side: f64| {
+            let of = |j: usize| if sign(j).is_none_or(|sign| sign == side) { side * BOUNDS * sd[j] } else { 0.0 };
+            DVector::from_fn(own, |j, _| of(j))
+        };
+        let precision = sd.map(|sd| if sd > 0.0 { 1.0 / (sd * sd) } else { 0.0 });
+        Bounded { low: end(-1.0), high: end(1.0), precision }
+    }
+}
+
+/// Sum of squares of the residuals.
+fn square(rows: &[Rows]) -> f64 {
+    rows.iter().map(|r| r.residual.norm_squared()).sum()
+}
+
+/// A trial's part of it, which counts as one.
+fn unit(rows: &[Rows]) -> f64 {
+    square(rows) / rows.len().max(1) as f64
+}
+
+impl Products {
+    fn of(rows: &[Rows]) -> Products {
+        let of = |r: &Rows| (r.columns.tr_mul(&r.columns), r.columns.tr_mul(&r.residual));
+        let of_trial: Vec<(DMatrix<f64>, DVector<f64>)> = rows.par_iter().map(of).collect();
+        let count = of_trial.first().map_or(0, |t| t.1.len());
+        let none = (DMatrix::zeros(count, count), DVector::zeros(count));
+        let all = of_trial.iter().fold(none, |(a, b), (more_a, more_b)| (a + more_a, b + more_b));
+        Products { of_trial, all }
+    }
+}
+
+impl Bounded {
+    fn penalty(&self, displacement: &DVector<f64>) -> f64 {
+        displacement.component_mul(displacement).dot(&self.precision)
+    }
+
+    /// The displacement d from the prior's mean within the box with the least |r − Z (d − from)|² + unit Σ precision d², coordinate by
+    /// coordinate.
+    ///
+    /// - `without`: a trial that is left out
+    fn least(&self, products: &Products, without: Option<usize>, unit: f64, from: &DVector<f64>) -> DVector<f64> {
+        let (mut a, mut b) = products.all.clone();
+        if let Some((of_a, of_b)) = without.map(|i| &products.of_trial[i]) {
+            a -= of_a;
+            b -= of_b;
+        }
+        b += &a * from;
+        for (j, precision) in self.precision.iter().enumerate() {
+            a[(j, j)] += unit * precision;
+        }
+        let mut d = DVector::from_fn(from.len(), |j, _| from[j].clamp(self.low[j], self.high[j]));
+        let free: Vec<usize> = (0..d.len()).filter(|j| self.high[*j] > self.low[*j] && a[(*j, *j)] > 0.0).collect();
+        for _ in 0..SWEEPS {
+            let mut largest = 0.0_f64;
+            for &j in &free {
+                let slope = b[j] - a.column(j).dot(&d);
+                let moved = (d[j] + slope / a[(j, j)]).clamp(self.low[j], self.high[j]);
+                largest = largest.max((moved - d[j]).abs() / (self.high[j] - self.low[j]));
+                d[j] = moved;
+            }
+            if largest < STILL {
+                break;
+            }
+        }
+        d
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn verif_least_in_a_box_is_that_of_a_fine_grid() {
+        let a = DMatrix::from_row_slice(2, 2, &[3.0, 1.2, 1.2, 0.9]);
+        let b = DVector::from_vec(vec![2.0, -1.5]);
+        let products = Products { of_trial: Vec::new(), all: (a.clone(), b.clone()) };
+        let place = Bounded {
+            low: DVector::from_vec(vec![-0.8, 0.0]),
+            high: DVector::from_vec(vec![0.8, 0.5]),
+            precision: DVector::from_vec(vec![0.1, 0.2]),
+        };
+        let from = DVector::from_vec(vec![0.3, 0.1]);
+        let value = |d: &DVector<f64>| {
+            let step = d - &from;
+            step.dot(&(&a * &step)) - 2.0 * b.dot(&step) + 1.5 * place.penalty(d)
+        };
+        let found = place.least(&products, None, 1.5, &from);
+        let grid = |i: usize, j: usize| DVector::from_vec(vec![0.004 * i as f64 - 0.8, 0.00125 * j as f64]);
+        let points = (0..=400).flat_map(|i| (0..=400).map(move |j| (i, j)));
+        let least = points.map(|(i, j)| value(&grid(i, j))).fold(f64::INFINITY, f64::min);
+        assert!((-0.8..=0.8).contains(&found[0]) && (0.0..=0.5).contains(&found[1]), "{found}");
+        assert!((value(&found) - least).abs() < 1e-3, "{} {least} at {found}", value(&found));
+    }
+}
