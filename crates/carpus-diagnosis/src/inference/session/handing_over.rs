@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 use super::predicting::End;
 use super::{HandedOver, NOTHING_ELSE, STANDS_IN, Session, State};
@@ -95,10 +96,27 @@ impl Session<'_> {
         self.part_of_the_way(&point, part)
     }
 
+    /// Standard deviations of muscles, baselines and the parameters of effects at the joint mode, in the units of their columns: those of
+    /// the posterior (16), or of the jackknife over trials (29) where trials differ by more than noise and discrepancy say.
+    pub fn deviations(&self, state: &State) -> DVector<f64> {
+        let own = self.columns_of_point(&state.point);
+        let (set, sizes) = (self.places(&state.point.effects), self.sizes(state));
+        let posterior = state.model.posterior(&set, sizes);
+        let n = state.model.by_trial.len() as f64;
+        let without = |of_trial: &DMatrix<f64>| {
+            let products = &state.model.products - of_trial;
+            state.model.posterior_of(&products, &set, sizes).mean.rows(0, own).into_owned()
+        };
+        let means: Vec<DVector<f64>> = state.model.by_trial.par_iter().map(without).collect();
+        let center = means.iter().fold(DVector::zeros(own), |sum, m| sum + m) / n.max(1.0);
+        let squares = means.iter().fold(DVector::zeros(own), |sum, m| sum + (m - &center).map(|d| d * d));
+        DVector::from_fn(own, |j, _| posterior.sd_of(j).max((squares[j] * (n - 1.0) / n.max(1.0)).max(0.0).sqrt()))
+    }
+
     /// Estimates of the effects at the joint mode, by `effect.parameter`, with 95 % intervals.
     pub fn estimates(&self, state: &State) -> BTreeMap<String, ParameterEstimate> {
         let forward = self.forward();
-        let posterior = state.model.posterior(&self.places(&state.point.effects), self.sizes(state));
+        let deviations = self.deviations(state);
         let mut column = self.analysis.n_nuisance();
         let mut out = BTreeMap::new();
         for setting in &state.point.effects {
@@ -106,7 +124,7 @@ impl Session<'_> {
             let reported = |values: &[f64]| setting.effect.reported(values, &forward.muscles);
             let value = reported(&setting.values);
             for (i, p) in description.parameters.iter().enumerate() {
-                let half = 1.96 * posterior.sd_of(column) * forward.joint.scale(p);
+                let half = 1.96 * deviations[column] * forward.joint.scale(p);
                 let side = |sign: f64| {
                     let mut values = setting.values.clone();
                     values[i] += sign * half;
