@@ -5,14 +5,21 @@ use crate::diagnosis::effect::{Description, Effect, MuscleState, OsimForm, Stage
 /// A memory is not shorter than this [s], and the travel that completes the effect not than this [rad].
 const LEAST: f64 = 0.02;
 
-/// History dependence of muscle force: `F (1 - h tanh(s/s0))`, s the active shortening; of stretch `F (1 - e h tanh(s/s0))`.
+/// History dependence of muscle force. After shortening the muscle is weaker in proportion, `F (1 - h tanh(s/s0))`, s the active
+/// shortening. After stretch it pulls with more, `F + e h F_max tanh(-s/s0)`: a parallel element carries that force, which therefore
+/// outlasts the activation.
+///
+/// # References
+/// Herzog & Leonard (2002), doi:10.1242/jeb.205.9.1275: most of the force that a long stretch of a cat soleus adds remains when its
+/// stimulation ends, and disappears when it is shortened. Pinniger & Cresswell (2007), doi:10.1152/japplphysiol.00786.2006:
+/// enhancement in voluntary contractions of muscles at the ankle.
 pub struct HistoryDependence;
 
 static DESCRIPTION: Description = Description {
     id: "history_dependence",
     name: "History dependence of muscle force",
     stage: Stage::Muscle,
-    equation: "F (1 - h tanh(s/s0)), s the active shortening (angle travelled × activation), fading in a time T; stretch counts negative, and e times as much: a muscle that has shortened is weaker, one that was stretched stronger",
+    equation: "F (1 - h tanh(s/s0)) after shortening, F + e h F_max tanh(-s/s0) after stretch; s the active shortening (angle travelled × activation; of stretch negative), fading in a time T. A muscle that has shortened is weaker, one that was stretched pulls with a force more that remains when activation ends",
     parameters: &[
         amplitude(
             "depression",
@@ -38,22 +45,32 @@ impl Effect for HistoryDependence {
     }
 
     fn scale_muscle(&self, values: &[f64], muscle: &MuscleState, factor: &mut [f64]) {
-        let [depression, enhancement, memory, travel] = *values else { return };
-        if depression == 0.0 {
-            return;
+        let [depression, ..] = *values else { return };
+        each_share(values, muscle, |k, share| factor[k] *= 1.0 - depression * share.max(0.0));
+    }
+
+    fn add_muscle_force(&self, values: &[f64], muscle: &MuscleState, force: &mut [f64]) {
+        let [depression, enhancement, ..] = *values else { return };
+        each_share(values, muscle, |k, share| force[k] -= depression * enhancement * share.min(0.0));
+    }
+}
+
+/// tanh(s/s0) at every sample, positive after shortening; nothing where the effect is absent.
+fn each_share(values: &[f64], muscle: &MuscleState, mut see: impl FnMut(usize, f64)) {
+    let [depression, _, memory, travel] = *values else { return };
+    if depression == 0.0 {
+        return;
+    }
+    let (memory, full) = (memory.max(LEAST), travel.max(LEAST));
+    let time = muscle.trial.time;
+    let mut shortened = 0.0;
+    for k in 0..time.len() {
+        if k > 0 {
+            let kept = (-(time[k] - time[k - 1]) / memory).exp();
+            // A muscle that pulls towards larger angles shortens when the angle grows.
+            let travel = (muscle.angle[k] - muscle.angle[k - 1]) * muscle.moment_arm[k].signum();
+            shortened = shortened * kept + muscle.activation[k] * travel;
         }
-        let (memory, full) = (memory.max(LEAST), travel.max(LEAST));
-        let time = muscle.trial.time;
-        let mut shortened = 0.0;
-        for k in 0..factor.len() {
-            if k > 0 {
-                let kept = (-(time[k] - time[k - 1]) / memory).exp();
-                // A muscle that pulls towards larger angles shortens when the angle grows.
-                let travel = (muscle.angle[k] - muscle.angle[k - 1]) * muscle.moment_arm[k].signum();
-                shortened = shortened * kept + muscle.activation[k] * travel;
-            }
-            let share = if shortened < 0.0 { enhancement } else { 1.0 };
-            factor[k] *= 1.0 - depression * share * (shortened / full).tanh();
-        }
+        see(k, (shortened / full).tanh());
     }
 }
