@@ -254,6 +254,12 @@ pub trait Effect: Sync {
         }
     }
 
+    /// Force that a muscle pulls with beside its fibres', as a share of its maximum isometric force, at every sample: added to
+    /// `force`. [`Effect::scale_muscle`] of all effects scales the moment of both.
+    fn add_muscle_force(&self, values: &[f64], muscle: &MuscleState, force: &mut [f64]) {
+        let _ = (values, muscle, force);
+    }
+
     /// λ of an optimal fibre length lo (1 + λ (1 − a)) of all active muscles.
     fn length_by_activation(&self, values: &[f64]) -> f64 {
         let _ = values;

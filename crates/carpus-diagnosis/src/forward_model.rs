@@ -446,18 +446,19 @@ impl ForwardModel {
         let prepared = variant.prepare_like(&recording, &input.prepared, &self.options)?;
         let mut moment = prepared.moment_without_muscles();
         let (mut by_parameters, mut solutions) = (Vec::new(), Vec::new());
-        let factor = |i| muscle_factor(&effects, &context, &prepared, i, &angle);
-        let factors: Vec<Vec<f64>> = (0..parameters.len()).map(factor).collect();
+        let change = |i| muscle_change(&effects, &context, &prepared, i, &angle);
+        let (factors, added): (Vec<_>, Vec<_>) =
+            (0..parameters.len()).map(change).map(|MuscleChange { factor, force }| (factor, force)).unzip();
         for (i, (p, factor)) in parameters.iter().zip(&factors).enumerate() {
             let force = p.max_isometric_force;
+            let arm = &prepared.kinematics().muscles[i].moment_arm;
             if derivatives {
                 let solution = prepared.solve(i, p)?;
-                let arm = &prepared.kinematics().muscles[i].moment_arm;
                 let n = moment.len();
                 let mut by = vec![vec![0.0; n]; FITTED_PER_MUSCLE];
                 for k in 0..n {
                     let f = force * factor[k];
-                    by[0][k] = f * (arm[k] * solution.force[k]);
+                    by[0][k] = f * (arm[k] * (solution.force[k] + added[i][k]));
                     by[1][k] = f * (arm[k] * solution.by_optimal_fiber_length[k]) * p.optimal_fiber_length;
                     by[2][k] = f * (arm[k] * solution.by_tendon_slack_length[k]) * p.tendon_slack_length;
                     moment[k] += by[0][k];
@@ -468,7 +469,7 @@ impl ForwardModel {
                 let mut unit = vec![0.0; moment.len()];
                 prepared.add_unit_moment(i, p, &mut unit)?;
                 for k in 0..moment.len() {
-                    moment[k] += force * factor[k] * unit[k];
+                    moment[k] += force * factor[k] * (unit[k] + arm[k] * added[i][k]);
                 }
             }
         }
@@ -601,25 +602,33 @@ fn add_moments(ordered: &[&Setting], joint: &JointState, moment: &mut [f64]) {
     }
 }
 
-/// What effects multiply a muscle's moment by, per sample.
-fn muscle_factor(
+/// What effects change in the moment of a muscle, per sample: maximum isometric force · factor · moment arm · (tendon force + force).
+struct MuscleChange {
+    factor: Vec<f64>,
+    /// Share of the maximum isometric force.
+    force: Vec<f64>,
+}
+
+fn muscle_change(
     ordered: &[&Setting],
     trial: &TrialContext,
     prepared: &PreparedTrial,
     muscle: usize,
     angle: &[f64],
-) -> Vec<f64> {
+) -> MuscleChange {
     let path = &prepared.kinematics().muscles[muscle];
     let arm = &path.moment_arm;
-    factor_at(ordered, &MuscleState { trial, muscle, angle, moment_arm: arm, activation: &path.activation })
+    change_at(ordered, &MuscleState { trial, muscle, angle, moment_arm: arm, activation: &path.activation })
 }
 
-fn factor_at(ordered: &[&Setting], state: &MuscleState) -> Vec<f64> {
-    let mut factor = vec![1.0; state.angle.len()];
+fn change_at(ordered: &[&Setting], state: &MuscleState) -> MuscleChange {
+    let n = state.angle.len();
+    let mut change = MuscleChange { factor: vec![1.0; n], force: vec![0.0; n] };
     for setting in ordered {
-        setting.effect.scale_muscle(&setting.values, state, &mut factor);
+        setting.effect.scale_muscle(&setting.values, state, &mut change.factor);
+        setting.effect.add_muscle_force(&setting.values, state, &mut change.force);
     }
-    factor
+    change
 }
 
 /// The effects with which the trial is simulated whose moment these effects are shown, and the rounds of feedback left: those

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use super::super::effect::{Effect, JointState, MuscleState, Stage, TrialContext};
 use super::{
-    Core, FEEDBACK_ROUNDS, ForwardModel, Setting, TrialInput, factor_at, in_order, muscle_factor, shown_effects,
+    Core, FEEDBACK_ROUNDS, ForwardModel, Setting, TrialInput, change_at, in_order, muscle_change, shown_effects,
 };
 use carpus_simulation::simulation::{
     AngleResponse, ExcitationTangent, ForceChange, MuscleParameters, MusculoskeletalModel, PreparedTrial,
@@ -450,7 +450,7 @@ impl ForwardModel {
             let i = *i;
             let p = &parameters[i];
             let path = &kinematics.muscles[i];
-            let factor = |by: f64| {
+            let change = |by: f64| {
                 let activation = path.activation.iter().zip(&follows.activation).map(|(a, d)| a + by * d);
                 let activation: Vec<f64> = activation.collect();
                 let arm = &path.moment_arm;
@@ -461,14 +461,15 @@ impl ForwardModel {
                     moment_arm: arm,
                     activation: &activation,
                 };
-                factor_at(&ordered, &state)
+                change_at(&ordered, &state)
             };
-            let [more, less] = [0.5 * distance, -0.5 * distance].map(factor);
+            let [more, less] = [0.5 * distance, -0.5 * distance].map(change);
             let force = &core.solutions[i].force;
             for (k, out) in out.iter_mut().enumerate() {
-                let by_force = 0.5 * (more[k] + less[k]) * follows.force[k];
-                let by_factor = (more[k] - less[k]) / distance * force[k];
-                *out += p.max_isometric_force * path.moment_arm[k] * (by_force + by_factor);
+                let by_force = 0.5 * (more.factor[k] + less.factor[k]) * follows.force[k];
+                let [above, below] = [&more, &less].map(|side| side.factor[k] * (force[k] + side.force[k]));
+                let by_change = (above - below) / distance;
+                *out += p.max_isometric_force * path.moment_arm[k] * (by_force + by_change);
             }
         }
         out
@@ -512,11 +513,11 @@ impl ForwardModel {
             };
             let by = core.prepared.force_derivative(i, &solution, prepared.each_ref(), distance);
             for (side, sign) in [(0, 0.5), (1, -0.5)] {
-                let factor = muscle_factor(&ordered[side], &contexts[side], &prepared[side], i, &driven[side].0);
+                let change = muscle_change(&ordered[side], &contexts[side], &prepared[side], i, &driven[side].0);
                 let arm = &prepared[side].kinematics().muscles[i].moment_arm;
                 for (k, moment) in moments[side].iter_mut().enumerate() {
                     let force = solution.force[k] + by.as_ref().map_or(0.0, |by| sign * distance * by[k]);
-                    *moment += p.max_isometric_force * factor[k] * (arm[k] * force);
+                    *moment += p.max_isometric_force * change.factor[k] * (arm[k] * (force + change.force[k]));
                 }
             }
         }

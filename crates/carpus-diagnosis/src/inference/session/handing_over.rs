@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::predicting::End;
-use super::{HandedOver, NOTHING_ELSE, STANDS_IN, Session, State};
+use super::{HandedOver, STANDS_IN, Session, State};
 use crate::diagnose::ParameterEstimate;
 use crate::fit::{Point, whiten};
 use crate::forward_model::{FITTED_PER_MUSCLE, Setting};
@@ -78,22 +78,6 @@ impl Session<'_> {
             setting
         };
         (parameters.collect(), point.effects.iter().map(shortened).collect())
-    }
-
-    /// The model with some of the effects, as if nothing else were wrong: muscles and these take, to first order, all that they can.
-    /// Equation (27) compares such models.
-    ///
-    /// - `kept`: places of the effects that stay
-    pub fn with_some(&self, state: &State, kept: &[usize], part: f64) -> (Vec<MuscleParameters>, Vec<Setting>) {
-        let set = self.places(&state.point.effects);
-        let (kept, others): (Vec<usize>, Vec<usize>) = set.into_iter().partition(|e| kept.contains(e));
-        let posterior = state.model.without(&others).posterior(&kept, &self.sizes(state).scaled(NOTHING_ELSE));
-        let own = self.analysis.n_nuisance() + state.point.effects.iter().map(|s| s.values.len()).sum::<usize>();
-        let step = (&posterior.mean - &state.model.offset).rows(0, own).into_owned();
-        let mut point = self.analysis.moved(&state.point, &step);
-        let stays = |s: &Setting| self.places(std::slice::from_ref(s)).iter().all(|place| kept.contains(place));
-        point.effects.retain(stays);
-        self.part_of_the_way(&point, part)
     }
 
     /// Standard deviations of muscles, baselines and the parameters of effects at the joint mode, in the units of their columns: those of

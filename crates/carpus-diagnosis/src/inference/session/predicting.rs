@@ -66,25 +66,53 @@ impl Session<'_> {
         End { point, left_out }
     }
 
-    /// The muscles and effects with the least squares of the residuals beside their prior, as if nothing else were wrong, equation (25):
-    /// what is systematic in a trial counts as one observation.
+    /// The least error with the effects of a state, equation (24).
     ///
     /// # Errors
     /// A trial that cannot be simulated.
     pub(super) fn least_error(&self, state: &State) -> Result<End, SimulationError> {
-        let place = self.box_of(state);
-        let displacement = |point: &Point| DVector::from_vec(self.analysis.prior(point).1);
+        let (point, rows) = self.least_error_from(self.as_recorded(state))?;
+        let place = self.bounds_of(&point);
+        let (products, unit, from) = (Products::of(&rows), unit(&rows), self.displacement(&point));
+        let at_all = place.least(&products, None, unit, &from);
+        let left_out = |(i, rows): (usize, &Rows)| {
+            self.of_change(&rows.columns, &(place.least(&products, Some(i), unit, &from) - &at_all))
+        };
+        let left_out = rows.par_iter().enumerate().map(left_out).collect();
+        Ok(End { point, left_out })
+    }
+
+    /// The least error with some of the effects of a state: muscles and these take all that they can.
+    ///
+    /// - `kept`: places of the effects that stay
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub fn with_some(
+        &self,
+        state: &State,
+        kept: &[usize],
+        part: f64,
+    ) -> Result<(Vec<MuscleParameters>, Vec<Setting>), SimulationError> {
         let mut point = self.as_recorded(state);
+        point.effects.retain(|s| self.places(std::slice::from_ref(s)).iter().all(|place| kept.contains(place)));
+        Ok(self.part_of_the_way(&self.least_error_from(point)?.0, part))
+    }
+
+    /// Muscles and effects with the least squares of the residuals beside their prior, as if nothing else were wrong, equation (24): what is
+    /// systematic in a trial counts as one observation.
+    fn least_error_from(&self, mut point: Point) -> Result<(Point, Vec<Rows>), SimulationError> {
+        let place = self.bounds_of(&point);
         let mut rows = self.all_rows(&point)?;
         for _ in 0..STEPS {
-            let (unit, from) = (unit(&rows), displacement(&point));
+            let (unit, from) = (unit(&rows), self.displacement(&point));
             let here = square(&rows) + unit * place.penalty(&from);
             let step = place.least(&Products::of(&rows), None, unit, &from) - &from;
             let mut goes_on = false;
             for part in [1.0, 0.3] {
                 let moved = self.analysis.moved(&point, &(&step * part));
                 let Ok(next) = self.all_rows(&moved) else { continue };
-                let there = square(&next) + unit * place.penalty(&displacement(&moved));
+                let there = square(&next) + unit * place.penalty(&self.displacement(&moved));
                 if there < here {
                     goes_on = there < here * (1.0 - WORTH_IT);
                     (point, rows) = (moved, next);
@@ -95,13 +123,12 @@ impl Session<'_> {
                 break;
             }
         }
-        let (products, unit, from) = (Products::of(&rows), unit(&rows), displacement(&point));
-        let at_all = place.least(&products, None, unit, &from);
-        let left_out = |(i, rows): (usize, &Rows)| {
-            self.of_change(&rows.columns, &(place.least(&products, Some(i), unit, &from) - &at_all))
-        };
-        let left_out = rows.par_iter().enumerate().map(left_out).collect();
-        Ok(End { point, left_out })
+        Ok((point, rows))
+    }
+
+    /// Distance of muscles, baselines and effects from the prior's mean.
+    fn displacement(&self, point: &Point) -> DVector<f64> {
+        DVector::from_vec(self.analysis.prior(point).1)
     }
 
     /// Measured minus simulated moments of the training trials with the EMG as recorded, as in [`Rows`].
@@ -160,20 +187,24 @@ impl Session<'_> {
         self.analysis.n_muscles() * FITTED_PER_MUSCLE..self.analysis.n_nuisance()
     }
 
-    fn box_of(&self, state: &State) -> Bounded {
-        let own = self.columns_of_point(&state.point);
-        let mut sd = state.model.sds(&self.places(&state.point.effects), self.sizes(state)).rows(0, own).into_owned();
-        self.baselines().for_each(|j| sd[j] = 0.0);
-        let sign = |j: usize| match state.model.priors[j] {
+    fn bounds_of(&self, point: &Point) -> Bounded {
+        let own = self.columns_of_point(point);
+        let priors = self.priors(point).0;
+        let sd = |j: usize| match priors[j] {
+            _ if self.baselines().contains(&j) => 0.0,
+            Prior::Known(sd) | Prior::Amplitude { plausible: sd, .. } | Prior::Shape { sd, .. } => sd,
+            Prior::Discrepancy { .. } => 0.0,
+        };
+        let sign = |j: usize| match priors[j] {
             Prior::Amplitude { sign, .. } => sign,
             _ => None,
         };
         let end = |side: f64| {
-            let of = |j: usize| if sign(j).is_none_or(|sign| sign == side) { side * BOUNDS * sd[j] } else { 0.0 };
+            let of = |j: usize| if sign(j).is_none_or(|sign| sign == side) { side * BOUNDS * sd(j) } else { 0.0 };
             DVector::from_fn(own, |j, _| of(j))
         };
-        let precision = sd.map(|sd| if sd > 0.0 { 1.0 / (sd * sd) } else { 0.0 });
-        Bounded { low: end(-1.0), high: end(1.0), precision }
+        let precision = |j: usize| if sd(j) > 0.0 { 1.0 / (sd(j) * sd(j)) } else { 0.0 };
+        Bounded { low: end(-1.0), high: end(1.0), precision: DVector::from_fn(own, |j, _| precision(j)) }
     }
 }
 
