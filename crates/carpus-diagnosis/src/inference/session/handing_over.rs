@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::predicting::End;
+use super::predicting::{End, PRIOR_WEIGHTS};
 use super::{HandedOver, STANDS_IN, Session, State};
 use crate::diagnose::ParameterEstimate;
 use crate::fit::{Point, whiten};
@@ -23,7 +23,9 @@ impl Session<'_> {
     /// # Errors
     /// A trial that cannot be simulated.
     pub fn handed_over(&self, state: &State) -> Result<HandedOver, SimulationError> {
-        self.most_predictive(state, &[self.joint_mode(state), self.least_error(state)?])
+        let least = |weight: f64| self.least_error(state, weight);
+        let [one, ten] = PRIOR_WEIGHTS.map(least);
+        self.most_predictive(state, &[self.joint_mode(state), one?, ten?])
     }
 
     /// Error of trials that were left out one at a time on the way to the joint mode, over that of the model as given.
@@ -38,7 +40,7 @@ impl Session<'_> {
         let square = |residuals: &[DVector<f64>]| residuals.iter().map(|r| r.norm_squared()).sum::<f64>();
         let as_given = square(&self.residuals(&self.forward().nominal_parameters(), &[])?);
         let (parameters, effects) = self.part_of_the_way(&state.point, 0.0);
-        let mut best = HandedOver { parameters, effects, part: 0.0, left_out_ratio: 1.0 };
+        let mut best = HandedOver { parameters, effects, part: 0.0, prior_weight: 1.0, left_out_ratio: 1.0 };
         let mut least = as_given;
         for end in ends {
             for part in PARTS {
@@ -51,7 +53,7 @@ impl Session<'_> {
                 if square < least {
                     least = square;
                     let left_out_ratio = (square / as_given.max(f64::MIN_POSITIVE)).sqrt();
-                    best = HandedOver { parameters, effects, part, left_out_ratio };
+                    best = HandedOver { parameters, effects, part, prior_weight: end.weight, left_out_ratio };
                 }
             }
         }

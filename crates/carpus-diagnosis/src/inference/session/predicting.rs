@@ -5,11 +5,13 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::super::linear_model::Prior;
-use super::{Session, State};
+use super::{HandedOver, Session, State};
 use crate::fit::{Linear, Point, block_means, block_starts};
 use crate::forward_model::{FITTED_PER_MUSCLE, Setting};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 
+/// Weights λ of the prior: what is systematic in a trial counts as one observation, or as ten.
+pub(super) const PRIOR_WEIGHTS: [f64; 2] = [1.0, 0.1];
 /// Half width of the box, in prior standard deviations: the study's bounds.
 const BOUNDS: f64 = 3.0;
 /// Gauss–Newton steps within it, at most.
@@ -27,6 +29,8 @@ pub(super) struct End {
     pub(super) point: Point,
     /// What leaving the trial out adds to its simulated moment, to first order.
     pub(super) left_out: Vec<DVector<f64>>,
+    /// λ of the prior.
+    pub(super) weight: f64,
 }
 
 /// A trial around a point: block means, weighted so that all samples count alike.
@@ -63,28 +67,30 @@ impl Session<'_> {
             self.of_change(&self.rows(position, linear).columns, &change.rows(0, own).into_owned())
         };
         let left_out = state.linear.par_iter().enumerate().zip(&state.model.by_trial).map(left_out).collect();
-        End { point, left_out }
+        End { point, left_out, weight: 1.0 }
     }
 
     /// The least error with the effects of a state, equation (24).
     ///
+    /// - `weight`: λ of the prior
+    ///
     /// # Errors
     /// A trial that cannot be simulated.
-    pub(super) fn least_error(&self, state: &State) -> Result<End, SimulationError> {
-        let (point, rows) = self.least_error_from(self.as_recorded(state))?;
+    pub(super) fn least_error(&self, state: &State, weight: f64) -> Result<End, SimulationError> {
+        let (point, rows) = self.least_error_from(self.as_recorded(state), weight)?;
         let place = self.bounds_of(&point);
-        let (products, unit, from) = (Products::of(&rows), unit(&rows), self.displacement(&point));
+        let (products, unit, from) = (Products::of(&rows), weight * unit(&rows), self.displacement(&point));
         let at_all = place.least(&products, None, unit, &from);
         let left_out = |(i, rows): (usize, &Rows)| {
             self.of_change(&rows.columns, &(place.least(&products, Some(i), unit, &from) - &at_all))
         };
         let left_out = rows.par_iter().enumerate().map(left_out).collect();
-        Ok(End { point, left_out })
+        Ok(End { point, left_out, weight })
     }
 
     /// The least error with some of the effects of a state: muscles and these take all that they can.
     ///
-    /// - `kept`: places of the effects that stay
+    /// - `kept`: places of the effects that stay; `like`: what is handed over, whose weight of the prior and part of the way are taken
     ///
     /// # Errors
     /// A trial that cannot be simulated.
@@ -92,20 +98,19 @@ impl Session<'_> {
         &self,
         state: &State,
         kept: &[usize],
-        part: f64,
+        like: &HandedOver,
     ) -> Result<(Vec<MuscleParameters>, Vec<Setting>), SimulationError> {
         let mut point = self.as_recorded(state);
         point.effects.retain(|s| self.places(std::slice::from_ref(s)).iter().all(|place| kept.contains(place)));
-        Ok(self.part_of_the_way(&self.least_error_from(point)?.0, part))
+        Ok(self.part_of_the_way(&self.least_error_from(point, like.prior_weight)?.0, like.part))
     }
 
-    /// Muscles and effects with the least squares of the residuals beside their prior, as if nothing else were wrong, equation (24): what is
-    /// systematic in a trial counts as one observation.
-    fn least_error_from(&self, mut point: Point) -> Result<(Point, Vec<Rows>), SimulationError> {
+    /// Muscles and effects with the least squares of the residuals beside their prior, as if nothing else were wrong, equation (24).
+    fn least_error_from(&self, mut point: Point, weight: f64) -> Result<(Point, Vec<Rows>), SimulationError> {
         let place = self.bounds_of(&point);
         let mut rows = self.all_rows(&point)?;
         for _ in 0..STEPS {
-            let (unit, from) = (unit(&rows), self.displacement(&point));
+            let (unit, from) = (weight * unit(&rows), self.displacement(&point));
             let here = square(&rows) + unit * place.penalty(&from);
             let step = place.least(&Products::of(&rows), None, unit, &from) - &from;
             let mut goes_on = false;
