@@ -178,7 +178,9 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         };
         list.push(c.effect);
     }
-    let noise_floor = session.noise_floor(&state) / request.mvc;
+    let left_by_all = judge.rmse_of(&handed_over)?.unwrap_or(f64::INFINITY);
+    // Noise of the EMG passes through the muscles: where they are far off, its estimate is too large. It is no more than what is left.
+    let noise_floor = (session.noise_floor(&state) / request.mvc).min(left_by_all);
     account.push(AccountStep { step: "noise".to_owned(), train: noise_floor, held_out: None });
     let diagnosis = Diagnosis {
         schema: "carpus.diagnosis/2",

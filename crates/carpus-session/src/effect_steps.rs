@@ -234,15 +234,18 @@ fn ledger(
                 .collect(),
         }
     };
-    let floor = fitted.last().map_or(0.0, |f| f.noise_floor);
+    let steps: Vec<Step> = (0..steps.len()).map(step).collect();
+    // Noise is no more than what is left.
+    let left = steps.last().map_or(0.0, |last| last.train);
+    let floor = fitted.last().map_or(0.0, |f| f.noise_floor / mvc).min(left);
     Ledger {
         schema: LEDGER_SCHEMA.to_owned(),
         participant: run.participant.name.clone(),
         measure: "RMSE / session MVC moment".to_owned(),
-        noise_floor: rounded(floor / mvc, 6),
+        noise_floor: rounded(floor, 6),
         choice,
         current: steps.len() - 1,
-        steps: (0..steps.len()).map(step).collect(),
+        steps,
     }
 }
 
