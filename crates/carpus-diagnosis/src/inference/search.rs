@@ -41,6 +41,13 @@ pub struct Candidate {
     refined: bool,
 }
 
+impl Candidate {
+    /// A set that was not looked at.
+    pub fn of(effects: &[usize], sizes: &Sizes) -> Candidate {
+        Candidate { effects: effects.to_vec(), deviance: f64::INFINITY, sizes: sizes.clone(), refined: false }
+    }
+}
+
 /// The sets that were looked at, most probable first.
 #[derive(Clone, Debug)]
 pub struct Sets {

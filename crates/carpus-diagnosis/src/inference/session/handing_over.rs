@@ -6,6 +6,8 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::super::linear_model::{Posterior, Prior};
+use super::super::search::Candidate;
 use super::predicting::{End, PRIOR_WEIGHTS};
 use super::{HandedOver, STANDS_IN, Session, State};
 use crate::diagnose::ParameterEstimate;
@@ -13,6 +15,8 @@ use crate::fit::{Point, whiten};
 use crate::forward_model::{FITTED_PER_MUSCLE, Setting};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 
+/// Sets of less probability do not widen intervals.
+const LEAST_PROBABILITY: f64 = 0.001;
 /// Parts of the way that are simulated, equation (26).
 const PARTS: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
 
@@ -83,20 +87,46 @@ impl Session<'_> {
     }
 
     /// Standard deviations of muscles, baselines and the parameters of effects at the joint mode, in the units of their columns: those of
-    /// the posterior (16), or of the jackknife over trials (29) where trials differ by more than noise and discrepancy say.
+    /// the posterior over all sets (16), (19), or of the jackknife over trials where trials differ by more than noise and discrepancy say,
+    /// equation (29).
     pub fn deviations(&self, state: &State) -> DVector<f64> {
         let own = self.columns_of_point(&state.point);
         let (set, sizes) = (self.places(&state.point.effects), self.sizes(state));
-        let posterior = state.model.posterior(&set, sizes);
+        let mean_of = |posterior: &Posterior| posterior.mean.rows(0, own).into_owned();
+        let at_all = mean_of(&state.model.posterior(&set, sizes));
+        let of_set = |(found, probability): (&Candidate, &f64)| {
+            let posterior = state.model.posterior(&found.effects, &found.sizes);
+            let away = mean_of(&posterior) - &at_all;
+            let square = DVector::from_fn(own, |j, _| posterior.sd_of(j).powi(2) + away[j] * away[j]);
+            // An effect's size is asked for where it is there.
+            let counts = |j: usize| match state.model.priors[j] {
+                Prior::Amplitude { effect, .. } | Prior::Shape { effect, .. } => found.effects.contains(&effect),
+                _ => true,
+            };
+            let weight = DVector::from_fn(own, |j, _| if counts(j) { *probability } else { 0.0 });
+            (square.component_mul(&weight), weight)
+        };
+        let own_set = Candidate::of(&set, sizes);
+        let mut sets: Vec<(&Candidate, &f64)> =
+            state.sets.found.iter().zip(&state.sets.probability).filter(|(_, p)| **p > LEAST_PROBABILITY).collect();
+        if sets.iter().all(|(found, _)| found.effects != set) {
+            sets.push((&own_set, &LEAST_PROBABILITY));
+        }
+        let (squares, weights) = sets
+            .par_iter()
+            .map(|(found, probability)| of_set((*found, *probability)))
+            .collect::<Vec<_>>()
+            .into_iter()
+            .fold((DVector::zeros(own), DVector::zeros(own)), |sum, of| (sum.0 + of.0, sum.1 + of.1));
         let n = state.model.by_trial.len() as f64;
         let without = |of_trial: &DMatrix<f64>| {
-            let products = &state.model.products - of_trial;
-            state.model.posterior_of(&products, &set, sizes).mean.rows(0, own).into_owned()
+            mean_of(&state.model.posterior_of(&(&state.model.products - of_trial), &set, sizes))
         };
         let means: Vec<DVector<f64>> = state.model.by_trial.par_iter().map(without).collect();
         let center = means.iter().fold(DVector::zeros(own), |sum, m| sum + m) / n.max(1.0);
-        let squares = means.iter().fold(DVector::zeros(own), |sum, m| sum + (m - &center).map(|d| d * d));
-        DVector::from_fn(own, |j, _| posterior.sd_of(j).max((squares[j] * (n - 1.0) / n.max(1.0)).max(0.0).sqrt()))
+        let spread = means.iter().fold(DVector::zeros(own), |sum, m| sum + (m - &center).map(|d| d * d));
+        let over_sets = |j: usize| if weights[j] > 0.0 { squares[j] / weights[j] } else { 0.0 };
+        DVector::from_fn(own, |j, _| over_sets(j).max(spread[j] * (n - 1.0) / n.max(1.0)).max(0.0).sqrt())
     }
 
     /// Estimates of the effects at the joint mode, by `effect.parameter`, with 95 % intervals.
