@@ -233,10 +233,11 @@ fn header<'a>(lines: &mut impl Iterator<Item = (usize, &'a str)>, file: &Path) -
         let end = line.find([' ', '\t', '=']).unwrap_or(line.len());
         let (key, rest) = (&line[..end], line[end..].trim_start_matches([' ', '\t', '=']));
         let mut count = || {
-            let (number, read) = count(rest)
-                .ok_or_else(|| at(number_of_line, StorageProblem::Count { key: key.to_owned(), found: rest.to_owned() }))?;
+            let wrong = || StorageProblem::Count { key: key.to_owned(), found: rest.to_owned() };
+            let (number, read) = count(rest).ok_or_else(|| at(number_of_line, wrong()))?;
             if let Some(taken) = read {
-                header.warnings.push(format!("line {number_of_line}: {key} is \"{rest}\"; {taken} is taken, as in OpenSim"));
+                let warning = format!("line {number_of_line}: {key} is \"{rest}\"; {taken} is taken, as in OpenSim");
+                header.warnings.push(warning);
             }
             Ok(Some(number))
         };
