@@ -26,6 +26,10 @@ fn carpus(words: &[&str], study: &Path, out: &Path) -> assert_cmd::assert::Asser
 /// either last digit.
 const ROUNDING: f64 = 5.5e-9;
 
+/// Largest relative difference of an error that is found with the held-out trials alone: lengths of paths are read from tables
+/// over the angles of the trials at hand, which interpolate to some 1e-6.
+const OTHER_TABLES: f64 = 1e-5;
+
 const SHORT: [&str; 2] = ["data/P01/isotonic_25_flexion_1.csv", "data/P01/isotonic_25_flexion_2.csv"];
 
 /// The bundled study with two trials, in files of these names.
@@ -281,6 +285,7 @@ fn verif_an_artefact_in_an_mvc_trial_is_found() {
         }
     }
     assert_eq!(found, ["mvc_flexion emg_FCR"]);
+    assert_eq!(tables_are_for_programs(out.path()), 4);
     let simulated = carpus(&["simulate"], &study, &out.path().join("simulated")).success();
     simulated.stderr(contains("mvc_flexion.csv: column `emg_FCR`: artefact").and(contains("sets the level")));
 }
@@ -317,6 +322,49 @@ fn all_to_train_on(folder: &Path) -> PathBuf {
     let table = std::fs::read_to_string(folder.join("trials.csv")).unwrap();
     std::fs::write(folder.join("trials.csv"), table.replace(",test", ",train")).unwrap();
     study
+}
+
+/// The number in a column of a table's only row with these cells.
+fn cell(table: &Path, row: &[(&str, &str)], column: &str) -> f64 {
+    let mut reader = csv::Reader::from_path(table).unwrap();
+    let headers = reader.headers().unwrap().clone();
+    let at = |name: &str| headers.iter().position(|header| header == name).unwrap_or_else(|| panic!("{name}"));
+    let is_it = |record: &csv::StringRecord| row.iter().all(|(name, value)| &record[at(name)] == *value);
+    let found: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).filter(is_it).collect();
+    assert_eq!(found.len(), 1, "{row:?}: {found:?}");
+    found[0][at(column)].parse().unwrap()
+}
+
+#[test]
+fn verif_models_that_commands_write_are_evaluated_and_simulated() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = study(folder.path(), ["P01/t.csv", "P01/day2/t.csv"]);
+    let [fitted, compared, evaluated, strong, simulated] =
+        ["fitted", "compared", "evaluated", "strong", "simulated"].map(|name| folder.path().join(name));
+    carpus(&["personalize", "--no-intervals"], &study, &fitted).success();
+    carpus(&["evaluate", "--models", fitted.to_str().unwrap()], &study, &evaluated).success();
+    // The trial that was held out, whose file is called as the other's.
+    let trial = [("trial", "day2_t"), ("model", "personalized")];
+    let fit = cell(&fitted.join("P01/errors_per_trial.csv"), &trial, "rmse_n_m");
+    let model = fitted.join("P01/model.osim");
+    carpus(&["compare", "--model", model.to_str().unwrap()], &study, &compared).success();
+    let trial = [("trial", "day2_t"), ("model", "model")];
+    assert_eq!(cell(&compared.join("P01/errors_per_trial.csv"), &trial, "rmse_n_m"), fit);
+    let again = cell(&evaluated.join("evaluation_errors.csv"), &[("model", "fitted")], "rmse_n_m");
+    assert!((again / fit - 1.0).abs() < OTHER_TABLES, "{again} N·m, {fit} N·m when it was fitted");
+
+    let toml = std::fs::read_to_string(&study).unwrap();
+    std::fs::write(&study, toml + "\n[strength_scaling]\nposture_deg = 0\n").unwrap();
+    carpus(&["strength-scale"], &study, &strong).success();
+    let model = strong.join("P01/model.osim");
+    carpus(&["simulate", "--model", model.to_str().unwrap()], &study, &simulated).success();
+    let force = |path: &Path, name: &str| {
+        let file = carpus::osim::OsimFile::parse(std::fs::read(path).unwrap(), "model.osim").unwrap();
+        file.spec.muscles.iter().find(|muscle| muscle.name == name).unwrap().max_isometric_force
+    };
+    let [a, b] = ["FCR", "FCU"].map(|name| force(&model, name) / force(&folder.path().join("wrist.osim"), name));
+    assert!((a / b - 1.0).abs() < 1e-6 && (a - 1.0).abs() > 1e-3, "{a} {b}");
+    assert!(tables_are_for_programs(folder.path()) >= 13);
 }
 
 /// What a command prints, as JSON.

@@ -260,25 +260,25 @@ fn normal(random: &mut ChaCha8Rng) -> f64 {
     (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * v).cos()
 }
 
-/// A Gaussian process of unit variance with autocorrelation exp(−(t/`length`)²/2) at these times.
+/// A Gaussian process of unit variance with autocorrelation exp(−(t/`length`)²/2) at these times: as smooth as its kernel,
+/// however fine the times are.
 fn smooth_noise(time: &[f64], length: f64, random: &mut ChaCha8Rng) -> Vec<f64> {
     // A kernel of width length/√2 over white noise on a grid five times finer than the width.
     let width = length / 2f64.sqrt();
     let step = width / 5.0;
     let reach = 25usize;
-    let kernel: Vec<f64> =
-        (0..=2 * reach).map(|i| (-0.5 * ((i as f64 - reach as f64) * step / width).powi(2)).exp()).collect();
-    let norm = kernel.iter().map(|k| k * k).sum::<f64>().sqrt();
+    // - `from_middle`: distance from the kernel's middle [steps]
+    let kernel = |from_middle: f64| (-0.5 * (from_middle * step / width).powi(2)).exp();
+    let norm = (0..=2 * reach).map(|i| kernel(i as f64 - reach as f64).powi(2)).sum::<f64>().sqrt();
     let span = time[time.len() - 1] - time[0];
     let nodes = (span / step).ceil() as usize + 2;
     let white: Vec<f64> = (0..nodes + 2 * reach).map(|_| normal(random)).collect();
-    let smooth: Vec<f64> =
-        (0..nodes).map(|i| kernel.iter().zip(&white[i..]).map(|(k, w)| k * w).sum::<f64>() / norm).collect();
     time.iter()
         .map(|t| {
             let x = (t - time[0]) / step;
-            let i = (x as usize).min(nodes - 2);
-            smooth[i] + (x - i as f64) * (smooth[i + 1] - smooth[i])
+            let first = (x as usize).min(nodes - 2);
+            let near = white.iter().enumerate().skip(first).take(2 * reach + 2);
+            near.map(|(i, w)| kernel(i as f64 - reach as f64 - x) * w).sum::<f64>() / norm
         })
         .collect()
 }
@@ -292,7 +292,21 @@ pub fn largest_moments(trials: &[Trial], moments: &[Vec<f64>]) -> [f64; 2] {
 
 #[cfg(test)]
 mod tests {
+    use carpus_numerics::signals::own_samples;
+
     use super::*;
+
+    /// Recordings of a synthetic study are not taken for signals that were put on a faster grid.
+    #[test]
+    fn verif_smooth_noise_has_no_corners() {
+        for (rate, length) in [(100.0, ANGLE_TIME), (1000.0, ANGLE_TIME), (1000.0, EMG_TIME)] {
+            let time: Vec<f64> = (0..3500).map(|i| f64::from(i) / rate).collect();
+            for seed in 0..3 {
+                let noise = smooth_noise(&time, length, &mut ChaCha8Rng::seed_from_u64(seed));
+                assert_eq!(own_samples(&noise), None, "{rate} Hz, seed {seed}");
+            }
+        }
+    }
 
     #[test]
     fn verif_smooth_noise_has_unit_variance_and_its_correlation_time() {

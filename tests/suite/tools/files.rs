@@ -48,6 +48,12 @@ fn verif_storages_of_all_ages() {
     let one = STO.replace("nRows=2", "nRows=1");
     let [old, new] = [one.clone(), one.replace("version=1", "version=2")].map(|text| parse(&text, "x.sto").unwrap());
     assert_eq!((old.len(), old.warnings.len(), new.len(), new.warnings.len()), (1, 1, 2, 1));
+    // Counts of which OpenSim reads the digits that lead.
+    for (said, rows) in [("2.5", 2), ("2,5", 2), ("2.0", 2), ("1e2", 1)] {
+        let odd = parse(&STO.replace("nRows=2", &format!("nRows={said}")), "x.sto").unwrap();
+        let warning = format!("line 3: nRows is \"{said}\"; {rows} is taken, as in OpenSim");
+        assert_eq!((odd.len(), &odd.warnings[0]), (rows, &warning));
+    }
     // Numbers of Microsoft's libraries.
     let odd = STO.replace("             nan", "-1.#IND").replace("             inf", "1.#INF");
     assert!(parse(&odd, "x.sto").unwrap().rows[0][1].is_nan());

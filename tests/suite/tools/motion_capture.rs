@@ -268,6 +268,24 @@ fn verif_every_processor_and_width_of_number_is_read() {
     }
 }
 
+/// What no instrument records is missing, and what would make every sample so is refused.
+#[test]
+fn verif_numbers_that_are_not_finite_are_told() {
+    let bytes = Recording { reals: true, channels: 3, ..RECORDING }.write();
+    let with = |number: f32, other: f32| {
+        let mut bytes = bytes.clone();
+        let at = bytes.windows(4).position(|four| four == number.to_le_bytes()).unwrap();
+        bytes[at..][..4].copy_from_slice(&other.to_le_bytes());
+        MotionCapture::parse(&bytes)
+    };
+    let first = RECORDING.sample(1, 0) as f32;
+    let found = with(first, f32::INFINITY).unwrap();
+    assert!(found.analog.rows[0][1].is_nan() && found.analog.rows[1][1].is_finite());
+    assert_eq!(found.warnings, ["channel `A2`: 1 samples are not finite: missing"]);
+    let error = with(Recording::scale(2), f32::NAN).unwrap_err().to_string();
+    assert!(error.contains("expected a finite ANALOG:SCALE, found NaN"), "{error}");
+}
+
 /// A parameter's sizes have one byte: with more than 255 entries it goes on in the next, LABELS2.
 #[test]
 fn verif_parameters_go_on_in_further_ones() {

@@ -357,6 +357,11 @@ impl Layout {
             warnings.push("no ANALOG:GEN_SCALE: 1 is taken".to_owned());
             1.0
         });
+        for (name, numbers) in [("SCALE", &scales[..]), ("OFFSET", &offsets), ("GEN_SCALE", &[scale])] {
+            if let Some(wrong) = numbers.iter().take(self.channels).find(|number| !number.is_finite()) {
+                return Err(broken(format!("expected a finite ANALOG:{name}, found {wrong}")));
+            }
+        }
         let given = parameters.texts("ANALOG", "LABELS")?;
         if given.is_empty() {
             warnings.push("no ANALOG:LABELS: channels are numbered".to_owned());
@@ -379,6 +384,16 @@ impl Layout {
             for sample in frame[self.marker_bytes()..].chunks_exact(self.width() * self.channels) {
                 let value = |i: usize| (self.number(sample, i, !unsigned) - offsets[i]) * scales[i] * scale;
                 storage.push(storage.len() as f64 / rate, (0..self.channels).map(value).collect());
+            }
+        }
+        for i in 0..self.channels {
+            let mut missing = 0;
+            for row in storage.rows.iter_mut().filter(|row| !row[i].is_finite()) {
+                row[i] = f64::NAN;
+                missing += 1;
+            }
+            if missing > 0 {
+                warnings.push(format!("channel `{}`: {missing} samples are not finite: missing", storage.labels[i]));
             }
         }
         let mut units = parameters.texts("ANALOG", "UNITS")?;

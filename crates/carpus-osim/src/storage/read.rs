@@ -40,6 +40,8 @@ struct Header {
     vectors: bool,
     range: Option<[f64; 2]>,
     description: String,
+    /// What was read otherwise than it stands there.
+    warnings: Vec<String>,
 }
 
 impl Storage {
@@ -68,12 +70,12 @@ impl Storage {
         let text = text.replace("\r\n", "\n").replace('\r', "\n");
         let mut lines = text.split('\n').enumerate().map(|(i, line)| (i + 1, line));
         let at = |line: usize, problem| StorageError { file: file.to_owned(), line, problem };
-        let header = header(&mut lines, file)?;
+        let mut header = header(&mut lines, file)?;
         let Some((label_line, labels)) = lines.find(|(_, line)| !line.trim().is_empty()) else {
             return Err(at(0, StorageProblem::NoLabels));
         };
         let all: Vec<String> = labels.split_ascii_whitespace().map(str::to_owned).collect();
-        let mut warnings = Vec::new();
+        let mut warnings = std::mem::take(&mut header.warnings);
         if let Some(said) = header.columns.filter(|said| *said != all.len()) {
             let text =
                 format!("the header says {said} columns, there are labels of {}; the labels are believed", all.len());
@@ -208,6 +210,17 @@ pub(super) fn number(word: &str) -> Option<f64> {
     }
 }
 
+/// A count in a header: the digits that lead, as OpenSim reads it; and again, if more than digits stood there.
+fn count(text: &str) -> Option<(usize, Option<usize>)> {
+    let word = text.split_ascii_whitespace().next()?;
+    if let Ok(number) = word.parse() {
+        return Some((number, None));
+    }
+    let digits = word.find(|c: char| !c.is_ascii_digit())?;
+    let number = word[..digits].parse().ok()?;
+    Some((number, Some(number)))
+}
+
 fn header<'a>(lines: &mut impl Iterator<Item = (usize, &'a str)>, file: &Path) -> Result<Header, StorageError> {
     let mut header = Header::default();
     let mut first = true;
@@ -219,12 +232,14 @@ fn header<'a>(lines: &mut impl Iterator<Item = (usize, &'a str)>, file: &Path) -
         }
         let end = line.find([' ', '\t', '=']).unwrap_or(line.len());
         let (key, rest) = (&line[..end], line[end..].trim_start_matches([' ', '\t', '=']));
-        let count = || {
-            let found = rest.split_ascii_whitespace().next().unwrap_or_default();
-            found
-                .parse::<usize>()
-                .map(Some)
-                .map_err(|_| at(number_of_line, StorageProblem::Count { key: key.to_owned(), found: rest.to_owned() }))
+        let mut count = || {
+            let wrong = || StorageProblem::Count { key: key.to_owned(), found: rest.to_owned() };
+            let (number, read) = count(rest).ok_or_else(|| at(number_of_line, wrong()))?;
+            if let Some(taken) = read {
+                let warning = format!("line {number_of_line}: {key} is \"{rest}\"; {taken} is taken, as in OpenSim");
+                header.warnings.push(warning);
+            }
+            Ok(Some(number))
         };
         match key {
             "name" => header.name = rest.to_owned(),

@@ -175,7 +175,7 @@ pub enum SimulationError {
         source: FunctionError,
     },
     /// A muscle's path has no length that a muscle can have at some angle.
-    #[error("{muscle}: the path is {length} m long at {angle} rad, expected a length above 0 m and below 20 m")]
+    #[error("{muscle}: the path is {length:.4} m long at {angle:.4} rad, expected a length above 0 m and below 20 m")]
     PathLength {
         /// The muscle or force.
         muscle: String,
