@@ -53,7 +53,7 @@ fn run(path: &Path) -> Result<(), Box<dyn std::error::Error>> {
         seed: 0,
     };
     let start = Instant::now();
-    let outcome = diagnose(&request)?;
+    let outcome = diagnose(&request, &|_| {})?;
     report(&format!("diagnosis ({:?})", outcome.diagnosis.verdict), start.elapsed().as_secs_f64());
     Ok(())
 }

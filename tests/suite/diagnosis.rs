@@ -248,7 +248,7 @@ fn val_opensim_clean_data_raise_nothing() {
     let (study, trials, file) = demo();
     let model = MusculoskeletalModel::compile(&file.spec, &Setup::from_settings(&study.settings)).unwrap();
     let forward = ForwardModel::for_diagnosis(&file.spec, &model, &trials).unwrap();
-    let found = diagnose(&request(&study, &forward, &FEW)).unwrap().diagnosis;
+    let found = diagnose(&request(&study, &forward, &FEW), &|_| {}).unwrap().diagnosis;
     println!("p = {}", found.null_p_value);
     assert_eq!(found.verdict, Verdict::NothingDetectable);
 }

@@ -102,16 +102,35 @@ pub struct Outcome {
     pub ingredients: Ingredients,
 }
 
+/// What a diagnosis does, in this order.
+pub const PHASES: [&str; 5] = [
+    "searching for sets of effects",
+    "fitting the muscles alone",
+    "leaving out each effect",
+    "dividing the error",
+    "testing what is left",
+];
+
 /// Diagnoses one participant.
+///
+/// - `at`: told which of [`PHASES`] begins
 ///
 /// # Errors
 /// A trial that cannot be simulated.
-pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
+pub fn diagnose(request: &Request, at: &dyn Fn(usize)) -> Result<Outcome, SimulationError> {
     let forward = request.forward;
     let mut session = request.session();
     let report = request.report();
+    let clock = std::time::Instant::now();
+    let begins = |phase: usize| {
+        report(&format!("{:.1?}: {}", clock.elapsed(), PHASES[phase]));
+        at(phase);
+    };
+    begins(0);
     let found = session.estimate(&[], false, &report)?;
+    begins(1);
     let alone = session.estimate(&[], true, &report)?;
+    begins(2);
     let (state, evidence) = session.likely(found, &report)?;
     let null = session.as_fit(&alone);
     let first = session.analysis.blocks_left(&null, &[]).ok_or(SimulationError::NoiseCovariance)?;
@@ -127,9 +146,11 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         .collect();
     let left_alone = test(&session.analysis, &null, &not_testable)?;
 
+    begins(3);
     let recalibrated = session.handed_over(&alone)?;
     let handed_over = session.handed_over(&state)?;
     let (effects, mut account) = named(request, &session, &state, &evidence, [&handed_over, &recalibrated])?;
+    begins(4);
     let left = test(&session.analysis, &session.as_fit(&state), &not_testable)?;
     let something_is_left = left.p_value < LEVEL;
     let judge = Judge { request, session: &session, null: &null, not_testable: &not_testable };
@@ -205,6 +226,7 @@ pub fn diagnose(request: &Request) -> Result<Outcome, SimulationError> {
         effects,
     };
     let ingredients = Ingredients::of(&session.analysis, &null);
+    report(&format!("{:.1?}: done", clock.elapsed()));
     Ok(Outcome { diagnosis, recalibrated, handed_over, ingredients })
 }
 

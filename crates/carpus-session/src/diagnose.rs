@@ -15,7 +15,7 @@ use super::provenance::DEFAULT_SEED;
 use super::residuals::residual_result;
 use super::result_files::{account, write_results};
 use carpus_diagnosis::baselines::Ingredients;
-use carpus_diagnosis::diagnose::{Diagnosis, Outcome, Request, diagnose};
+use carpus_diagnosis::diagnose::{Diagnosis, Outcome, PHASES, Request, diagnose};
 use carpus_diagnosis::effect::Effect;
 use carpus_diagnosis::forward_model::{ForwardModel, Setting};
 use carpus_diagnosis::moments::simulate_all;
@@ -74,10 +74,14 @@ impl Session<'_> {
     /// # Errors
     /// As there.
     pub fn diagnosed(&self, forward: &ForwardModel, request: &Diagnose) -> Result<Diagnosed<'_>, Failure> {
-        self.progress()?;
+        let progress = self.progress()?;
         let run = &self.data;
-        let outcome = diagnose(&self.estimation(forward, candidates(&request.candidates)?, request.seed))
+        let asked = self.estimation(forward, candidates(&request.candidates)?, request.seed);
+        let name = &run.participant.name;
+        let at = |phase: usize| progress.at(&format!("{name}: {}", PHASES[phase]), phase, PHASES.len());
+        let outcome = diagnose(&asked, &at)
             .map_err(|e| Failure::from(Diagnostic::error(e.to_string()).in_file(&run.loaded.path)))?;
+        progress.finished();
         let restricted: &[String] = if request.candidates == ["all"] { &[] } else { &request.candidates };
         let provenance = self.study.provenance(request, request.seed, run.inputs.clone());
         let value = diagnosis_file::value(&outcome, &provenance, restricted)?;

@@ -49,7 +49,7 @@ fn found(hidden: &[&'static dyn Effect], candidates: Vec<&'static dyn Effect>) -
         mvc: recorded.iter().map(Trial::max_abs_moment).fold(0.0, f64::max),
         seed: 1,
     };
-    diagnose(&request).unwrap().diagnosis
+    diagnose(&request, &|_| {}).unwrap().diagnosis
 }
 
 #[test]

@@ -5,8 +5,9 @@ use std::path::Path;
 
 use super::plan::as_table;
 use crate::args::{DiagnoseArgs, Global};
+use crate::bars::Bars;
 use crate::failure::{self, Failure};
-use crate::study_run::{StudyRun, progress};
+use crate::study_run::StudyRun;
 use crate::table::{fixed, table};
 use carpus_diagnosis::catalogue::{effect, with_own};
 use carpus_diagnosis::diagnose::{Diagnosis, ParameterEstimate, Verdict, is_determined};
@@ -30,17 +31,14 @@ pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
     candidates(&args.candidates)?;
     let study = StudyRun::prepare_with(&args.study, args.effects.file(), "diagnose")?;
     let request = Diagnose { seed: global.seed, candidates: args.candidates.clone(), baselines: args.baselines };
-    let bar = progress(global, study.participants().len() as u64, "diagnosing");
+    let bars = Bars::new(global);
     let outcomes = study.each_of(|participant| {
-        let session = participant.load_for(Purpose::Diagnosis)?;
+        let session = participant.load_for(Purpose::Diagnosis)?.with_progress(&bars);
         failure::print(&session.data.warnings);
         let diagnosed = session.diagnosed(&forward_model(&session.data)?, &request)?;
         diagnosed.write_to(&study.out, Path::new(&participant.about().name))?;
-        bar.inc(1);
         Ok((diagnosed.diagnosis, diagnosed.known.value))
-    });
-    bar.finish_and_clear();
-    let outcomes = outcomes?;
+    })?;
     if global.json {
         let text = serde_json::Value::Array(outcomes.done.iter().map(|(_, value)| value.clone()).collect()).to_string();
         return outcomes.print(&study, "diagnose", &text);
