@@ -171,7 +171,7 @@ pub(super) fn named(
             return Ok(squares.clone());
         }
         let places: Vec<usize> = some.iter().map(|i| evidence[*i].0).collect();
-        let (parameters, effects) = session.with_some(state, &places, handed_over)?;
+        let (parameters, effects) = session.with_some(state, &places, handed_over.part)?;
         let found = squares_of(&parameters, &effects)?;
         known.insert(some.to_vec(), found.clone());
         Ok(found)

@@ -123,8 +123,6 @@ pub struct HandedOver {
     pub effects: Vec<Setting>,
     /// How far it is from the model as given (0) to the joint mode or the least error (1), equation (25).
     pub part: f64,
-    /// Weight of the prior with which the least error was found, equation (24); 1 for the joint mode.
-    pub prior_weight: f64,
     /// Error of trials that were left out one at a time, over that of the model as given: R of equation (25).
     pub left_out_ratio: f64,
 }

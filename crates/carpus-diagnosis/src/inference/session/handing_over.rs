@@ -44,7 +44,7 @@ impl Session<'_> {
         let square = |residuals: &[DVector<f64>]| residuals.iter().map(|r| r.norm_squared()).sum::<f64>();
         let as_given = square(&self.residuals(&self.forward().nominal_parameters(), &[])?);
         let (parameters, effects) = self.part_of_the_way(&state.point, 0.0);
-        let mut best = HandedOver { parameters, effects, part: 0.0, prior_weight: 1.0, left_out_ratio: 1.0 };
+        let mut best = HandedOver { parameters, effects, part: 0.0, left_out_ratio: 1.0 };
         let mut least = as_given;
         for end in ends {
             for part in PARTS {
@@ -57,7 +57,7 @@ impl Session<'_> {
                 if square < least {
                     least = square;
                     let left_out_ratio = (square / as_given.max(f64::MIN_POSITIVE)).sqrt();
-                    best = HandedOver { parameters, effects, part, prior_weight: end.weight, left_out_ratio };
+                    best = HandedOver { parameters, effects, part, left_out_ratio };
                 }
             }
         }

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::super::linear_model::Prior;
-use super::{HandedOver, Session, State};
+use super::{Session, State};
 use crate::fit::{Linear, Point, block_means, block_starts};
 use crate::forward_model::{FITTED_PER_MUSCLE, Setting};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
@@ -29,8 +29,6 @@ pub(super) struct End {
     pub(super) point: Point,
     /// What leaving the trial out adds to its simulated moment, to first order.
     pub(super) left_out: Vec<DVector<f64>>,
-    /// λ of the prior.
-    pub(super) weight: f64,
 }
 
 /// A trial around a point: block means, weighted so that all samples count alike.
@@ -67,7 +65,7 @@ impl Session<'_> {
             self.of_change(&self.rows(position, linear).columns, &change.rows(0, own).into_owned())
         };
         let left_out = state.linear.par_iter().enumerate().zip(&state.model.by_trial).map(left_out).collect();
-        End { point, left_out, weight: 1.0 }
+        End { point, left_out }
     }
 
     /// The least error with the effects of a state, equation (24).
@@ -85,12 +83,12 @@ impl Session<'_> {
             self.of_change(&rows.columns, &(place.least(&products, Some(i), unit, &from) - &at_all))
         };
         let left_out = rows.par_iter().enumerate().map(left_out).collect();
-        Ok(End { point, left_out, weight })
+        Ok(End { point, left_out })
     }
 
     /// The least error with some of the effects of a state: muscles and these take all that they can.
     ///
-    /// - `kept`: places of the effects that stay; `like`: what is handed over, whose weight of the prior and part of the way are taken
+    /// - `kept`: places of the effects that stay; `part`: of the way that is taken
     ///
     /// # Errors
     /// A trial that cannot be simulated.
@@ -98,11 +96,11 @@ impl Session<'_> {
         &self,
         state: &State,
         kept: &[usize],
-        like: &HandedOver,
+        part: f64,
     ) -> Result<(Vec<MuscleParameters>, Vec<Setting>), SimulationError> {
         let mut point = self.as_recorded(state);
         point.effects.retain(|s| self.places(std::slice::from_ref(s)).iter().all(|place| kept.contains(place)));
-        Ok(self.part_of_the_way(&self.least_error_from(point, like.prior_weight)?.0, like.part))
+        Ok(self.part_of_the_way(&self.least_error_from(point, PRIOR_WEIGHTS[0])?.0, part))
     }
 
     /// Muscles and effects with the least squares of the residuals beside their prior, as if nothing else were wrong, equation (24).
