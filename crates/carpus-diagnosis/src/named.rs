@@ -3,8 +3,10 @@
 
 use std::collections::BTreeMap;
 
+use rayon::prelude::*;
 use serde::Serialize;
 
+use super::ONE_BY_ONE;
 use super::diagnose::{ParameterEstimate, Request, simulate};
 use super::forward_model::{ForwardModel, Setting};
 use super::inference::session::{HandedOver, Session, State};
@@ -29,8 +31,8 @@ pub struct NamedEffect {
     pub evidence: f64,
     /// Whether it takes more of the error than a little of everything does.
     pub dominant: bool,
-    /// Share of the mean square of the error of the model as given that it takes, the mean over orders in which the effects come in,
-    /// muscles and those that are there making up for what is missing as they can: value and 95 % interval over trials.
+    /// Share of the mean square of the error of the model as given that it takes, the mean over orders in which the effects and the fit of the
+    /// muscles come in, those that are there making up for what is missing as they can: value and 95 % interval over trials.
     pub share_of_error: Shares,
     /// Parameters by name, at the joint mode.
     pub parameters: BTreeMap<String, ParameterEstimate>,
@@ -104,25 +106,37 @@ fn orders(count: usize) -> Vec<Vec<usize>> {
     out
 }
 
-/// What each of several effects takes of the squares, the mean over [`orders`]: Shapley's division of what all take together.
+/// All sets of players that come up in [`orders`], ascending, each once.
+fn coalitions(count: usize) -> Vec<Vec<usize>> {
+    let prefixes = |order: Vec<usize>| {
+        (0..=order.len()).map(move |n| {
+            let mut some = order[..n].to_vec();
+            some.sort_unstable();
+            some
+        })
+    };
+    let mut out: Vec<Vec<usize>> = orders(count).into_iter().flat_map(prefixes).collect();
+    out.sort();
+    out.dedup();
+    out
+}
+
+/// What each of several players takes of the squares, the mean over [`orders`]: Shapley's division of what all take together.
 ///
-/// - `squares`: of every trial with some of the effects, ascending
-/// - returns: per effect, of every trial
-fn divided(
-    count: usize,
-    mut squares: impl FnMut(&[usize]) -> Result<Vec<f64>, SimulationError>,
-) -> Result<Vec<Vec<f64>>, SimulationError> {
+/// - `squares`: of every trial with some of the players, ascending
+/// - returns: per player, of every trial
+fn divided(count: usize, squares: impl Fn(&[usize]) -> Vec<f64>) -> Vec<Vec<f64>> {
     let orders = orders(count);
     let weight = 1.0 / orders.len().max(1) as f64;
     let mut taken: Vec<Vec<f64>> = vec![Vec::new(); count];
     for order in &orders {
         let mut some: Vec<usize> = Vec::new();
-        let mut before = squares(&some)?;
-        for effect in order {
-            some.push(*effect);
+        let mut before = squares(&some);
+        for player in order {
+            some.push(*player);
             some.sort_unstable();
-            let now = squares(&some)?;
-            let taken = &mut taken[*effect];
+            let now = squares(&some);
+            let taken = &mut taken[*player];
             taken.resize(now.len(), 0.0);
             for ((taken, before), now) in taken.iter_mut().zip(&before).zip(&now) {
                 *taken += weight * (before - now);
@@ -130,7 +144,7 @@ fn divided(
             before = now;
         }
     }
-    Ok(taken)
+    taken
 }
 
 /// Estimates of one effect, by parameter.
@@ -165,22 +179,19 @@ pub(super) fn named(
         let of = |usage| squares(forward, parameters, effects, usage);
         Ok([of(TrialUse::Train)?, of(TrialUse::Test)?])
     };
-    let mut known: BTreeMap<Vec<usize>, Squares> = BTreeMap::new();
-    let mut with_some = |some: &[usize]| -> Result<Squares, SimulationError> {
-        if let Some(squares) = known.get(some) {
-            return Ok(squares.clone());
-        }
-        let places: Vec<usize> = some.iter().map(|i| evidence[*i].0).collect();
-        let (parameters, effects) = session.with_some(state, &places, handed_over.part)?;
-        let found = squares_of(&parameters, &effects)?;
-        known.insert(some.to_vec(), found.clone());
-        Ok(found)
+    // The effects, and the muscles as the last of the players.
+    let muscles = evidence.len();
+    let players = if evidence.is_empty() { 0 } else { muscles + 1 };
+    let with_some = |some: &Vec<usize>| -> Result<(Vec<usize>, Squares), SimulationError> {
+        let places: Vec<usize> = some.iter().filter(|i| **i < muscles).map(|i| evidence[*i].0).collect();
+        let (parameters, effects) = session.with_some(state, &places, some.contains(&muscles), handed_over.part)?;
+        Ok((some.clone(), squares_of(&parameters, &effects)?))
     };
-    let of_use = |squares: Squares, usage: usize| squares[usage].iter().map(|s| s[0]).collect::<Vec<f64>>();
-    let taken = [
-        divided(evidence.len(), |some| Ok(of_use(with_some(some)?, 0)))?,
-        divided(evidence.len(), |some| Ok(of_use(with_some(some)?, 1)))?,
-    ];
+    let found: Vec<Result<_, SimulationError>> =
+        coalitions(players).par_iter().with_max_len(ONE_BY_ONE).map(with_some).collect();
+    let known: BTreeMap<Vec<usize>, Squares> = found.into_iter().collect::<Result<_, _>>()?;
+    let of_use = |usage: usize| divided(players, |some| known[some][usage].iter().map(|s| s[0]).collect::<Vec<f64>>());
+    let taken = [of_use(0), of_use(1)];
     let given = squares_of(&forward.nominal_parameters(), &[])?;
     let estimates = session.estimates(state);
     let of_effect = |(i, (place, evidence)): (usize, &(usize, f64))| {
@@ -210,13 +221,13 @@ pub(super) fn named(
         step("as_given", &given),
         step("recalibrated", &squares_of(&recalibrated.parameters, &recalibrated.effects)?),
     ];
-    let mut some = Vec::new();
+    let mut some = vec![muscles];
     for (i, effect) in &effects {
         some.push(*i);
         some.sort_unstable();
-        account.push(match some.len() == evidence.len() {
+        account.push(match some.len() == players {
             true => step(effect.effect, &squares_of(&handed_over.parameters, &handed_over.effects)?),
-            false => step(effect.effect, &with_some(&some)?),
+            false => step(effect.effect, &with_some(&some)?.1),
         });
     }
     let [train, held_out] = session.beside_discrepancy(state, handed_over)?.map(|e| e.map(|e| e / request.mvc));
@@ -241,17 +252,19 @@ mod tests {
     #[test]
     fn verif_what_effects_take_adds_up_in_whatever_order_they_come() {
         // Two that do the same, and one of its own.
-        let squares = |some: &[usize]| -> Result<Vec<f64>, SimulationError> {
+        let squares = |some: &[usize]| {
             let either = some.contains(&0) || some.contains(&1);
             let both = some.contains(&0) && some.contains(&1);
             let other = if some.contains(&2) { 5.0 } else { 0.0 };
-            Ok(vec![20.0 - if either { 8.0 } else { 0.0 } - if both { 2.0 } else { 0.0 } - other])
+            vec![20.0 - if either { 8.0 } else { 0.0 } - if both { 2.0 } else { 0.0 } - other]
         };
-        let taken = divided(3, squares).unwrap();
+        let taken = divided(3, squares);
         assert_eq!(taken.iter().map(|t| t[0]).sum::<f64>(), 15.0);
         assert!((taken[0][0] - 5.0).abs() < 1e-12 && (taken[1][0] - 5.0).abs() < 1e-12, "{taken:?}");
-        assert!(divided(0, squares).unwrap().is_empty());
+        assert!(divided(0, squares).is_empty());
         assert_eq!(orders(1), [[0]]);
         assert_eq!((orders(2).len(), orders(3).len(), orders(4).len()), (2, 6, 8));
+        assert_eq!(coalitions(2), [vec![], vec![0], vec![0, 1], vec![1]]);
+        assert_eq!(coalitions(3).len(), 8);
     }
 }

@@ -1,6 +1,8 @@
 //! Where the ways of what is handed over end: the joint mode, and what predicts best as if nothing else were wrong
 //! (`docs/src/theory/many-small-errors.md`, equations (24) and (25)).
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -75,8 +77,8 @@ impl Session<'_> {
     /// # Errors
     /// A trial that cannot be simulated.
     pub(super) fn least_error(&self, state: &State, weight: f64) -> Result<End, SimulationError> {
-        let (point, rows) = self.least_error_from(self.as_recorded(state), weight)?;
-        let place = self.bounds_of(&point);
+        let (point, rows) = self.least_error_from(self.as_recorded(state), weight, self.baselines())?;
+        let place = self.bounds_of(&point, self.baselines());
         let (products, unit, from) = (Products::of(&rows), weight * unit(&rows), self.displacement(&point));
         let at_all = place.least(&products, None, unit, &from);
         let left_out = |(i, rows): (usize, &Rows)| {
@@ -86,7 +88,7 @@ impl Session<'_> {
         Ok(End { point, left_out })
     }
 
-    /// The least error with some of the effects of a state: muscles and these take all that they can.
+    /// The least error with some of the effects of a state, and with the muscles as given or fitted: these take all that they can.
     ///
     /// - `kept`: places of the effects that stay; `part`: of the way that is taken
     ///
@@ -96,16 +98,29 @@ impl Session<'_> {
         &self,
         state: &State,
         kept: &[usize],
+        muscles: bool,
         part: f64,
     ) -> Result<(Vec<MuscleParameters>, Vec<Setting>), SimulationError> {
         let mut point = self.as_recorded(state);
         point.effects.retain(|s| self.places(std::slice::from_ref(s)).iter().all(|place| kept.contains(place)));
-        Ok(self.part_of_the_way(&self.least_error_from(point, PRIOR_WEIGHTS[0])?.0, part))
+        if !muscles {
+            point.parameters = self.forward().nominal_parameters();
+        }
+        let held = if muscles { self.baselines() } else { 0..self.analysis.n_nuisance() };
+        let found = self.least_error_from(point, PRIOR_WEIGHTS[0], held)?.0;
+        Ok(self.part_of_the_way(&found, part))
     }
 
     /// Muscles and effects with the least squares of the residuals beside their prior, as if nothing else were wrong, equation (24).
-    fn least_error_from(&self, mut point: Point, weight: f64) -> Result<(Point, Vec<Rows>), SimulationError> {
-        let place = self.bounds_of(&point);
+    ///
+    /// - `held`: columns of nuisance that stay where they are
+    fn least_error_from(
+        &self,
+        mut point: Point,
+        weight: f64,
+        held: Range<usize>,
+    ) -> Result<(Point, Vec<Rows>), SimulationError> {
+        let place = self.bounds_of(&point, held);
         let mut rows = self.all_rows(&point)?;
         for _ in 0..STEPS {
             let (unit, from) = (weight * unit(&rows), self.displacement(&point));
@@ -186,15 +201,15 @@ impl Session<'_> {
     }
 
     /// Columns of the EMG's baselines.
-    fn baselines(&self) -> std::ops::Range<usize> {
+    fn baselines(&self) -> Range<usize> {
         self.analysis.n_muscles() * FITTED_PER_MUSCLE..self.analysis.n_nuisance()
     }
 
-    fn bounds_of(&self, point: &Point) -> Bounded {
+    fn bounds_of(&self, point: &Point, held: Range<usize>) -> Bounded {
         let own = self.columns_of_point(point);
         let priors = self.priors(point).0;
         let sd = |j: usize| match priors[j] {
-            _ if self.baselines().contains(&j) => 0.0,
+            _ if held.contains(&j) => 0.0,
             Prior::Known(sd) | Prior::Amplitude { plausible: sd, .. } | Prior::Shape { sd, .. } => sd,
             Prior::Discrepancy { .. } => 0.0,
         };
