@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use super::super::linear_model::{Prior, Sizes};
 use super::super::search::Budget;
 use super::steps::profiled;
-use super::{Around, STEPS, Session, State};
+use super::{Around, ODDS, STEPS, Session, State};
 use crate::effect::Effect;
 use crate::fit::{Analysis, Point};
 use crate::forward_model::{FITTED_PER_MUSCLE, ForwardModel};
@@ -14,8 +14,14 @@ use carpus_simulation::simulation::SimulationError;
 /// Gauss–Newton steps towards moments that another model made.
 const DISTANT_STEPS: usize = 12;
 
-/// An effect is named if it, or one that may stand in its place, is more likely missing than not.
-const LIKELY: f64 = 0.5;
+/// Whether it is more likely than not that an effect, or one that may stand in its place, is missing, equation (30): the odds are at least
+/// what the odds of a single effect have to be, times by how much more probable one of several is before the data.
+///
+/// - `group`: how many effects, `probability`: that one of them is missing
+fn is_likely(group: usize, probability: f64) -> bool {
+    let before = (1.0 + 1.0 / ODDS).powi(i32::try_from(group).unwrap_or(i32::MAX)) - 1.0;
+    probability >= ODDS * before * (1.0 - probability)
+}
 
 impl Session<'_> {
     /// The state with the effects that are more likely missing than not, and no others (the median probability model; Barbieri &
@@ -32,18 +38,19 @@ impl Session<'_> {
     ) -> Result<(State, Vec<(usize, f64)>), SimulationError> {
         let candidates = self.testable();
         let (mut evidence, state) = 'again: loop {
-            let mut set: Vec<(f64, usize)> =
-                self.places(&state.point.effects).into_iter().map(|e| (self.group(&state, e).1, e)).collect();
-            set.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let of = |effect: usize| {
+                let (group, probability) = self.group(&state, effect);
+                (probability, is_likely(group.len(), probability), effect)
+            };
+            let mut set: Vec<(f64, bool, usize)> = self.places(&state.point.effects).into_iter().map(of).collect();
+            set.sort_by(|a, b| a.1.cmp(&b.1).then(a.0.total_cmp(&b.0)));
             let mut evidence = Vec::new();
-            for (probability, effect) in set {
+            for (probability, is_likely, effect) in set {
                 let rest: Vec<usize> = self.places(&state.point.effects).into_iter().filter(|e| *e != effect).collect();
                 let without = self.with_set(&state, &rest, &candidates)?;
                 let behind = self.behind(&without, &state);
                 report(&format!("without {:?} ({probability:.2}) {behind:.1} behind", self.ids(&[effect])));
-                if probability < LIKELY
-                    || (behind < 0.0 && self.left_out_ratio(&without)? <= self.left_out_ratio(&state)?)
-                {
+                if !is_likely || (behind < 0.0 && self.left_out_ratio(&without)? <= self.left_out_ratio(&state)?) {
                     state = without;
                     continue 'again;
                 }
@@ -127,5 +134,18 @@ impl Session<'_> {
             })
             .sum();
         Ok((profiled(&model, own, &set, &sizes) - of_state).max(0.0).sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn verif_one_of_many_has_to_be_more_probable_than_one() {
+        assert!(is_likely(1, 0.501) && !is_likely(1, 0.499));
+        // Of thirty effects one is missing with 77 % before the data.
+        assert!(!is_likely(30, 0.98) && is_likely(30, 0.99));
+        assert!(is_likely(3, 1.0));
     }
 }
