@@ -1,5 +1,5 @@
 //! Diagnoses of bundled studies that OpenSim simulated and in which an effect is hidden (fixtures/hidden_effects): what is
-//! found must be what was hidden. The table over many more is made by fixtures/scripts/diagnosis_table.py.
+//! found must be what was hidden. The table over many more is made by fixtures/scripts/laboratory_table.py.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

@@ -15,8 +15,10 @@ use carpus_study::study::TrialUse;
 
 /// An effect is dominant if it is at least this large, in units of the larger end of its plausible range …
 const LARGE: f64 = 0.5;
-/// … and if it takes at least this share of the mean square of the given model's error.
+/// … if it takes at least this share of the mean square of the given model's error …
 const DOMINANT: f64 = 0.05;
+/// … and if its evidence is beyond this: very strong (Kass & Raftery 1995, doi:10.1080/01621459.1995.10476572).
+const VERY_STRONG: f64 = 10.0;
 
 /// An effect that is missing.
 #[derive(Clone, Debug, Serialize)]
@@ -204,7 +206,10 @@ pub(super) fn named(
             group: group.into_iter().map(|e| session.analysis.candidates[e].description().id).collect(),
             probability,
             evidence: *evidence,
-            dominant: train[0] >= DOMINANT && train[1] > 0.0 && session.share_of_plausible(state, *place) >= LARGE,
+            dominant: *evidence > VERY_STRONG
+                && train[0] >= DOMINANT
+                && train[1] > 0.0
+                && session.share_of_plausible(state, *place) >= LARGE,
             share_of_error: Shares { train, held_out },
             parameters: own(&estimates, id),
         };

@@ -1,5 +1,5 @@
 //! Every effect hidden in the bundled study and looked for. The simulator is the one that looks: studies that OpenSim simulated are in
-//! `diagnosis_hidden` and in the table of `fixtures/diagnosis`.
+//! `diagnosis_hidden` and in the table of `fixtures/laboratory`.
 
 use carpus::diagnosis::diagnose::{Diagnosis, Request, Verdict, diagnose};
 use carpus::diagnosis::synthesis::{RecordingNoise, sized as asked, synthesize};
