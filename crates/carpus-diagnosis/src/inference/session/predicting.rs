@@ -77,7 +77,19 @@ impl Session<'_> {
     /// # Errors
     /// A trial that cannot be simulated.
     pub(super) fn least_error(&self, state: &State, weight: f64) -> Result<End, SimulationError> {
-        let (point, rows) = self.least_error_from(self.as_recorded(state), weight, self.baselines())?;
+        let joint = self.as_recorded(state);
+        // From the joint mode, and with the muscles as given: the muscles of one may make up for what the other finds.
+        let as_given = Point { parameters: self.forward().nominal_parameters(), ..joint.clone() };
+        let from = |start: Point| self.least_error_from(start, weight, self.baselines());
+        let (a, b) = (from(joint)?, from(as_given));
+        let objective = |(point, rows): &(Point, Vec<Rows>)| {
+            let place = self.bounds_of(point, self.baselines());
+            square(rows) * (1.0 + weight * place.penalty(&self.displacement(point)) / rows.len().max(1) as f64)
+        };
+        let (point, rows) = match b {
+            Ok(b) if objective(&b) < objective(&a) => b,
+            _ => a,
+        };
         let place = self.bounds_of(&point, self.baselines());
         let (products, unit, from) = (Products::of(&rows), weight * unit(&rows), self.displacement(&point));
         let at_all = place.least(&products, None, unit, &from);
