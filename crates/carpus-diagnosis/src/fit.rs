@@ -20,6 +20,7 @@ mod noise_estimate;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::ONE_BY_ONE;
 use super::effect::{Effect, Role, Stage};
@@ -94,6 +95,8 @@ pub struct Analysis<'a> {
     pub(crate) seed: u64,
     /// Per training trial: moments to fit in place of the recorded ones [N·m].
     pub(crate) targets: Option<Vec<Vec<f64>>>,
+    /// Times that the trials were linearized.
+    pub(crate) linearized: AtomicUsize,
 }
 
 /// What of a trial's noise depends on its times and direction alone.
@@ -114,6 +117,11 @@ impl<'a> Analysis<'a> {
             Some(targets) => &targets[position],
             None => &self.forward.trials[self.train[position]].moment,
         }
+    }
+
+    /// Parameter sets with which all trials were simulated so far, with derivatives.
+    pub fn linearizations(&self) -> usize {
+        self.linearized.load(Ordering::Relaxed)
     }
 
     pub(crate) fn n_muscles(&self) -> usize {

@@ -8,11 +8,12 @@ use super::identify_files;
 use super::loading::{LoadedParticipant, require_memory};
 use super::output::OutputFolder;
 use super::participant::Session;
+use super::personalize::INTERVAL_LEVEL;
 use super::provenance::{DEFAULT_SEED, input_file};
 use super::study::{Study, simulation_message};
 use carpus_identifiability::{
-    ConfidenceInterval, FreeParameter, Identifiability, IdentifiabilityError, MuscleProperty, Prior, RecordedTrial,
-    Request, identify, intervals, usual_candidates,
+    FreeParameter, Identifiability, IdentifiabilityError, MuscleProperty, Prior, RecordedTrial,
+    Request, identify, usual_candidates,
 };
 use carpus_osim::osim::spec::MuscleSpec;
 use carpus_report::identifiability::IdentifiabilityResult;
@@ -24,8 +25,6 @@ use carpus_study::study::{FurtherMoment, PriorKnowledge, PriorUnit, TrialUse, re
 const TOO_NARROW: &str = "intervals of max_isometric_force are somewhat too narrow: in 24 simulated studies of known truth, 90 % \
                           intervals held it in 85 % of cases (those of lengths in 92 to 96 %)";
 
-/// Level of the intervals of [`usual_intervals`].
-pub const INTERVAL_LEVEL: f64 = 0.9;
 /// Draws from the posterior where no other number is asked for.
 pub const DEFAULT_DRAWS: usize = 2000;
 
@@ -272,17 +271,6 @@ fn identified(
     }
     let estimation = estimation(run, further, parameters, asked)?;
     identify(&Request { candidates, ..estimation }).map_err(|e| failed(run, e))
-}
-
-/// Confidence intervals of what personalization fits, by the training trials alone.
-///
-/// # Errors
-/// A trial that cannot be simulated.
-pub fn usual_intervals(study: &Study, run: &LoadedParticipant, seed: u64) -> Result<Vec<ConfidenceInterval>, Failure> {
-    let usual = Identify { seed, level: INTERVAL_LEVEL, ..Identify::default() };
-    let free = parameters(study, run, &usual, &mut Vec::new())?;
-    let estimation = estimation(run, &study.tables.settings.columns.further_moments, free, &usual)?;
-    intervals(&estimation).map_err(|e| failed(run, e))
 }
 
 fn failed(run: &LoadedParticipant, error: IdentifiabilityError) -> Failure {

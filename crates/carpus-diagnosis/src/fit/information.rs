@@ -1,5 +1,7 @@
 //! What trials would tell of muscles and effects, without anything being fitted.
 
+use std::sync::atomic::AtomicUsize;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::super::effect::Effect;
@@ -30,6 +32,7 @@ impl<'a> Analysis<'a> {
             kernels,
             seed,
             targets: None,
+            linearized: AtomicUsize::new(0),
         }
     }
 

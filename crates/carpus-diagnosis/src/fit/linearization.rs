@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -53,6 +54,7 @@ impl Analysis<'_> {
         noise: &[TrialNoise],
         variants: &[Variants],
     ) -> Result<Vec<Linear>, SimulationError> {
+        self.linearized.fetch_add(1, Ordering::Relaxed);
         let variant = self.forward.variant(&point.effects)?;
         (0..self.train.len())
             .into_par_iter()

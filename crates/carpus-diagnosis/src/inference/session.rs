@@ -13,6 +13,7 @@ use rayon::prelude::*;
 
 use super::discrepancy::Ranges;
 use super::linear_model::{LinearModel, Sizes};
+use super::resting_fiber::RestingFiber;
 use super::search::{Budget, Sets, search};
 use crate::effect::Effect;
 use crate::fit::{Analysis, Fit, Linear, Point};
@@ -113,6 +114,8 @@ pub struct Session<'a> {
     noise_is_final: bool,
     /// Places of the effects that may be named.
     nameable: Vec<usize>,
+    /// Fascicle lengths of images that are data.
+    images: Vec<RestingFiber>,
 }
 
 /// What is handed over to the user.
@@ -191,6 +194,7 @@ impl<'a> Session<'a> {
             ranges,
             budget,
             noise_is_final: false,
+            images: Vec::new(),
         }
     }
 
@@ -200,6 +204,11 @@ impl<'a> Session<'a> {
         let places = self.analysis.candidates.iter().enumerate().filter(|(_, c)| known(c));
         self.nameable = places.map(|(place, _)| place).collect();
         self
+    }
+
+    /// The session with fascicle lengths of images as further data.
+    pub fn with_images(self, images: Vec<RestingFiber>) -> Session<'a> {
+        Session { images, ..self }
     }
 
     /// Whether an effect may be named.

@@ -150,7 +150,12 @@ impl Session<'_> {
             product(&w, &w)
         };
         let by_trial: Vec<_> = columns.par_iter().zip(factors).map(products).collect();
-        LinearModel::new(priors, offset, by_trial, self.size_priors())
+        self.with_image_rows(point, LinearModel::new(priors, offset, by_trial, self.size_priors()))
+    }
+
+    fn with_image_rows(&self, point: &Point, model: LinearModel) -> LinearModel {
+        let columns = model.len();
+        model.with_rows(self.images.iter().filter_map(|image| image.row(&point.parameters, columns)))
     }
 
     /// As [`Session::model`], directions being whitened already.
@@ -190,7 +195,7 @@ impl Session<'_> {
                 out
             };
         let by_trial: Vec<_> = linear.par_iter().zip(whitened).zip(factors).enumerate().map(of_trial).collect();
-        LinearModel::new(priors, offset, by_trial, self.size_priors())
+        self.with_image_rows(point, LinearModel::new(priors, offset, by_trial, self.size_priors()))
     }
 
     /// What the variances of the noise are estimated beside: columns in units of their prior standard deviations, and the residual at the

@@ -1,5 +1,7 @@
 //! The last step of the account of the error: what the generic discrepancy takes of what is handed over.
 
+use std::sync::atomic::AtomicUsize;
+
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
@@ -55,6 +57,7 @@ impl<'a> Session<'a> {
             kernels,
             seed: self.analysis.seed,
             targets: None,
+            linearized: AtomicUsize::new(0),
         };
         Session { ranges: self.ranges, ..Session::of(analysis, self.budget) }
     }

@@ -56,7 +56,8 @@ impl Session<'_> {
             sums[2] += (b - a).norm_squared();
         }
         let part = if sums[2] > 0.0 { (-sums[1] / sums[2]).clamp(0.0, 1.0) } else { 0.0 };
-        let part = if part > ALL_OF_IT { 1.0 } else { part };
+        // A single trial cannot be left out.
+        let part = if part > ALL_OF_IT || left_out.len() < 2 { 1.0 } else { part };
         let (parameters, effects) = self.part_of_the_way(&state.point, part);
         let left = sums[0] + 2.0 * part * sums[1] + part * part * sums[2];
         let left_out_ratio = (left / sums[0].max(f64::MIN_POSITIVE)).max(0.0).sqrt();

@@ -1,0 +1,180 @@
+//! Muscles alone: the estimate of muscle parameters, with no effect added, that every command reports
+//! (`docs/src/theory/many-small-errors.md`, equations (16), (25), (26) and (29)).
+//!
+//! In: training trials, bounds, fibre lengths of images. Out: the muscles that are handed over, and of every parameter the value at the joint mode,
+//! its standard deviation and its interval.
+
+use super::super::catalogue::with_own;
+use super::super::forward_model::{FITTED_PER_MUSCLE, ForwardModel};
+use super::resting_fiber::RestingFiber;
+use super::search::Budget;
+use super::session::{HandedOver, Session, State};
+use carpus_numerics::statistics::normal_quantile;
+use carpus_simulation::simulation::{Property, SimulationError};
+use carpus_study::study::{ParameterBounds, RelativeBounds, TrialUse};
+
+/// What the session's training trials say of a muscle's parameter. Values are in the unit of the property.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MuscleEstimate {
+    /// Position of the muscle among the active ones.
+    pub muscle: usize,
+    /// The property.
+    pub property: Property,
+    /// Value of the model as given.
+    pub given: f64,
+    /// Value at the joint mode.
+    pub joint_mode: f64,
+    /// Value that is handed over, a part of the way from the one to the other.
+    pub value: f64,
+    /// Standard deviation of the logarithm, given the trials.
+    pub log_sd: f64,
+    /// The same before the trials.
+    pub prior_log_sd: f64,
+    /// Bounds.
+    pub bounds: [f64; 2],
+}
+
+/// A parameter is determined by the trials where they removed at least this share of its prior variance: where they say more of it than
+/// the bounds do.
+const DETERMINED: f64 = 0.5;
+
+impl MuscleEstimate {
+    /// The interval of a level, equation (29): about the joint mode, wide enough to hold what is handed over, and within the bounds.
+    ///
+    /// - `level`: probability, for example 0.9
+    pub fn interval(&self, level: f64) -> [f64; 2] {
+        let half = normal_quantile(0.5 + 0.5 * level) * self.log_sd;
+        let [low, high] = self.bounds;
+        let ends = [(self.joint_mode * (-half).exp()).min(self.value), (self.joint_mode * half.exp()).max(self.value)];
+        // What is handed over counts where it is beyond a bound.
+        [ends[0].clamp(low.min(self.value), high), ends[1].clamp(low, high.max(self.value))]
+    }
+
+    /// Share of the variance of the logarithm before the trials that these removed: 0, they say nothing; 1, all.
+    pub fn share_from_data(&self) -> f64 {
+        (1.0 - (self.log_sd / self.prior_log_sd).powi(2)).clamp(0.0, 1.0)
+    }
+
+    /// Whether the trials set each end of the interval; `false`: the bounds do, as limits or as prior.
+    pub fn end_from_data(&self, level: f64) -> [bool; 2] {
+        let [low, high] = self.interval(level);
+        [low > self.bounds[0], high < self.bounds[1]].map(|inside| inside && self.share_from_data() >= DETERMINED)
+    }
+}
+
+/// What is asked: the muscles of a session.
+#[derive(Clone)]
+pub struct MuscleProblem<'a> {
+    /// Model and trials.
+    pub forward: &'a ForwardModel,
+    /// Bounds of the parameters: priors, equation (2).
+    pub bounds: ParameterBounds,
+    /// Fascicle lengths of images that are data.
+    pub images: Vec<RestingFiber>,
+    /// Seed of random draws.
+    pub seed: u64,
+}
+
+/// The muscles of a session.
+pub struct Muscles<'a> {
+    /// The session.
+    pub session: Session<'a>,
+    /// What is handed over.
+    pub handed_over: HandedOver,
+    /// Every parameter, muscle by muscle.
+    pub parameters: Vec<MuscleEstimate>,
+    /// Where the estimate ended.
+    pub state: State,
+}
+
+impl<'a> MuscleProblem<'a> {
+    /// The training trials, to be estimated: every effect is there with its small size.
+    fn session(&self) -> Session<'a> {
+        let train = self.forward.trials_for(TrialUse::Train);
+        let session = Session::new(self.forward, train, with_own(), &self.bounds, Budget::none(), self.seed);
+        session.with_images(self.images.clone())
+    }
+
+    /// Estimates the muscles; `None` where it is not to go on.
+    ///
+    /// - `report`: told what has been done
+    /// - `goes_on`: asked between the searches
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub fn estimate(
+        &self,
+        report: &dyn Fn(&str),
+        goes_on: &dyn Fn() -> bool,
+    ) -> Result<Option<Muscles<'a>>, SimulationError> {
+        Muscles::of(self.session(), &self.bounds, report, goes_on)
+    }
+}
+
+impl<'a> Muscles<'a> {
+    /// As [`MuscleProblem::estimate`], of a session in which nothing was estimated yet.
+    pub(crate) fn of(
+        mut session: Session<'a>,
+        bounds: &ParameterBounds,
+        report: &dyn Fn(&str),
+        goes_on: &dyn Fn() -> bool,
+    ) -> Result<Option<Muscles<'a>>, SimulationError> {
+        if !goes_on() {
+            return Ok(None);
+        }
+        let begun = session.begin(&[], true, report)?;
+        if !goes_on() {
+            return Ok(None);
+        }
+        let state = session.settle(begun, report)?;
+        let handed_over = session.handed_over(&state)?;
+        let parameters = session.muscle_estimates(&state, &handed_over, bounds);
+        Ok(Some(Muscles { session, handed_over, parameters, state }))
+    }
+}
+
+impl Session<'_> {
+    /// What a state says of every muscle parameter.
+    pub fn muscle_estimates(
+        &self,
+        state: &State,
+        handed_over: &HandedOver,
+        bounds: &ParameterBounds,
+    ) -> Vec<MuscleEstimate> {
+        let posterior = state.model.posterior(&self.places(&state.point.effects), self.sizes(state));
+        let given = self.analysis.forward.nominal_parameters();
+        let of = |muscle: usize, property: Property| {
+            let column = muscle * FITTED_PER_MUSCLE + place(property);
+            let of_given = property.of(&given[muscle]);
+            let RelativeBounds { lower, upper } = bounds_of(bounds, property);
+            MuscleEstimate {
+                muscle,
+                property,
+                given: of_given,
+                joint_mode: property.of(&state.point.parameters[muscle]),
+                value: property.of(&handed_over.parameters[muscle]),
+                log_sd: posterior.sd_of(column),
+                prior_log_sd: posterior.sd[column],
+                bounds: [lower * of_given, upper * of_given],
+            }
+        };
+        (0..given.len()).flat_map(|muscle| Property::ALL.map(|property| of(muscle, property))).collect()
+    }
+}
+
+/// Place of a property among the columns of a muscle.
+pub(crate) fn place(property: Property) -> usize {
+    match property {
+        Property::MaxIsometricForce => 0,
+        Property::OptimalFiberLength => 1,
+        Property::TendonSlackLength => 2,
+    }
+}
+
+fn bounds_of(bounds: &ParameterBounds, property: Property) -> RelativeBounds {
+    match property {
+        Property::MaxIsometricForce => bounds.max_isometric_force,
+        Property::OptimalFiberLength => bounds.optimal_fiber_length,
+        Property::TendonSlackLength => bounds.tendon_slack_length,
+    }
+}
