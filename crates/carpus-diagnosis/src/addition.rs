@@ -49,7 +49,7 @@ pub fn fit_steps(
             0 => (alone.handed_over.clone(), alone.parameters.clone()),
             _ => {
                 let handed_over = session.handed_over(&state)?;
-                let muscles = session.muscle_estimates(&state, &handed_over, &request.bounds);
+                let muscles = session.muscle_estimates(&state, &handed_over);
                 (handed_over, muscles)
             }
         };

@@ -91,7 +91,7 @@ impl<'a> Request<'a> {
 
     /// The muscles alone, as every command reports them.
     pub(super) fn muscles(&self) -> Result<Muscles<'a>, SimulationError> {
-        let found = Muscles::of(self.session(), &self.bounds, &self.report(), &|| true)?;
+        let found = Muscles::of(self.session(), &self.report(), &|| true)?;
         found.ok_or(SimulationError::NoiseCovariance)
     }
 

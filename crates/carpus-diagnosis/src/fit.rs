@@ -86,6 +86,8 @@ pub struct Analysis<'a> {
     pub candidates: Vec<&'static dyn Effect>,
     /// Prior standard deviation of log F_max, log l_opt, log l_slack.
     pub(crate) prior_sd: [f64; FITTED_PER_MUSCLE],
+    /// Bounds of their changes.
+    pub(crate) log_bounds: [[f64; 2]; FITTED_PER_MUSCLE],
     /// Blocks of directions and their columns among all directions.
     pub blocks: Vec<Block>,
     /// Per training trial.
@@ -323,6 +325,12 @@ pub(crate) fn whiten(factor: &Cholesky<f64, Dyn>, columns: &DMatrix<f64>) -> DMa
 /// Aᵀ B.
 pub(crate) fn product(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     a.transpose() * b
+}
+
+/// Bounds of the changes of log F_max, log l_opt and log l_slack.
+fn log_bounds(bounds: &ParameterBounds) -> [[f64; 2]; FITTED_PER_MUSCLE] {
+    [bounds.max_isometric_force, bounds.optimal_fiber_length, bounds.tendon_slack_length]
+        .map(|b| [b.lower.ln(), b.upper.ln()])
 }
 
 fn prior_sd(bounds: &ParameterBounds) -> [f64; FITTED_PER_MUSCLE] {

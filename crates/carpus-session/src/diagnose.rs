@@ -15,7 +15,6 @@ use super::personalize::{images, parameters};
 use super::provenance::DEFAULT_SEED;
 use super::residuals::residual_result;
 use super::result_files::{account, write_results};
-use super::study::simulation_message;
 use carpus_diagnosis::baselines::Ingredients;
 use carpus_diagnosis::diagnose::{Diagnosis, Outcome, Request, diagnose};
 use carpus_diagnosis::effect::Effect;
@@ -229,7 +228,7 @@ fn with_baselines(value: &Value, ingredients: &Ingredients) -> Result<Value, Fai
 /// A trial that cannot be simulated.
 pub(super) fn forward_model_of(run: &LoadedParticipant) -> Result<ForwardModel, Failure> {
     let forward = ForwardModel::for_diagnosis(&run.loaded.file.spec, &run.model, &run.trials)
-        .map_err(|e| simulation_message(&e, &run.loaded))?;
+        .map_err(|e| Diagnostic::error(e.to_string()).in_file(&run.loaded.path))?;
     Ok(forward.with_given(run.given.clone()))
 }
 

@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use super::super::effect::Effect;
 use super::super::forward_model::ForwardModel;
 use super::super::noise::{self, Kernels};
-use super::{AMPLITUDE_PRECISION, Analysis, Fit, Point, prior_sd, trial_times, whiten};
+use super::{AMPLITUDE_PRECISION, Analysis, Fit, Point, log_bounds, prior_sd, trial_times, whiten};
 use carpus_simulation::simulation::SimulationError;
 use carpus_study::study::ParameterBounds;
 
@@ -27,6 +27,7 @@ impl<'a> Analysis<'a> {
             train,
             candidates,
             prior_sd: prior_sd(bounds),
+            log_bounds: log_bounds(bounds),
             blocks: Vec::new(),
             times,
             kernels,

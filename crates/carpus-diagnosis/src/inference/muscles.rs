@@ -11,7 +11,7 @@ use super::search::Budget;
 use super::session::{HandedOver, Session, State};
 use carpus_numerics::statistics::normal_quantile;
 use carpus_simulation::simulation::{Property, SimulationError};
-use carpus_study::study::{ParameterBounds, RelativeBounds, TrialUse};
+use carpus_study::study::{ParameterBounds, TrialUse};
 
 /// What the session's training trials say of a muscle's parameter. Values are in the unit of the property.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,8 +46,7 @@ impl MuscleEstimate {
         let half = normal_quantile(0.5 + 0.5 * level) * self.log_sd;
         let [low, high] = self.bounds;
         let ends = [(self.joint_mode * (-half).exp()).min(self.value), (self.joint_mode * half.exp()).max(self.value)];
-        // What is handed over counts where it is beyond a bound.
-        [ends[0].clamp(low.min(self.value), high), ends[1].clamp(low, high.max(self.value))]
+        ends.map(|end| end.clamp(low, high))
     }
 
     /// Share of the variance of the logarithm before the trials that these removed: 0, they say nothing; 1, all.
@@ -107,7 +106,7 @@ impl<'a> MuscleProblem<'a> {
         report: &dyn Fn(&str),
         goes_on: &dyn Fn() -> bool,
     ) -> Result<Option<Muscles<'a>>, SimulationError> {
-        Muscles::of(self.session(), &self.bounds, report, goes_on)
+        Muscles::of(self.session(), report, goes_on)
     }
 }
 
@@ -115,7 +114,6 @@ impl<'a> Muscles<'a> {
     /// As [`MuscleProblem::estimate`], of a session in which nothing was estimated yet.
     pub(crate) fn of(
         mut session: Session<'a>,
-        bounds: &ParameterBounds,
         report: &dyn Fn(&str),
         goes_on: &dyn Fn() -> bool,
     ) -> Result<Option<Muscles<'a>>, SimulationError> {
@@ -128,25 +126,19 @@ impl<'a> Muscles<'a> {
         }
         let state = session.settle(begun, report)?;
         let handed_over = session.handed_over(&state)?;
-        let parameters = session.muscle_estimates(&state, &handed_over, bounds);
+        let parameters = session.muscle_estimates(&state, &handed_over);
         Ok(Some(Muscles { session, handed_over, parameters, state }))
     }
 }
 
 impl Session<'_> {
     /// What a state says of every muscle parameter.
-    pub fn muscle_estimates(
-        &self,
-        state: &State,
-        handed_over: &HandedOver,
-        bounds: &ParameterBounds,
-    ) -> Vec<MuscleEstimate> {
+    pub fn muscle_estimates(&self, state: &State, handed_over: &HandedOver) -> Vec<MuscleEstimate> {
         let posterior = state.model.posterior(&self.places(&state.point.effects), self.sizes(state));
         let given = self.analysis.forward.nominal_parameters();
         let of = |muscle: usize, property: Property| {
             let column = muscle * FITTED_PER_MUSCLE + place(property);
             let of_given = property.of(&given[muscle]);
-            let RelativeBounds { lower, upper } = bounds_of(bounds, property);
             MuscleEstimate {
                 muscle,
                 property,
@@ -155,26 +147,18 @@ impl Session<'_> {
                 value: property.of(&handed_over.parameters[muscle]),
                 log_sd: posterior.sd_of(column),
                 prior_log_sd: posterior.sd[column],
-                bounds: [lower * of_given, upper * of_given],
+                bounds: self.analysis.log_bounds[place(property)].map(|bound| bound.exp() * of_given),
             }
         };
         (0..given.len()).flat_map(|muscle| Property::ALL.map(|property| of(muscle, property))).collect()
     }
 }
 
+/// Columns of every muscle, in their order.
+pub(crate) const COLUMNS: [Property; FITTED_PER_MUSCLE] =
+    [Property::MaxIsometricForce, Property::OptimalFiberLength, Property::TendonSlackLength];
+
 /// Place of a property among the columns of a muscle.
 pub(crate) fn place(property: Property) -> usize {
-    match property {
-        Property::MaxIsometricForce => 0,
-        Property::OptimalFiberLength => 1,
-        Property::TendonSlackLength => 2,
-    }
-}
-
-fn bounds_of(bounds: &ParameterBounds, property: Property) -> RelativeBounds {
-    match property {
-        Property::MaxIsometricForce => bounds.max_isometric_force,
-        Property::OptimalFiberLength => bounds.optimal_fiber_length,
-        Property::TendonSlackLength => bounds.tendon_slack_length,
-    }
+    COLUMNS.iter().position(|p| *p == property).unwrap_or(0)
 }

@@ -182,15 +182,16 @@ impl ParameterSpace {
                 } else {
                     None
                 };
+                let estimate = estimates.next();
                 out.push(FittedParameter {
                     muscle: self.muscles[m].clone(),
                     property,
                     before,
-                    after: before * factors[index],
-                    lower: before * lower,
-                    upper: before * upper,
+                    after: estimate.as_ref().map_or(before * factors[index], |e| e.value),
+                    lower: estimate.as_ref().map_or(before * lower, |e| e.bounds[0]),
+                    upper: estimate.as_ref().map_or(before * upper, |e| e.bounds[1]),
                     at_bound,
-                    estimate: estimates.next(),
+                    estimate,
                 });
             }
         }

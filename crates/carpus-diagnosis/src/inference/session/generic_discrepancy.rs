@@ -53,6 +53,7 @@ impl<'a> Session<'a> {
             train: trials,
             candidates: self.analysis.candidates.clone(),
             prior_sd: self.analysis.prior_sd,
+            log_bounds: self.analysis.log_bounds,
             blocks: Vec::new(),
             kernels,
             seed: self.analysis.seed,

@@ -6,11 +6,13 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::super::linear_model::Posterior;
+use super::super::muscles::COLUMNS;
 use super::{ALL_OF_IT, HandedOver, NOTHING_ELSE, STANDS_IN, Session, State};
 use crate::diagnose::ParameterEstimate;
 use crate::fit::{Point, block_means, block_starts, whiten};
 use crate::forward_model::{FITTED_PER_MUSCLE, Setting};
-use carpus_simulation::simulation::{MuscleParameters, SimulationError};
+use carpus_simulation::simulation::{MuscleParameters, Property, SimulationError};
 
 impl Session<'_> {
     /// What is handed over: muscles and effects, as far from the model as given as trials left out one at a time are predicted best.
@@ -39,10 +41,11 @@ impl Session<'_> {
         let set = self.places(&state.point.effects);
         let sizes = self.sizes(state);
         let muscles = self.analysis.n_muscles() * FITTED_PER_MUSCLE;
-        let at_all = state.model.posterior(&set, sizes).mean;
+        let posterior = state.model.posterior(&set, sizes);
+        let at_all = &posterior.mean;
         let left_out = |(i, of_fit): (usize, &DVector<f64>)| {
             let without = &state.model.products - &state.model.by_trial[i];
-            let change = state.model.posterior_of(&without, &set, sizes).mean - &at_all;
+            let change = state.model.posterior_of(&without, &set, sizes).mean - at_all;
             let linear = &state.linear[i];
             let of_effects = change.rows(self.analysis.n_nuisance(), linear.effects.ncols());
             of_fit - linear.nuisance.columns(0, muscles) * change.rows(0, muscles) - &linear.effects * of_effects
@@ -58,7 +61,8 @@ impl Session<'_> {
         let part = if sums[2] > 0.0 { (-sums[1] / sums[2]).clamp(0.0, 1.0) } else { 0.0 };
         // A single trial cannot be left out.
         let part = if part > ALL_OF_IT || left_out.len() < 2 { 1.0 } else { part };
-        let (parameters, effects) = self.part_of_the_way(&state.point, part);
+        let (mut parameters, effects) = self.part_of_the_way(&state.point, part);
+        self.put_within_bounds(&mut parameters, &posterior, state.linear.first().map_or(0, |l| l.effects.ncols()));
         let left = sums[0] + 2.0 * part * sums[1] + part * part * sums[2];
         let left_out_ratio = (left / sums[0].max(f64::MIN_POSITIVE)).max(0.0).sqrt();
         Ok(HandedOver { parameters, effects, part, left_out_ratio })
@@ -84,6 +88,55 @@ impl Session<'_> {
             setting
         };
         (parameters.collect(), point.effects.iter().map(shortened).collect())
+    }
+
+    /// Puts muscle parameters that are beyond their bounds there, and the others where they are expected then, effects held.
+    ///
+    /// - `effects`: columns of the point's effects
+    fn put_within_bounds(&self, parameters: &mut [MuscleParameters], posterior: &Posterior, effects: usize) {
+        let given = self.forward().nominal_parameters();
+        let columns: Vec<(usize, Property)> =
+            (0..given.len()).flat_map(|m| COLUMNS.map(|property| (m, property))).collect();
+        let start = DVector::from_iterator(
+            columns.len(),
+            columns.iter().map(|(m, p)| (p.of(&parameters[*m]) / p.of(&given[*m])).ln()),
+        );
+        let bounds = |j: usize| self.analysis.log_bounds[j % FITTED_PER_MUSCLE];
+        let is_beyond = |j: usize, x: &DVector<f64>| x[j] < bounds(j)[0] || x[j] > bounds(j)[1];
+        let mut held: Vec<usize> = (0..columns.len()).filter(|j| is_beyond(*j, &start)).collect();
+        if held.is_empty() {
+            return;
+        }
+        let all = posterior.covariance();
+        let of = |rows: &[usize], columns: &[usize]| {
+            DMatrix::from_fn(rows.len(), columns.len(), |i, j| all[(rows[i], columns[j])])
+        };
+        let muscles: Vec<usize> = (0..columns.len()).collect();
+        let first = self.analysis.n_nuisance();
+        let effects: Vec<usize> = (first..first + effects).collect();
+        let mut covariance = of(&muscles, &muscles);
+        if let Some(factor) = of(&effects, &effects).cholesky().filter(|_| !effects.is_empty()) {
+            covariance -= of(&muscles, &effects) * factor.solve(&of(&effects, &muscles));
+        }
+        let mut moved = start.clone();
+        // Each round holds at least one more.
+        loop {
+            let wanted = DVector::from_fn(held.len(), |k, _| {
+                start[held[k]].clamp(bounds(held[k])[0], bounds(held[k])[1]) - start[held[k]]
+            });
+            let Some(factor) = covariance.select_columns(&held).select_rows(&held).cholesky() else { break };
+            moved = &start + covariance.select_columns(&held) * factor.solve(&wanted);
+            let more: Vec<usize> =
+                (0..columns.len()).filter(|j| !held.contains(j) && is_beyond(*j, &moved)).collect();
+            if more.is_empty() {
+                break;
+            }
+            held.extend(more);
+        }
+        for (j, (m, property)) in columns.into_iter().enumerate() {
+            let within = moved[j].clamp(bounds(j)[0], bounds(j)[1]);
+            *property.of_mut(&mut parameters[m]) = property.of(&given[m]) * within.exp();
+        }
     }
 
     /// The model with some of the effects, as if nothing else were wrong: muscles and these take, to first order, all that they can.

@@ -117,6 +117,7 @@ impl Session<'_> {
             train: self.analysis.train.clone(),
             candidates: effects,
             prior_sd: self.analysis.prior_sd,
+            log_bounds: self.analysis.log_bounds,
             blocks: Vec::new(),
             times: self.analysis.times.clone(),
             kernels: self.analysis.kernels,
