@@ -57,9 +57,9 @@ impl Participant {
 
     fn fit(&self, most: usize, seed: u64) -> Personalization {
         let forward = self.forward(most);
-        let (bounds, images) = (self.study.settings.bounds, Vec::new());
+        let (bounds, images, priors) = (self.study.settings.bounds, Vec::new(), Vec::new());
         shown("joint", || {
-            personalize(&MuscleProblem { forward: &forward, bounds, images, seed }, &|_| (), &|| true).unwrap()
+            personalize(&MuscleProblem { forward: &forward, bounds, images, priors, seed }, &|_| (), &|| true).unwrap()
         })
     }
 
@@ -268,13 +268,14 @@ fn verif_unusable_problems_are_refused() {
     assert!(matches!(refuse(muscles), PersonalizationError::Count { found: 3, .. }));
     let joint = |most: usize, bounds| {
         let forward = participant.forward(most);
-        let problem = MuscleProblem { forward: &forward, bounds, images: Vec::new(), seed: 1 };
+        let problem = MuscleProblem { forward: &forward, bounds, images: Vec::new(), priors: Vec::new(), seed: 1 };
         personalize(&problem, &|_| (), &|| true).unwrap_err()
     };
     assert!(matches!(joint(0, problem.bounds), PersonalizationError::NoTrials));
     assert!(matches!(joint(3, narrow.bounds), PersonalizationError::Bounds { property: "max_isometric_force", .. }));
     let forward = participant.forward(3);
-    let stopped = MuscleProblem { forward: &forward, bounds: problem.bounds, images: Vec::new(), seed: 1 };
+    let (bounds, images, priors) = (problem.bounds, Vec::new(), Vec::new());
+    let stopped = MuscleProblem { forward: &forward, bounds, images, priors, seed: 1 };
     assert!(matches!(personalize(&stopped, &|_| (), &|| false), Err(PersonalizationError::Stopped)));
 }
 

@@ -88,6 +88,8 @@ pub struct Analysis<'a> {
     pub(crate) prior_sd: [f64; FITTED_PER_MUSCLE],
     /// Bounds of their changes.
     pub(crate) log_bounds: [[f64; 2]; FITTED_PER_MUSCLE],
+    /// Columns of muscle parameters, the second of which changes with the first.
+    pub(crate) tied: Vec<[usize; 2]>,
     /// Blocks of directions and their columns among all directions.
     pub blocks: Vec<Block>,
     /// Per training trial.
@@ -209,6 +211,8 @@ impl<'a> Analysis<'a> {
         let mut point = point.clone();
         let muscles = self.n_muscles() * FITTED_PER_MUSCLE;
         let most = |i: usize| if i < muscles { [0.7, 0.1, 0.03][i % FITTED_PER_MUSCLE] } else { 6.0 };
+        let mut step = step.clone();
+        self.tied.iter().for_each(|[first, other]| step[*other] = step[*first]);
         let excess = step.iter().enumerate().map(|(i, s)| s.abs() / most(i)).fold(1.0, f64::max);
         let step = step / excess;
         for (m, p) in point.parameters.iter_mut().enumerate() {

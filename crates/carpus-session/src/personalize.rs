@@ -72,7 +72,7 @@ impl Session<'_> {
         let (run, progress) = (&self.data, self.progress()?);
         let nominal = run.model.nominal_parameters();
         let before = run.simulate(&nominal)?;
-        let fit = self.read_for(Purpose::Diagnosis)?.as_ref().unwrap_or(self).fit(request.seed)?;
+        let fit = self.read_for(Purpose::Identification)?.as_ref().unwrap_or(self).fit(request.seed)?;
         go_on(progress)?;
         let mut model = run.loaded.file.clone();
         write_parameters(&mut model, &fit.fitted).map_err(|e| writing_failure(&e, &run.loaded.path))?;
@@ -98,6 +98,7 @@ impl Session<'_> {
             forward: &forward,
             bounds: study.tables.settings.bounds,
             images: images(study, run)?,
+            priors: Vec::new(),
             seed,
         };
         let what = format!("fitting {}", run.participant.name);

@@ -28,6 +28,7 @@ impl<'a> Analysis<'a> {
             candidates,
             prior_sd: prior_sd(bounds),
             log_bounds: log_bounds(bounds),
+            tied: Vec::new(),
             blocks: Vec::new(),
             times,
             kernels,

@@ -73,6 +73,11 @@ impl Analysis<'_> {
                 for (j, by) in self.forward.sensed_derivatives(g, &core, &point.effects).iter().enumerate() {
                     nuisance.set_column(j, &block_means(by, &starts));
                 }
+                for [first, other] in &self.tied {
+                    let by = nuisance.column(*other).clone_owned();
+                    nuisance.column_mut(*first).axpy(1.0, &by, 1.0);
+                    nuisance.column_mut(*other).fill(0.0);
+                }
                 let count: usize = point.effects[..variants.len()].iter().map(|s| s.values.len()).sum();
                 let mut effects = DMatrix::zeros(blocks, count);
                 let mut column = 0;

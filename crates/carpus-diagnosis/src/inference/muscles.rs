@@ -4,6 +4,8 @@
 //! In: training trials, bounds, fibre lengths of images. Out: the muscles that are handed over, and of every parameter the value at the joint mode,
 //! its standard deviation and its interval.
 
+use nalgebra::DMatrix;
+
 use super::super::catalogue::with_own;
 use super::super::forward_model::{FITTED_PER_MUSCLE, ForwardModel};
 use super::resting_fiber::RestingFiber;
@@ -61,6 +63,26 @@ impl MuscleEstimate {
     }
 }
 
+/// Prior knowledge of a muscle's parameter beside the bounds, or of several muscles that have one factor of a property.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MusclePrior {
+    /// Positions of the muscles among the active ones.
+    pub muscles: Vec<usize>,
+    /// The property.
+    pub property: Property,
+    /// Logarithm of the most probable factor of the model's value.
+    pub log_mean: f64,
+    /// Standard deviation of the logarithm.
+    pub log_sd: f64,
+}
+
+impl MusclePrior {
+    /// Columns of the muscles' parameters in the linear model.
+    pub fn columns(&self) -> impl Iterator<Item = usize> + '_ {
+        self.muscles.iter().map(|m| m * FITTED_PER_MUSCLE + place(self.property))
+    }
+}
+
 /// What is asked: the muscles of a session.
 #[derive(Clone)]
 pub struct MuscleProblem<'a> {
@@ -70,6 +92,8 @@ pub struct MuscleProblem<'a> {
     pub bounds: ParameterBounds,
     /// Fascicle lengths of images that are data.
     pub images: Vec<RestingFiber>,
+    /// Prior knowledge beside the bounds, and ties; a muscle and property in one of them at most.
+    pub priors: Vec<MusclePrior>,
     /// Seed of random draws.
     pub seed: u64,
 }
@@ -91,7 +115,8 @@ impl<'a> MuscleProblem<'a> {
     fn session(&self) -> Session<'a> {
         let train = self.forward.trials_for(TrialUse::Train);
         let session = Session::new(self.forward, train, with_own(), &self.bounds, Budget::none(), self.seed);
-        session.with_images(self.images.clone())
+        let session = session.with_images(self.images.clone());
+        if self.priors.is_empty() { session } else { session.with_muscle_priors(&self.priors) }
     }
 
     /// Estimates the muscles; `None` where it is not to go on.
@@ -111,6 +136,14 @@ impl<'a> MuscleProblem<'a> {
 }
 
 impl<'a> Muscles<'a> {
+    /// Covariance of the logarithms of all muscle parameters given the trials, in the order of columns: equation (16).
+    pub fn log_covariance(&self) -> DMatrix<f64> {
+        let State { model, point, .. } = &self.state;
+        let count = self.parameters.len();
+        let all = model.posterior(&self.session.places(&point.effects), self.session.sizes(&self.state)).covariance();
+        all.view((0, 0), (count, count)).into_owned()
+    }
+
     /// As [`MuscleProblem::estimate`], of a session in which nothing was estimated yet.
     pub(crate) fn of(
         mut session: Session<'a>,

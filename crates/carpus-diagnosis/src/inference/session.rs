@@ -2,6 +2,7 @@
 //! (`docs/src/theory/many-small-errors.md`, equation (20)).
 
 mod columns;
+mod further_trials;
 mod generic_discrepancy;
 mod handing_over;
 mod noise_along_the_way;
@@ -13,11 +14,12 @@ use rayon::prelude::*;
 
 use super::discrepancy::Ranges;
 use super::linear_model::{LinearModel, Sizes};
+use super::muscles::MusclePrior;
 use super::resting_fiber::RestingFiber;
 use super::search::{Budget, Sets, search};
 use crate::effect::Effect;
 use crate::fit::{Analysis, Fit, Linear, Point};
-use crate::forward_model::{ForwardModel, Setting};
+use crate::forward_model::{FITTED_PER_MUSCLE, ForwardModel, Setting};
 use crate::noise::{self, NoiseLevels, TrialNoise};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 use carpus_study::study::ParameterBounds;
@@ -116,6 +118,8 @@ pub struct Session<'a> {
     nameable: Vec<usize>,
     /// Fascicle lengths of images that are data.
     images: Vec<RestingFiber>,
+    /// Mean and standard deviation of the logarithm of every muscle parameter's factor before the data; empty: those of the bounds.
+    muscle_priors: Vec<[f64; 2]>,
 }
 
 /// What is handed over to the user.
@@ -195,6 +199,7 @@ impl<'a> Session<'a> {
             budget,
             noise_is_final: false,
             images: Vec::new(),
+            muscle_priors: Vec::new(),
         }
     }
 
@@ -209,6 +214,23 @@ impl<'a> Session<'a> {
     /// The session with fascicle lengths of images as further data.
     pub fn with_images(self, images: Vec<RestingFiber>) -> Session<'a> {
         Session { images, ..self }
+    }
+
+    /// The session with prior knowledge of muscle parameters beside the bounds, and with muscles that have one factor of a property.
+    pub fn with_muscle_priors(mut self, known: &[MusclePrior]) -> Session<'a> {
+        let own = |column: usize| [0.0, self.analysis.prior_sd[column % FITTED_PER_MUSCLE]];
+        self.muscle_priors = (0..self.analysis.n_muscles() * FITTED_PER_MUSCLE).map(own).collect();
+        for prior in known {
+            let mut columns = prior.columns();
+            let Some(first) = columns.next() else { continue };
+            self.muscle_priors[first] = [prior.log_mean, prior.log_sd];
+            for other in columns {
+                // What the first does, it does: it has no prior of its own.
+                self.muscle_priors[other] = [0.0, 0.0];
+                self.analysis.tied.push([first, other]);
+            }
+        }
+        self
     }
 
     /// Whether an effect may be named.

@@ -61,12 +61,13 @@ impl Session<'_> {
         let mut priors = Vec::new();
         let mut offset = Vec::new();
         let forward = self.forward();
+        priors.extend((0..self.analysis.n_muscles() * FITTED_PER_MUSCLE).map(|j| Prior::Known(self.muscle_prior(j)[1])));
         for (p, nominal) in point.parameters.iter().zip(forward.nominal_parameters()) {
-            priors.extend(self.analysis.prior_sd.map(Prior::Known));
             offset.push((p.max_isometric_force / nominal.max_isometric_force).ln());
             offset.push((p.optimal_fiber_length / nominal.optimal_fiber_length).ln());
             offset.push((p.tendon_slack_length / nominal.tendon_slack_length).ln());
         }
+        offset.iter_mut().enumerate().for_each(|(j, o)| *o -= self.muscle_prior(j)[0]);
         priors.extend(point.baseline.iter().map(|_| Prior::Known(1.0)));
         offset.extend(&point.baseline);
         let place = |e: &'static dyn Effect| {
@@ -104,6 +105,12 @@ impl Session<'_> {
         }
         offset.resize(priors.len(), 0.0);
         (priors, DVector::from_vec(offset))
+    }
+
+    /// Mean and standard deviation of the logarithm of a muscle parameter's factor before the data.
+    fn muscle_prior(&self, column: usize) -> [f64; 2] {
+        let known = self.muscle_priors.get(column).copied();
+        known.unwrap_or([0.0, self.analysis.prior_sd[column % FITTED_PER_MUSCLE]])
     }
 
     pub(super) fn size_priors(&self) -> SizePriors {

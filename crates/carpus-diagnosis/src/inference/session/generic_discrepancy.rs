@@ -54,6 +54,7 @@ impl<'a> Session<'a> {
             candidates: self.analysis.candidates.clone(),
             prior_sd: self.analysis.prior_sd,
             log_bounds: self.analysis.log_bounds,
+            tied: self.analysis.tied.clone(),
             blocks: Vec::new(),
             kernels,
             seed: self.analysis.seed,

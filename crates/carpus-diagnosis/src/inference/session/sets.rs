@@ -118,6 +118,7 @@ impl Session<'_> {
             candidates: effects,
             prior_sd: self.analysis.prior_sd,
             log_bounds: self.analysis.log_bounds,
+            tied: self.analysis.tied.clone(),
             blocks: Vec::new(),
             times: self.analysis.times.clone(),
             kernels: self.analysis.kernels,
