@@ -11,7 +11,7 @@ use super::diagnostic::{Diagnostic, Failure};
 use super::loading::{LoadedParticipant, Purpose};
 use super::output::OutputFolder;
 use super::participant::Session;
-use super::personalize::{images, parameters};
+use super::personalize::images;
 use super::provenance::DEFAULT_SEED;
 use super::residuals::residual_result;
 use super::result_files::{account, write_results};
@@ -210,7 +210,7 @@ fn with_models(
     }
     let mut results = account(Kind::Diagnosis, session, request, request.seed, &models)?;
     results.residuals = residuals;
-    results.parameters = parameters(run, &outcome.muscles, true);
+    results.parameters = super::personalize::parameters(run, &outcome.muscles, true);
     results.part_of_the_way = Some(rounded(outcome.recalibrated.part, 4));
     results.diagnosis = Some(diagnosis_file::result(value)?);
     Ok(results)
