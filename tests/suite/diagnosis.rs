@@ -235,6 +235,7 @@ fn request<'a>(study: &Study, forward: &'a ForwardModel, ids: &[&str]) -> Reques
         forward,
         laboratory: None,
         bounds: study.settings.bounds,
+        images: Vec::new(),
         candidates: CATALOGUE.iter().copied().filter(|e| ids.contains(&e.description().id)).collect(),
         mvc: 10.9,
         seed: 1,

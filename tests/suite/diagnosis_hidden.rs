@@ -95,6 +95,7 @@ fn asked_of<T>(
         forward: &forward,
         laboratory: Some(Laboratory { spec: &spec, model: &model }),
         bounds: study.settings.bounds,
+        images: Vec::new(),
         candidates: candidates.iter().map(known).collect(),
         mvc: trials.iter().map(|t| t.max_abs_moment()).fold(0.0, f64::max),
         seed: 1,

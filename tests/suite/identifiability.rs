@@ -149,8 +149,9 @@ fn verif_noise_free_parameters_are_found_and_lie_in_their_intervals() {
     }
     let sharp = found.parameters.iter().filter(|k| k.is_determined() && k.relative_half_width() < 0.02).count();
     assert!(sharp >= 5, "{sharp} parameters are known to 2 %");
-    assert!(found.soundness.largest_deviance_error < 0.5, "polynomials are exact enough");
-    assert!(found.soundness.largest_r_hat < 1.1);
+    let soundness = found.soundness.unwrap();
+    assert!(soundness.largest_deviance_error < 0.5, "polynomials are exact enough");
+    assert!(soundness.largest_r_hat < 1.1);
     // The best known combination is known better than any parameter alone.
     let least = found.parameters.iter().map(|k| k.posterior_log_sd).fold(f64::INFINITY, f64::min);
     assert!(found.combinations[0].log_sd <= least * 1.1);
@@ -412,6 +413,36 @@ fn val_published_power_analyses_are_printed_beside_what_the_tests_give() {
     let chapter_4 = &printed["analyses"][1];
     assert_eq!(chapter_4["published_needed_n"], chapter_4["tests"][0]["needed_n"]);
     carpus().arg("power").assert().code(1);
+}
+
+/// One estimator: a parameter has one interval, whichever command reports it.
+#[test]
+fn verif_personalize_identify_and_diagnose_report_the_same_intervals() {
+    let out = tempfile::tempdir().unwrap();
+    let run = |command: &str, arguments: &[&str]| {
+        let folder = out.path().join(command);
+        let mut all = carpus();
+        all.arg(command).arg(root("fixtures/demo_study")).arg("--out").arg(&folder).args(arguments).assert().success();
+        folder.join("P01")
+    };
+    let read =
+        |path: PathBuf| -> serde_json::Value { serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap() };
+    let personalized = read(run("personalize", &[]).join("results.json"));
+    let diagnosed = read(run("diagnose", &[]).join("results.json"));
+    let identified = read(run("identify", &["--draws", "40"]).join("identifiability.json"));
+    let rows = personalized["parameters"].as_array().unwrap();
+    assert_eq!(rows.len(), 15);
+    assert_eq!(personalized["parameters"], diagnosed["parameters"]);
+    assert_eq!(personalized["part_of_the_way"], diagnosed["part_of_the_way"]);
+    for row in rows {
+        let same = |p: &&serde_json::Value| p["muscle"] == row["muscle"] && p["property"] == row["property"];
+        let other = identified["parameters"].as_array().unwrap().iter().find(same).unwrap();
+        let ends = [&row["interval"]["lower"], &row["interval"]["upper"]];
+        assert_eq!(ends, [&other["interval"][0], &other["interval"][1]], "{} {}", row["muscle"], row["property"]);
+        assert_eq!(row["interval"]["end_from_data"], other["end_from_data"]);
+        assert_eq!(row["share_from_data"], other["share_from_data"]);
+        assert!(ends[0].as_f64() <= row["after"].as_f64() && row["after"].as_f64() <= ends[1].as_f64());
+    }
 }
 
 /// A machine that moves the wrist's flexion and also measures the moment about its deviation; five wrist and three finger

@@ -2,11 +2,13 @@
 
 use std::path::Path;
 
+use carpus::diagnosis::forward_model::ForwardModel;
 use carpus::evaluation::error_measures;
 use carpus::osim::OsimFile;
 use carpus::personalization::{
-    CaseFit, CaseKind, CaseOptions, CaseProblem, FitOptions, FitProblem, Method, Optimizer, Personalization,
-    PersonalizationError, Property, TrainingCase, TrainingTrial, fit_case, personalize, write_parameters,
+    CaseFit, CaseKind, CaseOptions, CaseProblem, FitOptions, FitProblem, MuscleProblem, Optimizer, Personalization,
+    PersonalizationError, Property, TrainingCase, TrainingTrial, fit_case, fit_in_two_stages, personalize,
+    write_parameters,
 };
 use carpus::simulation::{MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, Setup};
 use carpus::study::{Study, Trial, TrialInfo, TrialUse};
@@ -40,8 +42,25 @@ impl Participant {
             muscles: self.model.muscle_names().map(str::to_owned).collect(),
             nominal: self.model.nominal_parameters(),
             bounds: self.study.settings.bounds,
-            fibers: Vec::new(),
         }
+    }
+
+    /// The model with some of the training trials, and all others held out.
+    ///
+    /// - `most`: training trials at most
+    fn forward(&self, most: usize) -> ForwardModel {
+        let mut trials = self.trials.clone();
+        let train = trials.iter_mut().filter(|t| t.info.usage == TrialUse::Train);
+        train.skip(most).for_each(|t| t.info.usage = TrialUse::Test);
+        ForwardModel::for_diagnosis(&self.file.spec, &self.model, &trials).unwrap()
+    }
+
+    fn fit(&self, most: usize, seed: u64) -> Personalization {
+        let forward = self.forward(most);
+        let (bounds, images, priors) = (self.study.settings.bounds, Vec::new(), Vec::new());
+        shown("joint", || {
+            personalize(&MuscleProblem { forward: &forward, bounds, images, priors, seed }, &|_| (), &|| true).unwrap()
+        })
     }
 
     fn mean_nrmse(&self, usage: TrialUse, parameters: &[MuscleParameters]) -> f64 {
@@ -84,10 +103,14 @@ fn show(what: &str, participant: &Participant, parameters: &[MuscleParameters]) 
     held_out
 }
 
-fn fit(participant: &Participant, options: &FitOptions) -> Personalization {
+fn two_stages(problem: &FitProblem, options: &FitOptions) -> Personalization {
+    shown("two stages", || fit_in_two_stages(problem, options, &|_| (), &|| true).unwrap())
+}
+
+fn shown(name: &str, fit: impl FnOnce() -> Personalization) -> Personalization {
     let started = std::time::Instant::now();
-    let fit = personalize(&participant.problem(), options, &|_| ()).unwrap();
-    println!("{:?}: {} evaluations, {:.2} s", options.method, fit.evaluations, started.elapsed().as_secs_f64());
+    let fit = fit();
+    println!("{name}: {} evaluations, {:.2} s", fit.evaluations, started.elapsed().as_secs_f64());
     for stage in &fit.stages {
         println!(
             "  {:30} {:5}  J {:.4} -> {:.4}",
@@ -103,24 +126,32 @@ fn check_study(folder: &Path) {
     let nominal = show("nominal", &participant, &participant.model.nominal_parameters());
     let truth = true_parameters(&participant, &folder.join("truth.json"));
     let best = show("truth", &participant, &truth);
-    let two_stage = fit(&participant, &FitOptions { method: Method::TwoStage, ..FitOptions::default() });
+    let two_stage = two_stages(&participant.problem(), &FitOptions::default());
     show("two stages", &participant, &two_stage.parameters);
-    let joint = fit(&participant, &FitOptions::default());
+    let joint = participant.fit(usize::MAX, 1);
+    assert!(joint.part_of_the_way > 0.0 && joint.part_of_the_way <= 1.0);
     let found = show("joint", &participant, &joint.parameters);
+    let mut held = 0;
     for (p, t) in joint.fitted.iter().zip(truth.iter().flat_map(|t| Property::ALL.map(|q| q.of(t)))) {
-        let known = p.determination.unwrap();
+        let known = p.estimate.as_ref().unwrap();
+        let interval = known.interval(0.9);
+        held += usize::from((interval[0]..=interval[1]).contains(&t));
+        assert!(interval[0] <= p.after && p.after <= interval[1]);
         println!(
             "  {:5} {:22} factor {:.3} (true {:.3}) ± {:.3}, {:3.0} % from data{}",
             p.muscle,
             p.property.name(),
             p.after / p.before,
             t / p.before,
-            known.relative_deviation,
-            100.0 * known.share_from_data,
+            known.log_sd,
+            100.0 * known.share_from_data(),
             p.at_bound.map_or(String::new(), |b| format!(", at {b:?} bound"))
         );
         assert!(p.after >= p.lower && p.after <= p.upper);
     }
+    println!("  {held} of {} true values in their 90 % intervals", joint.fitted.len());
+    // Fewer of 15 would be a chance of 1 %.
+    assert!(15 * held >= 11 * joint.fitted.len(), "{held}");
     assert!(found < nominal);
     assert!(found <= 1.1 * best, "held-out NRMSE {found} is more than 10 % above {best}");
 }
@@ -135,24 +166,26 @@ fn verif_fit_is_the_same_at_any_number_of_threads_and_differs_only_by_seed() {
     let participant = participant(&Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/demo_study"));
     let mut problem = participant.problem();
     problem.trials.truncate(4);
-    let quick = FitOptions { global_points: 8, local_evaluations: 24, seed: 3, ..FitOptions::default() };
+    let quick = FitOptions { global_points: 8, local_evaluations: 24, seed: 3 };
     let run = |threads: usize, options: &FitOptions| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         // Progress is reported on the calling thread, so that the callback need not be shared.
-        pool.install(|| personalize(&problem, options, &|_| ()).unwrap())
+        pool.install(|| two_stages(&problem, options))
     };
     let once = run(1, &quick);
     assert_eq!(once, run(4, &quick));
     assert_ne!(once.stages, run(2, &FitOptions { seed: 4, ..quick }).stages);
+    let joint = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| participant.fit(4, 3))
+    };
+    assert_eq!(joint(1), joint(4));
 }
 
 #[test]
 fn verif_written_model_changes_only_fitted_lines_and_simulates_as_fitted() {
     let participant = participant(&Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/demo_study"));
-    let mut problem = participant.problem();
-    problem.trials.truncate(3);
-    let quick = FitOptions { global_points: 4, local_evaluations: 24, ..FitOptions::default() };
-    let fit = personalize(&problem, &quick, &|_| ()).unwrap();
+    let fit = participant.fit(3, 1);
     let mut file = participant.file.clone();
     write_parameters(&mut file, &fit.fitted).unwrap();
     let text = |file: &OsimFile| String::from_utf8(file.document.bytes().to_vec()).unwrap();
@@ -219,7 +252,8 @@ fn verif_exact_gradients_reach_a_lower_objective_in_every_case() {
 fn verif_unusable_problems_are_refused() {
     let participant = participant(&Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/demo_study"));
     let problem = participant.problem();
-    let refuse = |problem: FitProblem| personalize(&problem, &FitOptions::default(), &|_| ()).unwrap_err();
+    let refuse =
+        |problem: FitProblem| fit_in_two_stages(&problem, &FitOptions::default(), &|_| (), &|| true).unwrap_err();
     let none = FitProblem { trials: Vec::new(), ..problem.clone() };
     assert!(matches!(refuse(none), PersonalizationError::NoTrials));
     let zeros = vec![0.0; problem.trials[0].measured.len()];
@@ -229,9 +263,20 @@ fn verif_unusable_problems_are_refused() {
     assert!(matches!(refuse(with(&zeros[1..])), PersonalizationError::MomentLength { .. }));
     let mut narrow = problem.clone();
     narrow.bounds.max_isometric_force.lower = 1.2;
-    assert!(matches!(refuse(narrow), PersonalizationError::Bounds { property: "max_isometric_force", .. }));
+    assert!(matches!(refuse(narrow.clone()), PersonalizationError::Bounds { property: "max_isometric_force", .. }));
     let muscles = FitProblem { muscles: problem.muscles[..3].to_vec(), ..problem.clone() };
     assert!(matches!(refuse(muscles), PersonalizationError::Count { found: 3, .. }));
+    let joint = |most: usize, bounds| {
+        let forward = participant.forward(most);
+        let problem = MuscleProblem { forward: &forward, bounds, images: Vec::new(), priors: Vec::new(), seed: 1 };
+        personalize(&problem, &|_| (), &|| true).unwrap_err()
+    };
+    assert!(matches!(joint(0, problem.bounds), PersonalizationError::NoTrials));
+    assert!(matches!(joint(3, narrow.bounds), PersonalizationError::Bounds { property: "max_isometric_force", .. }));
+    let forward = participant.forward(3);
+    let (bounds, images, priors) = (problem.bounds, Vec::new(), Vec::new());
+    let stopped = MuscleProblem { forward: &forward, bounds, images, priors, seed: 1 };
+    assert!(matches!(personalize(&stopped, &|_| (), &|| false), Err(PersonalizationError::Stopped)));
 }
 
 /// Other generated studies, for example of a lab's model: a folder with `study.toml` and `truth.json`.

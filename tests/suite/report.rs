@@ -182,6 +182,7 @@ fn example() -> Results {
         models: vec![model("before", "Before", &trials), model("after", "Personalized", &trials)],
         trials,
         parameters,
+        part_of_the_way: Some(0.83),
         stages: vec![
             StageResult { name: "lengths".into(), evaluations: 12000, objective_before: 1.31, objective_after: 0.62 },
             StageResult { name: "forces".into(), evaluations: 8000, objective_before: 0.62, objective_after: 0.21 },

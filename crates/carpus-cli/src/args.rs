@@ -8,7 +8,8 @@ use clap::{Args, Parser, Subcommand};
 pub use super::args_diagnosis::{
     DiagnoseArgs, EffectArgs, EffectCommand, EffectsArgs, EffectsFile, PlanArgs, SynthArgs,
 };
-use carpus_session::identify::{DEFAULT_DRAWS, INTERVAL_LEVEL, TiedMuscles};
+use carpus_session::identify::{DEFAULT_DRAWS, TiedMuscles};
+use carpus_session::personalize::INTERVAL_LEVEL;
 use carpus_session::provenance::DEFAULT_SEED;
 use carpus_session::quantity::{Assignment, Sweep};
 
@@ -280,13 +281,13 @@ pub struct CompareArgs {
 /// `carpus personalize`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus personalize study/study.toml --out personalized --seed 1\n\nWrites DIR/P01/{model.osim,results.json,report.html,errors_per_trial.csv,errors_per_condition.csv,series/}. Held-out trials (use = test) are never fitted.\n\nEvery fitted value comes with a 90 % interval that rests on the training trials and the bounds alone (carpus identify says more). Where the trials do not determine a value, the report says so: it then stays near the model's."
+    after_help = "Example:\n  carpus personalize study/study.toml --out personalized --seed 1\n\nWrites DIR/P01/{model.osim,results.json,report.html,errors_per_trial.csv,errors_per_condition.csv,series/}. Held-out trials (use = test) are never fitted.\n\nAll parameters are fitted together, with the noise, the error of the EMG and a little of everything that may be wrong. If left-out training trials ask for it, only a part of the way from the given model to the fit is taken. Every fitted value comes with a 90 % interval (carpus identify says more). Where the trials do not determine a value, the report says so: it then stays near the model's."
 )]
 pub struct PersonalizeArgs {
     /// The study.
     #[command(flatten)]
     pub study: StudyArgs,
-    /// No 90 % intervals of the fitted parameters: the fit alone, in less than half the time
+    /// No 90 % intervals of the fitted parameters
     #[arg(long)]
     pub no_intervals: bool,
 }

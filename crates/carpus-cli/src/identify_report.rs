@@ -253,7 +253,11 @@ fn soundness(all: &[IdentifiabilityResult]) -> TextTable {
         let short = |v: f64| rounded(v, 3).to_string();
         let slow: Vec<String> = n.slow_n_m.iter().map(|(direction, v)| format!("{} {direction}", short(*v))).collect();
         row.extend([short(n.white_n_m), slow.join(", "), short(n.emg_percent), short(n.emg_gain_percent)]);
-        row.extend([fixed(s.dispersion, 2), fixed(s.largest_deviance_error, 2), fixed(s.largest_r_hat, 3)]);
+        let none = || "–".to_string();
+        row.extend(s.map_or_else(
+            || [none(), none(), none()],
+            |s| [fixed(s.dispersion, 2), fixed(s.largest_deviance_error, 2), fixed(s.largest_r_hat, 3)],
+        ));
         row
     });
     TextTable {
@@ -263,7 +267,8 @@ fn soundness(all: &[IdentifiabilityResult]) -> TextTable {
         rows: rows.collect(),
         note: "Dispersion: scatter of trials about the fit over what the noise explains (variance ratio), by which intervals are \
                widened; ends: largest difference of −2 log likelihood from what the level asks for, by simulation (2.7 and more \
-               make a 90 % interval)."
+               make a 90 % interval). –: lengths and forces are estimated with a discrepancy and a little of every effect, \
+               which make their intervals as wide as they need to be."
             .to_string(),
     }
 }

@@ -6,6 +6,7 @@ use super::diagnose::{ParameterEstimate, Request};
 use super::effect::Effect;
 use super::fit::Analysis;
 use super::forward_model::Setting;
+use super::inference::muscles::MuscleEstimate;
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 
 /// A model after a step: what was fitted, and what that leaves.
@@ -13,6 +14,10 @@ use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 pub struct FittedStep {
     /// Muscle parameters.
     pub parameters: Vec<MuscleParameters>,
+    /// What the trials say of them, with these effects.
+    pub muscles: Vec<MuscleEstimate>,
+    /// How far muscles and effects are from the model as given (0) to the joint mode (1).
+    pub part_of_the_way: f64,
     /// Effects; empty where only the muscles were fitted.
     pub effects: Vec<Setting>,
     /// The effects' parameters by `effect.parameter`.
@@ -34,9 +39,20 @@ pub fn fit_steps(
 ) -> Result<Vec<FittedStep>, SimulationError> {
     let ids: Vec<&str> = effects.iter().map(|e| e.description().id).collect();
     let mut session = request.session();
+    let alone = request.muscles()?;
     let mut step = |count: usize| {
-        let state = session.estimate(&ids[..count], true, &request.report())?;
-        let handed_over = session.handed_over(&state)?;
+        let state = match count {
+            0 => session.taken_up(&alone, &request.report())?,
+            _ => session.estimate(&ids[..count], true, &request.report())?,
+        };
+        let (handed_over, muscles) = match count {
+            0 => (alone.handed_over.clone(), alone.parameters.clone()),
+            _ => {
+                let handed_over = session.handed_over(&state)?;
+                let muscles = session.muscle_estimates(&state, &handed_over);
+                (handed_over, muscles)
+            }
+        };
         progress(1 + effects.len() - count);
         // What is handed over may be short of the joint mode: an interval holds both.
         let forward = request.forward;
@@ -57,6 +73,8 @@ pub fn fit_steps(
         let left = session.analysis.anything_left(&session.as_fit(&state), &unidentifiable(&session.analysis));
         Ok::<_, SimulationError>(FittedStep {
             parameters: handed_over.parameters,
+            muscles,
+            part_of_the_way: handed_over.part,
             effects: added,
             estimates,
             p_value: left.map(|left| left.p_value),

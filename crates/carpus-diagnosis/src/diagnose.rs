@@ -11,6 +11,8 @@ use super::catalogue::with_own;
 use super::effect::{Effect, Role};
 use super::fit::{Analysis, Fit};
 use super::forward_model::{ForwardModel, Setting};
+use super::inference::muscles::{MuscleEstimate, Muscles};
+use super::inference::resting_fiber::RestingFiber;
 use super::inference::search::Budget;
 use super::inference::session::{HandedOver, Session, State};
 use super::named::{AccountStep, named};
@@ -59,6 +61,8 @@ pub struct Request<'a> {
     pub laboratory: Option<Laboratory<'a>>,
     /// Bounds of the muscle parameters: priors.
     pub bounds: ParameterBounds,
+    /// Fascicle lengths of images that are data.
+    pub images: Vec<RestingFiber>,
     /// Effects that may be named; empty: all. The others stay of the size that everything has in a laboratory.
     pub candidates: Vec<&'static dyn Effect>,
     /// Largest moment of the session [N·m].
@@ -77,11 +81,18 @@ impl<'a> Request<'a> {
         let new: Vec<&'static dyn Effect> = self.candidates.iter().filter(is_new).copied().collect();
         effects.extend(new);
         let session =
-            Session::new(self.forward, train, effects, &self.bounds, Budget { expansions: EXPANSIONS }, self.seed);
+            Session::new(self.forward, train, effects, &self.bounds, Budget { expansions: EXPANSIONS }, self.seed)
+                .with_images(self.images.clone());
         match self.candidates.as_slice() {
             [] => session,
             some => session.naming(some),
         }
+    }
+
+    /// The muscles alone, as every command reports them.
+    pub(super) fn muscles(&self) -> Result<Muscles<'a>, SimulationError> {
+        let found = Muscles::of(self.session(), &self.report(), &|| true)?;
+        found.ok_or(SimulationError::NoiseCovariance)
     }
 
     /// Tells the log how far an estimate is.
@@ -96,6 +107,8 @@ pub struct Outcome {
     pub diagnosis: Diagnosis,
     /// Muscles fitted without effects.
     pub recalibrated: HandedOver,
+    /// What the trials say of these muscles' parameters.
+    pub muscles: Vec<MuscleEstimate>,
     /// Muscles and effects.
     pub handed_over: HandedOver,
     /// What baselines need.
@@ -129,7 +142,9 @@ pub fn diagnose(request: &Request, at: &dyn Fn(usize)) -> Result<Outcome, Simula
     begins(0);
     let found = session.estimate(&[], false, &report)?;
     begins(1);
-    let alone = session.estimate(&[], true, &report)?;
+    let muscles = request.muscles()?;
+    // Beside effects the noise is smaller, and tests of what is left see more.
+    let alone = session.taken_up(&muscles, &report)?;
     begins(2);
     let (state, evidence) = session.likely(found, &report)?;
     let null = session.as_fit(&alone);
@@ -147,7 +162,7 @@ pub fn diagnose(request: &Request, at: &dyn Fn(usize)) -> Result<Outcome, Simula
     let left_alone = test(&session.analysis, &null, &not_testable)?;
 
     begins(3);
-    let recalibrated = session.handed_over(&alone)?;
+    let recalibrated = muscles.handed_over;
     let handed_over = session.handed_over(&state)?;
     let (effects, mut account) = named(request, &session, &state, &evidence, [&handed_over, &recalibrated])?;
     begins(4);
@@ -227,7 +242,7 @@ pub fn diagnose(request: &Request, at: &dyn Fn(usize)) -> Result<Outcome, Simula
     };
     let ingredients = Ingredients::of(&session.analysis, &null);
     report(&format!("{:.1?}: done", clock.elapsed()));
-    Ok(Outcome { diagnosis, recalibrated, handed_over, ingredients })
+    Ok(Outcome { diagnosis, recalibrated, muscles: muscles.parameters, handed_over, ingredients })
 }
 
 /// Measured minus simulated moments [N·m].

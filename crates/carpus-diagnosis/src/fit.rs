@@ -20,6 +20,7 @@ mod noise_estimate;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::ONE_BY_ONE;
 use super::effect::{Effect, Role, Stage};
@@ -85,6 +86,10 @@ pub struct Analysis<'a> {
     pub candidates: Vec<&'static dyn Effect>,
     /// Prior standard deviation of log F_max, log l_opt, log l_slack.
     pub(crate) prior_sd: [f64; FITTED_PER_MUSCLE],
+    /// Bounds of their changes.
+    pub(crate) log_bounds: [[f64; 2]; FITTED_PER_MUSCLE],
+    /// Columns of muscle parameters, the second of which changes with the first.
+    pub(crate) tied: Vec<[usize; 2]>,
     /// Blocks of directions and their columns among all directions.
     pub blocks: Vec<Block>,
     /// Per training trial.
@@ -94,6 +99,8 @@ pub struct Analysis<'a> {
     pub(crate) seed: u64,
     /// Per training trial: moments to fit in place of the recorded ones [N·m].
     pub(crate) targets: Option<Vec<Vec<f64>>>,
+    /// Times that the trials were linearized.
+    pub(crate) linearized: AtomicUsize,
 }
 
 /// What of a trial's noise depends on its times and direction alone.
@@ -114,6 +121,11 @@ impl<'a> Analysis<'a> {
             Some(targets) => &targets[position],
             None => &self.forward.trials[self.train[position]].moment,
         }
+    }
+
+    /// Parameter sets with which all trials were simulated so far, with derivatives.
+    pub fn linearizations(&self) -> usize {
+        self.linearized.load(Ordering::Relaxed)
     }
 
     pub(crate) fn n_muscles(&self) -> usize {
@@ -199,6 +211,8 @@ impl<'a> Analysis<'a> {
         let mut point = point.clone();
         let muscles = self.n_muscles() * FITTED_PER_MUSCLE;
         let most = |i: usize| if i < muscles { [0.7, 0.1, 0.03][i % FITTED_PER_MUSCLE] } else { 6.0 };
+        let mut step = step.clone();
+        self.tied.iter().for_each(|[first, other]| step[*other] = step[*first]);
         let excess = step.iter().enumerate().map(|(i, s)| s.abs() / most(i)).fold(1.0, f64::max);
         let step = step / excess;
         for (m, p) in point.parameters.iter_mut().enumerate() {
@@ -315,6 +329,12 @@ pub(crate) fn whiten(factor: &Cholesky<f64, Dyn>, columns: &DMatrix<f64>) -> DMa
 /// Aᵀ B.
 pub(crate) fn product(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     a.transpose() * b
+}
+
+/// Bounds of the changes of log F_max, log l_opt and log l_slack.
+fn log_bounds(bounds: &ParameterBounds) -> [[f64; 2]; FITTED_PER_MUSCLE] {
+    [bounds.max_isometric_force, bounds.optimal_fiber_length, bounds.tendon_slack_length]
+        .map(|b| [b.lower.ln(), b.upper.ln()])
 }
 
 fn prior_sd(bounds: &ParameterBounds) -> [f64; FITTED_PER_MUSCLE] {

@@ -118,7 +118,7 @@ pub fn most_useful(separations: &[Separation]) -> Vec<&Separation> {
 ///
 /// # Errors
 /// A trial that cannot be simulated.
-fn after_session(
+pub fn after_session(
     session: &ForwardModel,
     spec: &ModelSpec,
     model: &MusculoskeletalModel,

@@ -3,7 +3,7 @@
 use super::next_trial::Candidate;
 use super::recorded::RecordedTrial;
 use carpus_simulation::simulation::{MusculoskeletalModel, Options, Recording, SimulationError};
-use carpus_study::study::{Contraction, Direction, Trial, TrialUse};
+use carpus_study::study::{Contraction, Direction, Trial, TrialInfo, TrialUse};
 
 /// Efforts offered, in percent of the maximum.
 const EFFORTS: [f64; 4] = [25.0, 50.0, 75.0, 100.0];
@@ -29,6 +29,24 @@ struct Plan {
     direction: Direction,
     angle: Vec<f64>,
     excitation: Vec<Vec<f64>>,
+}
+
+/// [`usual_candidates`] as trials, with zero moments, to be recorded after others.
+pub fn usual_recordings(model: &MusculoskeletalModel, trials: &[Trial]) -> Vec<Trial> {
+    let (Some(known), Some(first)) = (Known::new(model, trials), trials.first()) else { return Vec::new() };
+    let time: Vec<f64> = (0..=(DURATION * RATE) as usize).map(|k| k as f64 / RATE).collect();
+    let trial = |plan: Plan| {
+        let info = TrialInfo {
+            name: plan.name,
+            direction: plan.direction,
+            usage: TrialUse::Train,
+            start_time: None,
+            arm_flipped: false,
+            ..first.info.clone()
+        };
+        Trial::from_samples(info, time.clone(), plan.angle, vec![0.0; time.len()], plan.excitation)
+    };
+    known.plans().into_iter().map(trial).collect()
 }
 
 /// Contractions × efforts × postures × directions.

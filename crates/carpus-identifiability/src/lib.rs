@@ -1,5 +1,8 @@
 //! What recorded trials say about muscle parameters, and what they leave open.
 //!
+//! [`identify_session`] asks the one model of a session, which every command shares, about lengths and forces. [`identify`] asks about further
+//! properties of muscles, and with moments about further coordinates, by a likelihood of its own.
+//!
 //! In: a participant's model, training trials, and the parameters in question with bounds and priors. Out: for every
 //! parameter a confidence interval that rests on the data alone (profile likelihood), a posterior that uses prior
 //! knowledge too (no-U-turn sampler), the share of what is known that comes from the data; which combinations of
@@ -7,6 +10,7 @@
 //!
 //! | file | what is in it |
 //! |---|---|
+//! | `session.rs` | lengths and forces by the model of a session |
 //! | `parameters.rs` | properties of muscles, ties, bounds, priors |
 //! | `likelihood.rs` | noise of moment and EMG, the most probable parameters |
 //! | `surrogate.rs` | the likelihood near them as polynomials: microseconds instead of simulations |
@@ -29,6 +33,7 @@ mod parameters;
 mod posterior;
 mod profile;
 mod recorded;
+mod session;
 mod surrogate;
 
 use nalgebra::{DMatrix, DVector};
@@ -38,11 +43,12 @@ use carpus_numerics::statistics::normal_quantile;
 use carpus_osim::osim::spec::MuscleSpec;
 use carpus_simulation::simulation::{MusculoskeletalModel, Options, SimulationError};
 
-pub use candidates::usual_candidates;
+pub use candidates::{usual_candidates, usual_recordings};
 pub use directions::{Combination, Component};
 pub use next_trial::{Candidate, RankedTrial};
 pub use parameters::{FreeParameter, MuscleProperty, Prior};
 pub use recorded::{Channel, RecordedTrial};
+pub use session::{SessionRequest, identify_session};
 
 use likelihood::{Fit, Problem};
 use parameters::Layout;
@@ -89,6 +95,9 @@ pub enum IdentifiabilityError {
         /// Upper bound.
         upper: f64,
     },
+    /// A session estimates lengths and forces alone.
+    #[error("a property that is not among those that every fit estimates")]
+    NotFitted,
     /// A trial cannot be simulated.
     #[error(transparent)]
     Simulation(#[from] SimulationError),
@@ -99,7 +108,7 @@ pub use carpus_personalization::personalization::BoundHit;
 
 /// A parameter's confidence interval. Values are in the unit of the property.
 #[derive(Clone, Debug)]
-pub struct ConfidenceInterval {
+struct ConfidenceInterval {
     /// The parameter.
     pub parameter: FreeParameter,
     /// Value that the data make most likely within the bounds, without prior knowledge.
@@ -187,8 +196,10 @@ pub struct Identifiability {
     pub noise: NoiseLevels,
     /// Draws of the logarithms of factors, one row each.
     pub draws: DMatrix<f64>,
-    /// How far to trust this.
-    pub soundness: Soundness,
+    /// How far to trust this; of [`identify`].
+    pub soundness: Option<Soundness>,
+    /// How far personalization goes from the model as given (0) to these values (1); of [`identify_session`].
+    pub part_of_the_way: Option<f64>,
     /// Candidates for the next trial, the most informative first.
     pub next_trials: Vec<RankedTrial>,
 }
@@ -231,21 +242,10 @@ pub fn identify(request: &Request) -> Result<Identifiability, IdentifiabilityErr
         correlations: correlations(&matrix),
         noise: fit.held.levels,
         draws: matrix,
-        soundness,
+        soundness: Some(soundness),
+        part_of_the_way: None,
         next_trials,
     })
-}
-
-/// The confidence intervals alone, without posterior, correlations and further trials: half the time.
-///
-/// # Errors
-/// [`IdentifiabilityError`].
-pub fn intervals(request: &Request) -> Result<Vec<ConfidenceInterval>, IdentifiabilityError> {
-    let problem = checked(request)?;
-    let fit = problem.fit()?;
-    let found = profiled(&problem, &fit, request)?;
-    let free = &problem.layout.free;
-    Ok((0..free.len()).map(|i| interval(i, free, &found.profiles, found.freedom[i])).collect())
 }
 
 /// Profiles and what they were made with.
@@ -273,18 +273,23 @@ fn profiled(problem: &Problem, fit: &Fit, request: &Request) -> Result<Profiled,
     Ok(Profiled { surrogate, freedom, drops, profiles, largest_deviance_error })
 }
 
-fn checked(request: &Request) -> Result<Problem, IdentifiabilityError> {
-    if request.trials.is_empty() {
-        return Err(IdentifiabilityError::NoTrials);
-    }
-    if request.parameters.is_empty() {
+fn check(parameters: &[FreeParameter]) -> Result<(), IdentifiabilityError> {
+    if parameters.is_empty() {
         return Err(IdentifiabilityError::NoParameters);
     }
-    for p in &request.parameters {
+    for p in parameters {
         if !(p.lower > 0.0 && p.upper > p.lower && p.upper.is_finite()) {
             return Err(IdentifiabilityError::Bounds { name: p.name(), lower: p.lower, upper: p.upper });
         }
     }
+    Ok(())
+}
+
+fn checked(request: &Request) -> Result<Problem, IdentifiabilityError> {
+    if request.trials.is_empty() {
+        return Err(IdentifiabilityError::NoTrials);
+    }
+    check(&request.parameters)?;
     let nominal = request.model.nominal_parameters();
     Ok(Problem {
         layout: Layout::new(request.parameters.clone(), nominal.len()),

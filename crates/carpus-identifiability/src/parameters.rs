@@ -1,7 +1,7 @@
 //! What is to be determined: properties of muscles, alone or tied together, as logarithms of factors of the model's values.
 
 use carpus_osim::osim::spec::{MuscleKind, MuscleSpec};
-use carpus_simulation::simulation::MuscleParameters;
+use carpus_simulation::simulation::{MuscleParameters, Property};
 use carpus_study::study::{ParameterBounds, RelativeBounds};
 
 /// A positive property of a Millard muscle that data may determine.
@@ -114,6 +114,11 @@ impl MuscleProperty {
             MuscleProperty::OptimalFiberLength | MuscleProperty::TendonSlackLength => 3.0,
             _ => 2.0,
         }
+    }
+
+    /// The property among those that every fit estimates.
+    pub fn fitted(self) -> Option<Property> {
+        Property::ALL.into_iter().find(|p| p.name() == self.name())
     }
 
     /// Whether a simulation's exact derivatives cover it.

@@ -41,8 +41,13 @@ pub struct IdentifiabilityResult {
     pub next_trials: Vec<NextTrialResult>,
     /// What the fit found of noise.
     pub noise: NoiseResult,
-    /// How far to trust the numbers.
-    pub soundness: SoundnessResult,
+    /// How far personalization goes from the model as given (0) to the most likely values (1), as left-out training trials are predicted best;
+    /// of lengths and forces.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part_of_the_way: Option<f64>,
+    /// How far to trust the numbers, where they are from profiles and draws of a likelihood.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub soundness: Option<SoundnessResult>,
     /// What the reader must know.
     pub warnings: Vec<WarningResult>,
 }
@@ -65,7 +70,7 @@ pub struct ParameterKnowledge {
     pub most_likely: f64,
     /// `lower` or `upper`, if it stands there.
     pub at_bound: Option<String>,
-    /// Confidence interval from data and bounds alone (profile likelihood).
+    /// Interval of lengths and forces: given the trials, with prior knowledge; of other parameters: from data and bounds alone (profile likelihood).
     pub interval: [f64; 2],
     /// Whether the data set each end.
     pub end_from_data: [bool; 2],
@@ -212,7 +217,6 @@ pub fn render_identifiability(result: &IdentifiabilityResult) -> String {
         [in_superscript(&c.words), format!("±{}", percent(c.sd_percent)), format!("±{}", percent(c.prior_sd_percent))]
     };
     let shown = result.combinations.len().min(6);
-    let s = &result.soundness;
     let slow: Vec<String> = (result.noise.slow_n_m.iter())
         .map(|(direction, v)| format!("{} N·m (direction: {direction})", significant(*v, 2)))
         .collect();
@@ -256,12 +260,12 @@ pub fn render_identifiability(result: &IdentifiabilityResult) -> String {
             result.noise.emg_percent,
             result.noise.emg_gain_percent
         ),
-        trust: format!(
+        trust: result.soundness.map_or_else(String::new, |s| format!(
             "Trials scatter about the fit {:.1} times as much (variance) as the noise explains; intervals are widened \
              accordingly. −2 log likelihood at the ends of intervals, by simulation, is within {:.2} of what the level asks for. Largest R̂ {:.3}, \
              at least {:.0} independent draws, {} divergent paths.",
             s.dispersion, s.largest_deviance_error, s.largest_r_hat, s.fewest_effective_draws, s.divergent
-        ),
+        )),
     };
     finished(&page)
 }

@@ -37,6 +37,9 @@ pub struct Results {
     /// Fitted parameters; empty unless something was fitted.
     #[serde(default)]
     pub parameters: Vec<ParameterResult>,
+    /// How far the fitted model is from the model as given (0) to the joint mode (1), as training trials left out one at a time are predicted best.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part_of_the_way: Option<f64>,
     /// How the fit went, stage by stage; empty unless something was fitted.
     #[serde(default)]
     pub stages: Vec<StageResult>,
@@ -310,12 +313,12 @@ pub struct ParameterResult {
     /// Share of the variance within the bounds that the data removed: 0, they say nothing about the value; 1, all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub share_from_data: Option<f64>,
-    /// Confidence interval from the training trials and the bounds alone, if it was computed.
+    /// Interval given the training trials, with the bounds as prior, if it was computed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub interval: Option<IntervalResult>,
 }
 
-/// A confidence interval of a parameter.
+/// An interval of a parameter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct IntervalResult {
@@ -325,7 +328,7 @@ pub struct IntervalResult {
     pub lower: f64,
     /// Upper end.
     pub upper: f64,
-    /// Whether the data set each end; `false`: it is the bound.
+    /// Whether the trials set each end; `false`: the bounds do.
     pub end_from_data: [bool; 2],
 }
 

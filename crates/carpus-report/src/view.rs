@@ -138,6 +138,8 @@ pub struct View {
     /// Level of the parameters' intervals, if they have any.
     pub interval_level: Option<String>,
     pub has_determination: bool,
+    /// How far the fitted values are from those before to the fit, if it is not the fit itself.
+    pub part_of_the_way: Option<String>,
     pub stages: Vec<StageRow>,
     pub axes: Vec<AxisPanel>,
     pub repetition_noise: String,
@@ -182,6 +184,7 @@ impl View {
                 .find_map(|p| p.interval.as_ref())
                 .map(|i| format!("{:.0}\u{202f}%", 100.0 * i.level)),
             has_determination: results.parameters.iter().any(|p| p.share_from_data.is_some()),
+            part_of_the_way: results.part_of_the_way.filter(|part| *part < 1.0).map(percent),
             stages: results.stages.iter().map(stage_row).collect(),
             axes: axis_panels(None, results.residuals.last(), &[]),
             repetition_noise: repetition_words(results.residuals.last()),

@@ -71,6 +71,7 @@ pub fn results(setting: Setting, trials: &[Trial], runs: &[ModelRun]) -> Result<
         models,
         trials: (0..trials.len()).map(trial).collect(),
         parameters: Vec::new(),
+        part_of_the_way: None,
         stages: Vec::new(),
         residuals: Vec::new(),
         diagnosis: None,

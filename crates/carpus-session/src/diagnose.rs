@@ -11,6 +11,7 @@ use super::diagnostic::{Diagnostic, Failure};
 use super::loading::{LoadedParticipant, Purpose};
 use super::output::OutputFolder;
 use super::participant::Session;
+use super::personalize::images;
 use super::provenance::DEFAULT_SEED;
 use super::residuals::residual_result;
 use super::result_files::{account, write_results};
@@ -20,7 +21,7 @@ use carpus_diagnosis::effect::Effect;
 use carpus_diagnosis::forward_model::{ForwardModel, Setting};
 use carpus_diagnosis::moments::simulate_all;
 use carpus_diagnosis::separation::Laboratory;
-use carpus_report::results::{Kind, Results};
+use carpus_report::results::{Kind, Results, rounded};
 use carpus_simulation::simulation::MuscleParameters;
 use carpus_study::study::TrialUse;
 
@@ -76,7 +77,7 @@ impl Session<'_> {
     pub fn diagnosed(&self, forward: &ForwardModel, request: &Diagnose) -> Result<Diagnosed<'_>, Failure> {
         let progress = self.progress()?;
         let run = &self.data;
-        let asked = self.estimation(forward, candidates(&request.candidates)?, request.seed);
+        let asked = self.estimation(forward, candidates(&request.candidates)?, request.seed)?;
         let name = &run.participant.name;
         let at = |phase: usize| progress.at(&format!("{name}: {}", PHASES[phase]), phase, PHASES.len());
         let outcome = diagnose(&asked, &at)
@@ -92,22 +93,26 @@ impl Session<'_> {
     }
 
     /// What is asked of the one estimator.
+    ///
+    /// # Errors
+    /// An image in which the model has no such muscle.
     pub(super) fn estimation<'a>(
         &'a self,
         forward: &'a ForwardModel,
         candidates: Vec<&'static dyn Effect>,
         seed: u64,
-    ) -> Request<'a> {
+    ) -> Result<Request<'a>, Failure> {
         let run = &self.data;
-        Request {
+        Ok(Request {
             participant: run.participant.name.clone(),
             forward,
             laboratory: Some(laboratory(run)),
             bounds: self.study.tables.settings.bounds,
+            images: images(self.study, run)?,
             candidates,
             mvc: largest_moment(run),
             seed,
-        }
+        })
     }
 
     /// The diagnosis of these files by the whole catalogue: the one in the folder of results if it is of the same bytes, else a
@@ -209,6 +214,8 @@ fn with_models(
     }
     let mut results = account(Kind::Diagnosis, session, request, request.seed, &models)?;
     results.residuals = residuals;
+    results.parameters = super::personalize::parameters(run, &outcome.muscles, true);
+    results.part_of_the_way = Some(rounded(outcome.recalibrated.part, 4));
     results.diagnosis = Some(diagnosis_file::result(value)?);
     Ok(results)
 }
@@ -222,11 +229,19 @@ fn with_baselines(value: &Value, ingredients: &Ingredients) -> Result<Value, Fai
 /// The trials of a participant, ready to be simulated with effects.
 ///
 /// # Errors
+/// A trial that cannot be simulated.
+pub(super) fn forward_model_of(run: &LoadedParticipant) -> Result<ForwardModel, Failure> {
+    let forward = ForwardModel::for_diagnosis(&run.loaded.file.spec, &run.model, &run.trials)
+        .map_err(|e| Diagnostic::error(e.to_string()).in_file(&run.loaded.path))?;
+    Ok(forward.with_given(run.given.clone()))
+}
+
+/// The trials of a participant, ready to be diagnosed.
+///
+/// # Errors
 /// A trial that cannot be simulated; nothing to train on.
 pub fn forward_model(run: &LoadedParticipant) -> Result<ForwardModel, Failure> {
-    let forward = ForwardModel::for_diagnosis(&run.loaded.file.spec, &run.model, &run.trials)
-        .map_err(|e| Diagnostic::error(e.to_string()).in_file(&run.loaded.path))?
-        .with_given(run.given.clone());
+    let forward = forward_model_of(run)?;
     let found = forward.trials_for(TrialUse::Train).len();
     if found < 2 {
         let name = &run.participant.name;

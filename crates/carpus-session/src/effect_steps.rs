@@ -10,10 +10,10 @@ use super::effect_choice::is_supported;
 use super::loading::LoadedParticipant;
 use super::output::OutputFolder;
 use super::participant::Session;
+use super::personalize::parameters;
 use super::provenance::DEFAULT_SEED;
 use super::residuals::residual_result;
 use super::result_files::{account, write_results};
-use super::study::Study;
 use carpus_diagnosis::addition::{FittedStep, fit_steps};
 use carpus_diagnosis::diagnose::rmse;
 use carpus_diagnosis::effect::Effect;
@@ -22,7 +22,7 @@ use carpus_diagnosis::forward_model::{ForwardModel, Setting};
 use carpus_diagnosis::moments::simulate_all;
 use carpus_osim::osim::OsimFile;
 use carpus_report::ledger::{Choice, Estimate, LEDGER_SCHEMA, Ledger, Step};
-use carpus_report::results::{Kind, ParameterResult, Results, rounded};
+use carpus_report::results::{Kind, Results, rounded};
 use carpus_simulation::simulation::{MuscleParameters, MusculoskeletalModel};
 use carpus_study::study::TrialUse;
 
@@ -67,7 +67,7 @@ impl Session<'_> {
     ) -> Result<WithEffects, Failure> {
         let (run, progress) = (&self.data, self.progress()?);
         let at_model = |text: String| Failure::from(Diagnostic::error(text).in_file(&run.loaded.path));
-        let asked = self.estimation(forward, candidates(&[])?, request.seed);
+        let asked = self.estimation(forward, candidates(&[])?, request.seed)?;
         let what = format!("fitting {}", run.participant.name);
         progress.at(&what, 0, 1 + effects.len());
         let fitted = fit_steps(&asked, effects, &|done| progress.at(&what, done, 1 + effects.len()));
@@ -92,7 +92,9 @@ impl Session<'_> {
         let ledger = ledger(run, forward, asked.mvc, &fitted, &steps, choice(diagnosis, effects, request.i_choose));
         let mut results = results(self, request, &ledger, &steps)?;
         results.warnings = warnings.iter().map(warning_result).collect();
-        results.parameters = muscle_parameters(self.study, run, &steps);
+        let last = fitted.last();
+        results.parameters = last.map(|step| parameters(run, &step.muscles, true)).unwrap_or_default();
+        results.part_of_the_way = last.map(|step| rounded(step.part_of_the_way, 4));
         results.diagnosis = Some(diagnosis.result.clone());
         results.ledger = Some(ledger);
         Ok(WithEffects { results, steps })
@@ -132,7 +134,6 @@ struct Written {
     folder: String,
     file: OsimFile,
     side_car: SideCar,
-    parameters: Vec<MuscleParameters>,
     moments: Vec<Vec<f64>>,
     differs: f64,
 }
@@ -156,7 +157,7 @@ fn written(
     let Some(step) = step else {
         let parameters = forward.nominal_parameters();
         let moments = simulate(forward, &parameters, &[])?;
-        return Ok(Written { folder, file, side_car, parameters, moments, differs: 0.0 });
+        return Ok(Written { folder, file, side_car, moments, differs: 0.0 });
     };
     let names: Vec<String> = run.model.muscle_names().map(String::from).collect();
     let values = |p: &MuscleParameters| {
@@ -188,7 +189,7 @@ fn written(
     let intended = simulate(forward, &step.parameters, &step.effects)?;
     let pairs = moments.iter().flatten().zip(intended.iter().flatten());
     let differs = pairs.fold(0.0, |most, (a, b)| f64::max(most, (a - b).abs()));
-    Ok(Written { folder, file, side_car, parameters: step.parameters.clone(), moments, differs })
+    Ok(Written { folder, file, side_car, moments, differs })
 }
 
 fn ledger(
@@ -270,36 +271,6 @@ fn results(
     let mut results = account(Kind::Effects, session, request, request.seed, &models)?;
     results.residuals = models.iter().map(|m| residual_result(run, &m.id, &m.moments)).collect();
     Ok(results)
-}
-
-/// Muscle parameters before and after, with the bounds that are their prior.
-fn muscle_parameters(study: &Study, run: &LoadedParticipant, steps: &[Written]) -> Vec<ParameterResult> {
-    let (Some(first), Some(last)) = (steps.first(), steps.last()) else { return Vec::new() };
-    let bounds = &study.tables.settings.bounds;
-    type Of = fn(&MuscleParameters) -> f64;
-    let properties: [(&str, &str, Of, _); 3] = [
-        ("optimal_fiber_length", "m", |p| p.optimal_fiber_length, bounds.optimal_fiber_length),
-        ("tendon_slack_length", "m", |p| p.tendon_slack_length, bounds.tendon_slack_length),
-        ("max_isometric_force", "N", |p| p.max_isometric_force, bounds.max_isometric_force),
-    ];
-    let mut out = Vec::new();
-    for (property, unit, of, bounds) in properties {
-        for (muscle, (before, after)) in run.model.muscle_names().zip(first.parameters.iter().zip(&last.parameters)) {
-            out.push(ParameterResult {
-                muscle: muscle.to_owned(),
-                property: property.to_owned(),
-                unit: unit.to_owned(),
-                before: of(before),
-                after: of(after),
-                lower: bounds.lower * of(before),
-                upper: bounds.upper * of(before),
-                standard_deviation: None,
-                share_from_data: None,
-                interval: None,
-            });
-        }
-    }
-    out
 }
 
 /// What a person chose, beside what the diagnosis says.

@@ -3,16 +3,18 @@
 use std::path::{Path, PathBuf};
 
 use super::account::warning_result;
+use super::diagnose::{forward_model_of, laboratory};
 use super::diagnostic::{Diagnostic, Failure};
 use super::identify_files;
-use super::loading::{LoadedParticipant, require_memory};
+use super::loading::{LoadedParticipant, Purpose, require_memory};
 use super::output::OutputFolder;
 use super::participant::Session;
+use super::personalize::{INTERVAL_LEVEL, images};
 use super::provenance::{DEFAULT_SEED, input_file};
 use super::study::{Study, simulation_message};
 use carpus_identifiability::{
-    ConfidenceInterval, FreeParameter, Identifiability, IdentifiabilityError, MuscleProperty, Prior, RecordedTrial,
-    Request, identify, intervals, usual_candidates,
+    FreeParameter, Identifiability, IdentifiabilityError, MuscleProperty, Prior, RecordedTrial, Request,
+    SessionRequest, identify, identify_session, usual_candidates, usual_recordings,
 };
 use carpus_osim::osim::spec::MuscleSpec;
 use carpus_report::identifiability::IdentifiabilityResult;
@@ -24,8 +26,6 @@ use carpus_study::study::{FurtherMoment, PriorKnowledge, PriorUnit, TrialUse, re
 const TOO_NARROW: &str = "intervals of max_isometric_force are somewhat too narrow: in 24 simulated studies of known truth, 90 % \
                           intervals held it in 85 % of cases (those of lengths in 92 to 96 %)";
 
-/// Level of the intervals of [`usual_intervals`].
-pub const INTERVAL_LEVEL: f64 = 0.9;
 /// Draws from the posterior where no other number is asked for.
 pub const DEFAULT_DRAWS: usize = 2000;
 
@@ -101,8 +101,10 @@ impl Session<'_> {
     /// A prior or group that does not suit the model; trials that are too long; a trial that cannot be simulated.
     pub fn identify(&self, request: &Identify) -> Result<Identified<'_>, Failure> {
         self.progress()?;
+        let again = self.read_for(Purpose::Identification)?;
         let run = &self.data;
-        let (mut result, found, more) = request.answered(self.study, run)?;
+        let (mut result, found, more) =
+            request.answered(self.study, again.as_ref().map_or(run, |session| &session.data))?;
         let warnings: Vec<Diagnostic> = run.warnings.iter().cloned().chain(more).collect();
         result.warnings = warnings.iter().map(warning_result).collect();
         result.provenance = self.study.provenance(request, request.seed, run.inputs.clone());
@@ -140,6 +142,8 @@ impl Identified<'_> {
 impl Identify {
     /// What the participant's training trials say, without provenance and warnings of the session; and further warnings.
     ///
+    /// - `run`: read for [`Purpose::Identification`]
+    ///
     /// # Errors
     /// A prior or group that does not suit the model; a trial that cannot be simulated.
     pub fn answered(
@@ -151,10 +155,15 @@ impl Identify {
         // What cannot be simulated has no intervals: better said at once.
         run.simulate(&run.model.nominal_parameters())?;
         let free = parameters(study, run, self, &mut warnings)?;
-        if free.iter().any(|p| p.property == MuscleProperty::MaxIsometricForce) {
-            warnings.push(Diagnostic::warning(TOO_NARROW));
-        }
-        let found = identified(run, &study.tables.settings.columns.further_moments, free, self)?;
+        let further = &study.tables.settings.columns.further_moments;
+        let found = if further.is_empty() && free.iter().all(|p| p.property.fitted().is_some()) {
+            by_session(study, run, free, self)?
+        } else {
+            if free.iter().any(|p| p.property == MuscleProperty::MaxIsometricForce) {
+                warnings.push(Diagnostic::warning(TOO_NARROW));
+            }
+            identified(run, further, free, self)?
+        };
         Ok((identify_files::result(study, run, &found, self.level), found, warnings))
     }
 }
@@ -254,6 +263,28 @@ fn active_specs(run: &LoadedParticipant) -> Vec<MuscleSpec> {
     run.model.muscle_names().filter_map(|name| spec.muscles.iter().find(|m| m.name == name)).cloned().collect()
 }
 
+/// Lengths and forces by the model of a session that every command shares.
+fn by_session(
+    study: &Study,
+    run: &LoadedParticipant,
+    parameters: Vec<FreeParameter>,
+    asked: &Identify,
+) -> Result<Identifiability, Failure> {
+    let forward = forward_model_of(run)?;
+    let request = SessionRequest {
+        forward: &forward,
+        laboratory: laboratory(run),
+        bounds: study.tables.settings.bounds,
+        images: images(study, run)?,
+        parameters,
+        level: asked.level,
+        seed: asked.seed,
+        draws: asked.draws,
+        candidates: usual_recordings(&run.model, &run.trials),
+    };
+    identify_session(&request).map_err(|e| failed(run, e))
+}
+
 fn identified(
     run: &LoadedParticipant,
     further: &[FurtherMoment],
@@ -272,17 +303,6 @@ fn identified(
     }
     let estimation = estimation(run, further, parameters, asked)?;
     identify(&Request { candidates, ..estimation }).map_err(|e| failed(run, e))
-}
-
-/// Confidence intervals of what personalization fits, by the training trials alone.
-///
-/// # Errors
-/// A trial that cannot be simulated.
-pub fn usual_intervals(study: &Study, run: &LoadedParticipant, seed: u64) -> Result<Vec<ConfidenceInterval>, Failure> {
-    let usual = Identify { seed, level: INTERVAL_LEVEL, ..Identify::default() };
-    let free = parameters(study, run, &usual, &mut Vec::new())?;
-    let estimation = estimation(run, &study.tables.settings.columns.further_moments, free, &usual)?;
-    intervals(&estimation).map_err(|e| failed(run, e))
 }
 
 fn failed(run: &LoadedParticipant, error: IdentifiabilityError) -> Failure {

@@ -28,7 +28,6 @@ pub fn result(study: &Study, run: &LoadedParticipant, found: &Identifiability, l
     let deviation = |variance: f64| rounded(variance.sqrt(), 4);
     let [envelope, gain, floor] = found.noise.of_emg().map(deviation);
     let training = run.trials.iter().filter(|t| t.info.usage == TrialUse::Train).map(|t| t.info.direction);
-    let s = &found.soundness;
     IdentifiabilityResult {
         schema: IDENTIFIABILITY_SCHEMA.to_string(),
         provenance: Provenance::default(),
@@ -71,14 +70,15 @@ pub fn result(study: &Study, run: &LoadedParticipant, found: &Identifiability, l
             emg_gain_percent: rounded(100.0 * gain, 3),
             emg_floor: floor,
         },
-        soundness: SoundnessResult {
+        part_of_the_way: found.part_of_the_way.map(|part| rounded(part, 4)),
+        soundness: found.soundness.map(|s| SoundnessResult {
             largest_deviance_error: round(s.largest_deviance_error),
             dispersion: rounded(s.dispersion, 4),
             largest_r_hat: round(s.largest_r_hat),
             fewest_effective_draws: rounded(s.fewest_effective_draws, 4),
             divergent: s.divergent,
             share_outside: round(s.share_outside),
-        },
+        }),
         warnings: Vec::new(),
     }
 }

@@ -25,7 +25,7 @@ pub enum Purpose {
     /// Simulation, comparison, personalization: the trials as recorded.
     #[default]
     Simulation,
-    /// Identification: trials as recorded, refused early where their noise would take too much memory.
+    /// Fits of muscle parameters with their noise: as [`Purpose::Diagnosis`], without its warning of passive trials.
     Identification,
     /// What compares trials with each other: samples are averaged to [`DIAGNOSIS_RATE`], with a warning where there are twice as
     /// many: neither muscles nor movements are faster, and time and memory grow with them. Another warning where no trial to
@@ -118,7 +118,7 @@ impl Study {
     pub fn load(&self, participant: &Participant, purpose: Purpose) -> Result<LoadedParticipant, Failure> {
         match purpose {
             Purpose::Simulation => self.participant_at(participant, f64::INFINITY, None),
-            Purpose::Identification => self.participant_at(participant, f64::INFINITY, Some(false)),
+            Purpose::Identification => self.participant_at(participant, DIAGNOSIS_RATE, Some(true)),
             Purpose::Diagnosis => {
                 let mut run = self.participant_at(participant, DIAGNOSIS_RATE, Some(true))?;
                 run.warnings.extend(only_passive(&run));

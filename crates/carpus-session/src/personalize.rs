@@ -2,34 +2,36 @@
 
 use std::path::Path;
 
+use super::diagnose::forward_model_of;
 use super::diagnostic::{Diagnostic, Failure};
 use super::errors::ErrorOverview;
-use super::identify::{INTERVAL_LEVEL, usual_intervals};
-use super::loading::LoadedParticipant;
+use super::loading::{LoadedParticipant, Purpose};
 use super::output::OutputFolder;
 use super::participant::Session;
 use super::progress::go_on;
 use super::provenance::DEFAULT_SEED;
 use super::result_files::{account, write_errors, write_results, write_series};
 use super::study::Study;
-use carpus_identifiability::ConfidenceInterval;
 use carpus_multibody::muscles::Millard2012;
 use carpus_osim::osim::OsimFile;
 use carpus_personalization::personalization::{
-    FitOptions, FitProblem, FittedParameter, Personalization, PersonalizationError, Progress as FitProgress, Property,
-    RestingFiber, Stage, TrainingTrial, WriteBackError, personalize_while, write_parameters,
+    MuscleEstimate, MuscleProblem, Personalization, PersonalizationError, Progress as FitProgress, Property,
+    RestingFiber, Stage, WriteBackError, personalize, write_parameters,
 };
 use carpus_report::results::{IntervalResult, Kind, ParameterResult, Results, StageResult, rounded};
 use carpus_simulation::imaging::path_length;
-use carpus_simulation::simulation::{MuscleParameters, TrialSimulation};
-use carpus_study::study::{FascicleUse, TrialUse};
+use carpus_simulation::simulation::TrialSimulation;
+use carpus_study::study::FascicleUse;
+
+/// Level of the intervals of fitted values.
+pub const INTERVAL_LEVEL: f64 = 0.9;
 
 /// A personalization: the active muscles' parameters are fitted to the trials with use = train.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Personalize {
-    /// Seed of the global search; the same seed gives the same bytes.
+    /// Seed of everything random; the same seed gives the same bytes.
     pub seed: u64,
-    /// Whether every fitted value gets a 90 % interval, which takes more than half of the time.
+    /// Whether every fitted value gets a 90 % interval.
     pub intervals: bool,
 }
 
@@ -70,7 +72,7 @@ impl Session<'_> {
         let (run, progress) = (&self.data, self.progress()?);
         let nominal = run.model.nominal_parameters();
         let before = run.simulate(&nominal)?;
-        let fit = self.fit(&nominal, request.seed)?;
+        let fit = self.read_for(Purpose::Identification)?.as_ref().unwrap_or(self).fit(request.seed)?;
         go_on(progress)?;
         let mut model = run.loaded.file.clone();
         write_parameters(&mut model, &fit.fitted).map_err(|e| writing_failure(&e, &run.loaded.path))?;
@@ -81,33 +83,28 @@ impl Session<'_> {
             run.model_run("personalized", "Personalized", file.display().to_string(), &after),
         ];
         let mut results = account(Kind::Personalization, self, request, request.seed, &models)?;
-        results.parameters = parameters(&fit.fitted);
-        if request.intervals {
-            progress.at(&format!("intervals of {}", run.participant.name), 0, 0);
-            let found = usual_intervals(self.study, run, request.seed);
-            progress.finished();
-            add_intervals(&mut results.parameters, &found?);
-        }
+        let estimates: Vec<MuscleEstimate> = fit.fitted.iter().filter_map(|p| p.estimate.clone()).collect();
+        results.parameters = parameters(run, &estimates, request.intervals);
+        results.part_of_the_way = Some(rounded(fit.part_of_the_way, 4));
         results.stages = fit.stages.iter().map(stage).collect();
         Ok(Personalized { session: self, results, model, trials: after })
     }
 
     /// Fits the active muscles' parameters to the training trials; held-out trials are not handed over.
-    fn fit(&self, nominal: &[MuscleParameters], seed: u64) -> Result<Personalization, Failure> {
+    fn fit(&self, seed: u64) -> Result<Personalization, Failure> {
         let (study, run, progress) = (self.study, &self.data, self.progress()?);
-        let training = run.trials.iter().zip(&run.prepared).filter(|(trial, _)| trial.info.usage == TrialUse::Train);
-        let problem = FitProblem {
-            trials: training.map(|(trial, prepared)| TrainingTrial { prepared, measured: &trial.moment }).collect(),
-            muscles: run.model.muscle_names().map(String::from).collect(),
-            nominal: nominal.to_vec(),
+        let forward = forward_model_of(run)?;
+        let problem = MuscleProblem {
+            forward: &forward,
             bounds: study.tables.settings.bounds,
-            fibers: fibers(study, run)?,
+            images: images(study, run)?,
+            priors: Vec::new(),
+            seed,
         };
         let what = format!("fitting {}", run.participant.name);
         progress.at(&what, 0, 0);
-        let options = FitOptions { seed, ..FitOptions::default() };
-        let tell = |p: FitProgress| progress.at(&format!("{what}: {}", p.stage), p.evaluations, p.expected);
-        let fit = personalize_while(&problem, &options, &tell, &|| !progress.is_cancelled());
+        let tell = |p: FitProgress| progress.at(&format!("{what}: {}", p.stage), p.done, p.expected);
+        let fit = personalize(&problem, &tell, &|| !progress.is_cancelled());
         progress.finished();
         fit.map_err(|e| match e {
             PersonalizationError::Stopped => Failure::Cancelled,
@@ -158,7 +155,7 @@ pub fn writing_failure(error: &WriteBackError, model: &Path) -> Failure {
 }
 
 /// Fascicle lengths of the participant's images, if the study says that they inform the fit.
-fn fibers(study: &Study, run: &LoadedParticipant) -> Result<Vec<RestingFiber>, Failure> {
+pub(super) fn images(study: &Study, run: &LoadedParticipant) -> Result<Vec<RestingFiber>, Failure> {
     let imaging = &study.tables.settings.imaging;
     if imaging.fascicles == FascicleUse::Check {
         return Ok(Vec::new());
@@ -185,36 +182,33 @@ fn fibers(study: &Study, run: &LoadedParticipant) -> Result<Vec<RestingFiber>, F
     Ok(fibers)
 }
 
-/// Fitted parameters, property by property.
-fn parameters(fitted: &[FittedParameter]) -> Vec<ParameterResult> {
-    let result = |p: &FittedParameter| ParameterResult {
-        muscle: p.muscle.clone(),
+/// Muscle parameters, property by property.
+///
+/// - `estimates`: muscle by muscle
+pub(super) fn parameters(
+    run: &LoadedParticipant,
+    estimates: &[MuscleEstimate],
+    intervals: bool,
+) -> Vec<ParameterResult> {
+    let muscles: Vec<&str> = run.model.muscle_names().collect();
+    let interval = |p: &MuscleEstimate| {
+        let [lower, upper] = p.interval(INTERVAL_LEVEL).map(|end| rounded(end, 7));
+        IntervalResult { level: INTERVAL_LEVEL, lower, upper, end_from_data: p.end_from_data(INTERVAL_LEVEL) }
+    };
+    let result = |p: &MuscleEstimate| ParameterResult {
+        muscle: muscles[p.muscle].to_string(),
         property: p.property.name().to_string(),
         unit: p.property.unit().to_string(),
-        before: p.before,
-        after: p.after,
-        lower: p.lower,
-        upper: p.upper,
-        standard_deviation: p.determination.map(|d| rounded(d.relative_deviation * p.before, 6)),
-        share_from_data: p.determination.map(|d| rounded(d.share_from_data, 6)),
-        interval: None,
+        before: p.given,
+        after: p.value,
+        lower: p.bounds[0],
+        upper: p.bounds[1],
+        standard_deviation: Some(rounded(p.log_sd * p.joint_mode, 6)),
+        share_from_data: Some(rounded(p.share_from_data(), 6)),
+        interval: intervals.then(|| interval(p)),
     };
-    let of = |property: Property| fitted.iter().filter(move |p| p.property == property).map(result);
+    let of = |property: Property| estimates.iter().filter(move |p| p.property == property).map(result);
     Property::ALL.into_iter().flat_map(of).collect()
-}
-
-/// Gives every fitted parameter its interval.
-fn add_intervals(fitted: &mut [ParameterResult], found: &[ConfidenceInterval]) {
-    for result in fitted {
-        let own =
-            found.iter().find(|i| i.parameter.owner == result.muscle && i.parameter.property.name() == result.property);
-        result.interval = own.map(|i| IntervalResult {
-            level: INTERVAL_LEVEL,
-            lower: rounded(i.interval[0], 7),
-            upper: rounded(i.interval[1], 7),
-            end_from_data: i.end_from_data,
-        });
-    }
 }
 
 fn stage(stage: &Stage) -> StageResult {

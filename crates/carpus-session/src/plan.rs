@@ -89,7 +89,7 @@ impl Session<'_> {
         let rivals = if named.is_empty() { rivals(&diagnosis.result)? } else { named };
         let what = format!("planning {}", run.participant.name);
         progress.at(&what, 0, 1);
-        let estimation = self.estimation(forward, candidates(&[])?, request.seed);
+        let estimation = self.estimation(forward, candidates(&[])?, request.seed)?;
         let separations = plan(&estimation, laboratory(run), &rivals, &|done, all| progress.at(&what, done, all));
         progress.finished();
         let separations =
@@ -111,7 +111,7 @@ impl Session<'_> {
         let (run, progress) = (&self.data, self.progress()?);
         let (truth, warnings) = at_size(asked, &forward.muscles, &forward.joint)?;
         warnings.iter().for_each(|warning| progress.warning(warning));
-        let estimation = self.estimation(forward, candidates(&[])?, seed);
+        let estimation = self.estimation(forward, candidates(&[])?, seed)?;
         let distances = separability(&estimation, &truth)
             .map_err(|e| Failure::from(Diagnostic::error(e.to_string()).in_file(&run.loaded.path)))?;
         let names = truth.effect.description().parameters.iter().map(|p| p.name);

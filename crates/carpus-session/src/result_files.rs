@@ -107,6 +107,7 @@ pub fn summary(results: &Results) -> serde_json::Value {
         "trials": results.trials.len(),
         "models": results.models,
         "parameters": results.parameters,
+        "part_of_the_way": results.part_of_the_way,
         "warnings": results.warnings,
     })
 }

@@ -45,6 +45,7 @@ fn found(hidden: &[&'static dyn Effect], candidates: Vec<&'static dyn Effect>) -
         forward: &forward,
         laboratory: None,
         bounds: study.settings.bounds,
+        images: Vec::new(),
         candidates,
         mvc: recorded.iter().map(Trial::max_abs_moment).fold(0.0, f64::max),
         seed: 1,

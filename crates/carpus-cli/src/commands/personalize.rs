@@ -69,6 +69,13 @@ pub fn json(outcomes: &[Results]) -> String {
 pub fn readable(outcomes: &[Results]) -> String {
     let mut text = error_table(outcomes);
     for results in outcomes {
+        if let Some(part) = results.part_of_the_way.filter(|part| *part < 1.0) {
+            text.push_str(&format!(
+                "\n\n{}: {:.0} % of the way from the given model to the fit, as left-out training trials are predicted best",
+                results.participant.id,
+                100.0 * part
+            ));
+        }
         let on_bound: Vec<_> = results.parameters.iter().filter(|p| p.at_bound()).collect();
         if !on_bound.is_empty() {
             let names: Vec<_> = on_bound.iter().map(|p| format!("{} {}", p.muscle, p.property)).collect();

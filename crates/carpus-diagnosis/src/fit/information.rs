@@ -1,11 +1,13 @@
 //! What trials would tell of muscles and effects, without anything being fitted.
 
+use std::sync::atomic::AtomicUsize;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::super::effect::Effect;
 use super::super::forward_model::ForwardModel;
 use super::super::noise::{self, Kernels};
-use super::{AMPLITUDE_PRECISION, Analysis, Fit, Point, prior_sd, trial_times, whiten};
+use super::{AMPLITUDE_PRECISION, Analysis, Fit, Point, log_bounds, prior_sd, trial_times, whiten};
 use carpus_simulation::simulation::SimulationError;
 use carpus_study::study::ParameterBounds;
 
@@ -25,11 +27,14 @@ impl<'a> Analysis<'a> {
             train,
             candidates,
             prior_sd: prior_sd(bounds),
+            log_bounds: log_bounds(bounds),
+            tied: Vec::new(),
             blocks: Vec::new(),
             times,
             kernels,
             seed,
             targets: None,
+            linearized: AtomicUsize::new(0),
         }
     }
 

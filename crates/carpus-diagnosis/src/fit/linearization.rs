@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -53,6 +54,7 @@ impl Analysis<'_> {
         noise: &[TrialNoise],
         variants: &[Variants],
     ) -> Result<Vec<Linear>, SimulationError> {
+        self.linearized.fetch_add(1, Ordering::Relaxed);
         let variant = self.forward.variant(&point.effects)?;
         (0..self.train.len())
             .into_par_iter()
@@ -70,6 +72,11 @@ impl Analysis<'_> {
                 let mut nuisance = DMatrix::zeros(blocks, self.n_nuisance());
                 for (j, by) in self.forward.sensed_derivatives(g, &core, &point.effects).iter().enumerate() {
                     nuisance.set_column(j, &block_means(by, &starts));
+                }
+                for [first, other] in &self.tied {
+                    let by = nuisance.column(*other).clone_owned();
+                    nuisance.column_mut(*first).axpy(1.0, &by, 1.0);
+                    nuisance.column_mut(*other).fill(0.0);
                 }
                 let count: usize = point.effects[..variants.len()].iter().map(|s| s.values.len()).sum();
                 let mut effects = DMatrix::zeros(blocks, count);

@@ -169,6 +169,14 @@ impl LinearModel {
         LinearModel { priors, offset, by_trial, products, size_priors }
     }
 
+    /// With further rows of data that belong to no trial.
+    ///
+    /// - `rows`: whitened derivatives by all columns, and the residual
+    pub fn with_rows(mut self, rows: impl Iterator<Item = DVector<f64>>) -> LinearModel {
+        rows.for_each(|row| self.products.ger(1.0, &row, &row, 1.0));
+        self
+    }
+
     /// Number of columns.
     pub fn len(&self) -> usize {
         self.priors.len()

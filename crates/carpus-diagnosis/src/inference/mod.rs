@@ -14,8 +14,12 @@
 //! - [`discrepancy`]: columns of h and g
 //! - [`search`]: which sets of effects are missing
 //! - [`session`]: the joint mode: relinearized, noise and EMG estimated along the way
+//! - [`muscles`]: muscles alone: values and intervals that every command reports
+//! - [`resting_fiber`]: fascicle lengths of images, as data
 
 pub mod discrepancy;
 pub mod linear_model;
+pub mod muscles;
+pub mod resting_fiber;
 pub mod search;
 pub mod session;

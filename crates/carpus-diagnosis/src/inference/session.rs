@@ -2,6 +2,7 @@
 //! (`docs/src/theory/many-small-errors.md`, equation (20)).
 
 mod columns;
+mod further_trials;
 mod generic_discrepancy;
 mod handing_over;
 mod noise_along_the_way;
@@ -14,10 +15,12 @@ use rayon::prelude::*;
 
 use super::discrepancy::Ranges;
 use super::linear_model::{LinearModel, Sizes};
+use super::muscles::MusclePrior;
+use super::resting_fiber::RestingFiber;
 use super::search::{Budget, Sets, search};
 use crate::effect::Effect;
 use crate::fit::{Analysis, Fit, Linear, Point};
-use crate::forward_model::{ForwardModel, Setting};
+use crate::forward_model::{FITTED_PER_MUSCLE, ForwardModel, Setting};
 use crate::noise::{self, NoiseLevels, TrialNoise};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 use carpus_study::study::ParameterBounds;
@@ -112,6 +115,10 @@ pub struct Session<'a> {
     noise_is_final: bool,
     /// Places of the effects that may be named.
     nameable: Vec<usize>,
+    /// Fascicle lengths of images that are data.
+    images: Vec<RestingFiber>,
+    /// Mean and standard deviation of the logarithm of every muscle parameter's factor before the data; empty: those of the bounds.
+    muscle_priors: Vec<[f64; 2]>,
 }
 
 /// What is handed over to the user.
@@ -190,6 +197,8 @@ impl<'a> Session<'a> {
             ranges,
             budget,
             noise_is_final: false,
+            images: Vec::new(),
+            muscle_priors: Vec::new(),
         }
     }
 
@@ -198,6 +207,28 @@ impl<'a> Session<'a> {
         let known = |c: &&'static dyn Effect| effects.iter().any(|e| e.description().id == c.description().id);
         let places = self.analysis.candidates.iter().enumerate().filter(|(_, c)| known(c));
         self.nameable = places.map(|(place, _)| place).collect();
+        self
+    }
+
+    /// The session with fascicle lengths of images as further data.
+    pub fn with_images(self, images: Vec<RestingFiber>) -> Session<'a> {
+        Session { images, ..self }
+    }
+
+    /// The session with prior knowledge of muscle parameters beside the bounds, and with muscles that have one factor of a property.
+    pub fn with_muscle_priors(mut self, known: &[MusclePrior]) -> Session<'a> {
+        let own = |column: usize| [0.0, self.analysis.prior_sd[column % FITTED_PER_MUSCLE]];
+        self.muscle_priors = (0..self.analysis.n_muscles() * FITTED_PER_MUSCLE).map(own).collect();
+        for prior in known {
+            let mut columns = prior.columns();
+            let Some(first) = columns.next() else { continue };
+            self.muscle_priors[first] = [prior.log_mean, prior.log_sd];
+            for other in columns {
+                // What the first does, it does: it has no prior of its own.
+                self.muscle_priors[other] = [0.0, 0.0];
+                self.analysis.tied.push([first, other]);
+            }
+        }
         self
     }
 

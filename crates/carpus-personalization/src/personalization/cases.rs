@@ -230,8 +230,8 @@ struct FitProblemParts<'a> {
 impl<'a> FitProblemParts<'a> {
     fn new(problem: &CaseProblem<'a>, trials: Vec<TrainingTrial<'a>>) -> Result<Self, PersonalizationError> {
         let (muscles, nominal) = (problem.muscles.clone(), problem.nominal.clone());
-        let problem = FitProblem { trials, muscles, nominal, bounds: problem.bounds, fibers: Vec::new() };
-        Ok(FitProblemParts { space: ParameterSpace::new(&problem)?, set: TrainingSet::new(&problem)? })
+        let problem = FitProblem { trials, muscles, nominal, bounds: problem.bounds };
+        Ok(FitProblemParts { space: ParameterSpace::of(&problem)?, set: TrainingSet::new(&problem)? })
     }
 }
 

@@ -54,7 +54,7 @@ pub enum PersonalizationError {
     /// The model's own parameters cannot be simulated.
     #[error(transparent)]
     Simulation(#[from] SimulationError),
-    /// The caller did not want it to go on ([`super::personalize_while`]).
+    /// The caller did not want it to go on .
     #[error("the fit was stopped on request")]
     Stopped,
     /// The search ended without a usable result.

@@ -1,16 +1,15 @@
 //! Fitting muscle parameters to recorded trials, and writing them back into the model file.
 //!
-//! In: training trials that are prepared for simulation, with their measured moments, and bounds. Out: fitted
-//! parameters, what each stage did, and how far the data determine each parameter. Held-out trials are not seen here.
+//! In: training trials and bounds. Out: fitted parameters, what each stage did, and what the trials say of each parameter. Held-out trials are
+//! not seen here.
 //!
-//! [`Method::TwoStage`] is the procedure of the dissertation (chapter 3): first optimal fibre lengths and tendon slack
-//! lengths, then maximum isometric forces, each by a global and a local search of the mean objective J (equation 3.4).
-//! [`Method::Joint`], the default, goes on from there: all parameters together, by nonlinear least squares with the
-//! exact derivatives of the simulation, and with a weak pull towards the model's own values so that a parameter that the
-//! data say nothing about stays where anatomy put it (see [`Determination`]).
+//! [`personalize`] estimates all parameters together, in the statistical model of a session that the diagnosis has, too
+//! ([`carpus_diagnosis::inference`]): a parameter that the data say nothing about stays where anatomy put it, and what is handed over predicts
+//! left-out trials no worse than the model as given. [`fit_in_two_stages`] is the procedure of the dissertation (chapter 3): first optimal fibre
+//! lengths and tendon slack lengths, then maximum isometric forces, each by a global and a local search of the mean objective J (equation 3.4).
 //!
 //! ```text
-//! let fit = personalize(&problem, &FitOptions::default(), &|_| ())?;
+//! let fit = personalize(&problem, &|_| (), &|| true)?;
 //! write_parameters(&mut file, &fit.fitted)?;        // only the fitted values' lines change
 //! ```
 //! [`fit_case`] fits the training cases of the dissertation's table 3.1 by its own optimizer and by exact gradients of J.
@@ -21,7 +20,6 @@ mod bayesian;
 mod cases;
 mod error;
 mod exact;
-mod fibers;
 mod joint;
 mod moments;
 mod objective;
@@ -31,15 +29,18 @@ mod sqp;
 mod two_stage;
 mod write;
 
+pub use carpus_diagnosis::inference::muscles::{MuscleEstimate, MuscleProblem};
+pub use carpus_diagnosis::inference::resting_fiber::RestingFiber;
+pub use carpus_simulation::simulation::Property;
 use carpus_simulation::simulation::{MuscleParameters, PreparedTrial};
 use carpus_study::study::ParameterBounds;
 use moments::TrainingSet;
 
 pub use cases::{CaseFit, CaseKind, CaseOptions, CaseProblem, Optimizer, TrainingCase, fit_case};
 pub use error::PersonalizationError;
-pub use fibers::RestingFiber;
+pub use joint::personalize;
 pub use objective::mean_objective;
-pub use parameters::{BoundHit, Determination, FittedParameter, Property};
+pub use parameters::{BoundHit, FittedParameter};
 pub use write::{WriteBackError, write_parameters};
 
 /// A trial to fit.
@@ -51,7 +52,7 @@ pub struct TrainingTrial<'a> {
     pub measured: &'a [f64],
 }
 
-/// What is to be fitted.
+/// What is to be fitted in two stages.
 #[derive(Clone, Debug)]
 pub struct FitProblem<'a> {
     /// Training trials.
@@ -62,27 +63,13 @@ pub struct FitProblem<'a> {
     pub nominal: Vec<MuscleParameters>,
     /// Bounds relative to them.
     pub bounds: ParameterBounds,
-    /// Fascicle lengths from images that inform the joint fit, too.
-    pub fibers: Vec<RestingFiber>,
 }
 
-/// How to search.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Method {
-    /// Lengths, then forces, as in chapter 3 of the dissertation.
-    TwoStage,
-    /// The two stages, then all parameters together.
-    #[default]
-    Joint,
-}
-
-/// How to search, and how hard.
+/// How hard to search in two stages.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitOptions {
     /// Seed of the global searches.
     pub seed: u64,
-    /// Which stages.
-    pub method: Method,
     /// Parameter sets of the global search over lengths (a Latin hypercube).
     pub global_points: usize,
     /// Simulated parameter sets that the local search over lengths may take.
@@ -92,7 +79,7 @@ pub struct FitOptions {
 impl Default for FitOptions {
     /// 64 points and 250 local evaluations: about 150 iterations of the dissertation's Bayesian search, and its SQP.
     fn default() -> Self {
-        FitOptions { seed: 0, method: Method::Joint, global_points: 64, local_evaluations: 250 }
+        FitOptions { seed: 0, global_points: 64, local_evaluations: 250 }
     }
 }
 
@@ -101,8 +88,8 @@ impl Default for FitOptions {
 pub struct Progress {
     /// What is being done.
     pub stage: &'static str,
-    /// Parameter sets tried in all stages so far.
-    pub evaluations: usize,
+    /// Parameter sets tried, or steps taken, in all stages so far.
+    pub done: usize,
     /// About how many there will be.
     pub expected: usize,
 }
@@ -131,52 +118,36 @@ pub struct Personalization {
     pub stages: Vec<Stage>,
     /// Parameter sets tried in all stages.
     pub evaluations: usize,
+    /// How far the parameters are from the model as given (0) to the fit itself (1), as trials left out one at a time are predicted best.
+    pub part_of_the_way: f64,
 }
 
-/// Fits the parameters of the active muscles to the training trials.
+/// Fits lengths, then forces, as in chapter 3 of the dissertation, whatever that makes of trials that were not fitted.
 ///
 /// - `progress`: called now and then, from the calling thread
+/// - `goes_on`: asked between the searches, from the calling thread
 ///
 /// # Errors
 /// No trials; measured moments that are zero throughout or of another length; bounds that exclude the model's own
-/// values; a simulation that fails with the model's own parameters.
-pub fn personalize(
-    problem: &FitProblem,
-    options: &FitOptions,
-    progress: &dyn Fn(Progress),
-) -> Result<Personalization, PersonalizationError> {
-    personalize_while(problem, options, progress, &|| true)
-}
-
-/// As [`personalize`], as long as it is to go on.
-///
-/// - `goes_on`: asked between the searches of a fit, from the calling thread
-///
-/// # Errors
-/// As there; [`PersonalizationError::Stopped`].
-pub fn personalize_while(
+/// values; a simulation that fails with the model's own parameters; [`PersonalizationError::Stopped`].
+pub fn fit_in_two_stages(
     problem: &FitProblem,
     options: &FitOptions,
     progress: &dyn Fn(Progress),
     goes_on: &dyn Fn() -> bool,
 ) -> Result<Personalization, PersonalizationError> {
-    let space = parameters::ParameterSpace::new(problem)?;
+    let space = parameters::ParameterSpace::of(problem)?;
     let set = TrainingSet::new(problem)?;
-    let expected = options.global_points + options.local_evaluations + joint::EXPECTED_EVALUATIONS;
+    let expected = options.global_points + options.local_evaluations;
     let (stages, evaluations) = (Vec::new(), 0);
     let mut run = Run { space: &space, set: &set, options, progress, goes_on, expected, stages, evaluations };
-    let mut factors = run.two_stages()?;
-    let mut determination = None;
-    if options.method == Method::Joint {
-        let (joint, known) = run.joint(&factors)?;
-        factors = joint;
-        determination = Some(known);
-    }
+    let factors = run.two_stages()?;
     Ok(Personalization {
         parameters: space.parameters(&factors),
-        fitted: space.fitted(&factors, determination.as_deref()),
+        fitted: space.fitted(&factors, None),
         stages: run.stages,
         evaluations: run.evaluations,
+        part_of_the_way: 1.0,
     })
 }
 
@@ -200,7 +171,7 @@ impl Run<'_> {
 
     fn finish_stage(&mut self, stage: Stage) {
         self.evaluations += stage.evaluations;
-        (self.progress)(Progress { stage: stage.name, evaluations: self.evaluations, expected: self.expected });
+        (self.progress)(Progress { stage: stage.name, done: self.evaluations, expected: self.expected });
         self.stages.push(stage);
     }
 }

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::objective::objective;
-use super::{FitProblem, PersonalizationError, RestingFiber, TrainingTrial};
+use super::{FitProblem, PersonalizationError, TrainingTrial};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 
 /// Training trials, ready for many evaluations.
@@ -12,8 +12,6 @@ pub(super) struct TrainingSet<'a> {
     pub(super) trials: Vec<TrainingTrial<'a>>,
     /// Per trial: the part of the moment that no fitted parameter changes [N·m].
     pub(super) fixed: Vec<Vec<f64>>,
-    /// Fascicle lengths of the joint fit.
-    pub(super) fibers: Vec<RestingFiber>,
 }
 
 /// Moment of every muscle per unit of maximum isometric force, per trial and muscle [m].
@@ -42,7 +40,7 @@ impl<'a> TrainingSet<'a> {
             }
         }
         let fixed = problem.trials.iter().map(|t| t.prepared.moment_without_muscles()).collect();
-        Ok(TrainingSet { trials: problem.trials.clone(), fixed, fibers: problem.fibers.clone() })
+        Ok(TrainingSet { trials: problem.trials.clone(), fixed })
     }
 
     /// Unit moments of all muscles in all trials; parallel over both.

@@ -1,59 +1,9 @@
 //! The parameters that are fitted, as factors of the model's own values.
 
 use super::{FitProblem, PersonalizationError};
-use carpus_simulation::simulation::MuscleParameters;
-use carpus_study::study::RelativeBounds;
-
-/// A fitted property of a muscle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Property {
-    /// `optimal_fiber_length`.
-    OptimalFiberLength,
-    /// `tendon_slack_length`.
-    TendonSlackLength,
-    /// `max_isometric_force`.
-    MaxIsometricForce,
-}
-
-impl Property {
-    /// All, in the order of parameter vectors.
-    pub const ALL: [Property; 3] =
-        [Property::OptimalFiberLength, Property::TendonSlackLength, Property::MaxIsometricForce];
-
-    /// OpenSim's property name.
-    pub fn name(self) -> &'static str {
-        match self {
-            Property::OptimalFiberLength => "optimal_fiber_length",
-            Property::TendonSlackLength => "tendon_slack_length",
-            Property::MaxIsometricForce => "max_isometric_force",
-        }
-    }
-
-    /// Unit in the file.
-    pub fn unit(self) -> &'static str {
-        match self {
-            Property::OptimalFiberLength | Property::TendonSlackLength => "m",
-            Property::MaxIsometricForce => "N",
-        }
-    }
-
-    /// Its value among a muscle's parameters.
-    pub fn of(self, parameters: &MuscleParameters) -> f64 {
-        match self {
-            Property::OptimalFiberLength => parameters.optimal_fiber_length,
-            Property::TendonSlackLength => parameters.tendon_slack_length,
-            Property::MaxIsometricForce => parameters.max_isometric_force,
-        }
-    }
-
-    fn of_mut(self, parameters: &mut MuscleParameters) -> &mut f64 {
-        match self {
-            Property::OptimalFiberLength => &mut parameters.optimal_fiber_length,
-            Property::TendonSlackLength => &mut parameters.tendon_slack_length,
-            Property::MaxIsometricForce => &mut parameters.max_isometric_force,
-        }
-    }
-}
+use carpus_diagnosis::inference::muscles::MuscleEstimate;
+use carpus_simulation::simulation::{MuscleParameters, Property};
+use carpus_study::study::{ParameterBounds, RelativeBounds};
 
 /// A bound that a fitted value lies at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,18 +12,6 @@ pub enum BoundHit {
     Lower,
     /// The upper bound.
     Upper,
-}
-
-/// How far the training data determine a parameter, to first order about the fitted values.
-///
-/// The fit's prior knowledge of a parameter is that it lies within its bounds, which are three standard deviations from
-/// the model's value; the data narrow that down.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Determination {
-    /// Standard deviation after the fit over the model's value.
-    pub relative_deviation: f64,
-    /// Share of the prior variance that the data removed: 0, the data say nothing; 1, they say all.
-    pub share_from_data: f64,
 }
 
 /// A fitted parameter.
@@ -93,8 +31,8 @@ pub struct FittedParameter {
     pub upper: f64,
     /// The bound that it lies at, if it does.
     pub at_bound: Option<BoundHit>,
-    /// How far the data determine it; only after [`Method::Joint`](super::Method::Joint).
-    pub determination: Option<Determination>,
+    /// What the trials say of it; only of [`personalize`](super::personalize).
+    pub estimate: Option<MuscleEstimate>,
 }
 
 /// All fitted parameters as one vector of factors: optimal fibre lengths of all muscles, then tendon slack lengths, then
@@ -107,23 +45,30 @@ pub(super) struct ParameterSpace {
 }
 
 impl ParameterSpace {
-    pub(super) fn new(problem: &FitProblem) -> Result<ParameterSpace, PersonalizationError> {
-        let expected = problem.nominal.len();
+    pub(super) fn of(problem: &FitProblem) -> Result<ParameterSpace, PersonalizationError> {
+        ParameterSpace::new(problem.muscles.clone(), problem.nominal.clone(), &problem.bounds)
+    }
+
+    pub(super) fn new(
+        muscles: Vec<String>,
+        nominal: Vec<MuscleParameters>,
+        b: &ParameterBounds,
+    ) -> Result<ParameterSpace, PersonalizationError> {
+        let expected = nominal.len();
         if expected == 0 {
             return Err(PersonalizationError::NoMuscles);
         }
-        if problem.muscles.len() != expected {
-            let found = problem.muscles.len();
+        if muscles.len() != expected {
+            let found = muscles.len();
             return Err(PersonalizationError::Count { what: "names of muscles", found, expected });
         }
-        let b = &problem.bounds;
         let bounds = [b.optimal_fiber_length, b.tendon_slack_length, b.max_isometric_force];
         for (property, RelativeBounds { lower, upper }) in Property::ALL.into_iter().zip(bounds) {
             if !(lower > 0.0 && lower <= 1.0 && upper >= 1.0 && upper > lower && upper.is_finite()) {
                 return Err(PersonalizationError::Bounds { property: property.name(), lower, upper });
             }
         }
-        Ok(ParameterSpace { muscles: problem.muscles.clone(), nominal: problem.nominal.clone(), bounds })
+        Ok(ParameterSpace { muscles, nominal, bounds })
     }
 
     /// Number of muscles.
@@ -144,6 +89,14 @@ impl ParameterSpace {
     /// Bounds of the factor at a position of the vector.
     pub(super) fn bounds(&self, index: usize) -> RelativeBounds {
         self.bounds[index / self.n_muscles()]
+    }
+
+    /// The factors that parameters stand for.
+    pub(super) fn factors(&self, parameters: &[MuscleParameters]) -> Vec<f64> {
+        let of = |property: Property| {
+            parameters.iter().zip(&self.nominal).map(move |(p, nominal)| property.of(p) / property.of(nominal))
+        };
+        Property::ALL.into_iter().flat_map(of).collect()
     }
 
     /// The parameters that factors stand for.
@@ -208,7 +161,11 @@ impl ParameterSpace {
         }
     }
 
-    pub(super) fn fitted(&self, factors: &[f64], known: Option<&[Determination]>) -> Vec<FittedParameter> {
+    /// Every parameter, muscle by muscle.
+    ///
+    /// - `estimates`: of each, in this order, or of none
+    pub(super) fn fitted(&self, factors: &[f64], estimates: Option<Vec<MuscleEstimate>>) -> Vec<FittedParameter> {
+        let mut estimates = estimates.into_iter().flatten();
         let n = self.n_muscles();
         let mut out = Vec::with_capacity(self.len());
         for m in 0..n {
@@ -225,15 +182,16 @@ impl ParameterSpace {
                 } else {
                     None
                 };
+                let estimate = estimates.next();
                 out.push(FittedParameter {
                     muscle: self.muscles[m].clone(),
                     property,
                     before,
-                    after: before * factors[index],
-                    lower: before * lower,
-                    upper: before * upper,
+                    after: estimate.as_ref().map_or(before * factors[index], |e| e.value),
+                    lower: estimate.as_ref().map_or(before * lower, |e| e.bounds[0]),
+                    upper: estimate.as_ref().map_or(before * upper, |e| e.bounds[1]),
                     at_bound,
-                    determination: known.map(|known| known[index]),
+                    estimate,
                 });
             }
         }

@@ -20,6 +20,7 @@ mod moment_arms;
 mod motion;
 mod path_table;
 mod piecewise;
+mod property;
 mod response;
 mod sensitivity;
 mod single_jump;
@@ -33,6 +34,7 @@ pub use fiber::integrate::FiberAccuracy;
 pub use fiber::radau::Work;
 pub use model::{HeldCoordinate, MuscleParameters, MusculoskeletalModel, Setup, posture};
 pub use motion::{MotionInterpolation, speed_and_acceleration};
+pub use property::Property;
 pub use response::{AngleResponse, ExcitationResponse, RestResponse};
 pub use sensitivity::MuscleSolution;
 pub use trial::{

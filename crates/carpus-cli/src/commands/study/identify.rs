@@ -9,7 +9,7 @@ use crate::report_parts::ReportParts;
 use carpus_report::identifiability::IdentifiabilityResult;
 use carpus_session::account::{csv_text, warning_result};
 use carpus_session::identify_files::write;
-use carpus_session::loading::LoadedParticipant;
+use carpus_session::loading::{LoadedParticipant, Purpose};
 use carpus_session::provenance::input_file;
 use carpus_session::units::{Unit, value};
 use carpus_study::study::TrialUse;
@@ -35,7 +35,9 @@ impl Step for Identify {
         let priors = options.priors.as_deref().map(|path| input_file(path, "priors", "priors")).transpose()?;
         let depends_on = format!("{options:?} {} {priors:?}", context.global.seed);
         let work = move || {
-            let (mut result, _, warnings) = request.answered(&context.study.study, run)?;
+            let study = &context.study.study;
+            let run = study.load(&run.participant, Purpose::Identification)?;
+            let (mut result, _, warnings) = request.answered(study, &run)?;
             result.warnings = warnings.iter().map(warning_result).collect();
             value(&result)
         };

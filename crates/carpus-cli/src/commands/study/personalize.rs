@@ -171,7 +171,7 @@ fn values(case: &FittedCase) -> Vec<FittedParameter> {
             lower: v.lower,
             upper: v.upper,
             at_bound: None,
-            determination: None,
+            estimate: None,
         })
     };
     case.parameters.iter().filter_map(of).collect()

@@ -61,12 +61,14 @@ impl Session<'_> {
         let mut priors = Vec::new();
         let mut offset = Vec::new();
         let forward = self.forward();
+        priors
+            .extend((0..self.analysis.n_muscles() * FITTED_PER_MUSCLE).map(|j| Prior::Known(self.muscle_prior(j)[1])));
         for (p, nominal) in point.parameters.iter().zip(forward.nominal_parameters()) {
-            priors.extend(self.analysis.prior_sd.map(Prior::Known));
             offset.push((p.max_isometric_force / nominal.max_isometric_force).ln());
             offset.push((p.optimal_fiber_length / nominal.optimal_fiber_length).ln());
             offset.push((p.tendon_slack_length / nominal.tendon_slack_length).ln());
         }
+        offset.iter_mut().enumerate().for_each(|(j, o)| *o -= self.muscle_prior(j)[0]);
         priors.extend(point.baseline.iter().map(|_| Prior::Known(1.0)));
         offset.extend(&point.baseline);
         let place = |e: &'static dyn Effect| {
@@ -104,6 +106,12 @@ impl Session<'_> {
         }
         offset.resize(priors.len(), 0.0);
         (priors, DVector::from_vec(offset))
+    }
+
+    /// Mean and standard deviation of the logarithm of a muscle parameter's factor before the data.
+    pub(super) fn muscle_prior(&self, column: usize) -> [f64; 2] {
+        let known = self.muscle_priors.get(column).copied();
+        known.unwrap_or([0.0, self.analysis.prior_sd[column % FITTED_PER_MUSCLE]])
     }
 
     pub(super) fn size_priors(&self) -> SizePriors {
@@ -150,7 +158,12 @@ impl Session<'_> {
             product(&w, &w)
         };
         let by_trial: Vec<_> = columns.par_iter().zip(factors).map(products).collect();
-        LinearModel::new(priors, offset, by_trial, self.size_priors())
+        self.with_image_rows(point, LinearModel::new(priors, offset, by_trial, self.size_priors()))
+    }
+
+    fn with_image_rows(&self, point: &Point, model: LinearModel) -> LinearModel {
+        let columns = model.len();
+        model.with_rows(self.images.iter().filter_map(|image| image.row(&point.parameters, columns)))
     }
 
     /// As [`Session::model`], directions being whitened already.
@@ -190,7 +203,7 @@ impl Session<'_> {
                 out
             };
         let by_trial: Vec<_> = linear.par_iter().zip(whitened).zip(factors).enumerate().map(of_trial).collect();
-        LinearModel::new(priors, offset, by_trial, self.size_priors())
+        self.with_image_rows(point, LinearModel::new(priors, offset, by_trial, self.size_priors()))
     }
 
     /// What the variances of the noise are estimated beside: columns in units of their prior standard deviations, and the residual at the

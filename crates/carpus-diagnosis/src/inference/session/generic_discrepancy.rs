@@ -1,5 +1,7 @@
 //! The last step of the account of the error: what the generic discrepancy takes of what is handed over.
 
+use std::sync::atomic::AtomicUsize;
+
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
@@ -51,10 +53,13 @@ impl<'a> Session<'a> {
             train: trials,
             candidates: self.analysis.candidates.clone(),
             prior_sd: self.analysis.prior_sd,
+            log_bounds: self.analysis.log_bounds,
+            tied: self.analysis.tied.clone(),
             blocks: Vec::new(),
             kernels,
             seed: self.analysis.seed,
             targets: None,
+            linearized: AtomicUsize::new(0),
         };
         Session { ranges: self.ranges, ..Session::of(analysis, self.budget) }
     }

@@ -7,13 +7,14 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::super::linear_model::{Posterior, Prior};
+use super::super::muscles::COLUMNS;
 use super::super::search::Candidate;
 use super::predicting::{End, PRIOR_WEIGHTS};
 use super::{HandedOver, STANDS_IN, Session, State};
 use crate::diagnose::ParameterEstimate;
 use crate::fit::{Point, whiten};
 use crate::forward_model::{FITTED_PER_MUSCLE, Setting};
-use carpus_simulation::simulation::{MuscleParameters, SimulationError};
+use carpus_simulation::simulation::{MuscleParameters, Property, SimulationError};
 
 /// Sets of less probability do not widen intervals.
 const LEAST_PROBABILITY: f64 = 0.001;
@@ -127,6 +128,54 @@ impl Session<'_> {
         let spread = means.iter().fold(DVector::zeros(own), |sum, m| sum + (m - &center).map(|d| d * d));
         let over_sets = |j: usize| if weights[j] > 0.0 { squares[j] / weights[j] } else { 0.0 };
         DVector::from_fn(own, |j, _| over_sets(j).max(spread[j] * (n - 1.0) / n.max(1.0)).max(0.0).sqrt())
+    }
+
+    /// Puts muscle parameters that are beyond their bounds there, and the others where they are expected then, effects held.
+    ///
+    /// - `effects`: columns of the point's effects
+    pub(super) fn put_within_bounds(&self, parameters: &mut [MuscleParameters], posterior: &Posterior, effects: usize) {
+        let given = self.forward().nominal_parameters();
+        let columns: Vec<(usize, Property)> =
+            (0..given.len()).flat_map(|m| COLUMNS.map(|property| (m, property))).collect();
+        let start = DVector::from_iterator(
+            columns.len(),
+            columns.iter().map(|(m, p)| (p.of(&parameters[*m]) / p.of(&given[*m])).ln()),
+        );
+        let bounds = |j: usize| self.analysis.log_bounds[j % FITTED_PER_MUSCLE];
+        let is_beyond = |j: usize, x: &DVector<f64>| x[j] < bounds(j)[0] || x[j] > bounds(j)[1];
+        let mut held: Vec<usize> = (0..columns.len()).filter(|j| is_beyond(*j, &start)).collect();
+        if held.is_empty() {
+            return;
+        }
+        let all = posterior.covariance();
+        let of = |rows: &[usize], columns: &[usize]| {
+            DMatrix::from_fn(rows.len(), columns.len(), |i, j| all[(rows[i], columns[j])])
+        };
+        let muscles: Vec<usize> = (0..columns.len()).collect();
+        let first = self.analysis.n_nuisance();
+        let effects: Vec<usize> = (first..first + effects).collect();
+        let mut covariance = of(&muscles, &muscles);
+        if let Some(factor) = of(&effects, &effects).cholesky().filter(|_| !effects.is_empty()) {
+            covariance -= of(&muscles, &effects) * factor.solve(&of(&effects, &muscles));
+        }
+        let mut moved = start.clone();
+        // Each round holds at least one more.
+        loop {
+            let wanted = DVector::from_fn(held.len(), |k, _| {
+                start[held[k]].clamp(bounds(held[k])[0], bounds(held[k])[1]) - start[held[k]]
+            });
+            let Some(factor) = covariance.select_columns(&held).select_rows(&held).cholesky() else { break };
+            moved = &start + covariance.select_columns(&held) * factor.solve(&wanted);
+            let more: Vec<usize> = (0..columns.len()).filter(|j| !held.contains(j) && is_beyond(*j, &moved)).collect();
+            if more.is_empty() {
+                break;
+            }
+            held.extend(more);
+        }
+        for (j, (m, property)) in columns.into_iter().enumerate() {
+            let within = moved[j].clamp(bounds(j)[0], bounds(j)[1]);
+            *property.of_mut(&mut parameters[m]) = property.of(&given[m]) * within.exp();
+        }
     }
 
     /// Estimates of the effects at the joint mode, by `effect.parameter`, with 95 % intervals.

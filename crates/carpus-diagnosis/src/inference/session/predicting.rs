@@ -14,7 +14,7 @@ use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 
 /// Weights λ of the prior: what is systematic in a trial counts as one observation, or as ten.
 pub(super) const PRIOR_WEIGHTS: [f64; 2] = [1.0, 0.1];
-/// Half width of the box, in prior standard deviations: the study's bounds.
+/// Half width of the box of effects, in prior standard deviations; that of muscles are the study's bounds.
 const BOUNDS: f64 = 3.0;
 /// Gauss–Newton steps within it, at most.
 const STEPS: usize = 8;
@@ -58,12 +58,14 @@ impl Session<'_> {
     pub(super) fn joint_mode(&self, state: &State) -> End {
         let set = self.places(&state.point.effects);
         let sizes = self.sizes(state);
-        let at_all = state.model.posterior(&set, sizes).mean;
         let own = self.columns_of_point(&state.point);
-        let point = self.as_recorded(state);
+        let mut point = self.as_recorded(state);
+        let posterior = state.model.posterior(&set, sizes);
+        self.put_within_bounds(&mut point.parameters, &posterior, own - self.analysis.n_nuisance());
+        let at_all = &posterior.mean;
         let left_out = |((position, linear), of_trial): ((usize, &Linear), &DMatrix<f64>)| {
             let without = &state.model.products - of_trial;
-            let change = state.model.posterior_of(&without, &set, sizes).mean - &at_all;
+            let change = state.model.posterior_of(&without, &set, sizes).mean - at_all;
             self.of_change(&self.rows(position, linear).columns, &change.rows(0, own).into_owned())
         };
         let left_out = state.linear.par_iter().enumerate().zip(&state.model.by_trial).map(left_out).collect();
@@ -84,14 +86,16 @@ impl Session<'_> {
         let (a, b) = (from(joint)?, from(as_given));
         let objective = |(point, rows): &(Point, Vec<Rows>)| {
             let place = self.bounds_of(point, self.baselines());
-            square(rows) * (1.0 + weight * place.penalty(&self.displacement(point)) / rows.len().max(1) as f64)
+            let unit = weight * unit(rows);
+            square(rows) + unit * self.penalty(&place, point)
         };
         let (point, rows) = match b {
             Ok(b) if objective(&b) < objective(&a) => b,
             _ => a,
         };
         let place = self.bounds_of(&point, self.baselines());
-        let (products, unit, from) = (Products::of(&rows), weight * unit(&rows), self.displacement(&point));
+        let (unit, from) = (weight * unit(&rows), self.displacement(&point));
+        let products = Products::of(&rows, &self.image_rows(&point), unit);
         let at_all = place.least(&products, None, unit, &from);
         let left_out = |(i, rows): (usize, &Rows)| {
             self.of_change(&rows.columns, &(place.least(&products, Some(i), unit, &from) - &at_all))
@@ -136,13 +140,13 @@ impl Session<'_> {
         let mut rows = self.all_rows(&point)?;
         for _ in 0..STEPS {
             let (unit, from) = (weight * unit(&rows), self.displacement(&point));
-            let here = square(&rows) + unit * place.penalty(&from);
-            let step = place.least(&Products::of(&rows), None, unit, &from) - &from;
+            let here = square(&rows) + unit * self.penalty(&place, &point);
+            let step = place.least(&Products::of(&rows, &self.image_rows(&point), unit), None, unit, &from) - &from;
             let mut goes_on = false;
             for part in [1.0, 0.3] {
                 let moved = self.analysis.moved(&point, &(&step * part));
                 let Ok(next) = self.all_rows(&moved) else { continue };
-                let there = square(&next) + unit * place.penalty(&self.displacement(&moved));
+                let there = square(&next) + unit * self.penalty(&place, &moved);
                 if there < here {
                     goes_on = there < here * (1.0 - WORTH_IT);
                     (point, rows) = (moved, next);
@@ -156,9 +160,21 @@ impl Session<'_> {
         Ok((point, rows))
     }
 
+    /// What a point costs beside the trials, in units of a trial: its prior, and the fascicle lengths of images.
+    fn penalty(&self, place: &Bounded, point: &Point) -> f64 {
+        let images = self.image_rows(point);
+        place.penalty(&self.displacement(point)) + images.iter().map(|row| row[row.len() - 1].powi(2)).sum::<f64>()
+    }
+
     /// Distance of muscles, baselines and effects from the prior's mean.
     fn displacement(&self, point: &Point) -> DVector<f64> {
-        DVector::from_vec(self.analysis.prior(point).1)
+        self.priors(point).1.rows(0, self.columns_of_point(point)).into_owned()
+    }
+
+    /// Fascicle lengths of images at a point: derivatives by the point's columns and the residual, the last, in standard deviations.
+    fn image_rows(&self, point: &Point) -> Vec<DVector<f64>> {
+        let own = self.columns_of_point(point);
+        self.images.iter().filter_map(|image| image.row(&point.parameters, own)).collect()
     }
 
     /// Measured minus simulated moments of the training trials with the EMG as recorded, as in [`Rows`].
@@ -229,8 +245,17 @@ impl Session<'_> {
             Prior::Amplitude { sign, .. } => sign,
             _ => None,
         };
+        let muscles = self.analysis.n_muscles() * FITTED_PER_MUSCLE;
         let end = |side: f64| {
-            let of = |j: usize| if sign(j).is_none_or(|sign| sign == side) { side * BOUNDS * sd(j) } else { 0.0 };
+            let of = |j: usize| match sign(j) {
+                _ if sd(j) <= 0.0 => 0.0,
+                _ if j < muscles => {
+                    let [low, high] = self.analysis.log_bounds[j % FITTED_PER_MUSCLE];
+                    (if side < 0.0 { low } else { high }) - self.muscle_prior(j)[0]
+                }
+                Some(sign) if sign != side => 0.0,
+                _ => side * BOUNDS * sd(j),
+            };
             DVector::from_fn(own, |j, _| of(j))
         };
         let precision = |j: usize| if sd(j) > 0.0 { 1.0 / (sd(j) * sd(j)) } else { 0.0 };
@@ -249,12 +274,18 @@ fn unit(rows: &[Rows]) -> f64 {
 }
 
 impl Products {
-    fn of(rows: &[Rows]) -> Products {
+    /// - `further`: rows of data that belong to no trial, in standard deviations, the residual last; `unit`: their weight
+    fn of(rows: &[Rows], further: &[DVector<f64>], unit: f64) -> Products {
         let of = |r: &Rows| (r.columns.tr_mul(&r.columns), r.columns.tr_mul(&r.residual));
         let of_trial: Vec<(DMatrix<f64>, DVector<f64>)> = rows.par_iter().map(of).collect();
         let count = of_trial.first().map_or(0, |t| t.1.len());
         let none = (DMatrix::zeros(count, count), DVector::zeros(count));
-        let all = of_trial.iter().fold(none, |(a, b), (more_a, more_b)| (a + more_a, b + more_b));
+        let mut all = of_trial.iter().fold(none, |(a, b), (more_a, more_b)| (a + more_a, b + more_b));
+        for row in further {
+            let by = row.rows(0, count).into_owned();
+            all.0.ger(unit, &by, &by, 1.0);
+            all.1.axpy(unit * row[count], &by, 1.0);
+        }
         Products { of_trial, all }
     }
 }

@@ -1,11 +1,14 @@
 //! Single sets of effects: those that are more likely missing than not, and the same state with another set.
 
+use std::sync::atomic::AtomicUsize;
+
 use nalgebra::DMatrix;
 
 use super::super::linear_model::{Prior, Sizes};
+use super::super::muscles::Muscles;
 use super::super::search::Budget;
 use super::steps::profiled;
-use super::{Around, ODDS, STEPS, Session, State};
+use super::{Around, Begun, ODDS, STEPS, Session, Start, State};
 use crate::effect::Effect;
 use crate::fit::{Analysis, Point};
 use crate::forward_model::{FITTED_PER_MUSCLE, ForwardModel};
@@ -62,6 +65,30 @@ impl Session<'_> {
         Ok((state, evidence))
     }
 
+    /// The muscles alone, from where a session of the same trials has them, with the noise and the autocorrelations of this one if it has
+    /// estimated them.
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub fn taken_up(&mut self, muscles: &Muscles, report: &dyn Fn(&str)) -> Result<State, SimulationError> {
+        let Muscles { session, state, .. } = muscles;
+        if !self.noise_is_final {
+            let Analysis { kernels, times, blocks, .. } = &session.analysis;
+            (self.analysis.kernels, self.analysis.times) = (*kernels, times.clone());
+            self.analysis.blocks = blocks.clone();
+            (self.levels, self.noise_is_final) = (state.levels, true);
+        }
+        let start = Start {
+            point: state.point.clone(),
+            levels: self.levels,
+            set: Vec::new(),
+            sizes: self.sizes(state).clone(),
+            directions: state.directions.clone(),
+        };
+        let state = self.assessed(start, &[], &[])?;
+        self.settle(Begun { state, candidates: Vec::new(), always: Vec::new() }, report)
+    }
+
     /// The state with these effects and no others: muscles, effects and noise estimated anew.
     ///
     /// - `set`: places of the effects, ascending; `others`: of those that are weighed beside them
@@ -82,7 +109,7 @@ impl Session<'_> {
     }
 
     /// Sizes that go with the effects of the point.
-    pub(super) fn sizes<'s>(&self, state: &'s State) -> &'s Sizes {
+    pub(crate) fn sizes<'s>(&self, state: &'s State) -> &'s Sizes {
         let set = self.places(&state.point.effects);
         &state.sets.found.iter().find(|s| s.effects == set).unwrap_or(state.sets.best()).sizes
     }
@@ -101,11 +128,14 @@ impl Session<'_> {
             train: self.analysis.train.clone(),
             candidates: effects,
             prior_sd: self.analysis.prior_sd,
+            log_bounds: self.analysis.log_bounds,
+            tied: self.analysis.tied.clone(),
             blocks: Vec::new(),
             times: self.analysis.times.clone(),
             kernels: self.analysis.kernels,
             seed: self.analysis.seed,
             targets: Some(targets),
+            linearized: AtomicUsize::new(0),
         };
         Session::of(analysis, Budget::none())
     }

@@ -1,13 +1,16 @@
-//! Fibre lengths that imaging measured at rest, as data of a fit.
+//! Fibre lengths that imaging measured at rest, as data of a session (`docs/src/theory/many-small-errors.md`, equation (30)).
 //!
 //! ```text
-//! Σ ((l(θ) − l_measured) / s)²,   l(θ): fibre length in equilibrium in the posture of the image
+//! r = (l_measured − l(θ)) / s ~ N(0, 1),   l(θ): fibre length in equilibrium in the posture of the image                       (30)
 //! ```
 
-use super::joint::NormalEquations;
+use nalgebra::DVector;
+
+use super::muscles::place;
+use crate::forward_model::FITTED_PER_MUSCLE;
 use carpus_multibody::muscles::{EquilibriumError, Millard2012, Millard2012Parameters};
 use carpus_numerics::numerics::{Dual, Scalar};
-use carpus_simulation::simulation::MuscleParameters;
+use carpus_simulation::simulation::{MuscleParameters, Property};
 
 /// A muscle's fascicle length in an image, and where the model has it then.
 #[derive(Clone, Debug)]
@@ -40,17 +43,21 @@ impl RestingFiber {
         Ok(muscle.equilibrium(Dual::constant(self.path_length), Dual::constant(self.activation))?.fiber_length)
     }
 
-    /// Adds its row to the normal equations; a muscle that has no equilibrium adds none.
+    /// Derivatives of its whitened length by the columns of the linear model, and the residual, the last; `None` for a muscle that has no equilibrium.
     ///
-    /// - `factors`: of all parameters, property by property
-    pub(super) fn add_row(&self, parameters: &[MuscleParameters], factors: &[f64], sums: &mut NormalEquations) {
-        let (m, i) = (parameters.len(), self.muscle);
-        let p = &parameters[i];
-        let Ok(length) = self.length(p) else { return };
-        let mut row = vec![0.0; 3 * m];
-        row[i] = length.gradient[0] * p.optimal_fiber_length / factors[i] / self.standard_deviation;
-        row[m + i] = length.gradient[1] * p.tendon_slack_length / factors[m + i] / self.standard_deviation;
-        sums.add_row((length.value - self.measured) / self.standard_deviation, &row);
+    /// - `columns`: of the linear model
+    pub(crate) fn row(&self, parameters: &[MuscleParameters], columns: usize) -> Option<DVector<f64>> {
+        let p = &parameters[self.muscle];
+        let length = self.length(p).ok()?;
+        let mut row = DVector::zeros(columns + 1);
+        let first = self.muscle * FITTED_PER_MUSCLE;
+        // By the logarithms of parameters.
+        let by_fiber = length.gradient[0] * p.optimal_fiber_length / self.standard_deviation;
+        row[first + place(Property::OptimalFiberLength)] = by_fiber;
+        let by_tendon = length.gradient[1] * p.tendon_slack_length / self.standard_deviation;
+        row[first + place(Property::TendonSlackLength)] = by_tendon;
+        row[columns] = (self.measured - length.value) / self.standard_deviation;
+        Some(row)
     }
 }
 
@@ -81,20 +88,17 @@ mod tests {
             standard_deviation: 0.002,
         };
         let at = fiber.length(&parameters(1.05, 0.99)).unwrap();
-        let mut sums = NormalEquations::new(3);
-        fiber.add_row(&[parameters(1.05, 0.99)], &[1.05, 0.99, 1.0], &mut sums);
+        let row = fiber.row(&[parameters(1.05, 0.99)], 3).unwrap();
         let value = |length: f64, slack: f64| fiber.length(&parameters(length, slack)).unwrap().value;
         let h = 1e-5;
         let by = [
-            (value(1.05 + h, 0.99) - value(1.05 - h, 0.99)) / (2.0 * h),
-            (value(1.05, 0.99 + h) - value(1.05, 0.99 - h)) / (2.0 * h),
+            (value(1.05 * (1.0 + h), 0.99) - value(1.05 * (1.0 - h), 0.99)) / (2.0 * h),
+            (value(1.05, 0.99 * (1.0 + h)) - value(1.05, 0.99 * (1.0 - h))) / (2.0 * h),
         ];
-        let residual = (at.value - 0.05) / 0.002;
-        assert!((sums.square - residual * residual).abs() < 1e-9 * sums.square);
-        for i in 0..2 {
-            let expected = residual * by[i] / 0.002;
-            assert!((sums.gradient[i] - expected).abs() < 1e-4 * expected.abs().max(1.0), "{i}: {}", sums.gradient[i]);
+        assert!((row[3] + (at.value - 0.05) / 0.002).abs() < 1e-9);
+        for (found, expected) in [(row[1], by[0] / 0.002), (row[2], by[1] / 0.002)] {
+            assert!((found - expected).abs() < 1e-4 * expected.abs().max(1.0), "{found} {expected}");
         }
-        assert_eq!(sums.gradient[2], 0.0);
+        assert_eq!(row[0], 0.0);
     }
 }
