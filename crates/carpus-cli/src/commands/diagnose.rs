@@ -5,8 +5,9 @@ use std::path::Path;
 
 use super::plan::as_table;
 use crate::args::{DiagnoseArgs, Global};
+use crate::bars::Bars;
 use crate::failure::{self, Failure};
-use crate::study_run::{StudyRun, progress};
+use crate::study_run::StudyRun;
 use crate::table::{fixed, table};
 use carpus_diagnosis::catalogue::{effect, with_own};
 use carpus_diagnosis::diagnose::{Diagnosis, ParameterEstimate, Verdict, is_determined};
@@ -30,25 +31,22 @@ pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
     candidates(&args.candidates)?;
     let study = StudyRun::prepare_with(&args.study, args.effects.file(), "diagnose")?;
     let request = Diagnose { seed: global.seed, candidates: args.candidates.clone(), baselines: args.baselines };
-    let bar = progress(global, study.participants().len() as u64, "diagnosing");
-    let outcomes = study.each_of(|participant| {
+    let bars = Bars::new(global);
+    let outcomes = study.each("diagnosing", &bars, |participant| {
         let session = participant.load_for(Purpose::Diagnosis)?;
         failure::print(&session.data.warnings);
         let diagnosed = session.diagnosed(&forward_model(&session.data)?, &request)?;
         diagnosed.write_to(&study.out, Path::new(&participant.about().name))?;
-        bar.inc(1);
         Ok((diagnosed.diagnosis, diagnosed.known.value))
-    });
-    bar.finish_and_clear();
-    let outcomes = outcomes?;
+    })?;
     if global.json {
         let text = serde_json::Value::Array(outcomes.done.iter().map(|(_, value)| value.clone()).collect()).to_string();
-        return outcomes.print(&study, "diagnose", &text);
+        return study.print("diagnose", &text, outcomes.failed);
     }
     let page = |d: &Diagnosis| study.out.path().join(&d.participant).join("report.html").display().to_string();
     let shown = |(d, _): &(Diagnosis, serde_json::Value)| format!("{}\n\n{}", readable(d), page(d));
     let text = outcomes.done.iter().map(shown).collect::<Vec<_>>().join("\n\n");
-    outcomes.print(&study, "diagnose", &text)
+    study.print("diagnose", &text, outcomes.failed)
 }
 
 /// A verdict in words.
@@ -102,7 +100,7 @@ fn several_rows(diagnosis: &Diagnosis) -> Vec<Vec<String>> {
                 p.ci95[1],
                 if p.unit == "1" { "" } else { p.unit }
             )
-        });
+        })?;
         let percent =
             |[value, low, high]: [f64; 3]| format!("{:.0} [{:.0}, {:.0}]", 100.0 * value, 100.0 * low, 100.0 * high);
         vec![
@@ -187,7 +185,7 @@ fn readable(diagnosis: &Diagnosis) -> String {
             c.detectable_size.iter().map(move |(name, size)| {
                 vec![c.effect.to_string(), (*name).to_string(), format!("{size:.4}"), unit(name).to_owned()]
             })
-        });
+        })?;
         text.push_str(&table(&["effect", "parameter", "size", "unit"], 2, rows));
     }
     if !diagnosis.proposals.is_empty() {
