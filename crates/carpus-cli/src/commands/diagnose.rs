@@ -100,7 +100,7 @@ fn several_rows(diagnosis: &Diagnosis) -> Vec<Vec<String>> {
                 p.ci95[1],
                 if p.unit == "1" { "" } else { p.unit }
             )
-        })?;
+        });
         let percent =
             |[value, low, high]: [f64; 3]| format!("{:.0} [{:.0}, {:.0}]", 100.0 * value, 100.0 * low, 100.0 * high);
         vec![
@@ -185,7 +185,7 @@ fn readable(diagnosis: &Diagnosis) -> String {
             c.detectable_size.iter().map(move |(name, size)| {
                 vec![c.effect.to_string(), (*name).to_string(), format!("{size:.4}"), unit(name).to_owned()]
             })
-        })?;
+        });
         text.push_str(&table(&["effect", "parameter", "size", "unit"], 2, rows));
     }
     if !diagnosis.proposals.is_empty() {

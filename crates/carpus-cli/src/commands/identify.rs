@@ -99,7 +99,7 @@ fn readable(r: &IdentifiabilityResult, study: &StudyRun) -> String {
             format!("{} … {}", number(p.credible[0]), number(p.credible[1])),
             format!("{:.0} %", 100.0 * p.share_from_data),
         ]
-    })?;
+    });
     let header = ["muscle", "property", "", "model", "most likely", "from", "to", "with prior", "from data"];
     text.push_str(&table(&header, 3, rows));
     text.push_str("\n[ ]: the bound, which the data do not reach\n\nthe data fix            known to\n");

@@ -30,7 +30,7 @@ pub fn run(args: &SimulateArgs, global: &Global) -> Result<(), Failure> {
     let lines = outcomes.done.iter().map(|r| {
         let report = study.out.path().join(&r.participant.id).join("report.html");
         format!("{}: {} trials simulated, {}\n", r.participant.id, r.trials.len(), report.display())
-    })?;
+    });
     let text = lines.collect::<String>();
     study.print("simulate", &text, outcomes.failed)
 }
