@@ -19,7 +19,7 @@
 //! # }
 //! ```
 //!
-//! [`session`] does what the command line does, for programs. Data flow, modules and invariants are described in
+//! [`session`] does what the command line does, for programs. `examples/` has five short ones. Data flow, modules and invariants are described in
 //! `ARCHITECTURE.md`. Inside the library all quantities are SI units and radians; another unit is part of a name
 //! (`angle_deg`).
 
@@ -30,6 +30,8 @@ pub use session::diagnose::Diagnose;
 #[cfg(feature = "session")]
 pub use session::diagnostic::{Diagnostic, Failure};
 #[cfg(feature = "session")]
+pub use session::evaluate::Evaluate;
+#[cfg(feature = "session")]
 pub use session::identify::Identify;
 #[cfg(feature = "session")]
 pub use session::personalize::Personalize;
@@ -39,6 +41,8 @@ pub use session::plan::Plan;
 pub use session::simulate::Simulate;
 #[cfg(feature = "session")]
 pub use session::study::Study;
+#[cfg(feature = "session")]
+pub use session::whole_study::WholeStudy;
 
 #[cfg(feature = "cli")]
 pub use carpus_cli as cli;

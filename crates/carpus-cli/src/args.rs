@@ -8,10 +8,15 @@ use clap::{Args, Parser, Subcommand};
 pub use super::args_diagnosis::{
     DiagnoseArgs, EffectArgs, EffectCommand, EffectsArgs, EffectsFile, PlanArgs, SynthArgs,
 };
+use carpus_session::equilibrium::DEFAULT_ACTIVATION;
 use carpus_session::identify::{DEFAULT_DRAWS, TiedMuscles};
 use carpus_session::personalize::INTERVAL_LEVEL;
+use carpus_session::power::{DEFAULT_ALPHA, DEFAULT_POWER};
 use carpus_session::provenance::DEFAULT_SEED;
 use carpus_session::quantity::{Assignment, Sweep};
+use carpus_session::screening::{DEFAULT_RESAMPLES, DEFAULT_STARTS};
+use carpus_session::ultrasound::ModelCase;
+use carpus_session::whole_study::{DEFAULT_BAYESIAN_EVALUATIONS, DEFAULT_SOBOL, DEFAULT_SQP_ITERATIONS};
 
 /// Personalize OpenSim hand and wrist models from dynamometer and EMG recordings, and see where the model fails.
 #[derive(Debug, Parser)]
@@ -217,7 +222,7 @@ pub struct EquilibriumArgs {
     #[arg(long = "set", value_name = "NAME=VALUE", allow_hyphen_values = true)]
     pub set: Vec<Assignment>,
     /// Activation of every muscle, 0 to 1
-    #[arg(long, value_name = "A", default_value_t = 0.01, value_parser = activation)]
+    #[arg(long, value_name = "A", default_value_t = DEFAULT_ACTIVATION, value_parser = activation)]
     pub activation: f64,
     /// Coordinates about which moments are given (comma-separated; default: those that --set names)
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', value_parser = trimmed)]
@@ -319,16 +324,16 @@ pub struct WholeStudyArgs {
     #[arg(long, value_name = "STEP,…", value_delimiter = ',')]
     pub steps: Vec<String>,
     /// Starts r of the Morris screening
-    #[arg(long, value_name = "R", default_value_t = 25, value_parser = clap::value_parser!(u32).range(2..=100_000))]
+    #[arg(long, value_name = "R", default_value_t = DEFAULT_STARTS as u32, value_parser = clap::value_parser!(u32).range(2..=100_000))]
     pub starts: u32,
     /// Rows N of the Sobol' analysis: N (m + 2) runs per condition; 0 for none
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_SOBOL as u32, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
     pub sobol: u32,
     /// Evaluations of each Bayesian optimization
-    #[arg(long, value_name = "N", default_value_t = 150, value_parser = clap::value_parser!(u32).range(11..=100_000))]
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_BAYESIAN_EVALUATIONS as u32, value_parser = clap::value_parser!(u32).range(11..=100_000))]
     pub bayesian_evaluations: u32,
     /// Iterations of each sequential quadratic programming
-    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_SQP_ITERATIONS as u32, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub sqp_iterations: u32,
     /// What is asked about the parameters' intervals.
     #[command(flatten)]
@@ -405,15 +410,6 @@ pub struct UltrasoundArgs {
     pub allow_unsupported: bool,
 }
 
-/// A named set of models, one per participant.
-#[derive(Clone, Debug)]
-pub struct ModelCase {
-    /// Its name.
-    pub name: String,
-    /// Path in which `{participant}` stands for the participant's name.
-    pub path: String,
-}
-
 /// `carpus sensitivity`
 #[derive(Debug, Args)]
 #[command(
@@ -424,13 +420,13 @@ pub struct SensitivityArgs {
     #[command(flatten)]
     pub study: StudyArgs,
     /// Starts r of the screening: r (m + 1) runs per condition for m parameters
-    #[arg(long, value_name = "R", default_value_t = 25, value_parser = clap::value_parser!(u32).range(2..=100_000))]
+    #[arg(long, value_name = "R", default_value_t = DEFAULT_STARTS as u32, value_parser = clap::value_parser!(u32).range(2..=100_000))]
     pub starts: u32,
     /// Also Sobol' indices, from a Sobol' sequence and N (m + 2) runs per condition; best a power of two
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
     pub sobol: Option<u32>,
     /// Resamples of the bootstrap behind the intervals
-    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_RESAMPLES as u32, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
     pub resamples: u32,
 }
 
@@ -602,10 +598,10 @@ pub struct PowerArgs {
     #[arg(long, value_name = "N")]
     pub n: Option<usize>,
     /// Power asked for: the participants it needs
-    #[arg(long, value_name = "P", default_value_t = 0.8)]
+    #[arg(long, value_name = "P", default_value_t = DEFAULT_POWER)]
     pub power: f64,
     /// Significance level
-    #[arg(long, value_name = "P", default_value_t = 0.05)]
+    #[arg(long, value_name = "P", default_value_t = DEFAULT_ALPHA)]
     pub alpha: f64,
     /// One- or two-sided test
     #[arg(long, value_name = "1|2", default_value_t = 2, value_parser = clap::value_parser!(u8).range(1..=2))]

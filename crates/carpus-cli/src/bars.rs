@@ -2,11 +2,10 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use indicatif::ProgressBar;
+use indicatif::{ProgressBar, ProgressStyle};
 
 use super::args::Global;
 use super::failure::{self, Diagnostic};
-use super::study_run::progress;
 use carpus_session::progress::Progress;
 
 /// A bar for the piece of work that is under way.
@@ -37,7 +36,30 @@ impl Progress for Bars<'_> {
         }
     }
 
+    fn about(&self, participant: Option<&str>) {
+        match participant {
+            Some(name) => failure::about(name),
+            None => failure::account(),
+        }
+    }
+
     fn warning(&self, warning: &Diagnostic) {
         failure::print(std::slice::from_ref(warning));
     }
+
+    fn warnings(&self, warnings: &[Diagnostic]) {
+        failure::print(warnings);
+    }
+}
+
+/// A progress bar on stderr; nothing where stderr is no terminal or silence was asked for.
+fn progress(global: &Global, steps: u64, what: &str) -> ProgressBar {
+    if global.quiet || global.json {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(steps).with_message(what.to_string());
+    if let Ok(style) = ProgressStyle::with_template("{msg:<28} {wide_bar} {pos}/{len} {elapsed}") {
+        bar.set_style(style);
+    }
+    bar
 }

@@ -3,22 +3,17 @@
 //! Results go to stdout, messages to stderr. Exit codes: 0 done, 1 the input (arguments, model, study, disk) is at
 //! fault, 2 carpus is at fault.
 
-mod anova;
 mod args;
 mod args_diagnosis;
 mod bars;
 mod book;
-mod cohort_report;
 mod commands;
 mod failure;
 mod help;
-mod identify_report;
 mod own_effects;
 mod provenance;
-mod report_parts;
 mod residuals;
 mod said;
-mod sensitivity_report;
 mod study_run;
 mod table;
 

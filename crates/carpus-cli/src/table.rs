@@ -2,6 +2,9 @@
 
 use comfy_table::{CellAlignment, Table};
 
+use carpus_report::article::TextTable;
+pub use carpus_session::account::fixed;
+
 /// A table without lines: first columns left, number columns right.
 pub fn table(header: &[&str], left_columns: usize, rows: impl IntoIterator<Item = Vec<String>>) -> String {
     let mut table = Table::new();
@@ -15,26 +18,19 @@ pub fn table(header: &[&str], left_columns: usize, rows: impl IntoIterator<Item 
     table.trim_fmt()
 }
 
-/// A number with fixed decimals; what rounds to zero has no sign.
-pub fn fixed(value: f64, decimals: usize) -> String {
-    if value.is_finite() && value.abs() >= 1e15 {
-        return format!("{value:.decimals$e}");
-    }
-    let text = format!("{value:.decimals$}");
-    let zero = text.chars().all(|c| matches!(c, '-' | '0' | '.'));
-    if zero { text.trim_start_matches('-').to_string() } else { text }
+/// Tables with their titles above and notes below them.
+pub fn tables(all: &[TextTable]) -> String {
+    let one = |t: &TextTable| {
+        let header: Vec<&str> = t.header.iter().map(String::as_str).collect();
+        let lines = [t.title.clone(), table(&header, t.left_columns, t.rows.iter().cloned()), t.note.clone()];
+        lines.into_iter().filter(|text| !text.is_empty()).collect::<Vec<_>>().join("\n")
+    };
+    all.iter().map(one).collect::<Vec<_>>().join("\n\n")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn verif_zero_has_no_sign() {
-        assert_eq!(fixed(-1e300, 2), "-1.00e300");
-        assert_eq!(fixed(-0.001, 2), "0.00");
-        assert_eq!(fixed(-0.01, 2), "-0.01");
-    }
 
     #[test]
     fn verif_columns_are_aligned() {

@@ -57,7 +57,7 @@ pub enum Block {
 }
 
 /// A table of text.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct TextTable {
     /// What it shows.
     pub title: String,

@@ -342,6 +342,16 @@ pub fn digits(value: f64) -> String {
     rounded(value, 9).to_string()
 }
 
+/// A number with fixed decimals; what rounds to zero has no sign.
+pub fn fixed(value: f64, decimals: usize) -> String {
+    if value.is_finite() && value.abs() >= 1e15 {
+        return format!("{value:.decimals$e}");
+    }
+    let text = format!("{value:.decimals$}");
+    let zero = text.chars().all(|c| matches!(c, '-' | '0' | '.'));
+    if zero { text.trim_start_matches('-').to_string() } else { text }
+}
+
 /// A CSV table; cells as [`printable::cell`] makes them safe.
 ///
 /// # Errors
@@ -363,7 +373,7 @@ pub fn csv_text<'h>(
 
 #[cfg(test)]
 mod tests {
-    use super::scatter;
+    use super::{fixed, scatter};
 
     #[test]
     fn verif_scatter_sees_noise_and_not_the_signal() {
@@ -383,5 +393,12 @@ mod tests {
         let smooth: Vec<f64> = (0..5000).map(|i| 10.0 * (f64::from(i) * 1e-3).sin()).collect();
         assert_eq!(scatter(&smooth), None);
         assert_eq!(scatter(&(0..5000).map(f64::from).collect::<Vec<_>>()), None, "a straight line");
+    }
+
+    #[test]
+    fn verif_zero_has_no_sign() {
+        assert_eq!(fixed(-1e300, 2), "-1.00e300");
+        assert_eq!(fixed(-0.001, 2), "0.00");
+        assert_eq!(fixed(-0.01, 2), "-0.01");
     }
 }

@@ -5,6 +5,8 @@
 //! and is not supported is an error. Each use case is one file with a typed request, whose default is what the command does
 //! without options, and a typed result. Files and reports are made from results.
 //!
+//! [`study::Study::from_memory`] makes a study of arrays and a model that are in no file.
+//!
 //! Nothing here prints. Progress and warnings on the way go to a [`progress::Progress`], which may stop the work.
 //! What is wrong, wherever it is found, is a [`diagnostic::Diagnostic`]: place, text, hint, severity.
 //!
@@ -17,34 +19,84 @@
 //! | [`diagnose`] | [`diagnose::Diagnose`] | which physical effects are missing |
 //! | [`effect_steps`] | [`effect_steps::AddEffects`] | the model with effects, step by step |
 //! | [`plan`] | [`plan::Plan`] | further trials that tell explanations apart |
+//! | [`remove_effects`] | [`remove_effects::RemoveEffects`] | a step back in the ledger of effects |
+//! | [`check_effect`] | [`check_effect::CheckEffect`] | an effect of one's own, checked and shown |
+//! | [`evaluate`] | [`evaluate::Evaluate`] | models on held-out trials, over participants |
+//! | [`sensitivity`] | [`screening::ScreeningOptions`] | which parameters the trials respond to |
+//! | [`whole_study`] | [`whole_study::WholeStudy`] | all steps of a study and one report |
+//! | [`priors`] | [`priors::LearnPriors`] | what earlier fits say about the next participant |
+//! | [`ultrasound`] | [`ultrasound::CompareImages`] | resting muscles beside ultrasound images |
+//! | [`power`] | [`power::Power`] | power of a test, and the participants it needs |
+//! | [`synth`] | [`synth::Synthesize`] | a study with a hidden effect |
+//! | [`emg`] | [`emg::Emg`] | raw EMG to excitations |
+//! | [`dynamometer`] | [`dynamometer::Processing`] | recordings to the trials of a new study |
+//! | [`drag`] | [`drag::MachineDrag`] | the machine's own damping |
+//! | [`motion_capture`] | [`motion_capture::ConvertMotionCapture`] | markers and channels as text files |
+//! | [`scale`] | [`scale::ScaleModel`], [`scale::ScaleStudy`] | models scaled by factors, or to participants |
+//! | [`strength`] | [`strength::StrengthScale`] | forces scaled to the maximum voluntary moments |
+//! | [`sweep`] | [`sweep::SweepPaths`] | muscle lengths and moment arms over a coordinate |
+//! | [`equilibrium`] | [`equilibrium::Equilibrium`] | fibre lengths and forces at rest in a posture |
+//! | [`info`] | [`info::Info`] | what is in a model |
+//! | [`upgrade`] | [`upgrade::Upgrade`] | an old model in the current format |
+//! | [`run_tool`] | [`run_tool::RunTool`] | what OpenSim's tool of a setup file writes |
 
 pub mod account;
+pub mod anova;
+pub mod bundled;
 pub mod candidates;
+pub mod catalogue_pages;
+pub mod check_effect;
+pub mod cohort_intervals;
 pub mod compare;
 pub mod diagnose;
 pub mod diagnosis_file;
 pub mod diagnostic;
+pub mod drag;
+pub mod dynamometer;
 pub mod effect_choice;
 pub mod effect_steps;
+pub mod effect_words;
+pub mod emg;
+pub mod equilibrium;
 pub mod errors;
+pub mod evaluate;
+pub mod evaluation_report;
 pub mod identify;
 pub mod identify_files;
+pub mod info;
+pub mod json;
 pub mod loading;
 pub mod model;
+pub mod motion_capture;
+pub mod outcomes;
 pub mod output;
 pub mod own_effects;
 pub mod participant;
 pub mod path_check;
 pub mod personalize;
 pub mod plan;
+pub mod power;
+pub mod priors;
 pub mod processed_study;
 pub mod progress;
 pub mod provenance;
 pub mod quantity;
+pub mod remove_effects;
+pub mod report_parts;
 pub mod residuals;
 pub mod result_files;
+pub mod run_tool;
+pub mod scale;
 pub mod screening;
+pub mod sensitivity;
+pub mod sensitivity_report;
 pub mod series;
 pub mod simulate;
+pub mod strength;
 pub mod study;
+pub mod sweep;
+pub mod synth;
+pub mod ultrasound;
 pub mod units;
+pub mod upgrade;
+pub mod whole_study;

@@ -36,6 +36,22 @@ pub enum Needs {
 /// The file is not a usable model; or it has unsupported components that matter, and they are not allowed.
 pub fn load(path: &Path, needs: Needs, allow: bool, messages: &mut Vec<Diagnostic>) -> Result<LoadedModel, Failure> {
     let file = OsimFile::read(path).map_err(|e| osim_failure(path, &e))?;
+    compiled(path, file, needs, allow, messages)
+}
+
+/// As [`load`], of a file in memory.
+///
+/// - `path`: its name in messages
+///
+/// # Errors
+/// As there.
+pub fn compiled(
+    path: &Path,
+    file: OsimFile,
+    needs: Needs,
+    allow: bool,
+    messages: &mut Vec<Diagnostic>,
+) -> Result<LoadedModel, Failure> {
     let findings = &file.diagnostics;
     messages.extend(findings.of(FindingSeverity::Warning).map(|d| finding(path, d, Severity::Warning)));
     // Muscles are judged by those who know which of them act.

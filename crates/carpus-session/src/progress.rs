@@ -13,8 +13,16 @@ pub trait Progress: Sync {
     /// A piece of work ended.
     fn finished(&self) {}
 
+    /// Work turns to a participant; `None`: all participants are done. Their warnings may differ in the name alone.
+    fn about(&self, _participant: Option<&str>) {}
+
     /// Something that a person should know came up on the way.
     fn warning(&self, _warning: &Diagnostic) {}
+
+    /// Several such things at once.
+    fn warnings(&self, warnings: &[Diagnostic]) {
+        warnings.iter().for_each(|warning| self.warning(warning));
+    }
 
     /// Whether work is to stop. Asked before each piece of work (a diagnosis, the intervals of a
     /// fit) and between the searches of a fit.

@@ -25,6 +25,16 @@ pub fn provenance(command: &str, seed: u64, inputs: Vec<InputFile>) -> Provenanc
     }
 }
 
+/// Provenance of work on files that are of no open study.
+///
+/// - `command`: the words that it was asked for with; without them the request itself
+pub fn made_by(command: Option<&str>, request: &impl std::fmt::Debug, seed: u64, inputs: Vec<InputFile>) -> Provenance {
+    match command {
+        Some(command) => provenance(command, seed, inputs),
+        None => provenance(&format!("library: {request:?}"), seed, inputs),
+    }
+}
+
 /// A file and its hash.
 ///
 /// # Errors

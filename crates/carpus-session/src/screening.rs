@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::diagnostic::{Diagnostic, Failure};
 use super::loading::LoadedParticipant;
+use super::provenance::DEFAULT_SEED;
 use carpus_personalization::sensitivity::{
     CohortIndex, FirstOrderEstimator, MorrisConvergence, MorrisResult, MorrisSample, MuscleScreening, Parameter,
     ScreenedProperty, SensitivityError, SobolResult, SobolSample,
@@ -12,6 +13,11 @@ use carpus_study::study::{Contraction, TrialUse};
 
 /// Contractions whose trials have a moment that muscles make.
 const CONTRACTIONS: [Contraction; 3] = [Contraction::Isometric, Contraction::Isotonic, Contraction::Freehand];
+
+/// Starts r of the Morris screening where none are asked for.
+pub const DEFAULT_STARTS: usize = 25;
+/// Resamples of the bootstrap where none are asked for.
+pub const DEFAULT_RESAMPLES: usize = 1000;
 
 /// How hard to screen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,6 +30,12 @@ pub struct ScreeningOptions {
     pub resamples: usize,
     /// Seed.
     pub seed: u64,
+}
+
+impl Default for ScreeningOptions {
+    fn default() -> Self {
+        ScreeningOptions { starts: DEFAULT_STARTS, sobol: None, resamples: DEFAULT_RESAMPLES, seed: DEFAULT_SEED }
+    }
 }
 
 /// A condition: contraction and effort.

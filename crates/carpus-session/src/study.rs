@@ -8,10 +8,11 @@ use super::output::OutputFolder;
 use super::{own_effects, provenance};
 use carpus_diagnosis::export::SideCar;
 use carpus_multibody::multibody::Model;
+use carpus_osim::osim::OsimFile;
 use carpus_report::results::{InputFile, Provenance};
 use carpus_simulation::scaling::{ParticipantScaling, ParticipantScalingError, scale_participant};
 use carpus_simulation::simulation::{Setup, SimulationError};
-use carpus_study::study::{Participant, Study as Tables, Trial};
+use carpus_study::study::{Participant, Study as Tables, Trial, write};
 
 /// How a study is opened. The default is what a command does without options.
 #[derive(Clone, Debug, Default)]
@@ -42,6 +43,8 @@ pub struct Study {
     pub(super) opening: Opening,
     /// Effects that the model has beside its file.
     pub(super) side_car: Option<(PathBuf, SideCar)>,
+    /// The model, if it is in no file.
+    model: Option<OsimFile>,
 }
 
 impl Study {
@@ -66,7 +69,37 @@ impl Study {
         let tables = Tables::read_tables_for(path, |p| opening.model.is_none() && is_wanted(p))?;
         let side_car = opening.effects.as_deref().map(|file| read_side_car(file, &tables)).transpose()?;
         let chosen = wanted(&tables, &opening.participants)?;
-        Ok(Study { tables, chosen, opening, side_car })
+        Ok(Study { tables, chosen, opening, side_car, model: None })
+    }
+
+    /// A study of arrays and a model in memory; what is done with it is what is done with a study on disk.
+    ///
+    /// - `tables`: [`Tables::of_trials`]
+    /// - `model`: of all participants; [`OsimFile::of_spec`] makes one of a specification
+    ///
+    /// ```
+    /// use carpus_session::{bundled, simulate::Simulate, study::Study};
+    /// use carpus_study::study::{Contraction, Direction, Participant, Settings, Study as Tables};
+    /// use carpus_study::study::{Trial, TrialInfo, TrialUse};
+    /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+    /// let settings = Settings::with_defaults("arrays", "flexion", &["FCR", "ECRB"])?;
+    /// let info = TrialInfo::new("P01", "swing", Contraction::Isotonic, Direction::Flexion, TrialUse::Train);
+    /// let time: Vec<f64> = (0..200).map(|k| 0.01 * f64::from(k)).collect();
+    /// let angle: Vec<f64> = time.iter().map(|t| 0.5 * (3.0 * t).sin()).collect();
+    /// let excitation = [0.3, 0.05].map(|e| vec![e; time.len()]).to_vec();
+    /// let trial = Trial::from_samples(info, time.clone(), angle, vec![1.0; time.len()], excitation);
+    /// let tables = Tables::of_trials(settings, vec![Participant::named("P01")], vec![trial])?;
+    ///
+    /// let study = Study::from_memory(tables, bundled::model()?);
+    /// let session = study.participants().next().unwrap().load()?;
+    /// let simulated = session.simulate(&Simulate::default())?;
+    /// assert_eq!(simulated.trials[0].moment.len(), 200);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn from_memory(tables: Tables, model: OsimFile) -> Study {
+        let chosen = tables.participants.clone();
+        Study { tables, chosen, opening: Opening::default(), side_car: None, model: Some(model) }
     }
 
     /// The participants that are asked for.
@@ -103,6 +136,24 @@ impl Study {
         Ok(out)
     }
 
+    /// Writes results of the participants that are asked for into a folder of results, as the command does. Returns what a person
+    /// should know about files of earlier runs.
+    ///
+    /// - `command`: the command that makes such results
+    ///
+    /// # Errors
+    /// The folder cannot be written to, or holds what is not of the study and the command.
+    pub(super) fn write_results(
+        &self,
+        path: &Path,
+        command: &str,
+        write: impl FnOnce(&OutputFolder) -> Result<(), Failure>,
+    ) -> Result<Vec<Diagnostic>, Failure> {
+        let out = self.output_folder(path, command)?;
+        write(&out)?;
+        out.close(command, &self.others())
+    }
+
     /// The same study, with models scaled to the participants ([`Opening::scales_models`]).
     pub fn scaling_models(mut self) -> Study {
         self.opening.scales_models = true;
@@ -123,10 +174,7 @@ impl Study {
     ///
     /// - `request`: stands for the command where there is none
     pub(super) fn provenance(&self, request: &impl std::fmt::Debug, seed: u64, inputs: Vec<InputFile>) -> Provenance {
-        match &self.opening.command {
-            Some(command) => provenance::provenance(command, seed, inputs),
-            None => provenance::provenance(&format!("library: {request:?}"), seed, inputs),
-        }
+        provenance::made_by(self.opening.command.as_deref(), request, seed, inputs)
     }
 
     /// Scales a participant's model in memory, if that is to be done.
@@ -166,7 +214,11 @@ impl Study {
         warnings: &mut Vec<Diagnostic>,
     ) -> Result<LoadedModel, Failure> {
         let path = self.opening.model.as_ref().unwrap_or(&participant.model);
-        let loaded = model::load(path, needs, self.opening.allow_unsupported, warnings)?;
+        let allow = self.opening.allow_unsupported;
+        let loaded = match &self.model {
+            Some(file) => model::compiled(path, file.clone(), needs, allow, warnings)?,
+            None => model::load(path, needs, allow, warnings)?,
+        };
         self.check_names(&loaded)?;
         Ok(loaded)
     }
@@ -206,11 +258,36 @@ impl Study {
         }
     }
 
+    /// What the results of a participant depend on where nothing is in files, with the hashes of what files would hold.
+    fn hashes_of(
+        &self,
+        file: &OsimFile,
+        participant: &Participant,
+        model: &Path,
+        trials: &[Trial],
+    ) -> Result<Vec<InputFile>, Failure> {
+        let input = |path: String, role: &str, bytes: &[u8]| InputFile {
+            path,
+            role: role.to_string(),
+            sha256: provenance::hash_of(bytes),
+        };
+        let mut inputs = vec![input(model.display().to_string(), "model", file.document.bytes())];
+        for trial in trials.iter().filter(|t| t.info.participant == participant.name) {
+            let rows = write::trial_rows(trial, &self.tables.settings.active_muscles);
+            let text: String = rows.iter().map(|row| row.join(",") + "\n").collect();
+            inputs.push(input(trial.info.file_as_written.clone(), "trial", text.as_bytes()));
+        }
+        Ok(inputs)
+    }
+
     /// The files that the results of a participant depend on, with their hashes.
     ///
     /// # Errors
     /// A file that cannot be read.
     pub fn inputs(&self, participant: &Participant, model: &Path, trials: &[Trial]) -> Result<Vec<InputFile>, Failure> {
+        if let Some(file) = &self.model {
+            return self.hashes_of(file, participant, model, trials);
+        }
         let tables = [("participants.csv", "participants"), ("trials.csv", "trials"), ("ultrasound.csv", "ultrasound")];
         let shown = |path: &Path| path.strip_prefix(&self.tables.folder).unwrap_or(path).display().to_string();
         let mut inputs = vec![

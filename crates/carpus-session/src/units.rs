@@ -13,6 +13,7 @@ use serde_json::Value;
 
 use super::diagnostic::{Diagnostic, Failure};
 use super::output::OutputFolder;
+use super::progress::{Progress, go_on};
 use super::provenance::{self, hash};
 
 const SCHEMA: &str = "carpus.unit/2";
@@ -68,10 +69,18 @@ impl<'o> UnitStore<'o> {
     /// of what was stored and is damaged: it is computed again.
     ///
     /// - `inputs`: hashes of the files that all of these units depend on
+    /// - `progress`: is told which unit was finished, at the given count of steps
     ///
     /// # Errors
-    /// A fault of this program, the disk.
-    pub fn run(&self, units: &[Unit], inputs: &str, done: &(dyn Fn(&str) + Sync)) -> Result<Vec<Diagnostic>, Failure> {
+    /// A fault of this program, the disk; a request to stop, before a unit.
+    pub fn run(
+        &self,
+        units: &[Unit],
+        inputs: &str,
+        progress: &dyn Progress,
+        [step, steps]: [usize; 2],
+    ) -> Result<Vec<Diagnostic>, Failure> {
+        let done = |place: &str| progress.at(place, step, steps);
         let mut messages = Vec::new();
         let keys: Vec<String> =
             units.iter().map(|u| hash(&[self.program.as_str(), &u.place, &u.depends_on, inputs])).collect();
@@ -94,6 +103,7 @@ impl<'o> UnitStore<'o> {
         let next = AtomicUsize::new(0);
         let failures: Mutex<Vec<(usize, Failure)>> = Mutex::new(Vec::new());
         let work_on = |i: usize| -> Result<(), Failure> {
+            go_on(progress)?;
             let unit = &units[i];
             let started = ThreadTime::now();
             let value = (unit.work)()?;
@@ -242,6 +252,7 @@ pub fn value<T: Serialize + DeserializeOwned>(of: &T) -> Result<Value, Failure> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::progress::Silent;
 
     fn unit<'a>(place: &str, depends_on: &str, count: &'a AtomicUsize) -> Unit<'a> {
         let work = move || {
@@ -259,7 +270,7 @@ mod tests {
         let run = |depends_on: &str, inputs: &str| {
             let store = UnitStore::new(&out).unwrap();
             let units = [unit("s/P01/a", depends_on, &count), unit("s/P01/b", depends_on, &count)];
-            assert!(store.run(&units, inputs, &|_| ()).unwrap().is_empty());
+            assert!(store.run(&units, inputs, &Silent, [0, 0]).unwrap().is_empty());
             let values: Vec<Value> = store.finished("s").unwrap();
             assert_eq!(values, vec![serde_json::json!({ "x": 0.1 + 0.2 }); 2]);
             assert_eq!(store.seconds().len(), 2);
@@ -278,7 +289,7 @@ mod tests {
         let count = AtomicUsize::new(0);
         let run = || {
             let store = UnitStore::new(&out).unwrap();
-            let said = store.run(&[unit("s/P01/a", "", &count)], "", &|_| ()).unwrap();
+            let said = store.run(&[unit("s/P01/a", "", &count)], "", &Silent, [0, 0]).unwrap();
             let values: Vec<Value> = store.finished("s").unwrap();
             assert_eq!(values, vec![serde_json::json!({ "x": 0.1 + 0.2 })], "never what lies there");
             said
@@ -332,7 +343,7 @@ mod tests {
             depends_on: String::new(),
             work: Box::new(|| Err(Diagnostic::error("no trials").into())),
         };
-        let messages = store.run(&[fails, unit("s/P01/good", "", &count)], "", &|_| ()).unwrap();
+        let messages = store.run(&[fails, unit("s/P01/good", "", &count)], "", &Silent, [0, 0]).unwrap();
         assert_eq!(messages.len(), 1);
         assert_eq!(messages[0].text, "no trials");
         assert!(store.get::<Value>("s/P01/good").unwrap().is_some());

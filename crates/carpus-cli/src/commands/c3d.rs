@@ -1,43 +1,24 @@
 //! `carpus c3d`: what a motion capture file holds, as text files.
 
-use std::path::{Path, PathBuf};
-
 use serde_json::json;
 
 use crate::args::{C3dArgs, Global};
-use crate::failure::{self, Diagnostic, Failure};
+use crate::bars::Bars;
+use crate::failure::Failure;
 use crate::print_result;
-use carpus_osim::storage::{MotionCapture, StorageError};
-use carpus_session::account::csv_text;
-use carpus_session::output::OutputFolder;
+use carpus_osim::storage::MotionCapture;
+use carpus_session::motion_capture::ConvertMotionCapture;
 
 /// Runs the command.
 ///
 /// # Errors
 /// A file that cannot be read, or the disk.
 pub fn run(args: &C3dArgs, global: &Global) -> Result<(), Failure> {
-    let found = MotionCapture::read(&args.file).map_err(|e| unreadable(&e))?;
-    let warnings: Vec<Diagnostic> =
-        found.warnings.iter().map(|text| Diagnostic::warning(text.as_str()).in_file(&args.file)).collect();
-    failure::print(&warnings);
-    let folder = OutputFolder::create(&args.out, std::slice::from_ref(&args.file))?.with_results_of(&args.file);
-    let stem = args.file.file_stem().map_or_else(|| "c3d".to_owned(), |s| s.to_string_lossy().into_owned());
-    let MotionCapture { markers, analog, units, .. } = &found;
-    let mut written: Vec<PathBuf> = Vec::new();
-    if !markers.time.is_empty() {
-        let name = format!("{stem}_markers.trc");
-        written.push(folder.write(Path::new(&name), markers.text(&name).as_bytes())?);
-    }
-    if !analog.is_empty() {
-        let header: Vec<&str> = std::iter::once("time_s").chain(analog.labels.iter().map(String::as_str)).collect();
-        let row = |(time, row): (&f64, &Vec<f64>)| std::iter::once(time).chain(row).map(f64::to_string).collect();
-        let text = csv_text(header.iter(), analog.time.iter().zip(&analog.rows).map(row))?;
-        written.push(folder.write(format!("{stem}_analog.csv"), text.as_bytes())?);
-    }
-    failure::print(&folder.close("c3d", &[])?);
+    let done = ConvertMotionCapture { file: args.file.clone() }.run(&args.out, &Bars::new(global))?;
+    let MotionCapture { markers, analog, units, .. } = &done.found;
     let rate = |time: &[f64]| time.get(1).map(|second| 1.0 / (second - time[0]));
     if global.json {
-        let files: Vec<String> = written.iter().map(|f| f.display().to_string()).collect();
+        let files: Vec<String> = done.files.iter().map(|f| f.display().to_string()).collect();
         let channels: Vec<_> =
             analog.labels.iter().zip(units).map(|(label, unit)| json!({ "label": label, "unit": unit })).collect();
         let value = json!({
@@ -65,14 +46,6 @@ pub fn run(args: &C3dArgs, global: &Global) -> Result<(), Failure> {
         markers_of.unwrap_or_else(|| "no markers".to_owned()),
         channels_of.unwrap_or_else(|| "no analog channels".to_owned()),
     ];
-    lines.extend(written.iter().map(|f| f.display().to_string()));
+    lines.extend(done.files.iter().map(|f| f.display().to_string()));
     print_result(&lines.join("\n"))
-}
-
-fn unreadable(error: &StorageError) -> Failure {
-    let message = Diagnostic::error(error.problem.to_string()).in_file(&error.file).at_line(error.line);
-    match error.hint() {
-        Some(hint) => message.hint(hint).into(),
-        None => message.into(),
-    }
 }

@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use crate::args::{CompareArgs, Global};
+use crate::bars::Bars;
 use crate::failure::{self, Failure};
 use crate::residuals::where_it_fails;
-use crate::study_run::{StudyRun, progress};
+use crate::study_run::StudyRun;
 use crate::table::{fixed, table};
 use carpus_report::results::{Errors, Results};
 use carpus_session::compare::Compare;
@@ -18,24 +19,21 @@ use carpus_session::result_files::{summary, write_errors};
 /// The study, its models and trials, or the output folder.
 pub fn run(args: &CompareArgs, global: &Global) -> Result<(), Failure> {
     let study = StudyRun::prepare_with(&args.study, args.effects.file(), "compare")?;
-    let bar = progress(global, study.participants().len() as u64, "comparing");
-    let outcomes = study.each_of(|participant| {
+    let bars = Bars::new(global);
+    let outcomes = study.each("comparing", &bars, |participant| {
         let session = participant.load()?;
         failure::print(&session.data.warnings);
         let comparison = session.compare(&Compare { seed: global.seed })?;
         comparison.write_to(&study.out, Path::new(&participant.about().name))?;
-        bar.inc(1);
         Ok(comparison.results)
-    });
-    bar.finish_and_clear();
-    let outcomes = outcomes?;
+    })?;
     let done = &outcomes.done;
     if done.len() > 1 {
         write_errors(&study.out, Path::new(""), &done.iter().collect::<Vec<_>>())?;
     }
     if global.json {
         let text = serde_json::Value::Array(done.iter().map(summary).collect()).to_string();
-        return outcomes.print(&study, "compare", &text);
+        return study.print("compare", &text, outcomes.failed);
     }
     let mut text = error_table(done);
     done.iter().for_each(|results| text.push_str(&where_it_fails(results)));
@@ -44,7 +42,7 @@ pub fn run(args: &CompareArgs, global: &Global) -> Result<(), Failure> {
         let report = study.out.path().join(&results.participant.id).join("report.html");
         text.push_str(&format!("{}\n", report.display()));
     }
-    outcomes.print(&study, "compare", &text)
+    study.print("compare", &text, outcomes.failed)
 }
 
 /// Errors of every participant, use and model, for a terminal.

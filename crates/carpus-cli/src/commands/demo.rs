@@ -1,55 +1,16 @@
-//! `carpus demo`: the bundled study, end to end. The study is part of the program, so that it runs anywhere.
+//! `carpus demo`: the bundled study, end to end. The study is part of the program: it runs anywhere.
 
 use std::path::Path;
 
 use super::personalize;
 use crate::args::{DemoArgs, Global, StudyArgs};
+use crate::bars::Bars;
 use crate::failure::Failure;
 use crate::print_result;
 use crate::study_run::StudyRun;
+use carpus_session::bundled::write_study;
 use carpus_session::output::OutputFolder;
 use carpus_session::personalize::Personalize;
-
-/// Name and content of every file of the bundled study.
-macro_rules! bundled {
-    ($($name:literal)*) => { [$(($name, include_str!(concat!("../../../../fixtures/demo_study/", $name)))),*] };
-}
-
-/// The bundled study.
-const STUDY: [(&str, &str); 31] = bundled!(
-    "study.toml" "participants.csv" "trials.csv"
-    "data/P01/mvc_flexion.csv" "data/P01/mvc_extension.csv"
-    "data/P01/isometric_25_flexion_-30deg_1.csv" "data/P01/isometric_25_flexion_+0deg_1.csv"
-    "data/P01/isometric_25_flexion_+30deg_1.csv" "data/P01/isometric_25_flexion_+0deg_2.csv"
-    "data/P01/isometric_25_extension_-30deg_1.csv" "data/P01/isometric_25_extension_+0deg_1.csv"
-    "data/P01/isometric_25_extension_+30deg_1.csv" "data/P01/isometric_25_extension_+30deg_2.csv"
-    "data/P01/isometric_50_flexion_-30deg_1.csv" "data/P01/isometric_50_flexion_+0deg_1.csv"
-    "data/P01/isometric_50_flexion_+30deg_1.csv" "data/P01/isometric_50_flexion_-30deg_2.csv"
-    "data/P01/isometric_50_extension_-30deg_1.csv" "data/P01/isometric_50_extension_+0deg_1.csv"
-    "data/P01/isometric_50_extension_+30deg_1.csv" "data/P01/isometric_50_extension_+0deg_2.csv"
-    "data/P01/isotonic_25_flexion_1.csv" "data/P01/isotonic_25_flexion_2.csv"
-    "data/P01/isotonic_25_extension_1.csv" "data/P01/isotonic_25_extension_2.csv"
-    "data/P01/isotonic_50_flexion_1.csv" "data/P01/isotonic_50_flexion_2.csv"
-    "data/P01/isotonic_50_extension_1.csv" "data/P01/isotonic_50_extension_2.csv"
-    "data/P01/passive_1.csv" "data/P01/passive_2.csv"
-);
-/// The bundled model.
-const MODEL: &str = include_str!("../../../../models/wrist.osim");
-/// How the study names its model among the sources, and beside itself.
-const MODEL_LINE: [&str; 2] = [r#"model = "../../models/wrist.osim""#, r#"model = "wrist.osim""#];
-
-/// Writes the bundled study with its model to `study` in a folder.
-///
-/// # Errors
-/// The disk.
-pub fn write_study(folder: &OutputFolder) -> Result<(), Failure> {
-    for (name, text) in STUDY {
-        let text = if name == "study.toml" { text.replace(MODEL_LINE[0], MODEL_LINE[1]) } else { text.to_string() };
-        folder.write(Path::new("study").join(name), text.as_bytes())?;
-    }
-    folder.write("study/wrist.osim", MODEL.as_bytes())?;
-    Ok(())
-}
 
 /// Runs the command.
 ///
@@ -65,10 +26,11 @@ pub fn run(args: &DemoArgs, global: &Global) -> Result<(), Failure> {
         allow_unsupported: false,
     };
     let study = StudyRun::prepare(&args_of_study, "demo")?;
+    let bars = Bars::new(global);
     let mut outcomes = Vec::new();
     let request = Personalize { seed: global.seed, ..Personalize::default() };
     for participant in study.study.participants() {
-        outcomes.push(personalize::personalize(&study, &participant, Path::new(""), &request, global)?);
+        outcomes.push(personalize::personalize(&study, &participant, Path::new(""), &request, &bars)?);
     }
     study.close("demo")?;
     if global.json {
@@ -83,18 +45,4 @@ pub fn run(args: &DemoArgs, global: &Global) -> Result<(), Failure> {
         args.out.join("study").display()
     ));
     print_result(&text)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn verif_bundle_holds_every_trial_and_its_model() {
-        let text = |wanted: &str| STUDY.iter().find(|(name, _)| *name == wanted).unwrap().1;
-        assert!(text("study.toml").contains(MODEL_LINE[0]), "the model line is replaced");
-        let listed: Vec<&str> = text("trials.csv").lines().skip(1).filter_map(|l| l.split(',').nth(1)).collect();
-        let bundled: Vec<&str> = STUDY.iter().map(|(name, _)| *name).filter(|n| n.starts_with("data/")).collect();
-        assert_eq!(bundled, listed);
-    }
 }

@@ -32,7 +32,7 @@ pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
     let study = StudyRun::prepare_with(&args.study, args.effects.file(), "diagnose")?;
     let request = Diagnose { seed: global.seed, candidates: args.candidates.clone(), baselines: args.baselines };
     let bars = Bars::new(global);
-    let outcomes = study.each_of(|participant| {
+    let outcomes = study.each("diagnosing", &bars, |participant| {
         let session = participant.load_for(Purpose::Diagnosis)?.with_progress(&bars);
         failure::print(&session.data.warnings);
         let diagnosed = session.diagnosed(&forward_model(&session.data)?, &request)?;
@@ -41,12 +41,12 @@ pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
     })?;
     if global.json {
         let text = serde_json::Value::Array(outcomes.done.iter().map(|(_, value)| value.clone()).collect()).to_string();
-        return outcomes.print(&study, "diagnose", &text);
+        return study.print("diagnose", &text, outcomes.failed);
     }
     let page = |d: &Diagnosis| study.out.path().join(&d.participant).join("report.html").display().to_string();
     let shown = |(d, _): &(Diagnosis, serde_json::Value)| format!("{}\n\n{}", readable(d), page(d));
     let text = outcomes.done.iter().map(shown).collect::<Vec<_>>().join("\n\n");
-    outcomes.print(&study, "diagnose", &text)
+    study.print("diagnose", &text, outcomes.failed)
 }
 
 /// A verdict in words.

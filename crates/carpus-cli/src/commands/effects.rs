@@ -10,9 +10,10 @@ use crate::failure::Failure;
 use crate::print_result;
 use crate::table::table;
 use carpus_diagnosis::catalogue::with_own;
-use carpus_diagnosis::effect::{Description, OsimForm, Parameter, Role, Stage};
+use carpus_diagnosis::effect::Description;
 use carpus_diagnosis::own_effect::registered;
 use carpus_session::candidates::known;
+use carpus_session::effect_words::{form, parameter, stage};
 
 /// Lines of the description of one effect are broken before this column.
 const WIDTH: usize = 100;
@@ -67,28 +68,6 @@ fn overview(effects: &[&'static Description]) -> String {
     )
 }
 
-/// Where an effect acts, in a word.
-pub fn stage(stage: Stage) -> &'static str {
-    match stage {
-        Stage::Excitation => "excitation",
-        Stage::Activation => "activation",
-        Stage::Muscle => "muscle",
-        Stage::Geometry => "geometry",
-        Stage::Joint => "joint",
-        Stage::Inertia => "segment",
-        Stage::Sensor => "sensor",
-    }
-}
-
-/// How an effect is kept in a model: the kind, and by what.
-pub fn form(d: &Description) -> (&'static str, &'static str) {
-    match d.osim_form {
-        OsimForm::Native(what) => ("native", what),
-        OsimForm::Controls(what) => ("controls", what),
-        OsimForm::SideCar(what) => ("side-car", what),
-    }
-}
-
 fn details(d: &Description) -> String {
     let mut text = format!("{} ({})\n\n", d.name, d.id);
     let mut line = |label: &str, content: &str| text.push_str(&labelled(label, content));
@@ -106,21 +85,6 @@ fn details(d: &Description) -> String {
     };
     line("Identifiable", &identifiable);
     text.trim_end().to_string()
-}
-
-/// A parameter: unit, plausible range, role and source.
-pub fn parameter(p: &Parameter) -> String {
-    let role = match p.role {
-        Role::Amplitude => "the effect is absent at 0".to_string(),
-        Role::Shape if p.moves_with_neutral != 0.0 => {
-            format!(
-                "shape, usually {}, both from the joint's neutral angle (0, or the middle of a range that lies to one side of it)",
-                p.start
-            )
-        }
-        Role::Shape => format!("shape, usually {}", p.start),
-    };
-    format!("{} [{}]: plausible {} to {}; {role}. Range: {}", p.name, p.unit, p.plausible[0], p.plausible[1], p.source)
 }
 
 /// A labelled paragraph, its lines indented behind the label.

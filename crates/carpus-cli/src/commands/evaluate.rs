@@ -1,24 +1,11 @@
 //! `carpus evaluate`: every model on every held-out condition, over participants.
 
-use std::path::{Path, PathBuf};
-
 use crate::args::{EvaluateArgs, Global};
-use crate::cohort_report::{self, ModelName, Representative};
-use crate::failure::{self, Diagnostic, Failure};
-use crate::provenance::provenance;
-use crate::study_run::{StudyRun, progress};
-use carpus_osim::osim::OsimFile;
-use carpus_osim::osim::spec::ModelSpec;
-use carpus_report::article::Article;
-use carpus_report::render_article;
-use carpus_session::loading::LoadedParticipant;
-use carpus_session::model::osim_failure;
-use carpus_session::provenance::input_file;
-use carpus_simulation::evaluation::{Cohort, ConditionError, ErrorTable, TrialErrors, condition_errors};
-use carpus_study::study::{Contraction, Participant, TrialUse};
-
-/// The participant's model as the study names it.
-pub const LINEAR: &str = "linear";
+use crate::bars::Bars;
+use crate::failure::Failure;
+use crate::study_run::StudyRun;
+use crate::table::tables;
+use carpus_session::evaluate::Evaluate;
 
 /// Runs the command.
 ///
@@ -26,164 +13,13 @@ pub const LINEAR: &str = "linear";
 /// The study, its trials, the models, or the output folder.
 pub fn run(args: &EvaluateArgs, global: &Global) -> Result<(), Failure> {
     let study = StudyRun::prepare(&args.study, "evaluate")?;
-    let bar = progress(global, study.participants().len() as u64, "evaluating");
-    let mut names: Vec<ModelName> = vec![ModelName { id: LINEAR.to_string(), label: "linear".to_string() }];
-    let mut inputs = Vec::new();
-    let outcomes = study.each(|participant| {
-        let run = study.participant(participant)?;
-        failure::print(&run.warnings);
-        let mut models = vec![(LINEAR.to_string(), run.loaded.file.spec.clone())];
-        for (name, path) in model_files(&args.models, participant)? {
-            let file = OsimFile::read(&path).map_err(|e| osim_failure(&path, &e))?;
-            inputs.push(input_file(&path, &path.display().to_string(), "evaluated model")?);
-            // A linearly scaled model among them is the control.
-            if name == LINEAR {
-                models[0].1 = file.spec;
-                continue;
-            }
-            if !names.iter().any(|known| known.id == name) {
-                names.push(ModelName { id: name.clone(), label: name.replace('_', " ") });
-            }
-            models.push((name, file.spec));
-        }
-        inputs.extend(run.inputs.clone());
-        let shown: Vec<&str> = models.iter().rev().take(3).map(|(name, _)| name.as_str()).collect();
-        let done = evaluate(&study, &run, &models, &shown)?;
-        bar.inc(1);
-        Ok(done)
-    });
-    bar.finish_and_clear();
-    let outcomes = outcomes?;
-    // The control stands last, as in table 3.1.
-    names.rotate_left(1);
-    let (errors, curves): (Vec<_>, Vec<_>) = outcomes.done.iter().cloned().unzip();
-    let cohort = Cohort::new(errors.concat(), names.iter().map(|n| n.id.clone()).collect());
-    let report = cohort_report::evaluation(&cohort, &names, &curves.concat())?;
-    for (name, text) in &report.tables {
-        study.out.write(name, text.as_bytes())?;
-    }
-    inputs.sort_by(|a, b| (&a.role, &a.path).cmp(&(&b.role, &b.path)));
-    inputs.dedup();
-    let article = Article {
-        title: "Models on held-out trials".to_string(),
-        kicker: format!("Evaluation · {}", study.study.tables.settings.name),
-        lead: report.lead.clone(),
-        facts: vec![
-            ("participants".to_string(), cohort.participants().len().to_string()),
-            ("models".to_string(), cohort.models().len().to_string()),
-        ],
-        warnings: report.warnings.clone(),
-        sections: vec![carpus_report::article::Section {
-            id: "evaluation".to_string(),
-            title: "Evaluation".to_string(),
-            blocks: report.blocks.clone(),
-        }],
-        provenance: provenance(global, inputs),
+    let request = Evaluate { models: args.models.clone(), seed: global.seed };
+    let found = study.study.evaluate(&request, &Bars::new(global))?;
+    let page = found.write_to(&study.out)?;
+    let text = if global.json {
+        found.value(&page).to_string()
+    } else {
+        format!("{}\n\n{}", tables(&found.report.overview), page.display())
     };
-    let page = study.out.write("report.html", render_article(&article).as_bytes())?;
-    if global.json {
-        let result = serde_json::json!({
-            "schema": "carpus.evaluation/1",
-            "errors": cohort.errors(),
-            "anova": report.anova,
-            "report": page,
-        });
-        return outcomes.print(&study, "evaluate", &result.to_string());
-    }
-    let text = format!("{}\n\n{}", report.readable, page.display());
-    outcomes.print(&study, "evaluate", &text)
-}
-
-/// The models of a participant in the folders given: `DIR/PARTICIPANT/*.osim`. A file `model.osim`, as `personalize` writes
-/// it, goes by the name of its folder.
-///
-/// # Errors
-/// A folder without a model of this participant; two models of one name.
-fn model_files(folders: &[PathBuf], participant: &Participant) -> Result<Vec<(String, PathBuf)>, Failure> {
-    let mut found: Vec<(String, PathBuf)> = Vec::new();
-    for folder in folders {
-        let of_participant = folder.join(&participant.name);
-        let unreadable = |e: std::io::Error| {
-            Diagnostic::error(format!("models of participant {}: {e}", participant.name))
-                .in_file(&of_participant)
-                .hint("--models takes folders with one folder a participant, e.g. DIR/P01/isotonic_25.osim")
-        };
-        let mut here = Vec::new();
-        for entry in std::fs::read_dir(&of_participant).map_err(unreadable)? {
-            let path = entry.map_err(unreadable)?.path();
-            if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("osim")) {
-                here.push((model_name(&path, folder), path));
-            }
-        }
-        if here.is_empty() {
-            let message = Diagnostic::error("no .osim file in this folder").in_file(&of_participant);
-            return Err(message.into());
-        }
-        here.sort();
-        for (name, path) in here {
-            if found.iter().any(|(known, _)| *known == name) {
-                let text = format!("two models are called `{name}`");
-                return Err(Diagnostic::error(text).in_file(&path).hint("rename the file").into());
-            }
-            found.push((name, path));
-        }
-    }
-    Ok(found)
-}
-
-fn model_name(path: &Path, folder: &Path) -> String {
-    let stem = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
-    let folder = folder.file_name().map(|s| s.to_string_lossy().into_owned());
-    match folder {
-        Some(folder) if stem == "model" => folder,
-        _ => stem,
-    }
-}
-
-/// Errors of models on a participant's held-out isometric and isotonic trials, and for the models `shown` the moments of the
-/// first held-out trial of every condition.
-///
-/// # Errors
-/// A model that cannot be simulated; no held-out trial.
-pub fn evaluate(
-    study: &StudyRun,
-    run: &LoadedParticipant,
-    models: &[(String, ModelSpec)],
-    shown: &[&str],
-) -> Result<(Vec<ConditionError>, Vec<Representative>), Failure> {
-    let held_out: Vec<usize> = (0..run.trials.len())
-        .filter(|&i| {
-            let info = &run.trials[i].info;
-            info.usage == TrialUse::Test
-                && matches!(info.contraction, Contraction::Isometric | Contraction::Isotonic)
-                && info.effort_percent.is_some()
-        })
-        .collect();
-    if held_out.is_empty() {
-        let text = format!("participant {}: no held-out isometric or isotonic trial", run.participant.name);
-        return Err(Diagnostic::error(text)
-            .in_file(&study.study.tables.folder.join("trials.csv"))
-            .hint("mark repetitions with use = test")
-            .into());
-    }
-    let mut errors = Vec::new();
-    let mut curves: Vec<Representative> = cohort_report::representatives(run, &held_out);
-    for (name, spec) in models {
-        let simulated = study.study.simulate_some(run, spec, &held_out)?;
-        let trial_errors = held_out.iter().zip(&simulated).map(|(&i, simulation)| {
-            TrialErrors::calc(&run.trials[i].info, &run.trials[i].moment, &simulation.moment)
-                .map_err(|e| Failure::Internal(format!("trial {}: {e}", run.trials[i].info.name)))
-        });
-        let table = ErrorTable::from_trials(trial_errors.collect::<Result<_, _>>()?);
-        errors.extend(condition_errors(&run.participant.name, name, &table));
-        if shown.contains(&name.as_str()) {
-            for curve in &mut curves {
-                let at = held_out.iter().position(|&i| run.trials[i].info.name == curve.trial);
-                if let Some(at) = at {
-                    curve.add(name, &simulated[at].moment);
-                }
-            }
-        }
-    }
-    Ok((errors, curves))
+    study.print("evaluate", &text, found.failed)
 }

@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use crate::args::{Global, IdentifyArgs, IdentifyOptions};
+use crate::bars::Bars;
 use crate::failure::{self, Diagnostic, Failure};
-use crate::study_run::{StudyRun, progress};
+use crate::study_run::StudyRun;
 use crate::table::{fixed, table};
 use carpus_identifiability::MuscleProperty;
 use carpus_report::identifiability::{CombinationResult, IdentifiabilityResult};
@@ -19,34 +20,39 @@ use carpus_session::loading::Purpose;
 pub fn run(args: &IdentifyArgs, global: &Global) -> Result<(), Failure> {
     let request = request(&args.options, global.seed)?;
     let study = StudyRun::prepare(&args.study, "identify")?;
-    let bar = progress(global, study.participants().len() as u64, "identifying");
-    let outcomes = study.each_of(|participant| {
+    let bars = Bars::new(global);
+    let outcomes = study.each("identifying", &bars, |participant| {
         let session = participant.load_for(Purpose::Identification)?;
         let identified = session.identify(&request)?;
         failure::print(&identified.warnings);
         identified.write_to(&study.out, Path::new(&participant.about().name))?;
-        bar.inc(1);
         Ok(identified.result)
-    });
-    bar.finish_and_clear();
-    let outcomes = outcomes?;
+    })?;
     let text = if global.json {
         serde_json::to_string(&outcomes.done).map_err(|e| Failure::Internal(e.to_string()))?
     } else {
         outcomes.done.iter().map(|r| readable(r, &study)).collect::<Vec<_>>().join("\n\n")
     };
-    outcomes.print(&study, "identify", &text)
+    study.print("identify", &text, outcomes.failed)
 }
 
 /// What is asked on the command line.
 ///
 /// # Errors
 /// An unknown property; the priors.
-pub fn request(options: &IdentifyOptions, seed: u64) -> Result<Identify, Failure> {
+fn request(options: &IdentifyOptions, seed: u64) -> Result<Identify, Failure> {
     let priors = options.priors.as_deref().map(Priors::read).transpose()?;
+    Ok(Identify { priors, ..request_without_priors(options, seed)? })
+}
+
+/// As [`request`], before the priors are read.
+///
+/// # Errors
+/// An unknown property.
+pub fn request_without_priors(options: &IdentifyOptions, seed: u64) -> Result<Identify, Failure> {
     let properties = properties(&options.properties)?;
     let (tie, level, draws) = (options.tie.clone(), options.level, options.draws as usize);
-    Ok(Identify { seed, properties, tie, priors, level, draws })
+    Ok(Identify { seed, properties, tie, priors: None, level, draws })
 }
 
 fn properties(names: &[String]) -> Result<Vec<MuscleProperty>, Failure> {

@@ -1,160 +1,26 @@
 //! `carpus info`: what is in a model, and what was made of it.
 
-use serde::Serialize;
-
 use crate::args::{Global, InfoArgs};
-use crate::failure::{Diagnostic, Failure, Severity};
+use crate::failure::Failure;
 use crate::print_result;
 use crate::table::table;
-use carpus_multibody::multibody::Model;
-use carpus_osim::osim::spec::{CoordinateIndex, JointKind, ModelSpec, MotionType, MuscleKind, MuscleSpec};
-use carpus_osim::osim::{Diagnostics, OsimFile, Severity as FindingSeverity};
+use carpus_osim::osim::{Diagnostics, Severity as FindingSeverity};
+use carpus_session::info::{CoordinateInfo, Info, MuscleInfo};
 use carpus_session::model;
-
-/// A coordinate, for people and programs.
-#[derive(Debug, Serialize)]
-struct CoordinateInfo {
-    name: String,
-    line: usize,
-    motion_type: &'static str,
-    unit: &'static str,
-    default_value: f64,
-    range: [f64; 2],
-    clamped: bool,
-    locked: bool,
-    follows: Option<String>,
-}
-
-/// A muscle, for people and programs.
-#[derive(Debug, Serialize)]
-struct MuscleInfo {
-    name: String,
-    line: usize,
-    class: String,
-    max_isometric_force_n: f64,
-    optimal_fiber_length_m: f64,
-    tendon_slack_length_m: f64,
-    pennation_angle_at_optimal_deg: f64,
-    path_points: usize,
-    wraps: usize,
-    applies_force: bool,
-}
-
-/// What `--json` prints.
-#[derive(Debug, Serialize)]
-struct Info<'a> {
-    schema: &'static str,
-    file: String,
-    model: &'a str,
-    document_version: u32,
-    bodies: usize,
-    joints: usize,
-    wrap_objects: usize,
-    constraints: usize,
-    forces: usize,
-    markers: usize,
-    coordinates: Vec<CoordinateInfo>,
-    muscles: Vec<MuscleInfo>,
-    diagnostics: &'a Diagnostics,
-    compile_error: Option<String>,
-}
 
 /// Runs the command.
 ///
 /// # Errors
 /// The file cannot be read as a model.
 pub fn run(args: &InfoArgs, global: &Global) -> Result<(), Failure> {
-    let file = OsimFile::read(&args.model).map_err(|e| model::osim_failure(&args.model, &e))?;
-    let spec = &file.spec;
-    let compiled = Model::compile(spec);
-    let info = Info {
-        schema: "carpus.info/1",
-        file: args.model.display().to_string(),
-        model: &spec.name,
-        document_version: spec.document_version,
-        bodies: spec.bodies.len(),
-        joints: spec.joints.len(),
-        wrap_objects: spec.wrap_objects.len(),
-        constraints: spec.constraints.len(),
-        forces: spec.forces.len(),
-        markers: spec.markers.len(),
-        coordinates: coordinates(spec, compiled.as_ref().ok()),
-        muscles: spec.muscles.iter().map(muscle).collect(),
-        diagnostics: &file.diagnostics,
-        compile_error: compiled.as_ref().err().map(ToString::to_string),
-    };
+    let (info, reason) = Info::read(&args.model)?;
     if global.json {
         let text = serde_json::to_string_pretty(&info).map_err(|e| Failure::Internal(e.to_string()))?;
         print_result(&text)?;
     } else {
         print_result(&readable(&info, args.all))?;
     }
-    match compiled {
-        Ok(_) => Ok(()),
-        Err(e) => {
-            let message = Diagnostic { severity: Severity::Error, ..Diagnostic::error(e.to_string()) };
-            Err(message
-                .in_file(&args.model)
-                .at_line(e.at().line)
-                .hint("the file can be read, but not computed with")
-                .into())
-        }
-    }
-}
-
-fn coordinates(spec: &ModelSpec, model: Option<&Model>) -> Vec<CoordinateInfo> {
-    let info = |(i, c): (usize, &carpus_osim::osim::spec::CoordinateSpec)| {
-        let index = CoordinateIndex(i);
-        let (motion_type, unit) = match c.motion_type {
-            MotionType::Rotational => ("rotational", "deg"),
-            MotionType::Translational => ("translational", "m"),
-            MotionType::Coupled => ("coupled", coupled_unit(spec, index)),
-        };
-        let shown = |v: f64| if unit == "deg" { v.to_degrees() } else { v };
-        let follows = model.filter(|m| m.is_dependent(index)).map(|m| m.names_of_roots(index, ""));
-        CoordinateInfo {
-            name: c.name.clone(),
-            line: c.at.line,
-            motion_type,
-            unit,
-            default_value: shown(c.default_value),
-            range: c.range.map(shown),
-            clamped: c.clamped,
-            locked: c.locked,
-            follows,
-        }
-    };
-    spec.coordinates.iter().enumerate().map(info).collect()
-}
-
-/// Unit of a coordinate of which OpenSim says only that it is coupled: what turns its joint, wholly or among other
-/// things,
-/// is an angle. One that no axis uses may be either.
-fn coupled_unit(spec: &ModelSpec, index: CoordinateIndex) -> &'static str {
-    let JointKind::Custom(axes) = &spec.joints[spec.coordinates[index.0].joint.0].kind else { return "rad or m" };
-    match axes.iter().position(|axis| axis.coordinates.contains(&index)) {
-        Some(0..3) => "deg",
-        Some(_) => "m",
-        None => "rad or m",
-    }
-}
-
-fn muscle(spec: &MuscleSpec) -> MuscleInfo {
-    MuscleInfo {
-        name: spec.name.clone(),
-        line: spec.at.line,
-        class: match &spec.kind {
-            MuscleKind::Millard2012Equilibrium(_) => "Millard2012EquilibriumMuscle".to_string(),
-            MuscleKind::PathOnly { class, .. } => class.clone(),
-        },
-        max_isometric_force_n: spec.max_isometric_force,
-        optimal_fiber_length_m: spec.optimal_fiber_length,
-        tendon_slack_length_m: spec.tendon_slack_length,
-        pennation_angle_at_optimal_deg: spec.pennation_angle_at_optimal.to_degrees(),
-        path_points: spec.path.points.len(),
-        wraps: spec.path.wraps.len(),
-        applies_force: spec.applies_force,
-    }
+    reason.map_or(Ok(()), |reason| Err(reason.into()))
 }
 
 fn readable(info: &Info, all: bool) -> String {
@@ -176,7 +42,7 @@ fn readable(info: &Info, all: bool) -> String {
         text.push_str(&muscle_table(&info.muscles));
         text.push_str("\n\n");
     }
-    text.push_str(&findings(info.diagnostics, &info.file, all));
+    text.push_str(&findings(&info.diagnostics, &info.file, all));
     text
 }
 

@@ -20,9 +20,10 @@ use carpus_session::result_files::{summary, write_errors};
 pub fn run(args: &PersonalizeArgs, global: &Global) -> Result<(), Failure> {
     let study = StudyRun::prepare(&args.study, "personalize")?;
     let request = Personalize { seed: global.seed, intervals: !args.no_intervals };
-    let outcomes = study.each_of(|participant| {
+    let bars = Bars::new(global);
+    let outcomes = study.each("personalizing", &bars, |participant| {
         let folder = Path::new(&participant.about().name);
-        personalize(&study, &participant, folder, &request, global)
+        personalize(&study, &participant, folder, &request, &bars)
     })?;
     let done = &outcomes.done;
     if done.len() > 1 {
@@ -30,7 +31,7 @@ pub fn run(args: &PersonalizeArgs, global: &Global) -> Result<(), Failure> {
     }
     if global.json {
         let text = json(done);
-        return outcomes.print(&study, "personalize", &text);
+        return study.print("personalize", &text, outcomes.failed);
     }
     let mut text = readable(done);
     text.push_str("\n\n");
@@ -38,7 +39,7 @@ pub fn run(args: &PersonalizeArgs, global: &Global) -> Result<(), Failure> {
         let folder = study.out.path().join(&results.participant.id);
         text.push_str(&format!("{}\n{}\n", folder.join("model.osim").display(), folder.join("report.html").display()));
     }
-    outcomes.print(&study, "personalize", &text)
+    study.print("personalize", &text, outcomes.failed)
 }
 
 /// Fits a participant's parameters and writes the model, the results and the report into `folder` of the output.
@@ -50,10 +51,9 @@ pub fn personalize(
     participant: &StudyParticipant<'_>,
     folder: &Path,
     request: &Personalize,
-    global: &Global,
+    bars: &Bars,
 ) -> Result<Results, Failure> {
-    let bars = Bars::new(global);
-    let session = participant.load()?.with_progress(&bars);
+    let session = participant.load()?.with_progress(bars);
     failure::print(&session.data.warnings);
     let fit = session.personalize_as(request, &folder.join("model.osim"))?;
     fit.write_to(&study.out, folder)?;

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use crate::args::{Global, PlanArgs};
 use crate::bars::Bars;
 use crate::failure::{self, Failure};
-use crate::study_run::{StudyRun, progress};
+use crate::study_run::StudyRun;
 use crate::table::{fixed, table};
 use carpus_diagnosis::separability::Distance;
 use carpus_diagnosis::separation::{SEPARABLE_Z, Separation, most_useful};
@@ -28,7 +28,7 @@ pub fn run(args: &PlanArgs, global: &Global) -> Result<(), Failure> {
     request.named()?;
     let study = StudyRun::prepare_with(&args.study, args.effects.file(), "plan")?;
     let bars = Bars::new(global);
-    let outcomes = study.each_of(|participant| {
+    let outcomes = study.each("planning", &bars, |participant| {
         let session = participant.load_for(Purpose::Diagnosis)?.with_progress(&bars);
         failure::print(&session.data.warnings);
         let forward = forward_model(&session.data)?;
@@ -40,31 +40,27 @@ pub fn run(args: &PlanArgs, global: &Global) -> Result<(), Failure> {
     if global.json {
         let one = |p: &Planned| json!({ "participant": p.participant, "separating_experiments": p.separations });
         let text = Value::Array(outcomes.done.iter().map(one).collect()).to_string();
-        return outcomes.print(&study, "plan", &text);
+        return study.print("plan", &text, outcomes.failed);
     }
     let text = outcomes.done.iter().map(readable).collect::<Vec<_>>().join("\n\n");
-    outcomes.print(&study, "plan", &text)
+    study.print("plan", &text, outcomes.failed)
 }
 
 /// How far an effect of a size would be from none and from every other.
 fn of_effect(asked: &EffectSize, args: &PlanArgs, global: &Global) -> Result<(), Failure> {
     known(&asked.id)?;
     let study = StudyRun::prepare_with(&args.study, args.effects.file(), "plan")?;
-    let bar = progress(global, study.participants().len() as u64, "separating");
     let bars = Bars::new(global);
-    let outcomes = study.each_of(|participant| {
+    let outcomes = study.each("planning", &bars, |participant| {
         let session = participant.load_for(Purpose::Diagnosis)?.with_progress(&bars);
         failure::print(&session.data.warnings);
         let found = session.separability(&forward_model(&session.data)?, asked, global.seed)?;
         found.write_to(&study.out, Path::new(&participant.about().name))?;
-        bar.inc(1);
         Ok(found)
-    });
-    bar.finish_and_clear();
-    let outcomes = outcomes?;
+    })?;
     if global.json {
         let text = Value::Array(outcomes.done.iter().map(|found| found.value.clone()).collect()).to_string();
-        return outcomes.print(&study, "plan --effect", &text);
+        return study.print("plan --effect", &text, outcomes.failed);
     }
     let shown = |found: &Separability| {
         let row = |d: &Distance| {
@@ -79,7 +75,7 @@ fn of_effect(asked: &EffectSize, args: &PlanArgs, global: &Global) -> Result<(),
         format!("{title}\n{}", table(&["in its place", "z", "told apart"], 1, found.distances.iter().map(row)))
     };
     let text = outcomes.done.iter().map(shown).collect::<Vec<_>>().join("\n\n");
-    outcomes.print(&study, "plan --effect", &text)
+    study.print("plan --effect", &text, outcomes.failed)
 }
 
 fn readable(planned: &Planned) -> String {

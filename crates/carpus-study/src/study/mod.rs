@@ -20,6 +20,7 @@
 mod channels;
 mod efforts;
 mod imaging_settings;
+mod in_memory;
 mod lines;
 mod participants;
 mod plausibility;
@@ -84,6 +85,8 @@ pub struct Study {
     pub ultrasound: Vec<UltrasoundMeasurement>,
     /// What a person should look at.
     pub warnings: Vec<Problem>,
+    /// Samples of trials that are not read from files ([`Study::of_trials`]).
+    in_memory: Vec<Trial>,
 }
 
 /// A study as far as it can be read.
@@ -166,7 +169,16 @@ impl Study {
         let Some((settings, columns_sound)) = settings else {
             return Parts { study: None, problems, columns_sound: false };
         };
-        let study = Study { file, folder, settings, participants, trials, ultrasound, warnings: Vec::new() };
+        let study = Study {
+            file,
+            folder,
+            settings,
+            participants,
+            trials,
+            ultrasound,
+            warnings: Vec::new(),
+            in_memory: Vec::new(),
+        };
         study.check_models(needs_model, &mut problems);
         study.check_trial_list(&mut problems);
         Parts { study: Some(study), problems, columns_sound }
@@ -200,7 +212,7 @@ impl Study {
         let EmgSignal::Raw(emg) = &self.settings.emg else { return Ok(None) };
         let trials_file = self.folder.join("trials.csv");
         let infos: Vec<&TrialInfo> = self.trials_of(participant).filter(|t| t.is_mvc()).collect();
-        let results = infos.into_par_iter().map(|info| Trial::read(info, &self.settings, &trials_file, None));
+        let results = infos.into_par_iter().map(|info| self.samples(info, &trials_file, None));
         let trials = gather(results.collect())?;
         let mut problems = Vec::new();
         let columns = &self.settings.columns;
@@ -209,8 +221,16 @@ impl Study {
         Ok(Some(levels))
     }
 
+    /// The samples of a trial, from its file or from memory, as far as they can be checked by themselves.
+    fn samples(&self, info: &TrialInfo, trials_file: &Path, levels: Option<&[f64]>) -> Result<Trial, StudyErrors> {
+        match self.held(info) {
+            Some(trial) => trial.checked(&self.settings, levels),
+            None => Trial::read(info, &self.settings, trials_file, levels),
+        }
+    }
+
     fn trial_with(&self, info: &TrialInfo, mvc_levels: Option<&[f64]>) -> Result<Trial, StudyErrors> {
-        let mut trial = Trial::read(info, &self.settings, &self.folder.join("trials.csv"), mvc_levels)?;
+        let mut trial = self.samples(info, &self.folder.join("trials.csv"), mvc_levels)?;
         let doubtful = plausibility::check(&trial, &self.settings, self.participant(&info.participant));
         trial.warnings.extend(doubtful);
         Ok(trial)

@@ -52,7 +52,7 @@ impl Study {
         let levels = self.mvc_levels(participant)?.unwrap_or_default();
         let trials_file = self.folder.join("trials.csv");
         let infos: Vec<&TrialInfo> = self.trials_of(participant).collect();
-        let read = |info: &&TrialInfo| Trial::read(info, &self.settings, &trials_file, None);
+        let read = |info: &&TrialInfo| self.samples(info, &trials_file, None);
         let recorded = gather(infos.par_iter().map(read).collect())?;
         let trials: Vec<ProcessedEmg> = recorded
             .into_par_iter()

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::in_memory::check_arrays;
 use super::problem::{Fault, Problem, StudyErrors, nearest};
 use super::raw_emg::{self, EmgSignal};
 use super::settings::{AngleUnit, Columns, Settings};
@@ -182,7 +183,26 @@ impl Trial {
         mvc_levels: Option<&[f64]>,
     ) -> Result<Trial, StudyErrors> {
         let mut problems = Vec::new();
-        let trial = read_samples(info, settings, trials_file, &mut problems).map(|mut trial| {
+        let trial = read_samples(info, settings, trials_file, &mut problems);
+        Self::settled(trial, settings, mvc_levels, problems)
+    }
+
+    /// As [`Trial::read`], of samples that are in memory.
+    pub(super) fn checked(&self, settings: &Settings, mvc_levels: Option<&[f64]>) -> Result<Trial, StudyErrors> {
+        let mut problems = Vec::new();
+        check_arrays(self, settings.active_muscles.len(), &mut problems);
+        let trial = problems.is_empty().then(|| self.clone());
+        Self::settled(trial, settings, mvc_levels, problems)
+    }
+
+    /// - `trial`: `None` only with an error among the problems
+    fn settled(
+        trial: Option<Trial>,
+        settings: &Settings,
+        mvc_levels: Option<&[f64]>,
+        mut problems: Vec<Problem>,
+    ) -> Result<Trial, StudyErrors> {
+        let trial = trial.map(|mut trial| {
             let before = problems.len();
             check_time(&trial, settings.max_gap, &mut problems);
             trial.moment_samples = independent_samples(&trial.moment);

@@ -7,12 +7,13 @@ use crate::args::Global;
 use crate::args_diagnosis::EffectAddArgs;
 use crate::bars::Bars;
 use crate::failure::{self, Failure, Severity};
-use crate::study_run::{Outcomes, StudyRun};
+use crate::study_run::StudyRun;
 use carpus_report::results::Results;
 use carpus_session::diagnose::forward_model;
 use carpus_session::effect_choice::{chosen, objections};
 use carpus_session::effect_steps::AddEffects;
 use carpus_session::loading::Purpose;
+use carpus_session::outcomes::Outcomes;
 use carpus_session::result_files::summary;
 
 /// Runs the command.
@@ -24,7 +25,7 @@ pub fn run(args: &EffectAddArgs, global: &Global) -> Result<(), Failure> {
     let study = StudyRun::prepare_with(&args.study, args.effects.file(), "effect")?;
     let request = AddEffects { seed: global.seed, i_choose: args.i_choose };
     let bars = Bars::new(global);
-    let outcomes = study.each_of(|participant| {
+    let outcomes = study.each("adding effects", &bars, |participant| {
         let session = participant.load_for(Purpose::Diagnosis)?.with_progress(&bars);
         failure::print(&session.data.warnings);
         let (name, forward) = (&participant.about().name, forward_model(&session.data)?);
@@ -53,7 +54,7 @@ pub fn print(study: &StudyRun, outcomes: Outcomes<Results>, global: &Global) -> 
             value
         };
         let text = serde_json::Value::Array(outcomes.done.iter().map(one).collect()).to_string();
-        return outcomes.print(study, "effect", &text);
+        return study.print("effect", &text, outcomes.failed);
     }
     let mut text = String::new();
     for results in &outcomes.done {
@@ -68,5 +69,5 @@ pub fn print(study: &StudyRun, outcomes: Outcomes<Results>, global: &Global) -> 
         let (report, back) = (folder.join("report.html"), folder.display());
         text.push_str(&format!("report   {}\na step back: carpus effect remove {back}\n\n", report.display()));
     }
-    outcomes.print(study, "effect", text.trim_end())
+    study.print("effect", text.trim_end(), outcomes.failed)
 }

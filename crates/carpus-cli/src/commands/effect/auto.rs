@@ -21,7 +21,7 @@ pub fn run(args: &EffectAutoArgs, global: &Global) -> Result<(), Failure> {
     let study = StudyRun::prepare_with(&args.study, args.effects.file(), "effect")?;
     let request = AddEffects { seed: global.seed, ..AddEffects::default() };
     let bars = Bars::new(global);
-    let outcomes = study.each_of(|participant| {
+    let outcomes = study.each("adding effects", &bars, |participant| {
         let session = participant.load_for(Purpose::Diagnosis)?.with_progress(&bars);
         failure::print(&session.data.warnings);
         let (name, forward) = (&participant.about().name, forward_model(&session.data)?);

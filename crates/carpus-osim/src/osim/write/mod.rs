@@ -47,6 +47,25 @@ impl OsimFile {
         Ok(Upgraded { file: OsimFile::parse(xml.finish().into_bytes(), &name)?, left_out })
     }
 
+    /// The file of a model that was made as a specification, in the format of OpenSim 4.6; what of it no file can hold comes with it.
+    ///
+    /// - `name`: stands for the file in messages
+    ///
+    /// # Errors
+    /// The specification is no model that a file can state: names twice, references that lead nowhere.
+    pub fn of_spec(spec: &ModelSpec, name: &str) -> Result<Upgraded, OsimError> {
+        let document = Document::parse(b"<OpenSimDocument><Model/></OpenSimDocument>".to_vec(), name).map_err(own)?;
+        let mut spec = spec.clone();
+        // Elements are of the document that the specification was read from, if it was.
+        spec.frames.iter_mut().for_each(|frame| frame.at.element = None);
+        spec.bodies.iter_mut().for_each(|body| body.at.element = None);
+        let file = OsimFile { document, spec, diagnostics: super::Diagnostics::default() };
+        let mut writer = Writer { file: &file, spec: &file.spec, xml: Xml::default(), left_out: Vec::new() };
+        writer.model();
+        let Writer { xml, left_out, .. } = writer;
+        Ok(Upgraded { file: OsimFile::parse(xml.finish().into_bytes(), name)?, left_out })
+    }
+
     /// What reading found and writing does not know of.
     fn unwritten(&self) -> Vec<(usize, String)> {
         const KNOWN: [&str; 4] = ["VisibleObject", "credits", "publications", "fixed"];
@@ -145,6 +164,31 @@ impl Writer<'_> {
             self.xml.close();
         }
         self.xml.close();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn verif_a_specification_becomes_a_file_that_says_the_same() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/wrist.osim");
+        let read = OsimFile::read(path).unwrap();
+        let made = OsimFile::of_spec(&read.spec, "made.osim").unwrap();
+        assert!(made.left_out.is_empty(), "{:?}", made.left_out);
+        let (a, b) = (&read.spec, &made.file.spec);
+        assert_eq!(a.coordinates.len(), b.coordinates.len());
+        assert!(!a.muscles.is_empty());
+        for (a, b) in a.muscles.iter().zip(&b.muscles) {
+            assert_eq!(
+                (&a.name, a.tendon_slack_length, a.path.points.len()),
+                (&b.name, b.tendon_slack_length, b.path.points.len())
+            );
+        }
+        for (a, b) in a.bodies.iter().zip(&b.bodies) {
+            assert_eq!((&a.name, a.mass, a.mass_center, a.inertia), (&b.name, b.mass, b.mass_center, b.inertia));
+        }
     }
 }
 

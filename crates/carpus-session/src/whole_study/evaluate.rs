@@ -5,17 +5,17 @@ use serde::{Deserialize, Serialize};
 use super::personalize::files;
 use super::scale::{STRENGTH, strong};
 use super::{Context, Step, Told};
-use crate::cohort_report::{self, ModelName, Representative};
-use crate::commands::evaluate::{LINEAR, evaluate};
-use crate::failure::Failure;
+use crate::diagnostic::Failure;
+use crate::evaluate::LINEAR;
+use crate::evaluation_report::{self, ModelName, Representative};
+use crate::loading::LoadedParticipant;
+use crate::provenance::hash;
+use crate::units::{Unit, value};
 use carpus_personalization::personalization::{Optimizer, TrainingCase};
-use carpus_session::loading::LoadedParticipant;
-use carpus_session::provenance::hash;
-use carpus_session::units::{Unit, value};
 use carpus_simulation::evaluation::{Cohort, ConditionError};
 
 /// The step.
-pub struct Evaluate;
+pub(super) struct Evaluate;
 
 /// A participant's evaluation, as it is stored.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -52,7 +52,7 @@ impl Step for Evaluate {
         let work = move || {
             let shown = shown(&models);
             let shown: Vec<&str> = shown.iter().map(String::as_str).collect();
-            let (errors, curves) = evaluate(context.study, run, &models, &shown)?;
+            let (errors, curves) = context.study.errors_of(run, &models, &shown)?;
             value(&Evaluated { participant: run.participant.name.clone(), models: names.clone(), errors, curves })
         };
         let place = format!("{}/{}", self.id(), run.participant.name);
@@ -61,7 +61,7 @@ impl Step for Evaluate {
 
     fn section(&self, context: &Context) -> Result<Told, Failure> {
         let mut units: Vec<Evaluated> = context.store.finished(self.id())?;
-        units.sort_by_key(|u| context.study.participants().iter().position(|p| p.name == u.participant));
+        units.sort_by_key(|u| context.study.chosen().iter().position(|p| p.name == u.participant));
         let mut names: Vec<ModelName> = Vec::new();
         for name in units.iter().flat_map(|u| &u.models) {
             if !names.contains(name) {
@@ -78,7 +78,7 @@ impl Step for Evaluate {
         let errors = units.iter().flat_map(|u| u.errors.clone()).collect();
         let curves: Vec<Representative> = units.iter().flat_map(|u| u.curves.clone()).collect();
         let cohort = Cohort::new(errors, names.iter().map(|n| n.id.clone()).collect());
-        cohort_report::evaluation(&cohort, &names, &curves).map(Told::Parts)
+        evaluation_report::evaluation(&cohort, &names, &curves).map(Told::Parts)
     }
 }
 
@@ -99,7 +99,7 @@ fn shown(models: &[(String, carpus_osim::osim::spec::ModelSpec)]) -> Vec<String>
 ///
 /// # Errors
 /// A fault of this program.
-pub fn cohort(context: &Context) -> Result<Vec<ConditionError>, Failure> {
+pub(super) fn cohort(context: &Context) -> Result<Vec<ConditionError>, Failure> {
     let units: Vec<Evaluated> = context.store.finished("evaluate")?;
     Ok(units.into_iter().flat_map(|u| u.errors).collect())
 }

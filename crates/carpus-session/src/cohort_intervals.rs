@@ -1,14 +1,13 @@
 //! Intervals of muscle parameters over participants: tables, figures and CSV.
 
-use super::failure::Failure;
-use super::report_parts::ReportParts;
-use super::table::{fixed, table};
+use super::account::{csv_text, fixed};
+use super::diagnostic::Failure;
+use super::identify_files::{INTERVAL_COLUMNS, interval_row};
+use super::report_parts::{ReportParts, overview};
 use carpus_report::article::{Block, TextTable};
 use carpus_report::identifiability::{IdentifiabilityResult, ParameterKnowledge};
 use carpus_report::intervals::{IntervalRow, intervals};
 use carpus_report::results::rounded;
-use carpus_session::account::csv_text;
-use carpus_session::identify_files::{INTERVAL_COLUMNS, interval_row};
 
 /// Combinations shown of every participant, on either side.
 const SHOWN: usize = 2;
@@ -86,7 +85,7 @@ pub fn report(all: &[IdentifiabilityResult]) -> Result<ReportParts, Failure> {
             ("identify_intervals.csv".to_string(), intervals_csv(all)?),
             ("identify_next_trials.csv".to_string(), trials_csv),
         ],
-        readable: format!("{} intervals\n{}", percent(level), table(&header, 2, rows)),
+        overview: vec![overview(&format!("{} intervals", percent(level)), &header, 2, rows)],
         ..ReportParts::default()
     })
 }

@@ -2,16 +2,15 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::account::{csv_text, digits, fixed};
 use super::anova::{EFFECT_COLUMNS, EFFECT_HEADER, effect_cells, effect_columns};
-use super::failure::Failure;
-use super::report_parts::ReportParts;
-use super::table::{fixed, table};
+use super::diagnostic::Failure;
+use super::loading::LoadedParticipant;
+use super::report_parts::{ReportParts, overview};
 use carpus_report::article::{Block, TextTable, p_text};
 use carpus_report::bars::{BarFigure, legend};
 use carpus_report::moments::moment_figure;
 use carpus_report::results::{rounded, thinned};
-use carpus_session::account::{csv_text, digits};
-use carpus_session::loading::LoadedParticipant;
 use carpus_simulation::evaluation::{Cohort, CohortMeasure, ConditionError};
 use carpus_study::study::{Contraction, Direction};
 
@@ -115,7 +114,7 @@ pub fn evaluation(cohort: &Cohort, names: &[ModelName], curves: &[Representative
     anova(cohort, &mut parts)?;
     pairwise(cohort, names, &mut parts)?;
     parts.blocks.extend(representative_figures(cohort, names, curves));
-    parts.readable = readable(cohort, names);
+    parts.overview = vec![errors_overview(cohort, names)];
     Ok(parts)
 }
 
@@ -400,12 +399,11 @@ fn representative_figures(cohort: &Cohort, names: &[ModelName], curves: &[Repres
     })
 }
 
-fn readable(cohort: &Cohort, names: &[ModelName]) -> String {
+fn errors_overview(cohort: &Cohort, names: &[ModelName]) -> TextTable {
     let sets = cohort.evaluations();
     let mut header = vec!["model".to_string()];
     header.extend(sets.iter().map(|s| set_name(*s)));
     header.extend(["all", "r", "RMSE N·m"].map(String::from));
-    let header: Vec<&str> = header.iter().map(String::as_str).collect();
     let rows = names.iter().map(|name| {
         let of = |measure, factor: f64, decimals, chosen: &dyn Fn(&ConditionError) -> bool| {
             cohort.over_participants(&name.id, measure, chosen).map_or("–".to_string(), |f| {
@@ -419,7 +417,7 @@ fn readable(cohort: &Cohort, names: &[ModelName]) -> String {
         row.push(of(CohortMeasure::Rmse, 1.0, 3, &all));
         row
     });
-    format!("NRMSE [%] on held-out trials, mean ± standard deviation over participants\n{}", table(&header, 1, rows))
+    overview("NRMSE [%] on held-out trials, mean ± standard deviation over participants", &header, 1, rows.collect())
 }
 
 /// Errors of every participant, model and condition as CSV.

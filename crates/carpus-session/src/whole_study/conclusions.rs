@@ -1,23 +1,21 @@
 //! What the dissertation concluded, beside what this study shows: every verdict is computed from the steps before.
 
+use super::scale::STRENGTH;
 use super::{Context, Step, Told, evaluate, ultrasound};
-use crate::commands::evaluate::LINEAR;
-use crate::failure::Failure;
-use crate::report_parts::ReportParts;
-use crate::table::{fixed, table};
+use crate::account::{csv_text, fixed};
+use crate::diagnostic::Failure;
+use crate::evaluate::LINEAR;
+use crate::loading::LoadedParticipant;
+use crate::report_parts::{ReportParts, overview};
+use crate::screening::ConditionSensitivity;
+use crate::units::Unit;
 use carpus_numerics::statistics::{PairedT, paired_t_test};
 use carpus_personalization::sensitivity::{ScreenedProperty, SensitivityCohort};
 use carpus_report::article::{Block, TextTable, p_text};
-use carpus_session::account::csv_text;
-use carpus_session::loading::LoadedParticipant;
-use carpus_session::screening::ConditionSensitivity;
-use carpus_session::units::Unit;
 use carpus_simulation::evaluation::{Cohort, CohortMeasure};
 
-use super::scale::STRENGTH;
-
 /// The step.
-pub struct Conclusions;
+pub(super) struct Conclusions;
 
 /// Significance level.
 const ALPHA: f64 = 0.05;
@@ -107,7 +105,7 @@ impl Step for Conclusions {
             count(Verdict::NotShown)
         );
         Ok(Told::Parts(ReportParts {
-            readable: table(&header, 4, rows.clone()),
+            overview: vec![overview("", &header, 4, rows.clone())],
             tables: vec![(
                 "conclusions.csv".to_string(),
                 csv_text(["chapter", "claim", "here", "verdict"].iter(), rows.iter().cloned())?,

@@ -1,16 +1,15 @@
 //! Tables and figures of sensitivity over participants: chapter 2 of the dissertation.
 
+use super::account::{csv_text, digits, fixed};
 use super::anova::{EFFECT_COLUMNS, EFFECT_HEADER, effect_cells, effect_columns};
-use super::failure::Failure;
-use super::report_parts::ReportParts;
-use super::table::{fixed, table};
+use super::diagnostic::Failure;
+use super::report_parts::{ReportParts, overview};
+use super::screening::{ConditionSensitivity, condition_name};
 use carpus_numerics::statistics::Comparison;
 use carpus_personalization::sensitivity::{Cell, ScreenedProperty, SensitivityCohort};
 use carpus_report::article::{Block, TextTable, p_text};
 use carpus_report::bars::{BarFigure, heat_map, legend};
 use carpus_report::convergence::{convergence_figure, convergence_legend};
-use carpus_session::account::{csv_text, digits};
-use carpus_session::screening::{ConditionSensitivity, condition_name};
 use carpus_study::study::Contraction;
 
 /// The whole account of a screening.
@@ -20,7 +19,7 @@ use carpus_study::study::Contraction;
 pub fn report(outcomes: &[ConditionSensitivity]) -> Result<ReportParts, Failure> {
     let cohort = SensitivityCohort::new(outcomes.iter().flat_map(ConditionSensitivity::cohort_indices).collect());
     let mut parts = ReportParts {
-        readable: readable(outcomes),
+        overview: vec![indices_overview(outcomes)],
         lead: lead(&cohort),
         tables: vec![
             ("morris.csv".to_string(), morris_csv(outcomes)?),
@@ -173,7 +172,7 @@ fn anova_of_conditions(cohort: &SensitivityCohort, parts: &mut ReportParts) -> R
     }
     let mut header = vec!["parameter", "factor"];
     header.extend(EFFECT_HEADER);
-    parts.readable.push_str(&format!("\n\n{}", table(&header, 2, shown.clone())));
+    parts.overview.push(overview("", &header, 2, shown.clone()));
     parts.blocks.push(Block::Table(TextTable {
         title: "Table 2.3: analysis of variance across conditions".to_string(),
         header: header.into_iter().map(String::from).collect(),
@@ -428,8 +427,8 @@ fn means_csv(cohort: &SensitivityCohort) -> Result<String, Failure> {
     csv_text(header.iter(), rows.into_iter())
 }
 
-/// For a terminal: per participant and condition μ* averaged over muscles, and what failed.
-fn readable(outcomes: &[ConditionSensitivity]) -> String {
+/// Per participant and condition μ* averaged over muscles, and what failed.
+fn indices_overview(outcomes: &[ConditionSensitivity]) -> TextTable {
     let mut header = vec!["participant", "condition", "trials", "runs", "failed", "lost effects"];
     header.extend(ScreenedProperty::ALL.map(ScreenedProperty::name));
     let rows = outcomes.iter().map(|o| {
@@ -438,7 +437,7 @@ fn readable(outcomes: &[ConditionSensitivity]) -> String {
         row.extend(ScreenedProperty::ALL.map(|property| fixed(o.mean_mu_star(property), 3)));
         row
     });
-    format!("μ*, mean over muscles\n{}", table(&header, 2, rows))
+    overview("μ*, mean over muscles", &header, 2, rows.collect())
 }
 
 /// Participant, contraction, effort, muscle and property: the first cells of a row.
@@ -454,7 +453,7 @@ fn bounds(interval: Option<[f64; 2]>) -> [String; 2] {
     interval.map_or([String::new(), String::new()], |ends| ends.map(|v| v.to_string()))
 }
 
-pub fn morris_csv(outcomes: &[ConditionSensitivity]) -> Result<String, Failure> {
+fn morris_csv(outcomes: &[ConditionSensitivity]) -> Result<String, Failure> {
     let columns =
         ["mu", "mu_star", "mu_star_lower_95", "mu_star_upper_95", "sigma", "sigma_lower_95", "sigma_upper_95"];
     let rows = outcomes.iter().flat_map(|outcome| {
@@ -471,7 +470,7 @@ pub fn morris_csv(outcomes: &[ConditionSensitivity]) -> Result<String, Failure> 
     csv_text(KEY_COLUMNS.iter().chain(&columns).chain(&["n_effects"]), rows)
 }
 
-pub fn sobol_csv(outcomes: &[ConditionSensitivity]) -> Result<String, Failure> {
+fn sobol_csv(outcomes: &[ConditionSensitivity]) -> Result<String, Failure> {
     let columns = [
         "first_order",
         "first_order_lower_95",
@@ -495,7 +494,7 @@ pub fn sobol_csv(outcomes: &[ConditionSensitivity]) -> Result<String, Failure> {
     csv_text(KEY_COLUMNS.iter().chain(&columns), rows)
 }
 
-pub fn convergence_csv(outcomes: &[ConditionSensitivity]) -> Result<String, Failure> {
+fn convergence_csv(outcomes: &[ConditionSensitivity]) -> Result<String, Failure> {
     let rows = outcomes.iter().flat_map(|outcome| {
         outcome.convergence.iter().flat_map(move |step| {
             outcome.morris.indices.iter().zip(&step.mu_star).map(move |(index, mu_star)| {

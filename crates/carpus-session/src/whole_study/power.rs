@@ -1,19 +1,18 @@
 //! Could this many participants have shown it? The power analysis of chapter 3, on the study's own effect.
 
 use super::{Context, Step, Told, evaluate};
-use crate::commands::evaluate::LINEAR;
-use crate::failure::Failure;
-use crate::report_parts::ReportParts;
-use crate::table::{fixed, table};
+use crate::account::{csv_text, digits, fixed};
+use crate::diagnostic::Failure;
+use crate::evaluate::LINEAR;
+use crate::loading::LoadedParticipant;
+use crate::report_parts::{ReportParts, overview};
+use crate::units::Unit;
 use carpus_numerics::statistics::{PowerAnalysis, Tails, TestDesign, paired_t_test};
 use carpus_report::article::{Block, TextTable, p_text};
-use carpus_session::account::{csv_text, digits};
-use carpus_session::loading::LoadedParticipant;
-use carpus_session::units::Unit;
 use carpus_simulation::evaluation::{Cohort, CohortMeasure};
 
 /// The step.
-pub struct Power;
+pub(super) struct Power;
 
 /// Power that is asked for.
 const WANTED: f64 = 0.8;
@@ -81,7 +80,7 @@ impl Step for Power {
         let header = ["model", "fall of NRMSE ± SE [%]", "p", "d_z", "power", "n for 0.8"];
         let columns =
             ["model", "participants", "mean_difference", "standard_error", "p", "cohen_d_z", "power", "needed_n"];
-        let readable = table(&header, 1, rows.clone());
+        let shown = overview("", &header, 1, rows.clone());
         Ok(Told::Parts(ReportParts {
             blocks: vec![Block::Table(TextTable {
                 title: "Each training case against the linearly scaled model, paired t-test on held-out NRMSE".to_string(),
@@ -92,7 +91,7 @@ impl Step for Power {
                     .to_string(),
             })],
             tables: vec![("power.csv".to_string(), csv_text(columns.iter(), csv.into_iter())?)],
-            readable,
+            overview: vec![shown],
             ..ReportParts::default()
         }))
     }

@@ -5,23 +5,23 @@ use serde::{Deserialize, Serialize};
 use super::personalize::files;
 use super::scale::{STRENGTH, strong};
 use super::{Context, Step, Told};
-use crate::commands::evaluate::LINEAR;
-use crate::commands::ultrasound::{case_result, missing_ratios, pairs_with, readable, tables};
-use crate::failure::{Diagnostic, Failure};
+use crate::diagnostic::{Diagnostic, Failure};
+use crate::evaluate::LINEAR;
+use crate::loading::LoadedParticipant;
+use crate::provenance::hash;
 use crate::report_parts::ReportParts;
+use crate::ultrasound::{agreement, case_result, missing_ratios, pairs_with, tables};
+use crate::units::{Unit, value};
 use carpus_multibody::multibody::Model;
 use carpus_osim::osim::OsimFile;
 use carpus_personalization::personalization::Optimizer;
 use carpus_report::article::Block;
 use carpus_report::results::rounded;
 use carpus_report::ultrasound::{CaseResult, ultrasound_blocks};
-use carpus_session::loading::LoadedParticipant;
-use carpus_session::provenance::hash;
-use carpus_session::units::{Unit, value};
 use carpus_simulation::imaging::Pair;
 
 /// The step.
-pub struct Ultrasound;
+pub(super) struct Ultrasound;
 
 /// A participant's images beside every model, as they are stored.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -49,7 +49,7 @@ impl Step for Ultrasound {
 
     fn units<'a>(&self, context: &'a Context, run: &'a LoadedParticipant) -> Result<Vec<Unit<'a>>, Failure> {
         let participant = &run.participant.name;
-        if !context.study.study.tables.ultrasound.iter().any(|m| m.participant == *participant) {
+        if !context.study.tables.ultrasound.iter().any(|m| m.participant == *participant) {
             return Ok(Vec::new());
         }
         let fitted = files(context, run, Optimizer::ExactGradients)?;
@@ -68,7 +68,7 @@ impl Step for Ultrasound {
                 let skeleton = Model::compile(&file.spec).map_err(|e| {
                     Failure::from(Diagnostic::error(e.to_string()).in_file(&run.loaded.path).at_line(e.at().line))
                 })?;
-                let pairs = pairs_with(&context.study.study.tables, participant, &file.spec, &skeleton)?;
+                let pairs = pairs_with(&context.study.tables, participant, &file.spec, &skeleton)?;
                 cases.push(Case { id: id.clone(), label: label.clone(), pairs });
             }
             value(&Imaged { participant: participant.clone(), cases })
@@ -83,10 +83,10 @@ impl Step for Ultrasound {
         }
         let results: Vec<CaseResult> = cases.iter().map(|c| case_result(&c.label, &c.pairs)).collect();
         let mut warnings = Vec::new();
-        missing_ratios(&context.study.study.tables, &results, &mut warnings);
-        let imaging = &context.study.study.tables.settings.imaging;
+        missing_ratios(&context.study.tables, &results, &mut warnings);
+        let imaging = &context.study.tables.settings.imaging;
         let tension = rounded(imaging.specific_tension / 1e4, 8);
-        let [correlation, agreement, figures] = ultrasound_blocks(&results, tension, imaging.source.as_deref());
+        let [correlation, agreement_blocks, figures] = ultrasound_blocks(&results, tension, imaging.source.as_deref());
         let explained = Block::Text(format!(
             "Every muscle of every model is at rest (activation {}) in the posture of its image. No image was used to fit.",
             imaging.activation
@@ -94,9 +94,9 @@ impl Step for Ultrasound {
         let tables = tables(&results)?.map(|(name, text)| (format!("ultrasound_{name}"), text));
         Ok(Told::Parts(ReportParts {
             warnings: warnings.iter().map(|w| w.text.clone()).collect(),
-            blocks: [vec![explained], correlation, agreement, figures].concat(),
+            blocks: [vec![explained], correlation, agreement_blocks, figures].concat(),
             tables: tables.to_vec(),
-            readable: readable(&results),
+            overview: vec![agreement(&results)],
             ..ReportParts::default()
         }))
     }
@@ -105,7 +105,7 @@ impl Step for Ultrasound {
 /// All images beside every model, participants together; controls last.
 fn cases(context: &Context) -> Result<Vec<Case>, Failure> {
     let mut all: Vec<Imaged> = context.store.finished("ultrasound")?;
-    all.sort_by_key(|i| context.study.participants().iter().position(|p| p.name == i.participant));
+    all.sort_by_key(|i| context.study.chosen().iter().position(|p| p.name == i.participant));
     let mut cases: Vec<Case> = Vec::new();
     for case in all.into_iter().flat_map(|i| i.cases) {
         match cases.iter_mut().find(|known| known.id == case.id) {
@@ -122,7 +122,7 @@ fn cases(context: &Context) -> Result<Vec<Case>, Failure> {
 ///
 /// # Errors
 /// A fault of this program.
-pub fn correlations(context: &Context) -> Result<Vec<(String, String, f64, f64)>, Failure> {
+pub(super) fn correlations(context: &Context) -> Result<Vec<(String, String, f64, f64)>, Failure> {
     let of = |c: &Case| {
         let found = case_result(&c.label, &c.pairs).quantities;
         found.into_iter().filter_map(|q| Some((c.id.clone(), q.quantity, q.r?, q.p?))).collect::<Vec<_>>()

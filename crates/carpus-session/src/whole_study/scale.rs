@@ -4,23 +4,22 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Context, Step, Told};
-use crate::commands::evaluate::LINEAR;
-use crate::commands::strength_scale::refused;
-use crate::failure::Failure;
-use crate::report_parts::ReportParts;
-use crate::table::{fixed, table};
+use crate::account::{csv_text, digits, fixed};
+use crate::diagnostic::Failure;
+use crate::evaluate::LINEAR;
+use crate::loading::LoadedParticipant;
+use crate::report_parts::{ReportParts, overview};
+use crate::strength::refused;
+use crate::units::{Unit, value};
 use carpus_osim::osim::OsimFile;
 use carpus_report::article::{Block, TextTable};
-use carpus_session::account::{csv_text, digits};
-use carpus_session::loading::LoadedParticipant;
-use carpus_session::units::{Unit, value};
 use carpus_simulation::scaling::strength_scale;
 
 /// The step.
-pub struct Scale;
+pub(super) struct Scale;
 
 /// Key of the model whose forces are scaled to the maximum voluntary moments.
-pub const STRENGTH: &str = "strength";
+pub(super) const STRENGTH: &str = "strength";
 
 /// A participant's factors, as they are stored.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -70,7 +69,7 @@ impl Step for Scale {
                 note: None,
             };
             let mut file = run.loaded.file.clone();
-            match strength_scale(&mut file, &context.study.study.tables, &run.participant) {
+            match strength_scale(&mut file, &context.study.tables, &run.participant) {
                 Ok(found) => scaled.groups.extend(found.groups.iter().map(|g| Factor {
                     name: g.direction.word().to_string(),
                     unit: "N·m".to_string(),
@@ -94,16 +93,16 @@ impl Step for Scale {
 
     fn write(&self, context: &Context, run: &LoadedParticipant) -> Result<(), Failure> {
         let folder = format!("models/{}", run.participant.name);
-        context.study.out.write(format!("{folder}/{LINEAR}.osim"), run.loaded.file.document.bytes())?;
+        context.out.write(format!("{folder}/{LINEAR}.osim"), run.loaded.file.document.bytes())?;
         if let Some(file) = strong(context, run)? {
-            context.study.out.write(format!("{folder}/{STRENGTH}.osim"), file.document.bytes())?;
+            context.out.write(format!("{folder}/{STRENGTH}.osim"), file.document.bytes())?;
         }
         Ok(())
     }
 
     fn section(&self, context: &Context) -> Result<Told, Failure> {
         let mut all: Vec<Scaled> = context.store.finished(self.id())?;
-        all.sort_by_key(|s| context.study.participants().iter().position(|p| p.name == s.participant));
+        all.sort_by_key(|s| context.study.chosen().iter().position(|p| p.name == s.participant));
         if all.is_empty() {
             return Ok(Told::NotRun("no participant could be read".to_string()));
         }
@@ -144,7 +143,7 @@ impl Step for Scale {
                 }),
             ],
             tables: vec![("scale_factors.csv".to_string(), csv)],
-            readable: table(&header, 2, shown),
+            overview: vec![overview("", &header, 2, shown)],
             ..ReportParts::default()
         }))
     }
@@ -154,9 +153,9 @@ impl Step for Scale {
 ///
 /// # Errors
 /// A fault of this program.
-pub fn strong(context: &Context, run: &LoadedParticipant) -> Result<Option<OsimFile>, Failure> {
+pub(super) fn strong(context: &Context, run: &LoadedParticipant) -> Result<Option<OsimFile>, Failure> {
     let mut file = run.loaded.file.clone();
-    match strength_scale(&mut file, &context.study.study.tables, &run.participant) {
+    match strength_scale(&mut file, &context.study.tables, &run.participant) {
         Ok(_) => Ok(Some(file)),
         Err(error) => match refused(error, &run.loaded.path) {
             Failure::Input(_) => Ok(None),

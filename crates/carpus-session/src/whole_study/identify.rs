@@ -1,21 +1,19 @@
 //! Intervals of the muscle parameters, what the data leave open, and which trial would narrow it down.
 
 use super::{Context, Step, Told};
-use crate::commands::identify::request;
-use crate::failure::Failure;
-use crate::identify_report;
-use crate::provenance::provenance;
+use crate::account::{csv_text, warning_result};
+use crate::cohort_intervals;
+use crate::diagnostic::Failure;
+use crate::identify_files::write;
+use crate::loading::{LoadedParticipant, Purpose};
+use crate::provenance::input_file;
 use crate::report_parts::ReportParts;
+use crate::units::{Unit, value};
 use carpus_report::identifiability::IdentifiabilityResult;
-use carpus_session::account::{csv_text, warning_result};
-use carpus_session::identify_files::write;
-use carpus_session::loading::{LoadedParticipant, Purpose};
-use carpus_session::provenance::input_file;
-use carpus_session::units::{Unit, value};
 use carpus_study::study::TrialUse;
 
 /// The step.
-pub struct Identify;
+pub(super) struct Identify;
 
 impl Step for Identify {
     fn id(&self) -> &'static str {
@@ -30,14 +28,12 @@ impl Step for Identify {
         if !run.trials.iter().any(|t| t.info.usage == TrialUse::Train) {
             return Ok(Vec::new());
         }
-        let options = &context.args.identify;
-        let request = request(options, context.global.seed)?;
-        let priors = options.priors.as_deref().map(|path| input_file(path, "priors", "priors")).transpose()?;
-        let depends_on = format!("{options:?} {} {priors:?}", context.global.seed);
+        let request = context.request.identification()?;
+        let priors = context.request.priors.as_deref().map(|path| input_file(path, "priors", "priors")).transpose()?;
+        let depends_on = format!("{:?} {priors:?}", context.request.identify);
         let work = move || {
-            let study = &context.study.study;
-            let run = study.load(&run.participant, Purpose::Identification)?;
-            let (mut result, _, warnings) = request.answered(study, &run)?;
+            let run = context.study.load(&run.participant, Purpose::Identification)?;
+            let (mut result, _, warnings) = request.answered(context.study, &run)?;
             result.warnings = warnings.iter().map(warning_result).collect();
             value(&result)
         };
@@ -49,17 +45,17 @@ impl Step for Identify {
         let name = &run.participant.name;
         let place = format!("{}/{name}", self.id());
         let Some(mut result) = context.store.get::<IdentifiabilityResult>(&place)? else { return Ok(()) };
-        result.provenance = provenance(context.global, run.inputs.clone());
-        write(&context.study.out, &std::path::Path::new(self.id()).join(name), &result)
+        result.provenance = context.study.provenance(context.request, context.request.seed, run.inputs.clone());
+        write(context.out, &std::path::Path::new(self.id()).join(name), &result)
     }
 
     fn section(&self, context: &Context) -> Result<Told, Failure> {
         let mut all: Vec<IdentifiabilityResult> = context.store.finished(self.id())?;
-        all.sort_by_key(|r| context.study.participants().iter().position(|p| p.name == r.participant));
+        all.sort_by_key(|r| context.study.chosen().iter().position(|p| p.name == r.participant));
         if all.is_empty() {
             return Ok(Told::NotRun("no participant has training trials".to_string()));
         }
-        let mut parts: ReportParts = identify_report::report(&all)?;
+        let mut parts: ReportParts = cohort_intervals::report(&all)?;
         let header = ["participant", "combination", "share_from_data", "prior_sd_percent", "sd_percent"];
         let rows = all.iter().flat_map(|r| {
             r.combinations.iter().map(move |c| {

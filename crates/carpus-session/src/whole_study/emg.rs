@@ -3,18 +3,17 @@
 use std::path::Path;
 
 use super::{Context, Step, Told};
-use crate::commands::emg::{COLUMNS, Outcome, constants, findings, processed, rows};
-use crate::failure::Failure;
-use crate::report_parts::ReportParts;
-use crate::table::table;
+use crate::account::csv_text;
+use crate::diagnostic::Failure;
+use crate::emg::{COLUMNS, Emg as Request, ParticipantEmg, constants, findings, processed, rows};
+use crate::loading::LoadedParticipant;
+use crate::report_parts::{ReportParts, overview};
+use crate::units::{Unit, value};
 use carpus_report::article::{Block, TextTable};
-use carpus_session::account::csv_text;
-use carpus_session::loading::LoadedParticipant;
-use carpus_session::units::{Unit, value};
 use carpus_study::study::EmgSignal;
 
 /// The step.
-pub struct Emg;
+pub(super) struct Emg;
 
 impl Step for Emg {
     fn id(&self) -> &'static str {
@@ -26,26 +25,28 @@ impl Step for Emg {
     }
 
     fn units<'a>(&self, context: &'a Context, run: &'a LoadedParticipant) -> Result<Vec<Unit<'a>>, Failure> {
-        let EmgSignal::Raw(processing) = &context.study.study.tables.settings.emg else { return Ok(Vec::new()) };
+        let EmgSignal::Raw(processing) = &context.study.tables.settings.emg else { return Ok(Vec::new()) };
         let name = &run.participant.name;
         let folder = Path::new(self.id()).join(name);
-        let work = move || value(&processed(context.study, &run.participant, processing, context.global, &folder)?);
+        let request = Request { seed: context.request.seed };
+        let work =
+            move || value(&processed(context.study, context.out, &run.participant, processing, &request, &folder)?);
         let place = format!("{}/{name}", self.id());
         Ok(vec![Unit { place, depends_on: String::new(), work: Box::new(work) }])
     }
 
     fn write(&self, context: &Context, run: &LoadedParticipant) -> Result<(), Failure> {
         // A unit that was found finished wrote its files then.
-        context.study.out.keep(Path::new(self.id()).join(&run.participant.name));
+        context.out.keep(Path::new(self.id()).join(&run.participant.name));
         Ok(())
     }
 
     fn section(&self, context: &Context) -> Result<Told, Failure> {
-        let EmgSignal::Raw(processing) = &context.study.study.tables.settings.emg else {
+        let EmgSignal::Raw(processing) = &context.study.tables.settings.emg else {
             return Ok(Told::NotRun("the study's EMG is normalized already ([emg] kind = \"normalized\")".to_string()));
         };
-        let mut all: Vec<Outcome> = context.store.finished(self.id())?;
-        all.sort_by_key(|o| context.study.participants().iter().position(|p| p.name == o.participant));
+        let mut all: Vec<ParticipantEmg> = context.store.finished(self.id())?;
+        all.sort_by_key(|o| context.study.chosen().iter().position(|p| p.name == o.participant));
         if all.is_empty() {
             return Ok(Told::NotRun("no participant could be read".to_string()));
         }
@@ -84,7 +85,7 @@ impl Step for Emg {
         Ok(Told::Parts(ReportParts {
             blocks,
             tables: vec![("emg_channels.csv".to_string(), csv), ("emg_findings.csv".to_string(), found)],
-            readable: table(&COLUMNS, 3, shown),
+            overview: vec![overview("", &COLUMNS, 3, shown)],
             ..ReportParts::default()
         }))
     }

@@ -1,17 +1,16 @@
 //! Morris screening and Sobol' indices of every condition.
 
 use super::{Context, Step, Told};
-use crate::failure::Failure;
+use crate::diagnostic::Failure;
+use crate::loading::LoadedParticipant;
+use crate::screening::{
+    ConditionSensitivity, DEFAULT_RESAMPLES, ScreeningOptions, condition_name, conditions, screened,
+};
 use crate::sensitivity_report;
-use carpus_session::loading::LoadedParticipant;
-use carpus_session::screening::{ConditionSensitivity, ScreeningOptions, condition_name, conditions, screened};
-use carpus_session::units::{Unit, value};
+use crate::units::{Unit, value};
 
 /// The step.
-pub struct Sensitivity;
-
-/// Resamples of the bootstrap.
-const RESAMPLES: usize = 1000;
+pub(super) struct Sensitivity;
 
 impl Step for Sensitivity {
     fn id(&self) -> &'static str {
@@ -24,10 +23,10 @@ impl Step for Sensitivity {
 
     fn units<'a>(&self, context: &'a Context, run: &'a LoadedParticipant) -> Result<Vec<Unit<'a>>, Failure> {
         let options = ScreeningOptions {
-            starts: context.args.starts as usize,
-            sobol: Some(context.args.sobol as usize).filter(|n| *n > 1),
-            resamples: RESAMPLES,
-            seed: context.global.seed,
+            starts: context.request.starts,
+            sobol: Some(context.request.sobol).filter(|n| *n > 1),
+            resamples: DEFAULT_RESAMPLES,
+            seed: context.request.seed,
         };
         let unit = |condition| {
             let name = condition_name(condition).replace(" %", "").replace(' ', "_");
@@ -42,7 +41,7 @@ impl Step for Sensitivity {
 
     fn section(&self, context: &Context) -> Result<Told, Failure> {
         let mut found: Vec<ConditionSensitivity> = context.store.finished(self.id())?;
-        found.sort_by_key(|f| context.study.participants().iter().position(|p| p.name == f.participant));
+        found.sort_by_key(|f| context.study.chosen().iter().position(|p| p.name == f.participant));
         if found.is_empty() {
             return Ok(Told::NotRun("the study has no isometric or isotonic training trials to screen".to_string()));
         }

@@ -5,26 +5,25 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::{Context, Step, Told};
-use crate::failure::{Diagnostic, Failure};
-use crate::report_parts::ReportParts;
-use crate::table::{fixed, table};
+use crate::account::{csv_text, digits, fixed};
+use crate::diagnostic::{Diagnostic, Failure};
+use crate::loading::LoadedParticipant;
+use crate::personalize::writing_failure;
+use crate::report_parts::{ReportParts, overview};
+use crate::units::{Unit, value};
 use carpus_osim::osim::OsimFile;
 use carpus_personalization::personalization::{
     CaseFit, CaseOptions, CaseProblem, FittedParameter, Optimizer, Property, TrainingCase, TrainingTrial, fit_case,
     write_parameters,
 };
 use carpus_report::article::{Block, TextTable};
-use carpus_session::account::{csv_text, digits};
-use carpus_session::loading::LoadedParticipant;
-use carpus_session::personalize::writing_failure;
-use carpus_session::units::{Unit, value};
 
 /// The step.
-pub struct Personalize;
+pub(super) struct Personalize;
 
 /// A fitted case of a participant, as it is stored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FittedCase {
+pub(super) struct FittedCase {
     /// The participant.
     pub participant: String,
     /// Key of the case.
@@ -51,7 +50,7 @@ pub struct FittedCase {
 
 /// A stage of a fit, as it is stored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FittedStage {
+pub(super) struct FittedStage {
     /// What was done.
     pub name: String,
     /// Parameter sets tried.
@@ -64,7 +63,7 @@ pub struct FittedStage {
 
 /// A fitted parameter, as it is stored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FittedValue {
+pub(super) struct FittedValue {
     /// The muscle.
     pub muscle: String,
     /// OpenSim property name.
@@ -82,7 +81,7 @@ pub struct FittedValue {
 }
 
 /// Where a case is stored.
-pub fn place(participant: &str, case: &TrainingCase, optimizer: Optimizer) -> String {
+pub(super) fn place(participant: &str, case: &TrainingCase, optimizer: Optimizer) -> String {
     format!("personalize/{participant}/{}.{}", case.id(), optimizer.id())
 }
 
@@ -97,9 +96,9 @@ impl Step for Personalize {
 
     fn units<'a>(&self, context: &'a Context, run: &'a LoadedParticipant) -> Result<Vec<Unit<'a>>, Failure> {
         let options = CaseOptions {
-            seed: context.global.seed,
-            bayesian_evaluations: context.args.bayesian_evaluations as usize,
-            sqp_iterations: u64::from(context.args.sqp_iterations),
+            seed: context.request.seed,
+            bayesian_evaluations: context.request.bayesian_evaluations,
+            sqp_iterations: context.request.sqp_iterations,
             ..CaseOptions::default()
         };
         let mut units = Vec::new();
@@ -107,7 +106,7 @@ impl Step for Personalize {
             for optimizer in Optimizer::ALL {
                 units.push(Unit {
                     place: place(&run.participant.name, &case, optimizer),
-                    depends_on: format!("{options:?} {:?}", context.study.study.tables.settings.bounds),
+                    depends_on: format!("{options:?} {:?}", context.study.tables.settings.bounds),
                     work: Box::new(move || value(&fitted(context, run, &case, optimizer, &options)?)),
                 });
             }
@@ -121,7 +120,7 @@ impl Step for Personalize {
         {
             for (case, file) in files(context, run, optimizer)? {
                 let name = format!("{folder}/{}/{}.osim", run.participant.name, case.id());
-                context.study.out.write(name, file.document.bytes())?;
+                context.out.write(name, file.document.bytes())?;
             }
         }
         Ok(())
@@ -142,7 +141,7 @@ impl Step for Personalize {
 ///
 /// # Errors
 /// A value that cannot be written into the model.
-pub fn files(
+pub(super) fn files(
     context: &Context,
     run: &LoadedParticipant,
     optimizer: Optimizer,
@@ -193,11 +192,11 @@ fn fitted(
         forces: chosen(&|case, i| case.informs_forces(&run.trials[i].info)),
         muscles: run.model.muscle_names().map(String::from).collect(),
         nominal: run.model.nominal_parameters(),
-        bounds: context.study.study.tables.settings.bounds,
+        bounds: context.study.tables.settings.bounds,
     };
     let fit = fit_case(&problem, optimizer, options).map_err(|e| {
         let text = format!("participant {}, {}: {e}", run.participant.name, case.label());
-        Failure::from(Diagnostic::error(text).in_file(&context.study.study.tables.folder.join("trials.csv")))
+        Failure::from(Diagnostic::error(text).in_file(&context.study.tables.folder.join("trials.csv")))
     })?;
     Ok(stored(run, case, optimizer, &problem, &fit))
 }
@@ -242,7 +241,7 @@ fn stored(
 /// In the order of participants and cases.
 fn in_order(context: &Context, mut cases: Vec<FittedCase>) -> Vec<FittedCase> {
     let order = |c: &FittedCase| {
-        let participant = context.study.participants().iter().position(|p| p.name == c.participant);
+        let participant = context.study.chosen().iter().position(|p| p.name == c.participant);
         let kind =
             carpus_personalization::personalization::CaseKind::ALL.iter().position(|k| c.case.starts_with(k.word()));
         (participant, kind, c.case.clone(), c.optimizer.clone())
@@ -347,10 +346,12 @@ fn report(context: &Context, cases: &[FittedCase]) -> Result<ReportParts, Failur
             ("case_stages.csv".to_string(), stages_csv(cases)?),
             ("case_parameters.csv".to_string(), parameters_csv(cases)?),
         ],
-        readable: format!(
-            "mean over participants; seconds are of one processor\n{}\nexact gradients reached J lower than or equal to Bayesian optimization with SQP in {better} of {all}",
-            table(&header, 1, terminal)
-        ),
+        overview: vec![TextTable {
+            note: format!(
+                "exact gradients reached J lower than or equal to Bayesian optimization with SQP in {better} of {all}"
+            ),
+            ..overview("mean over participants; seconds are of one processor", &header, 1, terminal)
+        }],
         ..ReportParts::default()
     })
 }

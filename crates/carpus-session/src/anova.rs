@@ -1,9 +1,8 @@
 //! Rows of analyses of variance: for people, and for CSV.
 
-use super::table::fixed;
+use super::account::{digits, fixed};
 use carpus_numerics::statistics::Effect;
 use carpus_report::article::p_text;
-use carpus_session::account::digits;
 
 /// Header of [`effect_cells`].
 pub const EFFECT_HEADER: [&str; 6] = ["F", "df", "p", "p (Mauchly)", "ε (Greenhouse–Geisser)", "p corrected"];

@@ -1,30 +1,32 @@
 //! Recordings filtered, corrected, cut and aligned before they are the study's trials.
 
-use super::{Context, Step, Told};
-use crate::args::{Global, StudyArgs};
-use crate::commands::dynamometer::{COLUMNS, Outcome, constants, process, rows, trials_csv};
-use crate::commands::dynamometer_drag;
-use crate::failure::{Diagnostic, Failure};
-use crate::report_parts::ReportParts;
-use crate::study_run::StudyRun;
-use crate::table::table;
+use super::{Context, Step, Told, WholeStudy};
+use crate::diagnostic::{Diagnostic, Failure};
+use crate::drag;
+use crate::dynamometer::{COLUMNS, ParticipantProcessing, Processing, constants, process, rows, trials_csv};
+use crate::loading::LoadedParticipant;
+use crate::outcomes::Outcomes;
+use crate::output::OutputFolder;
+use crate::progress::Progress;
+use crate::report_parts::{ReportParts, overview};
+use crate::study::{Opening, Study};
+use crate::units::Unit;
 use carpus_report::article::{Block, TextTable};
 use carpus_report::significant;
-use carpus_session::loading::LoadedParticipant;
-use carpus_session::units::Unit;
 use carpus_study::dynamometer::DragEstimate;
 use carpus_study::study::ProcessingSettings;
+use std::path::Path;
 
 /// Folder of the processed study in that of the results.
 const FOLDER: &str = "processed";
 
 /// The step.
-pub struct Dynamometer;
+pub(super) struct Dynamometer;
 
 /// What was done to the recordings.
-pub struct Processed {
+pub(super) struct Processed {
     constants: Vec<(String, String)>,
-    outcomes: Vec<Outcome>,
+    outcomes: Vec<ParticipantProcessing>,
     /// Drag of the machine, from recordings of it alone.
     drag: Option<DragEstimate>,
     /// Drag that was reckoned with [N·m·s/rad].
@@ -33,32 +35,37 @@ pub struct Processed {
     pub failures: Vec<Diagnostic>,
 }
 
-/// The study that all other steps work on: the one given, or what its `[processing]` makes of it.
+/// The study that all other steps work on, with the folder of its results: the one given, or what its `[processing]` makes of
+/// it.
+///
+/// - `path`: the folder of the results
 ///
 /// # Errors
-/// The study, its recordings, the output folder.
-pub fn prepare(args: &StudyArgs, global: &Global) -> Result<(StudyRun, Option<Processed>), Failure> {
-    let given = StudyRun::prepare(args, "study")?;
-    let settings = &given.study.tables.settings;
+/// The study, its recordings, the output folder; a request to stop.
+pub(super) fn prepare(
+    given: Study,
+    request: &WholeStudy,
+    path: &Path,
+    progress: &dyn Progress,
+) -> Result<(Study, OutputFolder, Option<Processed>), Failure> {
+    let out = given.output_folder(path, "study")?;
+    let settings = &given.tables.settings;
     if settings.processing == ProcessingSettings::default() {
-        return Ok((given.scaling_models(), None));
+        return Ok((given.scaling_models(), out, None));
     }
     let (constants, damping) =
         (constants(&settings.processing, settings.dynamometer.damping), settings.dynamometer.damping);
-    let drag = dynamometer_drag::of_study(&given.study.tables)?;
-    let raw = StudyRun::prepare_processed(
-        &StudyArgs { out: args.out.join(FOLDER), ..args.clone() },
-        &given.study,
-        "dynamometer",
-    )?;
-    raw.out.refuse_input(&raw.out.path().join("study.toml"))?;
-    let (outcomes, failures) = process(&raw, global)?.into_parts();
-    raw.close("dynamometer")?;
-    let file = raw.out.path().join("study.toml");
-    let participant = outcomes.iter().map(|o| o.participant.clone()).collect();
-    let args = StudyArgs { study: file, participant, ..args.clone() };
-    let study = StudyRun::prepare_processed(&args, &given.study, "study")?.scaling_models();
-    Ok((study, Some(Processed { constants, outcomes, drag, damping, failures })))
+    let drag = drag::of_study(&given.tables)?;
+    let raw = given.output_folder(&path.join(FOLDER), "dynamometer")?;
+    raw.refuse_input(&raw.path().join("study.toml"))?;
+    let Outcomes { done: outcomes, failed: failures } =
+        process(&given, &Processing { seed: request.seed }, &raw, progress)?;
+    progress.warnings(&raw.close("dynamometer", &given.others())?);
+    let participants = outcomes.iter().map(|o| o.participant.clone()).collect();
+    let opening = Opening { participants, ..given.opening.clone() };
+    let study = Study::open_with(&raw.path().join("study.toml"), opening)?;
+    let out = study.output_folder_of(&given, path, "study")?;
+    Ok((study.scaling_models(), out, Some(Processed { constants, outcomes, drag, damping, failures })))
 }
 
 impl Step for Dynamometer {
@@ -104,7 +111,7 @@ impl Step for Dynamometer {
             warnings: warnings.collect(),
             blocks,
             tables: vec![("dynamometer_trials.csv".to_string(), trials_csv(&done.outcomes)?)],
-            readable: table(&COLUMNS, 1, shown),
+            overview: vec![overview("", &COLUMNS, 1, shown)],
             ..ReportParts::default()
         }))
     }

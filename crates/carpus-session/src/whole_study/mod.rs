@@ -1,0 +1,387 @@
+//! Chapters 2 to 4 of the dissertation from one study folder, resumable.
+//!
+//! A study is a list of [`STEPS`]. A step divides a participant's work into [units](crate::units) and, when all
+//! participants are done, makes a section of the report from the units' results. A step is one file and one line of the
+//! list.
+
+mod conclusions;
+mod dynamometer;
+mod emg;
+mod evaluate;
+mod identify;
+mod personalize;
+mod power;
+mod scale;
+mod sensitivity;
+mod ultrasound;
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use crate::diagnostic::{Diagnostic, Failure, Severity};
+use crate::identify::{Identify, Priors};
+use crate::loading::{LoadedParticipant, Purpose};
+use crate::output::OutputFolder;
+use crate::progress::{Progress, go_on};
+use crate::provenance::DEFAULT_SEED;
+use crate::report_parts::ReportParts;
+use crate::screening::DEFAULT_STARTS;
+use crate::study::Study;
+use crate::units::{Unit, UnitStore};
+use carpus_report::article::{Article, Block, Section};
+use carpus_report::render_article;
+use carpus_report::results::InputFile;
+
+use dynamometer::Processed;
+
+/// Rows N of the Sobol' analysis where none are asked for: N (m + 2) runs per condition of m parameters.
+pub const DEFAULT_SOBOL: usize = 64;
+/// Evaluations of each Bayesian optimization where none are asked for.
+pub const DEFAULT_BAYESIAN_EVALUATIONS: usize = 150;
+/// Iterations of each sequential quadratic programming where none are asked for.
+pub const DEFAULT_SQP_ITERATIONS: u64 = 100;
+
+/// The steps, in the order in which they are done.
+const STEPS: [&dyn Step; 10] = [
+    &dynamometer::Dynamometer,
+    &emg::Emg,
+    &scale::Scale,
+    &sensitivity::Sensitivity,
+    &personalize::Personalize,
+    &evaluate::Evaluate,
+    &identify::Identify,
+    &ultrasound::Ultrasound,
+    &power::Power,
+    &conclusions::Conclusions,
+];
+
+/// How hard to work on a study. The default is what the command does without options.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WholeStudy {
+    /// Steps, by name; none: all.
+    pub steps: Vec<String>,
+    /// Starts r of the Morris screening.
+    pub starts: usize,
+    /// Rows N of the Sobol' analysis; 0 for none.
+    pub sobol: usize,
+    /// Evaluations of each Bayesian optimization.
+    pub bayesian_evaluations: usize,
+    /// Iterations of each sequential quadratic programming.
+    pub sqp_iterations: u64,
+    /// What is asked about the parameters' intervals.
+    pub identify: Identify,
+    /// A table of prior knowledge, read when the step comes to it.
+    pub priors: Option<PathBuf>,
+    /// Seed of everything random.
+    pub seed: u64,
+}
+
+impl Default for WholeStudy {
+    fn default() -> Self {
+        WholeStudy {
+            steps: Vec::new(),
+            starts: DEFAULT_STARTS,
+            sobol: DEFAULT_SOBOL,
+            bayesian_evaluations: DEFAULT_BAYESIAN_EVALUATIONS,
+            sqp_iterations: DEFAULT_SQP_ITERATIONS,
+            identify: Identify::default(),
+            priors: None,
+            seed: DEFAULT_SEED,
+        }
+    }
+}
+
+/// What came of a study.
+#[derive(Clone, Debug)]
+pub struct StudyReport {
+    /// The page.
+    pub report: PathBuf,
+    /// The steps, in the order in which they are done.
+    pub steps: Vec<StepResult>,
+    /// Units that an earlier run had finished.
+    pub units_found_finished: usize,
+    /// Units that were computed.
+    pub units_computed: usize,
+    /// What could not be done.
+    pub failed: Vec<Diagnostic>,
+}
+
+/// What came of a step.
+#[derive(Clone, Debug)]
+pub struct StepResult {
+    /// Its name.
+    pub id: &'static str,
+    /// Heading of its section.
+    pub title: &'static str,
+    /// Its section, or why there is none.
+    pub told: Told,
+}
+
+/// What a step has to tell when all participants are done.
+#[derive(Clone, Debug)]
+pub enum Told {
+    /// Its section.
+    Parts(ReportParts),
+    /// Why there is none.
+    NotRun(String),
+}
+
+/// What all steps work with.
+struct Context<'a> {
+    /// The study.
+    pub study: &'a Study,
+    /// Where results go.
+    pub out: &'a OutputFolder,
+    /// How hard to work.
+    pub request: &'a WholeStudy,
+    /// Finished units.
+    pub store: &'a UnitStore<'a>,
+    /// What was done to the dynamometer's recordings before they became this study; `None` where nothing was asked for.
+    pub processing: Option<Processed>,
+}
+
+/// A step of a study.
+trait Step: Sync {
+    /// Key: the first part of its units' places, its section's anchor, and its name on the command line.
+    fn id(&self) -> &'static str;
+
+    /// Heading of its section.
+    fn title(&self) -> &'static str;
+
+    /// A participant's units; none where the study has nothing for this step.
+    ///
+    /// # Errors
+    /// Why the participant's part cannot be done.
+    fn units<'a>(&self, context: &'a Context, run: &'a LoadedParticipant) -> Result<Vec<Unit<'a>>, Failure>;
+
+    /// Writes what is not part of the report, such as models.
+    ///
+    /// # Errors
+    /// The disk.
+    fn write(&self, _context: &Context, _run: &LoadedParticipant) -> Result<(), Failure> {
+        Ok(())
+    }
+
+    /// The section, from the units of all participants; or why there is none.
+    ///
+    /// # Errors
+    /// A fault of this program.
+    fn section(&self, context: &Context) -> Result<Told, Failure>;
+}
+
+impl WholeStudy {
+    /// Fails if there is no step of a name that was asked for.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn check(&self) -> Result<(), Failure> {
+        chosen(&self.steps).map(|_| ())
+    }
+
+    /// What is asked about the parameters' intervals, with the priors.
+    fn identification(&self) -> Result<Identify, Failure> {
+        let priors = self.priors.as_deref().map(Priors::read).transpose()?;
+        Ok(Identify { priors: priors.or(self.identify.priors.clone()), seed: self.seed, ..self.identify.clone() })
+    }
+}
+
+impl Study {
+    /// Does all steps of the study for every participant and writes one report; what a run that was stopped had finished is
+    /// found again.
+    ///
+    /// - `path`: the folder of the results
+    ///
+    /// # Errors
+    /// The study, an unknown step, the folder; a request to stop.
+    pub fn whole_study(
+        self,
+        request: &WholeStudy,
+        path: &Path,
+        progress: &dyn Progress,
+    ) -> Result<StudyReport, Failure> {
+        let steps = chosen(&request.steps)?;
+        let (study, out, processing) = dynamometer::prepare(self, request, path, progress)?;
+        let store = UnitStore::new(&out)?;
+        let context = Context { study: &study, out: &out, request, store: &store, processing };
+        let all = study.chosen().len() * steps.len();
+        let (mut inputs, mut warnings): (Vec<InputFile>, Vec<Diagnostic>) = Default::default();
+        let mut printed: Vec<(&str, Vec<Diagnostic>)> = Vec::new();
+        let mut failures = context.processing.as_ref().map(|p| p.failures.clone()).unwrap_or_default();
+        for (i, participant) in study.chosen().iter().enumerate() {
+            go_on(progress)?;
+            progress.at(&format!("{}: reading", participant.name), i * steps.len(), all);
+            let run = match study.load(participant, Purpose::Simulation) {
+                Ok(run) => run,
+                Err(Failure::Input(messages)) => {
+                    failures.extend(messages);
+                    continue;
+                }
+                Err(other) => return Err(other),
+            };
+            add_new(&mut warnings, &run.warnings);
+            printed.push((participant.name.as_str(), run.warnings.clone()));
+            add_new(&mut inputs, &run.inputs);
+            let hashes: Vec<&str> = run.inputs.iter().map(|i| i.sha256.as_str()).collect();
+            for (k, step) in steps.iter().enumerate() {
+                let units = match step.units(&context, &run) {
+                    Ok(units) => units,
+                    Err(Failure::Input(messages)) => {
+                        failures.extend(messages);
+                        continue;
+                    }
+                    Err(other) => return Err(other),
+                };
+                let said = store.run(&units, &hashes.join(" "), progress, [i * steps.len() + k, all])?;
+                let (damaged, not_done): (Vec<_>, Vec<_>) =
+                    said.into_iter().partition(|message| message.severity == Severity::Warning);
+                // Said now, and not in the report, which does not depend on what lay in the folder.
+                progress.warnings(&damaged);
+                failures.extend(not_done);
+                step.write(&context, &run)?;
+            }
+        }
+        progress.finished();
+        for (participant, own) in &printed {
+            progress.about(Some(participant));
+            progress.warnings(own);
+        }
+        progress.about(None);
+        let told = steps.iter().map(|s| Ok((*s, s.section(&context)?))).collect::<Result<Vec<_>, Failure>>()?;
+        let article = article(&context, &told, &warnings, &failures, inputs);
+        let result = |(step, told): (&dyn Step, Told)| StepResult { id: step.id(), title: step.title(), told };
+        let steps: Vec<StepResult> = told.into_iter().map(result).collect();
+        write(&out, &article, &steps)?;
+        write_timings(&store, &out)?;
+        // Of a run of some steps the others' results stay.
+        let command = if request.steps.is_empty() { "study" } else { "study --steps" };
+        progress.warnings(&out.close(command, &study.others())?);
+        let [units_found_finished, units_computed] = store.counts();
+        let report = out.path().join("report.html");
+        Ok(StudyReport { report, steps, units_found_finished, units_computed, failed: failures })
+    }
+}
+
+impl StudyReport {
+    /// For programs.
+    pub fn value(&self) -> Value {
+        json!({
+            "schema": "carpus.study/1",
+            "report": self.report,
+            "steps": self.steps.iter().filter_map(|step| Some((step, step.parts()?))).map(|(step, part)| json!({
+                "step": step.id,
+                "summary": part.lead,
+                "tables": part.tables.iter().map(|(name, _)| name).collect::<Vec<_>>(),
+            })).collect::<Vec<_>>(),
+            "not_run": self.steps.iter().filter_map(|step| match &step.told {
+                Told::NotRun(why) => Some(json!({ "step": step.id, "why": why })),
+                Told::Parts(_) => None,
+            }).collect::<Vec<_>>(),
+            "units_found_finished": self.units_found_finished,
+            "units_computed": self.units_computed,
+        })
+    }
+}
+
+impl StepResult {
+    /// Its section, if it has one.
+    pub fn parts(&self) -> Option<&ReportParts> {
+        match &self.told {
+            Told::Parts(parts) => Some(parts),
+            Told::NotRun(_) => None,
+        }
+    }
+}
+
+/// The steps of these names, or all.
+fn chosen(names: &[String]) -> Result<Vec<&'static dyn Step>, Failure> {
+    if names.is_empty() {
+        return Ok(STEPS.to_vec());
+    }
+    for name in names {
+        if !STEPS.iter().any(|s| s.id() == name) {
+            let known: Vec<&str> = STEPS.iter().map(|s| s.id()).collect();
+            let hint = match carpus_study::study::nearest(name, known.iter().copied()) {
+                Some(nearest) => format!("did you mean `{nearest}`?"),
+                None => format!("there are: {}", known.join(", ")),
+            };
+            return Err(Diagnostic::error(format!("there is no step `{name}`")).hint(hint).into());
+        }
+    }
+    Ok(STEPS.iter().copied().filter(|s| names.iter().any(|n| n == s.id())).collect())
+}
+
+fn add_new<T: Clone + PartialEq>(all: &mut Vec<T>, more: &[T]) {
+    for item in more {
+        if !all.contains(item) {
+            all.push(item.clone());
+        }
+    }
+}
+
+fn article(
+    context: &Context,
+    told: &[(&dyn Step, Told)],
+    warnings: &[Diagnostic],
+    failures: &[Diagnostic],
+    inputs: Vec<InputFile>,
+) -> Article {
+    let text = |m: &Diagnostic| match m.place() {
+        Some(place) => format!("{place}: {}", m.text),
+        None => m.text.clone(),
+    };
+    let parts = || {
+        told.iter().filter_map(|(_, told)| match told {
+            Told::Parts(part) => Some(part),
+            Told::NotRun(_) => None,
+        })
+    };
+    let mut read_first: Vec<String> = failures.iter().map(|m| format!("Not done: {}", text(m))).collect();
+    read_first.extend(parts().flat_map(|part| part.warnings.iter().cloned()));
+    read_first.extend(warnings.iter().map(text));
+    let settings = &context.study.tables.settings;
+    Article {
+        title: settings.name.clone(),
+        kicker: "Study".to_string(),
+        lead: parts().map(|p| p.lead.as_str()).filter(|l| !l.is_empty()).collect::<Vec<_>>().join(" "),
+        facts: vec![
+            ("participants".to_string(), context.study.chosen().len().to_string()),
+            ("muscles".to_string(), settings.active_muscles.join(", ")),
+            ("coordinate".to_string(), settings.dynamometer.coordinate.clone()),
+        ],
+        warnings: read_first,
+        sections: told
+            .iter()
+            .map(|(step, told)| Section {
+                id: step.id().to_string(),
+                title: step.title().to_string(),
+                blocks: match told {
+                    Told::Parts(part) => [part.blocks.clone(), files(part)].concat(),
+                    Told::NotRun(why) => vec![Block::Text(format!("Not run: {why}."))],
+                },
+            })
+            .collect(),
+        provenance: context.study.provenance(context.request, context.request.seed, inputs),
+    }
+}
+
+fn files(part: &ReportParts) -> Vec<Block> {
+    let names: Vec<&str> = part.tables.iter().map(|(name, _)| name.as_str()).collect();
+    if names.is_empty() { Vec::new() } else { vec![Block::Text(format!("As tables: {}.", names.join(", ")))] }
+}
+
+fn write(out: &OutputFolder, article: &Article, steps: &[StepResult]) -> Result<(), Failure> {
+    for (name, text) in steps.iter().filter_map(StepResult::parts).flat_map(|part| &part.tables) {
+        out.write(name, text.as_bytes())?;
+    }
+    out.write("report.html", render_article(article).as_bytes())?;
+    Ok(())
+}
+
+/// Processor seconds of every unit: the one table that depends on the machine.
+fn write_timings(store: &UnitStore, out: &OutputFolder) -> Result<(), Failure> {
+    let rows = store.seconds().into_iter().map(|(place, seconds)| vec![place, format!("{seconds:.3}")]);
+    let text = crate::account::csv_text(["unit", "processor_seconds"].iter(), rows)?;
+    out.put("timings.csv".as_ref(), text.as_bytes())?;
+    Ok(())
+}
