@@ -33,7 +33,7 @@ fn diagnosed_at(strength: f64, name: &str, candidates: &[&str]) -> (Diagnosis, V
 }
 
 fn diagnosis(request: &Request) -> Diagnosis {
-    diagnose(request).unwrap().diagnosis
+    diagnose(request, &|_| {}).unwrap().diagnosis
 }
 
 /// What was found in a bundled study, and what was hidden.

@@ -281,9 +281,8 @@ mod tests {
             muscles: model.muscle_names().map(str::to_owned).collect(),
             nominal: model.nominal_parameters(),
             bounds: study.settings.bounds,
-            fibers: Vec::new(),
         };
-        let space = ParameterSpace::new(&problem).unwrap();
+        let space = ParameterSpace::new(problem.muscles.clone(), problem.nominal.clone(), &problem.bounds).unwrap();
         let set = TrainingSet::new(&problem).unwrap();
         for free in [0..15, 10..15, 0..10] {
             let smooth = SmoothObjective::new(&space, &set, space.unchanged(), free.clone());
