@@ -44,6 +44,7 @@ fn run(path: &Path) -> Result<(), Box<dyn std::error::Error>> {
         report(&name, best(|| evaluate(&forward, &train, &[Setting::absent(*effect)]))?);
     }
     let request = Request {
+        images: Vec::new(),
         laboratory: None,
         participant,
         forward: &forward,

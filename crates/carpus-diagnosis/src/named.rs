@@ -17,8 +17,10 @@ use carpus_study::study::TrialUse;
 const LARGE: f64 = 0.5;
 /// … if it takes at least this share of the mean square of the given model's error …
 const DOMINANT: f64 = 0.05;
-/// … and if its evidence is beyond this: very strong (Kass & Raftery 1995, doi:10.1080/01621459.1995.10476572).
+/// … and if its evidence is beyond this: very strong (Kass & Raftery 1995, doi:10.1080/01621459.1995.10476572) …
 const VERY_STRONG: f64 = 10.0;
+/// … or if it takes more than all else together.
+const MOST: f64 = 0.5;
 
 /// An effect that is missing.
 #[derive(Clone, Debug, Serialize)]
@@ -206,7 +208,7 @@ pub(super) fn named(
             group: group.into_iter().map(|e| session.analysis.candidates[e].description().id).collect(),
             probability,
             evidence: *evidence,
-            dominant: *evidence > VERY_STRONG
+            dominant: (*evidence > VERY_STRONG || train[0] > MOST)
                 && train[0] >= DOMINANT
                 && train[1] > 0.0
                 && session.share_of_plausible(state, *place) >= LARGE,

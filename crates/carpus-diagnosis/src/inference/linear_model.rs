@@ -97,10 +97,8 @@ pub struct SizePriors {
 
 /// Least size, as a share of its prior scale: smaller ones make no difference.
 const LEAST_SIZE: f64 = 0.01;
-/// Largest size of the discrepancy, as a multiple of its prior scale.
+/// Largest size, as a multiple of its prior scale.
 const LARGEST_SIZE: f64 = 20.0;
-/// Largest κ: what a laboratory has of an effect is then, in 19 of 20 cases, smaller than what dominates.
-const LARGEST_EVERYTHING: f64 = 0.5;
 
 /// Steps of the sizes at most.
 const SIZE_STEPS: usize = 12;
@@ -297,9 +295,7 @@ impl LinearModel {
     /// ```
     pub fn sizes_for(&self, set: &[usize], start: &Sizes) -> (Sizes, f64) {
         let scales: Vec<f64> = self.size_scales().collect();
-        let mut bounds: Vec<[f64; 2]> =
-            scales.iter().map(|s| [(LEAST_SIZE * s).ln(), (LARGEST_SIZE * s).ln()]).collect();
-        bounds[0][1] = LARGEST_EVERYTHING.ln();
+        let bounds: Vec<[f64; 2]> = scales.iter().map(|s| [(LEAST_SIZE * s).ln(), (LARGEST_SIZE * s).ln()]).collect();
         let mut sizes = start.clone();
         let mut logs = DVector::from_iterator(scales.len(), start.all().map(f64::ln));
         let mut here = self.posterior(set, &sizes);

@@ -10,6 +10,8 @@ mod predicting;
 mod sets;
 mod steps;
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
@@ -170,6 +172,8 @@ pub struct State {
     pub model: LinearModel,
     /// Sets of effects.
     pub sets: Sets,
+    /// Of effects: rivals that may stand in their place, everything else estimated anew.
+    pub stand_ins: BTreeMap<usize, Vec<usize>>,
 }
 
 impl<'a> Session<'a> {
@@ -455,6 +459,7 @@ impl<'a> Session<'a> {
             model: self.model(&point, &columns, &factors),
             factors,
             sets: Sets::none(),
+            stand_ins: BTreeMap::new(),
             point,
             levels,
             noise,

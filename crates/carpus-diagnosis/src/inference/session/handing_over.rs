@@ -33,14 +33,6 @@ impl Session<'_> {
         self.most_predictive(state, &[self.joint_mode(state), one?, ten?])
     }
 
-    /// Error of trials that were left out one at a time on the way to the joint mode, over that of the model as given.
-    ///
-    /// # Errors
-    /// A trial that cannot be simulated.
-    pub(super) fn left_out_ratio(&self, state: &State) -> Result<f64, SimulationError> {
-        Ok(self.most_predictive(state, &[self.joint_mode(state)])?.left_out_ratio)
-    }
-
     fn most_predictive(&self, state: &State, ends: &[End]) -> Result<HandedOver, SimulationError> {
         let square = |residuals: &[DVector<f64>]| residuals.iter().map(|r| r.norm_squared()).sum::<f64>();
         let as_given = square(&self.residuals(&self.forward().nominal_parameters(), &[])?);
@@ -260,6 +252,12 @@ impl Session<'_> {
         if own > 0.0 {
             group.extend(self.testable().into_iter().filter(stands_in));
         }
+        let simulated = state.stand_ins.get(&effect).into_iter().flatten();
+        group.extend(simulated.filter(|e| !set.contains(e)).copied());
+        let first = group.remove(0);
+        group.sort_unstable();
+        group.dedup();
+        group.insert(0, first);
         let together = state.sets.of_any(&group);
         (group, together)
     }

@@ -1,14 +1,17 @@
 //! Single sets of effects: those that are more likely missing than not, and the same state with another set.
 
+use std::collections::BTreeMap;
 use std::sync::atomic::AtomicUsize;
 
 use nalgebra::DMatrix;
+use rayon::prelude::*;
 
 use super::super::linear_model::{Prior, Sizes};
 use super::super::muscles::Muscles;
 use super::super::search::Budget;
 use super::steps::profiled;
-use super::{Around, Begun, ODDS, STEPS, Session, Start, State};
+use super::{Around, Begun, ODDS, STANDS_IN, STEPS, Session, Start, State};
+use crate::ONE_BY_ONE;
 use crate::effect::Effect;
 use crate::fit::{Analysis, Point};
 use crate::forward_model::{FITTED_PER_MUSCLE, ForwardModel};
@@ -28,9 +31,8 @@ fn is_likely(group: usize, probability: f64) -> bool {
 
 impl Session<'_> {
     /// The state with the effects that are more likely missing than not, and no others (the median probability model; Barbieri &
-    /// Berger 2004, doi:10.1214/009053604000000238), less those without which a state is ahead and predicts left-out trials as well. And for
-    /// each of the others, the strongest first, by how much −2 log posterior is larger
-    /// where it is taken out and everything else is fitted anew.
+    /// Berger 2004, doi:10.1214/009053604000000238), less those without which a state is ahead. And for each of the others, the strongest
+    /// first, by how much −2 log posterior is larger where it is taken out and everything else is fitted anew.
     ///
     /// # Errors
     /// A trial that cannot be simulated.
@@ -40,7 +42,7 @@ impl Session<'_> {
         report: &dyn Fn(&str),
     ) -> Result<(State, Vec<(usize, f64)>), SimulationError> {
         let candidates = self.testable();
-        let (mut evidence, state) = 'again: loop {
+        let (mut evidence, mut state) = 'again: loop {
             let of = |effect: usize| {
                 let (group, probability) = self.group(&state, effect);
                 (probability, is_likely(group.len(), probability), effect)
@@ -53,7 +55,7 @@ impl Session<'_> {
                 let without = self.with_set(&state, &rest, &candidates)?;
                 let behind = self.behind(&without, &state);
                 report(&format!("without {:?} ({probability:.2}) {behind:.1} behind", self.ids(&[effect])));
-                if !is_likely || (behind < 0.0 && self.left_out_ratio(&without)? <= self.left_out_ratio(&state)?) {
+                if !is_likely || behind < 0.0 {
                     state = without;
                     continue 'again;
                 }
@@ -62,6 +64,7 @@ impl Session<'_> {
             break (evidence, state);
         };
         evidence.sort_by(|a, b| b.1.total_cmp(&a.1));
+        state.stand_ins = self.stand_ins(&state, &candidates);
         Ok((state, evidence))
     }
 
@@ -87,6 +90,35 @@ impl Session<'_> {
         };
         let state = self.assessed(start, &[], &[])?;
         self.settle(Begun { state, candidates: Vec::new(), always: Vec::new() }, report)
+    }
+
+    /// Rivals of a state's effects that may stand in their place: with one of them instead, everything else estimated anew, −2 log posterior is
+    /// larger by no more than the least probability of a group says.
+    fn stand_ins(&self, state: &State, candidates: &[usize]) -> BTreeMap<usize, Vec<usize>> {
+        let set = self.places(&state.point.effects);
+        let rivals = |effect: usize| {
+            let names = self.analysis.candidates[effect].description().rivals;
+            let is_rival = |e: &usize| names.contains(&self.analysis.candidates[*e].description().id);
+            candidates.iter().copied().filter(|e| !set.contains(e)).filter(is_rival).collect::<Vec<usize>>()
+        };
+        let pairs: Vec<(usize, usize)> =
+            set.iter().flat_map(|effect| rivals(*effect).into_iter().map(|rival| (*effect, rival))).collect();
+        let stands_in = |(effect, rival): &(usize, usize)| {
+            let mut exchanged: Vec<usize> = set.iter().copied().filter(|e| e != effect).chain([*rival]).collect();
+            exchanged.sort_unstable();
+            let other = self.with_set(state, &exchanged, &[]);
+            other.map(|other| self.behind(&other, state) < -2.0 * STANDS_IN.ln())
+        };
+        let found: Vec<Result<bool, SimulationError>> =
+            pairs.par_iter().with_max_len(ONE_BY_ONE).map(stands_in).collect();
+        let mut out: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for ((effect, rival), found) in pairs.into_iter().zip(found) {
+            // One that cannot be simulated in its place does not stand there.
+            if found.unwrap_or(false) {
+                out.entry(effect).or_default().push(rival);
+            }
+        }
+        out
     }
 
     /// The state with these effects and no others: muscles, effects and noise estimated anew.

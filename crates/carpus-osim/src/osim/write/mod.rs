@@ -167,6 +167,16 @@ impl Writer<'_> {
     }
 }
 
+/// The error of a text made here.
+fn own(error: DocumentError) -> OsimError {
+    OsimError::from(error)
+}
+
+/// The document after splices.
+fn spliced(document: &Document, edits: Vec<(std::ops::Range<usize>, String)>) -> Result<OsimFile, OsimError> {
+    OsimFile::from_document(document.spliced(edits).map_err(own)?)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -190,14 +200,4 @@ mod tests {
             assert_eq!((&a.name, a.mass, a.mass_center, a.inertia), (&b.name, b.mass, b.mass_center, b.inertia));
         }
     }
-}
-
-/// The error of a text made here.
-fn own(error: DocumentError) -> OsimError {
-    OsimError::from(error)
-}
-
-/// The document after splices.
-fn spliced(document: &Document, edits: Vec<(std::ops::Range<usize>, String)>) -> Result<OsimFile, OsimError> {
-    OsimFile::from_document(document.spliced(edits).map_err(own)?)
 }
