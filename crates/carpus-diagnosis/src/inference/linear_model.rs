@@ -100,6 +100,8 @@ const LEAST_SIZE: f64 = 0.01;
 /// Largest size, as a multiple of its prior scale.
 const LARGEST_SIZE: f64 = 20.0;
 
+/// Bisections towards a size that is a standard deviation above the most probable one.
+const BISECTIONS: usize = 8;
 /// Steps of the sizes at most.
 const SIZE_STEPS: usize = 12;
 /// Longest step of the logarithm of a size.
@@ -332,6 +334,26 @@ impl LinearModel {
             }
         }
         (sizes, here.deviance)
+    }
+
+    /// Sizes a standard deviation above the most probable ones: each is where −2 log posterior is larger by 1, the others held.
+    pub fn sizes_above(&self, set: &[usize], sizes: &Sizes) -> Sizes {
+        let least = self.posterior(set, sizes).deviance;
+        let all: Vec<f64> = sizes.all().collect();
+        let of = |(k, scale): (usize, f64)| {
+            let at = |size: f64| {
+                let mut other = all.clone();
+                other[k] = size;
+                self.posterior(set, &Sizes::of(other.into_iter())).deviance - least
+            };
+            let [mut low, mut high] = [all[k], (4.0 * all[k]).max(scale)];
+            for _ in 0..BISECTIONS {
+                let middle = 0.5 * (low + high);
+                if at(middle) < 1.0 { low = middle } else { high = middle }
+            }
+            low
+        };
+        Sizes::of(self.size_scales().enumerate().map(of).collect::<Vec<_>>().into_iter())
     }
 
     /// Prior scales of the sizes, κ first.

@@ -87,8 +87,10 @@ impl Session<'_> {
         let (set, sizes) = (self.places(&state.point.effects), self.sizes(state));
         let mean_of = |posterior: &Posterior| posterior.mean.rows(0, own).into_owned();
         let at_all = mean_of(&state.model.posterior(&set, sizes));
+        // Sizes are not known either: those a standard deviation above the most probable ones say how far values may be.
+        let wide = state.model.sizes_above(&set, sizes);
         let of_set = |(found, probability): (&Candidate, &f64)| {
-            let posterior = state.model.posterior(&found.effects, &found.sizes);
+            let posterior = state.model.posterior(&found.effects, &wide);
             let away = mean_of(&posterior) - &at_all;
             let square = DVector::from_fn(own, |j, _| posterior.sd_of(j).powi(2) + away[j] * away[j]);
             // An effect's size is asked for where it is there.
