@@ -1,6 +1,6 @@
 //! Chapters 2 to 4 of the dissertation from one study folder, resumable.
 //!
-//! A study is a list of [`STEPS`]. A step divides a participant's work into [units](crate::units) and, when all
+//! A study is a list of steps. A step divides a participant's work into [units](crate::units) and, when all
 //! participants are done, makes a section of the report from the units' results. A step is one file and one line of the
 //! list.
 
