@@ -88,7 +88,7 @@ pub fn fit_steps(
 }
 
 /// Effects that no data tell from the muscles' parameters.
-pub(super) fn unidentifiable(analysis: &Analysis) -> Vec<&'static str> {
+pub(crate) fn unidentifiable(analysis: &Analysis) -> Vec<&'static str> {
     let all = analysis.candidates.iter().map(|e| e.description());
     all.filter(|d| d.unidentifiable.is_some()).map(|d| d.id).collect()
 }

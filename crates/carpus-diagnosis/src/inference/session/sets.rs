@@ -12,6 +12,8 @@ use super::super::search::Budget;
 use super::steps::profiled;
 use super::{Around, Begun, ODDS, STANDS_IN, STEPS, Session, Start, State};
 use crate::ONE_BY_ONE;
+use crate::addition::unidentifiable;
+use crate::diagnose::LEVEL;
 use crate::effect::Effect;
 use crate::fit::{Analysis, Point};
 use crate::forward_model::{FITTED_PER_MUSCLE, ForwardModel};
@@ -55,7 +57,7 @@ impl Session<'_> {
                 let without = self.with_set(&state, &rest, &candidates)?;
                 let behind = self.behind(&without, &state);
                 report(&format!("without {:?} ({probability:.2}) {behind:.1} behind", self.ids(&[effect])));
-                if !is_likely || behind < 0.0 {
+                if !is_likely || (behind < 0.0 && !self.takes_what_is_left(&state, &without)) {
                     state = without;
                     continue 'again;
                 }
@@ -90,6 +92,15 @@ impl Session<'_> {
         };
         let state = self.assessed(start, &[], &[])?;
         self.settle(Begun { state, candidates: Vec::new(), always: Vec::new() }, report)
+    }
+
+    /// Whether something is left beside a state that is not left beside another.
+    fn takes_what_is_left(&self, with: &State, without: &State) -> bool {
+        let skip = unidentifiable(&self.analysis);
+        let is_left = |state: &State| {
+            self.analysis.anything_left(&self.as_fit(state), &skip).is_some_and(|left| left.p_value < LEVEL)
+        };
+        is_left(without) && !is_left(with)
     }
 
     /// Rivals of a state's effects that may stand in their place: with one of them instead, everything else estimated anew, −2 log posterior is
