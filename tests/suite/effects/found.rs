@@ -10,6 +10,9 @@ use super::*;
 /// Effects that no diagnosis can find here: the same as strength of the muscles, or without influence.
 const NOT_TESTABLE: [&str; 3] = ["emg_gain", "torque_gain", "unmodelled_muscles"];
 
+/// Environment variable that names the one effect to look for, and has the estimate's steps printed.
+const ONLY: &str = "CARPUS_EFFECT";
+
 /// A baseline of the EMG, of full excitation.
 const BASELINE: f64 = 0.03;
 /// Effects that only show at the end of what is plausible and with a tenth of the noise in these trials, and that size.
@@ -50,16 +53,26 @@ fn found(hidden: &[&'static dyn Effect], candidates: Vec<&'static dyn Effect>) -
         mvc: recorded.iter().map(Trial::max_abs_moment).fold(0.0, f64::max),
         seed: 1,
     };
-    diagnose(&request, &|_| {}).unwrap().diagnosis
+    let tell = std::env::var_os(ONLY).is_some();
+    diagnose(&request, &|at| {
+        if tell {
+            println!("{at:?}")
+        }
+    })
+    .unwrap()
+    .diagnosis
 }
 
 #[test]
 fn verif_every_effect_is_found_and_its_nearest_rival_not_blamed_in_its_place() {
     // Read before the pool's threads ask for it: reading asks for them.
     study();
-    let all = CATALOGUE.par_iter().filter(|e| !NOT_TESTABLE.contains(&e.description().id));
+    let only = std::env::var(ONLY).ok();
+    let asked = |id: &str| only.as_ref().is_none_or(|only| only == id);
+    let all =
+        CATALOGUE.par_iter().map(|e| (e, e.description().id)).filter(|(_, id)| !NOT_TESTABLE.contains(id) && asked(id));
     let wrong: Vec<String> = all
-        .filter_map(|effect| {
+        .filter_map(|(effect, _)| {
             let d = effect.description();
             let rival = d.rivals.iter().find(|r| !NOT_TESTABLE.contains(r));
             let candidates = std::iter::once(*effect).chain(rival.map(|r| named(r))).collect();

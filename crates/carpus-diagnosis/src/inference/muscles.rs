@@ -1,5 +1,5 @@
 //! Muscles alone: the estimate of muscle parameters, with no effect added, that every command reports
-//! (`docs/src/theory/many-small-errors.md`, equations (16), (25), (26) and (29)).
+//! (`docs/src/theory/many-small-errors.md`, equations (16), (25), (26), (31) and (32)).
 //!
 //! In: training trials, bounds, fibre lengths of images. Out: the muscles that are handed over, and of every parameter the value at the joint mode,
 //! its standard deviation and its interval.
@@ -7,6 +7,7 @@
 use nalgebra::DMatrix;
 
 use super::super::catalogue::with_own;
+use super::super::effect::Effect;
 use super::super::forward_model::{FITTED_PER_MUSCLE, ForwardModel};
 use super::resting_fiber::RestingFiber;
 use super::search::Budget;
@@ -41,7 +42,7 @@ pub struct MuscleEstimate {
 const DETERMINED: f64 = 0.5;
 
 impl MuscleEstimate {
-    /// The interval of a level, equation (29): about the joint mode, wide enough to hold what is handed over, and within the bounds.
+    /// The interval of a level, equation (31): about the joint mode, wide enough to hold what is handed over, and within the bounds.
     ///
     /// - `level`: probability, for example 0.9
     pub fn interval(&self, level: f64) -> [f64; 2] {
@@ -136,8 +137,17 @@ impl<'a> MuscleProblem<'a> {
 }
 
 impl<'a> Muscles<'a> {
-    /// Covariance of the logarithms of all muscle parameters given the trials, in the order of columns: equation (16).
+    /// Covariance of the logarithms of all muscle parameters given the trials, in the order of columns: equation (16), and what the gains of
+    /// the recordings leave open of forces.
     pub fn log_covariance(&self) -> DMatrix<f64> {
+        let mut out = self.log_covariance_at_gains();
+        let of_gains = self.session.gain_log_sd().powi(2);
+        (FORCE..out.nrows()).step_by(FITTED_PER_MUSCLE).for_each(|j| out[(j, j)] += of_gains);
+        out
+    }
+
+    /// As [`Muscles::log_covariance`], the gains of the recordings being known.
+    pub fn log_covariance_at_gains(&self) -> DMatrix<f64> {
         let State { model, point, .. } = &self.state;
         let count = self.parameters.len();
         let all = model.posterior(&self.session.places(&point.effects), self.session.sizes(&self.state)).covariance();
@@ -165,13 +175,29 @@ impl<'a> Muscles<'a> {
 }
 
 impl Session<'_> {
+    /// Standard deviation of the logarithm of a maximum force that no trial can tell from a gain of the recordings, equation (32): of every
+    /// effect that is the same as another maximum force, what is plausible.
+    pub(crate) fn gain_log_sd(&self) -> f64 {
+        let gains = self.analysis.candidates.iter().filter(|e| e.description().unidentifiable.is_some());
+        let of = |effect: &&'static dyn Effect| {
+            let of_amplitude = |i: usize| {
+                let scale = self.analysis.forward.joint.scale(&effect.description().parameters[i]);
+                self.plausible(*effect, i).0 * scale
+            };
+            effect.description().amplitudes().map(of_amplitude).map(|sd| sd * sd).sum::<f64>()
+        };
+        gains.map(of).sum::<f64>().sqrt()
+    }
+
     /// What a state says of every muscle parameter.
     pub fn muscle_estimates(&self, state: &State, handed_over: &HandedOver) -> Vec<MuscleEstimate> {
         let posterior = state.model.posterior(&self.places(&state.point.effects), self.sizes(state));
         let deviations = self.deviations(state);
         let given = self.analysis.forward.nominal_parameters();
+        let of_gains = self.gain_log_sd();
         let of = |muscle: usize, property: Property| {
             let column = muscle * FITTED_PER_MUSCLE + place(property);
+            let of_gains = if property == Property::MaxIsometricForce { of_gains } else { 0.0 };
             let of_given = property.of(&given[muscle]);
             MuscleEstimate {
                 muscle,
@@ -179,7 +205,7 @@ impl Session<'_> {
                 given: of_given,
                 joint_mode: property.of(&state.point.parameters[muscle]),
                 value: property.of(&handed_over.parameters[muscle]),
-                log_sd: deviations[column].min(posterior.sd[column]),
+                log_sd: deviations[column].hypot(of_gains).min(posterior.sd[column]),
                 prior_log_sd: posterior.sd[column],
                 bounds: self.analysis.log_bounds[place(property)].map(|bound| bound.exp() * of_given),
             }
@@ -191,6 +217,9 @@ impl Session<'_> {
 /// Columns of every muscle, in their order.
 pub(crate) const COLUMNS: [Property; FITTED_PER_MUSCLE] =
     [Property::MaxIsometricForce, Property::OptimalFiberLength, Property::TendonSlackLength];
+
+/// Place of the maximum force among the columns of a muscle.
+const FORCE: usize = 0;
 
 /// Place of a property among the columns of a muscle.
 pub(crate) fn place(property: Property) -> usize {

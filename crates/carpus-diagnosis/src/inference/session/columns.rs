@@ -18,7 +18,7 @@ impl Session<'_> {
     }
 
     /// Standard deviation of what is plausible of an amplitude, in units of its scale, and the sign that it must have: equation (3).
-    pub(super) fn plausible(&self, effect: &'static dyn Effect, parameter: usize) -> (f64, Option<f64>) {
+    pub(crate) fn plausible(&self, effect: &'static dyn Effect, parameter: usize) -> (f64, Option<f64>) {
         let forward = self.forward();
         let p = &effect.description().parameters[parameter];
         let scale = forward.joint.scale(p);

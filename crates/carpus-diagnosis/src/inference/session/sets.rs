@@ -27,8 +27,19 @@ const DISTANT_STEPS: usize = 12;
 ///
 /// - `group`: how many effects, `probability`: that one of them is missing
 fn is_likely(group: usize, probability: f64) -> bool {
-    let before = (1.0 + 1.0 / ODDS).powi(i32::try_from(group).unwrap_or(i32::MAX)) - 1.0;
-    probability >= ODDS * before * (1.0 - probability)
+    probability >= least_odds(group) * (1.0 - probability)
+}
+
+/// The same by simulation, equation (33): −2 log posterior is larger by `behind` without the effect.
+///
+/// - `in_place`: how much more probable one of the group is than the effect itself
+fn is_likely_by_simulation(group: usize, behind: f64, in_place: f64) -> bool {
+    0.5 * behind + in_place.ln() >= least_odds(group).ln()
+}
+
+/// Odds that are asked of a group, equation (30).
+fn least_odds(group: usize) -> f64 {
+    ODDS * ((1.0 + 1.0 / ODDS).powi(i32::try_from(group).unwrap_or(i32::MAX)) - 1.0)
 }
 
 impl Session<'_> {
@@ -47,16 +58,19 @@ impl Session<'_> {
         let (mut evidence, mut state) = 'again: loop {
             let of = |effect: usize| {
                 let (group, probability) = self.group(&state, effect);
-                (probability, is_likely(group.len(), probability), effect)
+                (probability, group.len(), effect)
             };
-            let mut set: Vec<(f64, bool, usize)> = self.places(&state.point.effects).into_iter().map(of).collect();
-            set.sort_by(|a, b| a.1.cmp(&b.1).then(a.0.total_cmp(&b.0)));
+            let mut set: Vec<(f64, usize, usize)> = self.places(&state.point.effects).into_iter().map(of).collect();
+            set.sort_by(|a, b| is_likely(a.1, a.0).cmp(&is_likely(b.1, b.0)).then(a.0.total_cmp(&b.0)));
             let mut evidence = Vec::new();
-            for (probability, is_likely, effect) in set {
+            for (probability, group, effect) in set {
                 let rest: Vec<usize> = self.places(&state.point.effects).into_iter().filter(|e| *e != effect).collect();
                 let without = self.with_set(&state, &rest, &candidates)?;
                 let behind = self.behind(&without, &state);
                 report(&format!("without {:?} ({probability:.2}) {behind:.1} behind", self.ids(&[effect])));
+                let in_place = probability / state.sets.of_effect(effect).max(f64::MIN_POSITIVE);
+                let is_likely =
+                    is_likely(group, probability) || is_likely_by_simulation(group, behind, in_place.max(1.0));
                 if !is_likely || (behind < 0.0 && !self.takes_what_is_left(&state, &without)) {
                     state = without;
                     continue 'again;
@@ -213,6 +227,13 @@ impl Session<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn verif_odds_by_simulation_are_those_of_a_single_effect() {
+        assert!(is_likely_by_simulation(1, 0.01, 1.0) && !is_likely_by_simulation(1, -0.01, 1.0));
+        // Of three that stand in each other's place each has a third of the probability.
+        assert!(!is_likely_by_simulation(3, 0.01, 1.0) && is_likely_by_simulation(3, 0.2, 3.0));
+    }
 
     #[test]
     fn verif_one_of_many_has_to_be_more_probable_than_one() {
