@@ -49,7 +49,10 @@ impl RunTool {
             .iter()
             .map(|(file, line, text)| Diagnostic::warning(text.clone()).in_file(file).at_line(*line))
             .collect();
-        progress.warnings(&warnings);
+        // Many remarks about the model do not hide what is said about the results.
+        let (of_files, of_results) = warnings.split_at(outcome.warnings_of_files.min(warnings.len()));
+        progress.warnings(of_files);
+        progress.warnings(of_results);
         let files = write(&self.setup, &outcome, progress)?;
         Ok(ToolRun { files, summary: outcome.summary })
     }

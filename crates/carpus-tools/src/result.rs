@@ -24,8 +24,10 @@ pub struct Outcome {
     pub files: Vec<ResultFile>,
     /// Files that were read, or that those name.
     pub inputs: Vec<PathBuf>,
-    /// What the user should know: file, line (0: none), text.
+    /// What the user should know: file, line (0: none), text. What stands in the model and in files of forces comes first.
     pub warnings: Vec<(PathBuf, usize, String)>,
+    /// How many of the warnings are about what stands in the model and in files of forces.
+    pub warnings_of_files: usize,
     /// What was done, in lines for the terminal.
     pub summary: Vec<String>,
 }
@@ -47,7 +49,9 @@ impl Outcome {
     /// Adds the warnings among what was found in a file.
     pub fn warn_of_diagnostics(&mut self, file: &Path, diagnostics: &Diagnostics) {
         for found in diagnostics.of(Severity::Warning) {
-            self.warn(file, found.line, format!("{}: {}", found.path, found.message));
+            let warning = (file.to_owned(), found.line, format!("{}: {}", found.path, found.message));
+            self.warnings.insert(self.warnings_of_files, warning);
+            self.warnings_of_files += 1;
         }
     }
 

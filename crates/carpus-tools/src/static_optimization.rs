@@ -34,7 +34,8 @@ pub struct StaticOptimization {
     wanted: Storage,
     activations: Storage,
     forces: Storage,
-    warnings: Vec<String>,
+    /// Times at which the actuators cannot make the motion, what is missing, and its unit.
+    missing: Vec<(f64, f64, &'static str)>,
 }
 
 impl StaticOptimization {
@@ -88,7 +89,6 @@ impl StaticOptimization {
         let mut activations = Storage::new("Static Optimization", labels);
         activations.description = "This file contains static optimization results.\n\n".to_owned();
         let forces = force_storage(system);
-        let warnings = Vec::new();
         Ok(StaticOptimization {
             options,
             exponent,
@@ -99,7 +99,7 @@ impl StaticOptimization {
             wanted,
             activations,
             forces,
-            warnings,
+            missing: Vec::new(),
         })
     }
 
@@ -165,10 +165,7 @@ impl Analysis for StaticOptimization {
         let (controls, left) = least_powers(&matrix, &needed, &self.ranges, self.exponent);
         // Also where it is not a number.
         if !(left <= 1e-4) {
-            self.warnings.push(format!(
-                "{}: at t = {} s the actuators cannot make the motion, {left:.3e} {unit} are missing",
-                self.options.name, state.time
-            ));
+            self.missing.push((state.time, left, unit));
         }
         let control = |actor: usize| self.actuators.iter().position(|k| *k == actor).map(|i| controls[i] * optimal[i]);
         let values = (0..system.actors.len()).flat_map(|k| record_values(instant, k, &control)).collect();
@@ -186,7 +183,18 @@ impl Analysis for StaticOptimization {
     }
 
     fn warnings(&self) -> Vec<String> {
-        self.warnings.clone()
+        let Some(&(first, ..)) = self.missing.first() else { return Vec::new() };
+        // What is not a number is more than any number.
+        let size = |left: f64| if left.is_nan() { f64::INFINITY } else { left };
+        let most = self.missing.iter().max_by(|a, b| size(a.1).total_cmp(&size(b.1)));
+        let (time, left, unit) = most.copied().unwrap_or_default();
+        vec![format!(
+            "{}: at {} of {} times the actuators cannot make the motion, the first at t = {first} s; at most {left:.3e} {unit} \
+             are missing, at t = {time} s",
+            self.options.name,
+            self.missing.len(),
+            self.activations.len()
+        )]
     }
 }
 

@@ -330,6 +330,15 @@ impl Kind {
             };
             vec![on(first, &force), on(second, &-force)]
         };
+        // Both forces act where the second point is.
+        let at_second = |first: &Station, second: &Station, force: Vector3<f64>| {
+            let (offset, at) = place(second);
+            let from_first = at - cache.X_GB(first.base).p;
+            vec![
+                (first.base, SpatialForce::from_force_at(&from_first, &force)),
+                (second.base, SpatialForce::from_force_at(&offset, &-force)),
+            ]
+        };
         let vector = |from: usize| Vector3::new(multipliers[from], multipliers[from + 1], multipliers[from + 2]);
         match self {
             Kind::Coupler(coupler) => {
@@ -342,13 +351,14 @@ impl Kind {
             }
             Kind::Weld { first, second } => {
                 let station = |(base, X): &(BaseIndex, Transform)| Station { base: *base, p_BS: X.p };
-                let mut bodies = between(&station(first), &station(second), vector(3));
-                let moment = vector(0);
+                let mut bodies = at_second(&station(first), &station(second), vector(3));
+                let axes = weld_axes(cache, first, second);
+                let moment = axes.iter().zip(multipliers).map(|(axis, m)| *m * axis.normal).sum::<Vector3<f64>>();
                 bodies[0].1 += SpatialForce { moment, force: Vector3::zeros() };
                 bodies[1].1 += SpatialForce { moment: -moment, force: Vector3::zeros() };
                 (bodies, Vec::new())
             }
-            Kind::Point { first, second } => (between(first, second, vector(0)), Vec::new()),
+            Kind::Point { first, second } => (at_second(first, second, vector(0)), Vec::new()),
             Kind::Distance { first, second, .. } => {
                 let along = place(second).1 - place(first).1;
                 (between(first, second, multipliers[0] * along), Vec::new())
@@ -356,13 +366,7 @@ impl Kind {
             Kind::OnLine { line, across, follower } => {
                 let R = cache.X_GB(line.base).R;
                 let force = R * (multipliers[0] * across[0] + multipliers[1] * across[1]);
-                // Both forces act where the follower is.
-                let (offset, at) = place(follower);
-                let from_line = at - cache.X_GB(line.base).p;
-                let bodies = vec![
-                    (line.base, SpatialForce::from_force_at(&from_line, &force)),
-                    (follower.base, SpatialForce::from_force_at(&offset, &-force)),
-                ];
+                let bodies = at_second(line, follower, force);
                 (bodies, Vec::new())
             }
         }
@@ -390,25 +394,19 @@ impl Kind {
                 model.add_rate_row(cache, *coordinate, 1.0, qdot, |c, g| rows.G[(at, c)] += g, |b| rows.b[at] -= b);
             }
             Kind::Weld { first, second } => {
-                let (X1, X2) = (*cache.X_GB(first.0) * first.1, *cache.X_GB(second.0) * second.1);
-                let relative = X1.R.tr_mul(&X2.R);
-                // Axial vector of the relative rotation: zero when the frames are aligned.
-                let turn = 0.5
-                    * Vector3::new(
-                        relative[(2, 1)] - relative[(1, 2)],
-                        relative[(0, 2)] - relative[(2, 0)],
-                        relative[(1, 0)] - relative[(0, 1)],
-                    );
-                let turn = X1.R * turn;
+                let [w_first, w_second] = [first.0, second.0].map(|base| cache.V_GB(base).w);
+                let w = w_second - w_first;
                 let alpha = cache.A_GB(second.0).alpha - cache.A_GB(first.0).alpha;
-                for k in 0..3 {
-                    rows.error[at + k] = turn[k];
-                    rows.b[at + k] = -alpha[k];
-                }
-                for (base, sign) in [(second.0, 1.0), (first.0, -1.0)] {
-                    model.for_each_partial_velocity(cache, base, |c, velocity| {
-                        (0..3).for_each(|k| rows.G[(at + k, c)] += sign * velocity.w[k]);
-                    });
+                for (k, axis) in weld_axes(cache, first, second).iter().enumerate() {
+                    rows.error[at + k] = axis.of_second.dot(&axis.of_first);
+                    let turned = w_second.cross(&axis.of_second).cross(&axis.of_first)
+                        - w_first.cross(&axis.of_first).cross(&axis.of_second);
+                    rows.b[at + k] = -alpha.dot(&axis.normal) - w.dot(&turned);
+                    for (base, sign) in [(second.0, 1.0), (first.0, -1.0)] {
+                        model.for_each_partial_velocity(cache, base, |c, velocity| {
+                            rows.G[(at + k, c)] += sign * velocity.w.dot(&axis.normal);
+                        });
+                    }
                 }
                 let (one, two) =
                     (Station { base: first.0, p_BS: first.1.p }, Station { base: second.0, p_BS: second.1.p });
@@ -452,13 +450,34 @@ impl Kind {
     }
 }
 
+/// Two axes of welded frames that stand at right angles: one of each frame.
+struct WeldAxes {
+    of_first: Vector3<f64>,
+    of_second: Vector3<f64>,
+    /// Their product: turning the second frame about it changes the angle between them.
+    normal: Vector3<f64>,
+}
+
+/// The three pairs of Simbody's `Weld`, expressed in ground.
+fn weld_axes(cache: &Cache, first: &(BaseIndex, Transform), second: &(BaseIndex, Transform)) -> [WeldAxes; 3] {
+    let axis = |(base, frame): &(BaseIndex, Transform), i: usize| cache.X_GB(*base).R * frame.R.column(i);
+    [0, 1, 2].map(|k| {
+        let (of_second, of_first) = (axis(second, k), axis(first, (k + 1) % 3));
+        WeldAxes { of_first, of_second, normal: of_second.cross(&of_first) }
+    })
+}
+
+/// Two points that coincide. As in Simbody, velocities and accelerations are those of the second point and of the point of
+/// the first body that is in the same place, also where the first point is elsewhere.
 fn fill_point(model: &Model, cache: &Cache, first: &Station, second: &Station, at: usize, rows: &mut Rows) {
-    let (one, two) = (first.motion(cache), second.motion(cache));
+    let between = second.motion(cache).p - first.motion(cache).p;
+    let touched = Station { base: first.base, p_BS: first.p_BS + cache.X_GB(first.base).R.tr_mul(&between) };
+    let (one, two) = (touched.motion(cache), second.motion(cache));
     for k in 0..3 {
-        rows.error[at + k] = two.p[k] - one.p[k];
+        rows.error[at + k] = between[k];
         rows.b[at + k] = one.a[k] - two.a[k];
     }
-    for (station, sign) in [(second, 1.0), (first, -1.0)] {
+    for (station, sign) in [(second, 1.0), (&touched, -1.0)] {
         station.for_each_velocity(model, cache, |c, v| (0..3).for_each(|k| rows.G[(at + k, c)] += sign * v[k]));
     }
 }

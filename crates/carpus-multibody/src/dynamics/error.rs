@@ -1,6 +1,7 @@
 //! Why a model cannot be simulated forward.
 
 use super::constraints::ConstraintError;
+use super::path_jump::PathJump;
 use super::solve::DynamicsError;
 use crate::forces::ForceError;
 use crate::muscles::{EquilibriumError, MuscleError};
@@ -50,12 +51,14 @@ pub enum PlantError {
         end: f64,
     },
     /// The integration ended early.
-    #[error("integration ended at t = {time} s: {reason}")]
+    #[error("integration ended at t = {time} s: {reason}{}", .jump.as_ref().map_or_else(String::new, PathJump::to_string))]
     Stopped {
         /// Time [s].
         time: f64,
         /// Why.
         reason: String,
+        /// A muscle whose length jumps there.
+        jump: Option<PathJump>,
     },
 }
 

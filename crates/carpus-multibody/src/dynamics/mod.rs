@@ -6,9 +6,11 @@
 //! In: a compiled [`Model`](crate::multibody::Model), its [`Constraints`], coordinates q, OpenSim's generalized speeds u,
 //! and applied forces. Out: accelerations, multipliers, consistent coordinates and speeds. No file is read here.
 
+mod assembly;
 mod constraints;
 mod error;
 mod mass;
+mod path_jump;
 mod plant;
 mod reduction;
 mod simulate;
@@ -16,6 +18,7 @@ mod solve;
 
 pub use constraints::{ConstraintError, ConstraintForce, Constraints};
 pub use error::PlantError;
+pub use path_jump::PathJump;
 pub use plant::{DrivenPlant, LaggedActuator, Load, Plant, PlantMuscle, PlantState, Work};
 pub use reduction::{Reduction, Relation};
 pub use simulate::{ForwardOptions, Trajectory, simulate_forward};

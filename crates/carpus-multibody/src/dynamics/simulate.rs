@@ -1,6 +1,7 @@
 //! Forward simulation: from a state and excitations to a trajectory.
 
 use super::error::PlantError;
+use super::path_jump::path_jump;
 use super::plant::{DrivenPlant, Plant, PlantState};
 use super::solve::DynamicsError;
 use carpus_numerics::numerics::{Bdf, Cost, Grouped, StiffSystem};
@@ -67,7 +68,7 @@ pub fn simulate_forward(
     let begin = |system: &mut DrivenPlant<_>, time: f64, x: &[f64], first_step: f64| {
         Bdf::new(system, time, x, &absolute, options.accuracy, first_step)
             .map(|bdf| bdf.with_step_range(options.step_range))
-            .map_err(|error| PlantError::Stopped { time, reason: error.to_string() })
+            .map_err(|error| PlantError::Stopped { time, reason: error.to_string(), jump: None })
     };
     let mut bdf = begin(&mut system, first, &x, options.first_step)?;
     let mut states = Vec::with_capacity(options.times.len());
@@ -86,12 +87,15 @@ pub fn simulate_forward(
         if bdf.cost.steps + bdf.cost.rejected >= options.most_steps {
             return Err(PlantError::StepLimit { most_steps: options.most_steps, time: bdf.time, end: last });
         }
-        bdf.step(&mut system, last)
-            .map_err(|error| PlantError::Stopped { time: bdf.time, reason: error.to_string() })?;
+        if let Err(error) = bdf.step(&mut system, last) {
+            let jump = path_jump(plant, bdf.time, bdf.state(), &bdf.slope());
+            return Err(PlantError::Stopped { time: bdf.time, reason: error.to_string(), jump });
+        }
         if let Some(passage) = Passage::ahead(&bdf, &mut system) {
             let (end, after) = passage.through(&bdf, &mut system).map_err(|error| PlantError::Stopped {
                 time: bdf.time,
                 reason: format!("passing the pole of a bushing's angles: {error}"),
+                jump: None,
             })?;
             let end = end.min(last);
             while let Some(&at) = options.times.get(states.len()).filter(|at| **at < end) {

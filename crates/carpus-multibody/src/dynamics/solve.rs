@@ -9,14 +9,7 @@ use carpus_osim::osim::spec::{CoordinateIndex, negative_principal_moment};
 use nalgebra::{DMatrix, DVector};
 
 /// Singular values of the constraints' Jacobian below this share of the largest count as zero: redundant constraints.
-const RANK_TOLERANCE: f64 = 1e-10;
-/// Largest violation of constraints that assembly leaves [rad or m].
-const ASSEMBLED: f64 = 1e-12;
-/// Largest step along the constraints at which assembly ends [rad or m]: far below what motion capture can tell, and above
-/// rounding of sums of some hundred squares.
-const SETTLED: f64 = 1e-10;
-/// Iterations of assembly.
-const ASSEMBLY_ITERATIONS: usize = 100;
+pub(super) const RANK_TOLERANCE: f64 = 1e-10;
 
 /// Why the equations have no solution.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -266,7 +259,7 @@ impl<'a> Dynamics<'a> {
     }
 
     /// Constraint violations and Jacobian for speeds u, at [`Dynamics::update`]'s state.
-    fn rows_at(&mut self, time: f64, q: &[f64], u: &[f64]) -> Rows {
+    pub(super) fn rows_at(&mut self, time: f64, q: &[f64], u: &[f64]) -> Rows {
         self.update(q, u);
         let zero = vec![0.0; self.model.n_coordinates()];
         self.model.update_accelerations_of_speeds(q, u, &zero, &mut self.cache);
@@ -294,97 +287,6 @@ impl<'a> Dynamics<'a> {
         let speed = |j: usize| f64::from(u8::from(j == c)) + change[j];
         (0..n).map(|j| speed(j) / speed(c)).collect()
     }
-
-    /// Moves coordinates as little as possible so that they satisfy the constraints.
-    ///
-    /// # Errors
-    /// Constraints that cannot be satisfied together.
-    pub fn assemble(&mut self, time: f64, q: &mut [f64]) -> Result<(), DynamicsError> {
-        let zero = vec![0.0; q.len()];
-        let mut step = vec![0.0; q.len()];
-        let mut violation = 0.0;
-        for _ in 0..ASSEMBLY_ITERATIONS {
-            let rows = self.rows_at(time, q, &zero);
-            violation = rows.error.amax();
-            if !(violation > ASSEMBLED) {
-                break;
-            }
-            let by_speeds = Space::of(&rows.G, q.len()).particular(&-rows.error);
-            if !by_speeds.iter().all(|v| v.is_finite()) {
-                return Err(DynamicsError::NotFinite);
-            }
-            self.model.rates_of_speeds(&self.cache, by_speeds.as_slice(), &mut step);
-            // No step turns a joint by more than half a radian.
-            let shorten = 1.0 / (by_speeds.amax() / 0.5).max(1.0);
-            q.iter_mut().zip(&step).for_each(|(q, step)| *q += shorten * step);
-        }
-        if violation.is_nan() {
-            return Err(DynamicsError::NotFinite);
-        }
-        if violation > 1e3 * ASSEMBLED { Err(DynamicsError::NotAssembled { violation }) } else { Ok(()) }
-    }
-
-    /// Moves coordinates so that they satisfy the constraints and some of them are as near as possible to where they were,
-    /// in sum of squares (OpenSim's `AssemblySolver`).
-    ///
-    /// - `drawn`: whether a coordinate is drawn to where it was; the others move as constraints ask
-    ///
-    /// # Errors
-    /// Constraints that cannot be satisfied together.
-    pub fn assemble_near(&mut self, time: f64, q: &mut [f64], drawn: &[bool]) -> Result<(), DynamicsError> {
-        let n = q.len();
-        let goals: Vec<usize> = (0..n).filter(|i| drawn[*i]).collect();
-        let (start, zero) = (q.to_vec(), vec![0.0; n]);
-        let (mut violation, mut rates) = (0.0, vec![0.0; n]);
-        for iteration in 0..ASSEMBLY_ITERATIONS {
-            let rows = self.rows_at(time, q, &zero);
-            violation = rows.error.amax();
-            if iteration == 0 && !(violation > ASSEMBLED) {
-                break;
-            }
-            let space = Space::of(&rows.G, n);
-            let mut step = space.particular(&-rows.error);
-            if !step.iter().all(|v| v.is_finite()) {
-                return Err(DynamicsError::NotFinite);
-            }
-            // Along the constraints: what brings the drawn ones back most.
-            let mut by_free = DMatrix::zeros(goals.len(), space.free.ncols());
-            for (k, column) in space.free.column_iter().enumerate() {
-                let speeds: Vec<f64> = column.iter().copied().collect();
-                self.model.rates_of_speeds(&self.cache, &speeds, &mut rates);
-                goals.iter().enumerate().for_each(|(row, i)| by_free[(row, k)] = rates[*i]);
-            }
-            self.model.rates_of_speeds(&self.cache, step.as_slice(), &mut rates);
-            let away = DVector::from_iterator(goals.len(), goals.iter().map(|i| start[*i] - q[*i] - rates[*i]));
-            let mut along = 0.0;
-            if !by_free.is_empty() && is_finite(&by_free) {
-                let decomposed = by_free.svd(true, true);
-                let smallest = RANK_TOLERANCE * decomposed.singular_values.max();
-                if let Ok(back) = decomposed.solve(&away, smallest) {
-                    let back = &space.free * back;
-                    along = back.amax();
-                    step += back;
-                }
-            }
-            if !(violation > ASSEMBLED) && !(along > SETTLED) {
-                break;
-            }
-            self.model.rates_of_speeds(&self.cache, step.as_slice(), &mut rates);
-            // No step turns a joint by more than half a radian.
-            let shorten = 1.0 / (step.amax() / 0.5).max(1.0);
-            q.iter_mut().zip(&rates).for_each(|(q, rate)| *q += shorten * rate);
-        }
-        // Where the nearest place is not found, any on the constraints.
-        if violation <= ASSEMBLED { Ok(()) } else { self.assemble(time, q) }
-    }
-
-    /// Changes speeds as little as possible so that they satisfy the constraints at `q`.
-    pub fn project_speeds(&mut self, time: f64, q: &[f64], u: &mut [f64]) {
-        let rows = self.rows_at(time, q, u);
-        let violation = &rows.v - &rows.G * DVector::from_column_slice(u);
-        let change = Space::of(&rows.G, u.len()).particular(&violation);
-        u.iter_mut().zip(change.iter()).for_each(|(u, change)| *u += change);
-    }
 }
 
 /// Why equations of motion have no unique solution: an inertia that no body has, or else motion without mass.
@@ -395,9 +297,9 @@ pub(super) fn without_solution(model: &Model, massless: impl FnOnce() -> Dynamic
 }
 
 /// Speeds that constraints leave free, and the smallest speeds that satisfy them.
-struct Space {
+pub(super) struct Space {
     /// Orthonormal columns that span the null space of G.
-    free: DMatrix<f64>,
+    pub free: DMatrix<f64>,
     /// Pseudo-inverse of G.
     inverse: DMatrix<f64>,
 }
@@ -406,7 +308,7 @@ impl Space {
     /// Of numbers that are not finite the inverse is not a number (their decomposition would not end).
     ///
     /// - `jacobian`: G, with n columns
-    fn of(jacobian: &DMatrix<f64>, n: usize) -> Space {
+    pub fn of(jacobian: &DMatrix<f64>, n: usize) -> Space {
         let rows = jacobian.nrows();
         if !is_finite(jacobian) {
             return Space { free: DMatrix::zeros(n, 0), inverse: DMatrix::from_element(n, rows, f64::NAN) };
@@ -434,7 +336,7 @@ impl Space {
         Space { free, inverse }
     }
 
-    fn particular(&self, right: &DVector<f64>) -> DVector<f64> {
+    pub fn particular(&self, right: &DVector<f64>) -> DVector<f64> {
         &self.inverse * right
     }
 }
