@@ -338,7 +338,11 @@ fn verif_identify_writes_its_account_and_bad_input_is_answered() {
     let parameters = printed[0]["parameters"].as_array().unwrap();
     assert_eq!(parameters.len(), 9, "extensors, FCR, FCU with three properties each");
     assert!(parameters.iter().any(|p| p["muscle"] == "FCR" && p["prior_source"] == "a book"));
-    assert!(printed[0]["next_trials"].as_array().unwrap().len() > 10);
+    let next = printed[0]["next_trials"].as_array().unwrap();
+    assert!(next.len() > 10);
+    let gains: Vec<f64> = next.iter().map(|t| t["mean_shrinkage_percent"].as_f64().unwrap()).collect();
+    assert!(gains.iter().all(|g| (0.0..100.0).contains(g)), "a further trial never widens an interval: {gains:?}");
+    assert!(gains[0] > 1.5 * gains[gains.len() - 1] && gains[0] > 1.0, "trials tell differently much: {gains:?}");
     let files = [
         "identifiability.json",
         "intervals.csv",

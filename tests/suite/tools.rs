@@ -13,6 +13,7 @@ mod motion_capture;
 mod names;
 mod odd_models;
 mod old_setups;
+mod open_loops;
 mod opensim;
 mod references;
 mod setups;

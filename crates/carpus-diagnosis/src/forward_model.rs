@@ -14,6 +14,7 @@ use super::holds::steadied_trials;
 use super::joint_traits::JointTraits;
 use super::silent_muscles::SilentMuscles;
 use super::trial_record::{TrialRecord, records};
+use super::where_it_fails::Covered;
 pub use derivatives::{Change, ExcitationChange};
 use nalgebra::DMatrix;
 
@@ -99,6 +100,8 @@ pub struct ForwardModel {
     silent_muscles: SilentMuscles,
     /// How strong the joint is beside a wrist, and where its middle is.
     pub joint: JointTraits,
+    /// What another session covers, in whose units columns are; `None`: what these trials do.
+    pub(crate) covered: Option<Covered>,
     model: MusculoskeletalModel,
     base: Vec<PreparedTrial>,
     options: Options,
@@ -220,6 +223,7 @@ impl ForwardModel {
             angle_noise: None,
             silent_muscles: SilentMuscles::of(spec, model, &base),
             joint: JointTraits::of(trials, spec.coordinates[model.coordinate().0].range),
+            covered: None,
             model: model.clone(),
             base,
             options,

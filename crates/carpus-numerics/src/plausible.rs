@@ -200,6 +200,33 @@ pub static POINT_DISTANCE: Plausible = Plausible {
     slips: &[MILLIMETRES, CENTIMETRES],
 };
 
+/// Radius, semi-axis or length of a surface that paths wrap around.
+pub static WRAP_SIZE: Plausible = Plausible {
+    quantity: "size of a wrapping surface",
+    unit: "m",
+    range: [0.0, 2.0],
+    source: "Seth et al. 2019 (ellipsoid of the rib cage, 0.25 m) and cylinders that are longer than the body they lie in",
+    slips: &[MILLIMETRES, CENTIMETRES],
+};
+
+/// Angle of a joint or between two frames.
+pub static JOINT_ANGLE: Plausible = Plausible {
+    quantity: "angle",
+    unit: "rad",
+    range: [-12.6, 12.6],
+    source: "two whole turns either way",
+    slips: &[DEGREES],
+};
+
+/// Radius of gyration of a body: the square root of its moment of inertia over its mass.
+pub static GYRATION_RADIUS: Plausible = Plausible {
+    quantity: "radius of gyration",
+    unit: "m",
+    range: [0.0, 5.0],
+    source: "the height of a person, which no body exceeds, and what stands in a laboratory beside it",
+    slips: &[MILLIMETRES, CENTIMETRES],
+};
+
 /// Size of the acceleration due to gravity.
 pub static GRAVITY: Plausible = Plausible {
     quantity: "gravity",
@@ -342,7 +369,7 @@ pub static FASCICLE_LENGTH: Plausible = Plausible {
 };
 
 /// The table: every range that anything is compared with.
-pub static TABLE: [&Plausible; 26] = [
+pub static TABLE: [&Plausible; 29] = [
     &OPTIMAL_FIBER_LENGTH,
     &TENDON_SLACK_LENGTH,
     &MAX_ISOMETRIC_FORCE,
@@ -354,6 +381,9 @@ pub static TABLE: [&Plausible; 26] = [
     &DYNAMOMETER_DAMPING,
     &SEGMENT_MASS,
     &POINT_DISTANCE,
+    &WRAP_SIZE,
+    &JOINT_ANGLE,
+    &GYRATION_RADIUS,
     &GRAVITY,
     &BODY_MASS,
     &USUAL_BODY_MASS,

@@ -224,7 +224,7 @@ pub fn samples(
     let coordinate = &model.coordinates[moved.0];
     let at = |value: f64| match coordinate.motion_type {
         MotionType::Translational => format!("{} = {value} m", coordinate.name),
-        _ => format!("{} = {}°", coordinate.name, value.to_degrees()),
+        _ => format!("{} = {:.2}°", coordinate.name, value.to_degrees()),
     };
     let mut cache = model.new_cache();
     let mut q = posture.to_vec();

@@ -86,6 +86,9 @@ impl Frame {
         tool.ignore_all(&["model_file"]);
         let precision = tool.count("output_precision", 8, 0..=MOST_DIGITS)?;
         let time = [tool.time("initial_time", 0.0)?, tool.time("final_time", 1.0)?];
+        if time[0] == f64::INFINITY {
+            return Err(tool.bad_value("initial_time", "a finite time", &tool.string("initial_time")));
+        }
         if time[1] < time[0] {
             let expected = format!("a time from initial_time ({} s) on", number(time[0]));
             return Err(tool.bad_value("final_time", &expected, &format!("{}", time[1])));

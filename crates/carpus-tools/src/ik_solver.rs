@@ -269,7 +269,8 @@ impl<'a> InverseKinematics<'a> {
         }
         let Some((_, converged, found)) = best else { return false };
         q.copy_from_slice(&found);
-        converged
+        // From near the minimum the search ends where it was only slow before.
+        converged || self.search(time, q, seen, values, LEAST_DAMPING)
     }
 
     /// Takes whole turns off coordinates beyond half a turn, where the fit and the constraints stay what they are.

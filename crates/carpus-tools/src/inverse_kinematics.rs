@@ -203,7 +203,9 @@ pub fn run(tool: &Properties, system: System, outcome: &mut Outcome) -> Result<(
         places.push(time, found.iter().flat_map(|p| [p.x, p.y, p.z]).collect());
     }
     if let Some(time) = unsolved.first() {
-        let text = format!("{} frames did not converge, the first at {time} s", unsolved.len());
+        let count = unsolved.len();
+        let frames = if count == 1 { "frame" } else { "frames" };
+        let text = format!("{count} {frames} did not converge, the first at {time} s");
         outcome.warn(&marker_file, 0, text);
     }
     let rms = errors.column(1);

@@ -238,7 +238,10 @@ impl System {
             }
             Err(error) => return Err(error),
         }
-        self.project_speeds(0.0, &q, &mut u);
+        // An open loop of joints asks nothing of them yet.
+        if self.is_assembled_at_start() {
+            self.project_speeds(0.0, &q, &mut u);
+        }
         let of = |get: fn(MuscleState) -> f64| {
             let one = |m: &SystemMuscle| m.law.as_ref().map_or(f64::NAN, |law| get(law.default_state()));
             self.muscles.iter().map(one).collect()
@@ -268,14 +271,21 @@ impl System {
                 q[i] = function.value(time);
             }
         }
+        if !self.is_assembled_at_start() {
+            return Ok(());
+        }
         if self.spec.constraints.is_empty() {
-            let is_held = (0..q.len()).any(|i| self.is_constrained(i));
-            return if is_held { self.project(time, q) } else { Ok(()) };
+            return self.project(time, q);
         }
         self.model.satisfy_couplers(q);
         let drawn: Vec<bool> = (0..q.len()).map(|i| !self.follows_constraints(i)).collect();
         let fail = |source| ToolError::new(&self.path, ToolProblem::Dynamics { time, source });
         Dynamics::new(&self.model, &self.constraints).assemble_near(time, q, &drawn).map_err(fail)
+    }
+
+    /// Whether `initSystem` looks at constraints at all: not where there are only loops of joints.
+    fn is_assembled_at_start(&self) -> bool {
+        !self.spec.constraints.is_empty() || (0..self.model.n_coordinates()).any(|i| self.is_constrained(i))
     }
 
     /// Moves coordinates onto all constraints, each as little as it must, loops of joints among them.

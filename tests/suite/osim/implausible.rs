@@ -25,6 +25,16 @@ fn verif_implausible_values_of_a_model_are_warned_of() {
         (">250<", ">1e-300<", "max_isometric_force: 1e-300 is not plausible in N", "Rajagopal"),
         (">1.5<", ">1500<", "mass: 1500 is not plausible in kg", "is it in g? 1500 g are 1.5 kg"),
         ("0 -9.80665 0", "0 -9806.65 0", "gravity: 9807 is not plausible in m/s²", "is it in mm/s²?"),
+        ("<radius>0.01<", "<radius>10<", "radius: 10 is not plausible in m", "is it in mm? 10 mm are 0.01 m"),
+        ("<translation>0 0 0<", "<translation>0 20 0<", "translation: 20 is not plausible in m", "is it in mm?"),
+        ("<default_value>0.1<", "<default_value>45<", "default_value: 45 is not plausible in rad", "is it in degrees?"),
+        ("<orientation>0 0 0<", "<orientation>0 90 0<", "orientation: 90 is not plausible in rad", "is it in degrees?"),
+        (
+            "<inertia>0.001 0.01 0.01",
+            "<inertia>1000 10000 10000",
+            "inertia (radius of gyration): 81.65 is not plausible in m",
+            "is it in mm?",
+        ),
         (
             pennation,
             &format!("{pennation}<pennation_angle_at_optimal>1.55</pennation_angle_at_optimal>"),

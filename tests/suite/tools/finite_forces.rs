@@ -198,3 +198,41 @@ fn verif_a_path_of_kilometres_is_refused() {
     assert!(error.to_string().contains("expected a length above 0 m and below 20 m"), "{error}");
     assert!(error.hint().unwrap().contains("millimetres"));
 }
+
+/// A muscle whose path jumps at a pose that its force leads back to: no step is short enough.
+#[test]
+fn verif_a_path_that_jumps_is_named_where_a_simulation_ends() {
+    let point = |kind: &str, name: &str, frame: &str, at: &str, more: &str| {
+        format!(
+            "<{kind} name=\"{name}\"><socket_parent_frame>{frame}</socket_parent_frame><location>{at}</location>{more}</{kind}>"
+        )
+    };
+    let muscle = |name: &str, force: &str, through: &str| {
+        let from = point("PathPoint", "a", "/ground", "0 0.3 0", "");
+        let to = point("PathPoint", "b", "/bodyset/arm", "0.05 0 0", "");
+        format!(
+            "<Millard2012EquilibriumMuscle name=\"{name}\"><GeometryPath><PathPointSet><objects>{from}{through}{to}</objects></PathPointSet>\
+             </GeometryPath><max_isometric_force>{force}</max_isometric_force><optimal_fiber_length>0.1</optimal_fiber_length>\
+             <tendon_slack_length>0.2</tendon_slack_length></Millard2012EquilibriumMuscle>"
+        )
+    };
+    let condition = "<socket_coordinate>/jointset/pin/q</socket_coordinate><range>0.1 3</range>";
+    let far = point("ConditionalPathPoint", "far", "/ground", "0.3 -0.5 0", condition);
+    let model = format!(
+        "<OpenSimDocument Version=\"40600\"><Model name=\"jump\"><gravity>0 0 0</gravity><BodySet><objects><Body name=\"arm\"><mass>1</mass>\
+         <mass_center>0.2 0 0</mass_center><inertia>0.02 0.02 0.02 0 0 0</inertia></Body></objects></BodySet><JointSet><objects>\
+         <PinJoint name=\"pin\"><socket_parent_frame>/ground</socket_parent_frame><socket_child_frame>/bodyset/arm</socket_child_frame>\
+         <coordinates><Coordinate name=\"q\"><default_speed_value>1</default_speed_value></Coordinate></coordinates></PinJoint></objects></JointSet>\
+         <ForceSet><objects>{}{}</objects></ForceSet></Model></OpenSimDocument>",
+        muscle("steady", "20", ""),
+        muscle("jumper", "50000", &far)
+    );
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("m.osim"), model).unwrap();
+    let setup = "<OpenSimDocument Version=\"40600\"><ForwardTool name=\"x\"><model_file>m.osim</model_file><results_directory>o</results_directory>\
+                 <initial_time>0</initial_time><final_time>0.5</final_time><minimum_integrator_step_size>1e-8</minimum_integrator_step_size>\
+                 <solve_for_equilibrium_for_auxiliary_states>true</solve_for_equilibrium_for_auxiliary_states></ForwardTool></OpenSimDocument>";
+    std::fs::write(folder.path().join("setup.xml"), setup).unwrap();
+    let error = carpus::tools::run_tool(&folder.path().join("setup.xml"), None, false).unwrap_err().to_string();
+    assert!(error.contains("the length of muscle `jumper` jumps by 1.119 m"), "{error}");
+}

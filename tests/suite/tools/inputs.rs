@@ -199,3 +199,21 @@ fn verif_external_loads_are_no_forces_of_the_model() {
 pub fn markers(times: &[f64]) -> String {
     super::marker_search::trc(times, |_, _| nalgebra::Vector3::zeros())
 }
+
+#[test]
+fn verif_times_in_another_unit_are_suspected() {
+    let warned = |step: f64| {
+        let rows: String = (0..6).map(|i| format!("{}\t0\n", step * f64::from(i))).collect();
+        let text = format!("m\nversion=1\nnRows=6\nnColumns=2\ninDegrees=no\nendheader\ntime\tq\n{rows}");
+        let storage = carpus::storage::Storage::parse(text.as_bytes(), std::path::Path::new("m.sto")).unwrap();
+        storage.warnings.join(" ")
+    };
+    assert_eq!((warned(0.01), warned(0.5)), (String::new(), String::new()));
+    assert!(
+        warned(10.0).contains("the median step of `time` is 1.000e1 s: are these milliseconds?"),
+        "{}",
+        warned(10.0)
+    );
+    assert!(warned(1e4).contains("are these microseconds?"), "{}", warned(1e4));
+    assert!(warned(1e-9).contains("times are in seconds"), "{}", warned(1e-9));
+}

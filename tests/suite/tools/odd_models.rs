@@ -36,6 +36,12 @@ fn run(mass: &str, time_scale: &str, class: &str, inner: &str) -> Result<Outcome
 }
 
 fn run_model(model: &str, class: &str, inner: &str) -> Result<Outcome, String> {
+    let folder = folder_of(model, class, inner);
+    run_tool(&folder.path().join("setup.xml"), None, false).map_err(|e| e.to_string())
+}
+
+/// A model, a motion and a setup.
+fn folder_of(model: &str, class: &str, inner: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     write("links.osim", model);
@@ -49,7 +55,7 @@ fn run_model(model: &str, class: &str, inner: &str) -> Result<Outcome, String> {
         "<OpenSimDocument Version=\"40000\"><{class} name=\"t\"><model_file>links.osim</model_file><results_directory>.</results_directory><initial_time>0.1</initial_time><final_time>0.8</final_time>{inner}</{class}></OpenSimDocument>"
     );
     write("setup.xml", &text);
-    run_tool(&folder.path().join("setup.xml"), None, false).map_err(|e| e.to_string())
+    folder
 }
 
 fn table(outcome: &Outcome, end: &str) -> Storage {
@@ -137,4 +143,21 @@ fn verif_idle_muscles_of_the_oldest_kinds_have_no_tendon_force() {
         assert!(forces("true", end).iter().any(|x| x.abs() > 1e-3), "{end}");
     }
     assert_eq!(forces("false", "_ActiveFiberForce.sto"), forces("true", "_ActiveFiberForce.sto"));
+}
+
+/// What is said about the results is printed however much there is to say about the model.
+#[test]
+fn verif_remarks_about_the_model_do_not_hide_that_actuators_are_too_weak() {
+    let remarks: String = (0..30).map(|i| format!("<unknown_{i}>1</unknown_{i}>")).collect();
+    let model = MODEL.replace("MASS", "1").replace("SCALE", "0.1").replace("APPLIES", "true");
+    let model = model.replace("<gravity>", &format!("{remarks}<gravity>"));
+    let analyses = "<AnalysisSet><objects><StaticOptimization name=\"SO\"/></objects></AnalysisSet>";
+    let inner = format!("{MOTION}{analyses}");
+    let folder = folder_of(&model, "AnalyzeTool", &inner);
+    let mut command = assert_cmd::Command::cargo_bin("carpus").unwrap();
+    let run = command.arg("run-tool").arg(folder.path().join("setup.xml")).assert().success();
+    let said = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
+    let lines: Vec<&str> = said.lines().filter(|line| line.contains("cannot make the motion")).collect();
+    let [line] = lines.as_slice() else { panic!("{said}") };
+    assert!(line.contains("SO: at ") && line.contains(" times") && said.contains("more warnings"), "{said}");
 }

@@ -162,11 +162,37 @@ impl Storage {
             let problem = StorageProblem::TimeOrder { previous: times[i - 1], next: times[i] };
             return Err(at(label_line + i + 1, problem));
         }
+        warnings.extend(doubtful_steps(&times));
         let is_motion = extension(file) == "mot";
         let in_degrees = header.in_degrees.unwrap_or(false) || (header.version < 1 && is_motion);
         let (name, description) = (header.name, header.description);
         Ok(Storage { name, in_degrees, description, labels, time: times, rows, lines, warnings })
     }
+}
+
+/// What is said of times that are in another unit than seconds, by their median distance.
+fn doubtful_steps(times: &[f64]) -> Option<String> {
+    /// Least and largest distance of rows of a motion or of forces [s].
+    const PLAUSIBLE: [f64; 2] = [1e-6, 1.0];
+    /// Fewer rows are poses rather than a motion.
+    const FEWEST: usize = 4;
+    let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    if times.len() < FEWEST {
+        return None;
+    }
+    let middle = steps.len() / 2;
+    let (_, median, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
+    let median = *median;
+    if (PLAUSIBLE[0]..=PLAUSIBLE[1]).contains(&median) {
+        return None;
+    }
+    let is_steady = |unit: &f64| (1e-5..=0.1).contains(&(median * unit));
+    let guess = match [1e-3, 1e-6].iter().position(is_steady) {
+        Some(0) => ": are these milliseconds?",
+        Some(_) => ": are these microseconds?",
+        None => ": times are in seconds",
+    };
+    Some(format!("the median step of `time` is {median:.3e} s{guess}"))
 }
 
 /// Times, rows and their lines without those that another row of the same time follows, as OpenSim's `Storage::append`;

@@ -6,8 +6,13 @@
 use super::Reader;
 use crate::osim::diagnostics::{Diagnostic, Severity};
 use crate::osim::document::ElementId;
-use crate::osim::spec::{FrameKind, Location, MuscleKind, MuscleSpec, OtherMuscleSpec, PathPointKind};
+use crate::osim::spec::{
+    FrameKind, Location, MotionType, MuscleKind, MuscleSpec, OtherMuscleSpec, PathPointKind, WrapObjectSpec, WrapShape,
+};
 use carpus_numerics::plausible::{self, Doubt, Plausible};
+
+/// Least mass of a body whose inertia is looked at [kg].
+const LEAST_MASS: f64 = 0.01;
 
 /// A value and where it stands.
 struct Found<'s> {
@@ -27,12 +32,22 @@ impl Reader<'_> {
         for body in &spec.bodies {
             look("mass", &body.at, body.mass, &plausible::SEGMENT_MASS);
             look("mass_center", &body.at, body.mass_center.norm(), &plausible::POINT_DISTANCE);
-        }
-        for frame in &spec.frames {
-            if let FrameKind::Offset { translation, .. } = &frame.kind {
-                look("translation", &frame.at, translation.norm(), &plausible::POINT_DISTANCE);
+            // A body without weight is given any inertia that keeps equations regular.
+            if body.mass >= LEAST_MASS {
+                let radius = (body.inertia.diagonal().amax() / body.mass).sqrt();
+                look("inertia (radius of gyration)", &body.at, radius, &plausible::GYRATION_RADIUS);
             }
         }
+        for frame in &spec.frames {
+            if let FrameKind::Offset { translation, orientation, .. } = &frame.kind {
+                look("translation", &frame.at, translation.norm(), &plausible::POINT_DISTANCE);
+                look("orientation", &frame.at, orientation.amax(), &plausible::JOINT_ANGLE);
+            }
+        }
+        for coordinate in spec.coordinates.iter().filter(|c| c.motion_type == MotionType::Rotational) {
+            look("default_value", &coordinate.at, coordinate.default_value, &plausible::JOINT_ANGLE);
+        }
+        spec.wrap_objects.iter().for_each(|wrap| look_at_wrap(wrap, &mut look));
         for marker in &spec.markers {
             look("location", &marker.at, marker.location.norm(), &plausible::POINT_DISTANCE);
         }
@@ -57,7 +72,10 @@ impl Reader<'_> {
     }
 
     /// Line of a component's property; that of the component where the property is not written.
+    ///
+    /// - `property`: its name, before anything in parentheses
     fn line_of_property(&self, at: &Location, property: &str) -> usize {
+        let property = property.split(" (").next().unwrap_or(property);
         let written = at.element.and_then(|element| self.document.child(ElementId(element), property));
         written.map_or(at.line, |element| self.document.line(element))
     }
@@ -123,6 +141,29 @@ fn look_at_muscle<'s>(
     for point in &muscle.path.points {
         if let PathPointKind::Fixed { location } | PathPointKind::Conditional { location, .. } = &point.kind {
             look("location", &point.at, location.norm(), &plausible::POINT_DISTANCE);
+        }
+    }
+}
+
+fn look_at_wrap<'s>(
+    wrap: &'s WrapObjectSpec,
+    look: &mut impl FnMut(&'static str, &'s Location, f64, &'static Plausible),
+) {
+    look("translation", &wrap.at, wrap.translation.norm(), &plausible::POINT_DISTANCE);
+    look("xyz_body_rotation", &wrap.at, wrap.xyz_body_rotation.amax(), &plausible::JOINT_ANGLE);
+    let mut size = |property, value: f64| look(property, &wrap.at, value, &plausible::WRAP_SIZE);
+    match &wrap.shape {
+        WrapShape::Sphere { radius } => size("radius", *radius),
+        WrapShape::Cylinder { radius, length } => {
+            size("radius", *radius);
+            size("length", *length);
+        }
+        WrapShape::Ellipsoid { dimensions } => {
+            size("dimensions", dimensions.iter().fold(0.0, |largest: f64, d| largest.max(*d)));
+        }
+        WrapShape::Torus { inner_radius, outer_radius } => {
+            size("inner_radius", *inner_radius);
+            size("outer_radius", *outer_radius);
         }
     }
 }
