@@ -163,7 +163,8 @@ impl FromStr for Sweep {
             return Err(format!("a step of {} leads away from {}: change its sign", sweep.step, sweep.to));
         }
         if steps > MAX_SWEEP {
-            return Err(format!("{steps:.0} values, expected at most {MAX_SWEEP}: use a larger step"));
+            let steps = if steps < 1e9 { format!("{steps:.0}") } else { format!("{steps:.0e}") };
+            return Err(format!("{steps} values, expected at most {MAX_SWEEP}: use a larger step"));
         }
         Ok(sweep)
     }

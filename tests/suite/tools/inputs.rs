@@ -217,3 +217,11 @@ fn verif_times_in_another_unit_are_suspected() {
     assert!(warned(1e4).contains("are these microseconds?"), "{}", warned(1e4));
     assert!(warned(1e-9).contains("times are in seconds"), "{}", warned(1e-9));
 }
+
+#[test]
+fn verif_a_row_with_too_few_values_is_named_not_the_next_one() {
+    let text = "m\nversion=1\nnRows=3\nnColumns=3\nendheader\ntime\ta\tb\n0 1 2\n0.1 1\n0.2 1 2\n";
+    let error =
+        carpus::storage::Storage::parse(text.as_bytes(), std::path::Path::new("m.sto")).unwrap_err().to_string();
+    assert!(error.contains("m.sto:8: expected 3 values, as there are columns; found 2"), "{error}");
+}

@@ -96,6 +96,8 @@ impl Storage {
         let mut numbers = Vec::new();
         let width = if header.vectors { 3 * (all.len() - 1) + 1 } else { all.len() };
         let mut last_line = label_line;
+        // A row may go on in the next line; if that has too many values, the line before had too few.
+        let mut short: Option<(usize, usize)> = None;
         // In newer versions OpenSim reads to the end whatever the header says.
         let bound = header.rows.filter(|_| header.version <= 1);
         for (line, text) in lines {
@@ -115,7 +117,8 @@ impl Storage {
                 };
                 numbers.push(value);
                 if numbers.len() > width {
-                    let found = text.split(separators).filter(|word| !word.is_empty()).count();
+                    let here = || (line, text.split(separators).filter(|word| !word.is_empty()).count());
+                    let (line, found) = short.unwrap_or_else(here);
                     return Err(at(line, StorageProblem::RowLength { expected: width, found }));
                 }
             }
@@ -123,8 +126,11 @@ impl Storage {
             if numbers.len() == width {
                 rows.push(std::mem::take(&mut numbers));
                 row_lines.push(line);
+                short = None;
             } else if !numbers.is_empty() && !text.trim().is_empty() && header.version > 1 {
                 return Err(at(line, StorageProblem::RowLength { expected: width, found: numbers.len() }));
+            } else if !numbers.is_empty() {
+                short = short.or(Some((line, numbers.len())));
             }
         }
         if !numbers.is_empty() {
