@@ -7,9 +7,8 @@ use std::ops::Range;
 use std::sync::OnceLock;
 
 use super::angle_noise::{AngleNoise, Disturbance, moving};
-use super::catalogue::position;
 use super::denoising::{Denoised, denoised};
-use super::effect::{Effect, JointState, MuscleState, Role, Stage, TrialContext};
+use super::effect::{Effect, ExcitationScope, JointState, MuscleState, Role, Stage, TrialContext};
 use super::holds::steadied_trials;
 use super::joint_traits::JointTraits;
 use super::silent_muscles::SilentMuscles;
@@ -56,7 +55,7 @@ impl Setting {
     pub fn starts(effect: &'static dyn Effect, joint: &JointTraits) -> Vec<Setting> {
         let mut sizes = vec![joint.absent(effect)];
         sizes.extend(effect.further_starts().iter().map(|values| joint.at_neutral_angle(effect, values)));
-        if effect.feeds_back() {
+        if effect.description().feeds_back() {
             let mut large = joint.absent(effect);
             let description = effect.description();
             for i in description.amplitudes() {
@@ -362,12 +361,12 @@ impl ForwardModel {
 
     /// Whether what effects make of an excitation depends, sample by sample, on that sample alone.
     pub fn excites_instantaneously(&self, effects: &[Setting]) -> bool {
-        self.acting(effects).iter().filter(|s| changes_excitation(s)).all(|s| s.effect.is_instantaneous())
+        self.acting(effects).iter().filter(|s| changes_excitation(s)).all(|s| scope(s) != ExcitationScope::WholeTrial)
     }
 
     /// Whether what effects make of a muscle's excitation depends on other muscles'.
     pub fn mixes_muscles(&self, effects: &[Setting]) -> bool {
-        self.acting(effects).iter().any(|s| changes_excitation(s) && s.effect.mixes_muscles())
+        self.acting(effects).iter().any(|s| changes_excitation(s) && scope(s) == ExcitationScope::SampleOfAllMuscles)
     }
 
     /// Whether effects change excitations.
@@ -430,7 +429,7 @@ impl ForwardModel {
         (effects, rounds): (&[Setting], usize),
         derivatives: bool,
     ) -> Result<Core, SimulationError> {
-        let drives = |s: &Setting| s.effect.needs_moment() && s.effect.description().stage < Stage::Joint;
+        let drives = |s: &Setting| s.effect.description().needs_moment() && s.effect.description().stage < Stage::Joint;
         // What only adds at the joint leaves the muscles' moment as it is.
         let without = if effects.iter().any(drives) {
             let (shown, rounds) = shown_effects(effects, rounds);
@@ -512,8 +511,7 @@ impl ForwardModel {
 
     /// What effects add at the joint, per draw of the angle's noise [N·m]; empty if there is none or nothing adds.
     fn drawn_moments(&self, trial: usize, core: &Core, context: &TrialContext, ordered: &[&Setting]) -> Vec<Vec<f64>> {
-        let adds =
-            |s: &&&Setting| matches!(s.effect.description().stage, Stage::Joint | Stage::Inertia) && !s.is_absent();
+        let adds = |s: &&&Setting| s.effect.description().stage.adds_moment() && !s.is_absent();
         let (Some(DrawnNoise { draws, .. }), true) = (&self.angle_noise, ordered.iter().any(|s| adds(&s))) else {
             return Vec::new();
         };
@@ -634,7 +632,8 @@ fn change_at(ordered: &[&Setting], state: &MuscleState) -> MuscleChange {
 /// The effects with which the trial is simulated whose moment these effects are shown, and the rounds of feedback left: those
 /// that do not ask for it, and for as many rounds as there are those that feed back on themselves.
 fn shown_effects(effects: &[Setting], rounds: usize) -> (Vec<Setting>, usize) {
-    let stays = |s: &&Setting| !s.effect.needs_moment() || (rounds > 0 && s.effect.feeds_back());
+    let stays =
+        |s: &&Setting| !s.effect.description().needs_moment() || (rounds > 0 && s.effect.description().feeds_back());
     (effects.iter().filter(stays).cloned().collect(), rounds.saturating_sub(1))
 }
 
@@ -642,10 +641,19 @@ fn changes_excitation(setting: &Setting) -> bool {
     setting.effect.description().stage == Stage::Excitation && !setting.is_absent()
 }
 
-/// Effects in the order of the catalogue, in which they act.
+/// What an effect on excitations reads.
+fn scope(setting: &Setting) -> ExcitationScope {
+    setting.effect.description().behaviour.excitation
+}
+
+/// Effects in the order in which they act. Where that does not matter it is that of their identifiers, so that sums are the same to the
+/// last bit.
 fn in_order(effects: &[Setting]) -> Vec<&Setting> {
     let mut ordered: Vec<&Setting> = effects.iter().collect();
-    ordered.sort_by_key(|s| position(s.effect));
+    ordered.sort_by_key(|s| {
+        let d = s.effect.description();
+        (d.stage, d.order, d.id)
+    });
     ordered
 }
 

@@ -1,6 +1,6 @@
 //! What of a joint the catalogue's sizes and angles go with: they are those of a wrist.
 
-use super::effect::{Effect, Parameter};
+use super::effect::{Effect, Parameter, StrengthScaling};
 use super::forward_model::Setting;
 use carpus_study::study::{Contraction, Trial, TrialUse};
 
@@ -49,12 +49,12 @@ impl JointTraits {
 
     /// Value of a parameter without the effect, or of the usual shape.
     pub fn start(&self, parameter: &Parameter) -> f64 {
-        parameter.start + parameter.moves_with_neutral * self.neutral_angle
+        parameter.start + parameter.neutral.sign() * self.neutral_angle
     }
 
     /// Plausible range of an effect's parameter, as reported.
     pub fn plausible(&self, parameter: &Parameter) -> [f64; 2] {
-        let shift = parameter.moves_with_neutral * self.neutral_angle;
+        let shift = parameter.neutral.sign() * self.neutral_angle;
         parameter.plausible.map(|end| end * self.proportion(parameter) + shift)
     }
 
@@ -66,18 +66,15 @@ impl JointTraits {
     /// An effect whose angles are given as at a joint whose neutral angle is 0.
     pub fn at_neutral_angle(&self, effect: &'static dyn Effect, values: &[f64]) -> Setting {
         let parameters = effect.description().parameters;
-        let moved = |(value, p): (&f64, &Parameter)| value + p.moves_with_neutral * self.neutral_angle;
+        let moved = |(value, p): (&f64, &Parameter)| value + p.neutral.sign() * self.neutral_angle;
         Setting { effect, values: values.iter().zip(parameters).map(moved).collect() }
     }
 
-    /// Moments, stiffness, drag and inertia go with strength, compliance against it.
     fn proportion(&self, parameter: &Parameter) -> f64 {
-        match parameter.unit {
-            _ if !parameter.of_a_wrist => 1.0,
-            "kg·m²" => self.strength,
-            "rad/(N·m)" => 1.0 / self.strength,
-            unit if unit.starts_with("N·m") => self.strength,
-            _ => 1.0,
+        match parameter.strength {
+            StrengthScaling::None => 1.0,
+            StrengthScaling::Proportional => self.strength,
+            StrengthScaling::Inverse => 1.0 / self.strength,
         }
     }
 }
@@ -85,7 +82,7 @@ impl JointTraits {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::catalogue::CATALOGUE;
+    use crate::effects::CATALOGUE;
 
     #[test]
     fn verif_every_parameter_with_moment_in_its_unit_is_in_proportion() {

@@ -18,9 +18,9 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use crate::catalogue::{effect, with_own};
-use crate::effect::{Effect, Parameter};
+use crate::effect::{Parameter, Quantity};
 use crate::forward_model::Setting;
-use crate::own_effect::{Definition, TakenId, register};
+use crate::own_effect::{Definition, TakenId, definition, register};
 use carpus_osim::osim::error::nearest;
 use carpus_study::study::Problem;
 
@@ -30,8 +30,11 @@ pub const SIDE_CAR_SCHEMA: &str = "carpus.effects/1";
 const LOG_RATIO: &str = "ln(ratio)";
 
 /// Unit in which the file gives a parameter.
-fn unit_of(effect: &dyn Effect, parameter: &Parameter) -> &'static str {
-    if effect.has_log_ratios() { LOG_RATIO } else { parameter.unit }
+fn unit_of(parameter: &Parameter) -> &'static str {
+    match parameter.quantity {
+        Quantity::Itself => parameter.unit,
+        Quantity::LogRatio => LOG_RATIO,
+    }
 }
 
 /// Effects beside a model.
@@ -142,10 +145,10 @@ impl SideCar {
             text.push_str(&format!("\n# {}: {}\n", description.name, description.equation));
             text.push_str(&format!("[[effect]]\nid = {}\n", quoted(description.id)));
             for (parameter, value) in description.parameters.iter().zip(&item.values) {
-                let unit = quoted(unit_of(item.effect, parameter));
+                let unit = quoted(unit_of(parameter));
                 text.push_str(&format!("{} = {{ value = {value:?}, unit = {unit} }}\n", parameter.name));
             }
-            if let Some(definition) = item.effect.definition() {
+            if let Some(definition) = definition(item.effect) {
                 text.push_str(&format!("definition = {}\n", lines_quoted(&definition.text)));
             }
         }
@@ -264,14 +267,14 @@ impl Reader<'_> {
             });
         };
         let parameters = effect.description().parameters;
-        let definition = effect.definition().map(|_| "definition");
+        let definition = definition(effect).map(|_| "definition");
         let names = parameters.iter().map(|p| p.name);
         let allowed: Vec<&str> = std::iter::once("id").chain(definition).chain(names).collect();
         self.only(table, &allowed, id)?;
         let mut values = Vec::with_capacity(parameters.len());
         for parameter in parameters {
             let at = format!("{id}.{}", parameter.name);
-            let unit = unit_of(effect, parameter);
+            let unit = unit_of(parameter);
             let given = table.get(parameter.name);
             let inner = given.and_then(toml::Value::as_table);
             let Some(inner) = inner else {
@@ -302,6 +305,7 @@ impl Reader<'_> {
 mod tests {
     use super::*;
     use crate::catalogue::CATALOGUE;
+    use crate::effect::Effect;
     use carpus_osim::osim::OsimFile;
 
     const HEAD: &str = "schema = \"carpus.effects/1\"\ncoordinate = \"flexion\"\n";
@@ -349,7 +353,7 @@ mod tests {
         assert_eq!(read.effects[0].values, [0.5]);
         let again = SideCar::parse(&read.to_toml(), Path::new("effects.toml")).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(again, read);
-        assert_eq!(again.effects[0].effect.definition().map(|d| d.text.as_str()), Some(definition));
+        assert_eq!(crate::own_effect::definition(again.effects[0].effect).map(|d| d.text.as_str()), Some(definition));
         let error = |text: &str| SideCar::parse(text, Path::new("effects.toml")).unwrap_err();
         let other = error(&text.replace("-k*q^3", "-k*q^5"));
         assert!(other.to_string().contains("expected one definition of `side_car_spring`"), "{other}");
