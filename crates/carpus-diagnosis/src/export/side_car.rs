@@ -23,6 +23,7 @@ use crate::forward_model::Setting;
 use crate::own_effect::{Definition, TakenId, definition, register};
 use carpus_osim::osim::error::nearest;
 use carpus_study::study::Problem;
+use carpus_study::study::write::toml_string;
 
 /// Schema of the file.
 pub const SIDE_CAR_SCHEMA: &str = "carpus.effects/1";
@@ -139,13 +140,17 @@ impl SideCar {
     pub fn to_toml(&self) -> String {
         let mut text =
             String::from("# Effects that no component of stock OpenSim has; read together with the model.\n");
-        text.push_str(&format!("schema = {}\ncoordinate = {}\n", quoted(SIDE_CAR_SCHEMA), quoted(&self.coordinate)));
+        text.push_str(&format!(
+            "schema = {}\ncoordinate = {}\n",
+            toml_string(SIDE_CAR_SCHEMA),
+            toml_string(&self.coordinate)
+        ));
         for item in &self.effects {
             let description = item.effect.description();
             text.push_str(&format!("\n# {}: {}\n", description.name, description.equation));
-            text.push_str(&format!("[[effect]]\nid = {}\n", quoted(description.id)));
+            text.push_str(&format!("[[effect]]\nid = {}\n", toml_string(description.id)));
             for (parameter, value) in description.parameters.iter().zip(&item.values) {
-                let unit = quoted(unit_of(parameter));
+                let unit = toml_string(unit_of(parameter));
                 text.push_str(&format!("{} = {{ value = {value:?}, unit = {unit} }}\n", parameter.name));
             }
             if let Some(definition) = definition(item.effect) {
@@ -176,16 +181,11 @@ impl SideCar {
     }
 }
 
-/// A basic string of TOML: JSON's escapes are among TOML's.
-fn quoted(text: &str) -> String {
-    serde_json::Value::from(text).to_string()
-}
-
 /// A string of several lines, as it is where TOML allows it.
 fn lines_quoted(text: &str) -> String {
     let is_plain = |c: char| !c.is_control() || c == '\n' || c == '\t';
     if text.contains("'''") || text.ends_with('\'') || !text.chars().all(is_plain) {
-        return quoted(text);
+        return toml_string(text);
     }
     format!("'''\n{text}'''")
 }
@@ -220,7 +220,7 @@ impl Reader<'_> {
     fn side_car(&self, table: &toml::Table) -> Result<SideCar, SideCarError> {
         self.only(table, &["schema", "coordinate", "effect"], "the file")?;
         if self.text(table, "schema", "")? != SIDE_CAR_SCHEMA {
-            return Err(self.unexpected("schema", quoted(SIDE_CAR_SCHEMA), table.get("schema")));
+            return Err(self.unexpected("schema", toml_string(SIDE_CAR_SCHEMA), table.get("schema")));
         }
         let coordinate = self.text(table, "coordinate", "")?.to_owned();
         let mut effects = Vec::new();
@@ -249,7 +249,7 @@ impl Reader<'_> {
         })?;
         if definition.id != id {
             let found = toml::Value::from(definition.id.as_str());
-            return Err(self.unexpected(&format!("{id}.definition: id"), quoted(id), Some(&found)));
+            return Err(self.unexpected(&format!("{id}.definition: id"), toml_string(id), Some(&found)));
         }
         register(definition).map(|_| ()).map_err(|taken| SideCarError::Taken { file, taken })
     }
@@ -278,7 +278,7 @@ impl Reader<'_> {
             let given = table.get(parameter.name);
             let inner = given.and_then(toml::Value::as_table);
             let Some(inner) = inner else {
-                let expected = format!("{{ value = …, unit = {} }}", quoted(unit));
+                let expected = format!("{{ value = …, unit = {} }}", toml_string(unit));
                 return Err(self.unexpected(&at, expected, given));
             };
             self.only(inner, &["value", "unit"], &at)?;
@@ -288,7 +288,7 @@ impl Reader<'_> {
                 return Err(SideCarError::PropertyItself { file, parameter: at, found });
             }
             if found != unit {
-                return Err(self.unexpected(&format!("{at}.unit"), quoted(unit), inner.get("unit")));
+                return Err(self.unexpected(&format!("{at}.unit"), toml_string(unit), inner.get("unit")));
             }
             let value = match inner.get("value") {
                 Some(toml::Value::Float(value)) if value.is_finite() => *value,

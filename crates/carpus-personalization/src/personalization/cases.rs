@@ -278,8 +278,7 @@ impl Fit<'_> {
         let start = cost(own);
         let evaluations = self.options.bayesian_evaluations;
         let seed = self.options.seed.wrapping_mul(2).wrapping_add(stream);
-        let mut best =
-            minimize_by_expected_improvement(cost, own.len(), evaluations, seed).map_err(failed(globally))?;
+        let mut best = minimize_by_expected_improvement(cost, own.len(), evaluations, seed);
         if best.cost > start {
             (best.point, best.cost) = (own.to_vec(), start);
         }

@@ -20,6 +20,7 @@ mod bayesian;
 mod cases;
 mod error;
 mod exact;
+mod gaussian_process;
 mod joint;
 mod moments;
 mod objective;
