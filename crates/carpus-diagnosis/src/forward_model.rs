@@ -8,9 +8,10 @@ use std::sync::OnceLock;
 
 use super::angle_noise::{AngleNoise, Disturbance, moving};
 use super::denoising::{Denoised, denoised};
-use super::effect::{Effect, ExcitationScope, JointState, MuscleState, Role, Stage, TrialContext};
+use super::effect::{ExcitationScope, JointState, MuscleState, Role, Stage, TrialContext};
 use super::holds::steadied_trials;
 use super::joint_traits::JointTraits;
+pub use super::setting::Setting;
 use super::silent_muscles::SilentMuscles;
 use super::trial_record::{TrialRecord, records};
 pub use derivatives::{Change, ExcitationChange};
@@ -22,55 +23,6 @@ use carpus_simulation::simulation::{
     PreparedTrial, Recording, RestResponse, SimulationError,
 };
 use carpus_study::study::{Trial, TrialUse};
-
-/// An effect and the values of its parameters.
-#[derive(Clone)]
-pub struct Setting {
-    /// The effect.
-    pub effect: &'static dyn Effect,
-    /// In the order of its parameters.
-    pub values: Vec<f64>,
-}
-
-impl std::fmt::Debug for Setting {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_tuple(self.effect.description().id).field(&self.values).finish()
-    }
-}
-
-impl PartialEq for Setting {
-    fn eq(&self, other: &Self) -> bool {
-        self.effect.description().id == other.effect.description().id && self.values == other.values
-    }
-}
-
-impl Setting {
-    /// The effect, absent; of the usual shape at a joint whose neutral angle is 0.
-    pub fn absent(effect: &'static dyn Effect) -> Setting {
-        Setting { effect, values: effect.description().absent() }
-    }
-
-    /// Sizes and shapes of an effect that fits start from: none of the usual shape, and of others that the effect names; and where
-    /// the moment acts back on itself a large one, too, because what is fitted from none may end in another valley.
-    pub fn starts(effect: &'static dyn Effect, joint: &JointTraits) -> Vec<Setting> {
-        let mut sizes = vec![joint.absent(effect)];
-        sizes.extend(effect.further_starts().iter().map(|values| joint.at_neutral_angle(effect, values)));
-        if effect.description().feeds_back() {
-            let mut large = joint.absent(effect);
-            let description = effect.description();
-            for i in description.amplitudes() {
-                large.values[i] = LARGE_SIZE * joint.plausible(&description.parameters[i])[1];
-            }
-            sizes.push(large);
-        }
-        sizes
-    }
-
-    /// Whether all amplitudes are 0.
-    pub fn is_absent(&self) -> bool {
-        self.effect.description().amplitudes().all(|i| self.values[i] == 0.0)
-    }
-}
 
 /// Noise of the recorded angle.
 #[derive(Clone)]
@@ -143,9 +95,6 @@ pub const DIAGNOSIS_ACCURACY: FiberAccuracy = FiberAccuracy { tolerance: 5e-5, m
 /// Times that the moment of the muscles is computed anew where it acts back on the joint's angle: what is missing is then 1 to
 /// 2 % of the effect at the most compliant joint, and would be 10 to 15 % without.
 const FEEDBACK_ROUNDS: usize = 1;
-
-/// A large size of an effect, as a share of the largest plausible one.
-const LARGE_SIZE: f64 = 0.75;
 
 /// Muscle parameters whose logarithms are fitted, per muscle.
 pub const FITTED_PER_MUSCLE: usize = 3;

@@ -1,11 +1,14 @@
 //! What of a joint the catalogue's sizes and angles go with: they are those of a wrist.
 
 use super::effect::{Effect, Parameter, StrengthScaling};
-use super::forward_model::Setting;
+use super::setting::Setting;
 use carpus_study::study::{Contraction, Trial, TrialUse};
 
 /// Largest moments that trials of wrists show, of weak efforts and of strong people [N·m].
 const WRIST: [f64; 2] = [1.0, 20.0];
+
+/// A large size of an effect, as a share of the largest plausible one.
+const LARGE_SIZE: f64 = 0.75;
 
 /// A joint beside a wrist.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,6 +71,22 @@ impl JointTraits {
         let parameters = effect.description().parameters;
         let moved = |(value, p): (&f64, &Parameter)| value + p.neutral.sign() * self.neutral_angle;
         Setting { effect, values: values.iter().zip(parameters).map(moved).collect() }
+    }
+
+    /// Sizes and shapes of an effect that fits start from: none of the usual shape, and of others that the effect names; and where
+    /// the moment acts back on itself a large one, too, because what is fitted from none may end in another valley.
+    pub fn starts(&self, effect: &'static dyn Effect) -> Vec<Setting> {
+        let mut sizes = vec![self.absent(effect)];
+        sizes.extend(effect.further_starts().iter().map(|values| self.at_neutral_angle(effect, values)));
+        if effect.description().feeds_back() {
+            let mut large = self.absent(effect);
+            let description = effect.description();
+            for i in description.amplitudes() {
+                large.values[i] = LARGE_SIZE * self.plausible(&description.parameters[i])[1];
+            }
+            sizes.push(large);
+        }
+        sizes
     }
 
     fn proportion(&self, parameter: &Parameter) -> f64 {

@@ -6,10 +6,10 @@
 mod linearize;
 
 use super::constraints::Constraints;
-use super::error::PlantError;
+use super::error::{DynamicsError, PlantError};
 use super::mass::MassSolver;
 use super::reduction::{Reduction, Relation};
-use super::solve::{DynamicsError, without_solution};
+use super::solve::without_solution;
 use crate::forces::{Actuator, AppliedForces, Forces, PathForce};
 use crate::multibody::{BodySubset, Cache, DynamicsBuffers, Model};
 use crate::muscles::{MuscleModel, MuscleState};

@@ -1,8 +1,7 @@
 //! Forward simulation: from a state and excitations to a trajectory.
 
-use super::error::PlantError;
+use super::error::{DynamicsError, PlantError};
 use super::plant::{DrivenPlant, Plant, PlantState};
-use super::solve::DynamicsError;
 use carpus_numerics::numerics::{Bdf, Cost, Grouped, StiffSystem};
 use nalgebra::{DMatrix, DVector};
 

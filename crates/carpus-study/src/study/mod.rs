@@ -19,9 +19,14 @@
 
 mod channels;
 mod efforts;
+mod fault;
+mod fault_hint;
+mod fault_words;
 mod imaging_settings;
 mod in_memory;
+mod limits;
 mod lines;
+mod nearest;
 mod participants;
 mod plausibility;
 mod priors;
@@ -34,6 +39,8 @@ mod settings;
 mod table;
 mod toml_section;
 mod trial;
+mod trial_checks;
+mod trial_file;
 mod trial_list;
 mod ultrasound;
 pub mod write;
@@ -44,11 +51,17 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use efforts::Effort;
+pub use fault::Fault;
+pub use fault_words::outside_range;
 pub use imaging_settings::{FascicleUse, ImagingSettings};
+pub use limits::{
+    ANGLE_RANGE_TOLERANCE, ANGLE_RANGE_WARNING, EMG_NOISE_ABOVE, EMG_NOISE_BELOW, GAP_IN_MEDIAN_STEPS, MAX_SAMPLES,
+    MIN_SAMPLES, POSITION_RANGE_WARNING,
+};
+pub use nearest::nearest;
 pub use participants::{Participant, Sex, Side};
 pub use priors::{PriorKnowledge, PriorUnit, read_priors};
-pub use problem::{Fault, MAX_LISTED, Problem, Severity, StudyErrors};
-pub use problem::{nearest, outside_range};
+pub use problem::{MAX_LISTED, Problem, Severity, StudyErrors};
 pub use processed_emg::{ParticipantEmg, ProcessedEmg};
 pub use processing::{
     DelayFound, ProcessedTrial, ProcessingError, ProcessingResult, ProcessingSettings, Recorded, SecondRecorder,
@@ -61,10 +74,7 @@ pub use settings::{
 };
 pub use table::{file_fault, is_of_a_study, named_file};
 pub use toml_section::{Sections, TomlSection};
-pub use trial::{
-    ANGLE_RANGE_TOLERANCE, ANGLE_RANGE_WARNING, EMG_NOISE_ABOVE, EMG_NOISE_BELOW, GAP_IN_MEDIAN_STEPS, MAX_SAMPLES,
-    MIN_SAMPLES, POSITION_RANGE_WARNING, Trial,
-};
+pub use trial::Trial;
 pub use trial_list::{Contraction, Direction, TrialInfo, TrialUse};
 pub use ultrasound::UltrasoundMeasurement;
 

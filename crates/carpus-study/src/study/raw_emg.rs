@@ -3,7 +3,8 @@
 
 use std::path::Path;
 
-use super::problem::{Fault, Problem};
+use super::fault::Fault;
+use super::problem::Problem;
 use super::settings::Columns;
 use super::toml_section::{Sections, TomlSection};
 use super::trial::Trial;

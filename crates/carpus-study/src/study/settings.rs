@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use super::fault::Fault;
 use super::imaging_settings::ImagingSettings;
-use super::problem::{Fault, Problem, Severity};
+use super::problem::{Problem, Severity};
 use super::processing::{self, ProcessingSettings};
 use super::raw_emg::{self, EmgSignal};
 use super::scaling::{self, ScalingSettings, StrengthSettings};
