@@ -18,6 +18,7 @@
 //! | trial files | time, angle, moment, EMG, perhaps velocity: [`Trial`] | |
 
 mod channels;
+mod columns;
 mod efforts;
 mod fault;
 mod fault_hint;
@@ -29,6 +30,7 @@ mod lines;
 mod nearest;
 mod participants;
 mod plausibility;
+mod posture;
 mod priors;
 mod problem;
 mod processed_emg;
@@ -50,6 +52,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
+pub use columns::{AngleUnit, Columns, FurtherMoment};
 use efforts::Effort;
 pub use fault::Fault;
 pub use fault_words::outside_range;
@@ -60,6 +63,7 @@ pub use limits::{
 };
 pub use nearest::nearest;
 pub use participants::{Participant, Sex, Side};
+pub use posture::PostureCoordinate;
 pub use priors::{PriorKnowledge, PriorUnit, read_priors};
 pub use problem::{MAX_LISTED, Problem, Severity, StudyErrors};
 pub use processed_emg::{ParticipantEmg, ProcessedEmg};
@@ -68,10 +72,7 @@ pub use processing::{
 };
 pub use raw_emg::EmgSignal;
 pub use scaling::{FinalMass, ModelLength, ScalingSettings, SegmentScaling, StrengthSettings};
-pub use settings::{
-    AngleUnit, Columns, Dynamometer, FurtherMoment, MomentPart, ParameterBounds, PostureCoordinate, RelativeBounds,
-    Settings,
-};
+pub use settings::{Dynamometer, MomentPart, ParameterBounds, RelativeBounds, Settings};
 pub use table::{file_fault, is_of_a_study, named_file};
 pub use toml_section::{Sections, TomlSection};
 pub use trial::Trial;

@@ -1,9 +1,9 @@
 //! Checks of one trial that cost no error, only a look: units, signs, sizes.
 
+use super::columns::AngleUnit;
 use super::fault::Fault;
 use super::problem::Problem;
 use super::raw_emg::EmgSignal;
-use super::settings::AngleUnit;
 use super::trial::Trial;
 use super::trial_checks::median;
 use super::trial_list::{Contraction, Direction};

@@ -1,5 +1,6 @@
 //! Checks of the samples of a trial.
 
+use super::columns::AngleUnit;
 use super::fault::Fault;
 use super::limits::{
     EMG_NOISE_ABOVE, EMG_NOISE_BELOW, GAP_IN_MEDIAN_STEPS, LONGEST_STEP, LONGEST_TRIAL, MAX_SAMPLES, MIN_SAMPLES,
@@ -7,7 +8,7 @@ use super::limits::{
 };
 use super::problem::Problem;
 use super::raw_emg::EmgSignal;
-use super::settings::{AngleUnit, Settings};
+use super::settings::Settings;
 use super::table::is_of_a_study;
 use super::trial::Trial;
 use carpus_numerics::signals::{Resampled, own_samples};

@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
+use super::columns::Columns;
 use super::fault::Fault;
 use super::limits::{MAX_SAMPLES, MIN_SAMPLES};
 use super::nearest::nearest;
 use super::problem::{Problem, StudyErrors};
 use super::raw_emg::{self, EmgSignal};
-use super::settings::{Columns, Settings};
+use super::settings::Settings;
 use super::table::{csv_problem, is_of_a_study, missing_column, open};
 use super::trial::Trial;
 use super::trial_checks::{check_arrays, check_excitation, check_time, note_resampled};
