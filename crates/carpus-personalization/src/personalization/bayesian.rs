@@ -6,7 +6,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::gaussian_process::GaussianProcess;
-use super::search::Found;
+use super::minimizers::Found;
 
 /// Points at which the process is first observed, at random.
 const FIRST_POINTS: usize = 10;
@@ -15,7 +15,7 @@ const CANDIDATES: usize = 1000;
 
 /// The best of `evaluations` points, each where the expected improvement over the points before is largest.
 ///
-/// `fmincon`'s counterpart follows in [`super::sqp`].
+/// `fmincon`'s counterpart follows in [`super::minimizers`].
 ///
 /// # References
 /// Jones, Schonlau & Welch (1998), doi:10.1023/A:1008306431147

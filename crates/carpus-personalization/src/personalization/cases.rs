@@ -4,10 +4,11 @@ use std::ops::Range;
 
 use super::bayesian::minimize_by_expected_improvement;
 use super::exact::SmoothObjective;
+use super::minimizers::Found;
+use super::minimizers::minimize_by_differences;
 use super::moments::TrainingSet;
 use super::parameters::{FittedParameter, ParameterSpace};
-use super::search::{Found, UNUSABLE};
-use super::sqp::minimize_by_differences;
+use super::search::UNUSABLE;
 use super::{FitProblem, PersonalizationError, Stage, TrainingTrial};
 use carpus_simulation::simulation::MuscleParameters;
 use carpus_study::study::{Contraction, ParameterBounds, TrialInfo, TrialUse};

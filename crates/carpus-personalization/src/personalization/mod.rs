@@ -22,11 +22,11 @@ mod error;
 mod exact;
 mod gaussian_process;
 mod joint;
+mod minimizers;
 mod moments;
 mod objective;
 mod parameters;
 mod search;
-mod sqp;
 mod two_stage;
 mod write;
 
