@@ -221,7 +221,7 @@ pub(crate) fn scaled_mean(muscles: &[MuscleSpec], r: f64, property: impl Fn(&Mil
         .iter()
         .filter_map(|m| match &m.kind {
             MuscleKind::Millard2012Equilibrium(properties) => Some(property(properties)),
-            MuscleKind::PathOnly { .. } => None,
+            MuscleKind::OtherClass { .. } => None,
         })
         .collect();
     known.iter().sum::<f64>() / known.len().max(1) as f64 * r.exp()

@@ -135,7 +135,7 @@ impl System {
             // What is wrong is said by `require_all_forces`, where the muscle acts: other tools do without its force, as OpenSim.
             let law = MuscleModel::from_spec(muscle).ok();
             let class = match &muscle.kind {
-                carpus_osim::osim::spec::MuscleKind::PathOnly { class, .. } => class.clone(),
+                carpus_osim::osim::spec::MuscleKind::OtherClass { class, .. } => class.clone(),
                 _ => "Millard2012EquilibriumMuscle".to_owned(),
             };
             if muscle.applies_force {
@@ -242,7 +242,7 @@ impl System {
             q,
             u,
             activation: of(|state| state.activation),
-            fiber_length: of(|state| state.fiber_length),
+            fiber_length: of(|state| state.equilibrium_state),
             fiber_velocity: vec![0.0; self.muscles.len()],
             dissipated_energy: vec![0.0; self.dampers().count()],
             actuator_activation: self.lagged().map(|(_, activation)| activation.default_activation).collect(),
@@ -351,7 +351,7 @@ impl System {
         let control = || self.controls.at(&muscle.name, state.time).unwrap_or(0.0);
         MuscleState {
             activation: if is_control { control() } else { state.activation[i] },
-            fiber_length: state.fiber_length[i],
+            equilibrium_state: state.fiber_length[i],
             fiber_velocity: state.fiber_velocity[i],
         }
     }

@@ -184,7 +184,7 @@ fn tolerances(plant: &Plant, accuracy: f64) -> Vec<f64> {
     let mut absolute = vec![accuracy; plant.n_states()];
     for muscle in &plant.muscles {
         if let Some(i) = muscle.fiber_length {
-            absolute[i] = accuracy * muscle.muscle.length_state_scale();
+            absolute[i] = accuracy * muscle.muscle.equilibrium_state_scale();
         }
     }
     absolute

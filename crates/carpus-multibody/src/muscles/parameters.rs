@@ -91,7 +91,7 @@ impl Millard2012<f64> {
         match &spec.kind {
             MuscleKind::Millard2012Equilibrium(millard) => Self::build(spec, millard)
                 .map_err(|source| MuscleError::InMuscle { muscle: spec.name.clone(), source: Box::new(source) }),
-            MuscleKind::PathOnly { class, .. } => {
+            MuscleKind::OtherClass { class, .. } => {
                 Err(MuscleError::NotMillard2012 { muscle: spec.name.clone(), class: class.clone() })
             }
         }
