@@ -207,6 +207,10 @@ fn val_opensim_every_force() {
 /// Inertia with velocities is only remarked on here: where one coordinate turns a CustomJoint about several axes, Simbody's
 /// `FunctionBased` mobilizer takes the wrong time derivative of its axes. Ours is held against finite differences.
 #[test]
+#[cfg_attr(
+    not(all(has_opensim, has_models)),
+    ignore = "needs a Python with OpenSim 4.6 (CARPUS_PYTHON) and models (CARPUS_MODELS or CARPUS_SHARED)"
+)]
 fn val_opensim_forces_of_shared_models() {
     let mut all = Vec::new();
     for case in shared_cases(20) {

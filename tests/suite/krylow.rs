@@ -102,8 +102,9 @@ fn rms(values: &[f64]) -> f64 {
 }
 
 #[test]
+#[cfg_attr(not(has_shared_data), ignore = "needs shared recordings and setups (CARPUS_SHARED)")]
 fn val_krylow_soleus_force_of_a_moved_muscle() {
-    let Some(folder) = shared("data/krylow_soleus") else { return };
+    let folder = shared("data/krylow_soleus");
     let displacement = table(&folder.join("displacement.dat"));
     let trials: Vec<Trial> = AMPLITUDES
         .iter()

@@ -1,4 +1,7 @@
-//! Where external reference material lies, for tests that need it. Such tests skip themselves, visibly, without it.
+//! Where external reference material lies, for tests that need it.
+//!
+//! Such tests are ignored unless the build script (`build.rs`) has found it. Whoever runs them all the same
+//! (`--include-ignored`) is told what is missing: none passes without it.
 #![allow(dead_code)]
 
 use std::path::PathBuf;
@@ -22,13 +25,19 @@ pub fn model_folders() -> Vec<PathBuf> {
     }
 }
 
-/// All models to compare on; empty, after saying so, without any.
+/// All models to compare on: at least one.
 pub fn lab_models() -> Vec<PathBuf> {
-    let models: Vec<PathBuf> = model_folders().iter().flat_map(|folder| osim_files(folder)).collect();
-    if models.is_empty() {
-        eprintln!("SKIPPED: no models here (CARPUS_MODELS, or the shared folder CARPUS_SHARED)");
-    }
+    let models = lab_models_if_here();
+    assert!(
+        !models.is_empty(),
+        "no lab models here: name their folder in CARPUS_MODELS, or its parent in CARPUS_SHARED"
+    );
     models
+}
+
+/// All models to compare on; none where there are none.
+pub fn lab_models_if_here() -> Vec<PathBuf> {
+    model_folders().iter().flat_map(|folder| osim_files(folder)).collect()
 }
 
 /// Name of a model's file without ending.
@@ -43,30 +52,29 @@ pub fn digest(path: &std::path::Path) -> String {
     sha2::Sha256::digest(bytes).iter().take(8).map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Path of a shared file, or `None` after printing that the test is skipped. Models are looked for in `CARPUS_MODELS`.
-pub fn shared(relative: &str) -> Option<PathBuf> {
-    let found = match relative.strip_prefix("models/") {
-        Some(name) => model_folders().into_iter().map(|folder| folder.join(name)).find(|path| path.exists()),
-        None => shared_dir().map(|dir| dir.join(relative)).filter(|path| path.exists()),
-    };
-    if found.is_none() {
-        eprintln!("SKIPPED: shared file {relative} is not here");
-    }
-    found
+/// Path of a shared file. Models are looked for in `CARPUS_MODELS`.
+pub fn shared(relative: &str) -> PathBuf {
+    shared_if_here(relative).unwrap_or_else(|| panic!("{relative} is not here: name its folder in CARPUS_SHARED"))
 }
 
-/// A Python that can import OpenSim: `CARPUS_PYTHON`, else `python3`; `None`, after saying so, if neither can.
-pub fn opensim_python() -> Option<PathBuf> {
+/// As [`shared`]; `None` where it is not here.
+pub fn shared_if_here(relative: &str) -> Option<PathBuf> {
+    match relative.strip_prefix("models/") {
+        Some(name) => model_folders().into_iter().map(|folder| folder.join(name)).find(|path| path.exists()),
+        None => shared_dir().map(|dir| dir.join(relative)).filter(|path| path.exists()),
+    }
+}
+
+/// A Python that can import OpenSim: `CARPUS_PYTHON`, else `python3`.
+pub fn opensim_python() -> PathBuf {
     let candidates = std::env::var_os("CARPUS_PYTHON").into_iter().chain([std::ffi::OsString::from("python3")]);
-    let found = candidates.into_iter().map(PathBuf::from).find(|python| {
+    let mut candidates = candidates.map(PathBuf::from);
+    let found = candidates.find(|python| {
         let mut check = std::process::Command::new(python);
         check.args(["-c", "import opensim"]).stdout(std::process::Stdio::null()).stderr(std::process::Stdio::null());
         check.status().is_ok_and(|status| status.success())
     });
-    if found.is_none() {
-        eprintln!("SKIPPED: no Python here can import opensim (CARPUS_PYTHON)");
-    }
-    found
+    found.expect("a Python that can import opensim: name it in CARPUS_PYTHON")
 }
 
 /// Runs a script of `fixtures/` with the Python that has OpenSim.

@@ -305,45 +305,54 @@ fn val_opensim_weight_and_inertia_along_a_motion() {
 
 /// OpenSim's table of the prescribed motion of a lab model, which is no part of this project. OpenSim takes minutes for
 /// it, so that it is computed only where `CARPUS_VALIDATION_DIR` names a folder to keep it in.
-fn lab_reference(model: &Path, case: &str, arguments: &[&str]) -> Option<PathBuf> {
-    if validation::folder().is_none() {
-        eprintln!("SKIPPED: minutes of OpenSim; runs where CARPUS_VALIDATION_DIR names a folder");
-        return None;
-    }
+fn lab_reference(model: &Path, case: &str, arguments: &[&str]) -> PathBuf {
+    assert!(validation::folder().is_some(), "name a folder for OpenSim's table in CARPUS_VALIDATION_DIR");
     let folder = validation::reference_folder("prescribed_motion");
     let script = fixture("fixtures/scripts/opensim_simulation.py");
     let name = format!("{}{case}-{}-{}", stem(model), digest(model), digest(&script));
     let table = folder.join(format!("{name}.csv"));
     if !table.exists() {
-        let python = opensim_python()?;
+        let python = opensim_python();
         let mut all = vec![model.as_os_str(), folder.as_os_str(), "--name".as_ref(), name.as_ref()];
         all.extend(["--seconds", "5", "--no-timing"].iter().chain(arguments).map(std::ffi::OsStr::new));
         run_script(&python, "scripts/prescribed_motion.py", &all);
     }
-    Some(table)
+    table
 }
 
 #[test]
+#[cfg_attr(
+    not(all(has_opensim, has_lab_models, has_validation_dir)),
+    ignore = "minutes of OpenSim (CARPUS_PYTHON) on lab models (CARPUS_SHARED); kept in CARPUS_VALIDATION_DIR"
+)]
 fn val_opensim_prescribed_motion_of_mcfarland() {
-    let Some(model) = shared("models/Hand_Wrist_Model_for_development.osim") else { return };
-    let Some(table) = lab_reference(&model, "", &[]) else { return };
+    let model = shared("models/Hand_Wrist_Model_for_development.osim");
+    let table = lab_reference(&model, "", &[]);
     validation::assert_passed(&compare_with_opensim(&stem(&model), &model, &table, &[], false));
 }
 
 /// OpenSim cannot integrate the whole model: there, the humerus is welded to ground, which changes nothing distal of it.
 #[test]
+#[cfg_attr(
+    not(all(has_opensim, has_lab_models, has_validation_dir)),
+    ignore = "minutes of OpenSim (CARPUS_PYTHON) on lab models (CARPUS_SHARED); kept in CARPUS_VALIDATION_DIR"
+)]
 fn val_opensim_prescribed_motion_of_mobl_arms() {
-    let Some(model) = shared("models/MOBL_ARMS_41.osim") else { return };
+    let model = shared("models/MOBL_ARMS_41.osim");
     let arguments = ["--weld", "humerus", "--posture", "elbow_flexion=90"];
-    let Some(table) = lab_reference(&model, "", &arguments) else { return };
+    let table = lab_reference(&model, "", &arguments);
     let posture = [("elbow_flexion", 90.0)];
     validation::assert_passed(&compare_with_opensim("MOBL_ARMS_41, elbow at 90°", &model, &table, &posture, false));
 }
 
 #[test]
+#[cfg_attr(
+    not(all(has_opensim, has_lab_models, has_validation_dir)),
+    ignore = "minutes of OpenSim (CARPUS_PYTHON) on lab models (CARPUS_SHARED); kept in CARPUS_VALIDATION_DIR"
+)]
 fn val_opensim_prescribed_motion_of_mobl_arms_with_straight_elbow() {
-    let Some(model) = shared("models/MOBL_ARMS_41.osim") else { return };
-    let Some(table) = lab_reference(&model, "-straight_elbow", &["--weld", "humerus"]) else { return };
+    let model = shared("models/MOBL_ARMS_41.osim");
+    let table = lab_reference(&model, "-straight_elbow", &["--weld", "humerus"]);
     validation::assert_passed(&compare_with_opensim("MOBL_ARMS_41, elbow straight", &model, &table, &[], false));
 }
 

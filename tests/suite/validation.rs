@@ -286,9 +286,10 @@ pub fn write(subject: &str, rows: &[Row]) {
     std::fs::write(folder.join(format!("{subject}.json")), text + "\n").expect("summary written");
 }
 
-/// Fails with the rows that did not pass.
+/// Fails with the rows that did not pass, and if there are none.
 #[track_caller]
 pub fn assert_passed(rows: &[Row]) {
+    assert!(!rows.is_empty(), "nothing was compared");
     let failed: Vec<String> = rows.iter().filter(|row| !row.passed).map(ToString::to_string).collect();
     assert!(failed.is_empty(), "beyond tolerance:\n{}", failed.join("\n"));
 }

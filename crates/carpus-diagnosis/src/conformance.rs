@@ -1,6 +1,6 @@
 //! What every effect has to do, of the catalogue or of a laboratory's own, shown on recorded trials.
 
-use super::effect::{Effect, Role, Stage};
+use super::effect::{Effect, Quantity, Role};
 use super::forward_model::{Core, ForwardModel, Setting, TrialInput};
 use carpus_simulation::simulation::SimulationError;
 
@@ -62,7 +62,7 @@ pub fn checks(
     let cores = inputs.iter().enumerate().map(core).collect::<Result<Vec<Core>, _>>()?;
     let subject = Subject { forward, effect, inputs, cores };
     let mut all = vec![subject.absent()?, subject.present()?, subject.plausible()?];
-    if matches!(effect.description().stage, Stage::Joint | Stage::Inertia) {
+    if effect.description().stage.adds_moment() {
         all.push(subject.proportion()?);
     }
     for parameter in 0..effect.description().parameters.len() {
@@ -102,7 +102,7 @@ impl Subject<'_> {
     }
 
     fn moment_with(&self, trial: usize, effects: &[Setting]) -> Result<Vec<f64>, SimulationError> {
-        if matches!(self.effect.description().stage, Stage::Joint | Stage::Inertia) {
+        if self.effect.description().stage.adds_moment() {
             return Ok(self.forward.recorded_moment(trial, &self.cores[trial], effects));
         }
         let variant = self.forward.variant(effects)?;
@@ -122,8 +122,10 @@ impl Subject<'_> {
             for (i, (value, p)) in setting.values.iter_mut().zip(parameters).enumerate() {
                 // Where there are more parameters, some move together.
                 let end = self.forward.joint.plausible(p)[(bits >> (i % shift)) & 1];
-                // Of a ratio the logarithm is kept.
-                *value = if self.effect.has_log_ratios() { (end / usual[i]).ln() } else { end };
+                *value = match p.quantity {
+                    Quantity::Itself => end,
+                    Quantity::LogRatio => (end / usual[i]).ln(),
+                };
             }
             setting
         };
@@ -211,7 +213,7 @@ impl Subject<'_> {
         let variant = forward.variant(effects)?;
         let variants = forward.difference_variants(effects, 0)?;
         let scale = forward.joint.scale(&d.parameters[parameter]);
-        let step = if matches!(d.stage, Stage::Joint | Stage::Inertia) { JOINT_STEP } else { STEP };
+        let step = if d.stage.adds_moment() { JOINT_STEP } else { STEP };
         let (mut error, mut size) = (0.0, 0.0);
         for trial in self.trials() {
             let input = &self.inputs[trial];

@@ -1,100 +1,15 @@
-//! What a physical effect is: a description for people, and how it acts on a simulated trial.
+//! What a physical effect is: a description, and how it acts on a simulated trial.
 
-use super::own_effect::Definition;
+mod description;
+
 use super::silent_muscles::SilentMuscles;
 use carpus_osim::osim::spec::{Millard2012Spec, MuscleKind, MuscleSpec};
 use carpus_simulation::simulation::MuscleKinematics;
-
-/// Where an effect acts; trials are simulated in this order, whatever the order effects are listed in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Stage {
-    /// Recorded EMG to excitation.
-    Excitation,
-    /// Excitation to activation.
-    Activation,
-    /// Properties of the muscle.
-    Muscle,
-    /// Angle and moment arms.
-    Geometry,
-    /// Moments of the joint itself.
-    Joint,
-    /// Weight and inertia of the segment.
-    Inertia,
-    /// From the joint's moment to the recorded one.
-    Sensor,
-}
-
-/// How an effect is written into a model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum OsimForm {
-    /// A component or property of stock OpenSim 4.6.
-    Native(&'static str),
-    /// No component exists: it changes the controls (excitations).
-    Controls(&'static str),
-    /// Neither: kept beside the model.
-    SideCar(&'static str),
-}
-
-/// What a parameter does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Role {
-    /// At 0 the effect is absent.
-    Amplitude,
-    /// Says how the effect looks when it is there.
-    Shape,
-}
-
-/// A parameter of an effect.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Parameter {
-    /// Name.
-    pub name: &'static str,
-    /// Unit as reported.
-    pub unit: &'static str,
-    /// What it does.
-    pub role: Role,
-    /// Value without the effect (amplitudes: 0), or the usual shape.
-    pub start: f64,
-    /// A typical size at a wrist: the scale of the amplitude, the standard deviation that a shape is expected to have.
-    pub scale: f64,
-    /// Plausible range at a wrist, as reported.
-    pub plausible: [f64; 2],
-    /// How `start` and `plausible` move with the joint's neutral angle: 1 with it (an angle), -1 against it (an angle whose positive
-    /// direction is the other), 0 not at all.
-    pub moves_with_neutral: f64,
-    /// Whether size and range are those of a wrist, so that at a stronger joint they are larger in proportion.
-    pub of_a_wrist: bool,
-    /// Where the range comes from.
-    pub source: &'static str,
-}
-
-/// What people should know of an effect.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Description {
-    /// Identifier.
-    pub id: &'static str,
-    /// How people call it.
-    pub name: &'static str,
-    /// Where it acts.
-    pub stage: Stage,
-    /// What it adds or changes.
-    pub equation: &'static str,
-    /// Its parameters, in the order of every `values` slice.
-    pub parameters: &'static [Parameter],
-    /// How it shows in the residual.
-    pub signature: &'static str,
-    /// The experiment that exposes it.
-    pub experiment: &'static str,
-    /// Effects that look alike.
-    pub rivals: &'static [&'static str],
-    /// Its form in an `.osim` file.
-    pub osim_form: OsimForm,
-    /// Cannot be told from a muscle parameter by any moment, and why; `None` if it can.
-    pub unidentifiable: Option<&'static str>,
-}
+pub use description::{
+    Behaviour, Description, ExcitationScope, FlippedArm, MomentUse, NeutralShift, OsimForm, Parameter, Quantity, Role,
+    Stage, StrengthScaling,
+};
+pub(crate) use description::{REACH_OF_PROPERTY, amplitude, angle, log_ratio, shape};
 
 /// What is known of a trial besides its samples.
 #[derive(Clone, Copy, Debug)]
@@ -111,8 +26,8 @@ pub struct TrialContext<'a> {
     pub recorded_angle: &'a [f64],
     /// Angle about which the joint's passive properties lie [rad].
     pub neutral_angle: f64,
-    /// Simulated moment of the muscles [N·m] without the effects that ask for it ([`Effect::needs_moment`]), but with those that
-    /// act back on it ([`Effect::feeds_back`]); empty if none asks.
+    /// Simulated moment of the muscles [N·m] without the effects that ask for it, but with those that act back on it
+    /// ([`MomentUse`]); empty if none asks.
     pub muscle_moment: &'a [f64],
     /// Sign of each muscle's moment arm in the middle of the recorded angles.
     pub directions: &'a [f64],
@@ -186,35 +101,13 @@ pub struct MuscleState<'a> {
 /// With all amplitudes 0 every stage leaves its argument as it is, to the last bit. `values` are in the order of
 /// [`Description::parameters`], in SI units.
 pub trait Effect: Sync {
-    /// What people should know of it.
+    /// What is stated of it.
     fn description(&self) -> &'static Description;
 
     /// Whether it is no larger than what every recording's noise has of it in any case, so that it explains nothing.
     ///
     /// - `values`: its parameters, as for [`Effect::excite`]
     fn is_within_noise(&self, _values: &[f64]) -> bool {
-        false
-    }
-
-    /// Whether what [`Effect::excite`] makes of a sample depends on that sample alone, so that a few of them may be given.
-    fn is_instantaneous(&self) -> bool {
-        false
-    }
-
-    /// Whether what [`Effect::excite`] makes of a muscle's excitation depends on other muscles'; otherwise these may be left empty.
-    fn mixes_muscles(&self) -> bool {
-        false
-    }
-
-    /// Whether [`Effect::change_angle`] or [`Effect::add_moment`] read the muscles' moment.
-    ///
-    /// The recorded moment must not be used in its place: its noise would look like an effect.
-    fn needs_moment(&self) -> bool {
-        false
-    }
-
-    /// Whether the moment that it reads is the one that there is with the effect, and not without it.
-    fn feeds_back(&self) -> bool {
         false
     }
 
@@ -298,17 +191,6 @@ pub trait Effect: Sync {
         None
     }
 
-    /// What defines it, if it is not of the catalogue.
-    fn definition(&self) -> Option<&Definition> {
-        None
-    }
-
-    /// Whether its values are natural logarithms of the ratios by which properties of the muscles change, so that what they are
-    /// reported as depends on the muscles.
-    fn has_log_ratios(&self) -> bool {
-        false
-    }
-
     /// The parameters as people read them, given the model's muscles: for those that are changes of a muscle's property.
     fn reported(&self, values: &[f64], muscles: &[MuscleSpec]) -> Vec<f64> {
         let _ = muscles;
@@ -316,78 +198,11 @@ pub trait Effect: Sync {
     }
 }
 
-impl Description {
-    /// Values at which the effect is absent.
-    pub fn absent(&self) -> Vec<f64> {
-        self.parameters.iter().map(|p| p.start).collect()
+impl dyn Effect {
+    /// Whether its values are natural logarithms of the ratios by which properties of the muscles change.
+    pub fn has_log_ratios(&self) -> bool {
+        self.description().parameters.iter().any(|p| p.quantity == Quantity::LogRatio)
     }
-
-    /// Whether all amplitudes are 0.
-    pub fn is_absent(&self, values: &[f64]) -> bool {
-        self.amplitudes().all(|i| values[i] == 0.0)
-    }
-
-    /// Positions of the amplitudes among the parameters.
-    pub fn amplitudes(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..self.parameters.len()).filter(|i| self.parameters[*i].role == Role::Amplitude)
-    }
-}
-
-/// An amplitude: absent at 0.
-pub(crate) const fn amplitude(
-    name: &'static str,
-    unit: &'static str,
-    scale: f64,
-    plausible: [f64; 2],
-    source: &'static str,
-) -> Parameter {
-    Parameter {
-        name,
-        unit,
-        role: Role::Amplitude,
-        start: 0.0,
-        scale,
-        plausible,
-        moves_with_neutral: 0.0,
-        of_a_wrist: true,
-        source,
-    }
-}
-
-/// A shape: `start` with standard deviation `scale`.
-pub(crate) const fn shape(
-    name: &'static str,
-    unit: &'static str,
-    start: f64,
-    scale: f64,
-    plausible: [f64; 2],
-    source: &'static str,
-) -> Parameter {
-    Parameter {
-        name,
-        unit,
-        role: Role::Shape,
-        start,
-        scale,
-        plausible,
-        moves_with_neutral: 0.0,
-        of_a_wrist: true,
-        source,
-    }
-}
-
-/// A shape that is an angle of the coordinate, as at a joint whose neutral angle is 0.
-///
-/// - `direction`: 1, or -1 if it is positive where the coordinate decreases
-pub(crate) const fn angle(
-    name: &'static str,
-    direction: f64,
-    start: f64,
-    scale: f64,
-    plausible: [f64; 2],
-    source: &'static str,
-) -> Parameter {
-    Parameter { moves_with_neutral: direction, ..shape(name, "rad", start, scale, plausible, source) }
 }
 
 /// Multiplies a property of all muscles by eʳ, as `change` does it with the factor. Returns whether r is not 0.
@@ -406,43 +221,8 @@ pub(crate) fn scaled_mean(muscles: &[MuscleSpec], r: f64, property: impl Fn(&Mil
         .iter()
         .filter_map(|m| match &m.kind {
             MuscleKind::Millard2012Equilibrium(properties) => Some(property(properties)),
-            MuscleKind::PathOnly { .. } => None,
+            MuscleKind::OtherClass { .. } => None,
         })
         .collect();
     known.iter().sum::<f64>() / known.len().max(1) as f64 * r.exp()
-}
-
-/// A series as it was so much earlier, at the same times; linear between samples and constant outside. An empty one stays empty.
-pub(crate) fn delayed(time: &[f64], series: &[f64], delay: f64) -> Vec<f64> {
-    if series.is_empty() {
-        return Vec::new();
-    }
-    let mut after = 0;
-    let at = |t: &f64| {
-        let at = t - delay;
-        while after < time.len() && time[after] <= at {
-            after += 1;
-        }
-        between(time, series, after, at)
-    };
-    time.iter().map(at).collect()
-}
-
-/// Value of a series at a time, linear between samples and constant outside.
-pub(crate) fn interpolate(time: &[f64], series: &[f64], at: f64) -> f64 {
-    between(time, series, time.partition_point(|t| *t <= at), at)
-}
-
-/// - `after`: the first sample after `at`
-fn between(time: &[f64], series: &[f64], after: usize, at: f64) -> f64 {
-    let last = time.len() - 1;
-    if at <= time[0] {
-        return series[0];
-    }
-    if at >= time[last] {
-        return series[last];
-    }
-    let i = after.clamp(1, last) - 1;
-    let part = (at - time[i]) / (time[i + 1] - time[i]);
-    series[i] + part * (series[i + 1] - series[i])
 }

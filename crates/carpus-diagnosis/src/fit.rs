@@ -23,7 +23,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::ONE_BY_ONE;
-use super::effect::{Effect, Role, Stage};
+use super::effect::{Effect, Role};
 use super::forward_model::{FITTED_PER_MUSCLE, ForwardModel, Setting, TrialInput};
 use super::kernel::Kernel;
 use super::noise::{COMPONENTS, Kernels, NoiseLevels, TrialNoise, TrialTimes};
@@ -226,16 +226,9 @@ impl<'a> Analysis<'a> {
         }
         let mut column = self.n_nuisance();
         for setting in &mut point.effects {
-            let stage = setting.effect.description().stage;
             for (p, value) in setting.effect.description().parameters.iter().zip(&mut setting.values) {
                 let scale = self.forward.joint.scale(p);
-                let limit = scale
-                    * match (p.role, stage) {
-                        (Role::Shape, _) => 3.0,
-                        // Logarithms of ratios of a muscle's property.
-                        (_, Stage::Muscle | Stage::Activation) => 5.0,
-                        _ => 30.0,
-                    };
+                let limit = scale * p.reach;
                 let start = self.forward.joint.start(p);
                 let [mut low, mut high] = [start - limit, start + limit];
                 if p.role == Role::Shape {

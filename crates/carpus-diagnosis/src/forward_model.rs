@@ -7,11 +7,11 @@ use std::ops::Range;
 use std::sync::OnceLock;
 
 use super::angle_noise::{AngleNoise, Disturbance, moving};
-use super::catalogue::position;
 use super::denoising::{Denoised, denoised};
-use super::effect::{Effect, JointState, MuscleState, Role, Stage, TrialContext};
+use super::effect::{ExcitationScope, JointState, MuscleState, Role, Stage, TrialContext};
 use super::holds::steadied_trials;
 use super::joint_traits::JointTraits;
+pub use super::setting::Setting;
 use super::silent_muscles::SilentMuscles;
 use super::trial_record::{TrialRecord, records};
 use super::where_it_fails::Covered;
@@ -24,55 +24,6 @@ use carpus_simulation::simulation::{
     PreparedTrial, Recording, RestResponse, SimulationError,
 };
 use carpus_study::study::{Trial, TrialUse};
-
-/// An effect and the values of its parameters.
-#[derive(Clone)]
-pub struct Setting {
-    /// The effect.
-    pub effect: &'static dyn Effect,
-    /// In the order of its parameters.
-    pub values: Vec<f64>,
-}
-
-impl std::fmt::Debug for Setting {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_tuple(self.effect.description().id).field(&self.values).finish()
-    }
-}
-
-impl PartialEq for Setting {
-    fn eq(&self, other: &Self) -> bool {
-        self.effect.description().id == other.effect.description().id && self.values == other.values
-    }
-}
-
-impl Setting {
-    /// The effect, absent; of the usual shape at a joint whose neutral angle is 0.
-    pub fn absent(effect: &'static dyn Effect) -> Setting {
-        Setting { effect, values: effect.description().absent() }
-    }
-
-    /// Sizes and shapes of an effect that fits start from: none of the usual shape, and of others that the effect names; and where
-    /// the moment acts back on itself a large one, too, because what is fitted from none may end in another valley.
-    pub fn starts(effect: &'static dyn Effect, joint: &JointTraits) -> Vec<Setting> {
-        let mut sizes = vec![joint.absent(effect)];
-        sizes.extend(effect.further_starts().iter().map(|values| joint.at_neutral_angle(effect, values)));
-        if effect.feeds_back() {
-            let mut large = joint.absent(effect);
-            let description = effect.description();
-            for i in description.amplitudes() {
-                large.values[i] = LARGE_SIZE * joint.plausible(&description.parameters[i])[1];
-            }
-            sizes.push(large);
-        }
-        sizes
-    }
-
-    /// Whether all amplitudes are 0.
-    pub fn is_absent(&self) -> bool {
-        self.effect.description().amplitudes().all(|i| self.values[i] == 0.0)
-    }
-}
 
 /// Noise of the recorded angle.
 #[derive(Clone)]
@@ -147,9 +98,6 @@ pub const DIAGNOSIS_ACCURACY: FiberAccuracy = FiberAccuracy { tolerance: 5e-5, m
 /// Times that the moment of the muscles is computed anew where it acts back on the joint's angle: what is missing is then 1 to
 /// 2 % of the effect at the most compliant joint, and would be 10 to 15 % without.
 const FEEDBACK_ROUNDS: usize = 1;
-
-/// A large size of an effect, as a share of the largest plausible one.
-const LARGE_SIZE: f64 = 0.75;
 
 /// Muscle parameters whose logarithms are fitted, per muscle.
 pub const FITTED_PER_MUSCLE: usize = 3;
@@ -366,12 +314,12 @@ impl ForwardModel {
 
     /// Whether what effects make of an excitation depends, sample by sample, on that sample alone.
     pub fn excites_instantaneously(&self, effects: &[Setting]) -> bool {
-        self.acting(effects).iter().filter(|s| changes_excitation(s)).all(|s| s.effect.is_instantaneous())
+        self.acting(effects).iter().filter(|s| changes_excitation(s)).all(|s| scope(s) != ExcitationScope::WholeTrial)
     }
 
     /// Whether what effects make of a muscle's excitation depends on other muscles'.
     pub fn mixes_muscles(&self, effects: &[Setting]) -> bool {
-        self.acting(effects).iter().any(|s| changes_excitation(s) && s.effect.mixes_muscles())
+        self.acting(effects).iter().any(|s| changes_excitation(s) && scope(s) == ExcitationScope::SampleOfAllMuscles)
     }
 
     /// Whether effects change excitations.
@@ -434,7 +382,7 @@ impl ForwardModel {
         (effects, rounds): (&[Setting], usize),
         derivatives: bool,
     ) -> Result<Core, SimulationError> {
-        let drives = |s: &Setting| s.effect.needs_moment() && s.effect.description().stage < Stage::Joint;
+        let drives = |s: &Setting| s.effect.description().needs_moment() && s.effect.description().stage < Stage::Joint;
         // What only adds at the joint leaves the muscles' moment as it is.
         let without = if effects.iter().any(drives) {
             let (shown, rounds) = shown_effects(effects, rounds);
@@ -516,8 +464,7 @@ impl ForwardModel {
 
     /// What effects add at the joint, per draw of the angle's noise [N·m]; empty if there is none or nothing adds.
     fn drawn_moments(&self, trial: usize, core: &Core, context: &TrialContext, ordered: &[&Setting]) -> Vec<Vec<f64>> {
-        let adds =
-            |s: &&&Setting| matches!(s.effect.description().stage, Stage::Joint | Stage::Inertia) && !s.is_absent();
+        let adds = |s: &&&Setting| s.effect.description().stage.adds_moment() && !s.is_absent();
         let (Some(DrawnNoise { draws, .. }), true) = (&self.angle_noise, ordered.iter().any(|s| adds(&s))) else {
             return Vec::new();
         };
@@ -638,7 +585,8 @@ fn change_at(ordered: &[&Setting], state: &MuscleState) -> MuscleChange {
 /// The effects with which the trial is simulated whose moment these effects are shown, and the rounds of feedback left: those
 /// that do not ask for it, and for as many rounds as there are those that feed back on themselves.
 fn shown_effects(effects: &[Setting], rounds: usize) -> (Vec<Setting>, usize) {
-    let stays = |s: &&Setting| !s.effect.needs_moment() || (rounds > 0 && s.effect.feeds_back());
+    let stays =
+        |s: &&Setting| !s.effect.description().needs_moment() || (rounds > 0 && s.effect.description().feeds_back());
     (effects.iter().filter(stays).cloned().collect(), rounds.saturating_sub(1))
 }
 
@@ -646,10 +594,19 @@ fn changes_excitation(setting: &Setting) -> bool {
     setting.effect.description().stage == Stage::Excitation && !setting.is_absent()
 }
 
-/// Effects in the order of the catalogue, in which they act.
+/// What an effect on excitations reads.
+fn scope(setting: &Setting) -> ExcitationScope {
+    setting.effect.description().behaviour.excitation
+}
+
+/// Effects in the order in which they act. Where that does not matter it is that of their identifiers, so that sums are the same to the
+/// last bit.
 fn in_order(effects: &[Setting]) -> Vec<&Setting> {
     let mut ordered: Vec<&Setting> = effects.iter().collect();
-    ordered.sort_by_key(|s| position(s.effect));
+    ordered.sort_by_key(|s| {
+        let d = s.effect.description();
+        (d.stage, d.order, d.id)
+    });
     ordered
 }
 

@@ -1,11 +1,14 @@
 //! What of a joint the catalogue's sizes and angles go with: they are those of a wrist.
 
-use super::effect::{Effect, Parameter};
-use super::forward_model::Setting;
+use super::effect::{Effect, Parameter, StrengthScaling};
+use super::setting::Setting;
 use carpus_study::study::{Contraction, Trial, TrialUse};
 
 /// Largest moments that trials of wrists show, of weak efforts and of strong people [N·m].
 const WRIST: [f64; 2] = [1.0, 20.0];
+
+/// A large size of an effect, as a share of the largest plausible one.
+const LARGE_SIZE: f64 = 0.75;
 
 /// A joint beside a wrist.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,12 +52,12 @@ impl JointTraits {
 
     /// Value of a parameter without the effect, or of the usual shape.
     pub fn start(&self, parameter: &Parameter) -> f64 {
-        parameter.start + parameter.moves_with_neutral * self.neutral_angle
+        parameter.start + parameter.neutral.sign() * self.neutral_angle
     }
 
     /// Plausible range of an effect's parameter, as reported.
     pub fn plausible(&self, parameter: &Parameter) -> [f64; 2] {
-        let shift = parameter.moves_with_neutral * self.neutral_angle;
+        let shift = parameter.neutral.sign() * self.neutral_angle;
         parameter.plausible.map(|end| end * self.proportion(parameter) + shift)
     }
 
@@ -66,18 +69,31 @@ impl JointTraits {
     /// An effect whose angles are given as at a joint whose neutral angle is 0.
     pub fn at_neutral_angle(&self, effect: &'static dyn Effect, values: &[f64]) -> Setting {
         let parameters = effect.description().parameters;
-        let moved = |(value, p): (&f64, &Parameter)| value + p.moves_with_neutral * self.neutral_angle;
+        let moved = |(value, p): (&f64, &Parameter)| value + p.neutral.sign() * self.neutral_angle;
         Setting { effect, values: values.iter().zip(parameters).map(moved).collect() }
     }
 
-    /// Moments, stiffness, drag and inertia go with strength, compliance against it.
+    /// Sizes and shapes of an effect that fits start from: none of the usual shape, and of others that the effect names; and where
+    /// the moment acts back on itself a large one, too, because what is fitted from none may end in another valley.
+    pub fn starts(&self, effect: &'static dyn Effect) -> Vec<Setting> {
+        let mut sizes = vec![self.absent(effect)];
+        sizes.extend(effect.further_starts().iter().map(|values| self.at_neutral_angle(effect, values)));
+        if effect.description().feeds_back() {
+            let mut large = self.absent(effect);
+            let description = effect.description();
+            for i in description.amplitudes() {
+                large.values[i] = LARGE_SIZE * self.plausible(&description.parameters[i])[1];
+            }
+            sizes.push(large);
+        }
+        sizes
+    }
+
     fn proportion(&self, parameter: &Parameter) -> f64 {
-        match parameter.unit {
-            _ if !parameter.of_a_wrist => 1.0,
-            "kg·m²" => self.strength,
-            "rad/(N·m)" => 1.0 / self.strength,
-            unit if unit.starts_with("N·m") => self.strength,
-            _ => 1.0,
+        match parameter.strength {
+            StrengthScaling::None => 1.0,
+            StrengthScaling::Proportional => self.strength,
+            StrengthScaling::Inverse => 1.0 / self.strength,
         }
     }
 }
@@ -85,7 +101,7 @@ impl JointTraits {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::catalogue::CATALOGUE;
+    use crate::effects::CATALOGUE;
 
     #[test]
     fn verif_every_parameter_with_moment_in_its_unit_is_in_proportion() {

@@ -27,6 +27,8 @@ pub mod proposals;
 pub mod score_test;
 pub mod separability;
 pub mod separation;
+mod series;
+pub mod setting;
 pub mod silent_muscles;
 pub mod synthesis;
 pub mod trial_record;

@@ -10,10 +10,11 @@ use std::sync::{PoisonError, RwLock};
 
 use thiserror::Error;
 
-use super::catalogue::CATALOGUE;
 use super::effect::{
-    Description, Effect, JointState, MuscleState, NativeForm, OsimForm, Parameter, Role, Stage, TrialContext,
+    Behaviour, Description, Effect, JointState, MomentUse, MuscleState, NativeForm, OsimForm, Parameter, Role, Stage,
+    TrialContext, amplitude, shape,
 };
+use super::effects::CATALOGUE;
 use carpus_numerics::numerics::{Dual, Scalar};
 use carpus_simulation::simulation::MuscleKinematics;
 pub use definition::{DefinedParameter, Definition};
@@ -57,6 +58,11 @@ pub fn registered() -> Vec<&'static OwnEffect> {
     REGISTERED.read().unwrap_or_else(PoisonError::into_inner).clone()
 }
 
+/// What defines an effect; `None` if it is one of the catalogue.
+pub fn definition(effect: &dyn Effect) -> Option<&'static Definition> {
+    registered().into_iter().find(|own| own.description.id == effect.description().id).map(OwnEffect::defined)
+}
+
 /// Puts an effect beside the catalogue; one of the same text is there once.
 ///
 /// # Errors
@@ -82,16 +88,15 @@ impl OwnEffect {
     /// The effect that a definition describes. Its texts stay for as long as the program runs.
     fn new(definition: Definition) -> OwnEffect {
         let kept = |text: &str| -> &'static str { Box::leak(text.to_owned().into_boxed_str()) };
-        let parameter = |p: &DefinedParameter| Parameter {
-            name: kept(&p.name),
-            unit: kept(&p.unit),
-            role: p.role,
-            start: p.start,
-            scale: p.typical,
-            plausible: p.plausible,
-            moves_with_neutral: 0.0,
-            of_a_wrist: false,
-            source: kept(&p.source),
+        // Its sizes are the laboratory's, at the joint that it records: they follow neither strength nor neutral angle.
+        let parameter = |p: &DefinedParameter| -> Parameter {
+            let (name, unit, source) = (kept(&p.name), kept(&p.unit), kept(&p.source));
+            match p.role {
+                Role::Amplitude => {
+                    Parameter { start: p.start, ..amplitude(name, unit, p.typical, p.plausible, source) }
+                }
+                Role::Shape => shape(name, unit, p.start, p.typical, p.plausible, source),
+            }
         };
         let parameters: Vec<Parameter> = definition.parameters.iter().map(parameter).collect();
         let rivals: Vec<&'static str> = definition.rivals.iter().map(|r| kept(r)).collect();
@@ -112,10 +117,16 @@ impl OwnEffect {
                 (Stage::Geometry, equation, OsimForm::SideCar("no stock muscle has it"))
             }
         };
+        let muscle_moment = match definition.variables.contains(&Variable::Plain(Plain::Moment)) {
+            true => MomentUse::Reads,
+            false => MomentUse::None,
+        };
         let description = Description {
             id: kept(&definition.id),
             name: kept(&definition.name),
             stage,
+            order: u8::MAX,
+            behaviour: Behaviour { muscle_moment, ..Behaviour::PLAIN },
             equation: kept(&equation),
             parameters: parameters.leak(),
             signature: kept(&definition.signature),
@@ -239,14 +250,6 @@ fn starts(definition: &Definition) -> Vec<Vec<f64>> {
 impl Effect for OwnEffect {
     fn description(&self) -> &'static Description {
         self.description
-    }
-
-    fn definition(&self) -> Option<&Definition> {
-        Some(&self.definition)
-    }
-
-    fn needs_moment(&self) -> bool {
-        self.definition.variables.contains(&Variable::Plain(Plain::Moment))
     }
 
     fn further_starts(&self) -> &'static [&'static [f64]] {

@@ -27,6 +27,7 @@ use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use carpus_numerics::numerics::{symmetric_eigen, symmetric_root};
+use carpus_numerics::statistics::normal_of_uniform;
 
 /// Draws of the null distribution of the smallest p-value.
 const DRAWS: usize = 2000;
@@ -369,11 +370,9 @@ fn libm_erfc(x: f64) -> f64 {
     statrs::function::erf::erfc(x)
 }
 
-/// A standard normal number (Box–Muller).
+/// A draw from N(0, 1).
 pub fn normal(rng: &mut ChaCha8Rng) -> f64 {
-    let u: f64 = rng.random::<f64>().max(1e-300);
-    let v: f64 = rng.random();
-    (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+    normal_of_uniform([rng.random::<f64>().max(1e-300), rng.random()])
 }
 
 fn pseudo_inverse(matrix: &DMatrix<f64>) -> (DMatrix<f64>, usize) {

@@ -74,7 +74,7 @@ pub fn separability(request: &Request, truth: &Setting) -> Result<Vec<Distance>,
     };
     let none = Distance { rival: None, z: near(&[])? };
     let of_rival = |rival: &&'static dyn Effect| {
-        let starts = Setting::starts(*rival, &forward.joint);
+        let starts = forward.joint.starts(*rival);
         let least = starts.into_iter().filter_map(|start| near(&[start]).ok()).fold(f64::INFINITY, f64::min);
         // With the rival's size 0 the model does what it does without it.
         least.is_finite().then(|| Distance { rival: Some(rival.description().id), z: least.min(none.z) })

@@ -1,6 +1,6 @@
 //! Muscles of the model that the study does not activate, such as those of the fingers: what moment they could exert.
 
-use super::effect::interpolate;
+use super::series::interpolate;
 use carpus_osim::osim::spec::{ModelSpec, MuscleKind};
 use carpus_simulation::simulation::{MusculoskeletalModel, Options, PreparedTrial, Recording, Setup};
 use carpus_study::study::MomentPart;

@@ -11,6 +11,7 @@ use super::effect::Effect;
 use super::forward_model::{ForwardModel, Setting};
 use super::joint_traits::JointTraits;
 use super::moments::simulate_all;
+use carpus_numerics::statistics::normal_of_uniform;
 use carpus_osim::osim::spec::MuscleSpec;
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 use carpus_study::study::{Contraction, Trial};
@@ -254,10 +255,9 @@ fn recorded(trial: &Trial, moment: &[f64], largest: f64, noise: &RecordingNoise,
     Trial::from_samples(trial.info.clone(), time.clone(), angle, moment, excitation)
 }
 
-/// A draw from N(0, 1) (Box and Muller).
+/// A draw from N(0, 1).
 fn normal(random: &mut ChaCha8Rng) -> f64 {
-    let (u, v): (f64, f64) = (random.random(), random.random());
-    (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+    normal_of_uniform([1.0 - random.random::<f64>(), random.random()])
 }
 
 /// A Gaussian process of unit variance with autocorrelation exp(−(t/`length`)²/2) at these times: as smooth as its kernel,

@@ -16,6 +16,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
+use carpus_numerics::statistics::normal_of_uniform;
+
 /// Most doublings of a path.
 const MOST_DOUBLINGS: usize = 8;
 /// Acceptance that the step size aims at.
@@ -276,11 +278,8 @@ impl<D: LogDensity> Sampler<'_, D> {
         left.momentum.dot(&along) <= 0.0 || right.momentum.dot(&along) <= 0.0
     }
 
-    /// Box & Muller's.
     fn normal(&mut self) -> f64 {
-        let u: f64 = 1.0 - self.rng.random::<f64>();
-        let v: f64 = self.rng.random();
-        (-2.0 * u.ln()).sqrt() * (2.0 * std::f64::consts::PI * v).cos()
+        normal_of_uniform([1.0 - self.rng.random::<f64>(), self.rng.random()])
     }
 }
 

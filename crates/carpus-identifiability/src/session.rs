@@ -12,6 +12,7 @@ use carpus_diagnosis::forward_model::ForwardModel;
 use carpus_diagnosis::inference::muscles::{MuscleEstimate, MusclePrior, MuscleProblem, Muscles};
 use carpus_diagnosis::inference::resting_fiber::RestingFiber;
 use carpus_diagnosis::separation::{Laboratory, after_session};
+use carpus_numerics::statistics::normal_of_uniform;
 use carpus_simulation::simulation::SimulationError;
 use carpus_study::study::{ParameterBounds, Trial, TrialUse};
 
@@ -141,11 +142,7 @@ fn draws(estimates: &[&MuscleEstimate], covariance: &DMatrix<f64>, count: usize,
     let n = estimates.len();
     let root = covariance.clone().cholesky().map_or_else(|| DMatrix::zeros(n, n), |factor| factor.l());
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    // Box & Muller's.
-    let mut normal = || {
-        let (u, v): (f64, f64) = (1.0 - rng.random::<f64>(), rng.random());
-        (-2.0 * u.ln()).sqrt() * (2.0 * std::f64::consts::PI * v).cos()
-    };
+    let mut normal = || normal_of_uniform([1.0 - rng.random::<f64>(), rng.random()]);
     let mut out = DMatrix::zeros(count, n);
     for mut row in out.row_iter_mut() {
         let drawn = &root * DVector::from_fn(n, |_, _| normal());

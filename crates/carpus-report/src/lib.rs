@@ -18,6 +18,7 @@ mod page;
 mod plot;
 pub mod residuals;
 pub mod results;
+mod sentence;
 pub mod signals;
 mod story;
 mod story_figures;

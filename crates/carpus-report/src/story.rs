@@ -9,6 +9,7 @@ use super::ledger::Estimate;
 use super::number::{percent, plain, significant};
 use super::residuals::{FrequencyBand, ResidualResult};
 use super::results::{Kind, Results};
+use super::sentence::within_sentence;
 use super::story_figures::{WaterfallStep, interval, probability_bar, separation, share_bar, waterfall};
 use super::view::{Fact, Group, Pair, ParameterGroup, facts, groups, maybe, parameter_groups};
 use super::warnings::{self, WarningGroup};
@@ -154,20 +155,6 @@ fn name(id: &str) -> String {
 
 fn in_sentence(id: &str) -> String {
     within_sentence(&name(id))
-}
-
-/// Names joined by ` + ` as they stand within a sentence: abbreviations keep their capitals.
-pub(super) fn within_sentence(names: &str) -> String {
-    let lowered = |name: &str| {
-        let mut letters = name.chars();
-        let first = letters.next();
-        let abbreviation = letters.clone().next().is_some_and(char::is_uppercase);
-        match first {
-            Some(c) if !abbreviation => c.to_lowercase().collect::<String>() + letters.as_str(),
-            _ => name.to_string(),
-        }
-    };
-    names.split(" + ").map(lowered).collect::<Vec<_>>().join(" + ")
 }
 
 fn names(ids: &[String]) -> String {

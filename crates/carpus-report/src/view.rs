@@ -5,7 +5,7 @@ use super::intervals::with_validity;
 use super::number::{percent, plain, quantity, significant};
 use super::plot::{self, Curve, CurveFigure};
 use super::results::{Condition, Errors, Kind, ModelResult, ParameterResult, Results, StageResult, TrialResult, Use};
-use super::story::within_sentence;
+use super::sentence::within_sentence;
 use super::warnings::{self, WarningGroup};
 
 /// A number of the summary.

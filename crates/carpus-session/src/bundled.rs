@@ -8,7 +8,7 @@ use carpus_osim::osim::OsimFile;
 
 /// Name and content of every file of the bundled study.
 macro_rules! bundled {
-    ($($name:literal)*) => { [$(($name, include_str!(concat!("../../../fixtures/demo_study/", $name)))),*] };
+    ($($name:literal)*) => { [$(($name, include_str!(concat!("../bundled/", $name)))),*] };
 }
 
 /// The bundled study.
@@ -30,9 +30,7 @@ const STUDY: [(&str, &str); 31] = bundled!(
     "data/P01/passive_1.csv" "data/P01/passive_2.csv"
 );
 /// The bundled model.
-const MODEL: &str = include_str!("../../../models/wrist.osim");
-/// How the study names its model among the sources, and beside itself.
-const MODEL_LINE: [&str; 2] = [r#"model = "../../models/wrist.osim""#, r#"model = "wrist.osim""#];
+const MODEL: &str = include_str!("../bundled/wrist.osim");
 
 /// The bundled model: a wrist with the five muscles that move it.
 ///
@@ -48,7 +46,6 @@ pub fn model() -> Result<OsimFile, Failure> {
 /// The disk.
 pub fn write_study(folder: &OutputFolder) -> Result<(), Failure> {
     for (name, text) in STUDY {
-        let text = if name == "study.toml" { text.replace(MODEL_LINE[0], MODEL_LINE[1]) } else { text.to_string() };
         folder.write(Path::new("study").join(name), text.as_bytes())?;
     }
     folder.write("study/wrist.osim", MODEL.as_bytes())?;
@@ -59,11 +56,19 @@ pub fn write_study(folder: &OutputFolder) -> Result<(), Failure> {
 mod tests {
     use super::*;
 
+    /// The package holds copies of its own, because a package cannot hold files from outside of it.
     #[test]
-    fn verif_bundle_holds_every_trial_and_its_model() {
-        let text = |wanted: &str| STUDY.iter().find(|(name, _)| *name == wanted).unwrap().1;
-        assert!(text("study.toml").contains(MODEL_LINE[0]), "the model line is replaced");
-        let listed: Vec<&str> = text("trials.csv").lines().skip(1).filter_map(|l| l.split(',').nth(1)).collect();
+    fn verif_bundle_is_the_demo_study_and_its_model() {
+        let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
+        let there = |path: String| std::fs::read_to_string(root.join(path)).unwrap();
+        assert_eq!(MODEL, there("models/wrist.osim".to_owned()));
+        for (name, text) in STUDY {
+            let original = there(format!("fixtures/demo_study/{name}"));
+            let original = original.replace("model = \"../../models/wrist.osim\"", "model = \"wrist.osim\"");
+            assert!(text == original, "crates/carpus-session/bundled/{name} is not that of fixtures/demo_study");
+        }
+        let trials = STUDY.iter().find(|(name, _)| *name == "trials.csv").unwrap().1;
+        let listed: Vec<&str> = trials.lines().skip(1).filter_map(|l| l.split(',').nth(1)).collect();
         let bundled: Vec<&str> = STUDY.iter().map(|(name, _)| *name).filter(|n| n.starts_with("data/")).collect();
         assert_eq!(bundled, listed);
     }

@@ -12,6 +12,7 @@ use super::loading::{LoadedParticipant, Purpose};
 use super::output::OutputFolder;
 use super::participant::Session;
 use super::personalize::images;
+use super::prepared::forward_model_of;
 use super::provenance::DEFAULT_SEED;
 use super::residuals::residual_result;
 use super::result_files::{account, write_results};
@@ -224,16 +225,6 @@ fn with_baselines(value: &Value, ingredients: &Ingredients) -> Result<Value, Fai
     let mut value = value.clone();
     value["baselines"] = serde_json::to_value(ingredients).map_err(|e| Failure::Internal(e.to_string()))?;
     Ok(value)
-}
-
-/// The trials of a participant, ready to be simulated with effects.
-///
-/// # Errors
-/// A trial that cannot be simulated.
-pub(super) fn forward_model_of(run: &LoadedParticipant) -> Result<ForwardModel, Failure> {
-    let forward = ForwardModel::for_diagnosis(&run.loaded.file.spec, &run.model, &run.trials)
-        .map_err(|e| Diagnostic::error(e.to_string()).in_file(&run.loaded.path))?;
-    Ok(forward.with_given(run.given.clone()))
 }
 
 /// The trials of a participant, ready to be diagnosed.

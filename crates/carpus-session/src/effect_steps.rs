@@ -16,7 +16,7 @@ use super::residuals::residual_result;
 use super::result_files::{account, write_results};
 use carpus_diagnosis::addition::{FittedStep, fit_steps};
 use carpus_diagnosis::diagnose::rmse;
-use carpus_diagnosis::effect::Effect;
+use carpus_diagnosis::effect::{Effect, FlippedArm};
 use carpus_diagnosis::export::{self, SideCar};
 use carpus_diagnosis::forward_model::{ForwardModel, Setting};
 use carpus_diagnosis::moments::simulate_all;
@@ -173,8 +173,8 @@ fn written(
         .flat_map(|(name, p)| values(p).map(|(property, value)| (name.as_str(), property, value)))
         .collect();
     file.set_muscle_properties(&changes).map_err(|e| at_model(e.to_string()))?;
-    // A force of the model acts the same way in all trials: weight that turns with the arm stays beside it.
-    let turns = |s: &&Setting| s.effect.description().id == "gravity";
+    // A force of the model acts the same way in all trials: what turns with the arm stays beside it.
+    let turns = |s: &&Setting| s.effect.description().behaviour.flipped_arm == FlippedArm::Reversed;
     let is_turned = run.trials.iter().any(|t| t.info.arm_flipped);
     let (beside, within): (Vec<&Setting>, Vec<&Setting>) = step.effects.iter().partition(|s| is_turned && turns(s));
     let within: Vec<Setting> = within.into_iter().cloned().collect();

@@ -1,6 +1,6 @@
 //! Descriptions of effects in words.
 
-use carpus_diagnosis::effect::{Description, OsimForm, Parameter, Role, Stage};
+use carpus_diagnosis::effect::{Description, NeutralShift, OsimForm, Parameter, Role, Stage};
 
 /// Where an effect acts, in a word.
 pub fn stage(stage: Stage) -> &'static str {
@@ -28,7 +28,7 @@ pub fn form(d: &Description) -> (&'static str, &'static str) {
 pub fn parameter(p: &Parameter) -> String {
     let role = match p.role {
         Role::Amplitude => "the effect is absent at 0".to_string(),
-        Role::Shape if p.moves_with_neutral != 0.0 => {
+        Role::Shape if p.neutral != NeutralShift::None => {
             format!(
                 "shape, usually {}, both from the joint's neutral angle (0, or the middle of a range that lies to one side of it)",
                 p.start

@@ -177,7 +177,7 @@ fn computed_muscles(
         let muscle = &loaded.file.spec.muscles[index.0];
         match &muscle.kind {
             MuscleKind::Millard2012Equilibrium(_) => computed.push(index),
-            MuscleKind::PathOnly { class, .. } => {
+            MuscleKind::OtherClass { class, .. } => {
                 let text = format!("{}: {class} is not computed, only Millard2012EquilibriumMuscle is", muscle.at.path);
                 let message =
                     if request.allow_unsupported { Diagnostic::warning(text) } else { Diagnostic::error(text) };

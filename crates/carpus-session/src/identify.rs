@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use super::account::warning_result;
-use super::diagnose::{forward_model_of, laboratory};
+use super::diagnose::laboratory;
 use super::diagnostic::{Diagnostic, Failure};
 use super::identify_files;
 use super::loading::{LoadedParticipant, Purpose, require_memory};
 use super::output::OutputFolder;
 use super::participant::Session;
 use super::personalize::{INTERVAL_LEVEL, images};
+use super::prepared::forward_model_of;
 use super::provenance::{DEFAULT_SEED, input_file};
 use super::study::{Study, simulation_message};
 use carpus_identifiability::{

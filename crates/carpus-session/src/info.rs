@@ -167,7 +167,7 @@ fn muscle(spec: &MuscleSpec) -> MuscleInfo {
         line: spec.at.line,
         class: match &spec.kind {
             MuscleKind::Millard2012Equilibrium(_) => "Millard2012EquilibriumMuscle".to_string(),
-            MuscleKind::PathOnly { class, .. } => class.clone(),
+            MuscleKind::OtherClass { class, .. } => class.clone(),
         },
         max_isometric_force_n: spec.max_isometric_force,
         optimal_fiber_length_m: spec.optimal_fiber_length,

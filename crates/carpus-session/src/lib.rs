@@ -76,6 +76,7 @@ pub mod path_check;
 pub mod personalize;
 pub mod plan;
 pub mod power;
+mod prepared;
 pub mod priors;
 pub mod processed_study;
 pub mod progress;

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use super::diagnose::forward_model_of;
 use super::diagnostic::{Diagnostic, Failure};
 use super::errors::ErrorOverview;
 use super::loading::{LoadedParticipant, Purpose};
 use super::output::OutputFolder;
 use super::participant::Session;
+use super::prepared::forward_model_of;
 use super::progress::go_on;
 use super::provenance::DEFAULT_SEED;
 use super::result_files::{account, write_errors, write_results, write_series};

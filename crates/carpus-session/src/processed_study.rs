@@ -6,6 +6,7 @@ use super::account::csv_text;
 use super::diagnostic::{Diagnostic, Failure};
 use super::output::OutputFolder;
 use carpus_report::results::rounded;
+use carpus_study::study::write::toml_string;
 use carpus_study::study::{AngleUnit, MomentPart, Participant, ProcessedTrial, Study, TrialInfo, TrialUse};
 
 /// Significant digits of a posture: what was read in degrees comes back as it was written, without the rounding of radians.
@@ -114,18 +115,19 @@ fn new_toml(study: &Study, text: &str, model: &str) -> String {
     let include: Vec<String> = words
         .into_iter()
         .filter(|(part, _)| settings.dynamometer.includes(*part) && !subtracted(*part))
-        .map(|(_, word)| quoted(word))
+        .map(|(_, word)| toml_string(word))
         .collect();
     let damping = if settings.processing.remove_drag { 0.0 } else { settings.dynamometer.damping * 1f64.to_radians() };
     let mut out = format!(
         "[study]\nname = {}\nmodel = {}\n\n[dynamometer]\ncoordinate = {}\ndamping_n_m_s_per_deg = {damping}\ninclude = [{}]\n",
-        quoted(&settings.name),
-        quoted(model),
-        quoted(&settings.dynamometer.coordinate),
+        toml_string(&settings.name),
+        toml_string(model),
+        toml_string(&settings.dynamometer.coordinate),
         include.join(", ")
     );
     let further = settings.columns.further_moments.iter();
-    let further: Vec<String> = further.map(|f| format!("{} = {}", quoted(&f.coordinate), quoted(&f.column))).collect();
+    let further: Vec<String> =
+        further.map(|f| format!("{} = {}", toml_string(&f.coordinate), toml_string(&f.column))).collect();
     if !further.is_empty() {
         out.push_str(&format!("further_moments = {{ {} }}\n", further.join(", ")));
     }
@@ -162,10 +164,10 @@ fn other_tables(text: &str) -> String {
         return lines;
     }
     let keys = |table: &toml::Table| -> String {
-        table.iter().map(|(key, value)| format!("{} = {}\n", quoted(key), in_one_line(value))).collect()
+        table.iter().map(|(key, value)| format!("{} = {}\n", toml_string(key), in_one_line(value))).collect()
     };
     let section = |(name, value): (&String, &toml::Value)| {
-        value.as_table().map(|table| format!("\n[{}]\n{}", quoted(name), keys(table)))
+        value.as_table().map(|table| format!("\n[{}]\n{}", toml_string(name), keys(table)))
     };
     meant.iter().filter_map(section).collect()
 }
@@ -173,7 +175,7 @@ fn other_tables(text: &str) -> String {
 /// A value of TOML on one line.
 fn in_one_line(value: &toml::Value) -> String {
     match value {
-        toml::Value::String(text) => quoted(text),
+        toml::Value::String(text) => toml_string(text),
         toml::Value::Integer(number) => number.to_string(),
         toml::Value::Float(number) => format!("{number:?}"),
         toml::Value::Boolean(flag) => flag.to_string(),
@@ -182,15 +184,10 @@ fn in_one_line(value: &toml::Value) -> String {
             format!("[{}]", items.iter().map(in_one_line).collect::<Vec<_>>().join(", "))
         }
         toml::Value::Table(table) => {
-            let pairs = table.iter().map(|(key, value)| format!("{} = {}", quoted(key), in_one_line(value)));
+            let pairs = table.iter().map(|(key, value)| format!("{} = {}", toml_string(key), in_one_line(value)));
             format!("{{ {} }}", pairs.collect::<Vec<_>>().join(", "))
         }
     }
-}
-
-/// A basic string of TOML: JSON's escapes are among TOML's.
-fn quoted(text: &str) -> String {
-    serde_json::Value::from(text).to_string()
 }
 
 /// The name in a table's header, `[name]`.

@@ -7,6 +7,7 @@ use super::model::{self, LoadedModel, Needs};
 use super::output::OutputFolder;
 use super::{own_effects, provenance};
 use carpus_diagnosis::export::SideCar;
+use carpus_diagnosis::own_effect::definition;
 use carpus_multibody::multibody::Model;
 use carpus_osim::osim::OsimFile;
 use carpus_report::results::{InputFile, Provenance};
@@ -325,7 +326,7 @@ fn read_side_car(file: &Path, study: &Tables) -> Result<(PathBuf, SideCar), Fail
             format!("the effects are about the coordinate `{}`, the study about `{expected}`", side_car.coordinate);
         return Err(Diagnostic::error(text).in_file(file).into());
     }
-    for definition in side_car.effects.iter().filter_map(|s| s.effect.definition()) {
+    for definition in side_car.effects.iter().filter_map(|s| definition(s.effect)) {
         let unknown = definition.unknown_muscles(&study.settings.active_muscles);
         if !unknown.is_empty() {
             return Err(unknown

@@ -17,7 +17,7 @@ use super::study::Study;
 use carpus_diagnosis::angle_noise::AngleNoise;
 use carpus_diagnosis::forward_model::{ForwardModel, Setting};
 use carpus_diagnosis::holds::steadied_trials;
-use carpus_diagnosis::own_effect::registered;
+use carpus_diagnosis::own_effect::{definition, registered};
 use carpus_diagnosis::synthesis::{RecordingNoise, Synthetic, largest_moments, synthesize};
 use carpus_report::results::{InputFile, rounded};
 use carpus_study::study::{Participant, Settings, Trial, is_of_a_study, write};
@@ -171,7 +171,7 @@ fn truth(
             .zip(reported)
             .map(|(p, v)| (p.name, json!({ "value": rounded(*v, 9), "unit": p.unit })))
             .collect();
-        match s.effect.definition() {
+        match definition(s.effect) {
             Some(own) => json!({ "id": description.id, "parameters": parameters, "definition": own.text }),
             None => json!({ "id": description.id, "parameters": parameters }),
         }

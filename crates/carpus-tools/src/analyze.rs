@@ -3,9 +3,10 @@
 use super::analysis::{Analysis, Instant, add_results};
 use super::error::{ToolError, ToolProblem};
 use super::external_loads::add_external_loads;
+use super::finite_columns::require_finite;
 use super::force_analyses::{Actuation, ForceReporter, JointReaction};
 use super::kinematics::{BodyKinematics, Kinematics, PointKinematics, StatesReporter};
-use super::motion::{Motion, read_coordinates, require_finite};
+use super::motion::{Motion, read_coordinates};
 use super::muscle_analysis::MuscleAnalysis;
 use super::result::Outcome;
 use super::setup::Properties;

@@ -2,7 +2,7 @@
 
 use super::correction::ELSEWHERE;
 use super::error::{ToolError, ToolProblem};
-use super::motion::require_finite;
+use super::finite_columns::require_finite;
 use super::result::Outcome;
 use super::setup::{Properties, Setup};
 use carpus_osim::functions::Function;

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::analysis::{Analysis, Instant, Options, UNITS};
 use super::error::ToolError;
-use super::motion::require_finite;
+use super::finite_columns::require_finite;
 use super::setup::Properties;
 use super::system::{Actor, System};
 use carpus_multibody::forces::{BushingLaw, ForceLaw, PathForce};

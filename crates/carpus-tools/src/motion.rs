@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::error::{ToolError, ToolProblem};
+use super::finite_columns::require_finite;
 use super::system::System;
 use carpus_osim::functions::Function;
 use carpus_osim::storage::{Storage, spline};
@@ -18,20 +19,6 @@ pub struct Motion {
     pub u: Vec<Vec<f64>>,
     /// Coordinates that the file does not have.
     pub missing: Vec<String>,
-}
-
-/// Fails where a column of a file holds something else than finite numbers.
-///
-/// # Errors
-/// The first such value, with its line and column.
-pub fn require_finite(storage: &Storage, columns: &[usize], file: &Path) -> Result<(), ToolError> {
-    let Some((row, column)) = storage.first_not_finite(columns) else { return Ok(()) };
-    let problem = ToolProblem::Gap {
-        column: storage.labels[column].clone(),
-        time: storage.time[row],
-        found: storage.rows[row][column],
-    };
-    Err(ToolError::at(file, storage.lines.get(row).copied().unwrap_or(0), problem))
 }
 
 /// Reads a file of coordinates, without columns of anything else, and filters it.

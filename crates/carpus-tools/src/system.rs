@@ -1,25 +1,23 @@
 //! A model with all that acts in it, evaluated at given states.
 
 mod actor;
+mod evaluate;
 mod finite;
+mod joint_forces;
 mod states;
 
 use std::path::{Path, PathBuf};
-
-use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::controls::Controls;
 use super::correction::Correction;
 use super::error::{ToolError, ToolProblem};
 use super::result::Outcome;
 use super::setup::{Properties, Setup};
-use carpus_multibody::dynamics::{Accelerations, Constraints, Dynamics, DynamicsError};
+use carpus_multibody::dynamics::{Constraints, Dynamics, DynamicsError};
 use carpus_multibody::forces::{AppliedForces, Forces};
-use carpus_multibody::multibody::{Cache, Model};
+use carpus_multibody::multibody::Model;
 use carpus_multibody::muscles::{EquilibriumError, MuscleDynamics, MuscleModel, MuscleState};
 use carpus_multibody::paths::{Path as MusclePath, PathGeometry};
-use carpus_numerics::numerics::is_finite;
-use carpus_numerics::spatial::SpatialForce;
 use carpus_osim::osim::Document;
 use carpus_osim::osim::spec::{
     ActuatorActivation, ActuatorKind, ActuatorSpec, BodyIndex, CoordinateIndex, ForceKind, ForceSpec, FrameIndex,
@@ -27,12 +25,8 @@ use carpus_osim::osim::spec::{
 };
 
 pub use actor::{Actor, PathActuator, SystemMuscle};
+pub use evaluate::apply_tension;
 pub use finite::NotFinite;
-
-/// Generalized forces up to this are none (Simbody's `SignificantReal`).
-const SIGNIFICANT: f64 = 2.008_771_736_785_476_6e-14;
-/// Relative error of a velocity that is a difference of larger ones.
-const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// A model with all that acts in it.
 #[derive(Debug)]
@@ -141,7 +135,7 @@ impl System {
             // What is wrong is said by `require_all_forces`, where the muscle acts: other tools do without its force, as OpenSim.
             let law = MuscleModel::from_spec(muscle).ok();
             let class = match &muscle.kind {
-                carpus_osim::osim::spec::MuscleKind::PathOnly { class, .. } => class.clone(),
+                carpus_osim::osim::spec::MuscleKind::OtherClass { class, .. } => class.clone(),
                 _ => "Millard2012EquilibriumMuscle".to_owned(),
             };
             if muscle.applies_force {
@@ -251,7 +245,7 @@ impl System {
             q,
             u,
             activation: of(|state| state.activation),
-            fiber_length: of(|state| state.fiber_length),
+            fiber_length: of(|state| state.equilibrium_state),
             fiber_velocity: vec![0.0; self.muscles.len()],
             dissipated_energy: vec![0.0; self.dampers().count()],
             actuator_activation: self.lagged().map(|(_, activation)| activation.default_activation).collect(),
@@ -367,7 +361,7 @@ impl System {
         let control = || self.controls.at(&muscle.name, state.time).unwrap_or(0.0);
         MuscleState {
             activation: if is_control { control() } else { state.activation[i] },
-            fiber_length: state.fiber_length[i],
+            equilibrium_state: state.fiber_length[i],
             fiber_velocity: state.fiber_velocity[i],
         }
     }
@@ -446,207 +440,9 @@ impl System {
         all.into_iter().map(|(_, name)| name.clone()).collect()
     }
 
-    /// Everything at a state but accelerations.
-    ///
-    /// - `acts`: whether an actor applies its force
-    pub fn evaluate(&self, work: &mut SystemWork, state: &SystemState, acts: &dyn Fn(usize) -> bool) -> Evaluation {
-        let SystemWork { dynamics, paths, others } = work;
-        dynamics.update(&state.q, &state.u);
-        let qdot = dynamics.qdot().to_vec();
-        let cache = dynamics.cache();
-        let n = self.muscles.len();
-        let mut found = Evaluation {
-            muscle_length: vec![0.0; n],
-            muscle_speed: vec![0.0; n],
-            muscles: vec![None; n],
-            tension: vec![0.0; self.actors.len()],
-            path_length: vec![0.0; self.actors.len()],
-            path_speed: vec![0.0; self.actors.len()],
-            applied: AppliedForces::new(&self.model),
-        };
-        for (i, muscle) in self.muscles.iter().enumerate() {
-            muscle.path.update(&state.q, cache, &mut paths[i]);
-            found.muscle_length[i] = paths[i].length();
-            found.muscle_speed[i] = muscle.path.lengthening_speed(&state.q, &qdot, cache, &paths[i]);
-            found.muscles[i] = muscle
-                .law
-                .as_ref()
-                .map(|law| law.dynamics(self.muscle_state(state, i), found.muscle_length[i], found.muscle_speed[i]));
-        }
-        for (k, actor) in self.actors.iter().enumerate() {
-            let applied = &mut found.applied;
-            match actor {
-                Actor::Muscle(i) => {
-                    let Some(muscle) = &found.muscles[*i] else { continue };
-                    if acts(k) {
-                        let path = &self.muscles[*i].path;
-                        apply_tension(path, &state.q, cache, &paths[*i], muscle.tendon_force, applied);
-                    }
-                }
-                Actor::Law(force) => {
-                    if acts(k) {
-                        force.apply(&self.model, &state.q, &state.u, cache, applied);
-                    }
-                }
-                Actor::Along { path, law, .. } => {
-                    let Some(geometry) = &mut others[k] else { continue };
-                    path.update(&state.q, cache, geometry);
-                    found.path_length[k] = geometry.length();
-                    found.path_speed[k] = path.lengthening_speed(&state.q, &qdot, cache, geometry);
-                    found.tension[k] = law.tension(found.path_length[k], found.path_speed[k]);
-                    if acts(k) {
-                        apply_tension(path, &state.q, cache, geometry, found.tension[k], applied);
-                    }
-                }
-                Actor::Actuator(actuator) => {
-                    let force = self.actuator_force(actor, state);
-                    if acts(k) && force != 0.0 {
-                        actuator.apply(&self.model, cache, force, applied);
-                    }
-                }
-                Actor::PathActuator(actuator) => {
-                    let Some(geometry) = &mut others[k] else { continue };
-                    actuator.path.update(&state.q, cache, geometry);
-                    found.path_speed[k] = actuator.path.lengthening_speed(&state.q, &qdot, cache, geometry);
-                    found.tension[k] = self.actuator_force(actor, state);
-                    if acts(k) {
-                        apply_tension(&actuator.path, &state.q, cache, geometry, found.tension[k], applied);
-                    }
-                }
-                Actor::OverTime(force) => {
-                    if acts(k) {
-                        force.apply(&self.model, state.time, cache, applied);
-                    }
-                }
-                Actor::External(force) => {
-                    if acts(k) {
-                        force.apply(&self.model, cache, state.time, applied);
-                    }
-                }
-                Actor::Correction(correction) => {
-                    if acts(k) {
-                        correction.apply(state.time, &state.q, &state.u, applied);
-                    }
-                }
-            }
-        }
-        found
-    }
-
-    /// Sum of forces with those of actuators given by their names; actuators without are as evaluated.
-    pub fn with_actuator_forces(
-        &self,
-        work: &mut SystemWork,
-        state: &SystemState,
-        force_of: &dyn Fn(&str) -> Option<f64>,
-    ) -> AppliedForces {
-        let given: Vec<Option<f64>> = self
-            .actors
-            .iter()
-            .map(|actor| match actor {
-                actor if actor.is_actuator() => force_of(actor.name(&self.muscles)),
-                _ => None,
-            })
-            .collect();
-        let mut applied = self.evaluate(work, state, &|k| given[k].is_none()).applied;
-        for (k, force) in given.iter().enumerate() {
-            if let Some(force) = force {
-                self.apply_actuator(work, state, k, *force, &mut applied);
-            }
-        }
-        applied
-    }
-
-    /// Adds a force of one actuator at the state last evaluated.
-    ///
-    /// - `k`: its position among the actors
-    /// - `force`: [N or N·m]
-    pub fn apply_actuator(
-        &self,
-        work: &SystemWork,
-        state: &SystemState,
-        k: usize,
-        force: f64,
-        applied: &mut AppliedForces,
-    ) {
-        let cache = work.dynamics.cache();
-        match &self.actors[k] {
-            Actor::Muscle(i) => {
-                apply_tension(&self.muscles[*i].path, &state.q, cache, &work.paths[*i], force, applied);
-            }
-            Actor::Actuator(actuator) => actuator.apply(&self.model, cache, force, applied),
-            Actor::PathActuator(actuator) => {
-                if let Some(geometry) = &work.others[k] {
-                    apply_tension(&actuator.path, &state.q, cache, geometry, force, applied);
-                }
-            }
-            _ => {}
-        }
-    }
-
-    /// Accelerations at the state last evaluated; where the equations of motion have no solution not numbers, as in OpenSim, and
-    /// why there is none.
-    ///
-    /// - `applied`: forces
-    pub fn accelerations(
-        &self,
-        work: &mut SystemWork,
-        state: &SystemState,
-        applied: &AppliedForces,
-    ) -> (Accelerations, Option<DynamicsError>) {
-        match work.dynamics.accelerations(state.time, &state.q, &state.u, applied) {
-            Ok(found) => (found, None),
-            Err(error) => {
-                let nothing = |n: usize| DVector::from_element(n, f64::NAN);
-                let (udot, constraint_forces) = (nothing(state.u.len()), nothing(state.u.len()));
-                let multipliers = nothing(self.constraints.n_rows());
-                (Accelerations { udot, constraint_forces, multipliers }, Some(error))
-            }
-        }
-    }
-
     /// Whether a force of this name is an actuator of a class that is not computed.
     pub fn is_actuator(&self, name: &str) -> bool {
         self.unsupported.iter().any(|(n, class)| n == name && class.ends_with("Actuator"))
-    }
-
-    /// Force that each joint's generalized forces stand for, on its outboard body at the origin of the child frame,
-    /// expressed in ground (`Joint::calcEquivalentSpatialForce`): the smallest moment or force, whichever does more, then
-    /// the other.
-    ///
-    /// - `cache`: positions and joint axes
-    pub fn equivalent_joint_forces(&self, cache: &Cache, generalized: &[f64]) -> Vec<SpatialForce> {
-        let joints = self.spec.joints.iter().map(|joint| {
-            let columns: Vec<usize> = joint.coordinates.iter().map(|c| c.0).collect();
-            let frame = self.model.frame(joint.child_frame);
-            let at = cache.X_GF(&self.model, joint.child_frame).p;
-            let (shift, origin) = (at - cache.X_GB(frame.base).p, at.norm());
-            let mut w = DMatrix::zeros(columns.len(), 3);
-            let mut v = DMatrix::zeros(columns.len(), 3);
-            self.model.for_each_partial_velocity(cache, frame.base, |c, velocity| {
-                if let Some(row) = columns.iter().position(|column| *column == c) {
-                    let at = velocity.shift(&shift);
-                    // A joint that only turns moves its own origin by no more than rounding.
-                    let rounding = ROUNDING * (velocity.v.norm() + velocity.w.norm() * origin);
-                    let moves = |v: f64| if v.abs() > rounding { v } else { 0.0 };
-                    (0..3).for_each(|k| (w[(row, k)], v[(row, k)]) = (at.w[k], moves(at.v[k])));
-                }
-            });
-            let f = DVector::from_iterator(columns.len(), columns.iter().map(|c| generalized[*c]));
-            let (mut force, mut moment) = (least(&v, &f), least(&w, &f));
-            let (by_force, by_moment) = (&v * force, &w * moment);
-            let (in_force, in_moment) = (by_force.norm(), by_moment.norm());
-            if in_force > SIGNIFICANT && in_moment > SIGNIFICANT {
-                // The more effective one first, the other for what is left.
-                if in_moment / moment.norm() > in_force / force.norm() {
-                    force = least(&v, &(f - by_moment));
-                } else {
-                    moment = least(&w, &(f - by_force));
-                }
-            }
-            SpatialForce { moment, force }
-        });
-        joints.collect()
     }
 
     /// The frame of a body or ground by its name, or of any frame by its path, from the model, its bodies or its joints
@@ -725,40 +521,6 @@ impl System {
     pub fn is_angle(&self, coordinate: usize) -> bool {
         self.model.coordinates[coordinate].motion_type == MotionType::Rotational
     }
-}
-
-/// Forces of a tension along a path.
-pub fn apply_tension(
-    path: &MusclePath,
-    q: &[f64],
-    cache: &Cache,
-    geometry: &PathGeometry,
-    tension: f64,
-    applied: &mut AppliedForces,
-) {
-    let AppliedForces { mobility, bodies } = applied;
-    path.unit_tension(
-        q,
-        cache,
-        geometry,
-        |base, point: &Vector3<f64>, force| {
-            let offset = point - cache.X_GB(base).p;
-            bodies[base.0] += SpatialForce::from_force_at(&offset, &(force * tension));
-        },
-        |c: CoordinateIndex, force| mobility[c.0] += force * tension,
-    );
-}
-
-/// Smallest x with A x = b as nearly as possible.
-fn least(a: &DMatrix<f64>, b: &DVector<f64>) -> Vector3<f64> {
-    if a.nrows() == 0 || a.amax() == 0.0 {
-        return Vector3::zeros();
-    }
-    if !is_finite(a) {
-        return Vector3::repeat(f64::NAN);
-    }
-    let solved = a.clone().svd(true, true).solve(b, 1e-9 * a.amax()).ok();
-    solved.map_or_else(Vector3::zeros, |x| Vector3::new(x[0], x[1], x[2]))
 }
 
 /// Coordinates by distance of their joint from ground, then in the order of the model: Simbody numbers speeds level by

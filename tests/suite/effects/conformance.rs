@@ -1,6 +1,6 @@
 //! What every effect has to do.
 
-use carpus::diagnosis::effect::{OsimForm, Role, Stage};
+use carpus::diagnosis::effect::{ExcitationScope, OsimForm, Role, Stage};
 use carpus::diagnosis::forward_model::{DIAGNOSIS_ACCURACY, Setting};
 use carpus::simulation::{Options, Recording};
 
@@ -343,7 +343,7 @@ fn verif_moments_of_the_joint_are_linear_in_their_amplitudes() {
 fn verif_instantaneous_effects_need_the_samples_in_question_alone() {
     let forward = forward();
     let mut instantaneous = 0;
-    for effect in CATALOGUE.iter().filter(|e| e.is_instantaneous()) {
+    for effect in CATALOGUE.iter().filter(|e| e.description().behaviour.excitation != ExcitationScope::WholeTrial) {
         instantaneous += 1;
         // Where plausible sizes start at 0 that end is no effect.
         for setting in extremes(*effect).into_iter().filter(|s| s.values.iter().any(|v| *v != 0.0)) {

@@ -217,11 +217,9 @@ fn relative(ours: f64, theirs: f64) -> f64 {
 }
 
 #[test]
+#[cfg_attr(not(has_opensim), ignore = "needs a Python with OpenSim 4.6 (CARPUS_PYTHON)")]
 fn val_opensim_exported_effects_give_the_moment_that_carpus_reports() {
-    let Some(python) = opensim_python() else {
-        eprintln!("SKIPPED: no Python with OpenSim (set CARPUS_PYTHON)");
-        return;
-    };
+    let python = opensim_python();
     let folder = tempfile::tempdir().unwrap();
     let states = states();
     let cases = cases(folder.path(), &states);
@@ -262,12 +260,13 @@ fn val_opensim_exported_effects_give_the_moment_that_carpus_reports() {
 }
 
 #[test]
+#[cfg_attr(
+    not(all(has_opensim, has_lab_models)),
+    ignore = "needs a Python with OpenSim 4.6 (CARPUS_PYTHON) and lab models (CARPUS_SHARED)"
+)]
 fn val_opensim_a_coordinate_that_others_follow_takes_the_forces() {
     // In MoBL-ARMS the carpal rows follow flexion: OpenSim reads its limits in radians.
-    let (Some(python), Some(path)) = (opensim_python(), shared("models/MOBL_ARMS_fixed_41.osim")) else {
-        eprintln!("SKIPPED: no Python with OpenSim, or no lab models");
-        return;
-    };
+    let (python, path) = (opensim_python(), shared("models/MOBL_ARMS_fixed_41.osim"));
     let folder = tempfile::tempdir().unwrap();
     let mut file = OsimFile::read(&path).unwrap();
     let setup = Setup {

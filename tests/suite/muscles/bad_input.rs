@@ -25,7 +25,7 @@ fn refused(change: impl FnOnce(&mut MuscleSpec)) -> MuscleError {
 fn millard(spec: &mut MuscleSpec) -> &mut Millard2012Spec {
     match &mut spec.kind {
         MuscleKind::Millard2012Equilibrium(millard) => millard,
-        MuscleKind::PathOnly { class, .. } => panic!("{class}"),
+        MuscleKind::OtherClass { class, .. } => panic!("{class}"),
     }
 }
 
@@ -73,7 +73,7 @@ fn verif_invalid_curves_are_named() {
 
 #[test]
 fn verif_other_classes_are_refused() {
-    let error = refused(|s| s.kind = MuscleKind::PathOnly { class: "Thelen2003Muscle".to_owned(), law: None });
+    let error = refused(|s| s.kind = MuscleKind::OtherClass { class: "Thelen2003Muscle".to_owned(), law: None });
     assert_eq!(error, MuscleError::NotMillard2012 { muscle: "default".into(), class: "Thelen2003Muscle".into() });
 }
 

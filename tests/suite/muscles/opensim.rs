@@ -232,10 +232,14 @@ fn val_opensim_state_derivatives_and_outputs() {
 }
 
 #[test]
+#[cfg_attr(
+    not(all(has_opensim, has_lab_models)),
+    ignore = "needs a Python with OpenSim 4.6 (CARPUS_PYTHON) and lab models (CARPUS_SHARED)"
+)]
 fn val_opensim_muscles_of_lab_models() {
     let models = ["models/Hand_Wrist_Model_for_development.osim", "models/MOBL_ARMS_41.osim"].map(shared);
-    let [Some(mcfarland), Some(mobl)] = models else { return };
-    let Some(python) = opensim_python() else { return };
+    let [mcfarland, mobl] = models;
+    let python = opensim_python();
     let folder = tempfile::tempdir().expect("temporary folder");
     let output = Command::new(python)
         .arg(fixtures().join("opensim_muscles.py"))

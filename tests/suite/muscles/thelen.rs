@@ -34,7 +34,7 @@ fn spec() -> MuscleSpec {
         ignore_activation_dynamics: false,
         min_control: 0.01,
         max_control: 1.0,
-        kind: MuscleKind::PathOnly {
+        kind: MuscleKind::OtherClass {
             class: "Thelen2003Muscle".into(),
             law: Some(Box::new(OtherMuscleSpec::Thelen2003(thelen2003))),
         },
@@ -81,13 +81,17 @@ fn verif_thelen_equilibrium_is_at_rest() {
 #[test]
 fn verif_thelen_derivatives_and_bad_properties() {
     let model = MuscleModel::from_spec(&spec()).unwrap();
-    let state = |fiber_length| MuscleState { activation: 0.4, fiber_length, fiber_velocity: 0.0 };
+    let state = |fiber_length| MuscleState { activation: 0.4, equilibrium_state: fiber_length, fiber_velocity: 0.0 };
     let [_, by, _] = model.linearize(state(0.11), 0.31, 0.05);
     let (up, down) = (model.rates(state(0.11 + 1e-7), 0.31, 0.05), model.rates(state(0.11 - 1e-7), 0.31, 0.05));
-    assert_relative_eq!(by.fiber_length, (up.fiber_length - down.fiber_length) / 2e-7, max_relative = 1e-5);
+    assert_relative_eq!(
+        by.equilibrium_state,
+        (up.equilibrium_state - down.equilibrium_state) / 2e-7,
+        max_relative = 1e-5
+    );
     assert_relative_eq!(by.tendon_force, (up.tendon_force - down.tendon_force) / 2e-7, max_relative = 1e-5);
     let mut broken = spec();
-    if let MuscleKind::PathOnly { law: Some(law), .. } = &mut broken.kind
+    if let MuscleKind::OtherClass { law: Some(law), .. } = &mut broken.kind
         && let OtherMuscleSpec::Thelen2003(p) = law.as_mut()
     {
         p.flen = 0.9;

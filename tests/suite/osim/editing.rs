@@ -6,6 +6,7 @@ use carpus::osim::{ComponentSet, EditError, OsimFile};
 use super::against_opensim::opensim_dump;
 use super::lab_models;
 use super::small_models::{FORMAT_40000, format_30000};
+use crate::reference::lab_models_if_here;
 
 fn small() -> OsimFile {
     OsimFile::parse(FORMAT_40000.as_bytes(), "small.osim").expect("valid")
@@ -33,6 +34,7 @@ fn verif_setting_a_parameter_changes_one_line() {
 }
 
 #[test]
+#[cfg_attr(not(has_models), ignore = "needs models (CARPUS_MODELS or CARPUS_SHARED)")]
 fn verif_every_parameter_of_every_lab_muscle_changes_one_line() {
     for path in lab_models() {
         let original = OsimFile::read(&path).unwrap_or_else(|error| panic!("{error}"));
@@ -178,11 +180,13 @@ fn verif_writing_replaces_the_file_or_leaves_it() {
 }
 
 #[test]
+#[cfg_attr(not(has_opensim), ignore = "needs a Python with OpenSim 4.6 (CARPUS_PYTHON)")]
 fn val_opensim_reads_edited_files_with_the_new_values() {
     let folder = tempfile::tempdir().expect("folder");
     let mut paths = Vec::new();
     let mut files = vec![small()];
-    files.extend(lab_models().iter().map(|path| OsimFile::read(path).unwrap_or_else(|error| panic!("{error}"))));
+    files
+        .extend(lab_models_if_here().iter().map(|path| OsimFile::read(path).unwrap_or_else(|error| panic!("{error}"))));
     files.retain(|file| !file.spec.muscles.is_empty());
     for (i, file) in files.iter_mut().enumerate() {
         let muscle = file.spec.muscles[0].name.clone();
@@ -203,7 +207,7 @@ fn val_opensim_reads_edited_files_with_the_new_values() {
         file.write(&path).expect("written");
         paths.push(path);
     }
-    let Some(theirs) = opensim_dump(&paths) else { return };
+    let theirs = opensim_dump(&paths);
     for (file, theirs) in files.iter().zip(&theirs) {
         let name = file.document.file();
         assert!(theirs.get("error").is_none(), "{name}: {}", theirs["error"]);

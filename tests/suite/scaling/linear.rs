@@ -72,8 +72,9 @@ fn check(model: &Path, found: &Value) {
 }
 
 #[test]
+#[cfg_attr(not(has_opensim), ignore = "needs a Python with OpenSim 4.6 (CARPUS_PYTHON)")]
 fn val_opensim_scaled_bundled_model() {
-    let Some(python) = opensim_python() else { return };
+    let python = opensim_python();
     let model = root("models/wrist.osim");
     for (uneven, preserve, mass) in [(true, false, None), (false, true, Some(3.1)), (true, true, None)] {
         check(&model, &compare(&python, &model, uneven, preserve, mass));
@@ -82,8 +83,12 @@ fn val_opensim_scaled_bundled_model() {
 
 /// Models of labs: custom joints with translations, moving points, wrap objects, ligaments, other muscles.
 #[test]
+#[cfg_attr(
+    not(all(has_opensim, has_lab_models)),
+    ignore = "needs a Python with OpenSim 4.6 (CARPUS_PYTHON) and lab models (CARPUS_SHARED)"
+)]
 fn val_opensim_scaled_lab_models() {
-    let Some(python) = opensim_python() else { return };
+    let python = opensim_python();
     for (name, preserve, mass) in [
         ("Hand_Wrist_Model_for_development", false, Some(4.2)),
         ("MOBL_ARMS_41", false, None),
@@ -91,7 +96,7 @@ fn val_opensim_scaled_lab_models() {
         ("gait10dof18musc", false, Some(60.0)),
         ("Rajagopal2016", true, Some(71.5)),
     ] {
-        let Some(model) = shared(&format!("models/{name}.osim")) else { continue };
+        let model = shared(&format!("models/{name}.osim"));
         check(&model, &compare(&python, &model, true, preserve, mass));
     }
 }

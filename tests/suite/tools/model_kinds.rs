@@ -64,13 +64,14 @@ fn val_opensim_of_coordinates_of_equal_names_the_first_counts() {
 }
 
 /// A file of a shared fault, by its folder.
-fn shared(folder: &str, file: &str) -> Option<std::path::PathBuf> {
+fn shared(folder: &str, file: &str) -> std::path::PathBuf {
     crate::reference::shared(&format!("faults/{folder}/{file}"))
 }
 
 #[test]
+#[cfg_attr(not(has_shared_data), ignore = "needs shared recordings and setups (CARPUS_SHARED)")]
 fn val_opensim_shared_model_with_forces_on_the_speeds_of_a_ball() {
-    let Some(setup) = shared("02-coordinate-speed", "id.xml") else { return };
+    let setup = shared("02-coordinate-speed", "id.xml");
     let ours = written(&run_tool(&setup, None, false).unwrap(), "id.sto");
     let theirs = Storage::read(setup.with_file_name("expected").join("id.sto")).unwrap();
     for (ours, theirs) in ours.rows.iter().flatten().zip(theirs.rows.iter().flatten()) {
@@ -79,13 +80,14 @@ fn val_opensim_shared_model_with_forces_on_the_speeds_of_a_ball() {
 }
 
 #[test]
+#[cfg_attr(not(has_shared_data), ignore = "needs shared recordings and setups (CARPUS_SHARED)")]
 fn val_opensim_shared_model_with_a_component_set() {
     let folder = "bug-01-componentset-dropped-by-run-tool";
-    let Some(setup) = shared(folder, "ID_setup.xml") else { return };
+    let setup = shared(folder, "ID_setup.xml");
     let forces = written(&run_tool(&setup, None, false).unwrap(), "id.sto");
     let elbow = forces.labels.iter().position(|label| label == "elbow_flex_moment").unwrap();
     assert!((forces.rows[20][elbow] - 8.824_485_33).abs() < 1e-7);
-    let Some(setup) = shared(folder, "S_setup.xml") else { return };
+    let setup = shared(folder, "S_setup.xml");
     let outcome = run_tool(&setup, None, false).unwrap();
     let scaled = outcome.files.iter().find(|f| f.path.ends_with("scaled.osim")).unwrap();
     let scaled = carpus::osim::OsimFile::parse(scaled.bytes.clone(), "scaled.osim").unwrap();
@@ -95,11 +97,12 @@ fn val_opensim_shared_model_with_a_component_set() {
 }
 
 #[test]
+#[cfg_attr(not(has_shared_data), ignore = "needs shared recordings and setups (CARPUS_SHARED)")]
 fn val_opensim_shared_models_that_were_refused_run() {
     for (folder, setup) in
         [("bug-13-coupler-of-two-coordinates", "A_setup.xml"), ("bug-14-closed-loop-of-joints", "ID_setup.xml")]
     {
-        let Some(setup) = shared(folder, setup) else { return };
+        let setup = shared(folder, setup);
         let outcome = run_tool(&setup, None, false).unwrap_or_else(|e| panic!("{folder}: {e}"));
         let table = outcome.files.iter().find(|f| f.path.extension().is_some_and(|e| e == "sto")).unwrap();
         let table = Storage::parse(&table.bytes, &table.path).unwrap();

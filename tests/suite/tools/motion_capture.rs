@@ -364,8 +364,9 @@ fn verif_parameters_that_are_missing_have_defaults() {
 }
 
 #[test]
+#[cfg_attr(not(has_shared_data), ignore = "needs shared recordings and setups (CARPUS_SHARED)")]
 fn verif_shared_recordings_are_read_whole() {
-    let Some(folder) = crate::reference::shared("faults") else { return };
+    let folder = crate::reference::shared("faults");
     let read = |file: &str| MotionCapture::read(folder.join(file)).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(read("bug-03-c3d-long-recordings-cut/70000.c3d").markers.rows.len(), 70_000);
     assert_eq!(read("bug-11-c3d-first-frame-beyond-65535/x.c3d").markers.rows.len(), 40);

@@ -10,7 +10,7 @@ use carpus::osim::{ComponentSet, OsimFile};
 use carpus::storage::Storage;
 use carpus::tools::run_tool;
 
-use crate::reference::{lab_models, opensim_python, run_script, shared, stem};
+use crate::reference::{lab_models_if_here, opensim_python, run_script, shared, stem};
 use crate::validation::{self, Differences, Judge, Row};
 
 /// Numbers are printed with this many digits behind the point.
@@ -29,8 +29,8 @@ pub(super) struct Bench {
 }
 
 impl Bench {
-    pub(super) fn new() -> Option<Bench> {
-        Some(Bench { python: opensim_python()?, folder: tempfile::tempdir().unwrap() })
+    pub(super) fn new() -> Bench {
+        Bench { python: opensim_python(), folder: tempfile::tempdir().unwrap() }
     }
 
     pub(super) fn path(&self, name: &str) -> PathBuf {
@@ -183,13 +183,13 @@ fn motion(spec: &ModelSpec, rows: usize, step: f64) -> String {
 fn models() -> Vec<PathBuf> {
     let some = ["MOBL_ARMS_fixed_41", "Hand_Wrist_Model_for_development", "arm26"];
     let wanted = |model: &PathBuf| validation::folder().is_some() || some.contains(&stem(model).as_str());
-    std::iter::once(bundled()).chain(lab_models().into_iter().filter(wanted)).collect()
+    std::iter::once(bundled()).chain(lab_models_if_here().into_iter().filter(wanted)).collect()
 }
 
 /// Whether a muscle is of a class that OpenSim has given up.
 fn is_deprecated(muscle: &MuscleSpec) -> bool {
     match &muscle.kind {
-        MuscleKind::PathOnly { law: Some(law), .. } => matches!(law.as_ref(), OtherMuscleSpec::Deprecated(_)),
+        MuscleKind::OtherClass { law: Some(law), .. } => matches!(law.as_ref(), OtherMuscleSpec::Deprecated(_)),
         _ => false,
     }
 }
@@ -202,8 +202,9 @@ pub(super) fn setup(class: &str, model: &Path, inner: &str) -> String {
 }
 
 #[test]
+#[cfg_attr(not(has_opensim), ignore = "needs a Python with OpenSim 4.6 (CARPUS_PYTHON)")]
 fn val_opensim_inverse_dynamics() {
-    let Some(bench) = Bench::new() else { return };
+    let bench = Bench::new();
     for model in models() {
         let spec = OsimFile::read(&model).unwrap().spec;
         bench.write("motion.mot", &motion(&spec, 40, 0.01));
@@ -218,8 +219,9 @@ fn val_opensim_inverse_dynamics() {
 }
 
 #[test]
+#[cfg_attr(not(has_opensim), ignore = "needs a Python with OpenSim 4.6 (CARPUS_PYTHON)")]
 fn val_opensim_analyses() {
-    let Some(bench) = Bench::new() else { return };
+    let bench = Bench::new();
     for model in models() {
         let spec = OsimFile::read(&model).unwrap().spec;
         bench.write("motion.mot", &motion(&spec, 12, 0.02));
@@ -244,8 +246,9 @@ fn val_opensim_analyses() {
 
 /// Static optimization stops at OpenSim's convergence criterion of 1e-4; the solution here is exact.
 #[test]
+#[cfg_attr(not(has_opensim), ignore = "needs a Python with OpenSim 4.6 (CARPUS_PYTHON)")]
 fn val_opensim_static_optimization() {
-    let Some(bench) = Bench::new() else { return };
+    let bench = Bench::new();
     let model = &models()[0];
     let spec = OsimFile::read(model).unwrap().spec;
     bench.write("motion.mot", &motion(&spec, 12, 0.02));
@@ -264,8 +267,8 @@ fn val_opensim_static_optimization() {
 }
 
 /// A benchmark of MoBL-ARMS beside its results, in a folder of its own, with a model named in the setup.
-fn benchmark(bench: &Bench, setup: &str, model: &str, replace: &[(&str, &str)]) -> Option<String> {
-    let source = shared(&format!("benchmarks/mobl_arms/{setup}"))?;
+fn benchmark(bench: &Bench, setup: &str, model: &str, replace: &[(&str, &str)]) -> String {
+    let source = shared(&format!("benchmarks/mobl_arms/{setup}"));
     for file in std::fs::read_dir(source.parent().unwrap()).unwrap().flatten().filter(|f| f.path().is_file()) {
         std::fs::write(bench.path(&file.file_name().to_string_lossy()), std::fs::read(file.path()).unwrap()).unwrap();
     }
@@ -283,16 +286,20 @@ fn benchmark(bench: &Bench, setup: &str, model: &str, replace: &[(&str, &str)]) 
         assert!(text.contains(from), "{setup} has {from}");
         text = text.replace(from, to);
     }
-    Some(text)
+    text
 }
 
 /// A fall of the shoulder, 5 s: OpenSim 4.6 run afresh, and the published result.
 #[test]
+#[cfg_attr(
+    not(all(has_opensim, has_shared_data)),
+    ignore = "needs a Python with OpenSim 4.6 (CARPUS_PYTHON) and shared recordings and setups (CARPUS_SHARED)"
+)]
 fn val_opensim_mobl_arms_forward() {
-    let Some(bench) = Bench::new() else { return };
+    let bench = Bench::new();
     let model = "MOBL_ARMS_module1_nomuscles.osim";
     let replace = [("Results-Module_1", "RESULTS")];
-    let Some(setup) = benchmark(&bench, "MoBL_ARMS_module1_Setup.xml", model, &replace) else { return };
+    let setup = benchmark(&bench, "MoBL_ARMS_module1_Setup.xml", model, &replace);
     for (name, results) in [("opensim.xml", "opensim"), ("carpus.xml", "carpus")] {
         bench.write(name, &setup.replace("RESULTS", results));
     }
@@ -319,11 +326,15 @@ fn val_opensim_mobl_arms_forward() {
 /// Markers of a reach, and scaling to a static trial. OpenSim's search ends early where the fit is flat: here the fit
 /// has to be at least as good, and nearly the same.
 #[test]
+#[cfg_attr(
+    not(all(has_opensim, has_shared_data)),
+    ignore = "needs a Python with OpenSim 4.6 (CARPUS_PYTHON) and shared recordings and setups (CARPUS_SHARED)"
+)]
 fn val_opensim_mobl_arms_inverse_kinematics() {
-    let Some(bench) = Bench::new() else { return };
+    let bench = Bench::new();
     let model = "published_results/MoBL_ARMS_module5_scaled.osim";
     let replace = [(" 0 4.995", "0 0.05"), ("<results_directory>./", "<results_directory>RESULTS")];
-    let Some(setup) = benchmark(&bench, "MoBL_ARMS_module5_IK_Setup.xml", model, &replace) else { return };
+    let setup = benchmark(&bench, "MoBL_ARMS_module5_IK_Setup.xml", model, &replace);
     for (name, results) in [("opensim.xml", "opensim"), ("carpus.xml", "carpus")] {
         bench.write(name, &setup.replace("RESULTS", results));
     }
@@ -340,11 +351,15 @@ fn val_opensim_mobl_arms_inverse_kinematics() {
 }
 
 #[test]
+#[cfg_attr(
+    not(all(has_opensim, has_shared_data)),
+    ignore = "needs a Python with OpenSim 4.6 (CARPUS_PYTHON) and shared recordings and setups (CARPUS_SHARED)"
+)]
 fn val_opensim_mobl_arms_scale() {
-    let Some(bench) = Bench::new() else { return };
+    let bench = Bench::new();
     let setup = "MoBL_ARMS_module5_Scale_Setup.xml";
     let replace = [("<output_model_file>Unassigned", "<output_model_file>scaled.osim")];
-    let Some(text) = benchmark(&bench, setup, "MOBL_ARMS_module5_scaleIK.osim", &replace) else { return };
+    let text = benchmark(&bench, setup, "MOBL_ARMS_module5_scaleIK.osim", &replace);
     bench.write("scale.xml", &text);
     let outcome = run_tool(&bench.path("scale.xml"), None, false).unwrap();
     let ours = outcome.files.iter().rfind(|f| f.path.ends_with("scaled.osim")).unwrap();
@@ -380,8 +395,9 @@ fn val_opensim_mobl_arms_scale() {
 
 /// Markers of a file, one of them moved to another body, and scale factors given by hand, some of a body that there is not.
 #[test]
+#[cfg_attr(not(has_opensim), ignore = "needs a Python with OpenSim 4.6 (CARPUS_PYTHON)")]
 fn val_opensim_manual_scale_with_a_marker_set_file() {
-    let Some(bench) = Bench::new() else { return };
+    let bench = Bench::new();
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/wrist.osim");
     let body = OsimFile::read(&model).unwrap().spec.bodies.last().unwrap().name.clone();
     // OpenSim looks for the model beside the setup, whatever its path.

@@ -1,6 +1,6 @@
 //! Optimal fibre length that depends on activation.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, amplitude};
+use crate::effect::{Behaviour, Description, Effect, OsimForm, REACH_OF_PROPERTY, Stage, amplitude};
 
 /// Optimal fibre length that depends on activation: `lo (1 + λ (1 - a))`.
 pub struct ActivationDependentLength;
@@ -9,6 +9,8 @@ static DESCRIPTION: Description = Description {
     id: "activation_dependent_length",
     name: "Optimal fibre length that depends on activation",
     stage: Stage::Muscle,
+    order: 0,
+    behaviour: Behaviour::PLAIN,
     equation: "lo (1 + λ (1 - a)) in the active force-length curve of all active muscles",
     parameters: &[amplitude(
         "lengthening",
@@ -16,7 +18,8 @@ static DESCRIPTION: Description = Description {
         0.1,
         [0.0, 0.25],
         "λ = 0.15 is usual in EMG-driven models (Lloyd and Besier 2003); 0 to 0.25: assumed, no published source",
-    )],
+    )
+    .reaching(REACH_OF_PROPERTY)],
     signature: "angle × level of effort",
     experiment: "isometric angles at three levels of effort",
     rivals: &["active_force_width", "moment_arm_slope"],

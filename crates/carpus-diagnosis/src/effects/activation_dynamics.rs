@@ -1,6 +1,6 @@
 //! Activation and deactivation times.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, amplitude, scale_property, scaled_mean};
+use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, log_ratio, scale_property, scaled_mean};
 use carpus_osim::osim::spec::MuscleSpec;
 
 /// Activation and deactivation times: `ȧ = (e - a)/τ(a, e) with other τ_act, τ_deact; all muscles scaled together`.
@@ -10,16 +10,18 @@ static DESCRIPTION: Description = Description {
     id: "activation_dynamics",
     name: "Activation and deactivation times",
     stage: Stage::Activation,
+    order: 0,
+    behaviour: Behaviour::PLAIN,
     equation: "ȧ = (e - a)/τ(a, e) with other τ_act, τ_deact; all muscles scaled together",
     parameters: &[
-        amplitude(
+        log_ratio(
             "deactivation_time_constant",
             "s",
             0.4,
             [0.015, 0.16],
             "20 to 120 ms (assumed, no published source); 15 to 160 ms is still taken for plausible",
         ),
-        amplitude(
+        log_ratio(
             "activation_time_constant",
             "s",
             0.4,
@@ -42,10 +44,6 @@ impl Effect for ActivationDynamics {
     fn change_muscles(&self, values: &[f64], muscles: &mut [MuscleSpec]) -> bool {
         let slower = scale_property(muscles, values[0], |p, factor| p.deactivation_time_constant *= factor);
         scale_property(muscles, values[1], |p, factor| p.activation_time_constant *= factor) || slower
-    }
-
-    fn has_log_ratios(&self) -> bool {
-        true
     }
 
     fn reported(&self, values: &[f64], muscles: &[MuscleSpec]) -> Vec<f64> {

@@ -1,6 +1,6 @@
 //! Width of the active force-length curve.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, amplitude, scale_property};
+use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, log_ratio, scale_property};
 use carpus_osim::osim::spec::MuscleSpec;
 
 /// Width of the active force-length curve: `normalized lengths 1 + w (l - 1) of the active force-length curve; w is the width ratio`.
@@ -10,8 +10,10 @@ static DESCRIPTION: Description = Description {
     id: "active_force_width",
     name: "Width of the active force-length curve",
     stage: Stage::Muscle,
+    order: 0,
+    behaviour: Behaviour::PLAIN,
     equation: "normalized lengths 1 + w (l - 1) of the active force-length curve; w is the width ratio",
-    parameters: &[amplitude(
+    parameters: &[log_ratio(
         "width_ratio",
         "1",
         0.1,
@@ -39,10 +41,6 @@ impl Effect for ActiveForceWidth {
             stretch(&mut curve.max_norm_active_fiber_length);
             curve.shallow_ascending_slope /= factor;
         })
-    }
-
-    fn has_log_ratios(&self) -> bool {
-        true
     }
 
     fn reported(&self, values: &[f64], _: &[MuscleSpec]) -> Vec<f64> {

@@ -1,6 +1,6 @@
 //! Offset of the goniometer.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude};
+use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, TrialContext, amplitude};
 
 /// Offset of the goniometer: `q + δ`.
 pub struct AngleOffset;
@@ -9,6 +9,8 @@ static DESCRIPTION: Description = Description {
     id: "angle_offset",
     name: "Offset of the goniometer",
     stage: Stage::Geometry,
+    order: 0,
+    behaviour: Behaviour::PLAIN,
     equation: "q + δ",
     parameters: &[amplitude(
         "offset",

@@ -1,6 +1,6 @@
 //! Axes of joint and machine apart.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude};
+use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, TrialContext, amplitude};
 
 /// Axes of joint and machine apart: `τ (1 + s sin q + c cos q) = τ (1 + (e/L) cos(q - φ))`, e/L the offset over the lever.
 pub struct AxisMisalignment;
@@ -9,6 +9,8 @@ static DESCRIPTION: Description = Description {
     id: "axis_misalignment",
     name: "Axes of joint and machine apart",
     stage: Stage::Sensor,
+    order: 10,
+    behaviour: Behaviour::PLAIN,
     equation: "τ (1 + s sin q + c cos q) = τ (1 + (e/L) cos(q - φ)), e/L the offset over the lever",
     parameters: &[
         amplitude(

@@ -1,6 +1,6 @@
 //! Dry friction.
 
-use crate::effect::{Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude, shape};
+use crate::effect::{Behaviour, Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude, shape};
 
 /// Speed up to which breakaway friction acts [rad/s].
 const BREAKAWAY_SPEED: f64 = 0.1;
@@ -14,6 +14,8 @@ static DESCRIPTION: Description = Description {
     id: "coulomb_friction",
     name: "Dry friction",
     stage: Stage::Joint,
+    order: 0,
+    behaviour: Behaviour::PLAIN,
     equation: "-Tc (1 + (r - 1) exp(-(q̇/vs)²)) tanh(q̇/vε), r = Ts/Tc; fixed: vs = 0.1 rad/s",
     parameters: &[
         amplitude(
@@ -22,7 +24,8 @@ static DESCRIPTION: Description = Description {
             0.1,
             [0.0, 0.6],
             "0.05 to 0.5 (assumed, no published source); 0 to 0.6 is still taken for plausible",
-        ),
+        )
+        .of_strength(),
         shape(
             "static_ratio",
             "1",

@@ -1,6 +1,7 @@
 //! Electromechanical delay.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude, delayed};
+use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, TrialContext, amplitude};
+use crate::series::delayed;
 
 /// Electromechanical delay: `e(t - d)`.
 pub struct ElectromechanicalDelay;
@@ -9,6 +10,8 @@ static DESCRIPTION: Description = Description {
     id: "electromechanical_delay",
     name: "Electromechanical delay",
     stage: Stage::Excitation,
+    order: 50,
+    behaviour: Behaviour::PLAIN,
     equation: "e(t - d)",
     parameters: &[amplitude(
         "delay",

@@ -1,6 +1,6 @@
 //! EMG cross-talk.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude, shape};
+use crate::effect::{Behaviour, Description, Effect, ExcitationScope, OsimForm, Stage, TrialContext, amplitude, shape};
 use nalgebra::{DMatrix, DVector};
 
 /// EMG cross-talk: `e_meas = (I + c X) e`, X the mean of the muscles on the same side, and a share w of that of the other side.
@@ -10,6 +10,8 @@ static DESCRIPTION: Description = Description {
     id: "emg_crosstalk",
     name: "EMG cross-talk",
     stage: Stage::Excitation,
+    order: 20,
+    behaviour: Behaviour { excitation: ExcitationScope::SampleOfAllMuscles, ..Behaviour::PLAIN },
     equation: "e_meas = (I + c X) e, X = (1 - w) mean of the other muscles on the same side + w mean of those on the other side",
     parameters: &[
         amplitude(
@@ -38,14 +40,6 @@ static DESCRIPTION: Description = Description {
 impl Effect for EmgCrosstalk {
     fn description(&self) -> &'static Description {
         &DESCRIPTION
-    }
-
-    fn is_instantaneous(&self) -> bool {
-        true
-    }
-
-    fn mixes_muscles(&self) -> bool {
-        true
     }
 
     fn excite(&self, values: &[f64], trial: &TrialContext, excitation: &mut [Vec<f64>]) {

@@ -1,6 +1,6 @@
 //! Baseline of the EMG.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude};
+use crate::effect::{Behaviour, Description, Effect, ExcitationScope, OsimForm, Stage, TrialContext, amplitude};
 use crate::noise::BASELINE_SD;
 
 /// Baseline of the EMG: `max(0, e - b)`.
@@ -10,6 +10,8 @@ static DESCRIPTION: Description = Description {
     id: "emg_floor",
     name: "Baseline of the EMG",
     stage: Stage::Excitation,
+    order: 10,
+    behaviour: Behaviour { excitation: ExcitationScope::Sample, ..Behaviour::PLAIN },
     equation: "max(0, e - b)",
     parameters: &[amplitude(
         "baseline",
@@ -34,10 +36,6 @@ impl Effect for EmgFloor {
     /// EMG: muscles at rest come to their least activation, and the EMG's noise passes no more.
     fn is_within_noise(&self, values: &[f64]) -> bool {
         values.iter().all(|b| b.abs() <= BASELINE_SD)
-    }
-
-    fn is_instantaneous(&self) -> bool {
-        true
     }
 
     fn excite(&self, values: &[f64], _: &TrialContext, excitation: &mut [Vec<f64>]) {

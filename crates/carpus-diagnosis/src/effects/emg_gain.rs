@@ -1,6 +1,6 @@
 //! Gain of the EMG channels.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude};
+use crate::effect::{Behaviour, Description, Effect, ExcitationScope, OsimForm, Stage, TrialContext, amplitude};
 
 /// Gain of the EMG channels: `e/(1 + g)`.
 pub struct EmgGain;
@@ -9,6 +9,8 @@ static DESCRIPTION: Description = Description {
     id: "emg_gain",
     name: "Gain of the EMG channels",
     stage: Stage::Excitation,
+    order: 30,
+    behaviour: Behaviour { excitation: ExcitationScope::Sample, ..Behaviour::PLAIN },
     equation: "e/(1 + g), the same in all channels",
     parameters: &[amplitude("gain_error", "1", 0.1, [-0.3, 0.3], "1 + g of 0.7 to 1.3 (assumed, no published source)")],
     signature: "none of its own: a pure gain",
@@ -23,10 +25,6 @@ static DESCRIPTION: Description = Description {
 impl Effect for EmgGain {
     fn description(&self) -> &'static Description {
         &DESCRIPTION
-    }
-
-    fn is_instantaneous(&self) -> bool {
-        true
     }
 
     fn excite(&self, values: &[f64], _: &TrialContext, excitation: &mut [Vec<f64>]) {

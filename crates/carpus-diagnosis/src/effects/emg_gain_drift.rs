@@ -1,6 +1,6 @@
 //! Drift of the EMG gain.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude};
+use crate::effect::{Behaviour, Description, Effect, ExcitationScope, OsimForm, Stage, TrialContext, amplitude};
 
 /// Drift of the EMG gain: `e (1 + d s), s = 0 to 1 over the session; the part that follows the angle is moment_arm_slope but for saturation and is left to it`.
 pub struct EmgGainDrift;
@@ -9,6 +9,8 @@ static DESCRIPTION: Description = Description {
     id: "emg_gain_drift",
     name: "Drift of the EMG gain",
     stage: Stage::Excitation,
+    order: 40,
+    behaviour: Behaviour { excitation: ExcitationScope::Sample, ..Behaviour::PLAIN },
     equation: "e (1 + d s), s = 0 to 1 over the session; the part that follows the angle is moment_arm_slope but for saturation and is left to it",
     parameters: &[amplitude(
         "drift",
@@ -27,10 +29,6 @@ static DESCRIPTION: Description = Description {
 impl Effect for EmgGainDrift {
     fn description(&self) -> &'static Description {
         &DESCRIPTION
-    }
-
-    fn is_instantaneous(&self) -> bool {
-        true
     }
 
     fn excite(&self, values: &[f64], trial: &TrialContext, excitation: &mut [Vec<f64>]) {

@@ -1,6 +1,6 @@
 //! Nonlinear EMG.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude};
+use crate::effect::{Behaviour, Description, Effect, ExcitationScope, OsimForm, Stage, TrialContext, amplitude};
 
 /// Nonlinear EMG: `(exp(A e) - 1)/(exp(A) - 1)`.
 pub struct EmgNonlinearity;
@@ -9,6 +9,8 @@ static DESCRIPTION: Description = Description {
     id: "emg_nonlinearity",
     name: "Nonlinear EMG",
     stage: Stage::Excitation,
+    order: 60,
+    behaviour: Behaviour { excitation: ExcitationScope::Sample, ..Behaviour::PLAIN },
     equation: "(exp(A e) - 1)/(exp(A) - 1)",
     parameters: &[amplitude(
         "curvature",
@@ -27,10 +29,6 @@ static DESCRIPTION: Description = Description {
 impl Effect for EmgNonlinearity {
     fn description(&self) -> &'static Description {
         &DESCRIPTION
-    }
-
-    fn is_instantaneous(&self) -> bool {
-        true
     }
 
     fn excite(&self, values: &[f64], _: &TrialContext, excitation: &mut [Vec<f64>]) {

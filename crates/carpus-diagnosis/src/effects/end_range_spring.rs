@@ -1,6 +1,6 @@
 //! Passive springs at the ends of the range.
 
-use crate::effect::{Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude, shape};
+use crate::effect::{Behaviour, Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude, shape};
 
 /// Passive springs at the ends of the range: `a1 exp(-b1 (q - qn + 90°)) - a2 exp(b2 (q - qn - 90°))`, q positive in flexion, qn the
 /// joint's neutral angle.
@@ -10,6 +10,8 @@ static DESCRIPTION: Description = Description {
     id: "end_range_spring",
     name: "Passive springs at the ends of the range",
     stage: Stage::Joint,
+    order: 0,
+    behaviour: Behaviour::PLAIN,
     equation: "a1 exp(-b1 (q - qn + 90°)) - a2 exp(b2 (q - qn - 90°)), q positive in flexion, qn the joint's neutral angle: 0, or the middle of the coordinate's range where 0 is not in its middle half",
     parameters: &[
         amplitude(
@@ -18,14 +20,14 @@ static DESCRIPTION: Description = Description {
             0.6,
             [0.0, 4.0],
             "Delp, Grierson and Buchanan 1996: 1.2 N·m on average at 90° extension; 0 to 4 is still taken for plausible, no source",
-        ),
+        ).of_strength(),
         amplitude(
             "flexion_moment",
             "N·m at 90° flexion",
             0.6,
             [0.0, 4.0],
             "Delp, Grierson and Buchanan 1996: 0.5 N·m on average at 90° flexion; 0 to 4 is still taken for plausible, no source",
-        ),
+        ).of_strength(),
         shape(
             "extension_steepness",
             "1/rad",

@@ -1,6 +1,6 @@
 //! Fatigue.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude, shape};
+use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, TrialContext, amplitude, shape};
 
 /// Fatigue: `e (1 - y/(1 + κ y)), y = f ∫e dt / 60 s`, ∫ over the session; factor kept within 0.1 to 2.
 pub struct Fatigue;
@@ -9,6 +9,8 @@ static DESCRIPTION: Description = Description {
     id: "fatigue",
     name: "Fatigue",
     stage: Stage::Excitation,
+    order: 80,
+    behaviour: Behaviour::PLAIN,
     equation: "e (1 - y/(1 + κ y)), y = f ∫e dt / 60 s, ∫ over the session; factor kept within 0.1 to 2",
     parameters: &[
         amplitude(

@@ -1,6 +1,6 @@
 //! Weight of the hand.
 
-use crate::effect::{Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude};
+use crate::effect::{Behaviour, Description, Effect, FlippedArm, JointState, NativeForm, OsimForm, Stage, amplitude};
 
 /// Weight of the hand: `-(A cos q + B sin q); A² + B² = (m g l)²`, with the other sign where the forearm is turned over.
 pub struct Gravity;
@@ -9,6 +9,8 @@ static DESCRIPTION: Description = Description {
     id: "gravity",
     name: "Weight of the hand",
     stage: Stage::Inertia,
+    order: 0,
+    behaviour: Behaviour { flipped_arm: FlippedArm::Reversed, ..Behaviour::PLAIN },
     equation: "-(A cos q + B sin q); A² + B² = (m g l)²",
     parameters: &[
         amplitude(
@@ -17,8 +19,8 @@ static DESCRIPTION: Description = Description {
             0.2,
             [-1.2, 1.2],
             "weight of the hand 0.2 to 0.6 N·m, and the attachment (assumed, no published source); up to 1.2 either way, with a handle, is still taken for plausible",
-        ),
-        amplitude("moment_at_90_deg", "N·m", 0.2, [-1.2, 1.2], "the same, for another direction of gravity"),
+        ).of_strength(),
+        amplitude("moment_at_90_deg", "N·m", 0.2, [-1.2, 1.2], "the same, for another direction of gravity").of_strength(),
     ],
     signature: "a sinusoid against angle, the same at every activation",
     experiment: "relaxed sweep, forearm turned over (arm = flipped in trials.csv: the other sign)",

@@ -1,6 +1,6 @@
 //! Inertia of the hand and the attachment.
 
-use crate::effect::{Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude};
+use crate::effect::{Behaviour, Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude};
 
 /// Inertia of the hand and the attachment: `-J q̈`.
 pub struct Inertia;
@@ -9,6 +9,8 @@ static DESCRIPTION: Description = Description {
     id: "inertia",
     name: "Inertia of the hand and the attachment",
     stage: Stage::Inertia,
+    order: 0,
+    behaviour: Behaviour::PLAIN,
     equation: "-J q̈",
     parameters: &[amplitude(
         "inertia",
@@ -16,7 +18,8 @@ static DESCRIPTION: Description = Description {
         0.005,
         [0.0, 0.05],
         "0.002 to 0.02 (assumed, no published source); 0 to 0.05 is still taken for plausible",
-    )],
+    )
+    .of_strength()],
     signature: "follows acceleration",
     experiment: "fast start and stop",
     rivals: &["history_dependence", "time_shift"],

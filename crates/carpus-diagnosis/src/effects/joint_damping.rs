@@ -1,6 +1,6 @@
 //! Viscous damping of the joint.
 
-use crate::effect::{Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude};
+use crate::effect::{Behaviour, Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude};
 
 /// Viscous damping of the joint: `-b q̇`.
 pub struct JointDamping;
@@ -9,6 +9,8 @@ static DESCRIPTION: Description = Description {
     id: "joint_damping",
     name: "Viscous damping of the joint",
     stage: Stage::Joint,
+    order: 0,
+    behaviour: Behaviour::PLAIN,
     equation: "-b q̇",
     parameters: &[amplitude(
         "damping",
@@ -16,7 +18,7 @@ static DESCRIPTION: Description = Description {
         0.03,
         [0.0, 0.2],
         "Falzarano et al. 2021 (doi:10.3389/fnhum.2021.726841) measured it; 0.01 to 0.1 (assumed, no published source); 0 to 0.2 is still taken for plausible",
-    )],
+    ).of_strength()],
     signature: "a line against velocity, nothing in isometric trials",
     experiment: "fast passive sweep",
     rivals: &["max_contraction_velocity", "coulomb_friction", "power_law_damping"],

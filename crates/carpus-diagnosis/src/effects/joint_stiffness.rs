@@ -1,6 +1,8 @@
 //! Joint stiffness.
 
-use crate::effect::{Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude, angle};
+use crate::effect::{
+    Behaviour, Description, Effect, JointState, NativeForm, NeutralShift, OsimForm, Stage, amplitude, angle,
+};
 
 /// Joint stiffness: `-k (q - q0)`.
 pub struct JointStiffness;
@@ -9,6 +11,8 @@ static DESCRIPTION: Description = Description {
     id: "joint_stiffness",
     name: "Joint stiffness",
     stage: Stage::Joint,
+    order: 0,
+    behaviour: Behaviour::PLAIN,
     equation: "-k (q - q0)",
     parameters: &[
         amplitude(
@@ -17,8 +21,8 @@ static DESCRIPTION: Description = Description {
             0.3,
             [0.0, 3.0],
             "Delp, Grierson and Buchanan 1996 (maximum isometric moments of the wrist muscles): passive moment near zero over the central 150°; passive stiffness measured by robots: Formica et al. 2012 (The passive stiffness of the wrist and forearm); 0 to 3: assumed, no published source",
-        ),
-        angle("rest_angle", 1.0, 0.0, 0.2, [-0.6, 0.6], "no source: within 34° of the joint's neutral angle"),
+        ).of_strength(),
+        angle("rest_angle", NeutralShift::Along, 0.0, 0.2, [-0.6, 0.6], "no source: within 34° of the joint's neutral angle"),
     ],
     signature: "a line against angle, the same at every activation",
     experiment: "slow sweep of the relaxed joint",

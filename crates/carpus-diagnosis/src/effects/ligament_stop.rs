@@ -1,6 +1,8 @@
 //! Ligament stop.
 
-use crate::effect::{Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude, angle};
+use crate::effect::{
+    Behaviour, Description, Effect, JointState, NativeForm, NeutralShift, OsimForm, Stage, amplitude, angle,
+};
 
 /// Angle over which the stiffness sets in [rad]: 1°.
 const TRANSITION: f64 = 0.017453292519943295;
@@ -18,6 +20,8 @@ static DESCRIPTION: Description = Description {
     id: "ligament_stop",
     name: "Ligament stop",
     stage: Stage::Joint,
+    order: 0,
+    behaviour: Behaviour::PLAIN,
     equation: "-k s(q - q1) (q - q1) + k s(-q - q2) (-q - q2), s a smooth step from 0 to 1 over 1°, q positive in flexion; on one side only if the other limit is out of reach",
     parameters: &[
         amplitude(
@@ -26,10 +30,11 @@ static DESCRIPTION: Description = Description {
             1.0,
             [0.0, 20.0],
             "0.5 to 20 (assumed, no published source); less is still taken for plausible",
-        ),
+        )
+        .of_strength(),
         angle(
             "flexion_limit",
-            1.0,
+            NeutralShift::Along,
             0.4,
             0.35,
             [0.1, 1.6],
@@ -37,7 +42,7 @@ static DESCRIPTION: Description = Description {
         ),
         angle(
             "extension_limit",
-            -1.0,
+            NeutralShift::Against,
             0.4,
             0.35,
             [0.1, 1.6],

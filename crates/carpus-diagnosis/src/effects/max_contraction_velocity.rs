@@ -1,6 +1,6 @@
 //! Maximum contraction velocity.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, amplitude};
+use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, log_ratio};
 use carpus_osim::osim::spec::MuscleSpec;
 
 /// Maximum contraction velocity: `v_max of all active muscles, scaled together`.
@@ -10,8 +10,10 @@ static DESCRIPTION: Description = Description {
     id: "max_contraction_velocity",
     name: "Maximum contraction velocity",
     stage: Stage::Muscle,
+    order: 0,
+    behaviour: Behaviour::PLAIN,
     equation: "v_max of all active muscles, scaled together",
-    parameters: &[amplitude(
+    parameters: &[log_ratio(
         "max_contraction_velocity",
         "optimal fibre lengths/s",
         0.3,
@@ -38,10 +40,6 @@ impl Effect for MaxContractionVelocity {
         for muscle in muscles {
             muscle.max_contraction_velocity *= ratio.exp();
         }
-        true
-    }
-
-    fn has_log_ratios(&self) -> bool {
         true
     }
 

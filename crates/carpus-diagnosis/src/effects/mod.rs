@@ -1,4 +1,6 @@
-//! The effects, one file each.
+//! The effects, one file each, and the one list of them.
+
+use crate::effect::Effect;
 
 mod activation_dependent_length;
 mod activation_dynamics;
@@ -37,39 +39,72 @@ mod torque_gain;
 mod torque_offset;
 mod unmodelled_muscles;
 
-pub use activation_dependent_length::ActivationDependentLength;
-pub use activation_dynamics::ActivationDynamics;
-pub use active_force_width::ActiveForceWidth;
-pub use angle_offset::AngleOffset;
-pub use axis_misalignment::AxisMisalignment;
-pub use coulomb_friction::CoulombFriction;
-pub use electromechanical_delay::ElectromechanicalDelay;
-pub use emg_crosstalk::EmgCrosstalk;
-pub use emg_floor::EmgFloor;
-pub use emg_gain::EmgGain;
-pub use emg_gain_drift::EmgGainDrift;
-pub use emg_nonlinearity::EmgNonlinearity;
-pub use end_range_spring::EndRangeSpring;
-pub use fatigue::Fatigue;
-pub use gravity::Gravity;
-pub use history_dependence::HistoryDependence;
-pub use inertia::Inertia;
-pub use joint_compliance::JointCompliance;
-pub use joint_damping::JointDamping;
-pub use joint_stiffness::JointStiffness;
-pub use ligament_stop::LigamentStop;
-pub use max_contraction_velocity::MaxContractionVelocity;
-pub use moment_arm_shift::MomentArmShift;
-pub use moment_arm_slope::MomentArmSlope;
-pub use passive_fiber_force::PassiveFiberForce;
-pub use potentiation::Potentiation;
-pub use power_law_damping::PowerLawDamping;
-pub use sensor_bandwidth::SensorBandwidth;
-pub use stretch_reflex::StretchReflex;
-pub use tendon_compliance::TendonCompliance;
-pub use thixotropy::Thixotropy;
-pub use time_shift::TimeShift;
-pub use torque_drift::TorqueDrift;
-pub use torque_gain::TorqueGain;
-pub use torque_offset::TorqueOffset;
-pub use unmodelled_muscles::UnmodelledMuscles;
+/// The catalogue. The order of this list is that of tables; effects act in the order that each states (`Description::order`).
+pub static CATALOGUE: &[&dyn Effect] = &[
+    &joint_stiffness::JointStiffness,
+    &end_range_spring::EndRangeSpring,
+    &ligament_stop::LigamentStop,
+    &joint_damping::JointDamping,
+    &power_law_damping::PowerLawDamping,
+    &coulomb_friction::CoulombFriction,
+    &thixotropy::Thixotropy,
+    &stretch_reflex::StretchReflex,
+    &gravity::Gravity,
+    &inertia::Inertia,
+    &moment_arm_shift::MomentArmShift,
+    &moment_arm_slope::MomentArmSlope,
+    &angle_offset::AngleOffset,
+    &joint_compliance::JointCompliance,
+    &axis_misalignment::AxisMisalignment,
+    &tendon_compliance::TendonCompliance,
+    &max_contraction_velocity::MaxContractionVelocity,
+    &active_force_width::ActiveForceWidth,
+    &passive_fiber_force::PassiveFiberForce,
+    &activation_dependent_length::ActivationDependentLength,
+    &history_dependence::HistoryDependence,
+    &unmodelled_muscles::UnmodelledMuscles,
+    &activation_dynamics::ActivationDynamics,
+    &emg_floor::EmgFloor,
+    &emg_crosstalk::EmgCrosstalk,
+    &emg_gain::EmgGain,
+    &emg_gain_drift::EmgGainDrift,
+    &electromechanical_delay::ElectromechanicalDelay,
+    &emg_nonlinearity::EmgNonlinearity,
+    &potentiation::Potentiation,
+    &fatigue::Fatigue,
+    &time_shift::TimeShift,
+    &sensor_bandwidth::SensorBandwidth,
+    &torque_gain::TorqueGain,
+    &torque_offset::TorqueOffset,
+    &torque_drift::TorqueDrift,
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::Stage;
+
+    #[test]
+    fn verif_every_file_here_is_an_effect_of_the_catalogue() {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/effects");
+        let names = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        let mut files: Vec<String> = names.filter_map(|n| n.strip_suffix(".rs").map(str::to_owned)).collect();
+        files.retain(|name| name != "mod");
+        files.sort_unstable();
+        let mut listed: Vec<&str> = CATALOGUE.iter().map(|e| e.description().id).collect();
+        listed.sort_unstable();
+        assert_eq!(files, listed);
+    }
+
+    /// EMG loses baseline and cross-talk before its gain is corrected; a sensor delays and filters before it scales and shifts.
+    #[test]
+    fn verif_effects_that_do_not_commute_have_an_order() {
+        for stage in [Stage::Excitation, Stage::Sensor] {
+            let here = || CATALOGUE.iter().map(|e| e.description()).filter(|d| d.stage == stage);
+            let mut orders: Vec<u8> = here().map(|d| d.order).collect();
+            orders.sort_unstable();
+            orders.dedup();
+            assert_eq!(orders.len(), here().count(), "{stage:?}");
+        }
+    }
+}

@@ -1,6 +1,6 @@
 //! Longer or shorter moment arms.
 
-use crate::effect::{Description, Effect, MuscleState, OsimForm, Stage, amplitude};
+use crate::effect::{Behaviour, Description, Effect, MuscleState, OsimForm, Stage, amplitude};
 
 /// Moment arms below this [m] are taken as this: where an arm changes sign, a factor of it means nothing.
 const SHORTEST_ARM: f64 = 1e-3;
@@ -12,6 +12,8 @@ static DESCRIPTION: Description = Description {
     id: "moment_arm_shift",
     name: "Longer or shorter moment arms",
     stage: Stage::Geometry,
+    order: 0,
+    behaviour: Behaviour::PLAIN,
     equation: "r + δ sign(r), the same in all active muscles; lengths stay",
     parameters: &[amplitude("shift", "m", 0.001, [-0.003, 0.003], "±3 mm (assumed, no published source)")],
     signature: "a gain of each muscle, hardly anything else",

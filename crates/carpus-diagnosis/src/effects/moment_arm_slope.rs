@@ -1,6 +1,6 @@
 //! Moment arms that change with the angle.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude};
+use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, TrialContext, amplitude};
 
 /// Moment arms that change with the angle: `r (1 + s q)`.
 pub struct MomentArmSlope;
@@ -9,6 +9,8 @@ static DESCRIPTION: Description = Description {
     id: "moment_arm_slope",
     name: "Moment arms that change with the angle",
     stage: Stage::Geometry,
+    order: 0,
+    behaviour: Behaviour::PLAIN,
     equation: "r (1 + s q)",
     parameters: &[amplitude(
         "slope",

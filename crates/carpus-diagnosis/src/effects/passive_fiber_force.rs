@@ -1,6 +1,6 @@
 //! Stiffness of passive fibres.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, amplitude, scale_property, scaled_mean};
+use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, log_ratio, scale_property, scaled_mean};
 use carpus_osim::osim::spec::{Millard2012Spec, MuscleSpec};
 
 /// Stiffness of passive fibres: `strain of the fibre at which its passive force is F_max; all muscles scaled together`.
@@ -10,8 +10,10 @@ static DESCRIPTION: Description = Description {
     id: "passive_fiber_force",
     name: "Stiffness of passive fibres",
     stage: Stage::Muscle,
+    order: 0,
+    behaviour: Behaviour::PLAIN,
     equation: "strain of the fibre at which its passive force is F_max; its excess over that at which force begins is scaled, in all muscles together",
-    parameters: &[amplitude(
+    parameters: &[log_ratio(
         "strain_at_one_norm_force",
         "1",
         0.2,
@@ -38,10 +40,6 @@ impl Effect for PassiveFiberForce {
             curve.stiffness_at_low_force.iter_mut().for_each(|stiffness| *stiffness /= factor);
             curve.stiffness_at_one_norm_force.iter_mut().for_each(|stiffness| *stiffness /= factor);
         })
-    }
-
-    fn has_log_ratios(&self) -> bool {
-        true
     }
 
     fn reported(&self, values: &[f64], muscles: &[MuscleSpec]) -> Vec<f64> {

@@ -1,6 +1,6 @@
 //! Potentiation.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude, shape};
+use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, TrialContext, amplitude, shape};
 
 /// Potentiation: `e (1 + p (1 - exp(-∫e dt/T))), ∫ over the session; no decay`.
 pub struct Potentiation;
@@ -9,6 +9,8 @@ static DESCRIPTION: Description = Description {
     id: "potentiation",
     name: "Potentiation",
     stage: Stage::Excitation,
+    order: 70,
+    behaviour: Behaviour::PLAIN,
     equation: "e (1 + p (1 - exp(-∫e dt/T))), ∫ over the session; no decay",
     parameters: &[
         amplitude(

@@ -1,6 +1,6 @@
 //! Damping that saturates.
 
-use crate::effect::{Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude, shape};
+use crate::effect::{Behaviour, Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude, shape};
 
 /// Rest is not sharper than this speed [rad/s].
 const LEAST_REST_SPEED: f64 = 1e-3;
@@ -12,9 +12,12 @@ static DESCRIPTION: Description = Description {
     id: "power_law_damping",
     name: "Damping that saturates",
     stage: Stage::Joint,
+    order: 0,
+    behaviour: Behaviour::PLAIN,
     equation: "-b q̇ (q̇² + v0²)^((p-1)/2): -b sign(q̇) |q̇|^p, smooth through rest below v0",
     parameters: &[
-        amplitude("damping", "N·m·(s/rad)^p", 0.1, [0.0, 0.6], "no source: at 1 rad/s as large as dry friction may be"),
+        amplitude("damping", "N·m·(s/rad)^p", 0.1, [0.0, 0.6], "no source: at 1 rad/s as large as dry friction may be")
+            .of_strength(),
         shape(
             "exponent",
             "1",

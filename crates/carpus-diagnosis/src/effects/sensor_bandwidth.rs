@@ -1,6 +1,6 @@
 //! Slow sensor.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude, shape};
+use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, TrialContext, amplitude, shape};
 
 /// Slow sensor: two low-passes in a row, `T (1 - r) ẋ = τ - x`, `T r ẏ = x - y`.
 pub struct SensorBandwidth;
@@ -9,6 +9,8 @@ static DESCRIPTION: Description = Description {
     id: "sensor_bandwidth",
     name: "Slow sensor",
     stage: Stage::Sensor,
+    order: 30,
+    behaviour: Behaviour::PLAIN,
     equation: "T (1 - r) ẋ = τ - x, T r ẏ = x - y: of first order at r = 0, of second, critically damped, at r = 1/2",
     parameters: &[
         amplitude(

@@ -1,6 +1,7 @@
 //! Stretch reflex.
 
-use crate::effect::{Description, Effect, JointState, OsimForm, Stage, amplitude, delayed, shape};
+use crate::effect::{Behaviour, Description, Effect, JointState, MomentUse, OsimForm, Stage, amplitude, shape};
+use crate::series::delayed;
 
 /// Least moment at which a reflex is half of its largest [N·m].
 const LEAST_HALF: f64 = 0.05;
@@ -12,6 +13,8 @@ static DESCRIPTION: Description = Description {
     id: "stretch_reflex",
     name: "Stretch reflex",
     stage: Stage::Joint,
+    order: 0,
+    behaviour: Behaviour { muscle_moment: MomentUse::Reads, ..Behaviour::PLAIN },
     equation: "-b q̇(t - d) m(t), m = |M| / (|M| + M0), M the moment of the muscles: grows with it, and saturates",
     parameters: &[
         amplitude(
@@ -20,7 +23,7 @@ static DESCRIPTION: Description = Description {
             0.05,
             [0.0, 0.5],
             "no source: 0 to 0.5 is taken for plausible, several times the joint's damping",
-        ),
+        ).of_strength(),
         shape(
             "delay",
             "s",
@@ -36,7 +39,7 @@ static DESCRIPTION: Description = Description {
             1.0,
             [0.05, 10.0],
             "M0, at which it is half of its largest: reflexes grow with the contraction (automatic gain compensation: Matthews 1986, doi:10.1113/jphysiol.1986.sp016066), here up to a largest one; the number has no source",
-        ),
+        ).of_strength(),
     ],
     signature: "as damping, delayed and only while active",
     experiment: "perturbations",
@@ -48,10 +51,6 @@ static DESCRIPTION: Description = Description {
 impl Effect for StretchReflex {
     fn description(&self) -> &'static Description {
         &DESCRIPTION
-    }
-
-    fn needs_moment(&self) -> bool {
-        true
     }
 
     fn add_moment(&self, values: &[f64], joint: &JointState, moment: &mut [f64]) {

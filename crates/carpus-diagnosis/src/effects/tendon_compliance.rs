@@ -1,6 +1,6 @@
 //! Tendon compliance.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, amplitude, scale_property, scaled_mean};
+use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, log_ratio, scale_property, scaled_mean};
 use carpus_osim::osim::spec::MuscleSpec;
 
 /// Tendon compliance: `strain of the tendon at maximum isometric force; its stiffness changes inversely`.
@@ -10,8 +10,10 @@ static DESCRIPTION: Description = Description {
     id: "tendon_compliance",
     name: "Tendon compliance",
     stage: Stage::Muscle,
+    order: 0,
+    behaviour: Behaviour::PLAIN,
     equation: "strain of the tendon at maximum isometric force; its stiffness changes inversely",
-    parameters: &[amplitude(
+    parameters: &[log_ratio(
         "strain_at_one_norm_force",
         "1",
         0.3,
@@ -36,10 +38,6 @@ impl Effect for TendonCompliance {
             curve.strain_at_one_norm_force *= factor;
             curve.stiffness_at_one_norm_force.iter_mut().for_each(|stiffness| *stiffness /= factor);
         })
-    }
-
-    fn has_log_ratios(&self) -> bool {
-        true
     }
 
     fn reported(&self, values: &[f64], muscles: &[MuscleSpec]) -> Vec<f64> {

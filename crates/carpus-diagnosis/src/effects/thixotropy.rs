@@ -1,6 +1,6 @@
 //! Thixotropy: short-range elasticity of passive muscle.
 
-use crate::effect::{Description, Effect, JointState, OsimForm, Stage, amplitude, shape};
+use crate::effect::{Behaviour, Description, Effect, JointState, OsimForm, Stage, amplitude, shape};
 
 /// Thixotropy: short-range elasticity of passive muscle: `-σ z, ż = q̇ - |q̇| z/z0; no recovery at rest`.
 pub struct Thixotropy;
@@ -9,6 +9,8 @@ static DESCRIPTION: Description = Description {
     id: "thixotropy",
     name: "Thixotropy: short-range elasticity of passive muscle",
     stage: Stage::Joint,
+    order: 0,
+    behaviour: Behaviour::PLAIN,
     equation: "-σ z, ż = q̇ - |q̇| z/z0; no recovery at rest",
     parameters: &[
         amplitude(
@@ -17,7 +19,7 @@ static DESCRIPTION: Description = Description {
             3.0,
             [0.0, 30.0],
             "Lakie, Walsh and Wright 1984 (J Physiol 353:265): the relaxed wrist is thixotropic, memory 1 to 2 s; 0.05 to 0.5 N·m over 1 to 3°, unverified, is 1 to 29; 0 to 30 is taken for plausible",
-        ),
+        ).of_strength(),
         shape("range", "rad", 0.035, 0.01, [0.0175, 0.0525], "1 to 3° (assumed, no published source)"),
     ],
     signature: "a loop after every reversal",

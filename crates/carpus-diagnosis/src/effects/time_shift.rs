@@ -1,6 +1,7 @@
 //! Clock difference between moment and EMG.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude, delayed};
+use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, TrialContext, amplitude};
+use crate::series::delayed;
 
 /// Clock difference between moment and EMG: `τ(t - d)`.
 pub struct TimeShift;
@@ -9,6 +10,8 @@ static DESCRIPTION: Description = Description {
     id: "time_shift",
     name: "Clock difference between moment and EMG",
     stage: Stage::Sensor,
+    order: 20,
+    behaviour: Behaviour::PLAIN,
     equation: "τ(t - d)",
     parameters: &[amplitude(
         "shift",

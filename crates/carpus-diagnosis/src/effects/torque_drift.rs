@@ -1,6 +1,6 @@
 //! Drift of the sensor.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude, shape};
+use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, TrialContext, amplitude, shape};
 
 /// Drift of the sensor: `τ + d (s + c s (1 - s))`, s = 0 to 1 over the session.
 pub struct TorqueDrift;
@@ -9,6 +9,8 @@ static DESCRIPTION: Description = Description {
     id: "torque_drift",
     name: "Drift of the sensor",
     stage: Stage::Sensor,
+    order: 60,
+    behaviour: Behaviour::PLAIN,
     equation: "τ + d (s + c s (1 - s)), s = 0 to 1 over the session",
     parameters: &[
         amplitude(
@@ -17,7 +19,8 @@ static DESCRIPTION: Description = Description {
             0.1,
             [-0.8, 0.8],
             "±0.4 N·m per session (assumed, no published source); up to twice that is still taken for plausible",
-        ),
+        )
+        .of_strength(),
         shape(
             "slackening",
             "1",

@@ -1,6 +1,6 @@
 //! Gain of the sensor.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude};
+use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, TrialContext, amplitude};
 
 /// Gain of the sensor: `τ (1 + g)`.
 pub struct TorqueGain;
@@ -9,6 +9,8 @@ static DESCRIPTION: Description = Description {
     id: "torque_gain",
     name: "Gain of the sensor",
     stage: Stage::Sensor,
+    order: 40,
+    behaviour: Behaviour::PLAIN,
     equation: "τ (1 + g)",
     parameters: &[amplitude(
         "gain_error",

@@ -1,6 +1,6 @@
 //! Offset of the sensor.
 
-use crate::effect::{Description, Effect, OsimForm, Stage, TrialContext, amplitude};
+use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, TrialContext, amplitude};
 
 /// Offset of the sensor: `τ + b`.
 pub struct TorqueOffset;
@@ -9,6 +9,8 @@ static DESCRIPTION: Description = Description {
     id: "torque_offset",
     name: "Offset of the sensor",
     stage: Stage::Sensor,
+    order: 50,
+    behaviour: Behaviour::PLAIN,
     equation: "τ + b",
     parameters: &[amplitude(
         "offset",
@@ -16,7 +18,8 @@ static DESCRIPTION: Description = Description {
         0.1,
         [-0.6, 0.6],
         "zero of dynamometers, ±0.3 N·m (assumed, no published source); up to twice that is still taken for plausible",
-    )],
+    )
+    .of_strength()],
     signature: "a constant",
     experiment: "unloaded zero of the sensor",
     rivals: &["gravity", "joint_stiffness"],

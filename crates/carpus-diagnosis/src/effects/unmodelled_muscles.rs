@@ -1,6 +1,6 @@
 //! Muscles that act but are not activated in the study.
 
-use crate::effect::{Description, Effect, JointState, OsimForm, Stage, amplitude};
+use crate::effect::{Behaviour, Description, Effect, JointState, OsimForm, Stage, amplitude};
 use crate::silent_muscles::SilentMuscles;
 
 /// Time constant with which the silent muscles follow the recorded ones [s].
@@ -15,6 +15,8 @@ static DESCRIPTION: Description = Description {
     id: "unmodelled_muscles",
     name: "Muscles that act but are not activated in the study",
     stage: Stage::Joint,
+    order: 0,
+    behaviour: Behaviour::PLAIN,
     equation: "κ ā(t) M(q) per direction: M the active isometric moment of the model's silent muscles at full activation, ā the \
                mean excitation of the recorded muscles of that direction through a low-pass of 40 ms",
     parameters: &[

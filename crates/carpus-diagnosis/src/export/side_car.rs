@@ -18,11 +18,12 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use crate::catalogue::{effect, with_own};
-use crate::effect::{Effect, Parameter};
+use crate::effect::{Parameter, Quantity};
 use crate::forward_model::Setting;
-use crate::own_effect::{Definition, TakenId, register};
+use crate::own_effect::{Definition, TakenId, definition, register};
 use carpus_osim::osim::error::nearest;
 use carpus_study::study::Problem;
+use carpus_study::study::write::toml_string;
 
 /// Schema of the file.
 pub const SIDE_CAR_SCHEMA: &str = "carpus.effects/1";
@@ -30,8 +31,11 @@ pub const SIDE_CAR_SCHEMA: &str = "carpus.effects/1";
 const LOG_RATIO: &str = "ln(ratio)";
 
 /// Unit in which the file gives a parameter.
-fn unit_of(effect: &dyn Effect, parameter: &Parameter) -> &'static str {
-    if effect.has_log_ratios() { LOG_RATIO } else { parameter.unit }
+fn unit_of(parameter: &Parameter) -> &'static str {
+    match parameter.quantity {
+        Quantity::Itself => parameter.unit,
+        Quantity::LogRatio => LOG_RATIO,
+    }
 }
 
 /// Effects beside a model.
@@ -136,16 +140,20 @@ impl SideCar {
     pub fn to_toml(&self) -> String {
         let mut text =
             String::from("# Effects that no component of stock OpenSim has; read together with the model.\n");
-        text.push_str(&format!("schema = {}\ncoordinate = {}\n", quoted(SIDE_CAR_SCHEMA), quoted(&self.coordinate)));
+        text.push_str(&format!(
+            "schema = {}\ncoordinate = {}\n",
+            toml_string(SIDE_CAR_SCHEMA),
+            toml_string(&self.coordinate)
+        ));
         for item in &self.effects {
             let description = item.effect.description();
             text.push_str(&format!("\n# {}: {}\n", description.name, description.equation));
-            text.push_str(&format!("[[effect]]\nid = {}\n", quoted(description.id)));
+            text.push_str(&format!("[[effect]]\nid = {}\n", toml_string(description.id)));
             for (parameter, value) in description.parameters.iter().zip(&item.values) {
-                let unit = quoted(unit_of(item.effect, parameter));
+                let unit = toml_string(unit_of(parameter));
                 text.push_str(&format!("{} = {{ value = {value:?}, unit = {unit} }}\n", parameter.name));
             }
-            if let Some(definition) = item.effect.definition() {
+            if let Some(definition) = definition(item.effect) {
                 text.push_str(&format!("definition = {}\n", lines_quoted(&definition.text)));
             }
         }
@@ -173,16 +181,11 @@ impl SideCar {
     }
 }
 
-/// A basic string of TOML: JSON's escapes are among TOML's.
-fn quoted(text: &str) -> String {
-    serde_json::Value::from(text).to_string()
-}
-
 /// A string of several lines, as it is where TOML allows it.
 fn lines_quoted(text: &str) -> String {
     let is_plain = |c: char| !c.is_control() || c == '\n' || c == '\t';
     if text.contains("'''") || text.ends_with('\'') || !text.chars().all(is_plain) {
-        return quoted(text);
+        return toml_string(text);
     }
     format!("'''\n{text}'''")
 }
@@ -217,7 +220,7 @@ impl Reader<'_> {
     fn side_car(&self, table: &toml::Table) -> Result<SideCar, SideCarError> {
         self.only(table, &["schema", "coordinate", "effect"], "the file")?;
         if self.text(table, "schema", "")? != SIDE_CAR_SCHEMA {
-            return Err(self.unexpected("schema", quoted(SIDE_CAR_SCHEMA), table.get("schema")));
+            return Err(self.unexpected("schema", toml_string(SIDE_CAR_SCHEMA), table.get("schema")));
         }
         let coordinate = self.text(table, "coordinate", "")?.to_owned();
         let mut effects = Vec::new();
@@ -246,7 +249,7 @@ impl Reader<'_> {
         })?;
         if definition.id != id {
             let found = toml::Value::from(definition.id.as_str());
-            return Err(self.unexpected(&format!("{id}.definition: id"), quoted(id), Some(&found)));
+            return Err(self.unexpected(&format!("{id}.definition: id"), toml_string(id), Some(&found)));
         }
         register(definition).map(|_| ()).map_err(|taken| SideCarError::Taken { file, taken })
     }
@@ -264,18 +267,18 @@ impl Reader<'_> {
             });
         };
         let parameters = effect.description().parameters;
-        let definition = effect.definition().map(|_| "definition");
+        let definition = definition(effect).map(|_| "definition");
         let names = parameters.iter().map(|p| p.name);
         let allowed: Vec<&str> = std::iter::once("id").chain(definition).chain(names).collect();
         self.only(table, &allowed, id)?;
         let mut values = Vec::with_capacity(parameters.len());
         for parameter in parameters {
             let at = format!("{id}.{}", parameter.name);
-            let unit = unit_of(effect, parameter);
+            let unit = unit_of(parameter);
             let given = table.get(parameter.name);
             let inner = given.and_then(toml::Value::as_table);
             let Some(inner) = inner else {
-                let expected = format!("{{ value = …, unit = {} }}", quoted(unit));
+                let expected = format!("{{ value = …, unit = {} }}", toml_string(unit));
                 return Err(self.unexpected(&at, expected, given));
             };
             self.only(inner, &["value", "unit"], &at)?;
@@ -285,7 +288,7 @@ impl Reader<'_> {
                 return Err(SideCarError::PropertyItself { file, parameter: at, found });
             }
             if found != unit {
-                return Err(self.unexpected(&format!("{at}.unit"), quoted(unit), inner.get("unit")));
+                return Err(self.unexpected(&format!("{at}.unit"), toml_string(unit), inner.get("unit")));
             }
             let value = match inner.get("value") {
                 Some(toml::Value::Float(value)) if value.is_finite() => *value,
@@ -302,6 +305,7 @@ impl Reader<'_> {
 mod tests {
     use super::*;
     use crate::catalogue::CATALOGUE;
+    use crate::effect::Effect;
     use carpus_osim::osim::OsimFile;
 
     const HEAD: &str = "schema = \"carpus.effects/1\"\ncoordinate = \"flexion\"\n";
@@ -349,7 +353,7 @@ mod tests {
         assert_eq!(read.effects[0].values, [0.5]);
         let again = SideCar::parse(&read.to_toml(), Path::new("effects.toml")).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(again, read);
-        assert_eq!(again.effects[0].effect.definition().map(|d| d.text.as_str()), Some(definition));
+        assert_eq!(crate::own_effect::definition(again.effects[0].effect).map(|d| d.text.as_str()), Some(definition));
         let error = |text: &str| SideCar::parse(text, Path::new("effects.toml")).unwrap_err();
         let other = error(&text.replace("-k*q^3", "-k*q^5"));
         assert!(other.to_string().contains("expected one definition of `side_car_spring`"), "{other}");

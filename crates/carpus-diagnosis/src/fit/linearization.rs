@@ -8,10 +8,11 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::super::ONE_BY_ONE;
-use super::super::effect::{Effect, interpolate};
+use super::super::effect::Effect;
 use super::super::forward_model::{Change, Core, ExcitationChange, FITTED_PER_MUSCLE, Setting, matters};
 use super::super::noise::{BASELINE_SD, KNOT_SPACING, Response, TrialNoise};
 use super::super::score_test::Block;
+use super::super::series::interpolate;
 use super::super::where_it_fails;
 use super::grid::slope_of_bounded;
 use super::{Analysis, Point, block_means, block_starts, knot_count};

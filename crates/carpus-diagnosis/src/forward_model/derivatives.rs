@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::super::effect::{Effect, JointState, MuscleState, Stage, TrialContext};
+use super::super::effect::{JointState, MuscleState, Stage, TrialContext};
 use super::{
     Core, FEEDBACK_ROUNDS, ForwardModel, Setting, TrialInput, change_at, in_order, muscle_change, shown_effects,
 };
@@ -73,7 +73,7 @@ impl ForwardModel {
     /// Whether the recorded moment changes otherwise than the muscles' moment does: through the sensor, or through an effect on
     /// the joint that depends on the muscles' moment.
     pub fn reshapes_moment(&self, effects: &[Setting]) -> bool {
-        let reshapes = |s: &Setting| senses(s) || !s.is_absent() && s.effect.needs_moment();
+        let reshapes = |s: &Setting| senses(s) || !s.is_absent() && s.effect.description().needs_moment();
         self.acting(effects).iter().any(reshapes)
     }
 
@@ -89,14 +89,15 @@ impl ForwardModel {
         changes: impl IntoIterator<Item = Change<'c>>,
     ) -> Vec<Vec<f64>> {
         let acting = self.acting(effects);
-        if !acting.iter().any(|s| s.effect.needs_moment()) {
+        if !acting.iter().any(|s| s.effect.description().needs_moment()) {
             let sensing: Vec<&Setting> = in_order(&acting).into_iter().filter(|s| senses(s)).collect();
             return self.sensed_changes(trial, core, &sensing, changes);
         }
         let base = self.recorded(trial, core, core.moment.clone(), core.shown(), effects, false);
         let add =
             |to: &[f64], by: &[f64], step: f64| -> Vec<f64> { to.iter().zip(by).map(|(m, d)| m + step * d).collect() };
-        let feeding_back: Vec<&Setting> = in_order(&acting).into_iter().filter(|s| s.effect.feeds_back()).collect();
+        let feeding_back: Vec<&Setting> =
+            in_order(&acting).into_iter().filter(|s| s.effect.description().feeds_back()).collect();
         let recorded = |by: Change<'c>| {
             let by = &*self.fed_back(trial, core, &feeding_back, by);
             let largest = by.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
@@ -217,10 +218,10 @@ impl ForwardModel {
         parameter: usize,
     ) -> Result<Vec<f64>, SimulationError> {
         let stage = effects[which].effect.description().stage;
-        if matches!(stage, Stage::Joint | Stage::Inertia) {
+        if stage.adds_moment() {
             return Ok(self.joint_derivative(trial, core, effects, which, parameter));
         }
-        let step = step(effects[which].effect);
+        let step = effects[which].effect.description().stage.difference_step();
         let sides = [1.0, -1.0].map(|sign| self.moved(effects, which, parameter, sign * step));
         if stage <= Stage::Activation
             && let Some((changes, follows)) =
@@ -264,7 +265,7 @@ impl ForwardModel {
         parameter: usize,
     ) -> Vec<f64> {
         let Setting { effect, values } = &effects[which];
-        let step = step(*effect);
+        let step = effect.description().stage.difference_step();
         let scale = self.joint.scale(&effect.description().parameters[parameter]);
         let sides = [1.0, -1.0].map(|sign| {
             let mut values = values.clone();
@@ -538,7 +539,7 @@ impl ForwardModel {
     ) -> Result<Vec<[Cow<'_, MusculoskeletalModel>; 2]>, SimulationError> {
         (0..effects[which].values.len())
             .map(|parameter| {
-                let step = step(effects[which].effect);
+                let step = effects[which].effect.description().stage.difference_step();
                 let up = self.variant(&self.moved(effects, which, parameter, step))?;
                 let down = self.variant(&self.moved(effects, which, parameter, -step))?;
                 Ok([up, down])
@@ -558,15 +559,6 @@ impl ForwardModel {
 /// Whether an effect is one on the sensor, and there.
 fn senses(setting: &Setting) -> bool {
     setting.effect.description().stage == Stage::Sensor && !setting.is_absent()
-}
-
-/// Step of differences of closed formulas, in units of a parameter's scale: errors of rounding and of the step squared are
-/// both near 10⁻⁸. Curves of muscles are tables with an error of 10⁻⁸, and take a wider one.
-fn step(effect: &dyn Effect) -> f64 {
-    match effect.description().stage {
-        Stage::Muscle | Stage::Activation => 1e-2,
-        _ => 1e-4,
-    }
 }
 
 #[cfg(test)]

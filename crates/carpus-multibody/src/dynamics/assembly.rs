@@ -1,6 +1,7 @@
 //! Positions and speeds that satisfy the constraints.
 
-use super::solve::{Dynamics, DynamicsError, RANK_TOLERANCE, Space};
+use super::error::DynamicsError;
+use super::solve::{Dynamics, RANK_TOLERANCE, Space};
 use carpus_numerics::numerics::is_finite;
 use nalgebra::{DMatrix, DVector};
 

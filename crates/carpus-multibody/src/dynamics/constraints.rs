@@ -3,40 +3,13 @@
 //! Every constraint gives rows in the space of coordinate rates q̇ or of speeds u; rows of q̇ are turned into rows of u
 //! by N(q), which is the identity for all joints but ball and free joints.
 
+use super::error::ConstraintError;
 use super::reduction::Reduction;
 use crate::multibody::{BaseIndex, Cache, Coupler, Model};
 use carpus_numerics::spatial::{SpatialForce, SpatialVelocity, Transform};
 use carpus_osim::functions::Function;
-use carpus_osim::osim::spec::{ConstraintKind, CoordinateIndex, FrameIndex, Location, ModelSpec};
+use carpus_osim::osim::spec::{ConstraintKind, CoordinateIndex, FrameIndex, ModelSpec};
 use nalgebra::{DMatrix, DVector, Vector3};
-
-/// Why constraints cannot be built.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ConstraintError {
-    /// A class that is not enforced.
-    #[error("{}: {class} is not supported", .at.path)]
-    Unsupported {
-        /// The constraint.
-        at: Location,
-        /// OpenSim class name.
-        class: String,
-    },
-    /// A line without direction.
-    #[error("{}: expected a line_direction_vec of nonzero length", .at.path)]
-    NoDirection {
-        /// The constraint.
-        at: Location,
-    },
-}
-
-impl ConstraintError {
-    /// The constraint that it is about.
-    pub fn at(&self) -> &Location {
-        match self {
-            ConstraintError::Unsupported { at, .. } | ConstraintError::NoDirection { at } => at,
-        }
-    }
-}
 
 /// A point fixed in a base.
 #[derive(Clone, Copy, Debug)]

@@ -1,11 +1,68 @@
-//! Why a model cannot be simulated forward.
+//! Why constraints cannot be built, equations of motion not be solved, or a model not be simulated forward.
 
-use super::constraints::ConstraintError;
 use super::path_jump::PathJump;
-use super::solve::DynamicsError;
 use crate::forces::ForceError;
 use crate::muscles::{EquilibriumError, MuscleError};
 use crate::paths::PathError;
+use carpus_osim::osim::spec::Location;
+
+/// Why constraints cannot be built.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ConstraintError {
+    /// A class that is not enforced.
+    #[error("{}: {class} is not supported", .at.path)]
+    Unsupported {
+        /// The constraint.
+        at: Location,
+        /// OpenSim class name.
+        class: String,
+    },
+    /// A line without direction.
+    #[error("{}: expected a line_direction_vec of nonzero length", .at.path)]
+    NoDirection {
+        /// The constraint.
+        at: Location,
+    },
+}
+
+impl ConstraintError {
+    /// The constraint that it is about.
+    pub fn at(&self) -> &Location {
+        match self {
+            ConstraintError::Unsupported { at, .. } | ConstraintError::NoDirection { at } => at,
+        }
+    }
+}
+
+/// Why the equations have no solution.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum DynamicsError {
+    /// Something without mass can move: coordinates on which it depends are named.
+    #[error(
+        "accelerations are not determined: {} can move so that nothing with mass does (parts without mass, or axes of a joint \
+         that coincide in this pose)",
+        .coordinates.join(", ")
+    )]
+    Massless {
+        /// Coordinates with the largest part in the massless motion.
+        coordinates: Vec<String>,
+    },
+    /// Equations without a unique solution in a model whose bodies do not all have inertias of bodies.
+    #[error("the mass matrix is singular: {} has a negative principal moment of inertia", .bodies.join(", "))]
+    Singular {
+        /// The bodies that have such an inertia.
+        bodies: Vec<String>,
+    },
+    /// Constraints cannot be satisfied together.
+    #[error("constraints cannot be satisfied: a violation of {violation:.2e} rad or m is left")]
+    NotAssembled {
+        /// Largest violation.
+        violation: f64,
+    },
+    /// Forces or positions are not finite.
+    #[error("the state or the forces on it are not finite")]
+    NotFinite,
+}
 
 /// Why a model cannot be simulated forward.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -16,10 +16,10 @@ mod reduction;
 mod simulate;
 mod solve;
 
-pub use constraints::{ConstraintError, ConstraintForce, Constraints};
-pub use error::PlantError;
+pub use constraints::{ConstraintForce, Constraints};
+pub use error::{ConstraintError, DynamicsError, PlantError};
 pub use path_jump::PathJump;
 pub use plant::{DrivenPlant, LaggedActuator, Load, Plant, PlantMuscle, PlantState, Work};
 pub use reduction::{Reduction, Relation};
 pub use simulate::{ForwardOptions, Trajectory, simulate_forward};
-pub use solve::{Accelerations, Dynamics, DynamicsError};
+pub use solve::{Accelerations, Dynamics};

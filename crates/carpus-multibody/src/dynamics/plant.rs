@@ -6,10 +6,10 @@
 mod linearize;
 
 use super::constraints::Constraints;
-use super::error::PlantError;
+use super::error::{DynamicsError, PlantError};
 use super::mass::MassSolver;
 use super::reduction::{Reduction, Relation};
-use super::solve::{DynamicsError, without_solution};
+use super::solve::without_solution;
 use crate::forces::{Actuator, AppliedForces, Forces, PathForce};
 use crate::multibody::{BodySubset, Cache, DynamicsBuffers, Model};
 use crate::muscles::{MuscleModel, MuscleState};
@@ -45,7 +45,7 @@ impl PlantMuscle {
     fn state(&self, x: &[f64], excitation: f64) -> MuscleState {
         MuscleState {
             activation: self.activation.map_or(excitation, |i| x[i]),
-            fiber_length: self.fiber_length.map_or(f64::NAN, |i| x[i]),
+            equilibrium_state: self.fiber_length.map_or(f64::NAN, |i| x[i]),
             fiber_velocity: self.fiber_velocity.map_or(0.0, |i| x[i]),
         }
     }
@@ -437,7 +437,7 @@ impl Plant {
             rates[i] = m.muscle.activation_rate(state.activation, excitation[k]);
         }
         if let Some(i) = m.fiber_length {
-            rates[i] = found.fiber_length;
+            rates[i] = found.equilibrium_state;
         }
         if let Some(i) = m.fiber_velocity {
             rates[i] = found.fiber_velocity;

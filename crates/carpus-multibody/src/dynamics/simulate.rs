@@ -1,9 +1,8 @@
 //! Forward simulation: from a state and excitations to a trajectory.
 
-use super::error::PlantError;
+use super::error::{DynamicsError, PlantError};
 use super::path_jump::path_jump;
 use super::plant::{DrivenPlant, Plant, PlantState};
-use super::solve::DynamicsError;
 use carpus_numerics::numerics::{Bdf, Cost, Grouped, StiffSystem};
 use nalgebra::{DMatrix, DVector};
 
@@ -189,7 +188,7 @@ fn tolerances(plant: &Plant, accuracy: f64) -> Vec<f64> {
     let mut absolute = vec![accuracy; plant.n_states()];
     for muscle in &plant.muscles {
         if let Some(i) = muscle.fiber_length {
-            absolute[i] = accuracy * muscle.muscle.length_state_scale();
+            absolute[i] = accuracy * muscle.muscle.equilibrium_state_scale();
         }
     }
     absolute

@@ -1,6 +1,7 @@
 //! Accelerations from forces, forces from accelerations, and states that satisfy the constraints.
 
 use super::constraints::{Constraints, Rows};
+use super::error::DynamicsError;
 use super::mass::MassSolver;
 use crate::forces::AppliedForces;
 use crate::multibody::{Body, Cache, DynamicsBuffers, Model};
@@ -10,36 +11,6 @@ use nalgebra::{DMatrix, DVector};
 
 /// Singular values of the constraints' Jacobian below this share of the largest count as zero: redundant constraints.
 pub(super) const RANK_TOLERANCE: f64 = 1e-10;
-
-/// Why the equations have no solution.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum DynamicsError {
-    /// Something without mass can move: coordinates on which it depends are named.
-    #[error(
-        "accelerations are not determined: {} can move so that nothing with mass does (parts without mass, or axes of a joint \
-         that coincide in this pose)",
-        .coordinates.join(", ")
-    )]
-    Massless {
-        /// Coordinates with the largest part in the massless motion.
-        coordinates: Vec<String>,
-    },
-    /// Equations without a unique solution in a model whose bodies do not all have inertias of bodies.
-    #[error("the mass matrix is singular: {} has a negative principal moment of inertia", .bodies.join(", "))]
-    Singular {
-        /// The bodies that have such an inertia.
-        bodies: Vec<String>,
-    },
-    /// Constraints cannot be satisfied together.
-    #[error("constraints cannot be satisfied: a violation of {violation:.2e} rad or m is left")]
-    NotAssembled {
-        /// Largest violation.
-        violation: f64,
-    },
-    /// Forces or positions are not finite.
-    #[error("the state or the forces on it are not finite")]
-    NotFinite,
-}
 
 /// Accelerations and the forces of constraints.
 #[derive(Clone, Debug)]

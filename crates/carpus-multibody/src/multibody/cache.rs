@@ -1,6 +1,7 @@
 //! Buffers for computed kinematics.
 
-use super::model::{BaseIndex, Model};
+use super::index::BaseIndex;
+use super::model::Model;
 use carpus_numerics::spatial::{SpatialAcceleration, SpatialVelocity, Transform};
 use carpus_osim::osim::spec::{CoordinateIndex, FrameIndex};
 use nalgebra::{Matrix3, Vector3};
@@ -97,5 +98,12 @@ impl Cache {
     /// Coupling vector dqᵢ/dq_c of the last [`Model::update_unit_motion`].
     pub fn coupling(&self) -> &[f64] {
         &self.coupling
+    }
+}
+
+impl Model {
+    /// Buffers for this model. Poses are those of nothing yet: call [`Model::update_positions`] first.
+    pub fn new_cache(&self) -> Cache {
+        Cache::new(self)
     }
 }

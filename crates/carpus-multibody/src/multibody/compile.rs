@@ -4,8 +4,9 @@ use super::beyond::Beyond;
 use super::coordinate::Coordinate;
 use super::coupler::compile_couplers;
 use super::error::CompileError;
+use super::index::{BaseIndex, coordinate_in};
 use super::mobilizer::{Axis, AxisMotion, Mobilizer, Node, Speeds, turning_in_simbody};
-use super::model::{BaseIndex, Body, Frame, LoopWeld, Model, WrapPlacement, coordinate_in};
+use super::model::{Body, Frame, LoopWeld, Model, WrapPlacement};
 use carpus_numerics::spatial::Transform;
 use carpus_osim::functions::Function;
 use carpus_osim::osim::spec::{

@@ -6,7 +6,8 @@
 //! Featherstone R (2008) *Rigid Body Dynamics Algorithms*, Springer, chapters 5 and 6.
 
 use super::cache::Cache;
-use super::model::{BaseIndex, Model};
+use super::index::BaseIndex;
+use super::model::Model;
 use super::subset::BodySubset;
 use carpus_numerics::spatial::{SpatialAcceleration, SpatialForce};
 use nalgebra::{DMatrix, Matrix3, Vector3};

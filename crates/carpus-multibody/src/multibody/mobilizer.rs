@@ -1,7 +1,7 @@
 //! What a joint lets its bodies do.
 
 use super::beyond::Beyond;
-use super::model::BaseIndex;
+use super::index::BaseIndex;
 use carpus_numerics::spatial::{Transform, rotation_about_axis};
 use carpus_osim::functions::Function;
 use carpus_osim::osim::spec::{CoordinateIndex, JointIndex};

@@ -1,35 +1,12 @@
 //! The compiled model.
 
-use super::cache::Cache;
 use super::coordinate::Coordinate;
 use super::coupler::Coupler;
-use super::error::CompileError;
+use super::index::BaseIndex;
 use super::mobilizer::Node;
 use carpus_numerics::spatial::Transform;
-use carpus_osim::osim::spec::{
-    BodyIndex, CoordinateIndex, FrameIndex, JointIndex, Location, ModelSpec, WrapObjectIndex,
-};
+use carpus_osim::osim::spec::{BodyIndex, CoordinateIndex, FrameIndex, JointIndex, WrapObjectIndex};
 use nalgebra::{Matrix3, Vector3};
-
-/// What a frame is rigidly fixed to: ground (0) or a body (its [`BodyIndex`] + 1). OpenSim's "base frame".
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct BaseIndex(pub usize);
-
-impl BaseIndex {
-    /// Ground.
-    pub const GROUND: BaseIndex = BaseIndex(0);
-
-    /// The body; `None` for ground.
-    pub fn body(self) -> Option<BodyIndex> {
-        self.0.checked_sub(1).map(BodyIndex)
-    }
-}
-
-impl From<BodyIndex> for BaseIndex {
-    fn from(body: BodyIndex) -> Self {
-        BaseIndex(body.0 + 1)
-    }
-}
 
 /// A rigid body with its mass properties.
 #[derive(Clone, Debug)]
@@ -168,28 +145,5 @@ impl Model {
     /// Where a wrap object is fixed.
     pub fn wrap_object(&self, wrap_object: WrapObjectIndex) -> &WrapPlacement {
         &self.wrap_objects[wrap_object.0]
-    }
-
-    /// Buffers for this model. Poses are those of nothing yet: call [`Model::update_positions`] first.
-    pub fn new_cache(&self) -> Cache {
-        Cache::new(self)
-    }
-}
-
-/// `coordinate` if the specification has it.
-pub(super) fn coordinate_in(
-    spec: &ModelSpec,
-    coordinate: CoordinateIndex,
-    at: &Location,
-) -> Result<CoordinateIndex, CompileError> {
-    if coordinate.0 < spec.coordinates.len() {
-        Ok(coordinate)
-    } else {
-        Err(CompileError::BadReference {
-            at: at.clone(),
-            what: "coordinate",
-            index: coordinate.0,
-            count: spec.coordinates.len(),
-        })
     }
 }

@@ -1,6 +1,7 @@
 //! Parts of the tree of bodies, so that a trial recomputes only what moves and matters.
 
-use super::model::{BaseIndex, Model};
+use super::index::BaseIndex;
+use super::model::Model;
 use carpus_osim::osim::spec::{BodyIndex, CoordinateIndex};
 
 /// Some bodies of one model, in an order in which they can be updated.

@@ -1,7 +1,7 @@
 //! OpenSim's `DeGrooteFregly2016Muscle`: smooth curves, the normalized tendon force as a state.
 
 use super::dynamics::MuscleDynamics;
-use super::parameters::MuscleError;
+use super::error::MuscleError;
 use carpus_osim::osim::spec::{DeGrooteFregly2016Spec, MuscleSpec};
 
 /// Gaussians of the active force-length curve: height, centre, width, change of width.

@@ -1,7 +1,7 @@
 //! The muscles of SIMM's time: Schutte 1993 and Delp 1990, as OpenSim has them.
 
 use super::dynamics::MuscleDynamics;
-use super::parameters::MuscleError;
+use super::error::MuscleError;
 use carpus_osim::functions::Function;
 use carpus_osim::osim::spec::{DeprecatedMuscleKind, DeprecatedMuscleSpec, FunctionSpec, MuscleSpec};
 

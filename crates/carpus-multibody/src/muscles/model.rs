@@ -4,7 +4,8 @@ use super::degroote_fregly2016::DeGrooteFregly2016;
 use super::deprecated::DeprecatedMuscle;
 use super::dynamics::MuscleDynamics;
 use super::equilibrium::EquilibriumError;
-use super::parameters::{Millard2012, MuscleError};
+use super::error::MuscleError;
+use super::parameters::Millard2012;
 use super::rigid_tendon::RigidTendon;
 use super::thelen2003::Thelen2003;
 use carpus_osim::osim::spec::{MuscleKind, MuscleSpec, OtherMuscleSpec};
@@ -32,8 +33,9 @@ pub enum MuscleModel {
 pub struct MuscleState {
     /// Activation; the control where activation dynamics are ignored.
     pub activation: f64,
-    /// Fibre length [m]; of a `DeGrooteFregly2016Muscle` tendon force over maximum isometric force.
-    pub fiber_length: f64,
+    /// What the equilibrium of fibre and tendon is stated in: fibre length [m]; of a `DeGrooteFregly2016Muscle` tendon force over
+    /// maximum isometric force.
+    pub equilibrium_state: f64,
     /// Fibre velocity of a `Delp1990Muscle_Deprecated` [m/s].
     pub fiber_velocity: f64,
 }
@@ -41,8 +43,8 @@ pub struct MuscleState {
 /// Rates of the states of a muscle, and its tendon force.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MuscleRates {
-    /// Rate of [`MuscleState::fiber_length`].
-    pub fiber_length: f64,
+    /// Rate of [`MuscleState::equilibrium_state`].
+    pub equilibrium_state: f64,
     /// Rate of [`MuscleState::fiber_velocity`].
     pub fiber_velocity: f64,
     /// Tendon force [N].
@@ -53,7 +55,7 @@ impl MuscleRates {
     fn slope(up: MuscleRates, down: MuscleRates, step: f64) -> MuscleRates {
         let slope = |up: f64, down: f64| (up - down) / (2.0 * step);
         MuscleRates {
-            fiber_length: slope(up.fiber_length, down.fiber_length),
+            equilibrium_state: slope(up.equilibrium_state, down.equilibrium_state),
             fiber_velocity: slope(up.fiber_velocity, down.fiber_velocity),
             tendon_force: slope(up.tendon_force, down.tendon_force),
         }
@@ -66,7 +68,7 @@ impl MuscleModel {
     /// # Errors
     /// [`MuscleError::NotMillard2012`] for classes that are not simulated; properties that OpenSim too would refuse.
     pub fn from_spec(spec: &MuscleSpec) -> Result<MuscleModel, MuscleError> {
-        let MuscleKind::PathOnly { law: Some(law), .. } = &spec.kind else {
+        let MuscleKind::OtherClass { law: Some(law), .. } = &spec.kind else {
             return Ok(MuscleModel::Millard2012(Box::new(Millard2012::from_spec(spec)?)));
         };
         let built = match law.as_ref() {
@@ -213,16 +215,16 @@ impl MuscleModel {
         matches!(self, MuscleModel::Deprecated(m) if m.has_velocity_state())
     }
 
-    /// OpenSim's name of the state [`MuscleState::fiber_length`].
-    pub fn length_state_name(&self) -> &'static str {
+    /// OpenSim's name of the state [`MuscleState::equilibrium_state`].
+    pub fn equilibrium_state_name(&self) -> &'static str {
         match self {
             MuscleModel::DeGrooteFregly2016(_) => "normalized_tendon_force",
             _ => "fiber_length",
         }
     }
 
-    /// What a change of [`MuscleState::fiber_length`] is measured by.
-    pub fn length_state_scale(&self) -> f64 {
+    /// What a change of [`MuscleState::equilibrium_state`] is measured by.
+    pub fn equilibrium_state_scale(&self) -> f64 {
         match self {
             MuscleModel::DeGrooteFregly2016(_) => 1.0,
             _ => self.optimal_fiber_length(),
@@ -239,14 +241,14 @@ impl MuscleModel {
             }
             MuscleModel::RigidTendon(_) | MuscleModel::Deprecated(_) => (0.0, 0.0),
         };
-        MuscleState { activation, fiber_length, fiber_velocity: 0.0 }
+        MuscleState { activation, equilibrium_state: fiber_length, fiber_velocity: 0.0 }
     }
 
     /// Rates and tendon force at a state.
     ///
     /// - `path_length` [m], `path_speed` [m/s]
     pub fn rates(&self, state: MuscleState, path_length: f64, path_speed: f64) -> MuscleRates {
-        let MuscleState { activation, fiber_length, fiber_velocity } = state;
+        let MuscleState { activation, equilibrium_state: fiber_length, fiber_velocity } = state;
         let (fiber_length, fiber_velocity, tendon_force) = match self {
             MuscleModel::Millard2012(m) => {
                 let found = m.fiber_velocity(fiber_length, activation, path_length, path_speed);
@@ -263,14 +265,18 @@ impl MuscleModel {
             MuscleModel::RigidTendon(m) => (0.0, 0.0, m.dynamics(activation, path_length, path_speed).tendon_force),
             MuscleModel::Deprecated(m) => m.rates(fiber_length, fiber_velocity, activation, path_length, path_speed),
         };
-        MuscleRates { fiber_length, fiber_velocity, tendon_force }
+        MuscleRates { equilibrium_state: fiber_length, fiber_velocity, tendon_force }
     }
 
     /// Derivatives of rates and tendon force by activation, fibre length and fibre velocity.
     pub fn linearize(&self, state: MuscleState, path_length: f64, path_speed: f64) -> [MuscleRates; 3] {
         if let MuscleModel::Millard2012(m) = self {
-            let by = m.linearize(state.fiber_length, state.activation, path_length, path_speed);
-            let rates = |fiber_length, tendon_force| MuscleRates { fiber_length, fiber_velocity: 0.0, tendon_force };
+            let by = m.linearize(state.equilibrium_state, state.activation, path_length, path_speed);
+            let rates = |fiber_length, tendon_force| MuscleRates {
+                equilibrium_state: fiber_length,
+                fiber_velocity: 0.0,
+                tendon_force,
+            };
             return [
                 rates(by.fiber_velocity_by.activation, by.tendon_force_by.activation),
                 rates(by.fiber_velocity_by.fiber_length, by.tendon_force_by.fiber_length),
@@ -281,10 +287,10 @@ impl MuscleModel {
             let at = |step: f64| self.rates(moved(step), path_length, path_speed);
             MuscleRates::slope(at(step), at(-step), step)
         };
-        let length = STEP * self.length_state_scale();
+        let length = STEP * self.equilibrium_state_scale();
         [
             slope(STEP, &|step| MuscleState { activation: state.activation + step, ..state }),
-            slope(length, &|step| MuscleState { fiber_length: state.fiber_length + step, ..state }),
+            slope(length, &|step| MuscleState { equilibrium_state: state.equilibrium_state + step, ..state }),
             match self.has_velocity_state() {
                 true => slope(length, &|step| MuscleState { fiber_velocity: state.fiber_velocity + step, ..state }),
                 false => MuscleRates::default(),
@@ -292,7 +298,7 @@ impl MuscleModel {
         ]
     }
 
-    /// [`MuscleState::fiber_length`] at which fibre and tendon balance; 0 for muscles with rigid tendons of their own
+    /// [`MuscleState::equilibrium_state`] at which fibre and tendon balance; 0 for muscles with rigid tendons of their own
     /// class.
     ///
     /// - `path_speed`: looked at as OpenSim's class does [m/s]
@@ -313,7 +319,7 @@ impl MuscleModel {
 
     /// Every quantity at a state.
     pub fn dynamics(&self, state: MuscleState, path_length: f64, path_speed: f64) -> MuscleDynamics {
-        let MuscleState { activation, fiber_length, fiber_velocity } = state;
+        let MuscleState { activation, equilibrium_state: fiber_length, fiber_velocity } = state;
         match self {
             MuscleModel::Millard2012(m) => m.dynamics(fiber_length, activation, path_length, path_speed),
             MuscleModel::Thelen2003(m) => m.dynamics(fiber_length, activation, path_length, path_speed),

@@ -1,68 +1,15 @@
 //! What a Millard 2012 muscle is made of.
 
 use super::activation::FirstOrderActivation;
-use super::curves::{CurveError, MillardCurves};
+use super::curves::MillardCurves;
+use super::error::MuscleError;
 use super::pennation::{FixedWidthPennation, significant_real};
 use carpus_numerics::numerics::Scalar;
 use carpus_osim::osim::spec::{Millard2012Spec, MuscleKind, MuscleSpec};
 use std::sync::Arc;
-use thiserror::Error;
 
 /// Damping below this is none (OpenSim's `MIN_NONZERO_DAMPING_COEFFICIENT`).
 pub const MIN_NONZERO_DAMPING_COEFFICIENT: f64 = 0.001;
-
-/// Why a muscle cannot be built.
-#[derive(Clone, Debug, PartialEq, Error)]
-pub enum MuscleError {
-    /// The muscle is of another class.
-    #[error("{muscle}: {class} is not computed, only Millard2012EquilibriumMuscle is")]
-    NotMillard2012 {
-        /// Muscle name.
-        muscle: String,
-        /// OpenSim class name.
-        class: String,
-    },
-    /// A property's value is not allowed.
-    #[error("{property} is {found}, expected {expected}")]
-    InvalidProperty {
-        /// OpenSim property name.
-        property: &'static str,
-        /// What is allowed.
-        expected: String,
-        /// The value.
-        found: f64,
-    },
-    /// A function of the muscle cannot be built.
-    #[error("{property}: {source}")]
-    Function {
-        /// OpenSim property name.
-        property: &'static str,
-        /// What is wrong with it.
-        source: carpus_osim::functions::FunctionError,
-    },
-    /// A curve cannot be built.
-    #[error(transparent)]
-    Curve(#[from] CurveError),
-    /// One of the above, in the named muscle.
-    #[error("{muscle}: {source}")]
-    InMuscle {
-        /// Muscle name.
-        muscle: String,
-        /// What is wrong.
-        source: Box<MuscleError>,
-    },
-}
-
-impl MuscleError {
-    /// Fails with [`MuscleError::InvalidProperty`] unless `holds`.
-    pub(super) fn require(holds: bool, property: &'static str, expected: &str, found: f64) -> Result<(), MuscleError> {
-        if holds {
-            Ok(())
-        } else {
-            Err(MuscleError::InvalidProperty { property, expected: expected.to_owned(), found })
-        }
-    }
-}
 
 /// The properties that a muscle's forces depend on, under OpenSim's names; all may carry derivatives.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -144,7 +91,7 @@ impl Millard2012<f64> {
         match &spec.kind {
             MuscleKind::Millard2012Equilibrium(millard) => Self::build(spec, millard)
                 .map_err(|source| MuscleError::InMuscle { muscle: spec.name.clone(), source: Box::new(source) }),
-            MuscleKind::PathOnly { class, .. } => {
+            MuscleKind::OtherClass { class, .. } => {
                 Err(MuscleError::NotMillard2012 { muscle: spec.name.clone(), class: class.clone() })
             }
         }

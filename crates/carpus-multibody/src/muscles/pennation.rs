@@ -1,6 +1,6 @@
 //! Fibres that keep the height of the parallelogram they form with the tendon.
 
-use super::MuscleError;
+use super::error::MuscleError;
 use carpus_numerics::numerics::Scalar;
 
 /// Smallest number that OpenSim treats as different from zero (`SimTK::SignificantReal`).

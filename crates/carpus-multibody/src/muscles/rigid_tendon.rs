@@ -1,7 +1,7 @@
 //! OpenSim's `RigidTendonMuscle`: no states, the activation is the control.
 
 use super::dynamics::MuscleDynamics;
-use super::parameters::MuscleError;
+use super::error::MuscleError;
 use carpus_osim::functions::Function;
 use carpus_osim::osim::spec::{FunctionSpec, MuscleSpec, RigidTendonSpec};
 

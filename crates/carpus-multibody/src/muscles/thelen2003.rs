@@ -2,7 +2,7 @@
 
 use super::activation::FirstOrderActivation;
 use super::dynamics::MuscleDynamics;
-use super::parameters::MuscleError;
+use super::error::MuscleError;
 use super::pennation::{FixedWidthPennation, significant_real};
 use carpus_osim::osim::spec::{MuscleSpec, Thelen2003Spec};
 

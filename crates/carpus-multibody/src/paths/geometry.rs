@@ -85,6 +85,13 @@ pub struct PathGeometry {
     memory: Vec<Remembered>,
 }
 
+impl Path {
+    /// A buffer for [`Path::update`].
+    pub fn new_geometry(&self) -> PathGeometry {
+        PathGeometry::new(self)
+    }
+}
+
 impl PathGeometry {
     pub(super) fn new(path: &Path) -> PathGeometry {
         let nowhere = Vector3::repeat(f64::NAN);

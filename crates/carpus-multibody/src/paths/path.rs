@@ -1,7 +1,6 @@
 //! The compiled path.
 
 use super::error::PathError;
-use super::geometry::PathGeometry;
 use super::wrapping::{ConstrainedHalf, Surface};
 use crate::multibody::{BaseIndex, Cache, Model};
 use carpus_numerics::spatial::Transform;
@@ -84,11 +83,6 @@ impl Path {
         let wraps =
             spec.wraps.iter().map(|wrap| PathWrap::compile(wrap, spec, model_spec, model)).collect::<Result<_, _>>()?;
         Ok(Path { points, wraps })
-    }
-
-    /// A buffer for [`Path::update`].
-    pub fn new_geometry(&self) -> PathGeometry {
-        PathGeometry::new(self)
     }
 
     /// Length of the straight lines through the points that are active [m]: what the path would be without wrapping.

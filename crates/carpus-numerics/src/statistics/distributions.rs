@@ -9,6 +9,14 @@ pub fn normal_cdf(x: f64) -> f64 {
     0.5 * erfc(-x / std::f64::consts::SQRT_2)
 }
 
+/// A draw from N(0, 1), made of two draws that are uniform in (0, 1].
+///
+/// # References
+/// Box & Muller (1958), doi:10.1214/aoms/1177706645
+pub fn normal_of_uniform([u, v]: [f64; 2]) -> f64 {
+    (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+}
+
 /// Value below which a standard normal variable is with probability `p` (0 < p < 1).
 pub fn normal_quantile(p: f64) -> f64 {
     quantile(p, normal_cdf)

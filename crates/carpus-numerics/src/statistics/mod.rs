@@ -29,7 +29,8 @@ pub use agreement::{Agreement, bland_altman};
 pub use anova::{Effect, Factor, RepeatedMeasures};
 pub use correlation::{Correlation, LinearRegression, linear_regression, pearson};
 pub use distributions::{
-    chi_squared_tail, f_tail, noncentral_t_cdf, normal_cdf, normal_quantile, t_cdf, t_quantile, t_two_sided,
+    chi_squared_tail, f_tail, noncentral_t_cdf, normal_cdf, normal_of_uniform, normal_quantile, t_cdf, t_quantile,
+    t_two_sided,
 };
 pub use error::StatisticsError;
 pub use pairwise::{Comparison, PairedT, bonferroni, paired_t_test, pairwise_comparisons};

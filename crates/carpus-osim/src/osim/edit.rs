@@ -393,7 +393,7 @@ impl OsimFile {
         };
         let millard: &[&str] = match muscle.kind {
             MuscleKind::Millard2012Equilibrium(_) => &MILLARD_PROPERTIES,
-            MuscleKind::PathOnly { .. } => &[],
+            MuscleKind::OtherClass { .. } => &[],
         };
         let mut known = MUSCLE_PROPERTIES.iter().chain(millard);
         match muscle.at.element {

@@ -173,7 +173,7 @@ impl OsimFile {
         let mut edits = Edits::new(self);
         for muscle in &self.spec.muscles {
             // OpenSim's RigidTendonMuscle has no such rule.
-            let excluded = matches!(&muscle.kind, MuscleKind::PathOnly { class, .. } if class == "RigidTendonMuscle");
+            let excluded = matches!(&muscle.kind, MuscleKind::OtherClass { class, .. } if class == "RigidTendonMuscle");
             let Some(ratio) = ratio.get(&muscle.at.path).filter(|_| !excluded) else { continue };
             edits.scale_number(&muscle.at, &["optimal_fiber_length"], muscle.optimal_fiber_length, *ratio);
             edits.scale_number(&muscle.at, &["tendon_slack_length"], muscle.tendon_slack_length, *ratio);

@@ -17,7 +17,7 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use super::error::{StorageError, StorageProblem};
-use super::trc::metres;
+use super::words::metres;
 use super::{Markers, Storage};
 use parameters::{Parameters, Processor};
 

@@ -9,6 +9,7 @@ mod error;
 mod process;
 mod read;
 mod trc;
+mod words;
 mod write;
 
 pub use c3d::MotionCapture;

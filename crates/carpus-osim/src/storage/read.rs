@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::error::{StorageError, StorageProblem};
+use super::words::{extension, number};
 use super::{Markers, Storage};
 
 /// Keys of SIMM's motion files that mean nothing here (`simmReservedKeys`).
@@ -216,30 +217,6 @@ fn without_repeated_times(
     let times: Vec<f64> = times.into_iter().enumerate().filter(|(i, _)| kept(i)).map(|(_, time)| time).collect();
     let repeated = all - times.len();
     (times, rows, lines, repeated)
-}
-
-/// Lower-case extension of a file's name.
-pub(super) fn extension(path: &Path) -> String {
-    path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
-}
-
-/// A number as C and C++ write it, missing values among them.
-pub(super) fn number(word: &str) -> Option<f64> {
-    if let Ok(value) = word.parse() {
-        return Some(value);
-    }
-    let lower = word.to_ascii_lowercase();
-    match lower.trim_start_matches(['-', '+']) {
-        text if text.starts_with("nan")
-            || text.contains("#ind")
-            || text.contains("#qnan")
-            || text.contains("#snan") =>
-        {
-            Some(f64::NAN)
-        }
-        text if text.contains("#inf") => Some(if lower.starts_with('-') { f64::NEG_INFINITY } else { f64::INFINITY }),
-        _ => None,
-    }
 }
 
 /// A count in a header: the digits that lead, as OpenSim reads it; and again, if more than digits stood there.

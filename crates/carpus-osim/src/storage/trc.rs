@@ -6,7 +6,7 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use super::error::{StorageError, StorageProblem};
-use super::read::number;
+use super::words::{extension, metres, number};
 use super::{MotionCapture, Storage};
 
 /// Where markers are over time.
@@ -24,16 +24,6 @@ pub struct Markers {
     pub warnings: Vec<String>,
 }
 
-/// Metres of a unit of length.
-pub(super) fn metres(unit: &str) -> Option<f64> {
-    match unit.trim().to_lowercase().as_str() {
-        "m" | "meters" | "meter" | "metres" => Some(1.0),
-        "cm" | "centimeters" => Some(0.01),
-        "mm" | "millimeters" => Some(0.001),
-        _ => None,
-    }
-}
-
 impl Markers {
     /// Reads a `.trc` or `.c3d` file, or a `.sto` file of vectors.
     ///
@@ -41,7 +31,7 @@ impl Markers {
     /// [`StorageError`] with the line.
     pub fn read(path: impl AsRef<Path>) -> Result<Markers, StorageError> {
         let path = path.as_ref();
-        match super::read::extension(path).as_str() {
+        match extension(path).as_str() {
             "trc" => {
                 let fail = |e| StorageError { file: path.to_owned(), line: 0, problem: StorageProblem::Read(e) };
                 Markers::parse(&carpus_numerics::regular_file::read(path).map_err(fail)?, path)

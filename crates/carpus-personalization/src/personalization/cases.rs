@@ -4,10 +4,11 @@ use std::ops::Range;
 
 use super::bayesian::minimize_by_expected_improvement;
 use super::exact::SmoothObjective;
+use super::minimizers::Found;
+use super::minimizers::minimize_by_differences;
 use super::moments::TrainingSet;
 use super::parameters::{FittedParameter, ParameterSpace};
-use super::search::{Found, UNUSABLE};
-use super::sqp::minimize_by_differences;
+use super::search::UNUSABLE;
 use super::{FitProblem, PersonalizationError, Stage, TrainingTrial};
 use carpus_simulation::simulation::MuscleParameters;
 use carpus_study::study::{Contraction, ParameterBounds, TrialInfo, TrialUse};
@@ -278,8 +279,7 @@ impl Fit<'_> {
         let start = cost(own);
         let evaluations = self.options.bayesian_evaluations;
         let seed = self.options.seed.wrapping_mul(2).wrapping_add(stream);
-        let mut best =
-            minimize_by_expected_improvement(cost, own.len(), evaluations, seed).map_err(failed(globally))?;
+        let mut best = minimize_by_expected_improvement(cost, own.len(), evaluations, seed);
         if best.cost > start {
             (best.point, best.cost) = (own.to_vec(), start);
         }

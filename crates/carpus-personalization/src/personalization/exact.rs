@@ -13,11 +13,12 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::minimizers::Found;
+use super::minimizers::minimize_with_gradient;
 use super::moments::TrainingSet;
 use super::objective::objective;
 use super::parameters::ParameterSpace;
-use super::search::{Found, latin_hypercube};
-use super::sqp::minimize_with_gradient;
+use super::search::latin_hypercube;
 use carpus_simulation::simulation::{MuscleParameters, SimulationError, UnitMoment};
 
 /// Rounding of corners, of max|τ_exp|, pass by pass, with the tolerance of J and the most iterations.

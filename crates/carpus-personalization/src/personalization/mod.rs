@@ -20,12 +20,13 @@ mod bayesian;
 mod cases;
 mod error;
 mod exact;
+mod gaussian_process;
 mod joint;
+mod minimizers;
 mod moments;
 mod objective;
 mod parameters;
 mod search;
-mod sqp;
 mod two_stage;
 mod write;
 

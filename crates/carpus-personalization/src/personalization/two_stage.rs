@@ -2,8 +2,9 @@
 
 use rayon::prelude::*;
 
+use super::minimizers::{Found, minimize_in_unit_box};
 use super::moments::UnitMoments;
-use super::search::{Found, UNUSABLE, latin_hypercube, minimize_in_unit_box};
+use super::search::{UNUSABLE, latin_hypercube};
 use super::{PersonalizationError, Run, Stage};
 
 const LENGTHS_GLOBALLY: &str = "lengths, global search";

@@ -30,8 +30,8 @@ mod variation;
 
 pub use error::SimulationError;
 pub use excitation_tangent::{ExcitationTangent, ForceChange};
-pub use fiber::integrate::FiberAccuracy;
 pub use fiber::radau::Work;
+pub use fiber::step::FiberAccuracy;
 pub use model::{HeldCoordinate, MuscleParameters, MusculoskeletalModel, Setup, posture};
 pub use motion::{MotionInterpolation, speed_and_acceleration};
 pub use property::Property;

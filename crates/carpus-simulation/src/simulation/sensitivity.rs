@@ -13,8 +13,8 @@ use std::sync::{Arc, OnceLock};
 
 use super::error::SimulationError;
 use super::fiber::equation::{Drive, Fiber, Undriven};
-use super::fiber::integrate::{Cursor, DriveSource, StepTaken};
 use super::fiber::radau::{INVERSE_BUTCHER, NewtonMatrix, STAGES, dot, stage_weights};
+use super::fiber::step::{Cursor, DriveSource, StepTaken};
 use super::model::MuscleParameters;
 use super::trial::{PreparedTrial, Source};
 

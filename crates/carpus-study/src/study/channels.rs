@@ -2,7 +2,8 @@
 
 use super::Study;
 use super::efforts::{flexion_sign, regression, sums_of_products};
-use super::problem::{Fault, Problem};
+use super::fault::Fault;
+use super::problem::Problem;
 use super::trial::Trial;
 use super::trial_list::Direction;
 

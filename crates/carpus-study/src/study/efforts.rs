@@ -8,7 +8,8 @@
 
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
-use super::problem::{Fault, Problem};
+use super::fault::Fault;
+use super::problem::Problem;
 use super::settings::Settings;
 use super::trial::Trial;
 use super::trial_list::{Contraction, Direction, TrialInfo};

@@ -1,7 +1,7 @@
 //! `[ultrasound]` of `study.toml`: how imaging is compared with a model.
 
+use super::posture::PostureCoordinate;
 use super::problem::Problem;
-use super::settings::PostureCoordinate;
 use super::toml_section::{Sections, TomlSection};
 
 /// Activation of a resting muscle.

@@ -3,10 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use super::trial_list::{Contraction, Direction, TrialInfo, TrialUse};
-use super::write::{quoted, quoted_list};
-use super::{
-    Fault, MAX_SAMPLES, MIN_SAMPLES, Participant, Problem, Settings, Study, StudyErrors, Trial, is_of_a_study,
-};
+use super::write::{quoted_list, toml_string};
+use super::{Fault, Participant, Problem, Settings, Study, StudyErrors, Trial};
 
 /// Stands for the folder of a study that has none.
 const FOLDER: &str = "<memory>";
@@ -22,8 +20,8 @@ impl Settings {
     pub fn with_defaults(name: &str, coordinate: &str, active_muscles: &[&str]) -> Result<Settings, StudyErrors> {
         let text = format!(
             "[study]\nname = {}\nmodel = \"model.osim\"\n[dynamometer]\ncoordinate = {}\n[muscles]\nactive = {}\n",
-            quoted(name),
-            quoted(coordinate),
+            toml_string(name),
+            toml_string(coordinate),
             quoted_list(active_muscles)
         );
         let mut problems = Vec::new();
@@ -144,39 +142,6 @@ impl Study {
     /// The samples of a trial that was not read from a file.
     pub(super) fn held(&self, info: &TrialInfo) -> Option<&Trial> {
         self.in_memory.iter().find(|trial| trial.info == *info)
-    }
-}
-
-/// What is wrong with arrays that no row of a file can have wrong.
-///
-/// - `muscles`: how many are active
-pub(super) fn check_arrays(trial: &Trial, muscles: usize, problems: &mut Vec<Problem>) {
-    let (file, n) = (&trial.info.file, trial.time.len());
-    let mut error = |fault: Fault| problems.push(Problem::error(file, None, fault));
-    if trial.excitation.len() != muscles {
-        let (key, found) = ("excitation".to_owned(), trial.excitation.len().to_string());
-        error(Fault::BadValue { key, expected: format!("{muscles} arrays, one for each active muscle"), found });
-    }
-    let further = trial.further_moments.iter().map(|x| ("further moment", x));
-    let excitation = trial.excitation.iter().map(|x| ("excitation", x));
-    let own = [("time", &trial.time), ("angle", &trial.angle), ("moment", &trial.moment)];
-    let velocity = trial.velocity.iter().map(|x| ("velocity", x));
-    for (name, x) in own.into_iter().chain(velocity).chain(further).chain(excitation) {
-        if x.len() != n {
-            let (key, found) = (name.to_owned(), x.len().to_string());
-            error(Fault::BadValue { key, expected: format!("{n} values, one for each time"), found });
-        }
-        if let Some(first) = x.iter().find(|v| !is_of_a_study(**v)) {
-            let more = x.iter().filter(|v| !is_of_a_study(**v)).count() - 1;
-            let expected = "a finite number of at most 1e12 in size";
-            error(Fault::BadNumber { column: name.to_owned(), expected, found: first.to_string(), more });
-        }
-    }
-    if n < MIN_SAMPLES {
-        error(Fault::TooFewSamples { found: n, expected: MIN_SAMPLES });
-    }
-    if n > MAX_SAMPLES {
-        error(Fault::TooManySamples { limit: MAX_SAMPLES });
     }
 }
 

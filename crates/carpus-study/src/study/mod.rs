@@ -18,12 +18,19 @@
 //! | trial files | time, angle, moment, EMG, perhaps velocity: [`Trial`] | |
 
 mod channels;
+mod columns;
 mod efforts;
+mod fault;
+mod fault_hint;
+mod fault_words;
 mod imaging_settings;
 mod in_memory;
+mod limits;
 mod lines;
+mod nearest;
 mod participants;
 mod plausibility;
+mod posture;
 mod priors;
 mod problem;
 mod processed_emg;
@@ -34,6 +41,8 @@ mod settings;
 mod table;
 mod toml_section;
 mod trial;
+mod trial_checks;
+mod trial_file;
 mod trial_list;
 mod ultrasound;
 pub mod write;
@@ -43,28 +52,30 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
+pub use columns::{AngleUnit, Columns, FurtherMoment};
 use efforts::Effort;
+pub use fault::Fault;
+pub use fault_words::outside_range;
 pub use imaging_settings::{FascicleUse, ImagingSettings};
+pub use limits::{
+    ANGLE_RANGE_TOLERANCE, ANGLE_RANGE_WARNING, EMG_NOISE_ABOVE, EMG_NOISE_BELOW, GAP_IN_MEDIAN_STEPS, MAX_SAMPLES,
+    MIN_SAMPLES, POSITION_RANGE_WARNING,
+};
+pub use nearest::nearest;
 pub use participants::{Participant, Sex, Side};
+pub use posture::PostureCoordinate;
 pub use priors::{PriorKnowledge, PriorUnit, read_priors};
-pub use problem::{Fault, MAX_LISTED, Problem, Severity, StudyErrors};
-pub use problem::{nearest, outside_range};
+pub use problem::{MAX_LISTED, Problem, Severity, StudyErrors};
 pub use processed_emg::{ParticipantEmg, ProcessedEmg};
 pub use processing::{
     DelayFound, ProcessedTrial, ProcessingError, ProcessingResult, ProcessingSettings, Recorded, SecondRecorder,
 };
 pub use raw_emg::EmgSignal;
 pub use scaling::{FinalMass, ModelLength, ScalingSettings, SegmentScaling, StrengthSettings};
-pub use settings::{
-    AngleUnit, Columns, Dynamometer, FurtherMoment, MomentPart, ParameterBounds, PostureCoordinate, RelativeBounds,
-    Settings,
-};
+pub use settings::{Dynamometer, MomentPart, ParameterBounds, RelativeBounds, Settings};
 pub use table::{file_fault, is_of_a_study, named_file};
 pub use toml_section::{Sections, TomlSection};
-pub use trial::{
-    ANGLE_RANGE_TOLERANCE, ANGLE_RANGE_WARNING, EMG_NOISE_ABOVE, EMG_NOISE_BELOW, GAP_IN_MEDIAN_STEPS, MAX_SAMPLES,
-    MIN_SAMPLES, POSITION_RANGE_WARNING, Trial,
-};
+pub use trial::Trial;
 pub use trial_list::{Contraction, Direction, TrialInfo, TrialUse};
 pub use ultrasound::UltrasoundMeasurement;
 

@@ -1,9 +1,11 @@
 //! Checks of one trial that cost no error, only a look: units, signs, sizes.
 
-use super::problem::{Fault, Problem};
+use super::columns::AngleUnit;
+use super::fault::Fault;
+use super::problem::Problem;
 use super::raw_emg::EmgSignal;
-use super::settings::AngleUnit;
-use super::trial::{Trial, median};
+use super::trial::Trial;
+use super::trial_checks::median;
 use super::trial_list::{Contraction, Direction};
 use super::{Participant, Settings};
 use carpus_numerics::plausible;

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use super::problem::{Fault, Problem, StudyErrors};
+use super::fault::Fault;
+use super::problem::{Problem, StudyErrors};
 use super::table::Table;
 
 const COLUMNS: [&str; 6] = ["muscle", "property", "mean", "sd", "unit", "source"];

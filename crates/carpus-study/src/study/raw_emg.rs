@@ -3,8 +3,9 @@
 
 use std::path::Path;
 
-use super::problem::{Fault, Problem};
-use super::settings::Columns;
+use super::columns::Columns;
+use super::fault::Fault;
+use super::problem::Problem;
 use super::toml_section::{Sections, TomlSection};
 use super::trial::Trial;
 use carpus_numerics::signals::{

@@ -1,6 +1,7 @@
 //! `[scaling]` and `[strength_scaling]` of `study.toml`: how a participant's model follows from the study's.
 
-use super::problem::{Fault, Problem};
+use super::fault::Fault;
+use super::problem::Problem;
 use super::toml_section::{Sections, TomlSection};
 
 /// Window of the mean that counts as a maximum voluntary moment, unless the study says otherwise \[s\].

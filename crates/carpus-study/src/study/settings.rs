@@ -2,8 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use super::columns::{AngleUnit, Columns, FurtherMoment};
+use super::fault::Fault;
 use super::imaging_settings::ImagingSettings;
-use super::problem::{Fault, Problem, Severity};
+use super::posture::PostureCoordinate;
+use super::problem::{Problem, Severity};
 use super::processing::{self, ProcessingSettings};
 use super::raw_emg::{self, EmgSignal};
 use super::scaling::{self, ScalingSettings, StrengthSettings};
@@ -89,79 +92,6 @@ pub enum MomentPart {
     Gravity,
     /// Inertia of the moving segments.
     Inertia,
-}
-
-/// A coordinate held at a value in every trial.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PostureCoordinate {
-    /// OpenSim coordinate.
-    pub coordinate: String,
-    /// Line of `study.toml`.
-    pub line: usize,
-    /// The value as written: degrees if the coordinate is a rotation, metres if a translation. Which of the two it
-    /// is only the model knows: see [`Self::value`].
-    pub value_deg_or_m: f64,
-}
-
-impl PostureCoordinate {
-    /// The value in internal units [rad or m].
-    pub fn value(&self, is_translation: bool) -> f64 {
-        if is_translation { self.value_deg_or_m } else { self.value_deg_or_m.to_radians() }
-    }
-}
-
-/// Names of the columns of trial files.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Columns {
-    /// Time \[s\].
-    pub time: String,
-    /// Angle of the dynamometer's coordinate, in `angle_unit`.
-    pub angle: String,
-    /// Angular velocity, in `angle_unit` per second.
-    pub velocity: String,
-    /// Whether `study.toml` names the velocity column, so that its absence is an error.
-    pub velocity_required: bool,
-    /// Measured moment [N·m].
-    pub moment: String,
-    /// Moments about further coordinates, if the machine measures them.
-    pub further_moments: Vec<FurtherMoment>,
-    /// Column of the EMG of each active muscle (same order); one column may serve several muscles.
-    pub emg: Vec<String>,
-    /// Columns that are there and not used.
-    pub ignore: Vec<String>,
-    /// Unit of angle and velocity in the files.
-    pub angle_unit: AngleUnit,
-}
-
-/// A moment that is measured about a coordinate beside the dynamometer's, which stays at its posture.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FurtherMoment {
-    /// OpenSim coordinate; the moment is positive in its positive direction.
-    pub coordinate: String,
-    /// Column of trial files [N·m].
-    pub column: String,
-    /// Line of `study.toml`.
-    pub line: usize,
-}
-
-/// Unit of angles in trial files.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum AngleUnit {
-    /// Degrees.
-    #[default]
-    Degrees,
-    /// Radians.
-    Radians,
-}
-
-impl AngleUnit {
-    /// Converts a value of this unit to radians.
-    pub fn to_radians(self, value: f64) -> f64 {
-        match self {
-            AngleUnit::Degrees => value.to_radians(),
-            AngleUnit::Radians => value,
-        }
-    }
 }
 
 /// Bounds of one parameter as fractions of the scaled model's value (1 = unchanged).

@@ -4,8 +4,10 @@ use std::fs::File;
 use std::io::{BufReader, ErrorKind};
 use std::path::{Path, PathBuf};
 
+use super::fault::Fault;
 use super::lines::Lines;
-use super::problem::{Fault, Problem, nearest};
+use super::nearest::nearest;
+use super::problem::Problem;
 use carpus_numerics::plausible::Plausible;
 use carpus_numerics::printable::{cell_text, deceptive_in};
 

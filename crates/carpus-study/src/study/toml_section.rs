@@ -7,7 +7,9 @@ use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::problem::{Fault, Problem, nearest};
+use super::fault::Fault;
+use super::nearest::nearest;
+use super::problem::Problem;
 use super::table::is_of_a_study;
 use carpus_numerics::printable::{deceptive_in, visible};
 

@@ -3,8 +3,10 @@
 use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
 
+use super::fault::Fault;
+use super::nearest::nearest;
 use super::participants::Participant;
-use super::problem::{Fault, Problem, nearest};
+use super::problem::Problem;
 use super::table::{Row, Table, named_file};
 use carpus_numerics::plausible;
 

@@ -2,8 +2,10 @@
 
 use std::path::Path;
 
+use super::fault::Fault;
+use super::nearest::nearest;
 use super::participants::size;
-use super::problem::{Fault, Problem, nearest};
+use super::problem::Problem;
 use super::table::Table;
 use carpus_numerics::plausible;
 

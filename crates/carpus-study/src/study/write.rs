@@ -16,8 +16,8 @@ pub fn settings_text(settings: &Settings, name: &str, model: &str, comment: &str
     }
     let dynamometer = &settings.dynamometer;
     let parts: Vec<&str> = dynamometer.include.iter().map(|p| part_word(*p)).collect();
-    let _ = writeln!(w, "[study]\nname = {}\nmodel = {}\n", quoted(name), quoted(model));
-    let _ = writeln!(w, "[dynamometer]\ncoordinate = {}", quoted(&dynamometer.coordinate));
+    let _ = writeln!(w, "[study]\nname = {}\nmodel = {}\n", toml_string(name), toml_string(model));
+    let _ = writeln!(w, "[dynamometer]\ncoordinate = {}", toml_string(&dynamometer.coordinate));
     let _ = writeln!(w, "damping_n_m_s_per_deg = {}", decimal(dynamometer.damping * 1f64.to_radians(), 9));
     let _ = writeln!(w, "include = {}", quoted_list(&parts));
     if !settings.posture.is_empty() {
@@ -140,16 +140,16 @@ fn decimal(value: f64, decimals: usize) -> String {
 }
 
 /// A basic string of TOML: JSON's escapes are among TOML's.
-pub(super) fn quoted(text: &str) -> String {
+pub fn toml_string(text: &str) -> String {
     serde_json::Value::from(text).to_string()
 }
 
 pub(super) fn quoted_list(items: &[&str]) -> String {
-    format!("[{}]", items.iter().map(|i| quoted(i)).collect::<Vec<_>>().join(", "))
+    format!("[{}]", items.iter().map(|i| toml_string(i)).collect::<Vec<_>>().join(", "))
 }
 
 /// A key, bare where TOML allows it.
 fn key(name: &str) -> String {
     let bare = !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
-    if bare { name.to_owned() } else { quoted(name) }
+    if bare { name.to_owned() } else { toml_string(name) }
 }

@@ -2,7 +2,7 @@
 
 use super::super::controls::Controls;
 use super::super::correction::Correction;
-use super::super::external_loads::ExternalForce;
+use super::super::external_force::ExternalForce;
 use carpus_multibody::forces::{Actuator, Force, PathForce, PrescribedForce};
 use carpus_multibody::muscles::MuscleModel;
 use carpus_multibody::paths::Path as MusclePath;

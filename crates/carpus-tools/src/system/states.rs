@@ -53,7 +53,7 @@ impl System {
             visit("activation");
         }
         if !law.ignore_tendon_compliance() {
-            visit(law.length_state_name());
+            visit(law.equilibrium_state_name());
         }
         if law.has_velocity_state() {
             visit("fiber_velocity");

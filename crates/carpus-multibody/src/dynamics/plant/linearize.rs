@@ -79,7 +79,7 @@ impl Plant {
                 let Some(j) = position else { continue };
                 (0..free).for_each(|i| jacobian[(free + i, j)] = column[i] * by.tendon_force);
                 if let Some(i) = m.fiber_length {
-                    jacobian[(i, j)] = by.fiber_length;
+                    jacobian[(i, j)] = by.equilibrium_state;
                 }
                 if let Some(i) = m.fiber_velocity {
                     jacobian[(i, j)] = by.fiber_velocity;

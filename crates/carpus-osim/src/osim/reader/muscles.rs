@@ -73,7 +73,7 @@ impl Reader<'_> {
             kind: if is_millard {
                 MuscleKind::Millard2012Equilibrium(Box::new(self.read_millard(object)))
             } else {
-                MuscleKind::PathOnly {
+                MuscleKind::OtherClass {
                     class: class.clone(),
                     law: self.read_other_muscle(element, object, &class).map(Box::new),
                 }
@@ -85,7 +85,7 @@ impl Reader<'_> {
             self.diagnostics.understood(&class);
         } else {
             let message = match &spec.kind {
-                MuscleKind::PathOnly { law: Some(_), .. } => {
+                MuscleKind::OtherClass { law: Some(_), .. } => {
                     format!("{class}: its path is used, its force is computed by run-tool only")
                 }
                 _ => format!("{class}: its path is used, its force is not computed"),

@@ -102,7 +102,7 @@ fn look_at_muscle<'s>(
     look("max_contraction_velocity", at, muscle.max_contraction_velocity, &plausible::MAX_CONTRACTION_VELOCITY);
     let damping = match &muscle.kind {
         MuscleKind::Millard2012Equilibrium(m) => Some(m.fiber_damping),
-        MuscleKind::PathOnly { law, .. } => match law.as_deref() {
+        MuscleKind::OtherClass { law, .. } => match law.as_deref() {
             Some(OtherMuscleSpec::DeGrooteFregly2016(m)) => Some(m.fiber_damping),
             _ => None,
         },
@@ -112,7 +112,7 @@ fn look_at_muscle<'s>(
     }
     let activations = match &muscle.kind {
         MuscleKind::Millard2012Equilibrium(m) => [Some(m.default_activation), Some(m.minimum_activation)],
-        MuscleKind::PathOnly { law, .. } => match law.as_deref() {
+        MuscleKind::OtherClass { law, .. } => match law.as_deref() {
             Some(OtherMuscleSpec::Thelen2003(m)) => [Some(m.default_activation), Some(m.minimum_activation)],
             Some(OtherMuscleSpec::DeGrooteFregly2016(m)) => [Some(m.default_activation), None],
             _ => [None; 2],
@@ -125,7 +125,7 @@ fn look_at_muscle<'s>(
     }
     let times = match &muscle.kind {
         MuscleKind::Millard2012Equilibrium(m) => Some([m.activation_time_constant, m.deactivation_time_constant]),
-        MuscleKind::PathOnly { law, .. } => match law.as_deref() {
+        MuscleKind::OtherClass { law, .. } => match law.as_deref() {
             Some(OtherMuscleSpec::Thelen2003(m)) => Some([m.activation_time_constant, m.deactivation_time_constant]),
             Some(OtherMuscleSpec::DeGrooteFregly2016(m)) => {
                 Some([m.activation_time_constant, m.deactivation_time_constant])

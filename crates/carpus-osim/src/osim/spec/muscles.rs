@@ -40,11 +40,11 @@ pub struct MuscleSpec {
 pub enum MuscleKind {
     /// `Millard2012EquilibriumMuscle`.
     Millard2012Equilibrium(Box<Millard2012Spec>),
-    /// A class whose path is understood but whose force is not computed (class name).
-    PathOnly {
+    /// Another class. Its path is understood; its force is computed if its law is known.
+    OtherClass {
         /// OpenSim class name.
         class: String,
-        /// Properties of the classes that `carpus::dynamics` simulates.
+        /// Properties of the classes that `carpus::dynamics` simulates; `None`: the force is not computed.
         law: Option<Box<OtherMuscleSpec>>,
     },
 }

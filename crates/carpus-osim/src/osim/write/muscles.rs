@@ -69,7 +69,7 @@ impl Writer<'_> {
     pub(super) fn muscle(&mut self, muscle: &MuscleSpec) {
         let class = match &muscle.kind {
             MuscleKind::Millard2012Equilibrium(_) => "Millard2012EquilibriumMuscle",
-            MuscleKind::PathOnly { class, law } => {
+            MuscleKind::OtherClass { class, law } => {
                 if law.is_none() {
                     let text = format!("{}: properties that only a {class} has", muscle.at.path);
                     self.left_out.push((muscle.at.line, text));
@@ -95,8 +95,8 @@ impl Writer<'_> {
         self.xml.boolean("ignore_activation_dynamics", muscle.ignore_activation_dynamics);
         match &muscle.kind {
             MuscleKind::Millard2012Equilibrium(own) => self.millard(own),
-            MuscleKind::PathOnly { law: Some(law), .. } => self.other_muscle(law),
-            MuscleKind::PathOnly { law: None, .. } => {}
+            MuscleKind::OtherClass { law: Some(law), .. } => self.other_muscle(law),
+            MuscleKind::OtherClass { law: None, .. } => {}
         }
         self.xml.close();
     }

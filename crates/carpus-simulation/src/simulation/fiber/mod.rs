@@ -6,6 +6,7 @@ pub(crate) mod integrate;
 pub(crate) mod plan;
 pub(crate) mod radau;
 pub(crate) mod rigid_tendon;
+pub(crate) mod step;
 
 use std::fmt::Debug;
 use std::sync::Arc;

@@ -1,10 +1,9 @@
 //! The steps of one muscle over one trial, chosen once by error control, and the solution that choosing them gave.
 
 use super::equation::{Drive, Fiber, PARAMETERS};
-use super::integrate::{
-    Attempt, Cursor, DriveSource, FiberAccuracy, FiberSample, StepTaken, Stuck, step_input, within,
-};
+
 use super::radau::{FiberState, Reference, StepInput, Work, stage_weights};
+use super::step::{Attempt, Cursor, DriveSource, FiberAccuracy, FiberSample, StepTaken, Stuck, step_input, within};
 
 /// Ticks per sample interval: steps start and end at multiples of 1/1024 of an interval.
 const TICK_BITS: u32 = 10;

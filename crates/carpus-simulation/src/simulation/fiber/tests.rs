@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::CurveCache;
 use super::equation::{Drive, Fiber, FiberCurves, PARAMETERS};
-use super::integrate::{Cursor, DriveSource, FiberAccuracy, FiberSample};
 use super::plan::StepPlan;
+use super::step::{Cursor, DriveSource, FiberAccuracy, FiberSample};
 use carpus_multibody::muscles::Millard2012;
 use carpus_osim::osim::spec::{
     ActiveForceLengthSpec, FiberForceLengthSpec, ForceVelocitySpec, Location, Millard2012Spec, MuscleKind, MuscleSpec,

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use crate::study::problem::{Fault, Problem, StudyErrors};
+use crate::study::fault::Fault;
+use crate::study::problem::{Problem, StudyErrors};
 use crate::study::table::{Row, csv_problem, missing_column, open};
-use crate::study::trial::{implausible_time, median};
+use crate::study::trial_checks::{implausible_time, median};
 
 /// Most samples of a recording as it is: an hour at 2 kHz. It is not simulated; a sample takes about 8 bytes a column
 /// and file.

@@ -1,0 +1,57 @@
+//! Why a muscle cannot be built.
+
+use super::curves::CurveError;
+use thiserror::Error;
+
+/// Why a muscle cannot be built.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum MuscleError {
+    /// The muscle is of another class.
+    #[error("{muscle}: {class} is not computed, only Millard2012EquilibriumMuscle is")]
+    NotMillard2012 {
+        /// Muscle name.
+        muscle: String,
+        /// OpenSim class name.
+        class: String,
+    },
+    /// A property's value is not allowed.
+    #[error("{property} is {found}, expected {expected}")]
+    InvalidProperty {
+        /// OpenSim property name.
+        property: &'static str,
+        /// What is allowed.
+        expected: String,
+        /// The value.
+        found: f64,
+    },
+    /// A function of the muscle cannot be built.
+    #[error("{property}: {source}")]
+    Function {
+        /// OpenSim property name.
+        property: &'static str,
+        /// What is wrong with it.
+        source: carpus_osim::functions::FunctionError,
+    },
+    /// A curve cannot be built.
+    #[error(transparent)]
+    Curve(#[from] CurveError),
+    /// One of the above, in the named muscle.
+    #[error("{muscle}: {source}")]
+    InMuscle {
+        /// Muscle name.
+        muscle: String,
+        /// What is wrong.
+        source: Box<MuscleError>,
+    },
+}
+
+impl MuscleError {
+    /// Fails with [`MuscleError::InvalidProperty`] unless `holds`.
+    pub(super) fn require(holds: bool, property: &'static str, expected: &str, found: f64) -> Result<(), MuscleError> {
+        if holds {
+            Ok(())
+        } else {
+            Err(MuscleError::InvalidProperty { property, expected: expected.to_owned(), found })
+        }
+    }
+}

@@ -1,0 +1,250 @@
+//! Reads the file of a trial, and settles whether its samples can be used.
+
+use std::path::Path;
+
+use super::columns::Columns;
+use super::fault::Fault;
+use super::limits::{MAX_SAMPLES, MIN_SAMPLES};
+use super::nearest::nearest;
+use super::problem::{Problem, StudyErrors};
+use super::raw_emg::{self, EmgSignal};
+use super::settings::Settings;
+use super::table::{csv_problem, is_of_a_study, missing_column, open};
+use super::trial::Trial;
+use super::trial_checks::{check_arrays, check_excitation, check_time, note_resampled};
+use super::trial_list::TrialInfo;
+use carpus_numerics::signals::independent_samples;
+
+impl Trial {
+    /// Reads and checks the file of a trial, except for what needs the rest of the study.
+    ///
+    /// - `mvc_levels`: of raw EMG, each channel's level at maximum voluntary contraction; without them `excitation`
+    ///   keeps the raw samples
+    pub(crate) fn read(
+        info: &TrialInfo,
+        settings: &Settings,
+        trials_file: &Path,
+        mvc_levels: Option<&[f64]>,
+    ) -> Result<Trial, StudyErrors> {
+        let mut problems = Vec::new();
+        let trial = read_samples(info, settings, trials_file, &mut problems);
+        Self::settled(trial, settings, mvc_levels, problems)
+    }
+
+    /// As [`Trial::read`], of samples that are in memory.
+    pub(super) fn checked(&self, settings: &Settings, mvc_levels: Option<&[f64]>) -> Result<Trial, StudyErrors> {
+        let mut problems = Vec::new();
+        check_arrays(self, settings.active_muscles.len(), &mut problems);
+        let trial = problems.is_empty().then(|| self.clone());
+        Self::settled(trial, settings, mvc_levels, problems)
+    }
+
+    /// - `trial`: `None` only with an error among the problems
+    fn settled(
+        trial: Option<Trial>,
+        settings: &Settings,
+        mvc_levels: Option<&[f64]>,
+        mut problems: Vec<Problem>,
+    ) -> Result<Trial, StudyErrors> {
+        let trial = trial.map(|mut trial| {
+            let before = problems.len();
+            check_time(&trial, settings.max_gap, &mut problems);
+            trial.moment_samples = independent_samples(&trial.moment);
+            note_resampled(&trial, settings, &mut problems);
+            match &settings.emg {
+                EmgSignal::Normalized => check_excitation(&mut trial, settings, &mut problems),
+                EmgSignal::Raw(emg) => {
+                    let equal_steps = problems.len() == before && raw_emg::check_steps(&trial, &mut problems);
+                    if let Some(levels) = mvc_levels.filter(|_| equal_steps) {
+                        raw_emg::to_excitation(&mut trial, emg, levels, &settings.columns, &mut problems);
+                    }
+                }
+            }
+            trial
+        });
+        let warnings = StudyErrors::settle(problems)?;
+        // No samples and no error cannot be: every way out of `read_samples` reports.
+        trial.map(|trial| Trial { warnings, ..trial }).ok_or_else(StudyErrors::default)
+    }
+}
+
+/// Where each quantity stands in the header.
+struct Layout {
+    time: usize,
+    angle: usize,
+    velocity: Option<usize>,
+    moment: usize,
+    further: Vec<usize>,
+    emg: Vec<usize>,
+}
+
+fn layout(
+    header: &[String],
+    columns: &Columns,
+    muscles: &[String],
+    raw: bool,
+    file: &Path,
+    problems: &mut Vec<Problem>,
+) -> Option<Layout> {
+    let before = problems.len();
+    let mut column = |name: &str, meaning: &str| {
+        let index = header.iter().position(|c| c == name);
+        if index.is_none() {
+            problems.push(Problem::error(file, 1, missing_column(name, meaning, header)));
+        }
+        index
+    };
+    let time = column(&columns.time, "time in seconds");
+    let angle = column(&columns.angle, "angle of the dynamometer's coordinate");
+    let moment = column(&columns.moment, "measured moment in N·m");
+    let further: Vec<usize> = columns
+        .further_moments
+        .iter()
+        .filter_map(|f| column(&f.column, &format!("measured moment about {} in N·m", f.coordinate)))
+        .collect();
+    let has_velocity = columns.velocity_required || header.contains(&columns.velocity);
+    let velocity = if has_velocity { column(&columns.velocity, "angular velocity") } else { None };
+    let mut emg = Vec::with_capacity(muscles.len());
+    for (i, (name, muscle)) in columns.emg.iter().zip(muscles).enumerate() {
+        let said_before = columns.emg[..i].contains(name) && !header.contains(name);
+        if !said_before {
+            emg.extend(column(name, &format!("EMG of {muscle}{}", if raw { "" } else { ", 0 to 1" })));
+        }
+    }
+    report_unknown_columns(header, columns, file, problems);
+    (problems.len() == before).then_some(())?;
+    Some(Layout { time: time?, angle: angle?, velocity, moment: moment?, further, emg })
+}
+
+fn report_unknown_columns(header: &[String], columns: &Columns, file: &Path, problems: &mut Vec<Problem>) {
+    let mut known: Vec<&str> = vec![&columns.time, &columns.angle, &columns.velocity, &columns.moment];
+    known.extend(columns.further_moments.iter().map(|f| f.column.as_str()));
+    for name in &columns.emg {
+        if !known.contains(&name.as_str()) {
+            known.push(name); // one column may drive several muscles
+        }
+    }
+    for column in header.iter().filter(|c| !known.contains(&c.as_str()) && !columns.ignore.contains(c)) {
+        let absent = known.iter().copied().filter(|k| !header.iter().any(|c| c == k));
+        let fault = Fault::UnknownColumn {
+            column: column.clone(),
+            known: known.iter().map(|k| (*k).to_owned()).collect(),
+            nearest: nearest(column, absent),
+            in_trial: true,
+        };
+        problems.push(Problem::error(file, 1, fault));
+    }
+}
+
+/// First bad cell of a column, and how many more there are.
+#[derive(Default)]
+struct BadCells {
+    first: Option<(usize, String)>,
+    more: usize,
+}
+
+impl BadCells {
+    fn note(&mut self, line: usize, text: &str) {
+        match self.first {
+            None => self.first = Some((line, text.to_owned())),
+            Some(_) => self.more += 1,
+        }
+    }
+}
+
+/// Streams the rows; `None` after reporting at least one error.
+fn read_samples(
+    info: &TrialInfo,
+    settings: &Settings,
+    trials_file: &Path,
+    problems: &mut Vec<Problem>,
+) -> Option<Trial> {
+    let file = &info.file;
+    let raw = settings.emg != EmgSignal::Normalized;
+    let named_at = format!("{}:{}", trials_file.display(), info.line);
+    let (mut reader, header) = open(file, "trial file", Some(&named_at), problems)?;
+    let layout = layout(&header, &settings.columns, &settings.active_muscles, raw, file, problems)?;
+
+    let unit = settings.columns.angle_unit;
+    let muscles = settings.active_muscles.len();
+    let mut trial = Trial::from_samples(info.clone(), Vec::new(), Vec::new(), Vec::new(), vec![Vec::new(); muscles]);
+    trial.further_moments = vec![Vec::new(); layout.further.len()];
+    let mut velocity = layout.velocity.map(|_| Vec::new());
+    let mut bad: Vec<BadCells> = header.iter().map(|_| BadCells::default()).collect();
+    let mut ragged: Option<(usize, usize, usize)> = None;
+    let mut record = csv::StringRecord::new();
+    loop {
+        match reader.read_record(&mut record) {
+            Ok(false) => break,
+            Ok(true) => {}
+            Err(error) => {
+                problems.push(csv_problem(file, &error));
+                return None;
+            }
+        }
+        if record.iter().all(str::is_empty) {
+            continue; // a row of separators, as spreadsheets leave at the end
+        }
+        let line = record.position().map_or(0, |p| p.line() as usize);
+        if record.len() != header.len() {
+            let first = ragged.get_or_insert((line, record.len(), 0));
+            first.2 += 1;
+            continue;
+        }
+        if trial.len() == MAX_SAMPLES {
+            problems.push(Problem::error(file, line, Fault::TooManySamples { limit: MAX_SAMPLES }));
+            return None;
+        }
+        let mut number = |column: usize| {
+            let text = &record[column];
+            let value = text.parse().ok().filter(|v| is_of_a_study(*v));
+            if value.is_none() {
+                bad[column].note(line, text);
+            }
+            value.unwrap_or(0.0) // never used: a noted cell fails the whole trial below
+        };
+        trial.time.push(number(layout.time));
+        trial.angle.push(unit.to_radians(number(layout.angle)));
+        trial.moment.push(number(layout.moment));
+        for (samples, column) in trial.further_moments.iter_mut().zip(&layout.further) {
+            samples.push(number(*column));
+        }
+        if let (Some(column), Some(samples)) = (layout.velocity, velocity.as_mut()) {
+            samples.push(unit.to_radians(number(column)));
+        }
+        for (i, (channel, column)) in trial.excitation.iter_mut().zip(&layout.emg).enumerate() {
+            // A column that serves several muscles is counted as bad once.
+            let again = layout.emg[..i].contains(column);
+            channel.push(if again { record[*column].parse().unwrap_or(0.0) } else { number(*column) });
+        }
+        trial.lines.push(u32::try_from(line).unwrap_or(u32::MAX));
+    }
+    trial.velocity = velocity;
+    let before = problems.len();
+    report_bad_cells(file, &header, bad, ragged, problems);
+    if problems.len() == before && trial.len() < MIN_SAMPLES {
+        problems.push(Problem::error(file, None, Fault::TooFewSamples { found: trial.len(), expected: MIN_SAMPLES }));
+    }
+    (problems.len() == before).then_some(trial)
+}
+
+fn report_bad_cells(
+    file: &Path,
+    header: &[String],
+    bad: Vec<BadCells>,
+    ragged: Option<(usize, usize, usize)>,
+    problems: &mut Vec<Problem>,
+) {
+    if let Some((line, found, count)) = ragged {
+        let fault = Fault::FieldCount { expected: header.len(), found, more: count - 1 };
+        problems.push(Problem::error(file, line, fault));
+    }
+    for (column, cells) in header.iter().zip(bad) {
+        if let Some((line, found)) = cells.first {
+            let is_too_large = found.parse().is_ok_and(f64::is_finite);
+            let expected = if is_too_large { "a number of at most 1e12 in size" } else { "a finite number" };
+            let fault = Fault::BadNumber { column: column.clone(), expected, found, more: cells.more };
+            problems.push(Problem::error(file, line, fault));
+        }
+    }
+}
