@@ -32,7 +32,7 @@ __all__ = [
     "StudyReport",
 ]
 
-_USES = {"test": "held out", "train": "training", "mvc": "MVC"}
+_USES = {"held_out": "held out", "train": "training", "mvc": "MVC"}
 _FIGURES = 6
 
 
@@ -189,7 +189,7 @@ class _OfModels(Result):
 
     def _figured(self) -> list[dict[str, Any]]:
         trials = self._results["trials"]
-        return ([t for t in trials if t["use"] == "test"] or trials)[:_FIGURES]
+        return ([t for t in trials if t["use"] == "held_out"] or trials)[:_FIGURES]
 
     def _repr_html_(self) -> str:
         models = self._results["models"]

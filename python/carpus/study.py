@@ -35,6 +35,11 @@ PARAMETERS = ("max_isometric_force", "optimal_fiber_length", "tendon_slack_lengt
 """The last axis of every array of muscle parameters: [N], [m], [m], [rad]."""
 
 
+def _known(value: float | None) -> float | None:
+    """A number, or ``None`` where a data frame has none."""
+    return None if value is None or np.isnan(value) else float(value)
+
+
 @dataclass(frozen=True)
 class Participant:
     """What is known of a participant of a study in memory.
@@ -136,10 +141,10 @@ class Trial:
             "contraction": self.contraction,
             "direction": self.direction,
             "usage": self.use,
-            "effort_percent": self.effort_percent,
-            "posture": self.posture,
-            "repetition": self.repetition,
-            "start_time": self.start_time,
+            "effort_percent": _known(self.effort_percent),
+            "posture": _known(self.posture),
+            "repetition": None if _known(self.repetition) is None else int(self.repetition or 0),
+            "start_time": _known(self.start_time),
             "arm_flipped": self.arm_flipped,
             "time": np.asarray(self.time, float),
             "angle": np.asarray(self.angle, float),
@@ -515,7 +520,7 @@ class Study:
             "damping": float(damping),
             "bounds": [(p, [float(low), float(high)]) for p, (low, high) in (bounds or {}).items()],
         }
-        given = [vars(p) for p in participants]
+        given = [{k: v if k == "name" else _known(v) for k, v in vars(p).items()} for p in participants]
         opened = _carpus.Study.from_memory(settings, given, [t._given(muscles) for t in trials], model._file)
         return cls(opened)
 

@@ -7,7 +7,8 @@ use carpus::session::diagnostic::Failure;
 use carpus::session::study::simulation_message;
 use carpus::simulation::{MuscleParameters, PreparedTrial, SimulationError};
 use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods,
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3,
+    PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -130,7 +131,10 @@ impl Session {
 }
 
 /// Numbers of an array in order, without a copy where they lie so.
-fn numbers<'a>(slice: Result<&'a [f64], numpy::AsSliceError>, all: impl Iterator<Item = &'a f64>) -> std::borrow::Cow<'a, [f64]> {
+fn numbers<'a>(
+    slice: Result<&'a [f64], numpy::AsSliceError>,
+    all: impl Iterator<Item = &'a f64>,
+) -> std::borrow::Cow<'a, [f64]> {
     match slice {
         Ok(slice) => slice.into(),
         Err(_) => all.copied().collect::<Vec<_>>().into(),
@@ -167,7 +171,9 @@ impl Session {
         let rows = writable.as_slice_mut()?;
         let stride = (chosen.muscles * PARAMETERS).max(1);
         let done = py.detach(|| {
-            rows.par_chunks_mut(samples.max(1)).zip(sets.par_chunks(stride)).try_for_each(|(row, set)| chosen.moments(set, row))
+            rows.par_chunks_mut(samples.max(1))
+                .zip(sets.par_chunks(stride))
+                .try_for_each(|(row, set)| chosen.moments(set, row))
         });
         done.map_err(|e| self.failed(&e)).or_raise(py)?;
         drop(writable);

@@ -7,9 +7,7 @@ use std::panic::resume_unwind;
 use std::sync::{Mutex, PoisonError};
 
 use carpus::diagnosis::catalogue;
-use carpus::diagnosis::effect::{
-    Description, Effect, JointState, MuscleState, OsimForm, Parameter, Role, Stage,
-};
+use carpus::diagnosis::effect::{Description, Effect, JointState, MuscleState, OsimForm, Parameter, Role, Stage};
 use carpus::session::diagnostic::Failure;
 use numpy::{PyArray1, PyArray2, PyArrayLike1, PyArrayLike2, TypeMustMatch};
 use pyo3::exceptions::PyValueError;
@@ -151,7 +149,8 @@ impl PythonEffect {
                 Some(k) => format!("{} at sample {k}", value[k]),
                 None => format!("{} values", value.len()),
             };
-            let text = format!("effect `{id}`: expected {samples} finite values, found {found} (parameters {values:?})");
+            let text =
+                format!("effect `{id}`: expected {samples} finite values, found {found} (parameters {values:?})");
             return Err(PyValueError::new_err(text));
         }
         Ok(value)

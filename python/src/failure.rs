@@ -36,9 +36,9 @@ pub fn exception(py: Python<'_>, failure: &Failure) -> PyErr {
         Ok(PyErr::from_value(class.call1((argument,))?))
     };
     let made = match failure {
-        Failure::Input(messages) => diagnostics(py, messages)
-            .and_then(|list| list.into_py_any(py))
-            .and_then(|list| make("InputError", list)),
+        Failure::Input(messages) => {
+            diagnostics(py, messages).and_then(|list| list.into_py_any(py)).and_then(|list| make("InputError", list))
+        }
         Failure::Internal(what) => what.into_py_any(py).and_then(|what| make("InternalError", what)),
         Failure::Cancelled => return PyKeyboardInterrupt::new_err("stopped on request"),
     };

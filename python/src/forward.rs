@@ -36,7 +36,8 @@ fn simulated(compiled: &Compiled, asked: &Asked) -> Result<(Vec<String>, Vec<Pla
     let n = names.len();
     if asked.excitation.len() != n * asked.times.len() {
         let found = asked.excitation.len() / asked.times.len().max(1);
-        let text = format!("excitation: expected a column for each of the {n} muscles ({}), found {found}", names.join(", "));
+        let text =
+            format!("excitation: expected a column for each of the {n} muscles ({}), found {found}", names.join(", "));
         return Err(refused(text));
     }
     let mut work = plant.new_work();
@@ -92,7 +93,7 @@ impl Model {
         accuracy: f64,
         allow_unsupported: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let compiled = self.compiled().or_raise(py)?;
+        let compiled = self.compiled(py)?;
         let n_q = compiled.loaded.model.n_coordinates();
         let list = |array: &PyReadonlyArray1<'_, f64>| array.as_array().iter().copied().collect::<Vec<f64>>();
         let asked = Asked {

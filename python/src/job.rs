@@ -4,6 +4,7 @@
 //! next tells how far it is, or asks; the caller waits a moment for that, then leaves it alone: its result is thrown away.
 
 use std::any::Any;
+use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError, channel};
@@ -35,13 +36,28 @@ struct Told {
     warnings: Vec<Diagnostic>,
 }
 
+/// A piece of work, as the thread that waits for it sees it.
+#[derive(Default)]
+struct Job {
+    told: Mutex<Told>,
+    is_cancelled: AtomicBool,
+}
+
+thread_local! {
+    /// The work of this thread. Threads that help it have none: what they tell is of the newest piece of work.
+    static OWN: RefCell<Option<Arc<Job>>> = const { RefCell::new(None) };
+}
+
 /// Takes what work on a study tells to the thread that waits for it.
 #[derive(Default)]
 pub struct Relay {
-    told: Mutex<Told>,
-    is_cancelled: AtomicBool,
-    /// One piece of work at a time has a relay.
-    busy: Mutex<()>,
+    newest: Mutex<Arc<Job>>,
+}
+
+impl Relay {
+    fn job(&self) -> Arc<Job> {
+        OWN.with_borrow(Option::clone).unwrap_or_else(|| Arc::clone(&locked(&self.newest)))
+    }
 }
 
 /// What a lock protects, whatever became of the thread that held it last: all of it is replaced as a whole.
@@ -51,19 +67,20 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 impl Progress for Relay {
     fn at(&self, what: &str, done: usize, steps: usize) {
-        if self.is_cancelled() {
+        let job = self.job();
+        if job.is_cancelled.load(Ordering::Relaxed) {
             resume_unwind(Box::new(Stopped));
         }
-        let mut told = locked(&self.told);
+        let mut told = locked(&job.told);
         (told.what, told.done, told.steps, told.changed) = (what.to_owned(), done, steps, true);
     }
 
     fn warning(&self, warning: &Diagnostic) {
-        locked(&self.told).warnings.push(warning.clone());
+        locked(&self.job().told).warnings.push(warning.clone());
     }
 
     fn is_cancelled(&self) -> bool {
-        self.is_cancelled.load(Ordering::Relaxed)
+        self.job().is_cancelled.load(Ordering::Relaxed)
     }
 }
 
@@ -86,17 +103,11 @@ pub fn long<T: Send + 'static>(
 ) -> PyResult<T> {
     let bar = py.import("carpus._progress")?.call_method0("bar")?;
     let (send, receive) = channel();
-    let of_thread = Arc::clone(relay);
-    // Cancelled: this piece of work, not the next of the relay.
-    let is_wanted = Arc::new(AtomicBool::new(true));
-    let still_wanted = Arc::clone(&is_wanted);
+    let job = Arc::<Job>::default();
+    *locked(&relay.newest) = Arc::clone(&job);
+    let of_thread = Arc::clone(&job);
     std::thread::spawn(move || {
-        let _one_at_a_time = locked(&of_thread.busy);
-        if !still_wanted.load(Ordering::Relaxed) {
-            return;
-        }
-        of_thread.is_cancelled.store(false, Ordering::Relaxed);
-        *locked(&of_thread.told) = Told::default();
+        OWN.set(Some(of_thread));
         let end = match catch_unwind(AssertUnwindSafe(work)) {
             Ok(result) => End::Done(result),
             Err(payload) => End::Panicked(payload),
@@ -105,13 +116,12 @@ pub fn long<T: Send + 'static>(
         let _ = send.send(end);
     });
     let receive = Mutex::new(receive);
-    let waited = wait(py, relay, &bar, &receive);
+    let waited = wait(py, &job, &bar, &receive);
     let closed = bar.call_method0("close");
     let end = match waited {
         Ok(end) => end,
         Err(interrupt) => {
-            is_wanted.store(false, Ordering::Relaxed);
-            relay.is_cancelled.store(true, Ordering::Relaxed);
+            job.is_cancelled.store(true, Ordering::Relaxed);
             let until = Instant::now() + PATIENCE;
             py.detach(|| {
                 while matches!(locked(&receive).try_recv(), Err(TryRecvError::Empty)) && Instant::now() < until {
@@ -122,7 +132,7 @@ pub fn long<T: Send + 'static>(
         }
     };
     closed?;
-    warn(py, &std::mem::take(&mut locked(&relay.told).warnings))?;
+    warn(py, &std::mem::take(&mut locked(&job.told).warnings))?;
     match end {
         End::Done(result) => result.or_raise(py),
         End::Panicked(payload) => Err(unwound(py, payload)),
@@ -132,7 +142,7 @@ pub fn long<T: Send + 'static>(
 /// Waits for the end, shows progress on the way.
 fn wait<T: Send>(
     py: Python<'_>,
-    relay: &Relay,
+    job: &Job,
     bar: &Bound<'_, PyAny>,
     receive: &Mutex<Receiver<End<T>>>,
 ) -> PyResult<End<T>> {
@@ -141,13 +151,15 @@ fn wait<T: Send>(
         match looked {
             Ok(end) => return Ok(end),
             Err(RecvTimeoutError::Disconnected) => {
-                return Ok(End::Done(Err(Failure::Internal("the thread of the work ended without a result".to_owned()))));
+                return Ok(End::Done(Err(Failure::Internal(
+                    "the thread of the work ended without a result".to_owned(),
+                ))));
             }
             Err(RecvTimeoutError::Timeout) => {}
         }
         py.check_signals()?;
         let shown = {
-            let mut told = locked(&relay.told);
+            let mut told = locked(&job.told);
             std::mem::take(&mut told.changed).then(|| (told.what.clone(), told.done, told.steps))
         };
         if let Some(shown) = shown {

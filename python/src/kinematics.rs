@@ -103,7 +103,11 @@ impl Compiled {
 }
 
 /// The samples of an array whose last axis has a length; without a copy where it is contiguous.
-pub fn rows<'a>(array: &'a PyReadonlyArray2<'_, f64>, columns: usize, what: &str) -> Result<std::borrow::Cow<'a, [f64]>, Failure> {
+pub fn rows<'a>(
+    array: &'a PyReadonlyArray2<'_, f64>,
+    columns: usize,
+    what: &str,
+) -> Result<std::borrow::Cow<'a, [f64]>, Failure> {
     let [_, found] = array.shape() else { return Err(refused(format!("{what}: expected two axes"))) };
     if *found != columns {
         return Err(refused(format!("{what}: expected shape (n, {columns}), found (n, {found})")));
@@ -128,7 +132,7 @@ impl Model {
 
     /// The default posture with some coordinates set [rad or m].
     fn posture<'py>(&mut self, py: Python<'py>, set: Vec<(String, f64)>) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let compiled = self.compiled().or_raise(py)?;
+        let compiled = self.compiled(py)?;
         let mut messages = Vec::new();
         let set = assignments(&compiled.loaded, &set).or_raise(py)?;
         let q = compiled.loaded.posture(&set, &mut messages).or_raise(py)?;
@@ -144,7 +148,7 @@ impl Model {
         q: PyReadonlyArray2<'py, f64>,
         about: Option<&str>,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray2<f64>>>)> {
-        let compiled = self.compiled().or_raise(py)?;
+        let compiled = self.compiled(py)?;
         let about = about.map(|name| compiled.loaded.coordinate(name)).transpose().or_raise(py)?;
         let samples = rows(&q, compiled.n_coordinates(), "q").or_raise(py)?;
         let [lengths, arms] = py.detach(|| compiled.paths(&samples, about));
@@ -154,12 +158,8 @@ impl Model {
     }
 
     /// Poses of all bodies in ground: (n, bodies, 4, 4).
-    fn poses<'py>(
-        &mut self,
-        py: Python<'py>,
-        q: PyReadonlyArray2<'py, f64>,
-    ) -> PyResult<Bound<'py, PyArray4<f64>>> {
-        let compiled = self.compiled().or_raise(py)?;
+    fn poses<'py>(&mut self, py: Python<'py>, q: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray4<f64>>> {
+        let compiled = self.compiled(py)?;
         let samples = rows(&q, compiled.n_coordinates(), "q").or_raise(py)?;
         let bodies = self.file.spec.bodies.len();
         let n = q.shape()[0];
@@ -196,7 +196,7 @@ impl Model {
         if !(0.0..=1.0).contains(&activation) {
             return Err(refused(format!("activation: expected 0 to 1, found {activation}"))).or_raise(py);
         }
-        let compiled = self.compiled().or_raise(py)?;
+        let compiled = self.compiled(py)?;
         let set = assignments(&compiled.loaded, &set).or_raise(py)?;
         let path: PathBuf = self.path.clone();
         let asked = Equilibrium { model: path, set, activation, moment_about: about, muscles, allow_unsupported };

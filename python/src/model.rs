@@ -14,6 +14,7 @@ use pyo3::prelude::*;
 use serde_json::{Value, json};
 
 use crate::failure::OrRaise;
+use crate::job::warn;
 use crate::kinematics::Compiled;
 
 /// A model file in memory.
@@ -33,16 +34,17 @@ impl Model {
         Model { file, path: path.into(), compiled: None }
     }
 
-    /// The compiled skeleton.
+    /// The compiled skeleton. Warns, once between edits, of components that are not supported.
     ///
     /// # Errors
     /// A model that cannot be computed with.
-    pub fn compiled(&mut self) -> Result<Arc<Compiled>, Failure> {
+    pub fn compiled(&mut self, py: Python<'_>) -> PyResult<Arc<Compiled>> {
         if let Some(compiled) = &self.compiled {
             return Ok(Arc::clone(compiled));
         }
-        let compiled = Arc::new(Compiled::of(&self.path, &self.file)?);
+        let compiled = Arc::new(Compiled::of(&self.path, &self.file).or_raise(py)?);
         self.compiled = Some(Arc::clone(&compiled));
+        warn(py, &compiled.warnings)?;
         Ok(compiled)
     }
 
@@ -118,40 +120,52 @@ impl Model {
     fn components(&self, kind: &str) -> Option<String> {
         let spec = &self.file.spec;
         let list: Vec<Value> = match kind {
-            "bodies" => spec.bodies.iter().map(|b| {
-                let i = &b.inertia;
-                json!({
-                    "name": b.name, "path": b.at.path, "line": b.at.line, "mass": b.mass,
-                    "mass_center": b.mass_center.as_slice(),
-                    "inertia": [i[(0, 0)], i[(1, 1)], i[(2, 2)], i[(0, 1)], i[(0, 2)], i[(1, 2)]],
+            "bodies" => spec
+                .bodies
+                .iter()
+                .map(|b| {
+                    let i = &b.inertia;
+                    json!({
+                        "name": b.name, "path": b.at.path, "line": b.at.line, "mass": b.mass,
+                        "mass_center": b.mass_center.as_slice(),
+                        "inertia": [i[(0, 0)], i[(1, 1)], i[(2, 2)], i[(0, 1)], i[(0, 2)], i[(1, 2)]],
+                    })
                 })
-            }).collect(),
-            "coordinates" => spec.coordinates.iter().map(|c| {
-                let motion_type = match c.motion_type {
-                    MotionType::Rotational => "rotational",
-                    MotionType::Translational => "translational",
-                    MotionType::Coupled => "coupled",
-                };
-                json!({
-                    "name": c.name, "path": c.at.path, "line": c.at.line, "motion_type": motion_type,
-                    "default_value": c.default_value, "default_speed_value": c.default_speed_value,
-                    "range": c.range, "clamped": c.clamped, "locked": c.locked, "prescribed": c.prescribed,
-                    "joint": spec.joints[c.joint.0].name,
+                .collect(),
+            "coordinates" => spec
+                .coordinates
+                .iter()
+                .map(|c| {
+                    let motion_type = match c.motion_type {
+                        MotionType::Rotational => "rotational",
+                        MotionType::Translational => "translational",
+                        MotionType::Coupled => "coupled",
+                    };
+                    json!({
+                        "name": c.name, "path": c.at.path, "line": c.at.line, "motion_type": motion_type,
+                        "default_value": c.default_value, "default_speed_value": c.default_speed_value,
+                        "range": c.range, "clamped": c.clamped, "locked": c.locked, "prescribed": c.prescribed,
+                        "joint": spec.joints[c.joint.0].name,
+                    })
                 })
-            }).collect(),
-            "joints" => spec.joints.iter().map(|j| {
-                json!({ "name": j.name, "path": j.at.path, "line": j.at.line })
-            }).collect(),
+                .collect(),
+            "joints" => {
+                spec.joints.iter().map(|j| json!({ "name": j.name, "path": j.at.path, "line": j.at.line })).collect()
+            }
             "muscles" => spec.muscles.iter().map(muscle).collect(),
             "forces" => spec.forces.iter().map(|f| named(&f.name, &f.at)).collect(),
             "constraints" => spec.constraints.iter().map(|c| named(&c.name, &c.at)).collect(),
-            "markers" => spec.markers.iter().map(|m| {
-                let frame = &spec.frames[m.frame.0].at.path;
-                json!({
-                    "name": m.name, "path": m.at.path, "line": m.at.line, "frame": frame,
-                    "location": m.location.as_slice(), "fixed": m.fixed,
+            "markers" => spec
+                .markers
+                .iter()
+                .map(|m| {
+                    let frame = &spec.frames[m.frame.0].at.path;
+                    json!({
+                        "name": m.name, "path": m.at.path, "line": m.at.line, "frame": frame,
+                        "location": m.location.as_slice(), "fixed": m.fixed,
+                    })
                 })
-            }).collect(),
+                .collect(),
             _ => return None,
         };
         Some(Value::Array(list).to_string())
@@ -210,9 +224,7 @@ impl Model {
             Failure::from(e.hint().into_iter().fold(message, Diagnostic::hint))
         });
         let scaling = scaling.or_raise(py)?;
-        let length = |l: &carpus::scaling::ScaledLength| {
-            json!({ "name": l.name, "before_m": l.before, "after_m": l.after, "ratio": l.ratio() })
-        };
+        let length = |l: &carpus::scaling::ScaledLength| json!({ "name": l.name, "before_m": l.before, "after_m": l.after, "ratio": l.ratio() });
         let said = json!({
             "mass_before_kg": scaling.mass[0],
             "mass_kg": scaling.mass[1],

@@ -13,8 +13,8 @@ use carpus::session::screening::ScreeningOptions;
 use carpus::session::study::{Opening, Study as OpenStudy};
 use carpus::session::whole_study::{Told, WholeStudy};
 use carpus::study::{
-    Contraction, Direction, MomentPart, Participant, PostureCoordinate, RelativeBounds, Settings, Study as Tables, Trial, TrialInfo,
-    TrialUse,
+    Contraction, Direction, MomentPart, Participant, PostureCoordinate, RelativeBounds, Settings, Study as Tables,
+    Trial, TrialInfo, TrialUse,
 };
 use pyo3::prelude::*;
 use serde::de::DeserializeOwned;
@@ -158,7 +158,8 @@ fn in_memory(
             }
         };
         if !(0.0 < lower && lower <= 1.0 && 1.0 <= upper && upper.is_finite()) {
-            let text = format!("bounds of {property}: expected a share up to 1 and one from 1 on, found {lower} and {upper}");
+            let text =
+                format!("bounds of {property}: expected a share up to 1 and one from 1 on, found {lower} and {upper}");
             return Err(refused(text));
         }
         *of = RelativeBounds { lower, upper };

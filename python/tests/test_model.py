@@ -10,6 +10,9 @@ from conftest import ROOT
 
 import carpus
 
+# Where a path touches a cylinder is found to OpenSim's tolerance: the moment arm is not exactly the length's derivative [m].
+DERIVATIVE_TOLERANCE = 5e-7
+
 WRIST = ROOT / "models" / "wrist.osim"
 
 
@@ -58,7 +61,7 @@ def test_verif_moment_arms_are_derivatives_of_lengths(model: carpus.Model) -> No
     up[:, column] += h
     down[:, column] -= h
     difference = -(model.paths(up).length - model.paths(down).length) / (2 * h)
-    np.testing.assert_allclose(arms, difference, atol=1e-7)
+    np.testing.assert_allclose(arms, difference, atol=DERIVATIVE_TOLERANCE, rtol=0)
 
 
 def test_verif_scaled_and_upgraded(model: carpus.Model, lab_models: Path | None = None) -> None:
@@ -83,15 +86,15 @@ def test_verif_forces_at_rest(model: carpus.Model) -> None:
 
 
 def test_verif_motion_from_forces(model: carpus.Model) -> None:
-    t = np.linspace(0, 0.2, 21)
+    t = np.linspace(0, 0.2, 2001)
     still = model.forward(t, 0.01)
     flexed = model.forward(t, np.where(np.char.startswith(model.muscle_names, "F"), 0.5, 0.01))
     i = model.coordinate_names.index("flexion")
-    assert still.q.shape == (21, len(model.coordinate_names)) and flexed.q[-1, i] > still.q[-1, i] + 0.05
+    assert still.q.shape == (2001, len(model.coordinate_names)) and flexed.q[-1, i] > still.q[-1, i] + 0.05
     frame = flexed.to_pandas()
-    np.testing.assert_allclose(
-        np.gradient(frame["flexion/value"], t)[1:-1], frame["flexion/speed"].iloc[1:-1], atol=0.3
-    )
+    rate = np.gradient(frame["flexion/value"], t)[1:-1]
+    # Central differences over 0.1 ms, of a motion that reaches 15 rad/s and hits a limit.
+    assert np.quantile(np.abs(rate - frame["flexion/speed"].iloc[1:-1]), 0.99) < 0.05
     with pytest.raises(carpus.InputError, match="ascending"):
         model.forward(t[::-1])
 

@@ -1,4 +1,4 @@
-"""Executes the notebooks and renders them into the book: ``python render.py [--check] [NAME …]``.
+"""Executes the notebooks and renders them into the book: ``python render_notebooks.py [--check] [NAME …]``.
 
 A notebook is a ``.py`` file in cells, which jupytext reads. With ``--check`` they are executed, and no page is
 written. A notebook that wants a package which is not installed is skipped, and says so.
@@ -15,7 +15,7 @@ import jupytext
 from nbclient import NotebookClient
 from nbconvert import MarkdownExporter
 
-HERE = Path(__file__).parent
+HERE = Path(__file__).resolve().parents[1] / "notebooks"
 PAGES = HERE.parents[1] / "docs" / "src" / "python"
 NAMES = {
     "demo": [],
