@@ -76,7 +76,7 @@ def command(*words: str | os.PathLike[str]) -> Any:
         InputError: The command's input, with the program's messages.
         InternalError: The program failed.
     """
-    words_of = [sys.executable, "-m", "carpus", *map(os.fspath, words), "--json"]
+    words_of = [sys.executable, "-m", "carpus", *[os.fspath(w) for w in words], "--json"]
     done = subprocess.run(words_of, capture_output=True, text=True)
     if done.returncode == 1:
         raise InputError([Diagnostic("error", None, None, done.stderr.strip(), None)])

@@ -98,7 +98,7 @@ def prose(doc: str) -> str:
 
 def signature(name: str, of: Any) -> str:
     """A signature on one line."""
-    text = str(inspect.signature(of)).replace("'", "")
+    text = re.sub(r"(: |-> )'([^']*)'", r"\1\2", str(inspect.signature(of)))
     text = re.sub(r"\(self(, )?", "(", text)
     text = re.sub(r"(typing|collections\.abc|os|carpus\.\w+)\.", "", text)
     return f"{name}{text}"
