@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             println!("  {why}");
         }
         let request = AddEffects::default();
-        let added = session.add_effects(&results, &forward, &effects, &diagnosed.known, &request)?;
+        let added = session.add_effects(results.path(), &forward, &effects, &diagnosed.known, &request)?;
         added.write_to(&results, Path::new(&participant.about().name))?;
         for step in added.results.ledger.iter().flat_map(|ledger| &ledger.steps) {
             println!("  {:<40} training error {:.2} %", step.label, 100.0 * step.train);

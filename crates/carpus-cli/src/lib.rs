@@ -17,6 +17,7 @@ mod said;
 mod study_run;
 mod table;
 
+use std::ffi::OsString;
 use std::num::NonZeroUsize;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
@@ -35,37 +36,48 @@ const OWN_FAULT: u8 = 2;
 
 /// Runs the command that the process was started with.
 pub fn main() -> ExitCode {
-    std::panic::set_hook(Box::new(report_panic));
-    match catch_unwind(AssertUnwindSafe(run)) {
-        Ok(code) => code,
-        Err(_) => ExitCode::from(OWN_FAULT),
-    }
+    ExitCode::from(run_caught())
 }
 
-fn run() -> ExitCode {
-    let parsed = help::command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches));
+/// Runs a command in a process that was started with other words, as Python's interpreter is; once in a process. Returns the exit
+/// code.
+///
+/// - `words`: the name of the program, then its arguments
+pub fn run_words(words: Vec<OsString>) -> u8 {
+    provenance::set_words(words);
+    run_caught()
+}
+
+fn run_caught() -> u8 {
+    std::panic::set_hook(Box::new(report_panic));
+    catch_unwind(AssertUnwindSafe(run)).unwrap_or(OWN_FAULT)
+}
+
+fn run() -> u8 {
+    let matches = help::command().try_get_matches_from(provenance::words());
+    let parsed = matches.and_then(|matches| Cli::from_arg_matches(&matches));
     let cli = match parsed {
         Ok(cli) => cli,
         Err(error) => {
             let asked = matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion);
             // Nothing can be done when even the help cannot be printed.
             let _ = error.print();
-            return if asked { ExitCode::SUCCESS } else { ExitCode::from(INPUT_FAULT) };
+            return if asked { 0 } else { INPUT_FAULT };
         }
     };
     match start_threads(&cli.global).and_then(|()| execute(&cli)) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => 0,
         Err(Failure::Input(messages)) => {
             failure::print(&messages);
-            ExitCode::from(INPUT_FAULT)
+            INPUT_FAULT
         }
         Err(Failure::Cancelled) => {
             failure::say(&Failure::Cancelled.to_string());
-            ExitCode::from(INPUT_FAULT)
+            INPUT_FAULT
         }
         Err(Failure::Internal(what)) => {
             failure::say(&defect(&what));
-            ExitCode::from(OWN_FAULT)
+            OWN_FAULT
         }
     }
 }

@@ -1,11 +1,29 @@
 //! The command line, as results name what made them.
 
+use std::ffi::OsString;
+use std::sync::OnceLock;
+
+static WORDS: OnceLock<Vec<OsString>> = OnceLock::new();
+
+/// Says what the command was, where it is not what the process was started with.
+///
+/// - `words`: the name of the program, then its arguments
+pub fn set_words(words: Vec<OsString>) {
+    // A process has one command.
+    let _ = WORDS.set(words);
+}
+
+/// The name of the program, then its arguments.
+pub fn words() -> Vec<OsString> {
+    WORDS.get().cloned().unwrap_or_else(|| std::env::args_os().collect())
+}
+
 /// The command as it was typed, quoted for a shell where needed.
 pub fn command_line() -> String {
     let quoted = |word: String| {
         let plain = |c: char| c.is_alphanumeric() || "-_./=:,+%@".contains(c);
         if !word.is_empty() && word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', r"'\''")) }
     };
-    let words = std::env::args_os().skip(1).map(|word| quoted(word.to_string_lossy().into_owned()));
+    let words = words().into_iter().skip(1).map(|word| quoted(word.to_string_lossy().into_owned()));
     std::iter::once("carpus".to_string()).chain(words).collect::<Vec<_>>().join(" ")
 }

@@ -7,9 +7,9 @@ use carpus_osim::osim::spec::{Millard2012Spec, MuscleKind, MuscleSpec};
 use carpus_simulation::simulation::MuscleKinematics;
 pub use description::{
     Behaviour, Description, ExcitationScope, FlippedArm, MomentUse, NeutralShift, OsimForm, Parameter, Quantity, Role,
-    Stage, StrengthScaling,
+    Stage, StrengthScaling, amplitude, shape,
 };
-pub(crate) use description::{REACH_OF_PROPERTY, amplitude, angle, log_ratio, shape};
+pub(crate) use description::{REACH_OF_PROPERTY, angle, log_ratio};
 
 /// What is known of a trial besides its samples.
 #[derive(Clone, Copy, Debug)]

@@ -51,7 +51,7 @@ pub struct WithEffects {
 impl Session<'_> {
     /// Fits the muscles, then with one effect after the other.
     ///
-    /// - `out`: where steps are going to be written, for warnings
+    /// - `out`: the folder of results where steps are going to be written, for warnings
     /// - `forward`: [`super::diagnose::forward_model`] of the session, whose trials were read for a diagnosis
     /// - `effects`: [`super::effect_choice`] says which
     ///
@@ -59,7 +59,7 @@ impl Session<'_> {
     /// A trial that cannot be simulated; an effect that cannot be written.
     pub fn add_effects(
         &self,
-        out: &OutputFolder,
+        out: &Path,
         forward: &ForwardModel,
         effects: &[&'static dyn Effect],
         diagnosis: &KnownDiagnosis,
@@ -86,7 +86,7 @@ impl Session<'_> {
         let mut warnings = run.warnings.clone();
         for step in steps.iter().filter(|s| s.differs > SAME * asked.mvc) {
             let text = format!("the written model differs by {:.2e} N·m from the one that was fitted", step.differs);
-            let folder = out.path().join(&run.participant.name).join(&step.folder);
+            let folder = out.join(&run.participant.name).join(&step.folder);
             warnings.push(Diagnostic::warning(text).in_file(&folder));
         }
         let ledger = ledger(run, forward, asked.mvc, &fitted, &steps, choice(diagnosis, effects, request.i_choose));
@@ -102,6 +102,11 @@ impl Session<'_> {
 }
 
 impl WithEffects {
+    /// The model with all effects that its file can have.
+    pub fn model(&self) -> Option<&OsimFile> {
+        self.steps.last().map(|step| &step.file)
+    }
+
     /// Writes every step's model and the last one's, effects beside them, the ledger, `results.json` and its report.
     ///
     /// - `folder`: the participant's, in the folder of the results

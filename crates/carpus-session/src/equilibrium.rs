@@ -117,19 +117,30 @@ impl Equilibrium {
         go_on(progress)?;
         let mut messages = Vec::new();
         let loaded = model::load(&self.model, Needs::Motion, self.allow_unsupported, &mut messages)?;
-        let muscles = computed_muscles(&loaded, self, &mut messages)?;
+        self.of_loaded(&loaded, messages)
+    }
+
+    /// As [`Equilibrium::run`], of a model in memory.
+    ///
+    /// - `messages`: what was said when it was loaded
+    ///
+    /// # Errors
+    /// A coordinate, a muscle.
+    pub fn of_loaded(&self, loaded: &LoadedModel, messages: Vec<Diagnostic>) -> Result<AtRest, Failure> {
+        let mut messages = messages;
+        let muscles = computed_muscles(loaded, self, &mut messages)?;
         let posture = loaded.posture(&self.set, &mut messages)?;
-        let about = coordinates(&loaded, self)?;
+        let about = coordinates(loaded, self)?;
         if !self.moment_about.is_empty() {
             messages.extend(about.iter().filter_map(|coordinate| loaded.ambiguous(*coordinate)));
         }
         let mut paths = Vec::new();
-        let rows = rows(&loaded, &muscles, &posture, &about, self.activation, &mut paths)?;
+        let rows = rows(loaded, &muscles, &posture, &about, self.activation, &mut paths)?;
         let set: Vec<String> = self.set.iter().map(ToString::to_string).collect();
         let pose = if set.is_empty() { "the default posture".to_string() } else { set.join(", ") };
         messages.extend(paths.iter().filter_map(|p| match path_check::wound_too_far(p.length, p.polyline) {
-            true => Some(path_check::wound_message(&loaded, p.muscle, p.length, p.polyline, &pose, None)),
-            false => path_check::overstretched(&loaded, p.muscle, p.length),
+            true => Some(path_check::wound_message(loaded, p.muscle, p.length, p.polyline, &pose, None)),
+            false => path_check::overstretched(loaded, p.muscle, p.length),
         }));
         Ok(AtRest {
             model: loaded.model.name.clone(),

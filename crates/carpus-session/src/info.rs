@@ -98,6 +98,13 @@ impl Info {
     /// The file cannot be read as a model.
     pub fn read(path: &Path) -> Result<(Info, Option<Diagnostic>), Failure> {
         let file = OsimFile::read(path).map_err(|e| model::osim_failure(path, &e))?;
+        Ok(Info::of(file, path))
+    }
+
+    /// As [`Info::read`], of a model in memory.
+    ///
+    /// - `path`: its name in messages
+    pub fn of(file: OsimFile, path: &Path) -> (Info, Option<Diagnostic>) {
         let spec = &file.spec;
         let compiled = Model::compile(spec);
         let info = Info {
@@ -120,7 +127,7 @@ impl Info {
             let message = Diagnostic::error(e.to_string()).in_file(path).at_line(e.at().line);
             message.hint("the file can be read, but not computed with")
         });
-        Ok((info, reason))
+        (info, reason)
     }
 }
 

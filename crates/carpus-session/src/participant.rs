@@ -101,7 +101,7 @@ impl<'s> Session<'s> {
     ///
     /// # Errors
     /// The folder cannot be written to, or holds what is not of the study and the command.
-    pub(super) fn write_results(
+    pub fn write_results(
         &self,
         path: &Path,
         command: &str,

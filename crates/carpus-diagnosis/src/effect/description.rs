@@ -252,7 +252,7 @@ pub(crate) const REACH_OF_PROPERTY: f64 = 5.0;
 const REACH_OF_SHAPE: f64 = 3.0;
 
 /// An amplitude: absent at 0.
-pub(crate) const fn amplitude(
+pub const fn amplitude(
     name: &'static str,
     unit: &'static str,
     scale: f64,
@@ -291,7 +291,7 @@ pub(crate) const fn log_ratio(
 }
 
 /// A shape: `start` with standard deviation `scale`.
-pub(crate) const fn shape(
+pub const fn shape(
     name: &'static str,
     unit: &'static str,
     start: f64,

@@ -35,7 +35,7 @@ pub fn run(args: &EffectAddArgs, global: &Global) -> Result<(), Failure> {
             return Err(messages.into());
         }
         failure::print(&messages);
-        let added = session.add_effects(&study.out, &forward, &effects, &diagnosis, &request)?;
+        let added = session.add_effects(study.out.path(), &forward, &effects, &diagnosis, &request)?;
         added.write_to(&study.out, Path::new(name))?;
         Ok(added.results)
     })?;

@@ -30,7 +30,7 @@ pub fn run(args: &EffectAutoArgs, global: &Global) -> Result<(), Failure> {
         if let Some(why) = why {
             failure::print(&[Diagnostic::warning(format!("participant {name}: {why}"))]);
         }
-        let added = session.add_effects(&study.out, &forward, &effects, &diagnosis, &request)?;
+        let added = session.add_effects(study.out.path(), &forward, &effects, &diagnosis, &request)?;
         added.write_to(&study.out, Path::new(name))?;
         Ok(added.results)
     })?;

@@ -1,0 +1,485 @@
+"""Results: typed, as data frames, as pages, as the files of the command."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import _carpus
+from ._html import moments, table
+from .model import Model
+
+__all__ = [
+    "Comparison",
+    "Diagnosis",
+    "Evaluation",
+    "Identification",
+    "ModelWithEffects",
+    "Personalization",
+    "Plan",
+    "Result",
+    "Sensitivity",
+    "SimulatedTrial",
+    "Simulation",
+    "StudyReport",
+]
+
+_USES = {"held_out": "held out", "train": "training", "mvc": "MVC"}
+_FIGURES = 6
+
+
+class Result:
+    """A result: what the command writes, in memory."""
+
+    def __init__(self, answer: _carpus.Answer) -> None:
+        self._answer = answer
+
+    @cached_property
+    def _dict(self) -> dict[str, Any]:
+        return json.loads(self._answer.json())
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of the result's JSON file; the book describes its keys."""
+        return self._dict
+
+    def to_pandas(self) -> Any:
+        """The result's main table as a data frame; its ``to_csv`` and ``to_parquet`` write it."""
+        raise NotImplementedError
+
+    def write(self, folder: str | os.PathLike[str]) -> Path:
+        """Writes the files of the command: the same bytes for the same study, seed and ``command``.
+
+        Args:
+            folder: The folder of the results; those of the participant P01 come into its folder ``P01``.
+
+        Raises:
+            InputError: The folder cannot be written to, or holds what is not of this study and command.
+        """
+        self._answer.write(os.fspath(folder))
+        return Path(folder)
+
+    def report(self) -> str:
+        """The result's report, a page of HTML that needs no network."""
+        page = self._answer.report()
+        if page is None:
+            raise NotImplementedError(f"{type(self).__name__} has no page in memory: write() makes it")
+        return page
+
+    def __repr__(self) -> str:
+        try:
+            return f"{type(self).__name__}\n{self.to_pandas().to_string()}"
+        except ImportError:
+            return f"<{type(self).__name__}>"
+
+    def _repr_html_(self) -> str:
+        return self.to_pandas()._repr_html_()
+
+
+@dataclass(frozen=True)
+class SimulatedTrial:
+    """A simulated trial; n samples, m muscles."""
+
+    time: np.ndarray
+    """Time [s], shape (n,)."""
+    moment: np.ndarray
+    """Moment about the dynamometer's coordinate [N·m], shape (n,)."""
+    fiber_length: np.ndarray
+    """[m], shape (m, n)."""
+    fiber_velocity: np.ndarray
+    """[m/s], shape (m, n)."""
+    tendon_force: np.ndarray
+    """[N], shape (m, n)."""
+    muscle_moment: np.ndarray
+    """Moment of every muscle [N·m], shape (m, n)."""
+
+
+class _OfModels(Result):
+    """A result of one participant with errors of models."""
+
+    @property
+    def participant(self) -> str:
+        """Name of the participant."""
+        return self._results["participant"]["id"]
+
+    @property
+    def _results(self) -> dict[str, Any]:
+        return self._dict
+
+    @property
+    def warnings(self) -> list[dict[str, Any]]:
+        """What a person should know before trusting it."""
+        return self._results["warnings"]
+
+    @property
+    def errors(self) -> Any:
+        """Mean errors of every model for each use of the trials, as a data frame: NRMSE and largest error [1, of the
+        measured range], XCORR and sum [1] (equations 3.1 to 3.4 of the book), RMSE [N·m], Pearson's r, R².
+        """
+        import pandas as pd
+
+        rows = [
+            {"use": label, "model": model["label"], "trials": e["trials"], **e["errors"]}
+            for use, label in _USES.items()
+            for model in self._results["models"]
+            for e in model["errors"]
+            if e["use"] == use
+        ]
+        return pd.DataFrame(rows).set_index(["use", "model"])
+
+    @property
+    def trial_errors(self) -> Any:
+        """Errors of every model in every trial, as a data frame."""
+        import pandas as pd
+
+        rows = [
+            {"trial": t["id"], "use": t["use"], "model": model, **errors}
+            for t in self._results["trials"]
+            for model, errors in t["errors"].items()
+        ]
+        return pd.DataFrame(rows).set_index(["trial", "model"])
+
+    def to_pandas(self) -> Any:
+        return self.errors
+
+    def moments(self, trial: str) -> Any:
+        """Measured and simulated moments [N·m] of a trial, as a data frame with the time [s] as index."""
+        import pandas as pd
+
+        for t in self._results["trials"]:
+            if t["id"] == trial:
+                series = t["series"]
+                columns = {"measured": series["measured_n_m"], **series["simulated_n_m"]}
+                return pd.DataFrame(columns, index=pd.Index(series["time_s"], name="time_s"))
+        raise KeyError(trial)
+
+    def plot(self, trials: Sequence[str] | None = None) -> Any:
+        """Measured and simulated moments, drawn by matplotlib; returns the figure.
+
+        Args:
+            trials: Names; without any the held-out ones.
+        """
+        import matplotlib.pyplot as plt
+
+        chosen = list(trials) if trials is not None else [t["id"] for t in self._figured()]
+        columns = min(3, max(1, len(chosen)))
+        rows = -(-len(chosen) // columns)
+        figure, axes = plt.subplots(
+            rows, columns, figsize=(4 * columns, 2.4 * rows), squeeze=False, layout="constrained"
+        )
+        for axis, name in zip(axes.flat, chosen, strict=False):
+            frame = self.moments(name)
+            for column in frame:
+                style = {"color": "0.6", "linewidth": 3} if column == "measured" else {}
+                axis.plot(frame.index, frame[column], label=column, **style)
+            axis.set_title(name, fontsize=9)
+            axis.set_xlabel("time [s]")
+            axis.set_ylabel("moment [N·m]")
+        for axis in axes.flat[len(chosen) :]:
+            axis.set_visible(False)
+        axes.flat[0].legend(fontsize=8)
+        return figure
+
+    def _figured(self) -> list[dict[str, Any]]:
+        trials = self._results["trials"]
+        return ([t for t in trials if t["use"] == "held_out"] or trials)[:_FIGURES]
+
+    def _repr_html_(self) -> str:
+        models = self._results["models"]
+        drawn = [models[0], models[-1]] if len(models) > 1 else models
+        figures = []
+        for t in self._figured():
+            series = t["series"]
+            curves = [("measured", series["measured_n_m"], "measured")]
+            for i, model in enumerate(drawn):
+                simulated = series["simulated_n_m"].get(model["id"])
+                if simulated is not None:
+                    kind = "before" if i == 0 and len(drawn) > 1 else "after"
+                    curves.append((model["label"], simulated, kind))
+            figures.append(moments(t["id"], series["time_s"], curves))
+        legend = ", ".join(
+            [
+                "grey: measured",
+                *(
+                    f"{'dashed' if i == 0 and len(drawn) > 1 else 'blue'}: {escape(m['label'])}"
+                    for i, m in enumerate(drawn)
+                ),
+            ]
+        )
+        return f"{self.errors._repr_html_()}<p>{legend}</p><div>{''.join(figures)}</div>"
+
+
+class Simulation(_OfModels):
+    """Simulated trials, by name: ``simulation["trial"]``."""
+
+    def __init__(self, answer: _carpus.Answer, names: list[str]) -> None:
+        super().__init__(answer)
+        self._names = names
+
+    def __getitem__(self, trial: str) -> SimulatedTrial:
+        found = self._answer.trial(self._names.index(trial)) if trial in self._names else None
+        if found is None:
+            raise KeyError(f"there is no trial {trial}: {', '.join(self._names)}")
+        return SimulatedTrial(**found)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+
+class Comparison(Simulation):
+    """Errors of the model as it is, and where they are."""
+
+    @property
+    def residuals(self) -> list[dict[str, Any]]:
+        """How residuals depend on angle, time and others."""
+        return self._dict["residuals"]
+
+
+class Personalization(Simulation):
+    """A personalized model."""
+
+    @property
+    def model(self) -> Model:
+        """The lab's model with the fitted values; all other bytes are those of the file."""
+        found = self._answer.model()
+        assert found is not None
+        return Model(found)
+
+    @property
+    def parameters(self) -> Any:
+        """Fitted values as a data frame: before, after, bounds, standard deviation of the logarithm, share that the
+        data contribute, 90 % interval; in the unit of the column ``unit``.
+        """
+        return _parameters(self._dict["parameters"])
+
+
+class Diagnosis(_OfModels):
+    """A diagnosis of a participant's trials."""
+
+    @property
+    def _results(self) -> dict[str, Any]:
+        return self._dict["results"]
+
+    @property
+    def diagnosis(self) -> dict[str, Any]:
+        """The content of ``diagnosis.json``."""
+        return self._dict["diagnosis"]
+
+    @property
+    def verdict(self) -> str:
+        """``identified``, ``two_effects``, ``dominant``, ``several``, ``cannot_tell``, ``nothing_detectable``,
+        ``negligible``, ``unknown`` or ``implausible``.
+        """
+        return self.diagnosis["verdict"]
+
+    @property
+    def explanations(self) -> list[list[str]]:
+        """Sets of effects that explain the data, by identifier."""
+        return [e["effects"] for e in self.diagnosis["explanations"]]
+
+    @property
+    def effects(self) -> list[str]:
+        """Effects that are missing: of the explanations, or the largest where many things are a little wrong."""
+        named = [e["effect"] for e in self.diagnosis["effects"]]
+        return named or list(dict.fromkeys(id for e in self.explanations for id in e))
+
+    @property
+    def candidates(self) -> Any:
+        """Every effect that was considered, as a data frame, the most probable first: probability, score, p-values,
+        held-out error."""
+        import pandas as pd
+
+        columns = ["effect", "probability", "score", "score_p_value", "p_value", "held_out_error"]
+        frame = pd.DataFrame([{k: c.get(k) for k in columns} for c in self.diagnosis["candidates"]])
+        return frame.set_index("effect").sort_values("probability", ascending=False, na_position="last")
+
+    @property
+    def parameters(self) -> Any:
+        """Sizes of the effects of the explanations, as a data frame: value, 95 % interval, unit, plausible range."""
+        import pandas as pd
+
+        rows = []
+        for e in [*self.diagnosis["explanations"], *self.diagnosis["effects"]]:
+            label = " + ".join(e["effects"]) if "effects" in e else e["effect"]
+            for name, p in e["parameters"].items():
+                low, high = p["ci95"]
+                rows.append(
+                    {
+                        "effects": label,
+                        "parameter": name,
+                        "value": p["value"],
+                        "lower": low,
+                        "upper": high,
+                        "unit": p["unit"],
+                    }
+                )
+        columns = ["effects", "parameter", "value", "lower", "upper", "unit"]
+        return pd.DataFrame(rows, columns=columns).set_index(["effects", "parameter"])
+
+    def to_pandas(self) -> Any:
+        return self.candidates
+
+    def __repr__(self) -> str:
+        named = f": {', '.join(self.effects)}" if self.effects else ""
+        return f"<Diagnosis of {self.participant}: {self.verdict}{named}>"
+
+    def _repr_html_(self) -> str:
+        named = f": {', '.join(map(escape, self.effects))}" if self.effects else ""
+        sizes = self.parameters._repr_html_() if self.effects else ""
+        return f"<p><b>{self.verdict}</b>{named}</p>{sizes}{super()._repr_html_()}"
+
+
+class ModelWithEffects(_OfModels):
+    """A model with effects, step by step."""
+
+    @property
+    def ledger(self) -> dict[str, Any]:
+        """The content of ``ledger.json``: every step with its errors and the sizes of its effects."""
+        return self._dict["ledger"]
+
+    @property
+    def model(self) -> Model:
+        """The model with all effects that its file can have."""
+        found = self._answer.model()
+        assert found is not None
+        return Model(found)
+
+    def to_pandas(self) -> Any:
+        """The steps as a data frame: error [share of the MVC moment] on training and held-out trials."""
+        import pandas as pd
+
+        rows = [{k: s.get(k) for k in ("id", "label", "train", "held_out", "p_value")} for s in self.ledger["steps"]]
+        return pd.DataFrame(rows).set_index("id")
+
+    def __repr__(self) -> str:
+        return f"ModelWithEffects\n{self.to_pandas().to_string()}"
+
+
+class Identification(Result):
+    """What the trials say about muscle parameters."""
+
+    @property
+    def parameters(self) -> Any:
+        """Every parameter as a data frame: most likely value, interval, median, and whether the data determine it."""
+        import pandas as pd
+
+        rows = []
+        for p in self._dict["parameters"]:
+            flat = {k: v for k, v in p.items() if not isinstance(v, (dict, list))}
+            for k, v in p.items():
+                if isinstance(v, dict):
+                    flat |= {f"{k}_{inner}": w for inner, w in v.items() if not isinstance(w, (dict, list))}
+                elif isinstance(v, list) and len(v) == 2 and k != "curve":
+                    flat |= {f"{k}_lower": v[0], f"{k}_upper": v[1]}
+            rows.append(flat)
+        return pd.DataFrame(rows)
+
+    @property
+    def draws(self) -> Any:
+        """Draws from the posterior as a data frame: natural logarithms of the factors of the model's values, a column
+        per parameter."""
+        import pandas as pd
+
+        found = self._answer.draws()
+        assert found is not None
+        rows, names = found
+        return pd.DataFrame(rows, columns=names)
+
+    @property
+    def next_trials(self) -> list[dict[str, Any]]:
+        """Candidates for the next trial, the most informative first."""
+        return self._dict.get("next_trials", [])
+
+    def to_pandas(self) -> Any:
+        return self.parameters
+
+
+class Plan(Result):
+    """What further trials would do."""
+
+    def to_pandas(self) -> Any:
+        """Every experiment as a data frame: how far apart explanations are now and then [standard deviations]."""
+        import pandas as pd
+
+        return pd.DataFrame(self._dict["experiments"])
+
+
+class Evaluation(Result):
+    """Errors of models in held-out conditions, over participants."""
+
+    def to_pandas(self) -> Any:
+        """Errors of every model in every condition of every participant, as a data frame."""
+        import pandas as pd
+
+        return pd.json_normalize(self._dict["errors"])
+
+    @property
+    def anova(self) -> Any:
+        """Tests of the differences between models."""
+        return self._dict["anova"]
+
+
+class Sensitivity(Result):
+    """Which muscle parameters the trials respond to."""
+
+    def to_pandas(self) -> Any:
+        """Morris' indices as a data frame: participant, condition, muscle, property, μ*, σ."""
+        import pandas as pd
+
+        rows = []
+        for c in self._dict["conditions"]:
+            for index in c["morris"]["indices"]:
+                muscle, _, property = index["name"].rpartition(".")
+                about = {k: c[k] for k in ("participant", "contraction", "effort_percent")}
+                rest = {k: v for k, v in index.items() if k != "name" and not isinstance(v, (dict, list))}
+                rows.append({**about, "muscle": muscle, "property": property, **rest})
+        return pd.DataFrame(rows)
+
+
+@dataclass(frozen=True)
+class StudyReport:
+    """What came of a whole study."""
+
+    report: str
+    """The page."""
+    steps: list[dict[str, Any]] = field(default_factory=list)
+    """The steps: ``id``, ``title``, and why it was not run."""
+    units_found_finished: int = 0
+    """Units of work that an earlier run had finished."""
+    units_computed: int = 0
+    """Units of work that were computed."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """As a dictionary."""
+        return vars(self)
+
+    def to_pandas(self) -> Any:
+        """The steps as a data frame."""
+        import pandas as pd
+
+        return pd.DataFrame(self.steps).set_index("id")
+
+    def _repr_html_(self) -> str:
+        rows = [[s["id"], s["title"], s["not_run"] or "done"] for s in self.steps]
+        return f"<p>{escape(self.report)}</p>{table(['step', 'title', ''], rows)}"
+
+
+def _parameters(rows: list[dict[str, Any]]) -> Any:
+    import pandas as pd
+
+    flat = []
+    for p in rows:
+        interval = p.get("interval") or {}
+        plain = {k: v for k, v in p.items() if k != "interval"}
+        flat.append({**plain, "interval_lower": interval.get("lower"), "interval_upper": interval.get("upper")})
+    return pd.DataFrame(flat).set_index(["muscle", "property"])

@@ -1,0 +1,124 @@
+# %% [markdown]
+# # Beside OpenSim's own API
+#
+# The same model in OpenSim 4.6 and in Carpus: arrays are compared directly, and timed. This notebook needs OpenSim's
+# Python package; it is skipped where that is not installed.
+
+# %%
+import tempfile
+import time
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import opensim
+import pandas as pd
+
+import carpus
+
+opensim.Logger.setLevelString("off")
+model = carpus.Model.bundled()
+folder = Path(tempfile.mkdtemp())
+model.write(folder / "wrist.osim")
+reference = opensim.Model(str(folder / "wrist.osim"))
+state = reference.initSystem()
+
+# %% [markdown]
+# ## Names
+#
+# | OpenSim | Carpus |
+# |---|---|
+# | `opensim.Model(path)` | `carpus.Model.read(path)` |
+# | `model.getMuscles().get("FCR").getMaxIsometricForce()` | `model.muscles["FCR"].max_isometric_force` |
+# | `muscle.set_max_isometric_force(400)` | `model.muscles["FCR"].max_isometric_force = 400` |
+# | `coordinate.setValue(state, 0.3)` | `q = model.posture(flexion=0.3)` |
+# | `muscle.getLength(state)`, `muscle.computeMomentArm(state, coordinate)` | `model.paths(q, about="flexion")` |
+# | `model.equilibrateMuscles(state)` | `model.equilibrium(0.5, flexion=0.3)` |
+# | `body.getTransformInGround(state)` | `model.poses(q)` |
+# | `opensim.Manager(model).integrate(t)` | `model.forward(times)` |
+# | `opensim.ForwardTool(setup).run()` and all other tools | `carpus.run_tool(setup)` |
+
+# %% [markdown]
+# ## Moment arms
+
+# %%
+angles = np.linspace(-1.0, 1.0, 201)
+begun = time.perf_counter()
+paths = model.paths(model.postures("flexion", angles), about="flexion")
+of_carpus = time.perf_counter() - begun
+
+coordinate = reference.getCoordinateSet().get("flexion")
+arms = np.zeros_like(paths.moment_arm)
+begun = time.perf_counter()
+for k, angle in enumerate(angles):
+    coordinate.setValue(state, angle)
+    reference.realizePosition(state)
+    for j, name in enumerate(paths.muscles):
+        arms[k, j] = reference.getMuscles().get(name).computeMomentArm(state, coordinate)
+of_opensim = time.perf_counter() - begun
+print(f"largest difference {np.abs(arms - paths.moment_arm).max():.1e} m; {of_opensim / of_carpus:.0f} times faster")
+
+# %%
+plt.figure(figsize=(6, 3))
+plt.plot(np.rad2deg(angles), 1e3 * paths.moment_arm, label=paths.muscles)
+plt.plot(np.rad2deg(angles[::20]), 1e3 * arms[::20], "k.", markersize=4)
+plt.xlabel("flexion [deg]")
+plt.ylabel("moment arm [mm]")
+plt.title("lines: Carpus, dots: OpenSim")
+plt.legend(fontsize=8)
+# %% [markdown]
+# ## Muscles at rest
+
+# %%
+coordinate.setValue(state, 0.3)
+for name in paths.muscles:
+    reference.getMuscles().get(name).setActivation(state, 0.5)
+reference.equilibrateMuscles(state)
+reference.realizeDynamics(state)
+rest = model.equilibrium(0.5, flexion=0.3)
+pd.DataFrame(
+    {
+        "OpenSim [N]": [reference.getMuscles().get(m).getTendonForce(state) for m in rest.index],
+        "Carpus [N]": rest["tendon_force_n"],
+    },
+    index=rest.index,
+).round(4)
+
+# %% [markdown]
+# ## Motion from forces
+#
+# Flexors at half activation, everything else free: 0.2 s of OpenSim's `Manager` and of `Model.forward`.
+
+# %%
+for name in paths.muscles:
+    actuator = reference.getMuscles().get(name)
+    actuator.setMinControl(0.0)
+controller = opensim.PrescribedController()
+for name in paths.muscles:
+    controller.addActuator(reference.getMuscles().get(name))
+    controller.prescribeControlForActuator(name, opensim.Constant(0.5 if name.startswith("F") else 0.02))
+reference.addController(controller)
+state = reference.initSystem()
+for name in paths.muscles:
+    reference.getMuscles().get(name).setActivation(state, 0.02)
+reference.equilibrateMuscles(state)
+times = np.linspace(0, 0.2, 41)
+manager = opensim.Manager(reference)
+manager.setIntegratorAccuracy(1e-6)
+manager.initialize(state)
+values = []
+begun = time.perf_counter()
+for t in times[1:]:
+    state = manager.integrate(t)
+    values.append([c.getValue(state) for c in reference.getCoordinateSet()])
+of_opensim = time.perf_counter() - begun
+
+excitation = np.where(np.char.startswith(model.muscle_names, "F"), 0.5, 0.02)
+begun = time.perf_counter()
+motion = model.forward(times, excitation, activation=0.02, accuracy=1e-6)
+of_carpus = time.perf_counter() - begun
+opensim_names = [c.getName() for c in reference.getCoordinateSet()]
+i, j = motion.coordinates.index("flexion"), opensim_names.index("flexion")
+difference = np.abs(motion.q[1:, i] - np.array(values)[:, j]).max()
+print(f"flexion after 0.2 s: {np.rad2deg(motion.q[-1, i]):.2f}°; largest difference {np.rad2deg(difference):.4f}°")
+print(f"{of_opensim / of_carpus:.0f} times faster")

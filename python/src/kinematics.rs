@@ -1,0 +1,219 @@
+//! Postures, paths, poses and muscles at rest of a model: arrays in, arrays out.
+
+use std::path::{Path, PathBuf};
+
+use carpus::multibody::Cache;
+use carpus::osim::OsimFile;
+use carpus::osim::spec::{CoordinateIndex, MotionType, MuscleIndex};
+use carpus::paths::{Path as MusclePath, PathGeometry};
+use carpus::session::diagnostic::{Diagnostic, Failure};
+use carpus::session::equilibrium::Equilibrium;
+use carpus::session::model::{self, LoadedModel, Needs};
+use carpus::session::quantity::Assignment;
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray4, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+
+use crate::failure::{OrRaise, refused};
+use crate::job::warn;
+use crate::model::Model;
+
+/// A compiled model with the paths of all its muscles.
+pub struct Compiled {
+    /// The model.
+    pub loaded: LoadedModel,
+    /// What was said on the way.
+    pub warnings: Vec<Diagnostic>,
+    paths: Vec<MusclePath>,
+}
+
+impl Compiled {
+    /// Compiles a model; components that are not supported are warnings where they matter, as a program decides what it computes.
+    ///
+    /// # Errors
+    /// A model that cannot be computed with.
+    pub fn of(path: &Path, file: &OsimFile) -> Result<Compiled, Failure> {
+        let mut warnings = Vec::new();
+        let loaded = model::compiled(path, file.clone(), Needs::Motion, true, &mut warnings)?;
+        let all: Vec<MuscleIndex> = (0..file.spec.muscles.len()).map(MuscleIndex).collect();
+        let paths = loaded.muscle_paths(&all)?.into_iter().map(|(path, _)| path).collect();
+        Ok(Compiled { loaded, warnings, paths })
+    }
+
+    fn n_coordinates(&self) -> usize {
+        self.loaded.model.n_coordinates()
+    }
+}
+
+/// Buffers of a thread.
+struct Buffers {
+    q: Vec<f64>,
+    cache: Cache,
+    geometries: Vec<PathGeometry>,
+}
+
+impl Compiled {
+    fn buffers(&self) -> Buffers {
+        Buffers {
+            q: Vec::with_capacity(self.n_coordinates()),
+            cache: self.loaded.model.new_cache(),
+            geometries: self.paths.iter().map(MusclePath::new_geometry).collect(),
+        }
+    }
+
+    /// Puts the model into a posture; coordinates that follow others are set.
+    fn pose(&self, q: &[f64], buffers: &mut Buffers) {
+        buffers.q.clear();
+        buffers.q.extend_from_slice(q);
+        self.loaded.model.satisfy_couplers(&mut buffers.q);
+        self.loaded.model.update_positions(&buffers.q, &mut buffers.cache);
+    }
+
+    /// Lengths of all paths in many postures, and moment arms about a coordinate.
+    fn paths(&self, q: &[f64], about: Option<CoordinateIndex>) -> [Vec<f64>; 2] {
+        let (n_q, n_m) = (self.n_coordinates(), self.paths.len());
+        let n = q.len() / n_q.max(1);
+        let mut lengths = vec![0.0; n * n_m];
+        let mut arms = vec![0.0; if about.is_some() { n * n_m } else { 0 }];
+        if n_m == 0 {
+            return [lengths, arms];
+        }
+        let one = |buffers: &mut Buffers, (k, lengths): (usize, &mut [f64]), arms: Option<&mut [f64]>| {
+            self.pose(&q[k * n_q..(k + 1) * n_q], buffers);
+            let Buffers { q, cache, geometries } = buffers;
+            for ((path, geometry), length) in self.paths.iter().zip(geometries.iter_mut()).zip(lengths) {
+                path.update(q, cache, geometry);
+                *length = geometry.length();
+            }
+            let (Some(about), Some(arms)) = (about, arms) else { return };
+            self.loaded.model.update_unit_motion(q, about, cache);
+            for ((path, geometry), arm) in self.paths.iter().zip(geometries.iter()).zip(arms) {
+                *arm = path.moment_arm(q, cache, geometry);
+            }
+        };
+        let rows = lengths.par_chunks_mut(n_m).enumerate();
+        if about.is_some() {
+            let rows = rows.zip(arms.par_chunks_mut(n_m));
+            rows.for_each_init(|| self.buffers(), |buffers, (row, arms)| one(buffers, row, Some(arms)));
+        } else {
+            rows.for_each_init(|| self.buffers(), |buffers, row| one(buffers, row, None));
+        }
+        [lengths, arms]
+    }
+}
+
+/// The samples of an array whose last axis has a length; without a copy where it is contiguous.
+pub fn rows<'a>(
+    array: &'a PyReadonlyArray2<'_, f64>,
+    columns: usize,
+    what: &str,
+) -> Result<std::borrow::Cow<'a, [f64]>, Failure> {
+    let [_, found] = array.shape() else { return Err(refused(format!("{what}: expected two axes"))) };
+    if *found != columns {
+        return Err(refused(format!("{what}: expected shape (n, {columns}), found (n, {found})")));
+    }
+    Ok(match array.as_slice() {
+        Ok(slice) => slice.into(),
+        Err(_) => array.as_array().iter().copied().collect::<Vec<_>>().into(),
+    })
+}
+
+#[pymethods]
+impl Model {
+    /// Names of the coordinates, in the order of every posture.
+    fn coordinate_names(&self) -> Vec<String> {
+        self.file.spec.coordinates.iter().map(|c| c.name.clone()).collect()
+    }
+
+    /// Names of the muscles, in the order of the file.
+    fn muscle_names(&self) -> Vec<String> {
+        self.file.spec.muscles.iter().map(|m| m.name.clone()).collect()
+    }
+
+    /// The default posture with some coordinates set [rad or m].
+    fn posture<'py>(&mut self, py: Python<'py>, set: Vec<(String, f64)>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let compiled = self.compiled(py)?;
+        let mut messages = Vec::new();
+        let set = assignments(&compiled.loaded, &set).or_raise(py)?;
+        let q = compiled.loaded.posture(&set, &mut messages).or_raise(py)?;
+        warn(py, &messages)?;
+        Ok(q.into_pyarray(py))
+    }
+
+    /// Path lengths [m] of all muscles in postures (n, coordinates), and moment arms about a coordinate.
+    #[pyo3(signature = (q, about))]
+    fn paths<'py>(
+        &mut self,
+        py: Python<'py>,
+        q: PyReadonlyArray2<'py, f64>,
+        about: Option<&str>,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray2<f64>>>)> {
+        let compiled = self.compiled(py)?;
+        let about = about.map(|name| compiled.loaded.coordinate(name)).transpose().or_raise(py)?;
+        let samples = rows(&q, compiled.n_coordinates(), "q").or_raise(py)?;
+        let [lengths, arms] = py.detach(|| compiled.paths(&samples, about));
+        let shape = [q.shape()[0], compiled.paths.len()];
+        let arms = about.map(|_| arms.into_pyarray(py).reshape(shape)).transpose()?;
+        Ok((lengths.into_pyarray(py).reshape(shape)?, arms))
+    }
+
+    /// Poses of all bodies in ground: (n, bodies, 4, 4).
+    fn poses<'py>(&mut self, py: Python<'py>, q: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray4<f64>>> {
+        let compiled = self.compiled(py)?;
+        let samples = rows(&q, compiled.n_coordinates(), "q").or_raise(py)?;
+        let bodies = self.file.spec.bodies.len();
+        let n = q.shape()[0];
+        let poses = py.detach(|| {
+            let mut buffers = compiled.buffers();
+            let mut poses = Vec::with_capacity(n * bodies * 16);
+            for q in samples.chunks(compiled.n_coordinates().max(1)) {
+                compiled.pose(q, &mut buffers);
+                for body in 0..bodies {
+                    let X_GB = buffers.cache.X_GB(carpus::osim::spec::BodyIndex(body));
+                    for i in 0..3 {
+                        poses.extend([0, 1, 2].map(|j| X_GB.R[(i, j)]));
+                        poses.push(X_GB.p[i]);
+                    }
+                    poses.extend([0.0, 0.0, 0.0, 1.0]);
+                }
+            }
+            poses
+        });
+        poses.into_pyarray(py).reshape([n, bodies, 4, 4])
+    }
+
+    /// Muscles at rest in a posture, as JSON: what `carpus equilibrium --json` prints.
+    #[pyo3(signature = (activation, set, about, muscles, allow_unsupported))]
+    fn equilibrium(
+        &mut self,
+        py: Python<'_>,
+        activation: f64,
+        set: Vec<(String, f64)>,
+        about: Vec<String>,
+        muscles: Vec<String>,
+        allow_unsupported: bool,
+    ) -> PyResult<String> {
+        if !(0.0..=1.0).contains(&activation) {
+            return Err(refused(format!("activation: expected 0 to 1, found {activation}"))).or_raise(py);
+        }
+        let compiled = self.compiled(py)?;
+        let set = assignments(&compiled.loaded, &set).or_raise(py)?;
+        let path: PathBuf = self.path.clone();
+        let asked = Equilibrium { model: path, set, activation, moment_about: about, muscles, allow_unsupported };
+        let found = py.detach(|| asked.of_loaded(&compiled.loaded, Vec::new())).or_raise(py)?;
+        warn(py, &found.warnings)?;
+        Ok(found.value().to_string())
+    }
+}
+
+/// Coordinates and their values, in the unit that suits each of them.
+pub fn assignments(loaded: &LoadedModel, set: &[(String, f64)]) -> Result<Vec<Assignment>, Failure> {
+    let one = |(name, value): &(String, f64)| {
+        let index = loaded.coordinate(name)?;
+        let is_translation = loaded.model.coordinates[index.0].motion_type == MotionType::Translational;
+        let unit = if is_translation { "m" } else { "rad" };
+        let text = format!("{name}={value}{unit}");
+        text.parse::<Assignment>().map_err(refused)
+    };
+    set.iter().map(one).collect()
+}
