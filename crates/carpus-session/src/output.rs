@@ -1,5 +1,7 @@
 //! The folder that a command writes into, and what says who made the files in it.
 
+mod manifest;
+
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -7,15 +9,13 @@ use std::path::{Component, Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use serde::{Deserialize, Serialize};
-
 use super::diagnostic::{Diagnostic, Failure};
 use super::provenance::{Hashed, hash_of};
 use carpus_numerics::printable::{deceptive_in, number_of, visible_json};
+use manifest::{Made, Manifest, is_same_command, name_of};
 
 /// The file that says who made the others.
 const MANIFEST: &str = "carpus-output.json";
-const SCHEMA: &str = "carpus.output/1";
 /// Stands for the command in the manifest where a run ended early: the next run of any command removes what it does not write.
 const UNFINISHED: &str = "unfinished run";
 /// Files that a message names before it counts the rest.
@@ -45,31 +45,6 @@ pub struct OutputFolder {
     begun: AtomicBool,
     /// Whether results of no study take the place of files that are not of this program.
     overwrites: bool,
-}
-
-/// Who made the files of a folder.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-struct Manifest {
-    schema: String,
-    /// The study whose results are here, if any: its name, and its study.toml.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    study: Option<String>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    study_file: Option<PathBuf>,
-    /// The command that began to write here and did not end: what it wrote is not in the list.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    begun: Option<String>,
-    files: BTreeMap<String, Made>,
-}
-
-/// One file.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-struct Made {
-    command: String,
-    /// What it is made from: a model, a setup, a recording; nothing for a result of the study.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    source: Option<PathBuf>,
-    sha256: String,
 }
 
 /// What becomes of files of an earlier run that are not of this one.
@@ -520,42 +495,6 @@ impl Drop for OutputFolder {
             let _ = self.write_manifest(manifest, UNFINISHED, &written);
         }
     }
-}
-
-impl Manifest {
-    /// The manifest of a folder; `None` if there is none that can be read.
-    fn read(file: &Path) -> Option<Manifest> {
-        let manifest: Manifest = serde_json::from_slice(&carpus_numerics::regular_file::read(file).ok()?).ok()?;
-        (manifest.schema == SCHEMA).then_some(manifest)
-    }
-
-    /// One of a folder of which nothing is known.
-    fn new() -> Manifest {
-        Manifest { schema: SCHEMA.to_owned(), study: None, study_file: None, begun: None, files: BTreeMap::new() }
-    }
-
-    /// Whether results of `other` are of this study: the same study.toml, the same study that was moved, or one that was made
-    /// here.
-    fn is_of(&self, other: &str, other_file: &Path, name: &str, study_file: &Path, folder: &Path) -> bool {
-        let moved = other == name && !other_file.exists();
-        let made_here =
-            || self.files.keys().any(|file| folder.join(file).canonicalize().is_ok_and(|f| f == study_file));
-        other_file == study_file || moved || made_here()
-    }
-}
-
-/// Whether results of two commands belong into one folder: those of one command (`study` and `study --steps`), and those of
-/// commands that go on with a diagnosis where it lies.
-fn is_same_command(a: &str, b: &str) -> bool {
-    const OF_A_DIAGNOSIS: [&str; 3] = ["diagnose", "effect", "plan"];
-    let [a, b] = [a, b].map(|command| command.split(' ').next().unwrap_or(command));
-    a == b || [a, b].iter().all(|command| OF_A_DIAGNOSIS.contains(command))
-}
-
-/// A path in the folder as the manifest writes it.
-fn name_of(relative: &Path) -> String {
-    let parts = relative.components().filter(|part| *part != Component::CurDir);
-    parts.map(|part| part.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/")
 }
 
 fn listed(files: &[String]) -> String {
