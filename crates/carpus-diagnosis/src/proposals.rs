@@ -16,6 +16,7 @@
 mod library;
 mod search;
 
+use nalgebra::DMatrix;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 

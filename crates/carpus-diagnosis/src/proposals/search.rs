@@ -6,7 +6,7 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
 use super::library::{Term, WAVES};
-use super::{MOST_TERMS, Proposal, ProposedTerm, TrialTable, WORTH_A_TERM};
+use super::{MOST_TERMS, Proposal, ProposedTerm, TrialTable, WORTH_A_TERM, short};
 
 /// Halves of the trials in which a term is looked for.
 const HALVES: usize = 40;
