@@ -1,5 +1,5 @@
-//! Dynamometer recordings: drag with its interval, passive curve, repetitions, two recorders; against statsmodels, SciPy,
-//! closed forms, and through the program.
+//! Dynamometer recordings: drag with its interval, passive curve, repetitions, two recorders; against statsmodels,
+//! SciPy, closed forms, and through the program.
 
 use std::f64::consts::PI;
 use std::fmt::Write;

@@ -56,7 +56,8 @@ pub struct Global {
     pub quiet: bool,
 }
 
-/// The commands, as `carpus --help` groups them (`help::GROUPS`). What a command does is told in one line of 58 characters.
+/// The commands, as `carpus --help` groups them (`help::GROUPS`). What a command does is told in one line of 58
+/// characters.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Run the bundled study end to end, in seconds

@@ -73,8 +73,8 @@ pub struct EffectsCheckArgs {
 /// Effects that a laboratory defines itself.
 #[derive(Clone, Debug, Default, Args)]
 pub struct OwnEffects {
-    /// An effect of your own, beside the catalogue; may be given several times (in study.toml: [effects] own = ["my_effect.toml"]; carpus
-    /// effects check --help tells the format)
+    /// An effect of your own, beside the catalogue; may be given several times (in study.toml: [effects] own =
+    /// ["my_effect.toml"]; carpus effects check --help tells the format)
     #[arg(long = "own-effect", visible_alias = "effects-file", value_name = "my_effect.toml", id = "own_effect")]
     pub files: Vec<PathBuf>,
 }
@@ -227,8 +227,8 @@ pub struct PlanArgs {
     /// Tell these effects apart (comma-separated; default: those that the diagnosis leaves)
     #[arg(long, value_name = "ID,…", value_delimiter = ',', value_parser = trimmed)]
     pub candidates: Vec<String>,
-    /// Say instead how far an effect of this size would be, in the trials at hand, from none and from every other effect; parameters
-    /// in the units of `carpus effects ID`
+    /// Say instead how far an effect of this size would be, in the trials at hand, from none and from every other
+    /// effect; parameters in the units of `carpus effects ID`
     #[arg(long, value_name = "ID[:NAME=VALUE,…]", value_parser = effect_size, allow_hyphen_values = true, conflicts_with = "candidates")]
     pub effect: Option<EffectSize>,
     /// Effects beside the model.

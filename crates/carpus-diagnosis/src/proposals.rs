@@ -1,8 +1,10 @@
-//! Short formulas for what a model leaves: sparse regression of residuals on a library of terms, selected where halves of the trials agree.
+//! Short formulas for what a model leaves: sparse regression of residuals on a library of terms, selected where halves
+//! of the trials agree.
 //!
-//! In: residuals of trials, what was recorded in them, and how noise is whitened. Out: at most three formulas, each with the share of the
-//! mean square that it explains in trials that were left out, and as the text of a `my_effect.toml` ([`crate::own_effect`]). Muscle parameters
-//! are fitted beside the terms, to first order; other effects are taken as they are.
+//! In: residuals of trials, what was recorded in them, and how noise is whitened. Out: at most three formulas, each
+//! with the share of the mean square that it explains in trials that were left out, and as the text of a
+//! `my_effect.toml` ([`crate::own_effect`]). Muscle parameters are fitted beside the terms, to first order; other
+//! effects are taken as they are.
 //!
 //! ```text
 //! W_g r_g ≈ β₀ W_g 1 + Σ_j β_j W_g φ_j(q, q̇, q̈, t, a; k_j) + columns of the muscle parameters   (1)
@@ -10,8 +12,8 @@
 //! ```
 //!
 //! # References
-//! Meinshausen & Bühlmann (2010), *Stability selection*, doi:10.1111/j.1467-9868.2010.00740.x; Brunton, Proctor & Kutz (2016),
-//! doi:10.1073/pnas.1517384113 (sparse regression on a library of terms).
+//! Meinshausen & Bühlmann (2010), *Stability selection*, doi:10.1111/j.1467-9868.2010.00740.x; Brunton, Proctor & Kutz
+//! (2016), doi:10.1073/pnas.1517384113 (sparse regression on a library of terms).
 
 mod library;
 mod search;
@@ -100,8 +102,8 @@ pub fn propose(
     let search = Search::new(trials, library, &variables, whiten);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let all: Vec<usize> = (0..trials.len()).collect();
-    // What chance lets one explain is found where what can be explained is gone: with it in, draws of signs that are nearly all
-    // alike would explain as much.
+    // What chance lets one explain is found where what can be explained is gone: with it in, draws of signs that are
+    // nearly all alike would explain as much.
     let (rest, left) = search.without_its_best_formula();
     let limit = left * rest.share_by_chance(&all, &mut rng);
     let halves = search.selected_in_halves(&mut rng);

@@ -124,7 +124,8 @@ pub struct ProcessingResults {
 }
 
 impl Study {
-    /// Processes the recordings of every participant as `[processing]` says and writes them as a study, with a page each.
+    /// Processes the recordings of every participant as `[processing]` says and writes them as a study, with a page
+    /// each.
     ///
     /// - `out`: [`Study::output_folder`] of `carpus dynamometer`
     ///

@@ -16,7 +16,8 @@ use manifest::{Made, Manifest, is_same_command, name_of};
 
 /// The file that says who made the others.
 const MANIFEST: &str = "carpus-output.json";
-/// Stands for the command in the manifest where a run ended early: the next run of any command removes what it does not write.
+/// Stands for the command in the manifest where a run ended early: the next run of any command removes what it does not
+/// write.
 const UNFINISHED: &str = "unfinished run";
 /// Files that a message names before it counts the rest.
 const NAMED: usize = 5;
@@ -77,9 +78,9 @@ impl OutputFolder {
         Ok(OutputFolder { path, inputs, claim, source, written, kept, closed, begun, overwrites })
     }
 
-    /// Fails if the folder holds what is not of this command, of which a person could not tell the results apart: results of
-    /// another command; or, where no manifest says who made what, any files. An empty folder, one with nothing but inputs, and
-    /// one with earlier results of the command are fine.
+    /// Fails if the folder holds what is not of this command, of which a person could not tell the results apart:
+    /// results of another command; or, where no manifest says who made what, any files. An empty folder, one with
+    /// nothing but inputs, and one with earlier results of the command are fine.
     ///
     /// - `command`: its name
     ///
@@ -109,8 +110,8 @@ impl OutputFolder {
         Err(refused(format!("holds results of {}, not of {command}: {}", first.command, listed(&of_first))))
     }
 
-    /// Files in the folder, by their paths in it, that are neither inputs nor what the system puts there; those of a folder that
-    /// has a manifest of its own are known.
+    /// Files in the folder, by their paths in it, that are neither inputs nor what the system puts there; those of a
+    /// folder that has a manifest of its own are known.
     fn foreign_files(&self) -> Vec<String> {
         let (mut found, mut folders) = (Vec::new(), vec![self.path.clone()]);
         while let Some(folder) = folders.pop().filter(|_| found.len() <= MOST_FOREIGN) {
@@ -157,8 +158,8 @@ impl OutputFolder {
         Ok(own)
     }
 
-    /// Takes the folder for results that are of no study. What else is in it stays, and is not overwritten if it is not of this
-    /// program.
+    /// Takes the folder for results that are of no study. What else is in it stays, and is not overwritten if it is not
+    /// of this program.
     ///
     /// - `source`: the file that the results are made from
     pub fn with_results_of(mut self, source: &Path) -> OutputFolder {
@@ -167,16 +168,16 @@ impl OutputFolder {
         self
     }
 
-    /// As [`OutputFolder::with_results_of`]; files of the same names are overwritten whoever made them: as OpenSim's tools do, or
-    /// because the folder is given to be changed.
+    /// As [`OutputFolder::with_results_of`]; files of the same names are overwritten whoever made them: as OpenSim's
+    /// tools do, or because the folder is given to be changed.
     pub fn overwriting_with_results_of(self, source: &Path) -> OutputFolder {
         let mut out = self.with_results_of(source);
         out.overwrites = true;
         out
     }
 
-    /// The folder of an earlier run in which `folder` lies, and the way from there to `folder`: the nearest whose manifest has a
-    /// file of this name in `folder`. Without one, `folder` itself.
+    /// The folder of an earlier run in which `folder` lies, and the way from there to `folder`: the nearest whose
+    /// manifest has a file of this name in `folder`. Without one, `folder` itself.
     ///
     /// # Errors
     /// As [`OutputFolder::create`].
@@ -204,8 +205,8 @@ impl OutputFolder {
         })
     }
 
-    /// Ends a run that changed files of an earlier one: the manifest has them as they are now, each under the command that made
-    /// it first. What is no longer there is not in it either.
+    /// Ends a run that changed files of an earlier one: the manifest has them as they are now, each under the command
+    /// that made it first. What is no longer there is not in it either.
     ///
     /// # Errors
     /// The disk.
@@ -221,8 +222,8 @@ impl OutputFolder {
         Ok(())
     }
 
-    /// Ends a run: removes what earlier runs of the command left that is not of this one, and says in the folder who made what.
-    /// What was changed by hand is never removed. Returns what a person should know.
+    /// Ends a run: removes what earlier runs of the command left that is not of this one, and says in the folder who
+    /// made what. What was changed by hand is never removed. Returns what a person should know.
     ///
     /// - `command`: the command's name
     /// - `others`: participants of the study that the run was not about; what is theirs stays
@@ -311,8 +312,8 @@ impl OutputFolder {
         Made { command: command.to_owned(), source: self.source.clone(), sha256: sha256.to_owned() }
     }
 
-    /// Says in the folder of a study's results, before the first of them, which command began: a run that is killed cannot say
-    /// it any more.
+    /// Says in the folder of a study's results, before the first of them, which command began: a run that is killed
+    /// cannot say it any more.
     fn begin(&self) -> Result<(), Failure> {
         match &self.claim {
             Some(manifest) if manifest.begun.is_some() && !self.begun.swap(true, Ordering::Relaxed) => {
@@ -331,7 +332,8 @@ impl OutputFolder {
         self.put(MANIFEST.as_ref(), text.as_bytes()).map(|_| ())
     }
 
-    /// Removes a file of an earlier run with the folders that it leaves empty. Whether it was; `None` if it is not there.
+    /// Removes a file of an earlier run with the folders that it leaves empty. Whether it was; `None` if it is not
+    /// there.
     fn removes(&self, file: &str, sha256: &str) -> Result<Option<bool>, Failure> {
         let path = self.path.join(file);
         // A manifest may be anybody's: nothing but plain files below this folder is touched.
@@ -358,7 +360,8 @@ impl OutputFolder {
         Ok(Some(true))
     }
 
-    /// Says that files of an earlier run are of this one, too: a file, or all below a folder of which nothing was written.
+    /// Says that files of an earlier run are of this one, too: a file, or all below a folder of which nothing was
+    /// written.
     pub fn keep(&self, relative: impl AsRef<Path>) {
         let relative = name_of(relative.as_ref());
         let below = |file: &str| file == relative || file.strip_prefix(&relative).is_some_and(|r| r.starts_with('/'));
@@ -528,7 +531,8 @@ fn reason(error: &std::io::Error) -> String {
     text.split(" (os error").next().unwrap_or(&text).to_lowercase()
 }
 
-/// The content of a file; JSON with characters that are not shown as they are written as escapes, which leaves its values.
+/// The content of a file; JSON with characters that are not shown as they are written as escapes, which leaves its
+/// values.
 fn as_shown<'a>(name: &Path, bytes: &'a [u8]) -> Cow<'a, [u8]> {
     let json = name.extension().filter(|e| *e == "json").and_then(|_| std::str::from_utf8(bytes).ok());
     match json.map(visible_json) {
@@ -680,7 +684,8 @@ mod tests {
         run(&diagnosed, &study, "diagnose", &[], &["P01/diagnosis.json"]);
         assert!(claim(&diagnosed, "effect").is_ok() && claim(&diagnosed, "plan --effect").is_ok());
         assert!(claim(&diagnosed, "personalize").is_err());
-        // Files of another hand; but not what is read, what the system puts there, or a folder that says itself what it holds.
+        // Files of another hand; but not what is read, what the system puts there, or a folder that says itself what it
+        // holds.
         let foreign = place.path().join("foreign");
         std::fs::create_dir_all(foreign.join("deep/processed")).unwrap();
         run(&foreign.join("deep/processed"), &study, "dynamometer", &[], &["study.toml"]);

@@ -1,5 +1,5 @@
-//! Warnings about muscle paths that no anatomy has: wound round a surface for decimetres, or jumping between neighbouring
-//! values of a coordinate.
+//! Warnings about muscle paths that no anatomy has: wound round a surface for decimetres, or jumping between
+//! neighbouring values of a coordinate.
 //!
 //! OpenSim's wrapping makes such paths at some poses (the tangent points end on the far side of a surface), and as the
 //! numbers follow OpenSim they are computed all the same. Whoever reads them has to know.
@@ -156,8 +156,8 @@ pub fn over_range(
     Ok(warnings)
 }
 
-/// A fibre is overstretched where path less tendon is more than this multiple of its optimal length: passive fibres tear
-/// before they reach twice their optimal length (Noonan et al. 1993), and no joint takes them there.
+/// A fibre is overstretched where path less tendon is more than this multiple of its optimal length: passive fibres
+/// tear before they reach twice their optimal length (Noonan et al. 1993), and no joint takes them there.
 const LONGEST_FIBER: f64 = 3.0;
 
 /// Below this multiple of their optimal length fibres exert no active force (Millard et al. 2013: 0.44).

@@ -318,7 +318,8 @@ fn pairs_of_muscles(cohort: &SensitivityCohort, parts: &mut ReportParts) -> Resu
     Ok(())
 }
 
-/// μ* of each property from the first starts only, averaged over participants and muscles; and whether more would change it.
+/// μ* of each property from the first starts only, averaged over participants and muscles; and whether more would
+/// change it.
 fn convergence_block(outcomes: &[ConditionSensitivity]) -> Vec<Block> {
     let mut cells: Vec<(Contraction, Option<f64>)> = Vec::new();
     for o in outcomes {

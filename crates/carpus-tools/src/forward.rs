@@ -1,8 +1,8 @@
 //! Motion from forces: OpenSim's `ForwardTool`.
 //!
 //! OpenSim records every step of its explicit integrator; steps of the implicit one used here can be long, so that rows
-//! are at even times (or at those of the states file, with `use_specified_dt`), each as exact as the steps. Neither steps
-//! nor rows are further apart than the largest step allowed.
+//! are at even times (or at those of the states file, with `use_specified_dt`), each as exact as the steps. Neither
+//! steps nor rows are further apart than the largest step allowed.
 
 use std::sync::Arc;
 
@@ -210,8 +210,8 @@ fn even_times(start: f64, end: f64, largest_step: f64) -> Vec<f64> {
     (0..=rows).map(|i| if i == rows { end } else { start + (end - start) * i as f64 / rows as f64 }).collect()
 }
 
-/// Controls of all actuators over time, also of those that apply no force; those of a `CorrectionController` first, as in the rows (not the labels) that
-/// OpenSim writes.
+/// Controls of all actuators over time, also of those that apply no force; those of a `CorrectionController` first, as
+/// in the rows (not the labels) that OpenSim writes.
 fn controls_of(states: &Storage, system: &System) -> Storage {
     let correction = system.actors.iter().find_map(|actor| match actor {
         Actor::Correction(correction) => Some(correction),

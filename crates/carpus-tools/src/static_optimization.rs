@@ -3,8 +3,8 @@
 //! ```text
 //! min Σ |xᵢ|ᵖ     A x = b,   low ≤ x ≤ high
 //! ```
-//! A x are the accelerations that forces xᵢ·Fᵢ add, b what the motion needs. The problem is convex; its dual is solved by
-//! Newton's method: x = clamp(sign(s)·(|s|/p)^(1/(p−1))), s = Aᵀλ.
+//! A x are the accelerations that forces xᵢ·Fᵢ add, b what the motion needs. The problem is convex; its dual is solved
+//! by Newton's method: x = clamp(sign(s)·(|s|/p)^(1/(p−1))), s = Aᵀλ.
 
 use nalgebra::{DMatrix, DVector};
 

@@ -345,8 +345,8 @@ proptest! {
     }
 }
 
-/// A set in a file of its own is read in its place (OpenSim: `Object::readObjectFromXMLNodeOrFile`), on the line that names it;
-/// one of another format version, or that is not there, is named.
+/// A set in a file of its own is read in its place (OpenSim: `Object::readObjectFromXMLNodeOrFile`), on the line that
+/// names it; one of another format version, or that is not there, is named.
 #[test]
 fn verif_sets_in_files_of_their_own() {
     let text = include_str!("../../../fixtures/multibody/forces.osim");

@@ -2,8 +2,8 @@
 
 use super::small_model::{Folder, table};
 
-/// Two knees in a row and a foot that is welded to the second shank: the structure of opensim-core's test of moment arms with coupled
-/// coordinates, where the knees follow half the foot's angle.
+/// Two knees in a row and a foot that is welded to the second shank: the structure of opensim-core's test of moment
+/// arms with coupled coordinates, where the knees follow half the foot's angle.
 const LEGS: &str = r#"<?xml version="1.0"?><OpenSimDocument Version="40600"><Model name="legs"><gravity>0 -9.80665 0</gravity>
 <BodySet><objects>
 <Body name="shank_1"><mass>3</mass><mass_center>0 -0.2 0</mass_center><inertia>0.05 0.005 0.05 0 0 0</inertia></Body>

@@ -1,4 +1,5 @@
-//! Forces of files that a setup adds to its model (`force_set_files`), and a `CorrectionController` (`fixtures/force_sets`).
+//! Forces of files that a setup adds to its model (`force_set_files`), and a `CorrectionController`
+//! (`fixtures/force_sets`).
 
 use std::path::{Path, PathBuf};
 
@@ -16,8 +17,8 @@ const FORCE_SETS: References = References {
     partly_undefined: &[],
 };
 
-/// Forces of every class, `<defaults>` of their file, a file of format 10904 with its classes and properties of old, and two
-/// names that are taken already.
+/// Forces of every class, `<defaults>` of their file, a file of format 10904 with its classes and properties of old,
+/// and two names that are taken already.
 #[test]
 fn val_opensim_forces_of_files_behind_those_of_the_model() {
     FORCE_SETS.compare("added.xml", "added", 1e-9);

@@ -1,4 +1,5 @@
-//! `carpus plan`: which further trials would separate the explanations that survive, and what the trials at hand can tell.
+//! `carpus plan`: which further trials would separate the explanations that survive, and what the trials at hand can
+//! tell.
 
 use std::path::Path;
 

@@ -3,7 +3,8 @@
 use super::TrialTable;
 use carpus_osim::functions::{Dialect, Expression};
 
-/// Wave numbers of the angle that are scanned [1/rad]: least, largest, step. Over two radians neighbours correlate by more than 0.9.
+/// Wave numbers of the angle that are scanned [1/rad]: least, largest, step. Over two radians neighbours correlate by
+/// more than 0.9.
 pub(super) const WAVES: [f64; 3] = [1.0, 30.0, 0.5];
 
 /// A term of the library.

@@ -44,8 +44,8 @@ impl Manifest {
         Manifest { schema: SCHEMA.to_owned(), study: None, study_file: None, begun: None, files: BTreeMap::new() }
     }
 
-    /// Whether results of `other` are of this study: the same study.toml, the same study that was moved, or one that was made
-    /// here.
+    /// Whether results of `other` are of this study: the same study.toml, the same study that was moved, or one that
+    /// was made here.
     pub(super) fn is_of(&self, other: &str, other_file: &Path, name: &str, study_file: &Path, folder: &Path) -> bool {
         let moved = other == name && !other_file.exists();
         let made_here =
@@ -54,8 +54,8 @@ impl Manifest {
     }
 }
 
-/// Whether results of two commands belong into one folder: those of one command (`study` and `study --steps`), and those of
-/// commands that go on with a diagnosis where it lies.
+/// Whether results of two commands belong into one folder: those of one command (`study` and `study --steps`), and
+/// those of commands that go on with a diagnosis where it lies.
 pub(super) fn is_same_command(a: &str, b: &str) -> bool {
     const OF_A_DIAGNOSIS: [&str; 3] = ["diagnose", "effect", "plan"];
     let [a, b] = [a, b].map(|command| command.split(' ').next().unwrap_or(command));

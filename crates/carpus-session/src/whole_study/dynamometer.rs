@@ -35,8 +35,8 @@ pub(super) struct Processed {
     pub failures: Vec<Diagnostic>,
 }
 
-/// The study that all other steps work on, with the folder of its results: the one given, or what its `[processing]` makes of
-/// it.
+/// The study that all other steps work on, with the folder of its results: the one given, or what its `[processing]`
+/// makes of it.
 ///
 /// - `path`: the folder of the results
 ///
