@@ -141,7 +141,8 @@ impl Proposal {
             let c = term.coefficient;
             let reach = rounded(3.0 * c.abs());
             parameters.push_str(&format!(
-                "\n[parameters.{size}]\nunit = \"{}\"\nrole = \"amplitude\"\nplausible = [-{reach:?}, {reach:?}]\ntypical = {:?}\n\
+                "\n[parameters.{size}]\nunit = \"{}\"\nrole = \"amplitude\"\nplausible = [-{reach:?}, \
+                 {reach:?}]\ntypical = {:?}\n\
                  source = \"{source}: {}\"\n",
                 term.unit,
                 rounded(c.abs()),
@@ -150,7 +151,8 @@ impl Proposal {
             if let Some((k, unit)) = term.shape {
                 let [low, high] = [rounded(0.7 * k), rounded(1.3 * k)];
                 parameters.push_str(&format!(
-                    "\n[parameters.{shape}]\nunit = \"{unit}\"\nrole = \"shape\"\nstart = {:?}\nplausible = [{low:?}, {high:?}]\n\
+                    "\n[parameters.{shape}]\nunit = \"{unit}\"\nrole = \"shape\"\nstart = {:?}\nplausible = [{low:?}, \
+                     {high:?}]\n\
                      source = \"{source}\"\n",
                     rounded(k)
                 ));

@@ -228,7 +228,8 @@ pub fn render_identifiability(result: &IdentifiabilityResult) -> String {
         result,
         level: format!("{} %", 100.0 * result.level),
         lead: format!(
-            "{determined} of {} parameters are bounded by the data from both sides. Intervals rest on {} training trials and \
+            "{determined} of {} parameters are bounded by the data from both sides. Intervals rest on {} training \
+             trials and \
              hold if nothing is missing in the model's structure.",
             result.parameters.len(),
             result.trials
@@ -263,7 +264,8 @@ pub fn render_identifiability(result: &IdentifiabilityResult) -> String {
         ),
         trust: result.soundness.map_or_else(String::new, |s| format!(
             "Trials scatter about the fit {:.1} times as much (variance) as the noise explains; intervals are widened \
-             accordingly. −2 log likelihood at the ends of intervals, by simulation, is within {:.2} of what the level asks for. Largest R̂ {:.3}, \
+             accordingly. −2 log likelihood at the ends of intervals, by simulation, is within {:.2} of what the level \
+             asks for. Largest R̂ {:.3}, \
              at least {:.0} independent draws, {} divergent paths.",
             s.dispersion, s.largest_deviance_error, s.largest_r_hat, s.fewest_effective_draws, s.divergent
         )),

@@ -237,7 +237,8 @@ fn processed(
         }
     }
     if result.passive.as_ref().is_some_and(|passive| passive.drives_the_machine()) {
-        let text = "the relaxed limb seems to drive the machine: the moment has to be positive in the direction in which the angle grows";
+        let text = "the relaxed limb seems to drive the machine: the moment has to be positive in the direction in \
+                    which the angle grows";
         findings.push(("trials.csv".to_owned(), text.to_owned()));
     }
     let outcome = ParticipantProcessing {

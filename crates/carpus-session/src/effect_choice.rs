@@ -58,7 +58,10 @@ pub fn objections(participant: &str, diagnosis: &KnownDiagnosis, chosen: &[Strin
     let must_choose = matches!(result.verdict.as_str(), "unknown" | "cannot_tell");
     match (must_choose, i_choose) {
         (true, false) => vec![Diagnostic::error(text).hint(match result.verdict.as_str() {
-            "cannot_tell" => "`carpus plan` says which further trials would tell; --i-choose adds it all the same and records that you chose",
+            "cannot_tell" => {
+                "`carpus plan` says which further trials would tell; --i-choose adds it all the same and \
+                              records that you chose"
+            }
             _ => "--i-choose adds it all the same and records that you chose",
         })],
         (_, true) => vec![Diagnostic::warning(format!("{text}; added because you chose so (--i-choose)"))],

@@ -35,7 +35,8 @@ pub fn report(outcomes: &[ConditionSensitivity]) -> Result<ReportParts, Failure>
         (runs + o.morris.runs, failed + o.morris.failures.len(), lost + o.morris.lost_effects)
     });
     parts.blocks.push(Block::Text(format!(
-        "Morris screening of 5 parameters per muscle within the bounds of table 2.1; the response is NRMSE + MaxErr + XCorr. \
+        "Morris screening of 5 parameters per muscle within the bounds of table 2.1; the response is NRMSE + MaxErr + \
+         XCorr. \
          {runs} runs, {failed} failed, {lost} elementary effects lost."
     )));
     parts.blocks.push(Block::Table(means_table(&cohort)));

@@ -131,7 +131,8 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
     faults.conclude(&system, outcome)?;
     if trajectory.cost.forced > 0 {
         let text = format!(
-            "minimum_integrator_step_size: {} of {} steps have a larger error than integrator_error_tolerance allows, as in \
+            "minimum_integrator_step_size: {} of {} steps have a larger error than integrator_error_tolerance allows, \
+             as in \
              OpenSim",
             trajectory.cost.forced, trajectory.cost.steps
         );
@@ -250,7 +251,8 @@ fn write(frame: &Frame, states: &Storage, system: &System, outcome: &mut Outcome
     let range = |time: f64| printed(time, 6).trim().to_owned();
     let (first, last) = (range(degrees.time[0]), range(degrees.time[rows - 1]));
     degrees.description = format!(
-        "\n# SIMM Motion File Header:\nname {name}\ndatacolumns {columns}\ndatarows {rows}\notherdata 1\nrange {first} {last}\n"
+        "\n# SIMM Motion File Header:\nname {name}\ndatacolumns {columns}\ndatarows {rows}\notherdata 1\nrange {first} \
+         {last}\n"
     );
     let path = frame.results.join(format!("{name}_states_degrees.mot"));
     outcome.files.push(ResultFile { path, bytes: degrees.text(frame.precision).into_bytes(), is_named: false });

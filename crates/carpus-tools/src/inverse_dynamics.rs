@@ -121,7 +121,8 @@ fn exclusion(
                 let why = if forces.contains(&name.as_str()) {
                     let known = known.map(|group| format!("`{group}`")).collect::<Vec<_>>().join(", ");
                     format!(
-                        "force `{name}` acts: as in OpenSim 4.6 only groups are found where the force set has any ({known})"
+                        "force `{name}` acts: as in OpenSim 4.6 only groups are found where the force set has any \
+                         ({known})"
                     )
                 } else {
                     let known = known.chain(if groups.is_empty() { forces.clone() } else { Vec::new() });

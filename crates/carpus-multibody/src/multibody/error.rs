@@ -71,7 +71,8 @@ pub enum CompileError {
     /// An axis of a CustomJoint is a function of more than one coordinate, which OpenSim computes and this program does
     /// not.
     #[error(
-        "{}: {axis} of the SpatialTransform is a function of several coordinates ({coordinates}), which is not supported; expected \
+        "{}: {axis} of the SpatialTransform is a function of several coordinates ({coordinates}), which is not \
+         supported; expected \
          a function of one",
         .at.path
     )]
