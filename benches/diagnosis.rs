@@ -3,8 +3,8 @@
 //! ```text
 //! cargo bench --bench diagnosis -- [STUDY/study.toml]
 //! ```
-//! Without an argument the bundled study. All threads of rayon's pool (`RAYON_NUM_THREADS`). Times of evaluations are the
-//! best of five.
+//! Without an argument the bundled study. All threads of rayon's pool (`RAYON_NUM_THREADS`). Times of evaluations are
+//! the best of five.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;

@@ -4,9 +4,9 @@
 //! cargo bench --bench forward -- --model MODEL.osim [--seconds S] [--rest E] [--accuracy A]… [--reference REF.json] [--repeat N] [--json]
 //! ```
 //! From the default pose, muscles in equilibrium at the excitation E (0.02). `REF.json` is a trajectory of
-//! `fixtures/scripts/forward.py`, which then gives seconds, rows and excitation. Processor seconds of one thread, the least of
-//! N runs. Printed per accuracy: seconds, the same over simulated time, steps, and the largest difference of a coordinate
-//! from the reference [rad or m]. `benches/forward.py` runs this together with OpenSim.
+//! `fixtures/scripts/forward.py`, which then gives seconds, rows and excitation. Processor seconds of one thread, the
+//! least of N runs. Printed per accuracy: seconds, the same over simulated time, steps, and the largest difference of a
+//! coordinate from the reference [rad or m]. `benches/forward.py` runs this together with OpenSim.
 
 use std::path::PathBuf;
 

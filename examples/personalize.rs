@@ -1,4 +1,5 @@
-//! A participant's muscles fitted to the recordings of a study: `cargo run --release --example personalize [STUDY] [OUT]`.
+//! A participant's muscles fitted to the recordings of a study:
+//! `cargo run --release --example personalize [STUDY] [OUT]`.
 
 use carpus::{Personalize, Study};
 

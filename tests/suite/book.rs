@@ -174,8 +174,8 @@ fn verif_the_readme_is_short_and_holds_its_two_commands() {
     }
 }
 
-/// Phrases that tell how something came about: builds, tables and trials of earlier days. Words of a phrase stand next to each
-/// other; `*` is any word, `#` a number.
+/// Phrases that tell how something came about: builds, tables and trials of earlier days. Words of a phrase stand next
+/// to each other; `*` is any word, `#` a number.
 const DIARY: [&str; 29] = [
     "commit",
     "commits",

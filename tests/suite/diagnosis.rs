@@ -82,7 +82,8 @@ fn verif_every_effect_changes_some_trial_and_its_derivative_matches_differences(
                 }
             }
             if description.id == "unmodelled_muscles" {
-                // It acts through the model's silent muscles, and the bundled wrist has none: exactly nothing may change.
+                // It acts through the model's silent muscles, and the bundled wrist has none: exactly nothing may
+                // change.
                 assert!(size == 0.0 && with == without, "{} acts without a silent muscle", description.id);
                 continue;
             }
@@ -178,8 +179,8 @@ fn verif_response_of_a_compliant_joint_with_rigid_tendons_matches_differences() 
     check_response_to_excitation(&forward(&study, &few(trials), &file), 0.01);
 }
 
-/// What the joint's compliance does to the response is right to 15 %, beside the error that the response has at a stiff joint.
-/// Speeds are those of parabolas through samples, not of the motion's spline.
+/// What the joint's compliance does to the response is right to 15 %, beside the error that the response has at a stiff
+/// joint. Speeds are those of parabolas through samples, not of the motion's spline.
 fn check_response_to_excitation(forward: &ForwardModel, compliance: f64) {
     let stiff = errors_of_response(forward, 1e-9);
     for (muscle, (found, stiff)) in errors_of_response(forward, compliance).iter().zip(&stiff).enumerate() {
@@ -189,7 +190,8 @@ fn check_response_to_excitation(forward: &ForwardModel, compliance: f64) {
     }
 }
 
-/// Per muscle: how far the response to a disturbance of its excitation is off, and how far were the joint held, of the response.
+/// Per muscle: how far the response to a disturbance of its excitation is off, and how far were the joint held, of the
+/// response.
 fn errors_of_response(forward: &ForwardModel, compliance: f64) -> Vec<[f64; 2]> {
     let mut effects = one_scale_of(&["joint_compliance"]);
     effects[0].values[0] = compliance;

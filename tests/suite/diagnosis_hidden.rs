@@ -1,5 +1,5 @@
-//! Diagnoses of bundled studies that OpenSim simulated and in which an effect is hidden (fixtures/hidden_effects): what is
-//! found must be what was hidden. The table over many more is made by fixtures/scripts/laboratory_table.py.
+//! Diagnoses of bundled studies that OpenSim simulated and in which an effect is hidden (fixtures/hidden_effects): what
+//! is found must be what was hidden. The table over many more is made by fixtures/scripts/laboratory_table.py.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -103,7 +103,8 @@ fn asked_of<T>(
     ask(&request)
 }
 
-/// Every candidate is in one list, what is ruled out has a small p-value, and experiments are there where they are called for.
+/// Every candidate is in one list, what is ruled out has a small p-value, and experiments are there where they are
+/// called for.
 fn check_lists(found: &Diagnosis) {
     let missing = found.effects.iter().map(|e| e.effect);
     let explaining: BTreeSet<&str> =
@@ -165,7 +166,8 @@ fn val_opensim_hidden_stiffness_is_among_the_explanations() {
     assert_found(&found, &truth, "joint_stiffness", "stiffness", 0.25);
 }
 
-/// Torque that was low-pass filtered, as laboratories do, has no white noise: of its variance nobody knows more than that it is small.
+/// Torque that was low-pass filtered, as laboratories do, has no white noise: of its variance nobody knows more than
+/// that it is small.
 #[test]
 fn val_opensim_what_is_missing_is_found_where_the_torque_was_filtered() {
     let filtered = |t: &mut Trial| {
@@ -199,7 +201,8 @@ fn verif_a_joint_twice_as_strong_has_the_same_diagnosis() {
     }
 }
 
-/// Friction of a form that is not the catalogue's usual one: its step at reversal is twice as wide, and it breaks away otherwise.
+/// Friction of a form that is not the catalogue's usual one: its step at reversal is twice as wide, and it breaks away
+/// otherwise.
 #[test]
 fn val_opensim_friction_of_another_form_is_among_the_explanations() {
     let candidates = ["coulomb_friction", "joint_damping", "joint_stiffness", "torque_drift"];
@@ -230,7 +233,8 @@ fn val_opensim_a_sensor_that_does_not_read_in_proportion_is_called_unknown() {
     assert!((shares - 1.0).abs() < 1e-12, "{shares}");
 }
 
-/// Without the effect the muscles go so far to make up for it that its score there is nothing: it is found from the model as given.
+/// Without the effect the muscles go so far to make up for it that its score there is nothing: it is found from the
+/// model as given.
 #[test]
 fn val_opensim_an_effect_that_the_muscles_hide_is_found() {
     let candidates: Vec<&str> = CATALOGUE.iter().map(|e| e.description().id).collect();
@@ -245,8 +249,8 @@ fn val_opensim_an_effect_that_the_muscles_hide_is_found() {
     assert!(held_out.with_effect.unwrap() < 0.6 * held_out.refit_only, "{held_out:?}");
 }
 
-/// Fitted in place of a small effect, rivals stay as far from it as products of signatures say, to first order; and none is farther off
-/// than no effect at all, which they all may become.
+/// Fitted in place of a small effect, rivals stay as far from it as products of signatures say, to first order; and
+/// none is farther off than no effect at all, which they all may become.
 #[test]
 fn val_opensim_how_far_small_effects_are_apart_is_what_their_signatures_say() {
     let candidates = ["joint_damping", "inertia", "joint_stiffness", "gravity", "time_shift"];
@@ -279,7 +283,8 @@ fn val_opensim_how_far_small_effects_are_apart_is_what_their_signatures_say() {
     });
 }
 
-/// Where all muscles rest their forces hardly matter: they must not grow round by round with what their EMG's noise is taken to be.
+/// Where all muscles rest their forces hardly matter: they must not grow round by round with what their EMG's noise is
+/// taken to be.
 #[test]
 fn val_opensim_passive_trials_alone_do_not_carry_the_muscles_away() {
     let (from, to) = (folder("snapping_tendon"), tempfile::tempdir().unwrap());
@@ -314,8 +319,8 @@ fn val_opensim_a_dominant_effect_is_found_where_everything_is_a_little_wrong() {
     assert!(first.group.contains(&hidden) && first.dominant, "{first:?}");
     assert!(first.probability > 0.9 && first.share_of_error.held_out.unwrap()[0] > 0.0, "{first:?}");
     assert_never_worse(&found);
-    // As given, recalibrated, one effect after the other, discrepancy, noise: with all effects the error is less than that of the muscles
-    // alone, and the discrepancy takes more.
+    // As given, recalibrated, one effect after the other, discrepancy, noise: with all effects the error is less than
+    // that of the muscles alone, and the discrepancy takes more.
     let [steps @ .., discrepancy, noise] = found.account.as_slice() else { panic!("{:?}", found.account) };
     assert_eq!(steps.len(), 2 + found.effects.len());
     assert_eq!([discrepancy.step.as_str(), noise.step.as_str()], ["generic_discrepancy", "noise"]);

@@ -1,5 +1,5 @@
-//! Dynamometer recordings: drag with its interval, passive curve, repetitions, two recorders; against statsmodels, SciPy,
-//! closed forms, and through the program.
+//! Dynamometer recordings: drag with its interval, passive curve, repetitions, two recorders; against statsmodels,
+//! SciPy, closed forms, and through the program.
 
 use std::f64::consts::PI;
 use std::fmt::Write;
@@ -239,7 +239,9 @@ fn carpus(arguments: &[&std::ffi::OsStr]) -> assert_cmd::assert::Assert {
 fn study(folder: &Path, processing: &str, trials: &str) -> PathBuf {
     std::fs::copy(root("models/wrist.osim"), folder.join("wrist.osim")).unwrap();
     let toml = format!(
-        "[study]\nname = \"recorded\"\nmodel = \"wrist.osim\"\n\n[dynamometer]\ncoordinate = \"flexion\"\ndamping_n_m_s_per_deg = 0.005\n\n[posture_deg]\nelbow_flexion = 90\n\n[muscles]\nactive = [\"FCR\"]\n\n{processing}"
+        "[study]\nname = \"recorded\"\nmodel = \"wrist.osim\"\n\n[dynamometer]\ncoordinate \
+         = \"flexion\"\ndamping_n_m_s_per_deg = 0.005\n\n[posture_deg]\nelbow_flexion = 90\n\n[muscles]\nactive = \
+         [\"FCR\"]\n\n{processing}"
     );
     std::fs::write(folder.join("study.toml"), toml).unwrap();
     std::fs::write(folder.join("participants.csv"), "participant,mass_kg\nP01,70\n").unwrap();
@@ -322,7 +324,10 @@ fn verif_a_recorded_session_becomes_a_study() {
         writeln!(silent, "{t},{},0", relaxed(q) - drag * v).unwrap();
     }
     std::fs::write(folder.path().join("passive_emg.csv"), silent).unwrap();
-    let processing = "[processing]\nremove_drag = true\nsubtract_passive = true\npassive_order = 3\n[processing.repetitions]\nthreshold = 0.1\ncontractions = [\"isotonic\"]\n[processing.second_recorder]\nfile = \"{trial}_emg.csv\"\ntime = \"t\"\nshared = \"volts\"\nshared_with = \"moment_n_m\"\n";
+    let processing = "[processing]\nremove_drag = true\nsubtract_passive = true\npassive_order = \
+                      3\n[processing.repetitions]\nthreshold = 0.1\ncontractions = \
+                      [\"isotonic\"]\n[processing.second_recorder]\nfile = \"{trial}_emg.csv\"\ntime = \"t\"\nshared \
+                      = \"volts\"\nshared_with = \"moment_n_m\"\n";
     let trials = "P01,passive.csv,passive,,none\nP01,session.csv,isotonic,25,flexion\n";
     let study = study(folder.path(), processing, trials);
     let out = folder.path().join("out");

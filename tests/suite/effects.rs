@@ -1,4 +1,5 @@
-//! Tests of the catalogue of effects: one conformance suite for all of them, their signatures, and their forms in files.
+//! Tests of the catalogue of effects: one conformance suite for all of them, their signatures, and their forms in
+//! files.
 
 mod command;
 mod conformance;

@@ -32,7 +32,8 @@ fn study(folder: &Path, reference: &Value, settings: &str) -> PathBuf {
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/wrist.osim");
     std::fs::copy(model, folder.join("wrist.osim")).unwrap();
     let toml = format!(
-        "[study]\nname = \"EMG\"\nmodel = \"wrist.osim\"\n[dynamometer]\ncoordinate = \"flexion\"\n[muscles]\nactive = [\"ECRL\", \"FCR\"]\n[columns]\nemg = {{ ECRL = \"Ch 1\", FCR = \"Ch 2\" }}\n[emg]\n{settings}"
+        "[study]\nname = \"EMG\"\nmodel = \"wrist.osim\"\n[dynamometer]\ncoordinate = \"flexion\"\n[muscles]\nactive = \
+         [\"ECRL\", \"FCR\"]\n[columns]\nemg = {{ ECRL = \"Ch 1\", FCR = \"Ch 2\" }}\n[emg]\n{settings}"
     );
     std::fs::write(folder.join("study.toml"), toml).unwrap();
     std::fs::write(folder.join("participants.csv"), "participant\nP01\n").unwrap();
@@ -52,7 +53,8 @@ fn study(folder: &Path, reference: &Value, settings: &str) -> PathBuf {
 
 fn settings(case: &Value) -> String {
     let mut text = format!(
-        "kind = \"raw\"\nfilter_order = {}\nband_pass_hz = {}\nenvelope = {}\nrms_window_s = {}\nsavitzky_golay = {{ order = {}, window_s = {} }}\n",
+        "kind = \"raw\"\nfilter_order = {}\nband_pass_hz = {}\nenvelope = {}\nrms_window_s = {}\nsavitzky_golay = {{ \
+         order = {}, window_s = {} }}\n",
         case["filter_order"],
         case["band_pass_hz"],
         case["envelope"],

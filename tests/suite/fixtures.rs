@@ -1,4 +1,5 @@
-//! The shipped reference outputs are the ones their manifests describe, and the demo study is a complete, readable study.
+//! The shipped reference outputs are the ones their manifests describe, and the demo study is a complete, readable
+//! study.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

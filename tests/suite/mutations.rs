@@ -1,8 +1,9 @@
-//! Whatever a file of OpenSim's holds, reading it returns: shipped files with bytes changed, taken out, put in or cut off.
+//! Whatever a file of OpenSim's holds, reading it returns: shipped files with bytes changed, taken out, put in or cut
+//! off.
 //!
-//! `CARPUS_FUZZ_SECONDS=3600 cargo test --release --test suite mutations` goes on for so long with every file, with other changes
-//! each time; the file that was being read when a test fails is `target/mutations/` + the name of the file. A text that is not
-//! done with after five minutes is a failure.
+//! `CARPUS_FUZZ_SECONDS=3600 cargo test --release --test suite mutations` goes on for so long with every file, with
+//! other changes each time; the file that was being read when a test fails is `target/mutations/` + the name of the
+//! file. A text that is not done with after five minutes is a failure.
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -240,7 +241,8 @@ fn verif_mutated_setups_never_panic() {
     run_mutations("force_sets", &FORCE_SETS, "optimized.xml", None, 8);
 }
 
-/// Runs changed texts of a setup, of a folder of `fixtures` unless given, among copies of what it reads; unchanged it must run.
+/// Runs changed texts of a setup, of a folder of `fixtures` unless given, among copies of what it reads; unchanged it
+/// must run.
 fn run_mutations(folder: &str, inputs: &[&str], setup: &str, text: Option<&str>, n: usize) {
     let root = tempfile::tempdir().unwrap();
     let (of, place) = (fixture("fixtures").join(folder), root.path().join("fixtures").join(folder));

@@ -42,8 +42,8 @@ fn ishigami_indices() -> ([f64; 3], [f64; 3]) {
     ([v1 / v, v2 / v, 0.0], [(v1 + v13) / v, v2 / v, v13 / v])
 }
 
-/// Morris (1991), section 4, with the remaining coefficients of first and second order (−1)^i and (−1)^(i+j) in place of
-/// random ones, as in the R package `sensitivity`.
+/// Morris (1991), section 4, with the remaining coefficients of first and second order (−1)^i and (−1)^(i+j) in place
+/// of random ones, as in the R package `sensitivity`.
 fn morris_function(x: &[f64]) -> Result<f64, Infallible> {
     let w: Vec<f64> = (0..20)
         .map(|i| if [2, 4, 6].contains(&i) { 2.0 * (1.1 * x[i] / (x[i] + 0.1) - 0.5) } else { 2.0 * (x[i] - 0.5) })
@@ -122,7 +122,8 @@ fn verif_sobol_of_ishigami() {
                 "{estimator:?} {}: {:.4} ({:.4}) {:.4} ({:.4})",
                 ours.name, ours.first_order, first[i], ours.total_order, total[i]
             );
-            // 0.02 is three standard errors of the worst estimate at this size (half the width of its interval, 1.5 times).
+            // 0.02 is three standard errors of the worst estimate at this size (half the width of its interval, 1.5
+            // times).
             assert!((ours.first_order - first[i]).abs() < 0.02);
             assert!((ours.total_order - total[i]).abs() < 0.02);
             let [low, high] = ours.total_order_interval_95.expect("resampled");

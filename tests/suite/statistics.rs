@@ -162,7 +162,8 @@ fn val_published_dissertation_table_2_3() {
     assert!(f_tail(107.176, 1.0, 9.0) < 0.001);
     // Printed 0.667, which is the p-value of F = 0.198 two rows below.
     assert!((f_tail(0.069, 1.0, 9.0) - 0.799).abs() < 1e-3);
-    // Table 2.4, effort on tendon slack length: 0.028 ± 0.019, printed p = 0.017*; the same test in table 2.3 has 0.166.
+    // Table 2.4, effort on tendon slack length: 0.028 ± 0.019, printed p = 0.017*; the same test in table 2.3 has
+    // 0.166.
     let from_mean_and_error = t_two_sided(0.028 / 0.019, 9.0);
     assert!((0.15..0.20).contains(&from_mean_and_error), "{from_mean_and_error}");
 }
@@ -297,7 +298,8 @@ fn val_published_dissertation_power() {
     let chapter_4 = analysis(TestDesign::PointBiserial { r: 0.64 }, Tails::One);
     assert!((chapter_4.power(5).expect("in the domain") - 0.42).abs() < 0.005);
     assert_eq!(chapter_4.needed_n(0.8), Ok(11));
-    // The exact test of a correlation, which the question was about, has 35 % (one tail), 21 % (two), and needs 13 or 16.
+    // The exact test of a correlation, which the question was about, has 35 % (one tail), 21 % (two), and needs 13 or
+    // 16.
     let exact = |tails| analysis(TestDesign::Correlation { r: 0.64 }, tails);
     assert!((exact(Tails::One).power(5).expect("in the domain") - 0.347).abs() < 0.002);
     assert!((exact(Tails::Two).power(5).expect("in the domain") - 0.212).abs() < 0.002);

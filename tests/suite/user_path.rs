@@ -280,7 +280,8 @@ fn verif_residuals_are_shown_along_an_angle_without_its_white_noise() {
             text.lines().enumerate().map(noisy).collect()
         });
     }
-    // Differentiated as it is, noise of 0.3 degrees at 100 Hz is a speed of 0.5 rad/s and an acceleration of 100 rad/s².
+    // Differentiated as it is, noise of 0.3 degrees at 100 Hz is a speed of 0.5 rad/s and an acceleration of 100
+    // rad/s².
     let noisy = ["velocity", "acceleration"].map(|axis| reach(&study, axis));
     for (clean, noisy) in clean.iter().zip(noisy) {
         assert!(noisy < 1.5 * clean, "{noisy} and {clean}");

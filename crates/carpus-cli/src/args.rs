@@ -56,7 +56,8 @@ pub struct Global {
     pub quiet: bool,
 }
 
-/// The commands, as `carpus --help` groups them (`help::GROUPS`). What a command does is told in one line of 58 characters.
+/// The commands, as `carpus --help` groups them (`help::GROUPS`). What a command does is told in one line of 58
+/// characters.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Run the bundled study end to end, in seconds
@@ -126,7 +127,9 @@ pub enum Command {
 /// `carpus completions`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus completions bash > ~/.local/share/bash-completion/completions/carpus\n  carpus completions zsh > ~/.zfunc/_carpus\n  carpus completions fish > ~/.config/fish/completions/carpus.fish"
+    after_help = "Example:\n  carpus completions bash > ~/.local/share/bash-completion/completions/carpus\n  carpus \
+                  completions zsh > ~/.zfunc/_carpus\n  carpus completions fish > \
+                  ~/.config/fish/completions/carpus.fish"
 )]
 pub struct CompletionsArgs {
     /// The shell
@@ -189,7 +192,8 @@ pub struct InfoArgs {
 /// `carpus paths`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus paths wrist.osim --sweep flexion=-70:70:1deg --set elbow_flexion=90deg --out sweep\n\nWithout --out the table goes to standard output as CSV."
+    after_help = "Example:\n  carpus paths wrist.osim --sweep flexion=-70:70:1deg --set elbow_flexion=90deg --out \
+                  sweep\n\nWithout --out the table goes to standard output as CSV."
 )]
 pub struct PathsArgs {
     /// Model and strictness.
@@ -211,9 +215,8 @@ pub struct PathsArgs {
 
 /// `carpus equilibrium`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus equilibrium wrist.osim --set flexion=30deg --activation 0.01\n  carpus equilibrium wrist.osim --set flexion=30deg --moment-about flexion,deviation --csv posture.csv"
-)]
+#[command(after_help = "Example:\n  carpus equilibrium wrist.osim --set flexion=30deg --activation 0.01\n  carpus \
+                  equilibrium wrist.osim --set flexion=30deg --moment-about flexion,deviation --csv posture.csv")]
 pub struct EquilibriumArgs {
     /// Model and strictness.
     #[command(flatten)]
@@ -257,9 +260,8 @@ pub struct StudyArgs {
 
 /// `carpus simulate`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus simulate study/study.toml --participant P01 --out simulated\n\nWrites DIR/P01/{results.json,report.html} and for every trial DIR/P01/series/TRIAL.csv and .sto."
-)]
+#[command(after_help = "Example:\n  carpus simulate study/study.toml --participant P01 --out simulated\n\nWrites \
+                  DIR/P01/{results.json,report.html} and for every trial DIR/P01/series/TRIAL.csv and .sto.")]
 pub struct SimulateArgs {
     /// The study.
     #[command(flatten)]
@@ -272,7 +274,9 @@ pub struct SimulateArgs {
 /// `carpus compare`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus compare study/study.toml --out compared\n  carpus compare study/study.toml --model personalized/P01/model.osim --participant P01 --out compared\n\nWrites DIR/P01/{results.json,report.html,errors_per_trial.csv,errors_per_condition.csv,series/}."
+    after_help = "Example:\n  carpus compare study/study.toml --out compared\n  carpus compare study/study.toml \
+                  --model personalized/P01/model.osim --participant P01 --out compared\n\nWrites \
+                  DIR/P01/{results.json,report.html,errors_per_trial.csv,errors_per_condition.csv,series/}."
 )]
 pub struct CompareArgs {
     /// The study.
@@ -285,9 +289,13 @@ pub struct CompareArgs {
 
 /// `carpus personalize`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus personalize study/study.toml --out personalized --seed 1\n\nWrites DIR/P01/{model.osim,results.json,report.html,errors_per_trial.csv,errors_per_condition.csv,series/}. Held-out trials (use = test) are never fitted.\n\nAll parameters are fitted together, with the noise, the error of the EMG and a little of everything that may be wrong. If left-out training trials ask for it, only a part of the way from the given model to the fit is taken. Every fitted value comes with a 90 % interval (carpus identify says more). Where the trials do not determine a value, the report says so: it then stays near the model's."
-)]
+#[command(after_help = "Example:\n  carpus personalize study/study.toml --out personalized --seed 1\n\nWrites \
+                  DIR/P01/{model.osim,results.json,report.html,errors_per_trial.csv,errors_per_condition.csv,series/}. \
+                  Held-out trials (use = test) are never fitted.\n\nAll parameters are fitted together, with the \
+                  noise, the error of the EMG and a little of everything that may be wrong. If left-out training \
+                  trials ask for it, only a part of the way from the given model to the fit is taken. Every fitted \
+                  value comes with a 90 % interval (carpus identify says more). Where the trials do not determine a \
+                  value, the report says so: it then stays near the model's.")]
 pub struct PersonalizeArgs {
     /// The study.
     #[command(flatten)]
@@ -300,7 +308,11 @@ pub struct PersonalizeArgs {
 /// `carpus evaluate`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus evaluate study/study.toml --models done/models --out evaluated\n  carpus evaluate study/study.toml --models personalized --models other_fit --out evaluated\n\nReads DIR/P01/NAME.osim for every participant and evaluates every NAME on the trials with use = test; the control `linear` is NAME = linear or, without it, the study's own model. Writes DIR/{report.html,evaluation_errors.csv,evaluation_means.csv,evaluation_anova.csv,evaluation_pairwise.csv}."
+    after_help = "Example:\n  carpus evaluate study/study.toml --models done/models --out evaluated\n  carpus evaluate \
+                  study/study.toml --models personalized --models other_fit --out evaluated\n\nReads DIR/P01/NAME.osim \
+                  for every participant and evaluates every NAME on the trials with use = test; the control `linear` \
+                  is NAME = linear or, without it, the study's own model. Writes \
+                  DIR/{report.html,evaluation_errors.csv,evaluation_means.csv,evaluation_anova.csv,evaluation_pairwise.csv}."
 )]
 pub struct EvaluateArgs {
     /// The study.
@@ -314,7 +326,25 @@ pub struct EvaluateArgs {
 /// `carpus study`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus study study/study.toml --out done\n  carpus study study/study.toml --steps personalize,evaluate --out done\n\nSteps, in their order: dynamometer (with [processing]: the processed study goes to DIR/processed and all other steps work on it), emg (with [emg] kind = \"raw\"), scale, sensitivity, personalize, evaluate, identify, ultrasound (with ultrasound.csv), power, conclusions (which of the dissertation's hold). What a study has no data for is named in the report with the reason.\n\nStopped at any time, even by force, and started again with the same words, it goes on where it was: what is finished lies in DIR/units under a key made of everything that it depends on. Writes DIR/report.html, the tables as CSV, DIR/models/P01/CASE.osim, DIR/identify/P01 and DIR/emg/P01. Only DIR/timings and DIR/timings.csv depend on the machine.\n\nOptional in a study, beyond the essential keys:\n  study.toml        [processing], [emg], [scaling], [strength_scaling]: see dynamometer, emg, scale, strength-scale --help\n                    [ultrasound] activation, specific_tension_n_per_cm2, posture_deg, muscle_posture_deg, fiber_to_belly_length,\n                    external_to_total_tendon_length, source;\n                    fascicles = \"fit\" with fascicle_error_percent: personalize fits fascicle_length_m, too (default: a check)\n                    [dynamometer] further_moments = { COORDINATE = \"column\" }: moments about coordinates that are held\n                    [columns] ignore = [\"column\", …], angle_unit = \"rad\"; [checks] max_gap_s\n  trials.csv        start_time_s; arm, upright (default) or flipped: the forearm turned over\n  ultrasound.csv    fascicle_length_m, pennation_angle_deg"
+    after_help = "Example:\n  carpus study study/study.toml --out done\n  carpus study study/study.toml --steps \
+                  personalize,evaluate --out done\n\nSteps, in their order: dynamometer (with [processing]: the \
+                  processed study goes to DIR/processed and all other steps work on it), emg (with [emg] kind \
+                  = \"raw\"), scale, sensitivity, personalize, evaluate, identify, ultrasound (with ultrasound.csv), \
+                  power, conclusions (which of the dissertation's hold). What a study has no data for is named in the \
+                  report with the reason.\n\nStopped at any time, even by force, and started again with the same \
+                  words, it goes on where it was: what is finished lies in DIR/units under a key made of everything \
+                  that it depends on. Writes DIR/report.html, the tables as CSV, DIR/models/P01/CASE.osim, \
+                  DIR/identify/P01 and DIR/emg/P01. Only DIR/timings and DIR/timings.csv depend on the \
+                  machine.\n\nOptional in a study, beyond the essential keys:\n  study.toml        [processing], \
+                  [emg], [scaling], [strength_scaling]: see dynamometer, emg, scale, strength-scale \
+                  --help\n                    [ultrasound] activation, specific_tension_n_per_cm2, posture_deg, \
+                  muscle_posture_deg, fiber_to_belly_length,\n                    external_to_total_tendon_length, \
+                  source;\n                    fascicles = \"fit\" with fascicle_error_percent: personalize fits \
+                  fascicle_length_m, too (default: a check)\n                    [dynamometer] further_moments = \
+                  { COORDINATE = \"column\" }: moments about coordinates that are held\n                    [columns] \
+                  ignore = [\"column\", …], angle_unit = \"rad\"; [checks] max_gap_s\n  trials.csv        \
+                  start_time_s; arm, upright (default) or flipped: the forearm turned over\n  ultrasound.csv    \
+                  fascicle_length_m, pennation_angle_deg"
 )]
 pub struct WholeStudyArgs {
     /// The study.
@@ -343,7 +373,9 @@ pub struct WholeStudyArgs {
 /// `carpus identify`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus identify study/study.toml --out identified\n  carpus identify study/study.toml --priors literature.csv --out identified\n\nWrites DIR/P01/{identifiability.json,intervals.csv,combinations.csv,correlations.csv,next_trials.csv,draws.csv,report.html}. Held-out trials (use = test) are not used."
+    after_help = "Example:\n  carpus identify study/study.toml --out identified\n  carpus identify study/study.toml \
+                  --priors literature.csv --out identified\n\nWrites \
+                  DIR/P01/{identifiability.json,intervals.csv,combinations.csv,correlations.csv,next_trials.csv,draws.csv,report.html}. Held-out trials (use = test) are not used."
 )]
 pub struct IdentifyArgs {
     /// The study.
@@ -379,7 +411,10 @@ pub struct IdentifyOptions {
 /// `carpus priors`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus identify earlier/study.toml --out identified\n  carpus priors identified --out priors.csv\n  carpus identify new/study.toml --priors priors.csv --out with_priors\n\nMean and standard deviation are multiples of the value in each participant's model (unit = model), so that models scaled to different persons go together."
+    after_help = "Example:\n  carpus identify earlier/study.toml --out identified\n  carpus priors identified --out \
+                  priors.csv\n  carpus identify new/study.toml --priors priors.csv --out with_priors\n\nMean and \
+                  standard deviation are multiples of the value in each participant's model (unit = model), so that \
+                  models scaled to different persons go together."
 )]
 pub struct PriorsArgs {
     /// Folders of carpus identify or carpus study (searched for identifiability.json), or such files
@@ -393,7 +428,10 @@ pub struct PriorsArgs {
 /// `carpus ultrasound`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus ultrasound study/study.toml --out imaging\n  carpus ultrasound study/study.toml --case personalized=personalized/{participant}/model.osim --out imaging\n\nMeasurements are read from ultrasound.csv beside study.toml; ratios and tension from its [ultrasound] section. Writes DIR/{ultrasound.json,correlations.csv,agreement.csv,measurements.csv,report.html}."
+    after_help = "Example:\n  carpus ultrasound study/study.toml --out imaging\n  carpus ultrasound study/study.toml \
+                  --case personalized=personalized/{participant}/model.osim --out imaging\n\nMeasurements are read \
+                  from ultrasound.csv beside study.toml; ratios and tension from its [ultrasound] section. Writes \
+                  DIR/{ultrasound.json,correlations.csv,agreement.csv,measurements.csv,report.html}."
 )]
 pub struct UltrasoundArgs {
     /// The study: its study.toml or the folder it is in
@@ -412,9 +450,11 @@ pub struct UltrasoundArgs {
 
 /// `carpus sensitivity`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus sensitivity study/study.toml --out sensitivity\n  carpus sensitivity study/study.toml --sobol 256 --out sensitivity\n\nWrites DIR/{report.html,sensitivity.json,morris.csv,convergence.csv,sensitivity_means.csv}, with --sobol sobol.csv, and with two or more participants the tests of tables 2.3 to 2.5 and 2.3b: anova.csv, anova_muscles.csv, pairwise.csv, pairwise_muscles.csv. Trials held out (use = test) are not used."
-)]
+#[command(after_help = "Example:\n  carpus sensitivity study/study.toml --out sensitivity\n  carpus sensitivity \
+                  study/study.toml --sobol 256 --out sensitivity\n\nWrites \
+                  DIR/{report.html,sensitivity.json,morris.csv,convergence.csv,sensitivity_means.csv}, with --sobol \
+                  sobol.csv, and with two or more participants the tests of tables 2.3 to 2.5 and 2.3b: anova.csv, \
+                  anova_muscles.csv, pairwise.csv, pairwise_muscles.csv. Trials held out (use = test) are not used.")]
 pub struct SensitivityArgs {
     /// The study.
     #[command(flatten)]
@@ -433,7 +473,15 @@ pub struct SensitivityArgs {
 /// `carpus emg`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus emg study/study.toml --out emg\n\nWrites DIR/P01/{report.html,emg/TRIAL.csv} (time_s, emg_MUSCLE: 1 = maximum voluntary contraction) and DIR/emg.json. Channels are checked for samples that are missing, flat or clipped, mains hum, and values above MVC. The MVC level is found over the trials with contraction or use mvc. Constants, all optional, with their defaults:\n  [emg]\n  kind = \"raw\"\n  band_pass_hz = [30, 250]\n  filter_order = 4                 # of the Butterworth prototype; run forward and backward: no delay, gain 1/2 at the edges\n  envelope = \"moving_rms\"          # or \"moving_mean_of_rectified\"\n  rms_window_s = 0.1\n  savitzky_golay = { order = 3, window_s = 0.1 }\n  mvc_window_s = 0.5               # largest mean over this; default: the largest sample\n  resample_hz = 100                # default: as recorded"
+    after_help = "Example:\n  carpus emg study/study.toml --out emg\n\nWrites DIR/P01/{report.html,emg/TRIAL.csv} \
+                  (time_s, emg_MUSCLE: 1 = maximum voluntary contraction) and DIR/emg.json. Channels are checked for \
+                  samples that are missing, flat or clipped, mains hum, and values above MVC. The MVC level is found \
+                  over the trials with contraction or use mvc. Constants, all optional, with their defaults:\n  \
+                  [emg]\n  kind = \"raw\"\n  band_pass_hz = [30, 250]\n  filter_order = 4                 # of the \
+                  Butterworth prototype; run forward and backward: no delay, gain 1/2 at the edges\n  envelope \
+                  = \"moving_rms\"          # or \"moving_mean_of_rectified\"\n  rms_window_s = 0.1\n  savitzky_golay \
+                  = { order = 3, window_s = 0.1 }\n  mvc_window_s = 0.5               # largest mean over this; \
+                  default: the largest sample\n  resample_hz = 100                # default: as recorded"
 )]
 pub struct EmgArgs {
     /// The study.
@@ -443,9 +491,21 @@ pub struct EmgArgs {
 
 /// `carpus dynamometer`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus dynamometer recorded/study.toml --out study\n\nWrites a study into DIR (study.toml, tables, models, data/), DIR/reports/P01.html and DIR/dynamometer.json. What is done stands in study.toml; all keys are optional, and without a key nothing of it is done:\n  [processing]\n  filter_hz = 6                # zero-phase Butterworth low-pass of angle, velocity and moment\n  filter_order = 4\n  remove_drag = true           # adds damping_n_m_s_per_deg x velocity; the new study has damping 0\n  subtract_passive = true      # the relaxed limb's moment (gravity and tissue) from the passive trials; the new study no longer includes passive and gravity\n  passive_order = 5            # polynomial in the angle, and viscous damping\n  [processing.repetitions]     # cuts trials that have no repetition number\n  by = \"moment\"                # or \"movement\"\n  threshold = 0.2              # of the largest\n  min_duration_s = 0.5\n  max_pause_s = 0.3\n  margin_s = 0.25\n  contractions = [\"isometric\", \"isotonic\", \"passive\"]\n  [processing.second_recorder] # EMG recorded apart, aligned by cross-correlation to a fraction of a sample\n  file = \"{trial}_emg.csv\"     # beside the trial's file\n  time = \"time_s\"\n  shared = \"torque_v\"          # its column of what both recorded\n  shared_with = \"moment_n_m\"   # the trial's column of it\n  max_delay_s = 2"
-)]
+#[command(after_help = "Example:\n  carpus dynamometer recorded/study.toml --out study\n\nWrites a study into DIR \
+                  (study.toml, tables, models, data/), DIR/reports/P01.html and DIR/dynamometer.json. What is done \
+                  stands in study.toml; all keys are optional, and without a key nothing of it is done:\n  \
+                  [processing]\n  filter_hz = 6                # zero-phase Butterworth low-pass of angle, velocity \
+                  and moment\n  filter_order = 4\n  remove_drag = true           # adds damping_n_m_s_per_deg x \
+                  velocity; the new study has damping 0\n  subtract_passive = true      # the relaxed limb's moment \
+                  (gravity and tissue) from the passive trials; the new study no longer includes passive and \
+                  gravity\n  passive_order = 5            # polynomial in the angle, and viscous damping\n  \
+                  [processing.repetitions]     # cuts trials that have no repetition number\n  by \
+                  = \"moment\"                # or \"movement\"\n  threshold = 0.2              # of the largest\n  \
+                  min_duration_s = 0.5\n  max_pause_s = 0.3\n  margin_s = 0.25\n  contractions = \
+                  [\"isometric\", \"isotonic\", \"passive\"]\n  [processing.second_recorder] # EMG recorded apart, \
+                  aligned by cross-correlation to a fraction of a sample\n  file = \"{trial}_emg.csv\"     # beside \
+                  the trial's file\n  time = \"time_s\"\n  shared = \"torque_v\"          # its column of what both \
+                  recorded\n  shared_with = \"moment_n_m\"   # the trial's column of it\n  max_delay_s = 2")]
 pub struct DynamometerArgs {
     /// The study.
     #[command(flatten)]
@@ -454,9 +514,12 @@ pub struct DynamometerArgs {
 
 /// `carpus dynamometer-drag`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus dynamometer-drag machine_30.csv machine_60.csv machine_120.csv\n  carpus dynamometer-drag study/study.toml\n\nFiles have columns time_s, angle_deg, moment_n_m and perhaps velocity_deg_per_s; a study names them by [processing] drag_runs and [columns]. The moment of an empty machine at constant velocity is -drag x velocity - friction x sign(velocity) + offset + weight of the attachment; all are estimated together, and the interval holds although neighbouring samples err alike."
-)]
+#[command(after_help = "Example:\n  carpus dynamometer-drag machine_30.csv machine_60.csv machine_120.csv\n  carpus \
+                  dynamometer-drag study/study.toml\n\nFiles have columns time_s, angle_deg, moment_n_m and perhaps \
+                  velocity_deg_per_s; a study names them by [processing] drag_runs and [columns]. The moment of an \
+                  empty machine at constant velocity is -drag x velocity - friction x sign(velocity) + offset + weight \
+                  of the attachment; all are estimated together, and the interval holds although neighbouring samples \
+                  err alike.")]
 pub struct DynamometerDragArgs {
     /// Recordings of the machine alone, or a study
     #[arg(value_name = "FILE.csv…|STUDY/study.toml", required = true)]
@@ -466,7 +529,18 @@ pub struct DynamometerDragArgs {
 /// `carpus scale`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus scale study/study.toml --out scaled\n  carpus scale wrist.osim --factor hand=1.05 --factor radius=1,1.08,1 --mass 3.9 --out scaled\n\nWrites DIR/P01/model.osim (DIR/model.osim for a model): the lab's file with the scaled values alone changed, and DIR/{scale.json,path_lengths.csv}. Scaled as OpenSim 4.6 does it: joint frames, mass centres, masses, inertias, path points, wrap objects, markers, translations of custom joints, and optimal fibre, tendon slack and resting lengths by the ratio of path lengths in the default pose. Maximum isometric forces stay: see carpus strength-scale.\n\nIn study.toml, a table per column <segment>_length_m of participants.csv:\n  [scaling]\n  preserve_mass_distribution = false\n  reference_mass_kg = 75.3      # the model is part of a body of this mass; or whole_body = true; or neither\n  [scaling.segments.forearm]    # column forearm_length_m\n  bodies = [\"ulna\", \"radius\"]\n  joints = [\"elbow\", \"wrist\"]  # the same length in the model; or markers = [..]; or model_length_m = 0.25\n  axes = [\"y\"]                 # default: all three"
+    after_help = "Example:\n  carpus scale study/study.toml --out scaled\n  carpus scale wrist.osim --factor hand=1.05 \
+                  --factor radius=1,1.08,1 --mass 3.9 --out scaled\n\nWrites DIR/P01/model.osim (DIR/model.osim for a \
+                  model): the lab's file with the scaled values alone changed, and DIR/{scale.json,path_lengths.csv}. \
+                  Scaled as OpenSim 4.6 does it: joint frames, mass centres, masses, inertias, path points, wrap \
+                  objects, markers, translations of custom joints, and optimal fibre, tendon slack and resting lengths \
+                  by the ratio of path lengths in the default pose. Maximum isometric forces stay: see carpus \
+                  strength-scale.\n\nIn study.toml, a table per column <segment>_length_m of participants.csv:\n  \
+                  [scaling]\n  preserve_mass_distribution = false\n  reference_mass_kg = 75.3      # the model is part \
+                  of a body of this mass; or whole_body = true; or neither\n  [scaling.segments.forearm]    # column \
+                  forearm_length_m\n  bodies = [\"ulna\", \"radius\"]\n  joints = [\"elbow\", \"wrist\"]  # the same \
+                  length in the model; or markers = [..]; or model_length_m = 0.25\n  axes = [\"y\"]                 # \
+                  default: all three"
 )]
 pub struct ScaleArgs {
     /// A model, or a study: its study.toml or the folder it is in
@@ -498,7 +572,15 @@ pub struct ScaleArgs {
 /// `carpus run-tool`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus run-tool inverse_dynamics_setup.xml\n  carpus run-tool reach_IK_Setup.xml --model scaled.osim\n\nTools: ScaleTool, InverseKinematicsTool, InverseDynamicsTool, ForwardTool, AnalyzeTool with Kinematics, BodyKinematics, PointKinematics, StatesReporter, MuscleAnalysis, ForceReporter, Actuation, JointReaction, StaticOptimization.\nControllers: PrescribedController, ControlSetController, CorrectionController (of a ForwardTool's setup). force_set_files: every force and muscle that a model may hold.\nSetup files of every age, IKTool and controls_file too.\nFiles are named, read and written as OpenSim 4.6 does; paths in a setup are relative to its folder. What is not supported is refused, with its line.\nThe folder of results says in carpus-output.json which setup made them; earlier ones stay, and are named."
+    after_help = "Example:\n  carpus run-tool inverse_dynamics_setup.xml\n  carpus run-tool reach_IK_Setup.xml --model \
+                  scaled.osim\n\nTools: ScaleTool, InverseKinematicsTool, InverseDynamicsTool, ForwardTool, \
+                  AnalyzeTool with Kinematics, BodyKinematics, PointKinematics, StatesReporter, MuscleAnalysis, \
+                  ForceReporter, Actuation, JointReaction, StaticOptimization.\nControllers: PrescribedController, \
+                  ControlSetController, CorrectionController (of a ForwardTool's setup). force_set_files: every force \
+                  and muscle that a model may hold.\nSetup files of every age, IKTool and controls_file too.\nFiles \
+                  are named, read and written as OpenSim 4.6 does; paths in a setup are relative to its folder. What \
+                  is not supported is refused, with its line.\nThe folder of results says in carpus-output.json which \
+                  setup made them; earlier ones stay, and are named."
 )]
 pub struct RunToolArgs {
     /// Setup file of a tool
@@ -515,7 +597,9 @@ pub struct RunToolArgs {
 /// `carpus c3d`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus c3d grasp_03.c3d --out grasp_03\n\nWrites FILE_markers.trc (in metres, for inverse kinematics and scaling; run-tool reads .c3d as marker file too) and\nFILE_analog.csv (time_s and every channel, scaled to its unit). Time begins at 0 with the first frame, as in OpenSim."
+    after_help = "Example:\n  carpus c3d grasp_03.c3d --out grasp_03\n\nWrites FILE_markers.trc (in metres, for \
+                  inverse kinematics and scaling; run-tool reads .c3d as marker file too) and\nFILE_analog.csv (time_s \
+                  and every channel, scaled to its unit). Time begins at 0 with the first frame, as in OpenSim."
 )]
 pub struct C3dArgs {
     /// The motion capture file
@@ -529,7 +613,11 @@ pub struct C3dArgs {
 /// `carpus upgrade`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus upgrade arm26_20.osim arm26.osim\n\nReads formats 10901 to 40600 and writes 40600: OpenSim 4.6 computes the same lengths, moment arms, masses and forces as when it\nloads the old file. Files from format 40000 on keep their text but for what changed since. Older ones are written anew:\nbodies, joints, constraints, wrap objects, muscles, forces, markers and the meshes of bodies; what is left out (controllers,\nprobes, contact, …) is listed with its line."
+    after_help = "Example:\n  carpus upgrade arm26_20.osim arm26.osim\n\nReads formats 10901 to 40600 and writes \
+                  40600: OpenSim 4.6 computes the same lengths, moment arms, masses and forces as when it\nloads the \
+                  old file. Files from format 40000 on keep their text but for what changed since. Older ones are \
+                  written anew:\nbodies, joints, constraints, wrap objects, muscles, forces, markers and the meshes of \
+                  bodies; what is left out (controllers,\nprobes, contact, …) is listed with its line."
 )]
 pub struct UpgradeArgs {
     /// The old model
@@ -567,9 +655,17 @@ impl std::str::FromStr for BodyFactor {
 
 /// `carpus strength-scale`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus strength-scale study/study.toml --out strong\n  carpus strength-scale study/study.toml --linear --out strong\n\nWrites DIR/P01/model.osim, the lab's file with max_isometric_force of the active muscles changed, and DIR/{strength.csv,strength.json}.\n\nOne factor per functional group: the group's moment, all its muscles fully active and at equilibrium in the posture of the maximum contraction, becomes the maximum voluntary moment: mvc_flexion_n_m and mvc_extension_n_m of participants.csv, else the largest moment of the trials with contraction mvc. Muscles belong to a group by the sign of their moment arm. In study.toml, all optional:\n  [strength_scaling]\n  posture_deg = 0            # angle of the maximum contractions; else that of the MVC trials\n  mvc_window_s = 0.1         # an MVC trial's moment is averaged over this\n  flexion = \"positive\"       # or \"negative\": sign of flexion in the coordinate\n  flexors = [\"FCR\", \"FCU\"]  # groups by name instead of by moment arm\n  extensors = [\"ECU\"]"
-)]
+#[command(after_help = "Example:\n  carpus strength-scale study/study.toml --out strong\n  carpus strength-scale \
+                  study/study.toml --linear --out strong\n\nWrites DIR/P01/model.osim, the lab's file with \
+                  max_isometric_force of the active muscles changed, and DIR/{strength.csv,strength.json}.\n\nOne \
+                  factor per functional group: the group's moment, all its muscles fully active and at equilibrium in \
+                  the posture of the maximum contraction, becomes the maximum voluntary moment: mvc_flexion_n_m and \
+                  mvc_extension_n_m of participants.csv, else the largest moment of the trials with contraction mvc. \
+                  Muscles belong to a group by the sign of their moment arm. In study.toml, all optional:\n  \
+                  [strength_scaling]\n  posture_deg = 0            # angle of the maximum contractions; else that of \
+                  the MVC trials\n  mvc_window_s = 0.1         # an MVC trial's moment is averaged over this\n  \
+                  flexion = \"positive\"       # or \"negative\": sign of flexion in the coordinate\n  flexors = \
+                  [\"FCR\", \"FCU\"]  # groups by name instead of by moment arm\n  extensors = [\"ECU\"]")]
 pub struct StrengthScaleArgs {
     /// The study.
     #[command(flatten)]
@@ -581,9 +677,9 @@ pub struct StrengthScaleArgs {
 
 /// `carpus power`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus power paired-t --effect 0.72 --n 10 --tails 2\n  carpus power correlation --effect 0.64 --n 5 --tails 1\n  carpus power --published\n\nThe effect is Cohen's d (t-tests) or r (correlations); n is the number of participants, of two-sample-t per group."
-)]
+#[command(after_help = "Example:\n  carpus power paired-t --effect 0.72 --n 10 --tails 2\n  carpus power correlation \
+                  --effect 0.64 --n 5 --tails 1\n  carpus power --published\n\nThe effect is Cohen's d (t-tests) or r \
+                  (correlations); n is the number of participants, of two-sample-t per group.")]
 pub struct PowerArgs {
     /// The test
     #[arg(value_name = "TEST", required_unless_present = "published")]

@@ -10,7 +10,10 @@ use carpus_session::candidates::EffectSize;
 /// `carpus diagnose`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus diagnose study/study.toml --out diagnosed\n  carpus diagnose study/study.toml --candidates joint_stiffness,gravity --out diagnosed\n\nWrites DIR/P01/{diagnosis.json,results.json,report.html,error.svg}. Held-out trials (use = test) are never fitted."
+    after_help = "Example:\n  carpus diagnose study/study.toml --out diagnosed\n  carpus diagnose study/study.toml \
+                  --candidates joint_stiffness,gravity --out diagnosed\n\nWrites \
+                  DIR/P01/{diagnosis.json,results.json,report.html,error.svg}. Held-out trials (use = test) are never \
+                  fitted."
 )]
 pub struct DiagnoseArgs {
     /// The study.
@@ -32,7 +35,8 @@ pub struct DiagnoseArgs {
 #[derive(Debug, Args)]
 #[command(
     args_conflicts_with_subcommands = true,
-    after_help = "Example:\n  carpus effects\n  carpus effects joint_stiffness\n  carpus effects check my_effect.toml --study study/study.toml\n  carpus effects --own-effect my_effect.toml"
+    after_help = "Example:\n  carpus effects\n  carpus effects joint_stiffness\n  carpus effects check my_effect.toml \
+                  --study study/study.toml\n  carpus effects --own-effect my_effect.toml"
 )]
 pub struct EffectsArgs {
     /// Only this effect, in full
@@ -56,7 +60,22 @@ pub enum EffectsCommand {
 /// `carpus effects check`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus effects check my_effect.toml\n  carpus effects check my_effect.toml --study study/study.toml --participant P01\n\nWithout --study the effect is shown on trials of the bundled study.\n\nmy_effect.toml:\n  [effect]\n  id = \"cogging\"                     # small letters and _\n  name = \"Cogging of the machine\"\n  stage = \"joint\"                    # adds the formula [N·m]; \"muscles\": multiplies their moment by 1 + formula\n  formula = \"A*sin(n*q)\"\n\n  [parameters.A]\n  unit = \"N·m\"\n  role = \"amplitude\"                 # without the effect it is 0\n  plausible = [0.0, 1.0]\n  source = \"bench test of the motor\"\n\n  [parameters.n]\n  unit = \"1/rad\"\n  role = \"shape\"\n  start = 14.0                       # the usual value\n  plausible = [8.0, 20.0]\n  source = \"poles of the motor\"\n\nOptional: in [effect] muscles = [\"FCR\"] (with stage = \"muscles\"; default: all), signature, experiment, rivals; in a parameter typical (a usual size, of a shape its spread) and, of a shape, starts = [..] (values that a fit also starts from).\nVariables at the joint: q, qdot, qddot, t, t_session (0 to 1), tau (moment of the muscles); of a muscle as FCR a_FCR, e_FCR (activation, excitation), l_FCR, v_FCR (length from origin to insertion, its rate), r_FCR (moment arm); SI units and radians. On muscles: q, t, t_session, a and r of the muscle itself.\nFunctions: sin cos tan asin acos atan sinh cosh tanh exp log sqrt abs sign min max step hinge square cube recip erf; pi; powers with ^."
+    after_help = "Example:\n  carpus effects check my_effect.toml\n  carpus effects check my_effect.toml --study \
+                  study/study.toml --participant P01\n\nWithout --study the effect is shown on trials of the bundled \
+                  study.\n\nmy_effect.toml:\n  [effect]\n  id = \"cogging\"                     # small letters and \
+                  _\n  name = \"Cogging of the machine\"\n  stage = \"joint\"                    # adds the formula \
+                  [N·m]; \"muscles\": multiplies their moment by 1 + formula\n  formula = \"A*sin(n*q)\"\n\n  \
+                  [parameters.A]\n  unit = \"N·m\"\n  role = \"amplitude\"                 # without the effect it is \
+                  0\n  plausible = [0.0, 1.0]\n  source = \"bench test of the motor\"\n\n  [parameters.n]\n  unit \
+                  = \"1/rad\"\n  role = \"shape\"\n  start = 14.0                       # the usual value\n  plausible \
+                  = [8.0, 20.0]\n  source = \"poles of the motor\"\n\nOptional: in [effect] muscles = [\"FCR\"] (with \
+                  stage = \"muscles\"; default: all), signature, experiment, rivals; in a parameter typical (a usual \
+                  size, of a shape its spread) and, of a shape, starts = [..] (values that a fit also starts \
+                  from).\nVariables at the joint: q, qdot, qddot, t, t_session (0 to 1), tau (moment of the muscles); \
+                  of a muscle as FCR a_FCR, e_FCR (activation, excitation), l_FCR, v_FCR (length from origin to \
+                  insertion, its rate), r_FCR (moment arm); SI units and radians. On muscles: q, t, t_session, a and r \
+                  of the muscle itself.\nFunctions: sin cos tan asin acos atan sinh cosh tanh exp log sqrt abs sign \
+                  min max step hinge square cube recip erf; pi; powers with ^."
 )]
 pub struct EffectsCheckArgs {
     /// The effect
@@ -73,8 +92,8 @@ pub struct EffectsCheckArgs {
 /// Effects that a laboratory defines itself.
 #[derive(Clone, Debug, Default, Args)]
 pub struct OwnEffects {
-    /// An effect of your own, beside the catalogue; may be given several times (in study.toml: [effects] own = ["my_effect.toml"]; carpus
-    /// effects check --help tells the format)
+    /// An effect of your own, beside the catalogue; may be given several times (in study.toml: [effects] own =
+    /// ["my_effect.toml"]; carpus effects check --help tells the format)
     #[arg(long = "own-effect", visible_alias = "effects-file", value_name = "my_effect.toml", id = "own_effect")]
     pub files: Vec<PathBuf>,
 }
@@ -82,7 +101,13 @@ pub struct OwnEffects {
 /// `carpus synth`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus synth study/study.toml --effect joint_stiffness:stiffness=1.2 --out hidden\n  carpus synth study/study.toml --effect gravity --effect joint_damping --seed 7 --out hidden\n\nWrites DIR/{study.toml,participants.csv,trials.csv,data/}, the model beside them, truth.json (what is hidden) and manifest.json. Angles, excitations and protocol are those of the given study; muscle parameters are drawn from the seed. Without --effect nothing is hidden. Carpus itself is the simulator: such a study teaches and tests the tools, and says nothing about their agreement with OpenSim."
+    after_help = "Example:\n  carpus synth study/study.toml --effect joint_stiffness:stiffness=1.2 --out hidden\n  \
+                  carpus synth study/study.toml --effect gravity --effect joint_damping --seed 7 --out \
+                  hidden\n\nWrites DIR/{study.toml,participants.csv,trials.csv,data/}, the model beside them, \
+                  truth.json (what is hidden) and manifest.json. Angles, excitations and protocol are those of the \
+                  given study; muscle parameters are drawn from the seed. Without --effect nothing is hidden. Carpus \
+                  itself is the simulator: such a study teaches and tests the tools, and says nothing about their \
+                  agreement with OpenSim."
 )]
 pub struct SynthArgs {
     /// The study.
@@ -145,7 +170,8 @@ impl EffectsFile {
 /// `carpus effect`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus effect add study/study.toml joint_stiffness --out with\n  carpus effect auto study/study.toml --out with\n  carpus effect remove with/P01"
+    after_help = "Example:\n  carpus effect add study/study.toml joint_stiffness --out with\n  carpus effect auto \
+                  study/study.toml --out with\n  carpus effect remove with/P01"
 )]
 pub struct EffectArgs {
     /// What to do.
@@ -167,7 +193,12 @@ pub enum EffectCommand {
 /// `carpus effect add`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus effect add study/study.toml joint_stiffness --out with\n  carpus effect add study/study.toml gravity,joint_damping --out with --i-choose\n\nWrites DIR/P01/{model.osim,results.json,report.html,error.svg,ledger.json,diagnosis.json,steps/}, and effects.toml for what no component of OpenSim does. A DIR/P01/diagnosis.json of the same files is used; without one the data are diagnosed first. Where the diagnosis cannot tell or knows no explanation, nothing is added unless --i-choose says so."
+    after_help = "Example:\n  carpus effect add study/study.toml joint_stiffness --out with\n  carpus effect add \
+                  study/study.toml gravity,joint_damping --out with --i-choose\n\nWrites \
+                  DIR/P01/{model.osim,results.json,report.html,error.svg,ledger.json,diagnosis.json,steps/}, and \
+                  effects.toml for what no component of OpenSim does. A DIR/P01/diagnosis.json of the same files is \
+                  used; without one the data are diagnosed first. Where the diagnosis cannot tell or knows no \
+                  explanation, nothing is added unless --i-choose says so."
 )]
 pub struct EffectAddArgs {
     /// The study.
@@ -187,7 +218,9 @@ pub struct EffectAddArgs {
 /// `carpus effect auto`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus effect auto study/study.toml --out with\n\nWrites what `carpus effect add` writes. Adds the effects that the diagnosis names, one after the other; where it cannot tell, finds nothing, or knows no explanation, the muscles are refitted and nothing is added."
+    after_help = "Example:\n  carpus effect auto study/study.toml --out with\n\nWrites what `carpus effect add` \
+                  writes. Adds the effects that the diagnosis names, one after the other; where it cannot tell, finds \
+                  nothing, or knows no explanation, the muscles are refitted and nothing is added."
 )]
 pub struct EffectAutoArgs {
     /// The study.
@@ -201,7 +234,9 @@ pub struct EffectAutoArgs {
 /// `carpus effect remove`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus effect remove with/P01\n  carpus effect remove with/P01 --to 0      # the model as it was given\n\nPuts the model of the step before into model.osim (and effects.toml) and writes the report again. No step is lost: --to goes forward, too."
+    after_help = "Example:\n  carpus effect remove with/P01\n  carpus effect remove with/P01 --to 0      # the model \
+                  as it was given\n\nPuts the model of the step before into model.osim (and effects.toml) and writes \
+                  the report again. No step is lost: --to goes forward, too."
 )]
 pub struct EffectRemoveArgs {
     /// A participant's folder of `carpus effect add`
@@ -218,7 +253,11 @@ pub struct EffectRemoveArgs {
 /// `carpus plan`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus plan study/study.toml --out planned\n  carpus plan study/study.toml --candidates joint_stiffness,gravity --out planned\n  carpus plan study/study.toml --effect gravity --out told\n\nWrites DIR/P01/plan.json, and the separating experiments into DIR/P01/diagnosis.json; with --effect DIR/P01/separability.json alone. A DIR/P01/diagnosis.json of the same files is used; without one the data are diagnosed first."
+    after_help = "Example:\n  carpus plan study/study.toml --out planned\n  carpus plan study/study.toml --candidates \
+                  joint_stiffness,gravity --out planned\n  carpus plan study/study.toml --effect gravity --out \
+                  told\n\nWrites DIR/P01/plan.json, and the separating experiments into DIR/P01/diagnosis.json; with \
+                  --effect DIR/P01/separability.json alone. A DIR/P01/diagnosis.json of the same files is used; \
+                  without one the data are diagnosed first."
 )]
 pub struct PlanArgs {
     /// The study.
@@ -227,8 +266,8 @@ pub struct PlanArgs {
     /// Tell these effects apart (comma-separated; default: those that the diagnosis leaves)
     #[arg(long, value_name = "ID,…", value_delimiter = ',', value_parser = trimmed)]
     pub candidates: Vec<String>,
-    /// Say instead how far an effect of this size would be, in the trials at hand, from none and from every other effect; parameters
-    /// in the units of `carpus effects ID`
+    /// Say instead how far an effect of this size would be, in the trials at hand, from none and from every other
+    /// effect; parameters in the units of `carpus effects ID`
     #[arg(long, value_name = "ID[:NAME=VALUE,…]", value_parser = effect_size, allow_hyphen_values = true, conflicts_with = "candidates")]
     pub effect: Option<EffectSize>,
     /// Effects beside the model.

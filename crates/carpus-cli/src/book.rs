@@ -20,7 +20,8 @@ fn commands() -> String {
     let mut root = Cli::command();
     root.build();
     let mut text = format!(
-        "{MADE}# Commands\n\nResults go to standard output, messages to standard error. Exit codes: 0 done, 1 the input is at \
+        "{MADE}# Commands\n\nResults go to standard output, messages to standard error. Exit codes: 0 done, 1 the \
+         input is at \
          fault, 2 Carpus is at fault.\n\n## Options of every command\n\n"
     );
     let global: Vec<&Arg> = root.get_arguments().filter(|a| a.is_global_set()).collect();

@@ -52,7 +52,8 @@ fn source_line(diagnostic: &Diagnostic) -> Option<String> {
     (!line.is_empty() && line.len() <= LONGEST_SHOWN).then(|| line.to_string())
 }
 
-/// How many messages of a kind are printed before the rest is only counted: a person mends the first few and asks again.
+/// How many messages of a kind are printed before the rest is only counted: a person mends the first few and asks
+/// again.
 const MAX_PRINTED: usize = carpus_study::study::MAX_LISTED;
 
 /// Prints a line to stderr. Where nobody listens, or the disk is full, the work goes on: what was asked for are the
@@ -69,8 +70,8 @@ fn said() -> MutexGuard<'static, Said> {
     SAID.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What is printed from now on is about this participant: a warning that differs from an earlier one in the name alone is not
-/// printed again.
+/// What is printed from now on is about this participant: a warning that differs from an earlier one in the name alone
+/// is not printed again.
 pub fn about(participant: &str) {
     said().about(Some(participant));
 }

@@ -24,7 +24,8 @@ pub fn where_it_fails(results: &Results) -> String {
     });
     let noise = match found.repetition_noise_n_m {
         Some(noise) => format!(
-            "Repetitions of a condition differ by {} N·m ({} pairs): no model that knows only the condition does better.",
+            "Repetitions of a condition differ by {} N·m ({} pairs): no model that knows only the condition does \
+             better.",
             fixed(noise, 3),
             found.repetition_pairs
         ),

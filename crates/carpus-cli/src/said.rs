@@ -64,8 +64,8 @@ impl Said {
         false
     }
 
-    /// For whom else warnings hold that name a participant, a line for each set of participants. What is of a shared file and names
-    /// nobody holds for all, and is not told again.
+    /// For whom else warnings hold that name a participant, a line for each set of participants. What is of a shared
+    /// file and names nobody holds for all, and is not told again.
     pub fn account(&mut self) -> Vec<String> {
         self.participant = None;
         let mut groups: Vec<(Vec<String>, String, usize)> = Vec::new();

@@ -56,8 +56,8 @@ impl StudyRun {
         self.study.each(what, bars, work)
     }
 
-    /// Closes the output folder, prints the result of those participants that could be done, then fails with the reasons of those
-    /// that could not.
+    /// Closes the output folder, prints the result of those participants that could be done, then fails with the
+    /// reasons of those that could not.
     ///
     /// - `command`: its name
     ///

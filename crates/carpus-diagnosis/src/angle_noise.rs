@@ -1,17 +1,18 @@
 //! Noise of the recorded angle, and what it does to forces that depend on speed or angle.
 //!
-//! Where the machine holds the joint the recorded angle shows its own noise: its size, and how it goes with itself in time.
-//! A force on the joint is a function f of the true motion, of which the recorded one is all that is known:
+//! Where the machine holds the joint the recorded angle shows its own noise: its size, and how it goes with itself in
+//! time. A force on the joint is a function f of the true motion, of which the recorded one is all that is known:
 //!
 //! ```text
 //! E[f | recorded] ≈ mean over draws of f(q + δq, q̇ + δq̇, q̈ + δq̈),   Cov[f | recorded] ≈ that of the draws, tapered
 //! ```
-//! (regression calibration). Without it, friction at slow speeds is underestimated and the onset of every movement rejects it.
+//! (regression calibration). Without it, friction at slow speeds is underestimated and the onset of every movement
+//! rejects it.
 //!
 //! # References
-//! Carroll, Ruppert, Stefanski & Crainiceanu (2006), Measurement error in nonlinear models, chapter 4, doi:10.1201/9781420010138.
-//! Gaspari & Cohn (1999), Construction of correlation functions in two and three dimensions (tapering),
-//! doi:10.1002/qj.49712555417.
+//! Carroll, Ruppert, Stefanski & Crainiceanu (2006), Measurement error in nonlinear models, chapter 4,
+//! doi:10.1201/9781420010138. Gaspari & Cohn (1999), Construction of correlation functions in two and three dimensions
+//! (tapering), doi:10.1002/qj.49712555417.
 
 use nalgebra::DMatrix;
 use rand::SeedableRng;
@@ -22,7 +23,8 @@ use carpus_study::study::{Contraction, Trial, TrialUse};
 
 /// A contraction in which the angle stays within this range is held as a whole [rad]: 3°.
 pub(super) const HELD_RANGE: f64 = 0.052;
-/// Samples are held if they are the same for at least this long [s]; for a shorter time an encoder of coarse steps may be between two.
+/// Samples are held if they are the same for at least this long [s]; for a shorter time an encoder of coarse steps may
+/// be between two.
 const HELD_TIME: f64 = 0.25;
 /// Trials whose sample intervals differ by more than this share are not looked at together.
 const SAME_RATE: f64 = 0.1;
@@ -54,7 +56,8 @@ pub struct Disturbance {
 }
 
 impl AngleNoise {
-    /// From the contractions in which the joint hardly moves, without those that are held out; `None` without such trials.
+    /// From the contractions in which the joint hardly moves, without those that are held out; `None` without such
+    /// trials.
     pub fn of(trials: &[Trial]) -> Option<AngleNoise> {
         let still = |t: &&Trial| range(&t.angle) < HELD_RANGE && t.angle.len() > 2 && t.info.usage != TrialUse::Test;
         // A relaxed joint may be swept over a degree or two.

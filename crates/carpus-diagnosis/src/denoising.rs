@@ -1,20 +1,20 @@
-//! White noise of the recorded angle, as of an encoder's steps, taken out: differentiated once it drowns what depends on speed, twice
-//! what depends on acceleration.
+//! White noise of the recorded angle, as of an encoder's steps, taken out: differentiated once it drowns what depends
+//! on speed, twice what depends on acceleration.
 //!
-//! A movement in a machine is rest and constant speed most of the time, and for short whiles anything but. So the angle is taken for a
-//! twice integrated acceleration whose increments are rare and large (Student's t), recorded with white noise of a known variance: a
-//! Kalman smoother, the variance of every increment by expectation-maximization. What is at rest comes out at rest; a smoother of one
-//! width leaves noise there that friction, of the wrong sign, is found to cancel. The scale of the increments is the one by which
-//! every other sample is best foretold from the rest. How far the angle may be off, near onsets above all, is drawn from what the
-//! smoother leaves open. An angle without noticeable white noise stays as it is, to the last bit.
+//! A movement in a machine is rest and constant speed most of the time, and for short whiles anything but. So the angle
+//! is taken for a twice integrated acceleration whose increments are rare and large (Student's t), recorded with white
+//! noise of a known variance: a Kalman smoother, the variance of every increment by expectation-maximization. What is
+//! at rest comes out at rest; a smoother of one width leaves noise there that friction, of the wrong sign, is found to
+//! cancel. The scale of the increments is the one by which every other sample is best foretold from the rest. How far
+//! the angle may be off, near onsets above all, is drawn from what the smoother leaves open. An angle without
+//! noticeable white noise stays as it is, to the last bit.
 //!
 //! # References
-//! Rauch, Tung & Striebel (1965), Maximum likelihood estimates of linear dynamic systems (the smoother), doi:10.2514/3.3166.
-//! Aravkin, Burke & Pillonetto (2014), Robust and trend-following Student's t Kalman smoothers, SIAM Journal on Control and
-//! Optimization 52.
-//! Lange, Little & Taylor (1989), Robust statistical modeling using the t distribution, doi:10.1080/01621459.1989.10478852.
-//! Gasser, Sroka & Jennen-Steinmetz (1986), Residual variance and residual pattern in nonlinear regression (the variance from
-//! differences), doi:10.1093/biomet/73.3.625.
+//! Rauch, Tung & Striebel (1965), Maximum likelihood estimates of linear dynamic systems (the smoother),
+//! doi:10.2514/3.3166. Aravkin, Burke & Pillonetto (2014), Robust and trend-following Student's t Kalman smoothers,
+//! SIAM Journal on Control and Optimization 52. Lange, Little & Taylor (1989), Robust statistical modeling using the t
+//! distribution, doi:10.1080/01621459.1989.10478852. Gasser, Sroka & Jennen-Steinmetz (1986), Residual variance and
+//! residual pattern in nonlinear regression (the variance from differences), doi:10.1093/biomet/73.3.625.
 
 use std::borrow::Cow;
 
@@ -51,14 +51,15 @@ const OUTERMOST: usize = 3;
 const AT_FIRST: [f64; 2] = [2.0, 20.0];
 /// Steps of expectation-maximization.
 const STEPS: usize = 10;
-/// Inverse of the covariance of what an acceleration's white increments do over one unit of time to angle, speed and acceleration.
+/// Inverse of the covariance of what an acceleration's white increments do over one unit of time to angle, speed and
+/// acceleration.
 const PRECISION: [[f64; 3]; 3] = [[720.0, -360.0, 60.0], [-360.0, 192.0, -36.0], [60.0, -36.0, 9.0]];
 /// That covariance.
 const COVARIANCE: [[f64; 3]; 3] =
     [[1.0 / 20.0, 1.0 / 8.0, 1.0 / 6.0], [1.0 / 8.0, 1.0 / 3.0, 1.0 / 2.0], [1.0 / 6.0, 1.0 / 2.0, 1.0]];
 
-/// Draws are so many times as far off as the smoother says: it takes the variances of the increments for known. By the fast sweeps of
-/// the tests; at rest, where little is left, it is too much.
+/// Draws are so many times as far off as the smoother says: it takes the variances of the increments for known. By the
+/// fast sweeps of the tests; at rest, where little is left, it is too much.
 const WIDENED: f64 = 2.0;
 /// Seed of the draws.
 const SEED: u64 = 0x5eed;
@@ -111,8 +112,8 @@ fn white_noise(trials: &[&Trial]) -> Option<f64> {
     (!squares.is_empty()).then(|| (mean / (OF_SHARE * of_white)).sqrt())
 }
 
-/// Scale of the acceleration's increments [rad/s^2.5] with which every other sample is foretold from the rest, the smallest that does
-/// so as well as any.
+/// Scale of the acceleration's increments [rad/s^2.5] with which every other sample is foretold from the rest, the
+/// smallest that does so as well as any.
 fn best_scale(trials: &[&Trial], noise: f64) -> f64 {
     let missed = |scale: f64| -> f64 {
         let of_trial = |t: &&Trial| {
@@ -234,7 +235,8 @@ fn usual_interval(time: &[f64]) -> f64 {
 
 /// Forward over the samples.
 ///
-/// - `increments`: variances, by the sample after them; `unit`: of time [s]; `first`: standard deviations at the first sample
+/// - `increments`: variances, by the sample after them; `unit`: of time [s]; `first`: standard deviations at the first
+///   sample
 fn filtered(
     time: &[f64],
     series: &[f64],
@@ -264,7 +266,8 @@ fn filtered(
     known
 }
 
-/// Backward over the samples: angles; and at every sample from the second the expected square of the increment before it.
+/// Backward over the samples: angles; and at every sample from the second the expected square of the increment before
+/// it.
 fn followed_back(known: &[Known]) -> (Vec<f64>, Vec<f64>) {
     let n = known.len();
     let (mut state, mut covariance) = known[n - 1].with;

@@ -81,8 +81,8 @@ pub fn correlated(by_step: &[f64], values: &DVector<f64>) -> DVector<f64> {
 
 /// A matrix L with L Lᵀ the given covariance, also where that is singular.
 ///
-/// Smooth correlations, cut off where they are negligible, have eigenvalues a little below 0: as little as is needed is added to
-/// the diagonal.
+/// Smooth correlations, cut off where they are negligible, have eigenvalues a little below 0: as little as is needed is
+/// added to the diagonal.
 pub fn root(covariance: &DMatrix<f64>) -> DMatrix<f64> {
     let largest = covariance.diagonal().iter().copied().fold(0.0, f64::max);
     let with_more = |exponent: i32| {

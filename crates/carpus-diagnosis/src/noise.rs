@@ -5,10 +5,10 @@
 //! V = σ_w² I + σ_s² C_s + σ_e² G K Gᵀ + σ_g² G 1 1ᵀ Gᵀ + σ_f² G D K D Gᵀ + C_q
 //! ```
 //! G: moment by the log excitation on knots; K, C_s: correlation over knots and over samples (EMG envelope and slow
-//! disturbances of the moment), of the family and length that the data prefer; σ_s differs between trials of flexion, of
-//! extension and of neither, because a harder push moves the limb more in its fixation; the fourth term is a gain per trial and
-//! muscle; D = 1/e turns the fifth into noise that adds to the EMG; C_q, of known size, is the noise of the angle as forces on
-//! the joint show it.
+//! disturbances of the moment), of the family and length that the data prefer; σ_s differs between trials of flexion,
+//! of extension and of neither, because a harder push moves the limb more in its fixation; the fourth term is a gain
+//! per trial and muscle; D = 1/e turns the fifth into noise that adds to the EMG; C_q, of known size, is the noise of
+//! the angle as forces on the joint show it.
 
 mod restricted_likelihood;
 
@@ -29,8 +29,8 @@ pub use restricted_likelihood::{
 
 /// Distance between knots of the EMG's noise [s].
 pub const KNOT_SPACING: f64 = 0.04;
-/// Standard deviation expected of an EMG channel's baseline: what a channel at rest shows of its maximum is 0 to 2 %. Narrower, and
-/// baselines that are there are taken for passive forces, drag or reflexes.
+/// Standard deviation expected of an EMG channel's baseline: what a channel at rest shows of its maximum is 0 to 2 %.
+/// Narrower, and baselines that are there are taken for passive forces, drag or reflexes.
 pub const BASELINE_SD: f64 = 0.01;
 /// EMG below this counts as this when additive noise is expressed relative to it.
 const SMALLEST_EXCITATION: f64 = 0.005;
@@ -44,8 +44,8 @@ const EMG: Range<usize> = 4..COMPONENTS;
 /// Number of components that a trial has: white, slow, three of the EMG.
 const OF_TRIAL: usize = 5;
 
-/// Variances: white [(N·m)²], slow in flexion, in extension and without direction [(N·m)²], relative EMG envelope, relative EMG
-/// gain per trial, additive EMG.
+/// Variances: white [(N·m)²], slow in flexion, in extension and without direction [(N·m)²], relative EMG envelope,
+/// relative EMG gain per trial, additive EMG.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NoiseLevels(pub [f64; COMPONENTS]);
 

@@ -113,7 +113,8 @@ pub fn most_useful(separations: &[Separation]) -> Vec<&Separation> {
     kept
 }
 
-/// Trials recorded at the end of a session: of muscles as used as they are then, at a joint as strong as it showed itself.
+/// Trials recorded at the end of a session: of muscles as used as they are then, at a joint as strong as it showed
+/// itself.
 ///
 /// - `session`: what was recorded; `recordings`: what would be, with zero moments
 ///

@@ -35,8 +35,8 @@ fn integral(excitation: &[f64], time: &[f64]) -> f64 {
     excitation.windows(2).zip(time.windows(2)).map(|(e, t)| e[0] * (t[1] - t[0])).sum()
 }
 
-/// Trials with their places in the session: by their start times where all are known, else by their rows among all of the
-/// participant, ignored ones included.
+/// Trials with their places in the session: by their start times where all are known, else by their rows among all of
+/// the participant, ignored ones included.
 ///
 /// - `trials`: in the order of recording
 /// - `muscles`: how many are active

@@ -25,8 +25,8 @@ pub const AXES: [&str; 11] = [
 ];
 /// The moment itself, as the model says it was recorded: a sensor that does not read in proportion shows there.
 const EFFORT: &str = "effort";
-/// Axis of a test alone: the angle, in detail. A tendon that snaps over a bone and a machine that cogs show there and hardly
-/// along a parabola.
+/// Axis of a test alone: the angle, in detail. A tendon that snaps over a bone and a machine that cogs show there and
+/// hardly along a parabola.
 const LOCAL: &str = "angle_detail";
 /// Bumps over the range of angles.
 const BUMPS: usize = 7;
@@ -40,11 +40,11 @@ pub struct AxisResult {
     pub unit: &'static str,
     /// p-value of a straight line and a parabola along the axis, muscle parameters profiled out; none for frequency.
     pub p_value: Option<f64>,
-    /// Share of the residual's mean square that the binned means explain, less what chance would; of frequency, that of the strongest
-    /// band.
+    /// Share of the residual's mean square that the binned means explain, less what chance would; of frequency, that of
+    /// the strongest band.
     pub share_of_error: f64,
-    /// Per bin with samples of several trials: mean of the axis, mean residual, and its 95 % interval over trials [N·m]; of frequency: lower edge of the
-    /// band, its share of the residual's mean square, and the share's interval.
+    /// Per bin with samples of several trials: mean of the axis, mean residual, and its 95 % interval over trials
+    /// [N·m]; of frequency: lower edge of the band, its share of the residual's mean square, and the share's interval.
     pub curve: Vec<[f64; 4]>,
 }
 

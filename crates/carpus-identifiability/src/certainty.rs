@@ -17,8 +17,8 @@ use carpus_diagnosis::noise::{COMPONENTS, NoiseLevels};
 use carpus_numerics::statistics::t_quantile;
 use carpus_simulation::simulation::SimulationError;
 
-/// Standard deviation of a variance's logarithm before the data: laboratories' noise differs by factors, not by powers of
-/// ten.
+/// Standard deviation of a variance's logarithm before the data: laboratories' noise differs by factors, not by powers
+/// of ten.
 const LOG_VARIANCE_SD: f64 = 1.5;
 /// Fewer degrees of freedom than this are not believed: the estimate of so few is itself no more than a guess.
 const FEWEST: f64 = 4.0;
@@ -84,14 +84,15 @@ pub(super) fn degrees_of_freedom(problem: &Problem, fit: &Fit, spread: &[f64]) -
 
 /// By how much every parameter's variance is larger when only the excitation tells of it, and not its noise.
 ///
-/// Columns of derivatives are computed from an excitation that still holds noise after it was corrected. That noise looks
-/// like variation that a parameter could be known by, most of all where trials hardly differ in how two muscles share
-/// the work. What it adds to the information on average is taken away:
+/// Columns of derivatives are computed from an excitation that still holds noise after it was corrected. That noise
+/// looks like variation that a parameter could be known by, most of all where trials hardly differ in how two muscles
+/// share the work. What it adds to the information on average is taken away:
 ///
 /// ```text
 /// N_ab = Σ_t tr(V⁻¹ R_a (V_m − V_m V⁻¹ V_m) R_b),   R_a = diag(column a / column of strength)
 /// ```
-/// for parameters a, b of muscle m; V_m: the noise of its EMG in the moment, of which the second factor is what is left.
+/// for parameters a, b of muscle m; V_m: the noise of its EMG in the moment, of which the second factor is what is
+/// left.
 ///
 /// # References
 /// Fuller (1987), Measurement error models, section 2.2; Carroll et al. (2006), doi:10.1201/9781420010138.

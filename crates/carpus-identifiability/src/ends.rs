@@ -23,8 +23,8 @@ const TRIES: usize = 4;
 /// A Gauss–Newton step longer than this share of a parameter's bounds is not believed.
 const LONGEST_STEP: f64 = 0.1;
 
-/// Moves the ends that the data set to where simulation has them; what is left of the difference of −2 log likelihood at
-/// the worst of them.
+/// Moves the ends that the data set to where simulation has them; what is left of the difference of −2 log likelihood
+/// at the worst of them.
 ///
 /// - `drops`: of every parameter
 ///

@@ -1,4 +1,5 @@
-//! Trials whose noise is held, as a fit found it: excitations without their expected noise, and the covariance of the rest.
+//! Trials whose noise is held, as a fit found it: excitations without their expected noise, and the covariance of the
+//! rest.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 

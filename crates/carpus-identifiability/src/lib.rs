@@ -1,7 +1,8 @@
 //! What recorded trials say about muscle parameters, and what they leave open.
 //!
-//! [`identify_session`] asks the one model of a session, which every command shares, about lengths and forces. [`identify`] asks about further
-//! properties of muscles, and with moments about further coordinates, by a likelihood of its own.
+//! [`identify_session`] asks the one model of a session, which every command shares, about lengths and forces.
+//! [`identify`] asks about further properties of muscles, and with moments about further coordinates, by a likelihood
+//! of its own.
 //!
 //! In: a participant's model, training trials, and the parameters in question with bounds and priors. Out: for every
 //! parameter a confidence interval that rests on the data alone (profile likelihood), a posterior that uses prior
@@ -18,8 +19,9 @@
 //! | `directions.rs` | combinations, in words |
 //! | `candidates.rs`, `next_trial.rs` | trials that could be recorded next, and the information expected of them |
 //!
-//! Not here: reading files, choosing which muscles act, finding missing effects (that is [`carpus_diagnosis`], whose model
-//! of the noise this module shares). Intervals hold if the model's structure is right; a missing effect makes them wrong.
+//! Not here: reading files, choosing which muscles act, finding missing effects (that is [`carpus_diagnosis`], whose
+//! model of the noise this module shares). Intervals hold if the model's structure is right; a missing effect makes
+//! them wrong.
 
 mod candidates;
 mod certainty;
@@ -167,8 +169,8 @@ impl Knowledge {
 /// How far the numbers can be trusted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Soundness {
-    /// Largest difference of −2 log likelihood from what the level asks for, by simulation at the ends of the intervals that
-    /// the data set; 2.7 and more is what a 90 % interval is made of.
+    /// Largest difference of −2 log likelihood from what the level asks for, by simulation at the ends of the intervals
+    /// that the data set; 2.7 and more is what a 90 % interval is made of.
     pub largest_deviance_error: f64,
     /// How much more trials scatter about the fit than the noise explains (variance ratio, at least 1); intervals are
     /// widened by its root. Far above 1, something is missing in the model.

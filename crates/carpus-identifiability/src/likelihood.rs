@@ -5,8 +5,9 @@
 //! y − τ(θ, ê) + G ŵ − B b ~ N(0, V),   ê = e exp(ŵ),   b ~ N(0, I)
 //! ```
 //! ŵ: expected noise of log excitation given the fit; V: [`carpus_diagnosis::noise`]; b: baseline of every EMG channel.
-//! ŵ, G, B and V are held at the fit ([`Held`]), so that what is left is a sum of squares in θ and b. What that leaves out, and
-//! noise of another kind, shows in how trials scatter about the fit ([`Fit::dispersion`]), by which intervals are widened.
+//! ŵ, G, B and V are held at the fit ([`Held`]), so that what is left is a sum of squares in θ and b. What that leaves
+//! out, and noise of another kind, shows in how trials scatter about the fit ([`Fit::dispersion`]), by which intervals
+//! are widened.
 //!
 //! # References
 //! Lindstrom & Bates (1990), Nonlinear mixed effects models for repeated measures data, doi:10.2307/2532087.
@@ -574,7 +575,8 @@ impl Problem {
     }
 }
 
-/// What of a trial's noise depends on its times and direction alone; slow disturbances of one channel are not those of another.
+/// What of a trial's noise depends on its times and direction alone; slow disturbances of one channel are not those of
+/// another.
 fn trial_times(trial: &RecordedTrial, starts: &[usize], kernel: &Kernel) -> Arc<TrialTimes> {
     let counts: Vec<usize> = starts.windows(2).map(|w| w[1] - w[0]).collect();
     let times = block_means(&trial.time, starts);

@@ -1,4 +1,5 @@
-//! What is to be determined: properties of muscles, alone or tied together, as logarithms of factors of the model's values.
+//! What is to be determined: properties of muscles, alone or tied together, as logarithms of factors of the model's
+//! values.
 
 use carpus_osim::osim::spec::{MuscleKind, MuscleSpec};
 use carpus_simulation::simulation::{MuscleParameters, Property};
@@ -92,8 +93,8 @@ impl MuscleProperty {
     }
 
     /// Bounds as fractions of the model's value, where the study gives none: Jadelis (2025), tables 2.1 and 3.2; tendon
-    /// strain 2–10 % about 4.9 % (Maganaris & Paul 2000, doi:10.1016/S0021-9290(00)00117-3, measured 2.5 % at submaximal
-    /// force); velocity 5–15 lengths/s about 10; time constants half to twice.
+    /// strain 2–10 % about 4.9 % (Maganaris & Paul 2000, doi:10.1016/S0021-9290(00)00117-3, measured 2.5 % at
+    /// submaximal force); velocity 5–15 lengths/s about 10; time constants half to twice.
     pub fn usual_bounds(self, lengths_and_force: &ParameterBounds) -> RelativeBounds {
         let [lower, upper] = match self {
             MuscleProperty::MaxIsometricForce => return lengths_and_force.max_isometric_force,

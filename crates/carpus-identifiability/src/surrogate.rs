@@ -1,5 +1,5 @@
-//! The likelihood near the fit, fast enough for profiles and thousands of draws: each muscle's moment as a polynomial of
-//! its own shape parameters.
+//! The likelihood near the fit, fast enough for profiles and thousands of draws: each muscle's moment as a polynomial
+//! of its own shape parameters.
 //!
 //! A moment is a sum over muscles, and strength only multiplies a muscle's part. So with Chebyshev polynomials φ of the
 //! few shape parameters of each muscle the whitened residual is linear in a(θ) = (1, F₁ φ₁(θ), F₂ φ₂(θ), …):

@@ -498,8 +498,8 @@ pub static NAMED_UNITS: [NamedUnit; 31] = [
 /// Words of the longest unit: `deg_per_s`.
 const MOST_WORDS_OF_A_UNIT: usize = 3;
 
-/// The unit that the end of a column's name states: `time_ms`, `Zeit [ms]`, `torque (ft-lb)`, `velocity_deg_per_s`. `None` if it
-/// states none that is known.
+/// The unit that the end of a column's name states: `time_ms`, `Zeit [ms]`, `torque (ft-lb)`, `velocity_deg_per_s`.
+/// `None` if it states none that is known.
 ///
 /// - `holds`: the quantity that the column is to hold; of units that are written alike, one of it is meant
 pub fn unit_in_name(column: &str, holds: Measured) -> Option<&'static NamedUnit> {
@@ -532,7 +532,8 @@ pub fn unit_in_name(column: &str, holds: Measured) -> Option<&'static NamedUnit>
     ended.or_else(|| moment_unit_in_name(column).filter(|_| holds == Measured::Moment))
 }
 
-/// The unit of moment that ends a column's name without anything between: `torqueNmm`. Not N·m, which ends other words, too.
+/// The unit of moment that ends a column's name without anything between: `torqueNmm`. Not N·m, which ends other words,
+/// too.
 fn moment_unit_in_name(column: &str) -> Option<&'static NamedUnit> {
     let plain: String = column.chars().filter(char::is_ascii_alphanumeric).map(|c| c.to_ascii_lowercase()).collect();
     let mut units = NAMED_UNITS.iter().filter(|unit| unit.of == Measured::Moment && unit.factor != 1.0);

@@ -4,8 +4,8 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
-/// The bytes of a file, or of a pipe that another program writes into (`<(…)` of a shell). A device, which may never end, and a
-/// pipe that lies in a folder, into which nobody may ever write, are refused.
+/// The bytes of a file, or of a pipe that another program writes into (`<(…)` of a shell). A device, which may never
+/// end, and a pipe that lies in a folder, into which nobody may ever write, are refused.
 ///
 /// # Errors
 /// The file cannot be read, or is a device, a pipe in a folder or a folder.

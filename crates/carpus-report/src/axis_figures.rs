@@ -146,7 +146,8 @@ fn unit_words(unit: &str) -> String {
 pub fn repetition_words(residual: Option<&ResidualResult>) -> String {
     match residual.and_then(|r| Some((r.repetition_noise_n_m?, r.repetition_pairs, r.rms_n_m))) {
         Some((noise, pairs, rms)) => format!(
-            "Repetitions of the same condition differ by {} N·m ({pairs} pairs): the noise floor under an error of {} N·m.",
+            "Repetitions of the same condition differ by {} N·m ({pairs} pairs): the noise floor under an error of {} \
+             N·m.",
             significant(noise, 2),
             significant(rms, 2)
         ),

@@ -41,8 +41,8 @@ pub struct IdentifiabilityResult {
     pub next_trials: Vec<NextTrialResult>,
     /// What the fit found of noise.
     pub noise: NoiseResult,
-    /// How far personalization goes from the model as given (0) to the most likely values (1), as left-out training trials are predicted best;
-    /// of lengths and forces.
+    /// How far personalization goes from the model as given (0) to the most likely values (1), as left-out training
+    /// trials are predicted best; of lengths and forces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub part_of_the_way: Option<f64>,
     /// How far to trust the numbers, where they are from profiles and draws of a likelihood.
@@ -70,7 +70,8 @@ pub struct ParameterKnowledge {
     pub most_likely: f64,
     /// `lower` or `upper`, if it stands there.
     pub at_bound: Option<String>,
-    /// Interval of lengths and forces: given the trials, with prior knowledge; of other parameters: from data and bounds alone (profile likelihood).
+    /// Interval of lengths and forces: given the trials, with prior knowledge; of other parameters: from data and
+    /// bounds alone (profile likelihood).
     pub interval: [f64; 2],
     /// Whether the data set each end.
     pub end_from_data: [bool; 2],
@@ -227,7 +228,8 @@ pub fn render_identifiability(result: &IdentifiabilityResult) -> String {
         result,
         level: format!("{} %", 100.0 * result.level),
         lead: format!(
-            "{determined} of {} parameters are bounded by the data from both sides. Intervals rest on {} training trials and \
+            "{determined} of {} parameters are bounded by the data from both sides. Intervals rest on {} training \
+             trials and \
              hold if nothing is missing in the model's structure.",
             result.parameters.len(),
             result.trials
@@ -262,7 +264,8 @@ pub fn render_identifiability(result: &IdentifiabilityResult) -> String {
         ),
         trust: result.soundness.map_or_else(String::new, |s| format!(
             "Trials scatter about the fit {:.1} times as much (variance) as the noise explains; intervals are widened \
-             accordingly. −2 log likelihood at the ends of intervals, by simulation, is within {:.2} of what the level asks for. Largest R̂ {:.3}, \
+             accordingly. −2 log likelihood at the ends of intervals, by simulation, is within {:.2} of what the level \
+             asks for. Largest R̂ {:.3}, \
              at least {:.0} independent draws, {} divergent paths.",
             s.dispersion, s.largest_deviance_error, s.largest_r_hat, s.fewest_effective_draws, s.divergent
         )),

@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 use super::plot::{Scale, escape, extent, tick_label, ticks};
 
-/// Said of an interval that does not hold its own estimate: the two come of fits that disagree, so that the interval does not
-/// say how far off the estimate may be.
+/// Said of an interval that does not hold its own estimate: the two come of fits that disagree, so that the interval
+/// does not say how far off the estimate may be.
 pub const NOT_VALID: &str = "not valid: does not hold the estimate";
 
 /// Whether an interval holds its estimate. Files round both, to seven digits or more.

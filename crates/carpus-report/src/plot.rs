@@ -34,7 +34,8 @@ pub fn ticks(low: f64, high: f64, wanted: usize) -> Vec<f64> {
     (first..=last).map(|i| i as f64 * step).collect()
 }
 
-/// The text of a tick: as many decimals as the distance between ticks needs; a power of ten where these are more than four.
+/// The text of a tick: as many decimals as the distance between ticks needs; a power of ten where these are more than
+/// four.
 pub fn tick_label(value: f64, step: f64) -> String {
     if step > 0.0 && step < 0.99e-4 {
         if value.abs() < 0.5 * step {

@@ -200,7 +200,8 @@ pub fn separation(now: f64, then: Option<f64>, enough: f64, most: f64) -> String
     w
 }
 
-/// A probability on a logarithmic axis from 0.0001 to 1, with the level below which effects are ruled out; filled where one is named.
+/// A probability on a logarithmic axis from 0.0001 to 1, with the level below which effects are ruled out; filled where
+/// one is named.
 pub fn probability_bar(p: f64, level: f64, survives: bool) -> String {
     let (width, height) = (160.0, 22.0);
     let place = |p: f64| (p.clamp(1e-4, 1.0).ln() - 1e-4_f64.ln()) / -1e-4_f64.ln();

@@ -101,8 +101,8 @@ pub fn render_sweep(figure: &SweepFigure) -> String {
 /// Times the middle one of the muscles' largest moment arms from which a muscle has an axis of its own.
 const FAR_OUT: f64 = 4.0;
 
-/// The axis of moment arms [mm] that the muscles share, and which of them do not: those whose largest moment arm is so far
-/// beyond the others', as where a path jumps, that the others would be flat lines beside it.
+/// The axis of moment arms [mm] that the muscles share, and which of them do not: those whose largest moment arm is so
+/// far beyond the others', as where a path jumps, that the others would be flat lines beside it.
 fn shared_arm_range(muscles: &[&SweepMuscle]) -> ([f64; 2], Vec<bool>) {
     let largest =
         |m: &&SweepMuscle| m.moment_arm_m.iter().map(|v| v.abs()).filter(|v| v.is_finite()).fold(0.0, f64::max);

@@ -110,7 +110,8 @@ pub fn render_ultrasound(result: &UltrasoundResult) -> String {
         title: "Models beside imaging".to_string(),
         kicker: result.study.clone(),
         lead: format!(
-            "{} model case{}, {n} images of {people} participant{}. Muscles of the models are at rest (activation {}) in the \
+            "{} model case{}, {n} images of {people} participant{}. Muscles of the models are at rest (activation {}) \
+             in the \
              posture of each image.",
             result.cases.len(),
             if result.cases.len() == 1 { "" } else { "s" },
@@ -152,7 +153,8 @@ pub fn ultrasound_blocks(
     let absent = |q: &QuantityResult| q.note.clone().unwrap_or_else(|| "–".to_string());
     let correlations = table(
         "Table 4.2: r, (p) of the model's value with the measured one",
-        "Pearson's correlation over all muscles, postures and participants together. Images of one person are taken for \
+        "Pearson's correlation over all muscles, postures and participants together. Images of one person are taken \
+         for \
          independent, as in the dissertation, which makes p smaller than it should be."
             .to_string(),
         &|q| match (q.r, q.p) {
@@ -165,7 +167,8 @@ pub fn ultrasound_blocks(
     let agreements = table(
         "Table 4.3: mean difference, (limits of agreement)",
         format!(
-            "Model minus measurement after conversion; the limits are 1.96 standard deviations of the differences (Bland and \
+            "Model minus measurement after conversion; the limits are 1.96 standard deviations of the differences \
+             (Bland and \
              Altman 1986). Specific tension {specific_tension_n_per_cm2} N/cm².{source}"
         ),
         &|q| match (q.bias, q.limit) {

@@ -28,12 +28,17 @@ pub fn prose(text: &str) -> String {
 
 fn catalogue() -> String {
     let mut text = format!(
-        "{MADE}# Catalogue of effects\n\n{} physical effects that a model may lack, each with its equation, plausible sizes, \
-         signature and rivals. `carpus effects` prints this list, `carpus effects ID` one of them, `--json` all of it for \
+        "{MADE}# Catalogue of effects\n\n{} physical effects that a model may lack, each with its equation, plausible \
+         sizes, \
+         signature and rivals. `carpus effects` prints this list, `carpus effects ID` one of them, `--json` all of it \
+         for \
          programs. [`carpus diagnose`](../tutorial/missing-physics.md) asks which of them the recordings call for.\n\n\
-         In a model, *native* means that a component or property of stock OpenSim 4.6 gives the effect; *controls* that no \
-         component does, and that it could be computed into the excitations; *side-car* neither. `carpus effect add` keeps the \
-         last two in `effects.toml` beside the model.\n\n| effect | acts on | in a model | identifiable |\n|---|---|---|---|\n",
+         In a model, *native* means that a component or property of stock OpenSim 4.6 gives the effect; *controls* \
+         that no \
+         component does, and that it could be computed into the excitations; *side-car* neither. `carpus effect add` \
+         keeps the \
+         last two in `effects.toml` beside the model.\n\n| effect | acts on | in a model | identifiable \
+         |\n|---|---|---|---|\n",
         CATALOGUE.len()
     );
     for d in CATALOGUE.iter().map(|e| e.description()) {

@@ -162,7 +162,8 @@ fn advice(found: &[Check], effect: &OwnEffect) -> &'static str {
     let failed = |what: &str| found.iter().any(|c| !c.passed && c.what.contains(what));
     match () {
         () if failed("shows in these trials") => {
-            "nothing that the formula reads varies in these trials, or it is too small: give a larger `typical`, or --study with \
+            "nothing that the formula reads varies in these trials, or it is too small: give a larger `typical`, or \
+             --study with \
              trials that show it"
         }
         () if failed("moments that a joint has") => "narrow the plausible ranges",
@@ -170,7 +171,8 @@ fn advice(found: &[Check], effect: &OwnEffect) -> &'static str {
             "multiply the formula by its amplitude, and let what shapes it be a parameter with role = \"shape\""
         }
         () if effect.has_kinks() => {
-            "a parameter that moves a step has no derivative and cannot be fitted: write tanh((q-q0)/0.02) for sign(q-q0), and \
+            "a parameter that moves a step has no derivative and cannot be fitted: write tanh((q-q0)/0.02) for \
+             sign(q-q0), and \
              0.5+0.5*tanh((q-q0)/0.02) for step(q-q0)"
         }
         () => "a smaller `typical` where the formula is steep in the parameter",

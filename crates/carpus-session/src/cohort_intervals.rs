@@ -48,9 +48,12 @@ pub fn report(all: &[IdentifiabilityResult]) -> Result<ReportParts, Failure> {
     let figures = parameters.iter().map(|p| (format!("{} {}", p.muscle, p.property.replace('_', " ")), figure(p)));
     let mut blocks = vec![
         Block::Text(format!(
-            "Intervals of level {} from the training trials alone (profile likelihood; noise of moment and EMG estimated from \
-             the trials, autocorrelation included) and, with prior knowledge, from the posterior. A parameter is determined where \
-             the data set both ends. Everything holds if nothing is missing in the model's structure. Each participant's own \
+            "Intervals of level {} from the training trials alone (profile likelihood; noise of moment and EMG \
+             estimated from \
+             the trials, autocorrelation included) and, with prior knowledge, from the posterior. A parameter is \
+             determined where \
+             the data set both ends. Everything holds if nothing is missing in the model's structure. Each \
+             participant's own \
              page is in identify/PARTICIPANT/report.html.",
             percent(level)
         )),
@@ -59,7 +62,8 @@ pub fn report(all: &[IdentifiabilityResult]) -> Result<ReportParts, Failure> {
             header: header.iter().map(|h| (*h).to_string()).collect(),
             left_columns: 2,
             rows: rows.clone(),
-            note: "± %: half the interval over the most likely value, where the data set both ends; share from data: of the prior \
+            note: "± %: half the interval over the most likely value, where the data set both ends; share from data: \
+                   of the prior \
                    variance of the logarithm."
                 .to_string(),
         }),
@@ -264,9 +268,12 @@ fn soundness(all: &[IdentifiabilityResult]) -> TextTable {
         header: header.map(String::from).to_vec(),
         left_columns: 1,
         rows: rows.collect(),
-        note: "Dispersion: scatter of trials about the fit over what the noise explains (variance ratio), by which intervals are \
-               widened; ends: largest difference of −2 log likelihood from what the level asks for, by simulation (2.7 and more \
-               make a 90 % interval). –: lengths and forces are estimated with a discrepancy and a little of every effect, \
+        note: "Dispersion: scatter of trials about the fit over what the noise explains (variance ratio), by which \
+               intervals are \
+               widened; ends: largest difference of −2 log likelihood from what the level asks for, by simulation (2.7 \
+               and more \
+               make a 90 % interval). –: lengths and forces are estimated with a discrepancy and a little of every \
+               effect, \
                which make their intervals as wide as they need to be."
             .to_string(),
     }

@@ -12,8 +12,8 @@ use carpus_study::study::{AngleUnit, Recorded, Study, named_file};
 /// A question for the machine's own drag.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MachineDrag {
-    /// Recordings of the machine alone, with columns `time_s`, `angle_deg`, `moment_n_m` and perhaps `velocity_deg_per_s`; or one
-    /// study, which names its own.
+    /// Recordings of the machine alone, with columns `time_s`, `angle_deg`, `moment_n_m` and perhaps
+    /// `velocity_deg_per_s`; or one study, which names its own.
     pub input: Vec<PathBuf>,
     /// Written into the results; nothing in it is random.
     pub seed: u64,

@@ -124,7 +124,8 @@ pub struct ProcessingResults {
 }
 
 impl Study {
-    /// Processes the recordings of every participant as `[processing]` says and writes them as a study, with a page each.
+    /// Processes the recordings of every participant as `[processing]` says and writes them as a study, with a page
+    /// each.
     ///
     /// - `out`: [`Study::output_folder`] of `carpus dynamometer`
     ///
@@ -236,7 +237,8 @@ fn processed(
         }
     }
     if result.passive.as_ref().is_some_and(|passive| passive.drives_the_machine()) {
-        let text = "the relaxed limb seems to drive the machine: the moment has to be positive in the direction in which the angle grows";
+        let text = "the relaxed limb seems to drive the machine: the moment has to be positive in the direction in \
+                    which the angle grows";
         findings.push(("trials.csv".to_owned(), text.to_owned()));
     }
     let outcome = ParticipantProcessing {

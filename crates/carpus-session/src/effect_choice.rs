@@ -26,8 +26,8 @@ pub fn is_explanation(explanations: &[Vec<String>], chosen: &[String]) -> bool {
     explanations.iter().any(|e| e.len() == chosen.len() && e.iter().all(|id| chosen.contains(id)))
 }
 
-/// Whether the diagnosis supports these effects: one of its explanations, or some of those that are missing where many things are a
-/// little wrong, or effects that cannot be told from these.
+/// Whether the diagnosis supports these effects: one of its explanations, or some of those that are missing where many
+/// things are a little wrong, or effects that cannot be told from these.
 pub fn is_supported(diagnosis: &DiagnosisResult, chosen: &[String]) -> bool {
     let explanations: Vec<Vec<String>> = diagnosis.explanations.iter().map(|e| e.effects.clone()).collect();
     let is_missing = |id: &String| diagnosis.effects.iter().any(|e| e.group.contains(id));
@@ -58,7 +58,10 @@ pub fn objections(participant: &str, diagnosis: &KnownDiagnosis, chosen: &[Strin
     let must_choose = matches!(result.verdict.as_str(), "unknown" | "cannot_tell");
     match (must_choose, i_choose) {
         (true, false) => vec![Diagnostic::error(text).hint(match result.verdict.as_str() {
-            "cannot_tell" => "`carpus plan` says which further trials would tell; --i-choose adds it all the same and records that you chose",
+            "cannot_tell" => {
+                "`carpus plan` says which further trials would tell; --i-choose adds it all the same and \
+                              records that you chose"
+            }
             _ => "--i-choose adds it all the same and records that you chose",
         })],
         (_, true) => vec![Diagnostic::warning(format!("{text}; added because you chose so (--i-choose)"))],

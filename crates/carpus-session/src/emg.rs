@@ -107,7 +107,8 @@ impl Study {
     /// - `out`: [`Study::output_folder`] of `carpus emg`; what is made is written as the work goes on
     ///
     /// # Errors
-    /// A study whose EMG is normalized already; no participant whose trials could be processed; the disk; a request to stop.
+    /// A study whose EMG is normalized already; no participant whose trials could be processed; the disk; a request to
+    /// stop.
     pub fn emg(&self, request: &Emg, out: &OutputFolder, progress: &dyn Progress) -> Result<EmgResults, Failure> {
         let EmgSignal::Raw(processing) = &self.tables.settings.emg else {
             let message = Diagnostic::error("the study's EMG is normalized already: there is nothing to process");

@@ -26,8 +26,9 @@ pub const LINEAR: &str = "linear";
 /// An evaluation of models on the trials with use = test.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Evaluate {
-    /// Folders of models, with a folder for every participant: `DIR/P01/NAME.osim`. A file `model.osim`, as a personalization
-    /// writes it, goes by the name of its folder `DIR`. Without any, the study's own model is evaluated alone.
+    /// Folders of models, with a folder for every participant: `DIR/P01/NAME.osim`. A file `model.osim`, as a
+    /// personalization writes it, goes by the name of its folder `DIR`. Without any, the study's own model is evaluated
+    /// alone.
     pub models: Vec<PathBuf>,
     /// Written into the results; nothing in an evaluation is random.
     pub seed: u64,
@@ -110,8 +111,8 @@ impl Study {
         Ok(Evaluation { study: self, names, cohort, report, article, failed: outcomes.failed })
     }
 
-    /// Errors of models on a participant's held-out isometric and isotonic trials, and for the models `shown` the moments of the
-    /// first held-out trial of every condition.
+    /// Errors of models on a participant's held-out isometric and isotonic trials, and for the models `shown` the
+    /// moments of the first held-out trial of every condition.
     ///
     /// # Errors
     /// A model that cannot be simulated; no held-out trial.
@@ -183,8 +184,8 @@ impl Evaluation<'_> {
         out.write("report.html", render_article(&self.article).as_bytes())
     }
 
-    /// Writes the files of `carpus evaluate` into a folder of results. Returns what a person should know about files of earlier
-    /// runs.
+    /// Writes the files of `carpus evaluate` into a folder of results. Returns what a person should know about files of
+    /// earlier runs.
     ///
     /// # Errors
     /// The folder cannot be written to, or holds what is not of this study and command.
@@ -193,8 +194,8 @@ impl Evaluation<'_> {
     }
 }
 
-/// The models of a participant in the folders given: `DIR/PARTICIPANT/*.osim`. A file `model.osim`, as `personalize` writes
-/// it, goes by the name of its folder.
+/// The models of a participant in the folders given: `DIR/PARTICIPANT/*.osim`. A file `model.osim`, as `personalize`
+/// writes it, goes by the name of its folder.
 ///
 /// # Errors
 /// A folder without a model of this participant; two models of one name.

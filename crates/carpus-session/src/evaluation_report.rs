@@ -102,7 +102,8 @@ pub fn evaluation(cohort: &Cohort, names: &[ModelName], curves: &[Representative
     parts.tables.push(("evaluation_errors.csv".to_string(), errors_csv(cohort.errors())?));
     parts.tables.push(("evaluation_means.csv".to_string(), means_csv(cohort, names)?));
     parts.blocks.push(Block::Text(
-        "Held-out trials only. Every participant counts the same; within a participant every direction counts the same. \
+        "Held-out trials only. Every participant counts the same; within a participant every direction counts the \
+         same. \
          Whiskers: one standard deviation over participants."
             .to_string(),
     ));
@@ -137,7 +138,8 @@ fn lead(cohort: &Cohort, names: &[ModelName]) -> String {
         .min_by(|a, b| a.1.mean.total_cmp(&b.1.mean));
     match best {
         Some((name, found)) => format!(
-            "{} models on the held-out trials of {} participant{}. The least mean NRMSE over all of them, {:.1} % ± {:.1} %, \
+            "{} models on the held-out trials of {} participant{}. The least mean NRMSE over all of them, {:.1} % ± \
+             {:.1} %, \
              has the model {}.",
             names.len(),
             cohort.participants().len(),
@@ -279,7 +281,8 @@ fn anova(cohort: &Cohort, parts: &mut ReportParts) -> Result<(), Failure> {
             header: header.into_iter().map(String::from).collect(),
             left_columns: 1,
             rows: cells.collect(),
-            note: "Within participants; where Mauchly's test rejects sphericity or cannot be made, the corrected p counts."
+            note: "Within participants; where Mauchly's test rejects sphericity or cannot be made, the corrected p \
+                   counts."
                 .to_string(),
         }));
         json.insert(

@@ -1,5 +1,7 @@
 //! The folder that a command writes into, and what says who made the files in it.
 
+mod manifest;
+
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -7,16 +9,15 @@ use std::path::{Component, Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use serde::{Deserialize, Serialize};
-
 use super::diagnostic::{Diagnostic, Failure};
 use super::provenance::{Hashed, hash_of};
 use carpus_numerics::printable::{deceptive_in, number_of, visible_json};
+use manifest::{Made, Manifest, is_same_command, name_of};
 
 /// The file that says who made the others.
 const MANIFEST: &str = "carpus-output.json";
-const SCHEMA: &str = "carpus.output/1";
-/// Stands for the command in the manifest where a run ended early: the next run of any command removes what it does not write.
+/// Stands for the command in the manifest where a run ended early: the next run of any command removes what it does not
+/// write.
 const UNFINISHED: &str = "unfinished run";
 /// Files that a message names before it counts the rest.
 const NAMED: usize = 5;
@@ -45,31 +46,6 @@ pub struct OutputFolder {
     begun: AtomicBool,
     /// Whether results of no study take the place of files that are not of this program.
     overwrites: bool,
-}
-
-/// Who made the files of a folder.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-struct Manifest {
-    schema: String,
-    /// The study whose results are here, if any: its name, and its study.toml.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    study: Option<String>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    study_file: Option<PathBuf>,
-    /// The command that began to write here and did not end: what it wrote is not in the list.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    begun: Option<String>,
-    files: BTreeMap<String, Made>,
-}
-
-/// One file.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-struct Made {
-    command: String,
-    /// What it is made from: a model, a setup, a recording; nothing for a result of the study.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    source: Option<PathBuf>,
-    sha256: String,
 }
 
 /// What becomes of files of an earlier run that are not of this one.
@@ -102,9 +78,9 @@ impl OutputFolder {
         Ok(OutputFolder { path, inputs, claim, source, written, kept, closed, begun, overwrites })
     }
 
-    /// Fails if the folder holds what is not of this command, of which a person could not tell the results apart: results of
-    /// another command; or, where no manifest says who made what, any files. An empty folder, one with nothing but inputs, and
-    /// one with earlier results of the command are fine.
+    /// Fails if the folder holds what is not of this command, of which a person could not tell the results apart:
+    /// results of another command; or, where no manifest says who made what, any files. An empty folder, one with
+    /// nothing but inputs, and one with earlier results of the command are fine.
     ///
     /// - `command`: its name
     ///
@@ -134,8 +110,8 @@ impl OutputFolder {
         Err(refused(format!("holds results of {}, not of {command}: {}", first.command, listed(&of_first))))
     }
 
-    /// Files in the folder, by their paths in it, that are neither inputs nor what the system puts there; those of a folder that
-    /// has a manifest of its own are known.
+    /// Files in the folder, by their paths in it, that are neither inputs nor what the system puts there; those of a
+    /// folder that has a manifest of its own are known.
     fn foreign_files(&self) -> Vec<String> {
         let (mut found, mut folders) = (Vec::new(), vec![self.path.clone()]);
         while let Some(folder) = folders.pop().filter(|_| found.len() <= MOST_FOREIGN) {
@@ -182,8 +158,8 @@ impl OutputFolder {
         Ok(own)
     }
 
-    /// Takes the folder for results that are of no study. What else is in it stays, and is not overwritten if it is not of this
-    /// program.
+    /// Takes the folder for results that are of no study. What else is in it stays, and is not overwritten if it is not
+    /// of this program.
     ///
     /// - `source`: the file that the results are made from
     pub fn with_results_of(mut self, source: &Path) -> OutputFolder {
@@ -192,16 +168,16 @@ impl OutputFolder {
         self
     }
 
-    /// As [`OutputFolder::with_results_of`]; files of the same names are overwritten whoever made them: as OpenSim's tools do, or
-    /// because the folder is given to be changed.
+    /// As [`OutputFolder::with_results_of`]; files of the same names are overwritten whoever made them: as OpenSim's
+    /// tools do, or because the folder is given to be changed.
     pub fn overwriting_with_results_of(self, source: &Path) -> OutputFolder {
         let mut out = self.with_results_of(source);
         out.overwrites = true;
         out
     }
 
-    /// The folder of an earlier run in which `folder` lies, and the way from there to `folder`: the nearest whose manifest has a
-    /// file of this name in `folder`. Without one, `folder` itself.
+    /// The folder of an earlier run in which `folder` lies, and the way from there to `folder`: the nearest whose
+    /// manifest has a file of this name in `folder`. Without one, `folder` itself.
     ///
     /// # Errors
     /// As [`OutputFolder::create`].
@@ -229,8 +205,8 @@ impl OutputFolder {
         })
     }
 
-    /// Ends a run that changed files of an earlier one: the manifest has them as they are now, each under the command that made
-    /// it first. What is no longer there is not in it either.
+    /// Ends a run that changed files of an earlier one: the manifest has them as they are now, each under the command
+    /// that made it first. What is no longer there is not in it either.
     ///
     /// # Errors
     /// The disk.
@@ -246,8 +222,8 @@ impl OutputFolder {
         Ok(())
     }
 
-    /// Ends a run: removes what earlier runs of the command left that is not of this one, and says in the folder who made what.
-    /// What was changed by hand is never removed. Returns what a person should know.
+    /// Ends a run: removes what earlier runs of the command left that is not of this one, and says in the folder who
+    /// made what. What was changed by hand is never removed. Returns what a person should know.
     ///
     /// - `command`: the command's name
     /// - `others`: participants of the study that the run was not about; what is theirs stays
@@ -336,8 +312,8 @@ impl OutputFolder {
         Made { command: command.to_owned(), source: self.source.clone(), sha256: sha256.to_owned() }
     }
 
-    /// Says in the folder of a study's results, before the first of them, which command began: a run that is killed cannot say
-    /// it any more.
+    /// Says in the folder of a study's results, before the first of them, which command began: a run that is killed
+    /// cannot say it any more.
     fn begin(&self) -> Result<(), Failure> {
         match &self.claim {
             Some(manifest) if manifest.begun.is_some() && !self.begun.swap(true, Ordering::Relaxed) => {
@@ -356,7 +332,8 @@ impl OutputFolder {
         self.put(MANIFEST.as_ref(), text.as_bytes()).map(|_| ())
     }
 
-    /// Removes a file of an earlier run with the folders that it leaves empty. Whether it was; `None` if it is not there.
+    /// Removes a file of an earlier run with the folders that it leaves empty. Whether it was; `None` if it is not
+    /// there.
     fn removes(&self, file: &str, sha256: &str) -> Result<Option<bool>, Failure> {
         let path = self.path.join(file);
         // A manifest may be anybody's: nothing but plain files below this folder is touched.
@@ -383,7 +360,8 @@ impl OutputFolder {
         Ok(Some(true))
     }
 
-    /// Says that files of an earlier run are of this one, too: a file, or all below a folder of which nothing was written.
+    /// Says that files of an earlier run are of this one, too: a file, or all below a folder of which nothing was
+    /// written.
     pub fn keep(&self, relative: impl AsRef<Path>) {
         let relative = name_of(relative.as_ref());
         let below = |file: &str| file == relative || file.strip_prefix(&relative).is_some_and(|r| r.starts_with('/'));
@@ -522,42 +500,6 @@ impl Drop for OutputFolder {
     }
 }
 
-impl Manifest {
-    /// The manifest of a folder; `None` if there is none that can be read.
-    fn read(file: &Path) -> Option<Manifest> {
-        let manifest: Manifest = serde_json::from_slice(&carpus_numerics::regular_file::read(file).ok()?).ok()?;
-        (manifest.schema == SCHEMA).then_some(manifest)
-    }
-
-    /// One of a folder of which nothing is known.
-    fn new() -> Manifest {
-        Manifest { schema: SCHEMA.to_owned(), study: None, study_file: None, begun: None, files: BTreeMap::new() }
-    }
-
-    /// Whether results of `other` are of this study: the same study.toml, the same study that was moved, or one that was made
-    /// here.
-    fn is_of(&self, other: &str, other_file: &Path, name: &str, study_file: &Path, folder: &Path) -> bool {
-        let moved = other == name && !other_file.exists();
-        let made_here =
-            || self.files.keys().any(|file| folder.join(file).canonicalize().is_ok_and(|f| f == study_file));
-        other_file == study_file || moved || made_here()
-    }
-}
-
-/// Whether results of two commands belong into one folder: those of one command (`study` and `study --steps`), and those of
-/// commands that go on with a diagnosis where it lies.
-fn is_same_command(a: &str, b: &str) -> bool {
-    const OF_A_DIAGNOSIS: [&str; 3] = ["diagnose", "effect", "plan"];
-    let [a, b] = [a, b].map(|command| command.split(' ').next().unwrap_or(command));
-    a == b || [a, b].iter().all(|command| OF_A_DIAGNOSIS.contains(command))
-}
-
-/// A path in the folder as the manifest writes it.
-fn name_of(relative: &Path) -> String {
-    let parts = relative.components().filter(|part| *part != Component::CurDir);
-    parts.map(|part| part.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/")
-}
-
 fn listed(files: &[String]) -> String {
     let named = files.iter().take(NAMED).map(String::as_str).collect::<Vec<_>>().join(", ");
     match files.len().saturating_sub(NAMED) {
@@ -589,7 +531,8 @@ fn reason(error: &std::io::Error) -> String {
     text.split(" (os error").next().unwrap_or(&text).to_lowercase()
 }
 
-/// The content of a file; JSON with characters that are not shown as they are written as escapes, which leaves its values.
+/// The content of a file; JSON with characters that are not shown as they are written as escapes, which leaves its
+/// values.
 fn as_shown<'a>(name: &Path, bytes: &'a [u8]) -> Cow<'a, [u8]> {
     let json = name.extension().filter(|e| *e == "json").and_then(|_| std::str::from_utf8(bytes).ok());
     match json.map(visible_json) {
@@ -741,7 +684,8 @@ mod tests {
         run(&diagnosed, &study, "diagnose", &[], &["P01/diagnosis.json"]);
         assert!(claim(&diagnosed, "effect").is_ok() && claim(&diagnosed, "plan --effect").is_ok());
         assert!(claim(&diagnosed, "personalize").is_err());
-        // Files of another hand; but not what is read, what the system puts there, or a folder that says itself what it holds.
+        // Files of another hand; but not what is read, what the system puts there, or a folder that says itself what it
+        // holds.
         let foreign = place.path().join("foreign");
         std::fs::create_dir_all(foreign.join("deep/processed")).unwrap();
         run(&foreign.join("deep/processed"), &study, "dynamometer", &[], &["study.toml"]);

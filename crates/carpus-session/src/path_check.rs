@@ -1,5 +1,5 @@
-//! Warnings about muscle paths that no anatomy has: wound round a surface for decimetres, or jumping between neighbouring
-//! values of a coordinate.
+//! Warnings about muscle paths that no anatomy has: wound round a surface for decimetres, or jumping between
+//! neighbouring values of a coordinate.
 //!
 //! OpenSim's wrapping makes such paths at some poses (the tangent points end on the far side of a surface), and as the
 //! numbers follow OpenSim they are computed all the same. Whoever reads them has to know.
@@ -86,7 +86,8 @@ pub fn swept(
         if jumps.len() > MOST_LISTED {
             let _ = write!(text, ", and {} times more", jumps.len() - MOST_LISTED);
         }
-        let hint = "conditional path points and wrapping that flips to the far side of a surface do this; forces there are not physiological";
+        let hint = "conditional path points and wrapping that flips to the far side of a surface do this; forces there \
+                    are not physiological";
         warnings.push(warning(loaded, muscle, text).hint(hint));
     }
     warnings
@@ -107,7 +108,8 @@ pub fn wound_message(
     let name = &loaded.file.spec.muscles[muscle.0].name;
     let extent = of_sweep.map_or(String::new(), |(count, all)| format!(" (so at {count} of {all} values)"));
     let text = format!(
-        "the path of {name} is {length:.3} m long at {pose}, but the straight lines through its points only {polyline:.3} m{extent}"
+        "the path of {name} is {length:.3} m long at {pose}, but the straight lines through its points only \
+         {polyline:.3} m{extent}"
     );
     warning(loaded, muscle, text).hint(
         "wrapping takes the long way round a surface here, as it does in OpenSim; such forces are not physiological",
@@ -156,8 +158,8 @@ pub fn over_range(
     Ok(warnings)
 }
 
-/// A fibre is overstretched where path less tendon is more than this multiple of its optimal length: passive fibres tear
-/// before they reach twice their optimal length (Noonan et al. 1993), and no joint takes them there.
+/// A fibre is overstretched where path less tendon is more than this multiple of its optimal length: passive fibres
+/// tear before they reach twice their optimal length (Noonan et al. 1993), and no joint takes them there.
 const LONGEST_FIBER: f64 = 3.0;
 
 /// Below this multiple of their optimal length fibres exert no active force (Millard et al. 2013: 0.44).
@@ -171,7 +173,8 @@ fn never_taut(loaded: &LoadedModel, muscle: MuscleIndex, longest: f64) -> Option
     let length = (longest - spec.tendon_slack_length) / spec.optimal_fiber_length;
     (length < SHORTEST_ACTIVE_FIBER).then(|| {
         let text = format!(
-            "the path of {} is {longest:.4} m long at most, and its tendon {} m: with an optimal length of {} m its fibres exert no force",
+            "the path of {} is {longest:.4} m long at most, and its tendon {} m: with an optimal length of {} m its \
+             fibres exert no force",
             spec.name,
             number(spec.tendon_slack_length),
             number(spec.optimal_fiber_length)
@@ -188,7 +191,8 @@ pub fn overstretched(loaded: &LoadedModel, muscle: MuscleIndex, length: f64) -> 
     let stretch = (length - spec.tendon_slack_length) / spec.optimal_fiber_length;
     (stretch > LONGEST_FIBER).then(|| {
         let text = format!(
-            "the path of {} is {} m long, and its tendon {} m: its fibres are stretched to {stretch:.1} times their optimal length of {} m",
+            "the path of {} is {} m long, and its tendon {} m: its fibres are stretched to {stretch:.1} times their \
+             optimal length of {} m",
             spec.name,
             number(1e-4 * (1e4 * length).round()),
             number(spec.tendon_slack_length),

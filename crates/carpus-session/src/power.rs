@@ -105,8 +105,10 @@ pub const PUBLISHED: [Published; 2] = [
             ("two groups, one tail (n per group)", TestDesign::TwoSampleT { cohen_d: 0.72 }, Tails::One),
             ("two groups, two tails (n per group)", TestDesign::TwoSampleT { cohen_d: 0.72 }, Tails::Two),
         ],
-        explanation: "The power is that of the paired test with one tail (0.67 from d = 0.715, which also rounds to 0.72). The 25 is \
-                      the size of each of two independent groups; every participant was measured under both conditions, so the \
+        explanation: "The power is that of the paired test with one tail (0.67 from d = 0.715, which also rounds to \
+                      0.72). The 25 is \
+                      the size of each of two independent groups; every participant was measured under both \
+                      conditions, so the \
                       paired test applies, which needs fewer.",
     },
     Published {
@@ -121,8 +123,10 @@ pub const PUBLISHED: [Published; 2] = [
             ("correlation of a bivariate normal, one tail", TestDesign::Correlation { r: 0.64 }, Tails::One),
             ("correlation of a bivariate normal, two tails", TestDesign::Correlation { r: 0.64 }, Tails::Two),
         ],
-        explanation: "Both numbers are of G*Power's point biserial model with one tail, the first of its correlation tests, which takes \
-                      one variable for fixed. Both variables were measured: the bivariate normal model applies, which has less power \
+        explanation: "Both numbers are of G*Power's point biserial model with one tail, the first of its correlation \
+                      tests, which takes \
+                      one variable for fixed. Both variables were measured: the bivariate normal model applies, which \
+                      has less power \
                       and needs more.",
     },
 ];

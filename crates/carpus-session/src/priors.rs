@@ -222,8 +222,8 @@ fn prior(p: &ParameterKnowledge) -> [f64; 2] {
     [(p.prior_value / p.model).ln(), p.prior_log_sd]
 }
 
-/// What a fit's data alone say about the logarithms of the factors, from `priors` on: the posterior without the fit's own
-/// prior, both taken as normal.
+/// What a fit's data alone say about the logarithms of the factors, from `priors` on: the posterior without the fit's
+/// own prior, both taken as normal.
 fn evidence(fit: &IdentifiabilityResult, names: &[(&str, &str)], priors: &[[f64; 2]]) -> Result<Evidence, Failure> {
     let n = fit.parameters.len();
     let faulty = || {

@@ -13,8 +13,8 @@ use carpus_study::study::{Trial, TrialUse};
 /// Digits that results keep.
 const DIGITS: i32 = 6;
 
-/// The residual of a model over a participant's trials, maximal contractions left out. Angle, speed and acceleration are without the
-/// recorded angle's white noise, as in a diagnosis.
+/// The residual of a model over a participant's trials, maximal contractions left out. Angle, speed and acceleration
+/// are without the recorded angle's white noise, as in a diagnosis.
 ///
 /// - `moments`: simulated moments of all trials [N·m]
 pub fn residual_result(run: &LoadedParticipant, model: &str, moments: &[Vec<f64>]) -> ResidualResult {

@@ -58,8 +58,8 @@ impl RunTool {
     }
 }
 
-/// Writes the results. A folder of results says what made them; beside a file that the setup gives by its own name nothing
-/// else appears.
+/// Writes the results. A folder of results says what made them; beside a file that the setup gives by its own name
+/// nothing else appears.
 fn write(setup: &Path, outcome: &Outcome, progress: &dyn Progress) -> Result<Vec<PathBuf>, Failure> {
     let mut folders: BTreeMap<PathBuf, OutputFolder> = BTreeMap::new();
     let mut written = Vec::new();

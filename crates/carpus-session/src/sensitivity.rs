@@ -37,7 +37,8 @@ impl Study {
     /// Screens the training trials of every participant, condition by condition.
     ///
     /// # Errors
-    /// No participant that could be screened: the model, the trials, a screening of which every run fails; a request to stop.
+    /// No participant that could be screened: the model, the trials, a screening of which every run fails; a request to
+    /// stop.
     pub fn sensitivity(&self, request: &ScreeningOptions, progress: &dyn Progress) -> Result<Sensitivity<'_>, Failure> {
         let mut inputs: Vec<InputFile> = Vec::new();
         let outcomes = self.each("screening", progress, |participant| {
@@ -93,8 +94,8 @@ impl Sensitivity<'_> {
         out.write("report.html", render_article(&self.article).as_bytes())
     }
 
-    /// Writes the files of `carpus sensitivity` into a folder of results. Returns what a person should know about files of
-    /// earlier runs.
+    /// Writes the files of `carpus sensitivity` into a folder of results. Returns what a person should know about files
+    /// of earlier runs.
     ///
     /// # Errors
     /// The folder cannot be written to, or holds what is not of this study and command.

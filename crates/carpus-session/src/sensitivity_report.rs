@@ -35,7 +35,8 @@ pub fn report(outcomes: &[ConditionSensitivity]) -> Result<ReportParts, Failure>
         (runs + o.morris.runs, failed + o.morris.failures.len(), lost + o.morris.lost_effects)
     });
     parts.blocks.push(Block::Text(format!(
-        "Morris screening of 5 parameters per muscle within the bounds of table 2.1; the response is NRMSE + MaxErr + XCorr. \
+        "Morris screening of 5 parameters per muscle within the bounds of table 2.1; the response is NRMSE + MaxErr + \
+         XCorr. \
          {runs} runs, {failed} failed, {lost} elementary effects lost."
     )));
     parts.blocks.push(Block::Table(means_table(&cohort)));
@@ -318,7 +319,8 @@ fn pairs_of_muscles(cohort: &SensitivityCohort, parts: &mut ReportParts) -> Resu
     Ok(())
 }
 
-/// μ* of each property from the first starts only, averaged over participants and muscles; and whether more would change it.
+/// μ* of each property from the first starts only, averaged over participants and muscles; and whether more would
+/// change it.
 fn convergence_block(outcomes: &[ConditionSensitivity]) -> Vec<Block> {
     let mut cells: Vec<(Contraction, Option<f64>)> = Vec::new();
     for o in outcomes {

@@ -97,8 +97,8 @@ pub struct Muscle {
 }
 
 impl Study {
-    /// Scales the forces of every participant's model and writes it: `P01/model.osim`, and `strength.csv` and `strength.json` of
-    /// all.
+    /// Scales the forces of every participant's model and writes it: `P01/model.osim`, and `strength.csv` and
+    /// `strength.json` of all.
     ///
     /// - `out`: [`Study::output_folder`] of `carpus strength-scale`
     ///

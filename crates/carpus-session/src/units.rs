@@ -64,9 +64,9 @@ impl<'o> UnitStore<'o> {
         Ok(UnitStore { out, program, finished: Mutex::new(BTreeMap::new()), counts })
     }
 
-    /// Does the units that are not finished, on as many threads as there are, each unit on one; a unit that cannot be done
-    /// does not keep the others from being done. The reasons of those come back, in the order of the units, after warnings
-    /// of what was stored and is damaged: it is computed again.
+    /// Does the units that are not finished, on as many threads as there are, each unit on one; a unit that cannot be
+    /// done does not keep the others from being done. The reasons of those come back, in the order of the units, after
+    /// warnings of what was stored and is damaged: it is computed again.
     ///
     /// - `inputs`: hashes of the files that all of these units depend on
     /// - `progress`: is told which unit was finished, at the given count of steps
@@ -238,7 +238,8 @@ fn checksum(value: &Value) -> String {
 /// A value for a unit, as a later run will read it.
 ///
 /// # Errors
-/// A result that JSON cannot hold, a number that is not finite before all: such a unit is not stored, and said to be not done.
+/// A result that JSON cannot hold, a number that is not finite before all: such a unit is not stored, and said to be
+/// not done.
 pub fn value<T: Serialize + DeserializeOwned>(of: &T) -> Result<Value, Failure> {
     let value = serde_json::to_value(of).map_err(|e| Failure::Internal(e.to_string()))?;
     match T::deserialize(&value) {

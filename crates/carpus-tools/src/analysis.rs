@@ -105,4 +105,6 @@ pub fn add_results(analysis: &dyn Analysis, base: &str, folder: &Path, precision
 }
 
 /// The last lines of most descriptions.
-pub const UNITS: &str = "\nUnits are S.I. units (second, meters, Newtons, ...)\nIf the header above contains a line with 'inDegrees', this indicates whether rotational values are in degrees (yes) or radians (no).\n\n";
+pub const UNITS: &str = "\nUnits are S.I. units (second, meters, Newtons, ...)\nIf the header above contains a line \
+                         with 'inDegrees', this indicates whether rotational values are in degrees (yes) or radians \
+                         (no).\n\n";

@@ -1,8 +1,8 @@
 //! Motion from forces: OpenSim's `ForwardTool`.
 //!
 //! OpenSim records every step of its explicit integrator; steps of the implicit one used here can be long, so that rows
-//! are at even times (or at those of the states file, with `use_specified_dt`), each as exact as the steps. Neither steps
-//! nor rows are further apart than the largest step allowed.
+//! are at even times (or at those of the states file, with `use_specified_dt`), each as exact as the steps. Neither
+//! steps nor rows are further apart than the largest step allowed.
 
 use std::sync::Arc;
 
@@ -131,7 +131,8 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
     faults.conclude(&system, outcome)?;
     if trajectory.cost.forced > 0 {
         let text = format!(
-            "minimum_integrator_step_size: {} of {} steps have a larger error than integrator_error_tolerance allows, as in \
+            "minimum_integrator_step_size: {} of {} steps have a larger error than integrator_error_tolerance allows, \
+             as in \
              OpenSim",
             trajectory.cost.forced, trajectory.cost.steps
         );
@@ -210,8 +211,8 @@ fn even_times(start: f64, end: f64, largest_step: f64) -> Vec<f64> {
     (0..=rows).map(|i| if i == rows { end } else { start + (end - start) * i as f64 / rows as f64 }).collect()
 }
 
-/// Controls of all actuators over time, also of those that apply no force; those of a `CorrectionController` first, as in the rows (not the labels) that
-/// OpenSim writes.
+/// Controls of all actuators over time, also of those that apply no force; those of a `CorrectionController` first, as
+/// in the rows (not the labels) that OpenSim writes.
 fn controls_of(states: &Storage, system: &System) -> Storage {
     let correction = system.actors.iter().find_map(|actor| match actor {
         Actor::Correction(correction) => Some(correction),
@@ -250,7 +251,8 @@ fn write(frame: &Frame, states: &Storage, system: &System, outcome: &mut Outcome
     let range = |time: f64| printed(time, 6).trim().to_owned();
     let (first, last) = (range(degrees.time[0]), range(degrees.time[rows - 1]));
     degrees.description = format!(
-        "\n# SIMM Motion File Header:\nname {name}\ndatacolumns {columns}\ndatarows {rows}\notherdata 1\nrange {first} {last}\n"
+        "\n# SIMM Motion File Header:\nname {name}\ndatacolumns {columns}\ndatarows {rows}\notherdata 1\nrange {first} \
+         {last}\n"
     );
     let path = frame.results.join(format!("{name}_states_degrees.mot"));
     outcome.files.push(ResultFile { path, bytes: degrees.text(frame.precision).into_bytes(), is_named: false });

@@ -3,16 +3,17 @@
 //! ```text
 //! min ½ Σ wᵢ |pᵢ(q) − mᵢ|² / Σ wᵢ + ½ Σ wⱼ (qⱼ − cⱼ)²     with constraints φ(q) = 0 and clamped ranges
 //! ```
-//! as Simbody's `Assembler` weighs OpenSim's goals. Gauss–Newton with Levenberg's damping on exact Jacobians; steps solve
-//! the constraints' linearization, and a coordinate that reaches its range stays there while it is pushed outward.
+//! as Simbody's `Assembler` weighs OpenSim's goals. Gauss–Newton with Levenberg's damping on exact Jacobians; steps
+//! solve the constraints' linearization, and a coordinate that reaches its range stays there while it is pushed
+//! outward.
 //!
 //! Constraints hold whatever `constraint_weight` a setup gives: the constructor of OpenSim 4.6's
 //! `InverseKinematicsSolver` that its tool calls sets the weight to infinity, so that locked coordinates and couplers
 //! are exact there, too.
 //!
 //! Searches end at the minimum. OpenSim's ends where its `accuracy` allows (1e-5 in inverse kinematics; 1e-4, which no
-//! setup can change, in the static pose of a `ScaleTool`), with lumbar and arm angles up to some degrees from the minimum on
-//! gait models; asked for 1e-9 it arrives here within 1e-7 rad.
+//! setup can change, in the static pose of a `ScaleTool`), with lumbar and arm angles up to some degrees from the
+//! minimum on gait models; asked for 1e-9 it arrives here within 1e-7 rad.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -235,8 +236,8 @@ impl<'a> InverseKinematics<'a> {
         rates
     }
 
-    /// Changes `q` so that it fits best, from far away: searches with steps of different boldness, from `q` and from the
-    /// middle of the ranges; the best fit is taken, without whole turns.
+    /// Changes `q` so that it fits best, from far away: searches with steps of different boldness, from `q` and from
+    /// the middle of the ranges; the best fit is taken, without whole turns.
     ///
     /// Arguments and result as [`InverseKinematics::solve`].
     pub fn solve_from_afar(&mut self, time: f64, q: &mut [f64], seen: &[Vector3<f64>], values: &[f64]) -> bool {

@@ -94,8 +94,8 @@ fn groups_of_forces(document: &Document) -> Vec<(String, Vec<String>)> {
     groups.map(|&group| (document.attribute(group, "name").unwrap_or_default(), words(members(group)))).collect()
 }
 
-/// Whether a force of the model's force set is excluded: as muscle, actuator or any; by its group; or by its name, which
-/// OpenSim 4.6 looks for only in a force set without groups. Names that match nothing are said.
+/// Whether a force of the model's force set is excluded: as muscle, actuator or any; by its group; or by its name,
+/// which OpenSim 4.6 looks for only in a force set without groups. Names that match nothing are said.
 fn exclusion(
     names: &[String],
     groups: &[(String, Vec<String>)],
@@ -121,7 +121,8 @@ fn exclusion(
                 let why = if forces.contains(&name.as_str()) {
                     let known = known.map(|group| format!("`{group}`")).collect::<Vec<_>>().join(", ");
                     format!(
-                        "force `{name}` acts: as in OpenSim 4.6 only groups are found where the force set has any ({known})"
+                        "force `{name}` acts: as in OpenSim 4.6 only groups are found where the force set has any \
+                         ({known})"
                     )
                 } else {
                     let known = known.chain(if groups.is_empty() { forces.clone() } else { Vec::new() });

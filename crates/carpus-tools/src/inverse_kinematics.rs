@@ -21,7 +21,9 @@ pub struct Tasks {
 }
 
 /// What `Kinematics` writes into its files.
-pub const DESCRIPTION: &str = "\nUnits are S.I. units (second, meters, Newtons, ...)\nIf the header above contains a line with 'inDegrees', this indicates whether rotational values are in degrees (yes) or radians (no).\n\n";
+pub const DESCRIPTION: &str = "\nUnits are S.I. units (second, meters, Newtons, ...)\nIf the header above contains a \
+                               line with 'inDegrees', this indicates whether rotational values are in degrees (yes) or \
+                               radians (no).\n\n";
 
 /// Reads an `IKTaskSet`.
 ///

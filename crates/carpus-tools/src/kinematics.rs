@@ -121,7 +121,12 @@ impl BodyKinematics {
         }
         // OpenSim writes the description before it reads the setup: of the ground frame.
         let description = format!(
-            "\nThis file contains the kinematics (positions and orientations,\nvelocities and angular velocities, or accelerations and angular accelerations)\nof the centers of mass of the body segments in model {}.\n\nBody segment orientations are described using body-fixed X-Y-Z Euler angles.\n\nAngular velocities and accelerations are expressed in the {} frame.\n\nUnits are S.I. units (seconds, meters, Newtons, ...)\nIf the header above contains a line with 'inDegrees', this indicates whether rotational values are in degrees (yes) or radians (no).\n\n",
+            "\nThis file contains the kinematics (positions and orientations,\nvelocities and angular velocities, or \
+             accelerations and angular accelerations)\nof the centers of mass of the body segments in model \
+             {}.\n\nBody segment orientations are described using body-fixed X-Y-Z Euler angles.\n\nAngular velocities \
+             and accelerations are expressed in the {} frame.\n\nUnits are S.I. units (seconds, meters, Newtons, \
+             ...)\nIf the header above contains a line with 'inDegrees', this indicates whether rotational values are \
+             in degrees (yes) or radians (no).\n\n",
             system.spec.name,
             if in_body { "body-local" } else { "ground" }
         );

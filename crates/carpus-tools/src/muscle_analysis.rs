@@ -96,7 +96,8 @@ impl MuscleAnalysis {
         }
         let labels: Vec<String> = muscles.iter().map(|i| system.muscles[*i].name.clone()).collect();
         let description = format!(
-            "\nThis analysis gathers basic information about muscles during a simulation (e.g., forces, tendon lengths, moment arms, etc).{UNITS}"
+            "\nThis analysis gathers basic information about muscles during a simulation (e.g., forces, tendon \
+             lengths, moment arms, etc).{UNITS}"
         );
         let storage = |name: String| {
             let mut storage = Storage::new(&name, labels.clone());

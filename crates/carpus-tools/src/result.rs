@@ -33,7 +33,8 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// Adds a storage as OpenSim's `Storage::printResult` names it: in `folder`, `.sto` unless the name has an extension.
+    /// Adds a storage as OpenSim's `Storage::printResult` names it: in `folder`, `.sto` unless the name has an
+    /// extension.
     pub fn add_storage(&mut self, folder: &Path, name: &str, storage: &Storage, precision: usize) {
         // Only the name counts, folders in it are dropped.
         let name = name.rsplit(['/', '\\']).next().unwrap_or(name).replace(is_deceptive, "_");

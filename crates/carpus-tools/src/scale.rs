@@ -99,12 +99,14 @@ fn add_markers(path: &std::path::Path, file: &mut OsimFile) -> Result<usize, Too
 /// A marker set as a file.
 fn marker_set(spec: &ModelSpec) -> String {
     let mut text = String::from(
-        "<?xml version=\"1.0\" encoding=\"UTF-8\" ?>\n<OpenSimDocument Version=\"40000\">\n\t<MarkerSet name=\"markerset\">\n\t\t<objects>\n",
+        "<?xml version=\"1.0\" encoding=\"UTF-8\" ?>\n<OpenSimDocument Version=\"40000\">\n\t<MarkerSet \
+         name=\"markerset\">\n\t\t<objects>\n",
     );
     for marker in &spec.markers {
         let p = marker.location;
         text.push_str(&format!(
-            "\t\t\t<Marker name=\"{}\">\n\t\t\t\t<socket_parent_frame>{}</socket_parent_frame>\n\t\t\t\t<location>{} {} {}</location>\n\t\t\t\t<fixed>{}</fixed>\n\t\t\t</Marker>\n",
+            "\t\t\t<Marker name=\"{}\">\n\t\t\t\t<socket_parent_frame>{}</socket_parent_frame>\n\t\t\t\t<location>{} \
+             {} {}</location>\n\t\t\t\t<fixed>{}</fixed>\n\t\t\t</Marker>\n",
             marker.name, spec.frames[marker.frame.0].at.path, p.x, p.y, p.z, marker.fixed
         ));
     }
@@ -298,13 +300,15 @@ fn measure(
 /// The factors as OpenSim writes them: of every frame.
 fn scale_set(spec: &ModelSpec, factors: &[(String, [f64; 3])]) -> String {
     let mut text = String::from(
-        "<?xml version=\"1.0\" encoding=\"UTF-8\" ?>\n<OpenSimDocument Version=\"40600\">\n\t<ScaleSet>\n\t\t<objects>\n",
+        "<?xml version=\"1.0\" encoding=\"UTF-8\" ?>\n<OpenSimDocument \
+         Version=\"40600\">\n\t<ScaleSet>\n\t\t<objects>\n",
     );
     let names = std::iter::once("ground").chain(spec.bodies.iter().map(|b| b.name.as_str()));
     for name in names {
         let [x, y, z] = factors.iter().find(|(n, _)| n == name).map_or([1.0; 3], |(_, f)| *f);
         text.push_str(&format!(
-            "\t\t\t<Scale>\n\t\t\t\t<scales> {x} {y} {z}</scales>\n\t\t\t\t<segment>{name}</segment>\n\t\t\t\t<apply>true</apply>\n\t\t\t</Scale>\n"
+            "\t\t\t<Scale>\n\t\t\t\t<scales> {x} {y} \
+             {z}</scales>\n\t\t\t\t<segment>{name}</segment>\n\t\t\t\t<apply>true</apply>\n\t\t\t</Scale>\n"
         ));
     }
     text.push_str("\t\t</objects>\n\t\t<groups />\n\t</ScaleSet>\n</OpenSimDocument>\n");

@@ -3,8 +3,8 @@
 //! ```text
 //! min Σ |xᵢ|ᵖ     A x = b,   low ≤ x ≤ high
 //! ```
-//! A x are the accelerations that forces xᵢ·Fᵢ add, b what the motion needs. The problem is convex; its dual is solved by
-//! Newton's method: x = clamp(sign(s)·(|s|/p)^(1/(p−1))), s = Aᵀλ.
+//! A x are the accelerations that forces xᵢ·Fᵢ add, b what the motion needs. The problem is convex; its dual is solved
+//! by Newton's method: x = clamp(sign(s)·(|s|/p)^(1/(p−1))), s = Aᵀλ.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -277,12 +277,14 @@ fn least_powers(a: &DMatrix<f64>, b: &DVector<f64>, ranges: &[[f64; 2]], power: 
 fn control_set(storage: &Storage) -> String {
     use std::fmt::Write;
     let mut text = String::from(
-        "<?xml version=\"1.0\" encoding=\"UTF-8\" ?>\n<OpenSimDocument Version=\"40600\">\n\t<ControlSet name=\"Control Set\">\n\t\t<objects>\n",
+        "<?xml version=\"1.0\" encoding=\"UTF-8\" ?>\n<OpenSimDocument Version=\"40600\">\n\t<ControlSet \
+         name=\"Control Set\">\n\t\t<objects>\n",
     );
     for (i, label) in storage.labels.iter().enumerate() {
         let _ = write!(
             text,
-            "\t\t\t<ControlLinear name=\"{label}\">\n\t\t\t\t<is_model_control>true</is_model_control>\n\t\t\t\t<extrapolate>true</extrapolate>\n\t\t\t\t<default_min>0.02</default_min>\n\t\t\t\t<default_max>1</default_max>\n\t\t\t\t<filter_on>false</filter_on>\n\t\t\t\t<use_steps>false</use_steps>\n\t\t\t\t<x_nodes>\n"
+            "\t\t\t<ControlLinear \
+             name=\"{label}\">\n\t\t\t\t<is_model_control>true</is_model_control>\n\t\t\t\t<extrapolate>true</extrapolate>\n\t\t\t\t<default_min>0.02</default_min>\n\t\t\t\t<default_max>1</default_max>\n\t\t\t\t<filter_on>false</filter_on>\n\t\t\t\t<use_steps>false</use_steps>\n\t\t\t\t<x_nodes>\n"
         );
         for (time, row) in storage.time.iter().zip(&storage.rows) {
             let _ = write!(
@@ -291,7 +293,10 @@ fn control_set(storage: &Storage) -> String {
                 row[i]
             );
         }
-        text.push_str("\t\t\t\t</x_nodes>\n\t\t\t\t<min_nodes />\n\t\t\t\t<max_nodes />\n\t\t\t\t<kp>100</kp>\n\t\t\t\t<kv>20</kv>\n\t\t\t</ControlLinear>\n");
+        text.push_str(
+            "\t\t\t\t</x_nodes>\n\t\t\t\t<min_nodes />\n\t\t\t\t<max_nodes \
+                       />\n\t\t\t\t<kp>100</kp>\n\t\t\t\t<kv>20</kv>\n\t\t\t</ControlLinear>\n",
+        );
     }
     text.push_str("\t\t</objects>\n\t\t<groups />\n\t</ControlSet>\n</OpenSimDocument>\n");
     text

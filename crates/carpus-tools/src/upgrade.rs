@@ -9,7 +9,8 @@ use carpus_osim::osim::{Document, DocumentError, ElementId};
 
 /// Format of files that do not say theirs (`XMLDocument::updateDocumentVersion`).
 const UNSTATED: u32 = 10500;
-/// From this format on the `controls_file` of a tool is one of a `ControlSetController`, and there are no corrective springs.
+/// From this format on the `controls_file` of a tool is one of a `ControlSetController`, and there are no corrective
+/// springs.
 const HAS_CONTROLLERS: u32 = 10904;
 /// Up to this format the properties of inverse kinematics stand in an `IKTrial`.
 const LAST_WITH_TRIALS: u32 = 20201;
@@ -43,7 +44,8 @@ pub fn upgraded(document: Document) -> Result<Document, DocumentError> {
     if edits.is_empty() { Ok(document) } else { document.spliced(edits) }
 }
 
-/// Properties of the first trial become those of the tool, which OpenSim runs alone; the other trials stay beside them, unread.
+/// Properties of the first trial become those of the tool, which OpenSim runs alone; the other trials stay beside them,
+/// unread.
 fn trial_opened(document: &Document, tool: ElementId, has_root: bool) -> Edits {
     let trials = document.child(tool, "IKTrialSet");
     let Some((trials, objects)) = trials.and_then(|set| Some((set, document.child(set, "objects")?))) else {

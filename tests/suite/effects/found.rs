@@ -1,5 +1,5 @@
-//! Every effect hidden in the bundled study and looked for. The simulator is the one that looks: studies that OpenSim simulated are in
-//! `diagnosis_hidden` and in the table of `fixtures/laboratory`.
+//! Every effect hidden in the bundled study and looked for. The simulator is the one that looks: studies that OpenSim
+//! simulated are in `diagnosis_hidden` and in the table of `fixtures/laboratory`.
 
 use carpus::diagnosis::diagnose::{Diagnosis, Request, Verdict, diagnose};
 use carpus::diagnosis::synthesis::{RecordingNoise, sized as asked, synthesize};
@@ -22,8 +22,8 @@ const SHOWS_WHEN_LARGE: [(&str, &str, f64); 3] =
 /// Springs that act at the ends of the range, which these trials do not reach: that nothing is detectable is right.
 const OUT_OF_REACH: [&str; 1] = ["end_range_spring"];
 
-/// The diagnosis of a person with these effects, of a size that is plain to see, by these candidates; noise a quarter of a
-/// laboratory's, so that it is plain.
+/// The diagnosis of a person with these effects, of a size that is plain to see, by these candidates; noise a quarter
+/// of a laboratory's, so that it is plain.
 fn found(hidden: &[&'static dyn Effect], candidates: Vec<&'static dyn Effect>) -> Diagnosis {
     let (study, file, model) = study();
     let mut trials = study.load_trials("P01").unwrap_or_else(|e| panic!("{e}"));

@@ -122,7 +122,8 @@ fn verif_defaults_section_sets_absent_properties() {
 
 #[test]
 fn verif_tolerated_markup_is_kept() {
-    let strange = b"\xEF\xBB\xBF<?xml version='1.1' encoding='UTF-8'?>\r\n<!-- a <!-- b -->\r\n<OpenSimDocument Version=\"40000\">\
+    let strange = b"\xEF\xBB\xBF<?xml version='1.1' encoding='UTF-8'?>\r\n<!-- a <!-- b -->\r\n<OpenSimDocument \
+                    Version=\"40000\">\
         <Model name=\"caf\xE9 \x96\"><credits>A & B &amp; C &unknown;</credits>\
         <Foo::Bar>1</Foo::Bar><BodySet/></Model>\r\n</OpenSimDocument>\r\n<!-- end -->";
     let document = Document::parse(strange.to_vec(), "strange.osim").expect("tolerated");
@@ -272,11 +273,13 @@ fn verif_hints_are_paths_that_lead_somewhere() {
 fn verif_a_component_set_is_read_like_the_sets_of_its_members() {
     let spring = |name: &str| {
         format!(
-            "<SpringGeneralizedForce name=\"{name}\"><coordinate>elbow_flexion</coordinate><stiffness>5</stiffness></SpringGeneralizedForce>"
+            "<SpringGeneralizedForce \
+             name=\"{name}\"><coordinate>elbow_flexion</coordinate><stiffness>5</stiffness></SpringGeneralizedForce>"
         )
     };
     let set = format!(
-        "<ComponentSet name=\"componentset\"><objects>{}<TableReporter name=\"r\"/><Odd name=\"o\"/></objects></ComponentSet>\n</Model>",
+        "<ComponentSet name=\"componentset\"><objects>{}<TableReporter name=\"r\"/><Odd \
+         name=\"o\"/></objects></ComponentSet>\n</Model>",
         spring("s")
     );
     let file = with("</Model>", &set).expect("valid");
@@ -345,8 +348,8 @@ proptest! {
     }
 }
 
-/// A set in a file of its own is read in its place (OpenSim: `Object::readObjectFromXMLNodeOrFile`), on the line that names it;
-/// one of another format version, or that is not there, is named.
+/// A set in a file of its own is read in its place (OpenSim: `Object::readObjectFromXMLNodeOrFile`), on the line that
+/// names it; one of another format version, or that is not there, is named.
 #[test]
 fn verif_sets_in_files_of_their_own() {
     let text = include_str!("../../../fixtures/multibody/forces.osim");

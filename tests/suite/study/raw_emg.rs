@@ -71,7 +71,8 @@ fn verif_excitation_is_the_envelope_over_the_largest_of_the_mvc_trials() {
 
 #[test]
 fn verif_every_constant_can_be_set() {
-    let settings = "band_pass_hz = [20, 400]\nfilter_order = 2\nrms_window_s = 0.05\nmvc_window_s = 0.2\nresample_hz = 100\n\
+    let settings = "band_pass_hz = [20, 400]\nfilter_order = 2\nrms_window_s = 0.05\nmvc_window_s = 0.2\nresample_hz = \
+                    100\n\
                     envelope = \"moving_mean_of_rectified\"\nsavitzky_golay = { order = 2, window_s = 0.03 }";
     let folder = raw_study(settings);
     let study = folder.read().unwrap_or_else(|e| panic!("{e}"));

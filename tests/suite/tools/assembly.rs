@@ -2,8 +2,8 @@
 
 use super::small_model::{Folder, table};
 
-/// Two knees in a row and a foot that is welded to the second shank: the structure of opensim-core's test of moment arms with coupled
-/// coordinates, where the knees follow half the foot's angle.
+/// Two knees in a row and a foot that is welded to the second shank: the structure of opensim-core's test of moment
+/// arms with coupled coordinates, where the knees follow half the foot's angle.
 const LEGS: &str = r#"<?xml version="1.0"?><OpenSimDocument Version="40600"><Model name="legs"><gravity>0 -9.80665 0</gravity>
 <BodySet><objects>
 <Body name="shank_1"><mass>3</mass><mass_center>0 -0.2 0</mass_center><inertia>0.05 0.005 0.05 0 0 0</inertia></Body>
@@ -50,7 +50,8 @@ fn verif_an_axis_of_several_coordinates_is_refused_by_name() {
     let axis = |name: &str, coordinates: &str, function: &str| {
         let direction = ["1 0 0", "0 1 0", "0 0 1"][usize::from(name.as_bytes()[name.len() - 1] - b'1')];
         format!(
-            "<TransformAxis name=\"{name}\"><coordinates>{coordinates}</coordinates><axis>{direction}</axis>{function}</TransformAxis>"
+            "<TransformAxis \
+             name=\"{name}\"><coordinates>{coordinates}</coordinates><axis>{direction}</axis>{function}</TransformAxis>"
         )
     };
     let one = "<LinearFunction><coefficients>1 0</coefficients></LinearFunction>";
@@ -65,21 +66,25 @@ fn verif_an_axis_of_several_coordinates_is_refused_by_name() {
             axis("translation3", "", none),
         ];
         format!(
-            "<OpenSimDocument Version=\"40600\"><Model name=\"m\"><BodySet><objects><Body name=\"body\"><mass>1</mass><mass_center>0 0 0</mass_center>\
+            "<OpenSimDocument Version=\"40600\"><Model name=\"m\"><BodySet><objects><Body \
+             name=\"body\"><mass>1</mass><mass_center>0 0 0</mass_center>\
              <inertia>0.1 0.1 0.1 0 0 0</inertia></Body></objects></BodySet><JointSet><objects><CustomJoint name=\"j\">\
              <socket_parent_frame>/ground</socket_parent_frame><socket_child_frame>/bodyset/body</socket_child_frame><coordinates>\
-             <Coordinate name=\"a\"/><Coordinate name=\"b\"/></coordinates><SpatialTransform>{}</SpatialTransform></CustomJoint></objects></JointSet>\
+             <Coordinate name=\"a\"/><Coordinate \
+             name=\"b\"/></coordinates><SpatialTransform>{}</SpatialTransform></CustomJoint></objects></JointSet>\
              </Model></OpenSimDocument>",
             axes.concat()
         )
     };
-    let polynomial = "<MultivariatePolynomialFunction><coefficients>0 1 2</coefficients><dimension>2</dimension><order>1</order>\
+    let polynomial = "<MultivariatePolynomialFunction><coefficients>0 1 \
+                      2</coefficients><dimension>2</dimension><order>1</order>\
                       </MultivariatePolynomialFunction>";
     let linear = "<LinearFunction><coefficients>1 2 0</coefficients></LinearFunction>";
     for function in [polynomial, linear] {
         folder.write("small.osim", &model(function, "a b"));
         let error = folder.error("ForwardTool", "<final_time>1e-5</final_time>");
-        let expected = "/jointset/j: rotation3 of the SpatialTransform is a function of several coordinates (a, b), which is not supported";
+        let expected = "/jointset/j: rotation3 of the SpatialTransform is a function of several coordinates (a, b), \
+                        which is not supported";
         assert!(error.contains(expected), "{error}");
     }
     // A constant takes none of them.
@@ -95,14 +100,19 @@ const HELD: f64 = 1e-5;
 fn verif_couplers_of_two_coordinates_hold_in_motion() {
     let body = |name: &str| {
         format!(
-            "<Body name=\"{name}\"><mass>1</mass><mass_center>0 -0.2 0</mass_center><inertia>0.02 0.001 0.02 0 0 0</inertia></Body>"
+            "<Body name=\"{name}\"><mass>1</mass><mass_center>0 -0.2 0</mass_center><inertia>0.02 0.001 0.02 0 0 \
+             0</inertia></Body>"
         )
     };
     let pin = |name: &str, parent: &str, at: &str, body: &str, value: &str| {
         format!(
-            "<PinJoint name=\"pin_{name}\"><socket_parent_frame>at</socket_parent_frame><socket_child_frame>/bodyset/{body}</socket_child_frame>\
-             <coordinates><Coordinate name=\"{name}\"><default_value>{value}</default_value></Coordinate></coordinates><frames>\
-             <PhysicalOffsetFrame name=\"at\"><socket_parent>{parent}</socket_parent><translation>{at}</translation><orientation>0 0 0</orientation>\
+            "<PinJoint \
+             name=\"pin_{name}\"><socket_parent_frame>at</socket_parent_frame><socket_child_frame>/bodyset/{body}</socket_child_frame>\
+             <coordinates><Coordinate \
+             name=\"{name}\"><default_value>{value}</default_value></Coordinate></coordinates><frames>\
+             <PhysicalOffsetFrame \
+             name=\"at\"><socket_parent>{parent}</socket_parent><translation>{at}</translation><orientation>0 0 \
+             0</orientation>\
              </PhysicalOffsetFrame></frames></PinJoint>"
         )
     };
@@ -110,11 +120,14 @@ fn verif_couplers_of_two_coordinates_hold_in_motion() {
         let used = if order == 1 { 3 } else { 6 };
         let written: Vec<String> = coefficients[..used].iter().map(f64::to_string).collect();
         let model = format!(
-            "<OpenSimDocument Version=\"40600\"><Model name=\"m\"><gravity>0 -9.80665 0</gravity><BodySet><objects>{}{}{}</objects></BodySet>\
-             <JointSet><objects>{}{}{}</objects></JointSet><ConstraintSet><objects><CoordinateCouplerConstraint name=\"k\">\
+            "<OpenSimDocument Version=\"40600\"><Model name=\"m\"><gravity>0 -9.80665 \
+             0</gravity><BodySet><objects>{}{}{}</objects></BodySet>\
+             <JointSet><objects>{}{}{}</objects></JointSet><ConstraintSet><objects><CoordinateCouplerConstraint \
+             name=\"k\">\
              <coupled_coordinates_function><MultivariatePolynomialFunction><coefficients>{}</coefficients><dimension>2</dimension>\
              <order>{order}</order></MultivariatePolynomialFunction></coupled_coordinates_function>\
-             <independent_coordinate_names>x y</independent_coordinate_names><dependent_coordinate_name>z</dependent_coordinate_name>\
+             <independent_coordinate_names>x \
+             y</independent_coordinate_names><dependent_coordinate_name>z</dependent_coordinate_name>\
              </CoordinateCouplerConstraint></objects></ConstraintSet></Model></OpenSimDocument>",
             body("a"),
             body("b"),

@@ -19,7 +19,8 @@ fn controls(middle: f64) -> Vec<f64> {
     let folder = tempfile::tempdir().unwrap();
     let actuator = |(name, coordinate, optimal): &(&str, &str, f64)| {
         format!(
-            "<CoordinateActuator name=\"{name}\"><coordinate>{coordinate}</coordinate><optimal_force>{optimal}</optimal_force></CoordinateActuator>"
+            "<CoordinateActuator \
+             name=\"{name}\"><coordinate>{coordinate}</coordinate><optimal_force>{optimal}</optimal_force></CoordinateActuator>"
         )
     };
     let actuators =

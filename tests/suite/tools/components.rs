@@ -1,11 +1,12 @@
-//! Forces, actuators and muscles of many classes: what OpenSim's tools write for a model of them (`fixtures/components`).
+//! Forces, actuators and muscles of many classes: what OpenSim's tools write for a model of them
+//! (`fixtures/components`).
 
 use super::references::References;
 
 /// Largest difference, relative to what is above 1.
 const TOLERANCE: f64 = 1e-9;
-/// The same where there are constraints: OpenSim's assembly, which made the states, leaves violations of up to 1e-9, which
-/// are removed here before anything is computed.
+/// The same where there are constraints: OpenSim's assembly, which made the states, leaves violations of up to 1e-9,
+/// which are removed here before anything is computed.
 const CONSTRAINED: f64 = 1e-7;
 
 const COMPONENTS: References = References {

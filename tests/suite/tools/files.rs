@@ -4,7 +4,9 @@ use std::path::Path;
 
 use carpus::storage::{Markers, Storage, printed};
 
-const STO: &str = "Coordinates\nversion=1\nnRows=2\nnColumns=3\ninDegrees=yes\n\nUnits are S.I. units\n\nendheader\ntime\ta\tb\n      0.00000000\t      1.50000000\t             nan\n      0.50000000\t     -2.00000000\t             inf\n";
+const STO: &str = "Coordinates\nversion=1\nnRows=2\nnColumns=3\ninDegrees=yes\n\nUnits are S.I. \
+                   units\n\nendheader\ntime\ta\tb\n      0.00000000\t      1.50000000\t             nan\n      \
+                   0.50000000\t     -2.00000000\t             inf\n";
 
 fn parse(text: &str, name: &str) -> Result<Storage, String> {
     Storage::parse(text.as_bytes(), Path::new(name)).map_err(|e| e.to_string())
@@ -25,7 +27,8 @@ fn verif_storage_is_read_and_written() {
 #[test]
 fn verif_storages_of_all_ages() {
     // SIMM: no version, in degrees, white space of any kind, rows that do not follow lines.
-    let simm = "name walk\ndatacolumns 3\ndatarows 2\notherdata 1\nrange 0.0 0.1\nendheader\n\n time  knee hip \r\n0  1\t2\r\n 0.1 3\n4\n";
+    let simm = "name walk\ndatacolumns 3\ndatarows 2\notherdata 1\nrange 0.0 0.1\nendheader\n\n time  knee hip \r\n0  \
+                1\t2\r\n 0.1 3\n4\n";
     let storage = parse(simm, "walk.mot").unwrap();
     assert!(storage.in_degrees && storage.name == "walk");
     assert_eq!((storage.labels.join(" "), storage.rows[1].clone()), ("knee hip".into(), vec![3.0, 4.0]));

@@ -1,4 +1,5 @@
-//! Forces of files that a setup adds to its model (`force_set_files`), and a `CorrectionController` (`fixtures/force_sets`).
+//! Forces of files that a setup adds to its model (`force_set_files`), and a `CorrectionController`
+//! (`fixtures/force_sets`).
 
 use std::path::{Path, PathBuf};
 
@@ -16,8 +17,8 @@ const FORCE_SETS: References = References {
     partly_undefined: &[],
 };
 
-/// Forces of every class, `<defaults>` of their file, a file of format 10904 with its classes and properties of old, and two
-/// names that are taken already.
+/// Forces of every class, `<defaults>` of their file, a file of format 10904 with its classes and properties of old,
+/// and two names that are taken already.
 #[test]
 fn val_opensim_forces_of_files_behind_those_of_the_model() {
     FORCE_SETS.compare("added.xml", "added", 1e-9);
@@ -147,7 +148,8 @@ fn verif_where_a_correction_controller_cannot_act_is_told() {
     let text = std::fs::read_to_string(FORCE_SETS.path(model)).unwrap();
     let set = &text[text.find("<ControllerSet>").unwrap()..];
     let set = &set[..set.find("<objects>").unwrap() + "<objects>".len()];
-    let elsewhere = "CorrectionController is not supported: OpenSim 4.6 runs it only in the <ControllerSet> of a ForwardTool's setup";
+    let elsewhere = "CorrectionController is not supported: OpenSim 4.6 runs it only in the <ControllerSet> of a \
+                     ForwardTool's setup";
     for (file, from, to, expected) in [
         (model, set, in_model.as_str(), elsewhere),
         (
@@ -227,8 +229,13 @@ fn verif_defaults_hold_for_the_files_behind() {
         default("CoordinateActuator", "<max_control>0.7</max_control>")
             + &format!("<objects>{}</objects>", actuator("GeneralizedForce", "a")),
         default("GeneralizedForce", "<optimal_force>9</optimal_force>")
-            + &format!("<objects>{}{}</objects>", actuator("CoordinateActuator", "b"), actuator("GeneralizedForce", "c")),
-        "<defaults/><objects><SpringGeneralizedForce name=\"d\"><coordinate>q1</coordinate></SpringGeneralizedForce></objects>"
+            + &format!(
+                "<objects>{}{}</objects>",
+                actuator("CoordinateActuator", "b"),
+                actuator("GeneralizedForce", "c")
+            ),
+        "<defaults/><objects><SpringGeneralizedForce \
+         name=\"d\"><coordinate>q1</coordinate></SpringGeneralizedForce></objects>"
             .to_owned(),
     ];
     let (spec, _) = file.with_force_sets(&documents.map(|text| document(&text)), false).unwrap();
@@ -254,7 +261,8 @@ fn verif_defaults_of_old_files_hold_under_todays_names() {
         let points = format!("<PathPointSet><objects>{}{}</objects></PathPointSet>", point("a", 0.0), point("b", 0.3));
         let text = format!(
             "<OpenSimDocument Version=\"{version}\"><ForceSet><defaults><Thelen2003Muscle>{defaults}</Thelen2003Muscle>\
-             </defaults><objects><Thelen2003Muscle name=\"m{i}\"><GeometryPath>{points}</GeometryPath></Thelen2003Muscle>\
+             </defaults><objects><Thelen2003Muscle \
+             name=\"m{i}\"><GeometryPath>{points}</GeometryPath></Thelen2003Muscle>\
              </objects></ForceSet></OpenSimDocument>"
         );
         Document::parse(text.into_bytes(), "forces.xml").unwrap()

@@ -3,15 +3,19 @@
 use super::small_model::{Folder, muscle, table};
 
 const ID: &str = "<coordinates_file>motion.mot</coordinates_file><lowpass_cutoff_frequency_for_coordinates>-1</lowpass_cutoff_frequency_for_coordinates>";
-const ANALYSIS: &str = "<coordinates_file>motion.mot</coordinates_file><AnalysisSet><objects><Kinematics name=\"K\"/></objects></AnalysisSet>";
+const ANALYSIS: &str = "<coordinates_file>motion.mot</coordinates_file><AnalysisSet><objects><Kinematics \
+                        name=\"K\"/></objects></AnalysisSet>";
 
 fn loads(data: &str) -> String {
     format!(
-        "<?xml version=\"1.0\"?>\n<OpenSimDocument Version=\"40500\"><ExternalLoads name=\"l\"><objects><ExternalForce name=\"push\"><applied_to_body>hand</applied_to_body><force_expressed_in_body>ground</force_expressed_in_body><point_expressed_in_body>ground</point_expressed_in_body><force_identifier>f_v</force_identifier><point_identifier>f_p</point_identifier><torque_identifier></torque_identifier></ExternalForce></objects><datafile>{data}</datafile></ExternalLoads></OpenSimDocument>\n"
+        "<?xml version=\"1.0\"?>\n<OpenSimDocument Version=\"40500\"><ExternalLoads name=\"l\"><objects><ExternalForce \
+         name=\"push\"><applied_to_body>hand</applied_to_body><force_expressed_in_body>ground</force_expressed_in_body><point_expressed_in_body>ground</point_expressed_in_body><force_identifier>f_v</force_identifier><point_identifier>f_p</point_identifier><torque_identifier></torque_identifier></ExternalForce></objects><datafile>{data}</datafile></ExternalLoads></OpenSimDocument>\n"
     )
 }
 
-const LOADS: &str = "loads\nversion=1\nnRows=4\nnColumns=8\ninDegrees=no\nendheader\ntime f_vx f_vy f_vz f_px f_py f_pz other\n0 1 2 3 0.1 0 0.2 0\n0.4 2 2 3 0.1 0.1 0.2 nan\n0.8 3 2 1 0 0.1 0.2 0\n1 -1 2 3 0.1 0.1 0.2 0\n";
+const LOADS: &str = "loads\nversion=1\nnRows=4\nnColumns=8\ninDegrees=no\nendheader\ntime f_vx f_vy f_vz f_px f_py \
+                     f_pz other\n0 1 2 3 0.1 0 0.2 0\n0.4 2 2 3 0.1 0.1 0.2 nan\n0.8 3 2 1 0 0.1 0.2 0\n1 -1 2 3 0.1 \
+                     0.1 0.2 0\n";
 
 #[test]
 fn verif_no_result_takes_the_place_of_a_file_that_is_read() {
@@ -70,7 +74,8 @@ fn verif_settings_that_nothing_can_work_with_are_refused() {
     let folder = Folder::new(&muscle("Millard2012EquilibriumMuscle", "m", ""));
     folder.write("m.trc", &markers(&[0.0]));
     let ik = "<marker_file>m.trc</marker_file>";
-    let task = "<IKTaskSet><objects><IKMarkerTask name=\"U1\"><apply>true</apply><weight>VALUE</weight></IKMarkerTask></objects></IKTaskSet>";
+    let task = "<IKTaskSet><objects><IKMarkerTask \
+                name=\"U1\"><apply>true</apply><weight>VALUE</weight></IKMarkerTask></objects></IKTaskSet>";
     let of_property = |property: &str| format!("<{property}>VALUE</{property}>");
     let analysis = ANALYSIS.replace(
         "<Kinematics name=\"K\"/>",

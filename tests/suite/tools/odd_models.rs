@@ -52,7 +52,8 @@ fn folder_of(model: &str, class: &str, inner: &str) -> tempfile::TempDir {
     let rows: String = (0..20).map(row).collect();
     write("q.mot", &format!("q\nversion=1\nnRows=20\nnColumns=3\ninDegrees=no\nendheader\ntime\tq1\tq2\n{rows}"));
     let text = format!(
-        "<OpenSimDocument Version=\"40000\"><{class} name=\"t\"><model_file>links.osim</model_file><results_directory>.</results_directory><initial_time>0.1</initial_time><final_time>0.8</final_time>{inner}</{class}></OpenSimDocument>"
+        "<OpenSimDocument Version=\"40000\"><{class} \
+         name=\"t\"><model_file>links.osim</model_file><results_directory>.</results_directory><initial_time>0.1</initial_time><final_time>0.8</final_time>{inner}</{class}></OpenSimDocument>"
     );
     write("setup.xml", &text);
     folder
@@ -86,7 +87,8 @@ fn verif_without_mass_accelerations_alone_are_not_numbers() {
 
 #[test]
 fn verif_a_joint_that_only_turns_carries_no_force() {
-    let inner = "<time_range>0.1 0.8</time_range><joints_to_report_body_forces>ALL</joints_to_report_body_forces><output_body_forces_file>joints.sto</output_body_forces_file>";
+    let inner = "<time_range>0.1 \
+                 0.8</time_range><joints_to_report_body_forces>ALL</joints_to_report_body_forces><output_body_forces_file>joints.sto</output_body_forces_file>";
     let outcome = run("1", "0.1", "InverseDynamicsTool", &format!("{MOTION}{inner}")).unwrap();
     let joints = table(&outcome, "joints.sto");
     for (label, i) in joints.labels.iter().zip(0..) {

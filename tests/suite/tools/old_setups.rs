@@ -79,7 +79,8 @@ fn verif_a_control_that_opensim_does_not_connect_is_named() {
     assert!(found.iter().any(|(line, text)| *line == 22 && text.contains("motor2 is left out")), "{found:?}");
 }
 
-/// Lines of messages are those of the file, though properties have moved; a trial that OpenSim does not run either is named.
+/// Lines of messages are those of the file, though properties have moved; a trial that OpenSim does not run either is
+/// named.
 #[test]
 fn verif_moved_properties_keep_their_lines() {
     let outcome = changed("inverse_kinematics.xml", "<time_range>", "<frames>7</frames><time_range>");

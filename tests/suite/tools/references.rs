@@ -69,8 +69,8 @@ impl References {
         validation::assert_passed(&rows);
     }
 
-    /// Simulates forward; every state is that of OpenSim's integrator at an accuracy of 1e-9, within `tolerance`, and so is
-    /// what analyses wrote that have a reference.
+    /// Simulates forward; every state is that of OpenSim's integrator at an accuracy of 1e-9, within `tolerance`, and
+    /// so is what analyses wrote that have a reference.
     ///
     /// - `analyses`: the ends of their files' names
     pub fn compare_forward(&self, name: &str, analyses: &[&str], tolerance: f64) {

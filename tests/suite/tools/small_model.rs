@@ -49,8 +49,10 @@ MUSCLES
 pub fn muscle(class: &str, name: &str, properties: &str) -> String {
     format!(
         "<{class} name=\"{name}\">{properties}<GeometryPath name=\"path\"><PathPointSet><objects>\
-         <PathPoint name=\"p1\"><socket_parent_frame>/bodyset/upper</socket_parent_frame><location>0.02 -0.02 0</location></PathPoint>\
-         <PathPoint name=\"p2\"><socket_parent_frame>/bodyset/fore</socket_parent_frame><location>0.03 -0.05 0</location></PathPoint>\
+         <PathPoint name=\"p1\"><socket_parent_frame>/bodyset/upper</socket_parent_frame><location>0.02 -0.02 \
+         0</location></PathPoint>\
+         <PathPoint name=\"p2\"><socket_parent_frame>/bodyset/fore</socket_parent_frame><location>0.03 -0.05 \
+         0</location></PathPoint>\
          </objects></PathPointSet></GeometryPath><max_isometric_force>500</max_isometric_force>\
          <optimal_fiber_length>0.12</optimal_fiber_length></{class}>"
     )
@@ -64,7 +66,8 @@ pub fn model(muscles: &str) -> String {
 /// A setup of a tool with the model `small.osim` and results in the setup's folder.
 pub fn setup(class: &str, inner: &str) -> String {
     format!(
-        "<?xml version=\"1.0\" encoding=\"UTF-8\" ?>\n<OpenSimDocument Version=\"40500\">\n<{class} name=\"run\">\n<model_file>small.osim</model_file>\n<results_directory>RESULTS</results_directory>\n{inner}\n</{class}>\n</OpenSimDocument>\n"
+        "<?xml version=\"1.0\" encoding=\"UTF-8\" ?>\n<OpenSimDocument Version=\"40500\">\n<{class} \
+         name=\"run\">\n<model_file>small.osim</model_file>\n<results_directory>RESULTS</results_directory>\n{inner}\n</{class}>\n</OpenSimDocument>\n"
     )
 }
 

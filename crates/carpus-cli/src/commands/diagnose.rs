@@ -161,7 +161,10 @@ fn readable(diagnosis: &Diagnosis) -> String {
     text.push_str("\nRMSE in % of the session's MVC moment\n");
     text.push_str(&table(&["trials", "as given", "muscles refitted", "with effect", "noise floor"], 1, rows));
     if matches!(diagnosis.verdict, Verdict::Dominant | Verdict::Several) {
-        text.push_str("\n\nMissing effects: probability, and share of the model's mean squared error that each takes beside those above it\n");
+        text.push_str(
+            "\n\nMissing effects: probability, and share of the model's mean squared error that each takes \
+                       beside those above it\n",
+        );
         let header = ["effect", "probability", "training %", "held out %", "parameters, 95 % intervals"];
         text.push_str(&table(&header, 4, several_rows(diagnosis)));
         text.push_str("\n`carpus effect auto STUDY` adds them, one after the other");

@@ -59,8 +59,10 @@ fn overview(effects: &[&'static Description]) -> String {
         .map(|e| format!("\n{}: your own, of {}", e.defined().id, e.defined().file.display()))
         .collect();
     format!(
-        "{}\n\n{} effects. native: a component or property of stock OpenSim 4.6 gives its moment; controls: no component \
-         of it exists, and it could be baked into the excitations;\nside-car: neither. `effect add` keeps both in effects.toml, beside \
+        "{}\n\n{} effects. native: a component or property of stock OpenSim 4.6 gives its moment; controls: no \
+         component \
+         of it exists, and it could be baked into the excitations;\nside-car: neither. `effect add` keeps both in \
+         effects.toml, beside \
          the model. carpus effects ID tells all about one.{}",
         table(&["effect", "what it is", "acts on", "in a model", "identifiable"], 5, rows),
         effects.len(),

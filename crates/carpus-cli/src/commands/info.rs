@@ -26,7 +26,8 @@ pub fn run(args: &InfoArgs, global: &Global) -> Result<(), Failure> {
 fn readable(info: &Info, all: bool) -> String {
     let mut text = format!("{} (format {}, {})\n", info.model, info.document_version, info.file);
     text.push_str(&format!(
-        "{} bodies, {} joints, {} coordinates, {} muscles, {} other forces, {} wrap objects, {} constraints, {} markers\n\n",
+        "{} bodies, {} joints, {} coordinates, {} muscles, {} other forces, {} wrap objects, {} constraints, {} \
+         markers\n\n",
         info.bodies,
         info.joints,
         info.coordinates.len(),

@@ -71,7 +71,8 @@ pub fn readable(outcomes: &[Results]) -> String {
     for results in outcomes {
         if let Some(part) = results.part_of_the_way.filter(|part| *part < 1.0) {
             text.push_str(&format!(
-                "\n\n{}: {:.0} % of the way from the given model to the fit, as left-out training trials are predicted best",
+                "\n\n{}: {:.0} % of the way from the given model to the fit, as left-out training trials are predicted \
+                 best",
                 results.participant.id,
                 100.0 * part
             ));

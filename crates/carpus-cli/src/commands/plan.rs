@@ -1,4 +1,5 @@
-//! `carpus plan`: which further trials would separate the explanations that survive, and what the trials at hand can tell.
+//! `carpus plan`: which further trials would separate the explanations that survive, and what the trials at hand can
+//! tell.
 
 use std::path::Path;
 
@@ -68,7 +69,8 @@ fn of_effect(asked: &EffectSize, args: &PlanArgs, global: &Global) -> Result<(),
             vec![d.rival.map_or("none".to_owned(), |id| names_of(&[id])), fixed(d.z, 1), told.to_owned()]
         };
         let title = format!(
-            "{}: how far {} of this size is from the best that muscles do with others in its place (z; told apart from {SEPARABLE_Z})",
+            "{}: how far {} of this size is from the best that muscles do with others in its place (z; told apart from \
+             {SEPARABLE_Z})",
             found.participant,
             names_of(&[&asked.id])
         );

@@ -31,8 +31,9 @@ pub(crate) fn knot_count(time: &[f64]) -> usize {
     ((time[time.len() - 1] - time[0]) / KNOT_SPACING).ceil() as usize + 1
 }
 
-/// Memory that a fit takes for the noise of a trial [bytes]: what the logarithm of every muscle's excitation does on every knot in every
-/// block, three times over; and with envelopes, which a diagnosis estimates, two covariances of all knots for every muscle.
+/// Memory that a fit takes for the noise of a trial [bytes]: what the logarithm of every muscle's excitation does on
+/// every knot in every block, three times over; and with envelopes, which a diagnosis estimates, two covariances of all
+/// knots for every muscle.
 ///
 /// - `time`: of the samples [s]
 pub fn memory_of_noise(time: &[f64], muscles: usize, with_envelopes: bool) -> f64 {
@@ -54,8 +55,8 @@ pub(crate) fn between_knots(values: &DVector<f64>, t: f64) -> f64 {
 /// Width of the bend by which excitations come to rest below 1, of their logarithm.
 const BEND: f64 = 0.02;
 
-/// An excitation below 1: `e (1 + e^(1/β))^-β`, β = 0.02. Muscles are not excited by more than 1, and a correction that would ask for more
-/// must see that it changes nothing.
+/// An excitation below 1: `e (1 + e^(1/β))^-β`, β = 0.02. Muscles are not excited by more than 1, and a correction that
+/// would ask for more must see that it changes nothing.
 fn bounded(excitation: f64) -> f64 {
     excitation * (1.0 + excitation.powf(1.0 / BEND)).powf(-BEND)
 }

@@ -5,8 +5,8 @@ use super::Analysis;
 
 /// Least white noise of the moment at a wrist [N·m].
 ///
-/// A torque that was filtered has none, and less of what the muscles did, too: with 0.003 N·m or less, a filter of 6 Hz alone can raise an
-/// alarm.
+/// A torque that was filtered has none, and less of what the muscles did, too: with 0.003 N·m or less, a filter of 6 Hz
+/// alone can raise an alarm.
 const LEAST_WHITE_AT_WRIST: f64 = 0.01;
 
 impl Analysis<'_> {

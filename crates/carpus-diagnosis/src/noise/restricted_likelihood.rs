@@ -19,10 +19,11 @@ const USUAL_FACTOR: f64 = 1.5;
 /// Standard deviation of slow disturbances between directions of effort, as a factor.
 const DIRECTION_FACTOR: f64 = 1.5;
 
-/// Restricted maximum likelihood of the variances, by Fisher scoring with the exact gradient. The EMG's have a prior, what
-/// laboratories usually see ([`NoiseLevels::default`]; standard deviations times or over 2.25 in 95 of 100): of the gain per
-/// trial a session says little, because it has few trials and many directions compete for what differs between them. Slow
-/// disturbances of one direction of effort are expected to be those of the others, times or over a factor.
+/// Restricted maximum likelihood of the variances, by Fisher scoring with the exact gradient. The EMG's have a prior,
+/// what laboratories usually see ([`NoiseLevels::default`]; standard deviations times or over 2.25 in 95 of 100): of
+/// the gain per trial a session says little, because it has few trials and many directions compete for what differs
+/// between them. Slow disturbances of one direction of effort are expected to be those of the others, times or over a
+/// factor.
 ///
 /// ```text
 /// ∂ℓ/∂σᵢ² = ½ (rᵀ P Vᵢ P r − tr(P Vᵢ)),   Iᵢⱼ ≈ ½ tr(V⁻¹ Vᵢ V⁻¹ Vⱼ)
@@ -85,8 +86,8 @@ pub fn prior_deviance(levels: &NoiseLevels) -> f64 {
     priors(levels).map(|(i, mean, precision)| precision * (levels.0[i].ln() - mean).powi(2)).sum()
 }
 
-/// How well the variances are known: covariance of their logarithms, from `½ tr(P Vᵢ P Vⱼ)` of the trials' own blocks of P and
-/// what is expected before the data.
+/// How well the variances are known: covariance of their logarithms, from `½ tr(P Vᵢ P Vⱼ)` of the trials' own blocks
+/// of P and what is expected before the data.
 ///
 /// - `trials`, `precision`: as for [`estimate`]
 pub fn spread(
@@ -155,8 +156,8 @@ const LENGTHS: [f64; 2] = [0.02, 1.5];
 /// Ratio of neighbouring lengths that are compared.
 const LENGTH_RATIO: f64 = 1.4;
 
-/// The kernel of least `deviance`: of every family the best length, found by steps from the length at hand and then where the
-/// parabola through the best and its neighbours is least.
+/// The kernel of least `deviance`: of every family the best length, found by steps from the length at hand and then
+/// where the parabola through the best and its neighbours is least.
 ///
 /// - `families`: that are compared
 pub fn best_kernel(start: &Kernel, families: &[Family], mut deviance: impl FnMut(&Kernel) -> f64) -> Kernel {

@@ -237,7 +237,8 @@ impl Definition {
             let value: f64 = self.expression.value_at(&values);
             if !value.is_finite() || derivatives.into_iter().any(|d| !d.is_finite()) {
                 let found = if value.is_finite() { "a derivative that is none".to_owned() } else { format!("{value}") };
-                let hint = "what it divides by, and the argument of a root or logarithm, must not be 0 or negative there: \
+                let hint = "what it divides by, and the argument of a root or logarithm, must not be 0 or negative \
+                            there: \
                             narrow a plausible range, or add a small number";
                 let found = format!("{found} at {}", self.told(&values));
                 return Some(refused("formula", "a number over all plausible ranges", &found, hint.to_owned()));
@@ -310,7 +311,8 @@ fn formula_fault(error: &ExpressionError, parameters: &[&str], place: Place) -> 
             let (expected, of_muscles) = ("a variable, a parameter or pi".to_owned(), place.words_of_muscles());
             let hint = match (nearest(name, known()), name.as_str()) {
                 (_, name) if name.starts_with("F_") => {
-                    "the force of a tendon depends on the parameters that are fitted beside the effect and cannot be read: take \
+                    "the force of a tendon depends on the parameters that are fitted beside the effect and cannot be \
+                     read: take \
                      tau, the muscles' moment, or an activation"
                         .to_owned()
                 }
@@ -418,9 +420,12 @@ fn is_word(name: &str) -> bool {
 mod tests {
     use super::*;
 
-    const SOUND: &str = "[effect]\nid = \"drag\"\nname = \"Drag\"\nstage = \"joint\"\nformula = \"-b*abs(qdot)^p*sign(qdot)\"\n\n\
-                         [parameters.b]\nunit = \"N·m·(s/rad)\"\nrole = \"amplitude\"\nplausible = [0, 1]\nsource = \"a guess\"\n\n\
-                         [parameters.p]\nunit = \"1\"\nrole = \"shape\"\nstart = 0.5\nplausible = [0.1, 2]\nsource = \"a guess\"\n";
+    const SOUND: &str = "[effect]\nid = \"drag\"\nname = \"Drag\"\nstage = \"joint\"\nformula \
+                         = \"-b*abs(qdot)^p*sign(qdot)\"\n\n\
+                         [parameters.b]\nunit = \"N·m·(s/rad)\"\nrole = \"amplitude\"\nplausible = [0, 1]\nsource \
+                         = \"a guess\"\n\n\
+                         [parameters.p]\nunit = \"1\"\nrole = \"shape\"\nstart = 0.5\nplausible = [0.1, 2]\nsource \
+                         = \"a guess\"\n";
 
     fn parsed(text: &str) -> Result<Definition, Vec<Problem>> {
         Definition::parse(text, Path::new("drag.toml"))

@@ -2,8 +2,8 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, LU};
 
-/// A pivot below this share of the largest is none: something that moves has no mass. Ten times the rounding of matrices of
-/// some fifty rows.
+/// A pivot below this share of the largest is none: something that moves has no mass. Ten times the rounding of
+/// matrices of some fifty rows.
 const NO_MASS: f64 = 1e-14;
 
 /// The decomposition of a mass matrix.
@@ -27,8 +27,8 @@ impl MassSolver {
         is_regular.then_some(MassSolver::Indefinite(indefinite))
     }
 
-    /// As [`MassSolver::of`], of a matrix whose diagonal is 1 or -1: also `None` where a positive definite one has a pivot
-    /// at the level of rounding.
+    /// As [`MassSolver::of`], of a matrix whose diagonal is 1 or -1: also `None` where a positive definite one has a
+    /// pivot at the level of rounding.
     pub fn of_scaled(matrix: DMatrix<f64>) -> Option<MassSolver> {
         let solver = MassSolver::of(matrix)?;
         match &solver {

@@ -1,7 +1,7 @@
 //! Free coordinates, and all others as functions of them: couplers, locked and prescribed coordinates.
 //!
-//! Couplers of several coordinates, and coordinates whose speeds are not their rates, are not reduced: they stay free, and
-//! constraints hold them.
+//! Couplers of several coordinates, and coordinates whose speeds are not their rates, are not reduced: they stay free,
+//! and constraints hold them.
 
 use super::error::PlantError;
 use crate::multibody::{Coupler, Model};

@@ -162,9 +162,9 @@ impl BushingForce {
         self.rotational_damping != Vector3::zeros() || self.translational_damping != Vector3::zeros()
     }
 
-    /// Whether the force grows without bound towards θy = ±π/2, where the angles have their pole: whether rotation about
-    /// x or z is damped. A motion that comes near is drawn into the pole, since a damper that turns it aside is ever
-    /// stronger, D/cos² θy.
+    /// Whether the force grows without bound towards θy = ±π/2, where the angles have their pole: whether rotation
+    /// about x or z is damped. A motion that comes near is drawn into the pole, since a damper that turns it aside is
+    /// ever stronger, D/cos² θy.
     pub fn has_pole(&self) -> bool {
         self.rotational_damping.x != 0.0 || self.rotational_damping.z != 0.0
     }

@@ -14,8 +14,8 @@ use carpus_osim::osim::spec::{CoordinateIndex, ForceKind, ForceSpec, MotionType}
 /// f = −K_up·s_up·(q − q_up) + K_low·s_low·(q_low − q) − d·(s_up + s_low)·u
 /// ```
 /// The file gives limits and transition in degrees and stiffness and damping per degree if, and only if, the coordinate
-/// is rotational; here they are SI. OpenSim computes the damping from s·K/K and so gives NaN for zero stiffness; here it
-/// is d·s also then.
+/// is rotational; here they are SI. OpenSim computes the damping from s·K/K and so gives NaN for zero stiffness; here
+/// it is d·s also then.
 #[derive(Clone, Debug)]
 pub struct CoordinateLimitForce {
     /// The coordinate.

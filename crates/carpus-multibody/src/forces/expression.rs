@@ -5,7 +5,8 @@ use crate::multibody::{Cache, Model};
 use carpus_osim::functions::Expression;
 use carpus_osim::osim::spec::{CoordinateIndex, ForceKind, ForceSpec};
 
-/// OpenSim's `ExpressionBasedCoordinateForce`: f(q, u), of value and speed, which formulas call `qdot`, in SI units always.
+/// OpenSim's `ExpressionBasedCoordinateForce`: f(q, u), of value and speed, which formulas call `qdot`, in SI units
+/// always.
 #[derive(Clone, Debug)]
 pub struct ExpressionBasedCoordinateForce {
     /// The coordinate.

@@ -230,14 +230,14 @@ impl Forces {
 
     /// Adds what [`Forces::forces`] do to bodies and coordinates.
     ///
-    /// - `q`, `u`: coordinates and speeds, for which `cache` holds positions and velocities. What damps a coordinate sees its
-    ///   speed as OpenSim defines it ([`Model::speeds_of_rates`]), which in some joints is not its rate.
+    /// - `q`, `u`: coordinates and speeds, for which `cache` holds positions and velocities. What damps a coordinate
+    ///   sees its speed as OpenSim defines it ([`Model::speeds_of_rates`]), which in some joints is not its rate.
     pub fn apply(&self, model: &Model, q: &[f64], u: &[f64], cache: &Cache, applied: &mut AppliedForces) {
         self.forces.iter().for_each(|force| force.apply(model, q, u, cache, applied));
     }
 
-    /// Every force of which OpenSim keeps the energy that its damping took up, in the order of the file: `BushingForce`, and
-    /// `CoordinateLimitForce` where it says so.
+    /// Every force of which OpenSim keeps the energy that its damping took up, in the order of the file:
+    /// `BushingForce`, and `CoordinateLimitForce` where it says so.
     pub fn dampers(&self) -> impl Iterator<Item = &Force> {
         self.forces.iter().filter(|force| match &force.law {
             ForceLaw::Bushing(bushing) => matches!(bushing.law, BushingLaw::Linear(_)),

@@ -142,8 +142,8 @@ fn orientation(axes: &[Vector3<f64>; 3], angles: [f64; 3]) -> Matrix3<f64> {
     third * second * first
 }
 
-/// End of an arc that leaves the origin along y and ends tangent to the y axis of a frame turned by `x` about x, then by
-/// `z` about z.
+/// End of an arc that leaves the origin along y and ends tangent to the y axis of a frame turned by `x` about x, then
+/// by `z` about z.
 ///
 /// OpenSim's velocities of this joint contradict its poses: `getEulerJacobian` gives them in the child frame, and the
 /// joint's accelerations lack all terms in the squares of speeds. Here they are those of the poses.

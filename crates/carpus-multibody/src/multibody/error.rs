@@ -68,9 +68,11 @@ pub enum CompileError {
         /// z component found.
         z: f64,
     },
-    /// An axis of a CustomJoint is a function of more than one coordinate, which OpenSim computes and this program does not.
+    /// An axis of a CustomJoint is a function of more than one coordinate, which OpenSim computes and this program does
+    /// not.
     #[error(
-        "{}: {axis} of the SpatialTransform is a function of several coordinates ({coordinates}), which is not supported; expected \
+        "{}: {axis} of the SpatialTransform is a function of several coordinates ({coordinates}), which is not \
+         supported; expected \
          a function of one",
         .at.path
     )]

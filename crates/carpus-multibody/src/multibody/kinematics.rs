@@ -70,7 +70,8 @@ impl Model {
     }
 
     /// Computes the velocities of the bodies of `subset` for the rates of the coupling vector of the last
-    /// [`Model::update_unit_motion_in`] of the same bodies: their partial velocities, except where a speed is not a rate.
+    /// [`Model::update_unit_motion_in`] of the same bodies: their partial velocities, except where a speed is not a
+    /// rate.
     ///
     /// - `q`: coordinates, as given there
     pub fn update_velocities_of_unit_motion_in(&self, subset: &BodySubset, q: &[f64], cache: &mut Cache) {

@@ -67,7 +67,8 @@ pub enum EquilibriumError {
         path_length: f64,
     },
     /// The search of a class ended at no length at all.
-    #[error("{muscle}: no fibre length balances fibre and tendon, path {} m, activation {activation}", number(*path_length))]
+    #[error("{muscle}: no fibre length balances fibre and tendon, path {} m, activation \
+             {activation}", number(*path_length))]
     NoLength {
         /// Muscle name.
         muscle: String,

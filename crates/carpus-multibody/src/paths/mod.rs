@@ -1,7 +1,7 @@
 //! Muscle paths: points, wrapping, lengths, lengthening speeds, moment arms.
 //!
-//! In: a [`PathSpec`](carpus_osim::osim::spec::PathSpec), the compiled skeleton and the poses of its bodies. Out: the path's
-//! length [m], the points that it runs through, its lengthening speed [m/s] and its effective moment arm about a
+//! In: a [`PathSpec`](carpus_osim::osim::spec::PathSpec), the compiled skeleton and the poses of its bodies. Out: the
+//! path's length [m], the points that it runs through, its lengthening speed [m/s] and its effective moment arm about a
 //! coordinate [m, or dimensionless about a translation]. Forces are not here.
 //!
 //! ```text

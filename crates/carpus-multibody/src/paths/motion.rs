@@ -17,12 +17,12 @@ impl Path {
     /// ```text
     /// r_c = Σ ê·(v_from − v_to)          over segments between different bodies
     /// ```
-    /// with ê the unit vector along the segment and v the velocities of its ends for unit speed of c, couplers followed:
-    /// the generalized force about c of a path under unit tension, −dL/dq_c while the points of the path stay where
-    /// they are. Positive when tension increases the coordinate, as OpenSim's `Muscle.computeMomentArm`.
+    /// with ê the unit vector along the segment and v the velocities of its ends for unit speed of c, couplers
+    /// followed: the generalized force about c of a path under unit tension, −dL/dq_c while the points of the path stay
+    /// where they are. Positive when tension increases the coordinate, as OpenSim's `Muscle.computeMomentArm`.
     ///
-    /// The wrap points count as fixed to their surface. A moving point adds its motion in its body only through segments
-    /// to another body, as in OpenSim. Points that coincide add nothing, where OpenSim's result is NaN.
+    /// The wrap points count as fixed to their surface. A moving point adds its motion in its body only through
+    /// segments to another body, as in OpenSim. Points that coincide add nothing, where OpenSim's result is NaN.
     ///
     /// - `q`: coordinates as given to [`Path::update`]
     /// - `cache`: after [`Model::update_unit_motion`](crate::multibody::Model::update_unit_motion) for c at `q`
@@ -85,7 +85,8 @@ impl Path {
         }
     }
 
-    /// Velocity of a current point in ground [m/s] when its base moves with `base_velocity` and coordinates with `rates`.
+    /// Velocity of a current point in ground [m/s] when its base moves with `base_velocity` and coordinates with
+    /// `rates`.
     #[inline]
     #[allow(non_snake_case)]
     fn velocity(

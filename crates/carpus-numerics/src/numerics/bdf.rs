@@ -1,5 +1,5 @@
-//! Integration of stiff differential equations by numerical differentiation formulas of order 1 to 5, with variable step
-//! and a Jacobian that is kept as long as Newton's method converges with it.
+//! Integration of stiff differential equations by numerical differentiation formulas of order 1 to 5, with variable
+//! step and a Jacobian that is kept as long as Newton's method converges with it.
 //!
 //! # References
 //! Shampine LF, Reichelt MW (1997), The MATLAB ODE suite, doi:10.1137/S1064827594276424. Byrne GD, Hindmarsh AC (1975),
@@ -179,8 +179,8 @@ impl Bdf {
         })
     }
 
-    /// Keeps steps within a range. A step of the least length is taken whatever its error, as in Simbody's integrators; the
-    /// last step before an end may be shorter.
+    /// Keeps steps within a range. A step of the least length is taken whatever its error, as in Simbody's integrators;
+    /// the last step before an end may be shorter.
     ///
     /// - `range`: least and largest step [s]
     pub fn with_step_range(mut self, range: [f64; 2]) -> Bdf {

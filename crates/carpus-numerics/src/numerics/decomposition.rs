@@ -24,7 +24,8 @@ const BLOCK: usize = 24;
 
 /// Factor L with L Lᵀ a symmetric matrix, of which the lower triangle is read; `None` if it is not positive definite.
 ///
-/// By blocks of columns (Golub & Van Loan, Matrix Computations, section 4.2.9), so that most of the work is products of matrices.
+/// By blocks of columns (Golub & Van Loan, Matrix Computations, section 4.2.9), so that most of the work is products of
+/// matrices.
 pub fn cholesky(mut matrix: DMatrix<f64>) -> Option<Cholesky<f64, Dyn>> {
     let n = matrix.nrows();
     for start in (0..n).step_by(BLOCK) {

@@ -4,8 +4,8 @@ use nalgebra::{DMatrix, DVector, Dyn, LU};
 use std::ops::Range;
 
 /// Factors of `I − c J`, where J is 0 between the groups: `[A B; C D]` with D block by block, by the complement
-/// `A − B D⁻¹ C`. Of this the leading unknowns that do not act on one another, as coordinates whose rates are speeds, are
-/// eliminated in the same way: `[I P; Q R]` by `R − Q P`.
+/// `A − B D⁻¹ C`. Of this the leading unknowns that do not act on one another, as coordinates whose rates are speeds,
+/// are eliminated in the same way: `[I P; Q R]` by `R − Q P`.
 #[derive(Clone, Debug)]
 pub struct Grouped {
     /// Unknowns before all groups.

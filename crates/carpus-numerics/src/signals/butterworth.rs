@@ -53,7 +53,8 @@ impl Butterworth {
     ///
     /// # Errors
     /// - [`SignalError::SampleRate`], [`SignalError::Order`]
-    /// - [`SignalError::Cutoff`]: not inside (0, half the sample rate), or a band whose upper edge is not above its lower
+    /// - [`SignalError::Cutoff`]: not inside (0, half the sample rate), or a band whose upper edge is not above its
+    ///   lower
     pub fn design(&self, sample_rate_hz: f64) -> Result<SecondOrderSections, SignalError> {
         positive_rate(sample_rate_hz)?;
         if !(1..=MAX_ORDER).contains(&self.order) {

@@ -9,13 +9,13 @@ const HIGHEST_HARMONIC: usize = 3;
 /// Half width of the neighbourhood that a mains line is compared with \[Hz\].
 const NEIGHBOURHOOD_HZ: std::ops::Range<f64> = 4.0..10.0;
 
-/// Half the time that belongs to a sample that stands out \[s\]: an artefact of a switch or a cable is over after that, and
-/// slower drift is no part of it.
+/// Half the time that belongs to a sample that stands out \[s\]: an artefact of a switch or a cable is over after that,
+/// and slower drift is no part of it.
 const OWN_TIME_S: f64 = 0.025;
 /// Half the time whose signal a sample is compared with \[s\]: an effort hardly changes within it.
 const ABOUT_S: f64 = 0.25;
-/// Quantile of the signal's size about a sample that stands for that signal: of noise with normal distribution two standard
-/// deviations, and few further artefacts do not move it.
+/// Quantile of the signal's size about a sample that stands for that signal: of noise with normal distribution two
+/// standard deviations, and few further artefacts do not move it.
 const QUANTILE_ABOUT: f64 = 0.95;
 /// Fewest samples that say what the signal about a sample is.
 const FEWEST_ABOUT: usize = 20;
@@ -33,10 +33,11 @@ pub struct QualityLimits {
     pub mains_prominence: f64,
     /// Excitation (1 = MVC) above which the MVC trials were no maximum.
     pub above_mvc: f64,
-    /// How many times a sample has to exceed the signal about it to be an artefact. The largest of a million samples of normal
-    /// noise does so 2.5 times, action potentials of single motor units in an effort up to 5 times.
+    /// How many times a sample has to exceed the signal about it to be an artefact. The largest of a million samples of
+    /// normal noise does so 2.5 times, action potentials of single motor units in an effort up to 5 times.
     pub artefact_ratio: f64,
-    /// Excitation (1 = MVC) that an artefact has to cause to be worth a look: single motor units stand out of silence, too.
+    /// Excitation (1 = MVC) that an artefact has to cause to be worth a look: single motor units stand out of silence,
+    /// too.
     pub artefact_excitation: f64,
 }
 
@@ -135,7 +136,8 @@ pub fn check_excitation(excitation: &[f64], limits: &QualityLimits) -> Option<Fi
     (above > 0).then(|| Finding::AboveMvc { highest, fraction: above as f64 / excitation.len() as f64 })
 }
 
-/// Checks a raw channel for an artefact that matters: the sample that stands out most, if its envelope is an excitation.
+/// Checks a raw channel for an artefact that matters: the sample that stands out most, if its envelope is an
+/// excitation.
 ///
 /// - `excitation`: the channel's envelope over its level at maximum voluntary contraction, at the same samples
 pub fn check_artefact(raw: &[f64], excitation: &[f64], sample_rate_hz: f64, limits: &QualityLimits) -> Option<Finding> {

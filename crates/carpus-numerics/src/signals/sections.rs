@@ -83,7 +83,8 @@ impl SecondOrderSections {
     ///
     /// The signal is first continued at both ends by its point reflection (`padtype = "odd"`) over [`Self::edge`]
     /// samples, and each pass starts in the steady state of its first sample: the semantics of
-    /// `scipy.signal.sosfiltfilt` with default arguments. (`filtfilt` of the same filter differs by rounding, some 1e-11.)
+    /// `scipy.signal.sosfiltfilt` with default arguments. (`filtfilt` of the same filter differs by rounding, some
+    /// 1e-11.)
     ///
     /// # Errors
     /// - [`SignalError::TooShort`]: not more samples than [`Self::edge`]

@@ -6,10 +6,10 @@
 //! x_i ~ N(μ, diag τ²),   data of person i: exp(−½ x_iᵀ Λ_i x_i + η_iᵀ x_i),   μ_k ~ N(0, s_k²),   τ_k ~ |N(0, s_k²)|
 //! ```
 //! Quantities are counted from what was expected before anyone was measured, s_k is how far off that may have been; the
-//! half-normal law keeps few persons from being taken for all alike (Gelman 2006, doi:10.1214/06-BA117A). What a person's data
-//! say of one quantity depends on the others (a longer tendon for a stronger muscle): information comes as matrices, so that
-//! what all persons' data leave open together is not mistaken for something that they all tell. Drawn by Gibbs' sampler
-//! (Gelman et al. 2013, Bayesian Data Analysis, 3rd ed., sections 5.4 and 11.1).
+//! half-normal law keeps few persons from being taken for all alike (Gelman 2006, doi:10.1214/06-BA117A). What a
+//! person's data say of one quantity depends on the others (a longer tendon for a stronger muscle): information comes
+//! as matrices, so that what all persons' data leave open together is not mistaken for something that they all tell.
+//! Drawn by Gibbs' sampler (Gelman et al. 2013, Bayesian Data Analysis, 3rd ed., sections 5.4 and 11.1).
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rand::{RngExt, SeedableRng};
@@ -29,7 +29,8 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// What the data add to a standard normal prior, from a normal posterior: nothing along axes on which it is not narrower.
+    /// What the data add to a standard normal prior, from a normal posterior: nothing along axes on which it is not
+    /// narrower.
     ///
     /// - `covariance`, `mean`: of the posterior; finite
     pub fn of_posterior(covariance: DMatrix<f64>, mean: &DVector<f64>) -> Evidence {
@@ -52,7 +53,8 @@ impl Evidence {
 pub struct Population {
     /// Expected value.
     pub mean: f64,
-    /// Standard deviation of the next person's value: spread between persons, and what is not known of it and of the mean.
+    /// Standard deviation of the next person's value: spread between persons, and what is not known of it and of the
+    /// mean.
     pub sd: f64,
     /// Expected spread between persons.
     pub between: f64,
@@ -153,8 +155,8 @@ fn normal(rng: &mut ChaCha8Rng) -> f64 {
     normal_quantile(((rng.random::<u64>() >> 12) as f64 + 0.5) / 2.0_f64.powi(52))
 }
 
-/// A spread, given the sum of squared distances of `count` values from their mean: on a geometric grid, between its points
-/// evenly.
+/// A spread, given the sum of squared distances of `count` values from their mean: on a geometric grid, between its
+/// points evenly.
 fn draw_spread(squares: f64, count: f64, before: f64, rng: &mut ChaCha8Rng) -> f64 {
     let step = (GREATEST_SHARE / LEAST_SHARE).ln() / (SPREADS - 1) as f64;
     let logarithm = |place: f64| (before * LEAST_SHARE).ln() + step * place;
@@ -196,7 +198,8 @@ mod tests {
 
     #[test]
     fn verif_evidence_is_what_a_posterior_has_beyond_its_prior() {
-        // Data: two combinations of three quantities. The posterior's precision is 1 + AᵀA, its mean solves (1 + AᵀA) m = Aᵀ y.
+        // Data: two combinations of three quantities. The posterior's precision is 1 + AᵀA, its mean solves (1 + AᵀA) m
+        // = Aᵀ y.
         let a = DMatrix::from_row_slice(2, 3, &[2.0, 1.0, 0.0, -1.0, 3.0, 0.5]);
         let y = DVector::from_column_slice(&[1.5, -0.7]);
         let information = a.tr_mul(&a);
@@ -233,7 +236,8 @@ mod tests {
         assert!((found.between / between - 1.0).abs() < 0.07, "{} {between}", found.between);
     }
 
-    /// Two quantities of which the data know the sum alone: how it is shared stays as it was, however many persons say so.
+    /// Two quantities of which the data know the sum alone: how it is shared stays as it was, however many persons say
+    /// so.
     #[test]
     fn verif_what_no_person_tells_is_not_learnt_from_many() {
         let sum_is = |value: f64| {

@@ -30,10 +30,10 @@ impl Sphericity {
     /// - `covariance`: S, d × d, of the scores of n participants on orthonormal contrasts
     ///
     /// # References
-    /// Mauchly (1940), doi:10.1214/aoms/1177731915; Greenhouse & Geisser (1959), doi:10.1007/BF02289823;
-    /// Huynh & Feldt (1976), doi:10.3102/10769986001001069. The p-value has the second-order term of Anderson (2003), An
-    /// Introduction to Multivariate Statistical Analysis, section 10.7.4. (R and pingouin use
-    /// the number of conditions for one d of that term, which moves p by less than 0.001.)
+    /// Mauchly (1940), doi:10.1214/aoms/1177731915; Greenhouse & Geisser (1959), doi:10.1007/BF02289823; Huynh & Feldt
+    /// (1976), doi:10.3102/10769986001001069. The p-value has the second-order term of Anderson (2003), An Introduction
+    /// to Multivariate Statistical Analysis, section 10.7.4. (R and pingouin use the number of conditions for one d of
+    /// that term, which moves p by less than 0.001.)
     pub(super) fn of_contrasts(covariance: &DMatrix<f64>, n: usize) -> Self {
         let (d, n) = (covariance.nrows() as f64, n as f64);
         let trace = covariance.trace();

@@ -1,5 +1,5 @@
-//! Formulas in named variables, as `ExpressionBasedCoordinateForce` (`q`, `qdot`) and `ExpressionBasedBushingForce` hold
-//! them.
+//! Formulas in named variables, as `ExpressionBasedCoordinateForce` (`q`, `qdot`) and `ExpressionBasedBushingForce`
+//! hold them.
 //!
 //! The grammar is that of Lepton, the parser that OpenSim uses: numbers, variables, `+ - * / ^` (`^` binds to the
 //! right and before a sign: `-q^2` is `-(q^2)`), functions, parentheses, and definitions behind semicolons

@@ -1,5 +1,5 @@
-//! OpenSim's functions of one variable, and of several, with first and second derivatives; and formulas in a coordinate and
-//! its speed.
+//! OpenSim's functions of one variable, and of several, with first and second derivatives; and formulas in a coordinate
+//! and its speed.
 //!
 //! In: a [`FunctionSpec`] as the file states it. Out: a [`Function`] with all coefficients computed, which evaluates
 //! exactly as OpenSim 4.6 does, extrapolation included, without allocating.
@@ -223,7 +223,8 @@ impl Function {
     }
 
     /// The value that OpenSim computes where it passes no argument at all, as for an axis of a CustomJoint without
-    /// coordinates: a `LinearFunction` gives its first coefficient. `None` where OpenSim reads an argument all the same.
+    /// coordinates: a `LinearFunction` gives its first coefficient. `None` where OpenSim reads an argument all the
+    /// same.
     pub fn value_of_nothing(&self) -> Option<f64> {
         match &self.kind {
             Kind::Constant(value) => Some(*value),

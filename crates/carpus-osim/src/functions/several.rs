@@ -5,7 +5,8 @@ use crate::osim::spec::FunctionSpec;
 
 /// A function of several variables: a sum of products of powers of them.
 ///
-/// OpenSim: `MultivariatePolynomialFunction`, `LinearFunction` of several variables, `Constant`, `MultiplierFunction` of these.
+/// OpenSim: `MultivariatePolynomialFunction`, `LinearFunction` of several variables, `Constant`, `MultiplierFunction`
+/// of these.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FunctionOfSeveral {
     /// Number of variables.

@@ -22,8 +22,8 @@ pub struct IncludeError {
     pub source: Option<OsimError>,
 }
 
-/// A document with the files that its objects name in their place, on the same line, so that lines stay what they are; with
-/// the first of them that cannot be, which is left as it is, as are those after it.
+/// A document with the files that its objects name in their place, on the same line, so that lines stay what they are;
+/// with the first of them that cannot be, which is left as it is, as are those after it.
 ///
 /// Relative files are sought beside the document, as OpenSim does (`Object::readObjectFromXMLNodeOrFile`).
 ///

@@ -62,8 +62,8 @@ impl OsimFile {
         Ok(OsimFile { document, spec, diagnostics })
     }
 
-    /// The model as OpenSim builds it once another file was read: `<defaults>` of that one hold for it too, where it does not state
-    /// its own (`Object::updateDefaultObjectsFromXMLNode`).
+    /// The model as OpenSim builds it once another file was read: `<defaults>` of that one hold for it too, where it
+    /// does not state its own (`Object::updateDefaultObjectsFromXMLNode`).
     ///
     /// - `earlier`: such as a tool's setup
     /// - `owner`: what has the `<defaults>` there
@@ -77,9 +77,10 @@ impl OsimFile {
     /// What the model is with the forces of files added at the end of its force set, as OpenSim's tools do it
     /// (`AbstractTool::updateModelForces`), and what of each of the files was not understood.
     ///
-    /// Every file has its own format version. `<defaults>` of the model and of each file hold for the files behind it too,
-    /// property by property, as OpenSim keeps them from file to file. A force whose name the set has already is left out, with
-    /// a warning. The file itself stays as it is: elements of [`Location::source`] 1 and above are not in its document.
+    /// Every file has its own format version. `<defaults>` of the model and of each file hold for the files behind it
+    /// too, property by property, as OpenSim keeps them from file to file. A force whose name the set has already is
+    /// left out, with a warning. The file itself stays as it is: elements of [`Location::source`] 1 and above are not
+    /// in its document.
     ///
     /// - `force_sets`: documents with a `<ForceSet>` (before 2.0 `<ActuatorSet>`)
     /// - `replace`: leave out the forces of the model's own set; those among its `<components>` stay

@@ -22,8 +22,8 @@ pub fn spline(degree: usize, time: &[f64], values: &[f64]) -> Result<Function, F
 }
 
 impl Storage {
-    /// Extends the data at both ends by `size` rows of its own, mirrored about the end points, so that values and slopes
-    /// go on (`Storage::pad`, `Signal::Pad`).
+    /// Extends the data at both ends by `size` rows of its own, mirrored about the end points, so that values and
+    /// slopes go on (`Storage::pad`, `Signal::Pad`).
     pub fn pad(&mut self, size: usize) {
         let size = size.min(self.len().saturating_sub(1));
         if size == 0 {
@@ -36,7 +36,8 @@ impl Storage {
     }
 
     /// Filters every column by a low-pass Butterworth filter of third order, forward and backward
-    /// (`Storage::lowpassIIR`). Rows at uneven times are first resampled at the smallest interval by splines of degree 5.
+    /// (`Storage::lowpassIIR`). Rows at uneven times are first resampled at the smallest interval by splines of degree
+    /// 5.
     ///
     /// # Errors
     /// Splines that cannot be made.

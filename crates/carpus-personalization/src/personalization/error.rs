@@ -41,7 +41,8 @@ pub enum PersonalizationError {
     },
     /// Bounds that do not surround the model's own value.
     #[error(
-        "bounds of {property}: {lower} to {upper} times the model's value, expected 0 < lower ≤ 1 ≤ upper, lower < upper"
+        "bounds of {property}: {lower} to {upper} times the model's value, expected 0 < lower ≤ 1 ≤ upper, lower < \
+         upper"
     )]
     Bounds {
         /// OpenSim property name.

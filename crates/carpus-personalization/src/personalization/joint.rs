@@ -15,13 +15,15 @@ const STAGE: &str = "all parameters, joint mode";
 /// About how many steps an estimate tells of: starts, their noise, its autocorrelation, rounds.
 const EXPECTED_STEPS: usize = 8;
 
-/// Fits the parameters of the active muscles to the training trials: the values that are handed over, and what the trials say of each.
+/// Fits the parameters of the active muscles to the training trials: the values that are handed over, and what the
+/// trials say of each.
 ///
 /// - `progress`: called now and then, from the calling thread
 /// - `goes_on`: asked between the searches, from the calling thread
 ///
 /// # Errors
-/// No trials; no muscles; bounds that exclude the model's own values; a trial that cannot be simulated; [`PersonalizationError::Stopped`].
+/// No trials; no muscles; bounds that exclude the model's own values; a trial that cannot be simulated;
+/// [`PersonalizationError::Stopped`].
 pub fn personalize(
     problem: &MuscleProblem,
     progress: &dyn Fn(Progress),

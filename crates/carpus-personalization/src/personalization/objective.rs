@@ -4,8 +4,8 @@
 use super::TrainingTrial;
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 
-/// J of one trial (equations 3.1 to 3.4; see [`ErrorMeasures`](carpus_simulation::evaluation::ErrorMeasures)). The measured moment
-/// is not zero throughout.
+/// J of one trial (equations 3.1 to 3.4; see [`ErrorMeasures`](carpus_simulation::evaluation::ErrorMeasures)). The
+/// measured moment is not zero throughout.
 pub(super) fn objective(measured: &[f64], simulated: &[f64]) -> f64 {
     let (mut largest, mut largest_error, mut absolute) = (0.0_f64, 0.0_f64, 0.0);
     let (mut product, mut square) = (0.0, 0.0);

@@ -35,8 +35,8 @@ pub struct FittedParameter {
     pub estimate: Option<MuscleEstimate>,
 }
 
-/// All fitted parameters as one vector of factors: optimal fibre lengths of all muscles, then tendon slack lengths, then
-/// maximum isometric forces.
+/// All fitted parameters as one vector of factors: optimal fibre lengths of all muscles, then tendon slack lengths,
+/// then maximum isometric forces.
 #[derive(Clone, Debug)]
 pub(super) struct ParameterSpace {
     muscles: Vec<String>,

@@ -224,8 +224,8 @@ impl MorrisSample {
 }
 
 impl MorrisResult {
-    /// μ* from the first r of the starts, for each r of `starts`: whether more would change it. Numbers below 2 or above
-    /// the starts there are are passed over.
+    /// μ* from the first r of the starts, for each r of `starts`: whether more would change it. Numbers below 2 or
+    /// above the starts there are are passed over.
     pub fn convergence(&self, starts: &[usize]) -> Vec<MorrisConvergence> {
         let available = self.effects.first().map_or(0, Vec::len);
         let of_first = |r: usize| {

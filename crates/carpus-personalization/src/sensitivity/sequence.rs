@@ -8,8 +8,8 @@ use sobol::params::JoeKuoD6;
 /// Dimensions for which there are direction numbers.
 pub const MOST_DIMENSIONS: usize = 1000;
 
-/// The first `n` points of a Sobol' sequence in `m` dimensions, shifted digit by digit by random numbers of the seed, which
-/// keeps what makes the sequence even and no point on a face of the cube; `None` beyond [`MOST_DIMENSIONS`].
+/// The first `n` points of a Sobol' sequence in `m` dimensions, shifted digit by digit by random numbers of the seed,
+/// which keeps what makes the sequence even and no point on a face of the cube; `None` beyond [`MOST_DIMENSIONS`].
 ///
 /// Direction numbers of Joe & Kuo; `n` is best a power of two.
 ///

@@ -117,9 +117,11 @@ impl Step for Conclusions {
                     header: header.map(String::from).to_vec(),
                     left_columns: 4,
                     rows,
-                    note: "Paired t-tests over participants, two-sided, α = 0.05, without correction for their number. Where no \
+                    note:
+                        "Paired t-tests over participants, two-sided, α = 0.05, without correction for their number. \
+                           Where no \
                            difference is claimed, holds means that none was found."
-                        .to_string(),
+                            .to_string(),
                 }),
             ],
             lead,

@@ -35,8 +35,8 @@ pub(super) struct Processed {
     pub failures: Vec<Diagnostic>,
 }
 
-/// The study that all other steps work on, with the folder of its results: the one given, or what its `[processing]` makes of
-/// it.
+/// The study that all other steps work on, with the folder of its results: the one given, or what its `[processing]`
+/// makes of it.
 ///
 /// - `path`: the folder of the results
 ///
@@ -97,9 +97,11 @@ impl Step for Dynamometer {
                 header: COLUMNS.map(String::from).to_vec(),
                 left_columns: 1,
                 rows: shown.clone(),
-                note: "Passive: fit of the relaxed limb's moment over the passive trials; correlation: of the quantity that both \
+                note:
+                    "Passive: fit of the relaxed limb's moment over the passive trials; correlation: of the quantity \
+                       that both \
                        recorders have."
-                    .to_string(),
+                        .to_string(),
             }),
         ];
         blocks.extend(done.drag.as_ref().map(|drag| Block::Text(drag_in_words(drag, done.damping))));
@@ -124,7 +126,8 @@ fn drag_in_words(drag: &DragEstimate, reckoned: f64) -> String {
         format!(" Coulomb friction {f} N·m (95 %: {low} to {high}).")
     });
     format!(
-        "Drag of the machine from {} phases of constant velocity without a participant: {} N·m·s/deg (95 %: {} to {}); study.toml \
+        "Drag of the machine from {} phases of constant velocity without a participant: {} N·m·s/deg (95 %: {} to {}); \
+         study.toml \
          reckons with {}.{friction}",
         drag.phases.len(),
         per_degree(drag.damping),

@@ -55,7 +55,8 @@ impl Step for Emg {
         let doubtful = findings(&all);
         let mut blocks = vec![
             Block::Text(format!(
-                "From raw channels to excitations, 1 being the maximum voluntary contraction. {}. Plots of every channel of \
+                "From raw channels to excitations, 1 being the maximum voluntary contraction. {}. Plots of every \
+                 channel of \
                  every trial are in emg/PARTICIPANT/report.html.",
                 words.join("; ")
             )),

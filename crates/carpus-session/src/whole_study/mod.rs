@@ -187,8 +187,8 @@ impl WholeStudy {
 }
 
 impl Study {
-    /// Does all steps of the study for every participant and writes one report; what a run that was stopped had finished is
-    /// found again.
+    /// Does all steps of the study for every participant and writes one report; what a run that was stopped had
+    /// finished is found again.
     ///
     /// - `path`: the folder of the results
     ///

@@ -320,26 +320,27 @@ fn report(context: &Context, cases: &[FittedCase]) -> Result<ReportParts, Failur
             .to_vec(),
         left_columns: 1,
         rows,
-        note: "J = NRMSE + MaxErr + XCorr (equation 3.4), mean over all trials of the case. Processor seconds are in timings.csv."
+        note: "J = NRMSE + MaxErr + XCorr (equation 3.4), mean over all trials of the case. Processor seconds are in \
+               timings.csv."
             .to_string(),
     };
     let header =
         ["case", "J of the model", "J, Bayesian + SQP", "evaluations", "s", "J, exact gradients", "evaluations", "s"];
     Ok(ReportParts {
         lead: format!(
-            "{all} training cases were fitted; exact gradients reached an objective lower than or equal to that of Bayesian \
+            "{all} training cases were fitted; exact gradients reached an objective lower than or equal to that of \
+             Bayesian \
              optimization with SQP in {better} of them."
         ),
         blocks: vec![
             Block::Text(
-                "Cases of table 3.1: isometric and isotonic trials inform all parameters, cross takes lengths from isotonic \
+                "Cases of table 3.1: isometric and isotonic trials inform all parameters, cross takes lengths from \
+                 isotonic \
                  and forces from isometric trials, combined takes both. Bounds of study.toml (table 3.2 by default)."
                     .to_string(),
             ),
             Block::Table(table_block),
-            Block::Text(format!(
-                "{on_bound} of {parameters} parameters fitted by exact gradients lie on a bound."
-            )),
+            Block::Text(format!("{on_bound} of {parameters} parameters fitted by exact gradients lie on a bound.")),
         ],
         tables: vec![
             ("cases.csv".to_string(), cases_csv(cases)?),

@@ -83,11 +83,14 @@ impl Step for Power {
         let shown = overview("", &header, 1, rows.clone());
         Ok(Told::Parts(ReportParts {
             blocks: vec![Block::Table(TextTable {
-                title: "Each training case against the linearly scaled model, paired t-test on held-out NRMSE".to_string(),
+                title: "Each training case against the linearly scaled model, paired t-test on held-out \
+                        NRMSE"
+                    .to_string(),
                 header: header.map(String::from).to_vec(),
                 left_columns: 1,
                 rows,
-                note: "Post hoc, two-sided, α = 0.05; power computed from the effect that was found says no more than its p-value."
+                note: "Post hoc, two-sided, α = 0.05; power computed from the effect that was found says no more than \
+                       its p-value."
                     .to_string(),
             })],
             tables: vec![("power.csv".to_string(), csv_text(columns.iter(), csv.into_iter())?)],

@@ -129,8 +129,10 @@ impl Step for Scale {
                 .collect(),
             blocks: vec![
                 Block::Text(format!(
-                    "The linearly scaled control is the model of the study, with [scaling] scaled to the participant's lengths \
-                     ({by_lab} of {} participants: taken as it is); the strength-scaled control has one factor for the forces of \
+                    "The linearly scaled control is the model of the study, with [scaling] scaled to the participant's \
+                     lengths \
+                     ({by_lab} of {} participants: taken as it is); the strength-scaled control has one factor for the \
+                     forces of \
                      each functional group, so that the group reaches the maximum voluntary moment.",
                     all.len()
                 )),

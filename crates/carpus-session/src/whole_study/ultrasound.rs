@@ -88,7 +88,8 @@ impl Step for Ultrasound {
         let tension = rounded(imaging.specific_tension / 1e4, 8);
         let [correlation, agreement_blocks, figures] = ultrasound_blocks(&results, tension, imaging.source.as_deref());
         let explained = Block::Text(format!(
-            "Every muscle of every model is at rest (activation {}) in the posture of its image. No image was used to fit.",
+            "Every muscle of every model is at rest (activation {}) in the posture of its image. No image was used to \
+             fit.",
             imaging.activation
         ));
         let tables = tables(&results)?.map(|(name, text)| (format!("ultrasound_{name}"), text));

@@ -164,8 +164,8 @@ impl Cohort {
         self.contractions.iter().flat_map(|c| self.efforts.iter().map(move |e| (*c, *e))).collect()
     }
 
-    /// Mean of a measure over those of a participant's and model's conditions that are chosen; each condition counts the
-    /// same.
+    /// Mean of a measure over those of a participant's and model's conditions that are chosen; each condition counts
+    /// the same.
     pub fn value(
         &self,
         participant: &str,

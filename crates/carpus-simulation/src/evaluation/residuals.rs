@@ -1,5 +1,5 @@
-//! Where a model fails: measured minus simulated moment against angle, speed, time and the like, and what repetitions of
-//! the same condition say about its noise.
+//! Where a model fails: measured minus simulated moment against angle, speed, time and the like, and what repetitions
+//! of the same condition say about its noise.
 
 use std::collections::BTreeMap;
 
@@ -88,7 +88,8 @@ pub struct Band {
 /// What repetitions say.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RepetitionNoise {
-    /// Standard deviation of what differs between repetitions [N·m]: no model that knows only the condition does better.
+    /// Standard deviation of what differs between repetitions [N·m]: no model that knows only the condition does
+    /// better.
     pub noise: f64,
     /// Pairs of repetitions.
     pub pairs: usize,
@@ -202,8 +203,8 @@ pub struct Sample {
     pub trial: usize,
 }
 
-/// Means of the residual over parts of an axis that hold about as many samples each, and the share of its mean square that they
-/// explain, less what chance would.
+/// Means of the residual over parts of an axis that hold about as many samples each, and the share of its mean square
+/// that they explain, less what chance would.
 pub fn binned(mut samples: Vec<Sample>) -> (f64, Vec<Bin>) {
     let total: f64 = samples.iter().map(|s| s.residual * s.residual).sum();
     if samples.is_empty() || total <= 0.0 {

@@ -10,8 +10,8 @@ use carpus_osim::osim::{BodyFactors, OsimFile, ScaleError};
 /// What to scale by how much.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ScaleRequest {
-    /// Factors of bodies (or `ground`) along their x, y, z; the last of several for the same body holds, as in OpenSim's
-    /// `ScaleSet`.
+    /// Factors of bodies (or `ground`) along their x, y, z; the last of several for the same body holds, as in
+    /// OpenSim's `ScaleSet`.
     pub factors: Vec<(String, [f64; 3])>,
     /// Whether bodies keep their share of the model's mass.
     pub preserve_mass_distribution: bool,

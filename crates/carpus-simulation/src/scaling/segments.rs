@@ -97,7 +97,9 @@ impl ParticipantScalingError {
     pub fn hint(&self) -> Option<String> {
         match self {
             ParticipantScalingError::NoSettings => Some(
-                "add a table per column <segment>_length_m of participants.csv, e.g.\n  [scaling.segments.forearm]\n  bodies = [\"ulna\", \"radius\"]\n  joints = [\"elbow\", \"wrist\"]      # or markers = [..], or model_length_m = 0.25"
+                "add a table per column <segment>_length_m of participants.csv, e.g.\n  [scaling.segments.forearm]\n  \
+                 bodies = [\"ulna\", \"radius\"]\n  joints = [\"elbow\", \"wrist\"]      # or markers = [..], or \
+                 model_length_m = 0.25"
                     .to_owned(),
             ),
             ParticipantScalingError::NoLengths { columns, .. } => {

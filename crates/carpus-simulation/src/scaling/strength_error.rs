@@ -24,7 +24,8 @@ pub enum StrengthError {
     },
     /// An MVC trial whose moment points the other way.
     #[error(
-        "{file}: the largest moment of this maximum {direction} is {found:.3} N·m in the other direction, {along:.3} N·m in its own"
+        "{file}: the largest moment of this maximum {direction} is {found:.3} N·m in the other direction, {along:.3} \
+         N·m in its own"
     )]
     WrongDirection {
         /// The trial's file.
@@ -77,13 +78,21 @@ impl StrengthError {
     /// What to do about it.
     pub fn hint(&self) -> Option<String> {
         Some(match self {
-            StrengthError::NoMoment { .. } => "fill in mvc_flexion_n_m and mvc_extension_n_m in participants.csv, or list the MVC trials with contraction mvc and their direction in trials.csv".to_owned(),
+            StrengthError::NoMoment { .. } => "fill in mvc_flexion_n_m and mvc_extension_n_m in participants.csv, or \
+                                               list the MVC trials with contraction mvc and their direction in \
+                                               trials.csv"
+                .to_owned(),
             StrengthError::NoPosture { .. } => {
                 "set posture_deg in [strength_scaling] of study.toml, or list the MVC trial in trials.csv".to_owned()
             }
-            StrengthError::WrongDirection { .. } => "if flexion is the negative direction of the coordinate, say flexion = \"negative\" in [strength_scaling] of study.toml".to_owned(),
+            StrengthError::WrongDirection { .. } => "if flexion is the negative direction of the coordinate, say \
+                                                     flexion = \"negative\" in [strength_scaling] of \
+                                                     study.toml"
+                .to_owned(),
             StrengthError::NoMuscles { .. } | StrengthError::Opposed { .. } => {
-                "list the groups yourself: flexors = [..], extensors = [..] in [strength_scaling] of study.toml".to_owned()
+                "list the groups yourself: flexors = [..], extensors = [..] in [strength_scaling] of \
+                 study.toml"
+                    .to_owned()
             }
             StrengthError::Simulation(error) => return error.hint().map(str::to_owned),
             StrengthError::Edit(error) => return error.hint(),

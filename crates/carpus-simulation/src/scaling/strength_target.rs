@@ -34,8 +34,8 @@ pub enum TargetSource {
 /// - `is_translation`: whether the dynamometer's coordinate is one
 ///
 /// # Errors
-/// [`StrengthError::NoMoment`] without any; [`StrengthError::NoPosture`]; [`StrengthError::WrongDirection`]; trials that
-/// cannot be read.
+/// [`StrengthError::NoMoment`] without any; [`StrengthError::NoPosture`]; [`StrengthError::WrongDirection`]; trials
+/// that cannot be read.
 pub fn strength_targets(
     study: &Study,
     participant: &Participant,

@@ -11,7 +11,8 @@
 //!     τ_deact / (0.5 + 1.5 â)  otherwise
 //! ```
 //!
-//! Like there, the excitation itself is not limited: while e < a_min the state a drifts below a_min, while muscles see â.
+//! Like there, the excitation itself is not limited: while e < a_min the state a drifts below a_min, while muscles see
+//! â.
 
 mod tangent;
 
@@ -90,8 +91,8 @@ impl ActivationDynamics {
     pub(crate) fn linearized(&self, a: f64, e: f64) -> [f64; 2] {
         let branch = if e > a { Branch::Activating } else { Branch::Deactivating };
         let (by_e, by_a) = self.derivatives(a, e, branch);
-        // Below the minimum or above 1 it does not matter by how much; but that a state which an excitation above 1 has driven
-        // beyond 1 comes back late is not in here.
+        // Below the minimum or above 1 it does not matter by how much; but that a state which an excitation above 1 has
+        // driven beyond 1 comes back late is not in here.
         let asleep = a <= self.minimum_activation && e <= self.minimum_activation;
         let full = a >= 1.0 && e >= 1.0;
         [-by_a, if asleep || full { 0.0 } else { by_e }]
@@ -106,7 +107,8 @@ impl ActivationDynamics {
 
     /// ∂ȧ/∂a, ∂ȧ/∂e and ȧ within the bounds.
     ///
-    /// - `gap`: excitation less activation; `clamped`: activation as muscles see it; `moves`: whether it is within its bounds
+    /// - `gap`: excitation less activation; `clamped`: activation as muscles see it; `moves`: whether it is within its
+    ///   bounds
     #[inline(always)]
     fn derivatives_of_rate(&self, gap: f64, clamped: f64, moves: bool, branch: Branch) -> [f64; 3] {
         let scale = 0.5 + 1.5 * clamped;
@@ -138,8 +140,8 @@ impl ActivationDynamics {
     }
 }
 
-/// [`ActivationDynamics::step`] for several activations at once: a step is a chain of divisions that wait for each other, so
-/// that two side by side take hardly longer than one.
+/// [`ActivationDynamics::step`] for several activations at once: a step is a chain of divisions that wait for each
+/// other, so that two side by side take hardly longer than one.
 #[inline(always)]
 fn steps<const N: usize>(
     dynamics: [&ActivationDynamics; N],
@@ -291,8 +293,9 @@ impl ActivationTrajectory {
     }
 
     /// Activations for two excitations or time constants near those of this trajectory, in exactly the same steps:
-    /// differences of such trajectories are differences of one smooth function. Where the excitation meets the activation,
-    /// both sides' rates are zero, so that the moment at which a step changes sides matters to second order only.
+    /// differences of such trajectories are differences of one smooth function. Where the excitation meets the
+    /// activation, both sides' rates are zero, so that the moment at which a step changes sides matters to second order
+    /// only.
     ///
     /// - `time`: the samples of this trajectory
     pub(crate) fn beside(

@@ -150,7 +150,8 @@ pub enum SimulationError {
     },
     /// The angle leaves the range of the coordinate.
     #[error(
-        "{recording}: at {time} s the angle is {angle} rad, outside the range {lower} to {upper} rad of coordinate `{coordinate}`"
+        "{recording}: at {time} s the angle is {angle} rad, outside the range {lower} to {upper} rad of coordinate \
+         `{coordinate}`"
     )]
     AngleOutOfRange {
         /// The recording.
@@ -226,7 +227,8 @@ pub enum SimulationError {
     },
     /// A result that is no number, or one far beyond what can be computed with.
     #[error(
-        "{recording}: {}{quantity} is {value} at {time} s (coordinate at {angle} rad or m); expected a number that can be computed with",
+        "{recording}: {}{quantity} is {value} at {time} s (coordinate at {angle} rad or m); expected a number that can \
+         be computed with",
         of_muscle(.muscle)
     )]
     NotFiniteResult {
@@ -293,11 +295,13 @@ impl SimulationError {
                 Some("let it apply its force in the model, or leave it out of [muscles] active in study.toml")
             }
             SimulationError::NotFiniteResult { .. } => Some(
-                "a number of the model is too large or too small to be computed with: check those of this muscle and the bodies",
+                "a number of the model is too large or too small to be computed with: check those of this muscle and \
+                 the bodies",
             ),
             SimulationError::PostureOutOfRange { .. } => Some("posture values are degrees (metres for translations)"),
             SimulationError::Muscle(MuscleError::NotMillard2012 { .. }) => Some(
-                "leave it out of [muscles] active in study.toml, or make it a Millard2012EquilibriumMuscle in the model",
+                "leave it out of [muscles] active in study.toml, or make it a Millard2012EquilibriumMuscle in the \
+                 model",
             ),
             _ => None,
         }

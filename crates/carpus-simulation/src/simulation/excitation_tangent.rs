@@ -1,9 +1,10 @@
-//! How a muscle's activation and force follow a small change of its excitation, or of its time constants of activation, for many
-//! changes along one simulated trial.
+//! How a muscle's activation and force follow a small change of its excitation, or of its time constants of activation,
+//! for many changes along one simulated trial.
 //!
-//! The steps in which activation and fibre length were found are linearized once; a change is then passed through them with a few
-//! multiplications per step. It is the derivative of the numbers computed, as [`PreparedTrial::force_derivative`] gives it, except
-//! that between the ends of a step of activation a cubic stands for the quintic.
+//! The steps in which activation and fibre length were found are linearized once; a change is then passed through them
+//! with a few multiplications per step. It is the derivative of the numbers computed, as
+//! [`PreparedTrial::force_derivative`] gives it, except that between the ends of a step of activation a cubic stands
+//! for the quintic.
 
 use super::activation_trajectory::{ActivationTangent, Interpolation};
 use super::fiber::equation::Drive;
@@ -24,7 +25,8 @@ pub struct ExcitationTangent {
     initial: f64,
     /// `None` where the fibre rests at its shortest length.
     steps: Vec<Option<Step>>,
-    /// Per sample: the step that it falls into, and weights of the change of length at its start and of the rises within it.
+    /// Per sample: the step that it falls into, and weights of the change of length at its start and of the rises
+    /// within it.
     samples: Vec<Sample>,
 }
 

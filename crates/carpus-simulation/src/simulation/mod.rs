@@ -20,6 +20,7 @@ mod moment_arms;
 mod motion;
 mod path_table;
 mod piecewise;
+mod prepare;
 mod property;
 mod response;
 mod sensitivity;

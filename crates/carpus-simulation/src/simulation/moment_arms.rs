@@ -4,8 +4,8 @@ use super::error::SimulationError;
 use super::model::{MusculoskeletalModel, independent_coordinate};
 
 impl MusculoskeletalModel {
-    /// Moment arm of every active muscle about a coordinate at every sample [m], while the dynamometer's coordinate is at
-    /// `angle` [rad or m] and all others at the posture of the study. Couplers are followed.
+    /// Moment arm of every active muscle about a coordinate at every sample [m], while the dynamometer's coordinate is
+    /// at `angle` [rad or m] and all others at the posture of the study. Couplers are followed.
     ///
     /// # Errors
     /// An unknown coordinate, or one that a coupler determines.

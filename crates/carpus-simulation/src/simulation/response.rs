@@ -1,4 +1,5 @@
-//! Linear response of muscles' moments to small changes of excitation and of the joint's angle, along a simulated trial.
+//! Linear response of muscles' moments to small changes of excitation and of the joint's angle, along a simulated
+//! trial.
 
 use std::sync::Arc;
 
@@ -8,8 +9,8 @@ use super::sensitivity::MuscleSolution;
 use super::tables::MOMENT_ARM;
 use super::trial::{MuscleKinematics, PreparedTrial, TrialKinematics};
 
-/// Differences of angle [rad] and its rates [rad/s, rad/s²], path length [m] and its speed [m/s], for derivatives of formulas
-/// and tables.
+/// Differences of angle [rad] and its rates [rad/s, rad/s²], path length [m] and its speed [m/s], for derivatives of
+/// formulas and tables.
 const SMALL_ANGLE: f64 = 1e-3;
 const SMALL_LENGTH: f64 = 1e-6;
 const SMALL_SPEED: f64 = 1e-4;
@@ -28,7 +29,8 @@ pub struct ExcitationResponse {
     start: [f64; 2],
 }
 
-/// What becomes of a disturbance in an interval in which ẏ = −λ y + g u, u linear: y' = left y + from[0] u + from[1] u'.
+/// What becomes of a disturbance in an interval in which ẏ = −λ y + g u, u linear: y' = left y + from[0] u + from[1]
+/// u'.
 #[derive(Clone, Copy, Debug)]
 struct Relaxation {
     left: f64,
@@ -64,8 +66,8 @@ impl PreparedTrial {
     /// ```text
     /// δȧ = (∂ȧ/∂a) δa + (∂ȧ/∂e) δe,   δẋ = (∂ẋ/∂x) δx + (∂ẋ/∂a) δa,   δM = F_max r (∂f_T/∂x) δx
     /// ```
-    /// with the mean coefficients of every interval between samples. Of the response to a disturbance of 0.1 s at 100 Hz 0.5 to 4 % off
-    /// (root of squares over time): for covariances, not for fits.
+    /// with the mean coefficients of every interval between samples. Of the response to a disturbance of 0.1 s at 100
+    /// Hz 0.5 to 4 % off (root of squares over time): for covariances, not for fits.
     ///
     /// - `solution`: of this trial and muscle
     /// - `excitation`: of this muscle, at the samples
@@ -144,8 +146,8 @@ impl PreparedTrial {
         }
     }
 
-    /// Linearizes the moment of everything but the muscles (passive forces, weight, inertia, drag) by the joint's angle and its
-    /// rates along the trial.
+    /// Linearizes the moment of everything but the muscles (passive forces, weight, inertia, drag) by the joint's angle
+    /// and its rates along the trial.
     ///
     /// - `model`: with the forces of this trial
     pub fn rest_response(&self, model: &MusculoskeletalModel) -> RestResponse {
@@ -310,7 +312,8 @@ struct MuscleByAngle {
     fiber: Vec<Relaxation>,
     /// Fibre length at the start per angle: in equilibrium.
     start: f64,
-    /// Per sample: moment per normalized fibre length [N·m], per angle [N·m/rad] and, for a rigid tendon, per speed [N·m·s/rad].
+    /// Per sample: moment per normalized fibre length [N·m], per angle [N·m/rad] and, for a rigid tendon, per speed
+    /// [N·m·s/rad].
     by_fiber: Vec<f64>,
     by_angle: Vec<f64>,
     by_speed: Vec<f64>,

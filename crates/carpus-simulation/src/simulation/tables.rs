@@ -46,8 +46,8 @@ pub(crate) struct CoordinateTables {
     pub(crate) muscles: Vec<PathTable<3>>,
     /// Per passive force along a path.
     pub(crate) passive_paths: Vec<PathTable<3>>,
-    /// Per force given by a formula: value of its coordinate, force about the moving coordinate by force on that one, and
-    /// speed of that one for unit rate of the moving one; `None` if it does not follow the moving coordinate.
+    /// Per force given by a formula: value of its coordinate, force about the moving coordinate by force on that one,
+    /// and speed of that one for unit rate of the moving one; `None` if it does not follow the moving coordinate.
     pub(crate) expressions: Vec<Option<PathTable<3>>>,
     /// Everything else; `None` if none of it is part of the moment.
     forces: Option<PathTable<5>>,
@@ -149,8 +149,8 @@ fn path_table(
     PathTable::build(range, PATH_ACCURACY, &mut evaluate)
 }
 
-/// Value of a coordinate that the moving one may drive, force about that one by force on it, and speed for unit rate of that
-/// one.
+/// Value of a coordinate that the moving one may drive, force about that one by force on it, and speed for unit rate of
+/// that one.
 fn follower_table(
     model: &MusculoskeletalModel,
     coordinate: CoordinateIndex,

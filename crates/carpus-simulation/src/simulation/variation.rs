@@ -1,4 +1,5 @@
-//! Variations of a prepared trial: other muscle properties, another angle or excitation, on the paths already tabulated.
+//! Variations of a prepared trial: other muscle properties, another angle or excitation, on the paths already
+//! tabulated.
 
 use std::sync::Arc;
 
@@ -35,8 +36,8 @@ impl MusculoskeletalModel {
     /// - `lambda`: λ; 0 is OpenSim's muscle
     ///
     /// # References
-    /// Lloyd DG, Besier TF (2003), An EMG-driven musculoskeletal model to estimate muscle forces and knee joint moments in
-    /// vivo, J Biomech 36.
+    /// Lloyd DG, Besier TF (2003), An EMG-driven musculoskeletal model to estimate muscle forces and knee joint moments
+    /// in vivo, J Biomech 36.
     pub fn with_length_by_activation(&self, lambda: f64) -> MusculoskeletalModel {
         let mut model = self.clone();
         for muscle in &mut model.muscles {
@@ -47,8 +48,8 @@ impl MusculoskeletalModel {
         model
     }
 
-    /// Logarithms of the ratios of its active muscles' time constants of activation and of deactivation to those of another model, in
-    /// order; `None` if muscles differ in anything else.
+    /// Logarithms of the ratios of its active muscles' time constants of activation and of deactivation to those of
+    /// another model, in order; `None` if muscles differ in anything else.
     pub fn log_ratios_of_time_constants(&self, other: &MusculoskeletalModel) -> Option<Vec<[f64; 2]>> {
         let of_muscle = |(a, b): (&ActiveMuscle, &ActiveMuscle)| {
             let (dynamics, others) = (&a.activation, &b.activation);
@@ -88,9 +89,9 @@ impl MusculoskeletalModel {
             .collect()
     }
 
-    /// Prepares a variation of a trial on the paths and steps of `like`, which must come from this skeleton and have the
-    /// same times: only what depends on something that differs is computed. A step that misses the tolerance for the
-    /// variation is divided while it is simulated.
+    /// Prepares a variation of a trial on the paths and steps of `like`, which must come from this skeleton and have
+    /// the same times: only what depends on something that differs is computed. A step that misses the tolerance for
+    /// the variation is divided while it is simulated.
     ///
     /// # Errors
     /// As [`MusculoskeletalModel::prepare`].
@@ -218,8 +219,8 @@ impl PreparedTrial {
 
     /// The same trial with other fibre damping.
     ///
-    /// - `damping`: β of each active muscle, in order. The model without damping is another one (its fibre velocity comes
-    ///   from an inverted curve), so a damped muscle needs more than 0 and an undamped one keeps 0.
+    /// - `damping`: β of each active muscle, in order. The model without damping is another one (its fibre velocity
+    ///   comes from an inverted curve), so a damped muscle needs more than 0 and an undamped one keeps 0.
     ///
     /// # Errors
     /// [`SimulationError::ParameterCount`]; [`SimulationError::InvalidParameter`] for a damping that is not allowed.

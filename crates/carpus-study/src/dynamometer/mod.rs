@@ -1,8 +1,8 @@
 //! A dynamometer's recordings before they become a study's: the machine's own drag, the moment of the relaxed limb,
 //! repetitions of a long recording, and the delay between two recorders.
 //!
-//! In: samples \[s, rad, N·m\]. Out: estimates with their intervals, curves, ranges of samples, delays. The measured moment
-//! is that of the person minus the machine's drag, positive in the coordinate's positive direction:
+//! In: samples \[s, rad, N·m\]. Out: estimates with their intervals, curves, ranges of samples, delays. The measured
+//! moment is that of the person minus the machine's drag, positive in the coordinate's positive direction:
 //!
 //! ```text
 //! measured = person − damping·q̇ − friction·sign(q̇) + offset + weight of the attachment

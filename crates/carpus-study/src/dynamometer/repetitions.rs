@@ -28,8 +28,8 @@ pub struct RepetitionSettings {
 
 /// Ranges of samples, one per repetition, in order.
 ///
-/// The signal (moment about its median, or velocity) has to exceed `threshold` times its largest value; stretches of one
-/// direction with pauses up to `max_pause` are one repetition.
+/// The signal (moment about its median, or velocity) has to exceed `threshold` times its largest value; stretches of
+/// one direction with pauses up to `max_pause` are one repetition.
 ///
 /// - `time`: \[s\], increasing
 /// - `signal`: moment [N·m], or velocity [rad/s], as `settings.signal` says

@@ -85,7 +85,8 @@ mod tests {
     #[test]
     fn verif_a_curve_shows_each_variable() {
         let text = "[effect]\nid = \"shown_drag\"\nname = \"Drag\"\nstage = \"joint\"\nformula = \"-b*qdot*(1+q)\"\n\n\
-                    [parameters.b]\nunit = \"N·m·s/rad\"\nrole = \"amplitude\"\nplausible = [0, 1]\nsource = \"a guess\"\n";
+                    [parameters.b]\nunit = \"N·m·s/rad\"\nrole = \"amplitude\"\nplausible = [0, 1]\nsource = \"a \
+                    guess\"\n";
         let definition = Definition::parse(text, Path::new("drag.toml")).unwrap();
         let shown = curves(register(definition).unwrap());
         let lines: Vec<&str> = shown.lines().collect();

@@ -118,7 +118,8 @@ impl Reader<'_> {
         }
         if let (Some(element), Some(smallest)) = (object.element, negative_principal_moment(&inertia)) {
             let message = format!(
-                "inertia has a principal moment of {smallest:.3e} kg·m², which no body has: it is taken as it is, as in OpenSim"
+                "inertia has a principal moment of {smallest:.3e} kg·m², which no body has: it is taken as it is, as \
+                 in OpenSim"
             );
             let hint = "check the inertia's signs and products".to_owned();
             self.diagnose(Severity::Warning, element, &object.path, message, Some(hint));

@@ -1,8 +1,8 @@
 //! `<defaults>` that hold beyond their own file.
 //!
-//! OpenSim registers the objects of `<defaults>` for good (`Object::updateDefaultObjectsFromXMLNode`): a file that is read
-//! later has them too, and its own default of the same class only changes the properties that it gives. What an older file
-//! says is understood by its own format.
+//! OpenSim registers the objects of `<defaults>` for good (`Object::updateDefaultObjectsFromXMLNode`): a file that is
+//! read later has them too, and its own default of the same class only changes the properties that it gives. What an
+//! older file says is understood by its own format.
 
 use std::collections::BTreeMap;
 

@@ -171,8 +171,8 @@ impl Reader<'_> {
         }
     }
 
-    /// Semi-axes of an ellipsoid, which have no default. Negative ones turn it inside out: OpenSim takes them, and models
-    /// that were mirrored have them.
+    /// Semi-axes of an ellipsoid, which have no default. Negative ones turn it inside out: OpenSim takes them, and
+    /// models that were mirrored have them.
     fn radii(&mut self, object: &Object, property: &'static str) -> Vector3<f64> {
         if self.property(object, &[property]).is_none() {
             let kind = ProblemKind::Missing { property: property.to_owned(), expected: "three lengths in m" };
@@ -243,7 +243,8 @@ impl Reader<'_> {
         for element in elements {
             named.push((self.component_name(element, &mut names, &object.path), element));
         }
-        // OpenSim stops at coordinates that no axis uses, unless they come last and the others stand in the order of the axes.
+        // OpenSim stops at coordinates that no axis uses, unless they come last and the others stand in the order of
+        // the axes.
         let unused: Vec<&(String, ElementId)> = named.iter().filter(|(name, _)| !order.contains(&name)).collect();
         let in_order = named.len() == order.len() + unused.len() && named.iter().zip(&order).all(|((a, _), &b)| a == b);
         for (name, element) in &unused {
@@ -472,7 +473,8 @@ impl Reader<'_> {
         for joint in self.spec.loop_joints() {
             let at = self.spec.joints[joint.0].at.clone();
             let Some(element) = at.element.map(ElementId) else { continue };
-            let message = "the joint closes a loop of joints: its child is cut in two there, as in OpenSim, and not held together where motion is prescribed";
+            let message = "the joint closes a loop of joints: its child is cut in two there, as in OpenSim, and not \
+                           held together where motion is prescribed";
             self.diagnose(Severity::Unsupported, element, &at.path, message.to_owned(), None);
         }
     }

@@ -96,7 +96,8 @@ impl Reader<'_> {
         ["/", "/bodyset/"].iter().find_map(|set| self.frames_by_path.get(&format!("{set}{last}")).copied())
     }
 
-    /// The element of the frame that is meant by a path, if its class is not one that is read: the innermost on the path.
+    /// The element of the frame that is meant by a path, if its class is not one that is read: the innermost on the
+    /// path.
     fn unsupported_frame(&self, text: &str) -> Option<ElementId> {
         text.split('/').rev().filter(|part| !part.is_empty()).find_map(|part| {
             self.document.elements().find(|&element| {
@@ -148,7 +149,8 @@ impl Reader<'_> {
         }
     }
 
-    /// A reference that leads nowhere, with the path that may be meant: of what has the same name, or a name or path like it.
+    /// A reference that leads nowhere, with the path that may be meant: of what has the same name, or a name or path
+    /// like it.
     fn unknown_path<'p>(
         &self,
         property: &str,

@@ -4,9 +4,9 @@ use nalgebra::{Matrix3, Vector3};
 
 /// Mass [kg] and inertia about the mass centre [kg·m²] of a body scaled by `factors` along its axes.
 ///
-/// Equal factors `s`: the inertia grows with `s²`, and with `s³` more if the mass is scaled. Different factors: the body
-/// is taken as a cylinder about the axis of least inertia, its radius and length computed from the diagonal and scaled;
-/// products of inertia grow with their two factors.
+/// Equal factors `s`: the inertia grows with `s²`, and with `s³` more if the mass is scaled. Different factors: the
+/// body is taken as a cylinder about the axis of least inertia, its radius and length computed from the diagonal and
+/// scaled; products of inertia grow with their two factors.
 ///
 /// # References
 /// OpenSim 4.6, `Body::scaleInertialProperties`.

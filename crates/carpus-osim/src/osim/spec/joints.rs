@@ -40,7 +40,8 @@ pub enum JointKind {
     Planar,
     /// `FreeJoint`, three rotations and three translations.
     Free,
-    /// `EllipsoidJoint`: the child's origin on an ellipsoid in the parent frame, its z axis normal to it; three rotations.
+    /// `EllipsoidJoint`: the child's origin on an ellipsoid in the parent frame, its z axis normal to it; three
+    /// rotations.
     Ellipsoid {
         /// Semi-axes [m].
         radii_x_y_z: Vector3<f64>,

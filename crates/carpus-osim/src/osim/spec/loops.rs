@@ -120,8 +120,8 @@ impl Tree<'_> {
         }
     }
 
-    /// The body outside of the tree that is to be joined to ground: one that is nobody's child, of those the one with the most
-    /// children.
+    /// The body outside of the tree that is to be joined to ground: one that is nobody's child, of those the one with
+    /// the most children.
     fn next_base(&self) -> Option<usize> {
         let children = |body: usize| self.links.iter().filter(|link| link.parent == body).count();
         let is_child = |body: usize| self.links.iter().any(|link| link.child == body);

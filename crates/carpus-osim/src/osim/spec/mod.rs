@@ -74,8 +74,8 @@ pub struct Location {
 }
 
 impl Location {
-    /// Key that sorts components of one kind in the model's order: those in its own list, in its sets, in its component set;
-    /// and within each of these as they were read.
+    /// Key that sorts components of one kind in the model's order: those in its own list, in its sets, in its component
+    /// set; and within each of these as they were read.
     pub fn order(&self) -> (usize, usize, Option<usize>, usize) {
         let list = match self.path.trim_start_matches('/').split_once('/') {
             None => 0,
@@ -85,8 +85,8 @@ impl Location {
         (list, self.source, self.element, self.line)
     }
 
-    /// Whether it stands in the model's force set: those are the forces and muscles that OpenSim's tools leave out, control or
-    /// list by name. Others act all the same.
+    /// Whether it stands in the model's force set: those are the forces and muscles that OpenSim's tools leave out,
+    /// control or list by name. Others act all the same.
     pub fn is_in_force_set(&self) -> bool {
         is_in_force_set(&self.path)
     }
@@ -144,7 +144,8 @@ pub struct BodySpec {
     pub frame: FrameIndex,
 }
 
-/// Share of an inertia up to which a negative principal moment is rounding of the numbers in files, which have six digits.
+/// Share of an inertia up to which a negative principal moment is rounding of the numbers in files, which have six
+/// digits.
 const INERTIA_ROUNDING: f64 = 1e-6;
 
 /// The smallest principal moment of an inertia [kg·m²], if it is negative: no body has such a one.

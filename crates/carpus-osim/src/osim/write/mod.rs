@@ -1,7 +1,7 @@
 //! A model in the current format, written from its specification: `carpus upgrade`.
 //!
-//! Files from format 40000 on keep their text: only what OpenSim 4.6 itself changes on loading is changed. Older ones are
-//! written anew; what the specification does not hold is listed.
+//! Files from format 40000 on keep their text: only what OpenSim 4.6 itself changes on loading is changed. Older ones
+//! are written anew; what the specification does not hold is listed.
 
 mod bodies;
 mod forces;
@@ -47,7 +47,8 @@ impl OsimFile {
         Ok(Upgraded { file: OsimFile::parse(xml.finish().into_bytes(), &name)?, left_out })
     }
 
-    /// The file of a model that was made as a specification, in the format of OpenSim 4.6; what of it no file can hold comes with it.
+    /// The file of a model that was made as a specification, in the format of OpenSim 4.6; what of it no file can hold
+    /// comes with it.
     ///
     /// - `name`: stands for the file in messages
     ///

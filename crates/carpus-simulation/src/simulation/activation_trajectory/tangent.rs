@@ -5,8 +5,8 @@ use super::{ActivationDynamics, ActivationTrajectory, Branch, Piece};
 
 /// How activation follows a small change of the excitation or of its time constants, in the steps of a trajectory.
 ///
-/// Columns of derivatives are by activation and excitation at the start of a step, by the excitation's slope, and by the logarithm
-/// of the time constant of the step's branch.
+/// Columns of derivatives are by activation and excitation at the start of a step, by the excitation's slope, and by
+/// the logarithm of the time constant of the step's branch.
 #[derive(Clone, Debug)]
 pub(crate) struct ActivationTangent {
     pieces: Vec<PieceTangent>,
@@ -141,8 +141,8 @@ impl PieceTangent {
 }
 
 impl ActivationDynamics {
-    /// Derivatives of a step: of the new activation, and of ȧ at both ends. Dormand and Prince's method, as in [`ActivationDynamics::step`],
-    /// but along the trajectory that was found, so that no stage waits for another.
+    /// Derivatives of a step: of the new activation, and of ȧ at both ends. Dormand and Prince's method, as in
+    /// [`ActivationDynamics::step`], but along the trajectory that was found, so that no stage waits for another.
     fn step_tangent(&self, piece: &Piece, e: f64, slope: f64, h: f64) -> ([f64; COLUMNS], [[f64; COLUMNS]; 2]) {
         let at = NODES.map(|c| {
             let a = polynomial(&piece.coefficients, c);

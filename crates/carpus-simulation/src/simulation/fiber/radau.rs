@@ -27,8 +27,8 @@ const GAMMA: f64 = 3.637_834_252_744_496;
 /// Weights of the error estimate.
 const ERROR_WEIGHTS: [f64; 3] = [-(13.0 + 7.0 * ROOT_6) / 3.0, (-13.0 + 7.0 * ROOT_6) / 3.0, -1.0 / 3.0];
 
-/// Newton's method ends when a correction is below this. It converges quadratically: what is left changes forces by about
-/// 1e-9 of their size (measured against 1e-7), ten thousand times less than the steps' own error.
+/// Newton's method ends when a correction is below this. It converges quadratically: what is left changes forces by
+/// about 1e-9 of their size (measured against 1e-7), ten thousand times less than the steps' own error.
 const NEWTON_TOLERANCE: f64 = 1e-6;
 const MOST_ITERATIONS: usize = 10;
 
@@ -342,8 +342,8 @@ impl Fiber {
     }
 }
 
-/// First guess of the stage increments: the reference, and on top of it the polynomial of the previous step's difference
-/// from its reference continued, or the present difference of rates.
+/// First guess of the stage increments: the reference, and on top of it the polynomial of the previous step's
+/// difference from its reference continued, or the present difference of rates.
 #[inline]
 fn predict(state: &FiberState, input: &StepInput) -> [f64; 3] {
     let (z, previous_h) = state.previous;

@@ -92,7 +92,8 @@ pub enum ProcessingError {
     },
     /// One passive curve for arms upright and turned over.
     #[error(
-        "{}:{line}: the arm is `flipped`: the relaxed limb's moment has its weight the other way, and one curve is subtracted from all trials",
+        "{}:{line}: the arm is `flipped`: the relaxed limb's moment has its weight the other way, and one curve is \
+         subtracted from all trials",
         file.display()
     )]
     ArmFlipped {
@@ -126,7 +127,8 @@ impl ProcessingError {
                 error: AlignmentError::AtLimit { .. } | AlignmentError::NoOverlap { .. },
                 ..
             } => Some(
-                "raise max_delay_s in [processing.second_recorder], or check that shared and shared_with are the same quantity and sign",
+                "raise max_delay_s in [processing.second_recorder], or check that shared and shared_with are the same \
+                 quantity and sign",
             ),
             _ => None,
         }

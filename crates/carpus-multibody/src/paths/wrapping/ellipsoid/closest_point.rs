@@ -8,8 +8,8 @@ const MAX_ITERATIONS: usize = 64;
 /// Newton's iteration ends when the polynomial's absolute value is below this.
 const TOLERANCE: f64 = 1e-9;
 
-/// Moves `closest` to the point of the ellipsoid with semi-axes `a` that is closest to `p`. Points on a coordinate plane
-/// are handled in that plane. If the iteration does not converge, `closest` keeps its value, as in OpenSim.
+/// Moves `closest` to the point of the ellipsoid with semi-axes `a` that is closest to `p`. Points on a coordinate
+/// plane are handled in that plane. If the iteration does not converge, `closest` keeps its value, as in OpenSim.
 ///
 /// - `dimensions`: unscaled semi-axes, which decide among several coordinate planes
 pub(super) fn on_ellipsoid(a: &Vector3<f64>, dimensions: &Vector3<f64>, p: &Vector3<f64>, closest: &mut Vector3<f64>) {

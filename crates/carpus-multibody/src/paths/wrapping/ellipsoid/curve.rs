@@ -105,8 +105,8 @@ impl Sweep {
     /// Rays from the centre of the ellipse in which the plane cuts the surface.
     ///
     /// OpenSim's own rays start where the plane meets a coordinate axis. If that is outside of the surface, those that
-    /// should go over the far side miss it, and OpenSim's length is not a number. The near side, which every ray from there
-    /// meets, tells which of the two arcs is meant: the other one.
+    /// should go over the far side miss it, and OpenSim's length is not a number. The near side, which every ray from
+    /// there meets, tells which of the two arcs is meant: the other one.
     fn the_other_way_around(
         segment: &Segment,
         plane: &WrappingPlane,

@@ -1,4 +1,5 @@
-//! Wrapping over an ellipsoid with semi-axes along x, y, z, centred at the origin (OpenSim's `WrapEllipsoid::wrapLine`).
+//! Wrapping over an ellipsoid with semi-axes along x, y, z, centred at the origin (OpenSim's
+//! `WrapEllipsoid::wrapLine`).
 //!
 //! The curve lies in the plane through both ends of the segment and one point of the surface; choosing that point is
 //! what the methods `hybrid`, `axial` and `midpoint` differ in (`plane`). All lengths are first scaled so that the
