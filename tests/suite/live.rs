@@ -15,7 +15,8 @@ const SAME: f64 = 1e-9;
 /// What a page showed and saved; `None` without Chromium, Node and the page's packages.
 fn seen_in_browser(report: &Path, plan: &Value) -> Option<Value> {
     let page = root("crates/carpus-web/page");
-    let chromium = std::env::var_os("CARPUS_CHROMIUM").map_or_else(|| PathBuf::from("/usr/bin/chromium"), PathBuf::from);
+    let chromium =
+        std::env::var_os("CARPUS_CHROMIUM").map_or_else(|| PathBuf::from("/usr/bin/chromium"), PathBuf::from);
     let has_node = Process::new("node").arg("--version").output().is_ok_and(|o| o.status.success());
     if !chromium.exists() || !has_node || !page.join("node_modules/playwright-core").exists() {
         eprintln!("SKIPPED: no Chromium (CARPUS_CHROMIUM), Node or playwright-core (npm ci in {})", page.display());
@@ -40,7 +41,8 @@ fn assert_calm(seen: &Value) {
 
 fn downloaded(seen: &Value, name: &str) -> Vec<u8> {
     let text = seen["downloads"][name].as_str().unwrap_or_else(|| panic!("{name} was not saved"));
-    let value = |c: u8| b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/".iter().position(|x| *x == c);
+    let value =
+        |c: u8| b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/".iter().position(|x| *x == c);
     let mut out = Vec::new();
     for four in text.as_bytes().chunks(4) {
         let values: Vec<usize> = four.iter().map_while(|c| value(*c)).collect();
@@ -107,9 +109,9 @@ fn verif_an_effect_switched_on_lowers_the_error_as_the_ledger_says() {
     let results = Results::parse(&read(looped().path("with/P01/results.json"))).unwrap();
     let step = &results.ledger.as_ref().unwrap().steps[2];
     let stiffness = step.parameters["joint_stiffness.stiffness"].value;
+    let label = &results.ledger.as_ref().unwrap().steps[3].label;
     let plan = json!({
-        "fields": [], "effect": "joint_stiffness", "values": [stiffness], "model": results.ledger.as_ref().unwrap().steps[3].label,
-        "files": 2, "fit": true,
+        "fields": [], "effect": "joint_stiffness", "values": [stiffness], "model": label, "files": 2, "fit": true,
     });
     let Some(seen) = seen_in_browser(&report, &plan) else { return };
     assert_calm(&seen);

@@ -1,4 +1,5 @@
-//! The part of a report that computes: the program compiled to WebAssembly, the front end, and the case that they work on.
+//! The part of a report that computes: the program compiled to WebAssembly, the front end, and the case that they work
+//! on.
 //!
 //! What is embedded here is made by `crates/carpus-web/build.sh` of that crate and its front end.
 
@@ -21,6 +22,8 @@ const PAGE_STYLE: &str = include_str!("assets/live/live.css");
 /// What a page embeds.
 pub(super) struct Live<'a> {
     pub case: &'a str,
+    /// Which model the page begins with, of those of the ledger; `None`: the last one.
+    pub current: Option<usize>,
     pub module: String,
     pub worker: &'static str,
     pub script: &'static str,
@@ -31,7 +34,8 @@ impl<'a> Live<'a> {
     /// Of results that carry a case.
     pub(super) fn of(results: &'a Results) -> Option<Live<'a>> {
         let case = results.live.as_deref().filter(|case| is_base64(case))?;
-        Some(Live { case, module: base64(MODULE), worker: WORKER, script: PAGE, style: PAGE_STYLE })
+        let current = results.ledger.as_ref().map(|ledger| ledger.current);
+        Some(Live { case, current, module: base64(MODULE), worker: WORKER, script: PAGE, style: PAGE_STYLE })
     }
 
     /// As of every page; besides, the module may be compiled, and the worker of the page itself may run.

@@ -1,6 +1,7 @@
 //! What a page carries: the model file, the trials as fits see them, and what was fitted already.
 //!
-//! As bytes: length of the header (four bytes, the lowest first), the header (JSON), the model file, the columns of every trial.
+//! As bytes: length of the header (four bytes, the lowest first), the header (JSON), the model file, the columns of every
+//! trial.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,7 +1,7 @@
 //! Columns of samples as bytes, exact to the last bit and small once compressed.
 //!
-//! Recorded samples are decimal numbers of few digits. A column of them is stored as whole numbers, each as its difference to the
-//! one before; any other column as it is.
+//! Recorded samples are decimal numbers of few digits. A column of them is stored as whole numbers, each as its
+//! difference to the one before; any other column as it is.
 
 /// Samples as they are.
 const PLAIN: u8 = 0xff;

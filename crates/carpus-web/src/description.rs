@@ -24,7 +24,8 @@ impl Workbench {
             };
             json!({ "name": name, "given": own, "bounds": [ends(0), ends(1), ends(2)] })
         };
-        let is_given = |e: &&'static dyn Effect| self.given.iter().any(|s| s.effect.description().id == e.description().id);
+        let is_given =
+            |e: &&'static dyn Effect| self.given.iter().any(|s| s.effect.description().id == e.description().id);
         let effects: Vec<Value> = with_own().iter().filter(|e| !is_given(e)).map(|e| self.effect(*e)).collect();
         let given: Vec<&str> = self.given.iter().map(|s| s.effect.description().name).collect();
         json!({
@@ -61,8 +62,8 @@ impl Workbench {
         })
     }
 
-    /// Of a trial, one after the other: time [s], angle [deg], speed [deg/s], measured moment [N·m], mean activation of all muscles
-    /// as the excitations drive it.
+    /// Of a trial, one after the other: time [s], angle [deg], speed [deg/s], measured moment [N·m], mean activation of
+    /// all muscles as the excitations drive it.
     pub fn recorded(&self, trial: usize) -> Vec<f64> {
         let Some(t) = self.trials.get(trial) else { return Vec::new() };
         let speed = speed_and_acceleration(&t.time, &t.angle).map(|[speed, _]| speed).unwrap_or_default();

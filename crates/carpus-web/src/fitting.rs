@@ -20,8 +20,8 @@ const PROPERTIES: [Property; 3] =
     [Property::MaxIsometricForce, Property::OptimalFiberLength, Property::TendonSlackLength];
 
 impl Workbench {
-    /// Fits the muscles to the training trials as `carpus personalize` does; with effects, muscles and effects together as
-    /// `carpus effect add` does.
+    /// Fits the muscles to the training trials as `carpus personalize` does; with effects, muscles and effects together
+    /// as `carpus effect add` does.
     ///
     /// - `effects`: identifiers
     /// - `report`: told now and then that a further step is done
@@ -46,8 +46,8 @@ impl Workbench {
             priors: Vec::new(),
             seed: self.header.seed,
         };
-        let fit = personalize(&problem, &|p| report(p.stage), &|| true)
-            .map_err(|e| WorkbenchError::Fit(e.to_string()))?;
+        let fit =
+            personalize(&problem, &|p| report(p.stage), &|| true).map_err(|e| WorkbenchError::Fit(e.to_string()))?;
         let estimates: Vec<MuscleEstimate> = fit.fitted.iter().filter_map(|p| p.estimate.clone()).collect();
         Ok(StateOfCase {
             label: "Muscles fitted".to_owned(),
@@ -87,7 +87,7 @@ impl Workbench {
             let intervals: Vec<[f64; 2]> = description.parameters.iter().filter_map(|p| of(p.name)).collect();
             EffectOfCase { id: description.id.to_owned(), values: s.values.clone(), intervals }
         };
-        let names: Vec<&str> = step.effects.iter().map(|s| s.effect.description().name).collect();
+        let names: Vec<&str> = effects.iter().map(|e| e.description().name).collect();
         Ok(StateOfCase {
             label: format!("Fitted with {}", names.join(" + ")),
             muscles: step.parameters.iter().map(three).collect(),

@@ -188,7 +188,8 @@ impl Workbench {
         let simulated = simulate_all(&self.forward, muscles, effects)?;
         let moments: Vec<Vec<f64>> = simulated.into_iter().map(|t| t.moment).collect();
         let trials = self.trials.iter().zip(&moments);
-        let errors = trials.map(|(t, moment)| TrialErrors::calc(&t.info, &t.moment, moment)).collect::<Result<_, _>>()?;
+        let errors =
+            trials.map(|(t, moment)| TrialErrors::calc(&t.info, &t.moment, moment)).collect::<Result<_, _>>()?;
         Ok(Simulated { errors: Errors::of(&ErrorTable::from_trials(errors)), moments })
     }
 

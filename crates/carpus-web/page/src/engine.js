@@ -17,7 +17,8 @@ class Remote {
       const waiting = this.waiting.get(data.id);
       if (data.step) return waiting?.onStep?.(data.step);
       this.waiting.delete(data.id);
-      if ("error" in data) waiting.reject(new Error(data.error)); else waiting.resolve(data.result);
+      if ("error" in data) waiting.reject(new Error(data.error));
+      else waiting.resolve(data.result);
     };
     // A fault of the program itself, out of memory among them.
     this.worker.onerror = (event) => this.end(new Error(event.message || "the computation stopped"));

@@ -29,6 +29,13 @@ export function element(tag, properties = {}, ...children) {
   return made;
 }
 
+/** A button. */
+export function button(text, act, properties = {}) {
+  const made = element("button", { type: "button", ...properties }, text);
+  made.addEventListener("click", act);
+  return made;
+}
+
 const SVG = "http://www.w3.org/2000/svg";
 
 /** The same of a drawing. */

@@ -1,7 +1,17 @@
 // Files that a person takes away: figures, numbers, the model.
 import { element } from "./format.js";
 
-const DRAWN_AS = ["fill", "stroke", "stroke-width", "stroke-dasharray", "stroke-opacity", "opacity", "font-size", "font-family", "text-anchor"];
+const DRAWN_AS = [
+  "fill",
+  "stroke",
+  "stroke-width",
+  "stroke-dasharray",
+  "stroke-opacity",
+  "opacity",
+  "font-size",
+  "font-family",
+  "text-anchor",
+];
 
 export function save(name, content, type) {
   const url = URL.createObjectURL(new Blob([content], { type }));
@@ -31,7 +41,11 @@ export function standalone(svg) {
   copy.setAttribute("width", width);
   copy.setAttribute("height", height);
   const ground = document.createElementNS("http://www.w3.org/2000/svg", "rect");
-  for (const [name, value] of [["width", width], ["height", height], ["fill", getComputedStyle(document.body).backgroundColor]]) {
+  for (const [name, value] of [
+    ["width", width],
+    ["height", height],
+    ["fill", getComputedStyle(document.body).backgroundColor],
+  ]) {
     ground.setAttribute(name, value);
   }
   copy.insertBefore(ground, copy.firstChild);
@@ -57,8 +71,11 @@ export function saveButtons(figure, name, table = () => figure.table()) {
     made.addEventListener("click", act);
     return made;
   };
-  return element("span", { class: "live-saves" },
+  return element(
+    "span",
+    { class: "live-saves" },
     button("SVG", "Save as SVG:", () => save(`${name()}.svg`, standalone(figure.root), "image/svg+xml")),
     button("PNG", "Save as PNG:", () => savePng(`${name()}.png`, figure.root)),
-    button("CSV", "Save numbers of:", () => save(`${name()}.csv`, csv(table()), "text/csv")));
+    button("CSV", "Save numbers of:", () => save(`${name()}.csv`, csv(table()), "text/csv")),
+  );
 }

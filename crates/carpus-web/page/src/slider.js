@@ -21,7 +21,15 @@ export class Slider {
     const ends = element("span", { class: "live-ends" }, `${shown(toShown(low), 4)} … ${shown(toShown(high), 4)}`);
     const name = element("label", { htmlFor: id, title }, label);
     const track = element("span", { class: "live-track" }, this.band, this.given, this.input);
-    this.root = element("div", { class: "live-slider" }, name, track, this.field, element("span", { class: "unit" }, unit), ends);
+    this.root = element(
+      "div",
+      { class: "live-slider" },
+      name,
+      track,
+      this.field,
+      element("span", { class: "unit" }, unit),
+      ends,
+    );
     if (mark !== undefined) this.place(this.given, mark, mark);
     this.input.addEventListener("input", () => this.change(low + (this.input.value / STEPS) * (high - low)));
     this.field.addEventListener("change", () => {
@@ -46,7 +54,8 @@ export class Slider {
 
   /** Draws an interval on the track; none: nothing is drawn. */
   interval(ends) {
-    if (ends) this.place(this.band, ends[0], ends[1]); else this.band.hidden = true;
+    if (ends) this.place(this.band, ends[0], ends[1]);
+    else this.band.hidden = true;
   }
 
   place(mark, from, to) {

@@ -2,12 +2,27 @@
 
 /** Maximum isometric force, optimal fibre length, tendon slack length: the order of every triple. */
 export const PROPERTIES = [
-  { name: "max_isometric_force", short: "Maximum isometric force", symbol: "F\u2092", unit: "N",
-    about: "Force of the muscle's fibres at their optimal length, fully active and at rest." },
-  { name: "optimal_fiber_length", short: "Optimal fibre length", symbol: "\u2113\u2092", unit: "m",
-    about: "Length of the fibres at which they pull hardest." },
-  { name: "tendon_slack_length", short: "Tendon slack length", symbol: "\u2113\u209b", unit: "m",
-    about: "Length of the tendon up to which it does not pull." },
+  {
+    name: "max_isometric_force",
+    short: "Maximum isometric force",
+    symbol: "F\u2092",
+    unit: "N",
+    about: "Force of the muscle's fibres at their optimal length, fully active and at rest.",
+  },
+  {
+    name: "optimal_fiber_length",
+    short: "Optimal fibre length",
+    symbol: "\u2113\u2092",
+    unit: "m",
+    about: "Length of the fibres at which they pull hardest.",
+  },
+  {
+    name: "tendon_slack_length",
+    short: "Tendon slack length",
+    symbol: "\u2113\u209b",
+    unit: "m",
+    about: "Length of the tendon up to which it does not pull.",
+  },
 ];
 
 const copyOf = (effects) => effects.map((e) => ({ id: e.id, values: [...e.values] }));
@@ -51,7 +66,10 @@ export class State {
   }
 
   usual(id) {
-    const fitted = this.models.toReversed().flatMap((m) => m.effects).find((e) => e.id === id);
+    const fitted = this.models
+      .toReversed()
+      .flatMap((m) => m.effects)
+      .find((e) => e.id === id);
     if (fitted) return [...fitted.values];
     const { parameters } = this.description.effects.find((e) => e.id === id);
     return parameters.map((p) => {
@@ -68,7 +86,9 @@ export class State {
   }
 
   isChanged() {
-    return JSON.stringify([this.muscles, this.effects]) !== JSON.stringify([this.model.muscles, copyOf(this.model.effects)]);
+    return (
+      JSON.stringify([this.muscles, this.effects]) !== JSON.stringify([this.model.muscles, copyOf(this.model.effects)])
+    );
   }
 
   /** What the engine is asked with. */

@@ -17,25 +17,57 @@ export class Trials {
   constructor(description, recorded) {
     this.trials = description.trials.map((trial, i) => ({ ...trial, ...columns(recorded[i], trial.samples) }));
     this.chosen = 0;
-    this.large = new Figure({ label: "Moment of the chosen trial", x: TIME, y: MOMENT, width: 900, height: 300 });
-    this.left = new Figure({ label: "Measured minus simulated moment of the chosen trial", x: TIME, y: { name: "residual", unit: "N·m" }, width: 900, height: 190 });
+    this.large = new Figure({ label: "Moment of the chosen trial", x: TIME, y: MOMENT, width: 900, height: 250 });
+    this.left = new Figure({
+      label: "Measured minus simulated moment of the chosen trial",
+      x: TIME,
+      y: { name: "residual", unit: "N·m" },
+      width: 900,
+      height: 140,
+    });
     this.title = element("h3", {});
     this.errors = element("p", { class: "result" });
     const name = () => `${this.trials[this.chosen].name}`;
-    this.focus = element("figure", { class: "panel live-focus" },
-      element("div", { class: "heading" }, this.title, saveButtons(this.large, name, () => this.table())),
-      this.errors, element("div", { class: "sub" }, this.large.root),
-      element("div", { class: "heading" }, element("p", { class: "soft" }, "Measured minus simulated"), saveButtons(this.left, () => `${name()}_residual`)),
-      element("div", { class: "sub" }, this.left.root));
+    this.focus = element(
+      "figure",
+      { class: "panel live-focus" },
+      element(
+        "div",
+        { class: "heading" },
+        this.title,
+        saveButtons(this.large, name, () => this.table()),
+      ),
+      this.errors,
+      element("div", { class: "sub" }, this.large.root),
+      element(
+        "div",
+        { class: "heading" },
+        element("p", { class: "soft" }, "Measured minus simulated"),
+        saveButtons(this.left, () => `${name()}_residual`),
+      ),
+      element("div", { class: "sub" }, this.left.root),
+    );
     this.panels = this.trials.map((trial, i) => this.panel(trial, i));
     this.grid = element("div", { class: "live-grid" }, ...this.panels.map((p) => p.root));
   }
 
   panel(trial, i) {
-    const figure = new Figure({ label: `${trial.condition}: ${trial.name}`, x: TIME, y: MOMENT, width: 210, height: 110, small: true });
+    const figure = new Figure({
+      label: `${trial.condition}: ${trial.name}`,
+      x: TIME,
+      y: MOMENT,
+      width: 210,
+      height: 110,
+      small: true,
+    });
     const error = element("span", { class: "live-error" });
     const name = element("span", { class: "name", title: trial.name }, trial.condition + posture(trial));
-    const root = element("button", { type: "button", class: `panel live-trial ${trial.use}` }, element("span", { class: "live-caption" }, name, error), figure.root);
+    const root = element(
+      "button",
+      { type: "button", class: `panel live-trial ${trial.use}` },
+      element("span", { class: "live-caption" }, name, error),
+      figure.root,
+    );
     root.addEventListener("click", () => this.choose(i));
     return { root, figure, error };
   }
@@ -75,13 +107,17 @@ export class Trials {
     this.errors.replaceChildren(
       element("span", {}, "NRMSE as given ", element("b", {}, percent(this.given.errors.nrmse[i]))),
       element("span", {}, "now ", element("b", {}, percent(nrmse[i]))),
-      element("span", {}, "RMS error now ", element("b", {}, `${shown(rmse[i])}\u202fN·m`)));
+      element("span", {}, "RMS error now ", element("b", {}, `${shown(rmse[i])}\u202fN·m`)),
+    );
     this.large.draw(this.curves(i), { keep });
     const residual = (moments) => measured.map((m, k) => m - moments[k]);
-    this.left.draw([
-      { name: "as given", class: "before", x: time, y: residual(this.given.moments[i]) },
-      { name: "now", class: "after", x: time, y: residual(this.now.moments[i]) },
-    ], { keep });
+    this.left.draw(
+      [
+        { name: "as given", class: "before", x: time, y: residual(this.given.moments[i]) },
+        { name: "now", class: "after", x: time, y: residual(this.now.moments[i]) },
+      ],
+      { keep },
+    );
   }
 
   /** Every sample of the chosen trial. */

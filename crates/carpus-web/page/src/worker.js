@@ -20,7 +20,7 @@ const calls = {
   },
   fit({ id, effects }) {
     let done = 0;
-    const step = (text) => postMessage({ id, step: { done: (done += 1), text } });
+    const step = () => postMessage({ id, step: { done: (done += 1) } });
     return [JSON.parse(page.fit(JSON.stringify(effects), { step })), []];
   },
   export({ muscles, effects }) {

@@ -13,17 +13,33 @@ const [report, planFile, seenFile] = process.argv.slice(2);
 const plan = JSON.parse(readFileSync(planFile, "utf8"));
 const executablePath = process.env.CARPUS_CHROMIUM ?? "/usr/bin/chromium";
 const profile = mkdtempSync(path.join(tmpdir(), "carpus-browser-"));
-const args = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"];
+const args = [
+  "--no-sandbox",
+  "--disable-gpu",
+  "--no-first-run",
+  "--disable-background-networking",
+  "--disable-component-update",
+  "--disable-sync",
+];
 const context = await chromium.launchPersistentContext(profile, {
-  executablePath, args, headless: true, acceptDownloads: true, viewport: { width: 1366, height: 768 }, colorScheme: plan.theme ?? "light",
+  executablePath,
+  args,
+  headless: true,
+  acceptDownloads: true,
+  viewport: { width: 1366, height: 768 },
+  colorScheme: plan.theme ?? "light",
 });
 const seen = { requests: [], complaints: [], downloads: {} };
 try {
   const page = await context.newPage();
   const own = pathToFileURL(path.resolve(report)).href;
-  const note = (request) => { if (request.url().split("#")[0] !== own && !/^(blob:|data:)/.test(request.url())) seen.requests.push(request.url()); };
+  const note = (request) => {
+    if (request.url().split("#")[0] !== own && !/^(blob:|data:)/.test(request.url())) seen.requests.push(request.url());
+  };
   context.on("request", note);
-  page.on("console", (message) => { if (message.type() === "error") seen.complaints.push(message.text()); });
+  page.on("console", (message) => {
+    if (message.type() === "error") seen.complaints.push(message.text());
+  });
   page.on("pageerror", (error) => seen.complaints.push(String(error)));
   await page.goto(own);
   await page.waitForFunction(() => document.getElementById("live").dataset.renewed, null, { timeout: 120_000 });
@@ -33,19 +49,34 @@ try {
   const renewed = async (act) => {
     const before = (await data()).renewed;
     await act();
-    await page.waitForFunction((b) => document.getElementById("live").dataset.renewed !== b, before, { timeout: 120_000 });
+    await page.waitForFunction((b) => document.getElementById("live").dataset.renewed !== b, before, {
+      timeout: 120_000,
+    });
     const { changed, renewed: now } = await data();
     return Number(now) - Number(changed);
   };
-  const errors = () => page.evaluate(() => Object.fromEntries([...document.querySelectorAll(".live-cards .card")].map((c) => [c.dataset.use, Number(c.dataset.nrmse)])));
+  const errors = () =>
+    page.evaluate(() =>
+      Object.fromEntries(
+        [...document.querySelectorAll(".live-cards .card")].map((c) => [c.dataset.use, Number(c.dataset.nrmse)]),
+      ),
+    );
   const download = async (name, count = 1) => {
     const files = [];
-    const all = new Promise((resolve) => page.on("download", (d) => { files.push(d); if (files.length === count) resolve(); }));
+    const all = new Promise((resolve) =>
+      page.on("download", (d) => {
+        files.push(d);
+        if (files.length === count) resolve();
+      }),
+    );
     await page.getByRole("button", { name, exact: true }).click();
     await all;
-    for (const file of files) seen.downloads[file.suggestedFilename()] = readFileSync(await file.path()).toString("base64");
+    for (const file of files)
+      seen.downloads[file.suggestedFilename()] = readFileSync(await file.path()).toString("base64");
   };
-  const shoot = async (name) => { if (plan.screenshots) await page.screenshot({ path: path.join(plan.screenshots, `${name}.png`) }); };
+  const shoot = async (name) => {
+    if (plan.screenshots) await page.screenshot({ path: path.join(plan.screenshots, `${name}.png`) });
+  };
   const live = page.locator("#live");
   await live.scrollIntoViewIfNeeded();
   await page.evaluate(() => document.getElementById("live").scrollIntoView());
@@ -56,14 +87,22 @@ try {
   seen.renewedMs = [];
   for (const [muscle, property, value] of plan.fields) {
     const field = live.locator("fieldset").filter({ hasText: muscle }).locator(".field").nth(property);
-    seen.renewedMs.push(await renewed(async () => { await field.fill(String(value)); await field.press("Enter"); }));
+    seen.renewedMs.push(
+      await renewed(async () => {
+        await field.fill(String(value));
+        await field.press("Enter");
+      }),
+    );
   }
   // A step of a slider by the keyboard, and back: what it takes until all curves are drawn.
   const slider = live.locator("fieldset input[type=range]").first();
   const value = await live.locator("fieldset .field").first().inputValue();
   for (let i = 0; i < 10; i += 1) seen.renewedMs.push(await renewed(() => slider.press("ArrowRight")));
   const field = live.locator("fieldset .field").first();
-  await renewed(async () => { await field.fill(value); await field.press("Enter"); });
+  await renewed(async () => {
+    await field.fill(value);
+    await field.press("Enter");
+  });
   await shoot("dragged");
   await download("Save all curves");
   await download("Save parameters");
@@ -76,7 +115,10 @@ try {
     await renewed(() => effect.getByRole("switch").click());
     for (const [i, v] of (plan.values ?? []).entries()) {
       const at = effect.locator(".field").nth(i);
-      await renewed(async () => { await at.fill(String(v)); await at.press("Enter"); });
+      await renewed(async () => {
+        await at.fill(String(v));
+        await at.press("Enter");
+      });
     }
     seen.withEffect = await errors();
     await shoot("effect");
