@@ -14,10 +14,10 @@ crates="numerics osim multibody study simulation personalization diagnosis web"
 sources() {
   {
     for crate in $crates; do
-      find crates/carpus-$crate -type f \( -name '*.rs' -o -name Cargo.toml -o -name build.sh \)
+      find crates/carpus-$crate/src crates/carpus-$crate/Cargo.toml -type f
     done
+    find crates/carpus-web/build.sh crates/carpus-web/bindings/src $page/src -type f
     find $page -maxdepth 1 -name 'package*.json'
-    find $page/src -type f
   } | LC_ALL=C sort | xargs sha256sum
   cargo tree --locked --package carpus-web --target wasm32-unknown-unknown --edges normal --prefix none --no-dedupe |
     sed 's/ (.*//' | LC_ALL=C sort -u
