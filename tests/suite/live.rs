@@ -1,6 +1,6 @@
 //! Reports that compute, opened in Chromium: what a person does there gives the numbers and the bytes of the program.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command as Process;
 
 use carpus::osim::OsimFile;
@@ -12,24 +12,17 @@ use crate::user_loop::{carpus, column, json as json_of, looped, read, root, smal
 /// Numbers of a page and of the program agree so well, relative to the largest: the two have another maths library.
 const SAME: f64 = 1e-9;
 
-/// What a page showed and saved; `None` without Chromium, Node and the page's packages.
-fn seen_in_browser(report: &Path, plan: &Value) -> Option<Value> {
-    let page = root("crates/carpus-web/page");
-    let chromium =
-        std::env::var_os("CARPUS_CHROMIUM").map_or_else(|| PathBuf::from("/usr/bin/chromium"), PathBuf::from);
-    let has_node = Process::new("node").arg("--version").output().is_ok_and(|o| o.status.success());
-    if !chromium.exists() || !has_node || !page.join("node_modules/playwright-core").exists() {
-        eprintln!("SKIPPED: no Chromium (CARPUS_CHROMIUM), Node or playwright-core (npm ci in {})", page.display());
-        return None;
-    }
+/// What a page showed and saved.
+fn seen_in_browser(report: &Path, plan: &Value) -> Value {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str| folder.path().join(name);
     std::fs::write(file("plan.json"), plan.to_string()).unwrap();
     let mut browser = Process::new("node");
-    browser.arg(page.join("test/browser.mjs")).arg(report).args([file("plan.json"), file("seen.json")]);
-    let output = browser.output().unwrap();
+    let script = root("crates/carpus-web/page/test/browser.mjs");
+    browser.arg(script).arg(report).args([file("plan.json"), file("seen.json")]);
+    let output = browser.output().expect("Node is here");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    Some(json_of(file("seen.json")))
+    json_of(file("seen.json"))
 }
 
 /// Nothing was asked of any network, nothing went wrong, no name was run.
@@ -68,6 +61,7 @@ fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
 }
 
 #[test]
+#[cfg_attr(not(has_browser), ignore = "needs Chromium (CARPUS_CHROMIUM), Node and npm ci in crates/carpus-web/page")]
 fn verif_a_slider_gives_the_curve_and_the_file_of_the_program() {
     let folder = tempfile::tempdir().unwrap();
     let path = |relative: &str| folder.path().join(relative);
@@ -80,7 +74,7 @@ fn verif_a_slider_gives_the_curve_and_the_file_of_the_program() {
     };
     compare(None, "compared");
     let plan = json!({ "fields": [["ECRB", 1, 0.0601], ["FCU", 2, 0.2534], ["FCR", 0, 512.5]] });
-    let Some(seen) = seen_in_browser(&path("compared/P01/report.html"), &plan) else { return };
+    let seen = seen_in_browser(&path("compared/P01/report.html"), &plan);
     assert_calm(&seen);
 
     // The same change made by the program.
@@ -104,6 +98,7 @@ fn verif_a_slider_gives_the_curve_and_the_file_of_the_program() {
 }
 
 #[test]
+#[cfg_attr(not(has_browser), ignore = "needs Chromium (CARPUS_CHROMIUM), Node and npm ci in crates/carpus-web/page")]
 fn verif_an_effect_switched_on_lowers_the_error_as_the_ledger_says() {
     let report = looped().path("with/P01/report.html");
     let results = Results::parse(&read(looped().path("with/P01/results.json"))).unwrap();
@@ -113,7 +108,7 @@ fn verif_an_effect_switched_on_lowers_the_error_as_the_ledger_says() {
     let plan = json!({
         "fields": [], "effect": "joint_stiffness", "values": [stiffness], "model": label, "files": 2, "fit": true,
     });
-    let Some(seen) = seen_in_browser(&report, &plan) else { return };
+    let seen = seen_in_browser(&report, &plan);
     assert_calm(&seen);
     let of = |which: &str, use_of: &str| seen[which][use_of].as_f64().unwrap();
     assert!(of("withEffect", "train") < 0.9 * of("asGiven", "train"), "{}", seen["withEffect"]);
@@ -131,6 +126,7 @@ fn verif_an_effect_switched_on_lowers_the_error_as_the_ledger_says() {
 }
 
 #[test]
+#[cfg_attr(not(has_browser), ignore = "needs Chromium (CARPUS_CHROMIUM), Node and npm ci in crates/carpus-web/page")]
 fn verif_a_hostile_name_is_only_text() {
     const NAME: &str = "<img src=x onerror=window.executed=1>";
     let folder = tempfile::tempdir().unwrap();
@@ -150,7 +146,7 @@ fn verif_a_hostile_name_is_only_text() {
     }
     carpus().arg("compare").arg(&study).arg("--out").arg(folder.path().join("out")).assert().success();
     let plan = json!({ "fields": [] });
-    let Some(seen) = seen_in_browser(&folder.path().join("out/P01/report.html"), &plan) else { return };
+    let seen = seen_in_browser(&folder.path().join("out/P01/report.html"), &plan);
     assert_calm(&seen);
     assert!(seen["text"].as_str().unwrap().contains(NAME));
 }

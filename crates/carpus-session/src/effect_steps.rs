@@ -17,7 +17,7 @@ use super::residuals::residual_result;
 use super::result_files::{account, write_results};
 use carpus_diagnosis::addition::{FittedStep, fit_steps};
 use carpus_diagnosis::diagnose::rmse;
-use carpus_diagnosis::effect::{Effect, FlippedArm};
+use carpus_diagnosis::effect::Effect;
 use carpus_diagnosis::export::{self, SideCar};
 use carpus_diagnosis::forward_model::{ForwardModel, Setting};
 use carpus_diagnosis::moments::simulate_all;

@@ -46,7 +46,7 @@ impl Workbench {
         let d = effect.description();
         let absent = self.forward.joint.absent(effect);
         let at_zero = effect.reported(&absent.values, &self.forward.muscles);
-        let is_ratio = effect.has_log_ratios();
+        let is_ratio = d.has_log_ratios();
         let parameters = d.parameters.iter().zip(absent.values.iter().zip(at_zero)).map(|(p, (start, at_zero))| {
             let plausible = self.forward.joint.plausible(p);
             let ends = plausible.map(|end| if is_ratio && at_zero > 0.0 { (end / at_zero).ln() } else { end });
