@@ -6,8 +6,14 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// What is looked for, and the variables that say where.
-const LOOKED_FOR: [&str; 5] =
-    ["CARPUS_PYTHON", "CARPUS_SHARED", "CARPUS_MODELS", "CARPUS_VALIDATION_DIR", "CARPUS_GENERATED_STUDY"];
+const LOOKED_FOR: [&str; 6] = [
+    "CARPUS_PYTHON",
+    "CARPUS_SHARED",
+    "CARPUS_MODELS",
+    "CARPUS_VALIDATION_DIR",
+    "CARPUS_GENERATED_STUDY",
+    "CARPUS_CHROMIUM",
+];
 
 /// Models that some tests are about.
 const LAB_MODELS: [&str; 3] = ["Hand_Wrist_Model_for_development.osim", "MOBL_ARMS_41.osim", "MOBL_ARMS_fixed_41.osim"];
@@ -23,6 +29,7 @@ fn main() {
         ("has_lab_models", LAB_MODELS.iter().all(|name| models.iter().any(|model| model.ends_with(name)))),
         ("has_shared_data", shared.is_some_and(|folder| folder.join("data").is_dir())),
         ("has_validation_dir", env::var_os("CARPUS_VALIDATION_DIR").is_some()),
+        ("has_browser", has_browser()),
         ("has_generated_study", env::var_os("CARPUS_GENERATED_STUDY").is_some()),
     ] {
         println!("cargo::rustc-check-cfg=cfg({name})");
@@ -38,6 +45,19 @@ fn has_opensim() -> bool {
     let find = "import importlib.util, sys; sys.exit(importlib.util.find_spec('opensim') is None)";
     let silent = Command::new(python).args(["-c", find]).stdout(Stdio::null()).stderr(Stdio::null()).status();
     silent.is_ok_and(|status| status.success())
+}
+
+/// Whether `CARPUS_CHROMIUM`, else Debian's, is there, with Node and the packages that open reports in it.
+fn has_browser() -> bool {
+    let chromium = env::var_os("CARPUS_CHROMIUM").unwrap_or_else(|| "/usr/bin/chromium".into());
+    let page = Path::new("crates/carpus-web/page");
+    let packages = page.join("node_modules/playwright-core");
+    // What is watched has to be there, or the script would run each time.
+    let watched = if packages.is_dir() { packages.as_path() } else { page };
+    println!("cargo::rerun-if-changed={}", watched.display());
+    let node = Command::new("node").arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+    let has_node = node.is_ok_and(|status| status.success());
+    has_node && Path::new(&chromium).exists() && packages.is_dir()
 }
 
 /// The folder of shared models and recordings, where `tests/suite/reference.rs` looks for it.

@@ -15,6 +15,7 @@ mod functions;
 mod identifiability;
 mod imaging;
 mod krylow;
+mod live;
 mod multibody;
 mod muscles;
 mod mutations;

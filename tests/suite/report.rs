@@ -190,6 +190,7 @@ fn example() -> Results {
         residuals: Vec::new(),
         diagnosis: None,
         ledger: None,
+        live: None,
         warnings: vec![WarningResult {
             at: Some("data/P01/isotonic_25_flexion_1.csv:812".into()),
             message: "gap of 0.12 s between samples; the angle was interpolated".into(),

@@ -77,13 +77,13 @@ pub fn column(path: PathBuf, name: &str) -> Vec<f64> {
 }
 
 /// A study with a hidden spring, its diagnosis by two candidates, and the model with spring and delay added.
-struct Looped {
+pub struct Looped {
     folder: tempfile::TempDir,
     refused: String,
 }
 
 impl Looped {
-    fn path(&self, relative: &str) -> PathBuf {
+    pub fn path(&self, relative: &str) -> PathBuf {
         self.folder.path().join(relative)
     }
 
@@ -92,7 +92,7 @@ impl Looped {
     }
 }
 
-fn looped() -> &'static Looped {
+pub fn looped() -> &'static Looped {
     static LOOPED: OnceLock<Looped> = OnceLock::new();
     LOOPED.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();

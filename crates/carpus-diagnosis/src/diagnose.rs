@@ -5,6 +5,7 @@ mod account;
 use std::collections::BTreeMap;
 
 use rayon::prelude::*;
+use web_time::Instant;
 
 use super::baselines::Ingredients;
 use super::catalogue::with_own;
@@ -134,7 +135,7 @@ pub fn diagnose(request: &Request, at: &dyn Fn(usize)) -> Result<Outcome, Simula
     let forward = request.forward;
     let mut session = request.session();
     let report = request.report();
-    let clock = std::time::Instant::now();
+    let clock = Instant::now();
     let begins = |phase: usize| {
         report(&format!("{:.1?}: {}", clock.elapsed(), PHASES[phase]));
         at(phase);

@@ -12,6 +12,7 @@ pub mod diagnosis;
 pub mod identifiability;
 pub mod intervals;
 pub mod ledger;
+pub mod live;
 pub mod moments;
 mod number;
 mod page;

@@ -3,6 +3,7 @@
 use askama::Template;
 use sha2::{Digest, Sha256};
 
+use super::live::{Live, base64};
 use super::results::Results;
 use super::story::Story;
 use super::story_figures::standing_alone;
@@ -22,6 +23,7 @@ struct Page<'a> {
     script: &'a str,
     view: View,
     results: &'a Results,
+    live: Option<Live<'a>>,
 }
 
 #[derive(Template)]
@@ -32,16 +34,18 @@ struct StoryPage<'a> {
     script: &'a str,
     view: Story,
     results: &'a Results,
+    live: Option<Live<'a>>,
 }
 
 /// The report of a results file: one self-contained HTML page.
 pub fn render_report(results: &Results) -> String {
+    let live = Live::of(results);
+    let policy = live.as_ref().map_or_else(content_security_policy, Live::content_security_policy);
     if let Some(story) = Story::new(results) {
-        let page = StoryPage { policy: content_security_policy(), style: STYLE, script: SCRIPT, view: story, results };
+        let page = StoryPage { policy, style: STYLE, script: SCRIPT, view: story, results, live };
         return finished(&page);
     }
-    let page =
-        Page { policy: content_security_policy(), style: STYLE, script: SCRIPT, view: View::new(results), results };
+    let page = Page { policy, style: STYLE, script: SCRIPT, view: View::new(results), results, live };
     finished(&page)
 }
 
@@ -58,38 +62,20 @@ pub fn render_waterfall(results: &Results) -> Option<String> {
 
 /// Nothing may be loaded from anywhere; only the two inline blocks, named by their hash, are in force.
 pub(super) fn content_security_policy() -> String {
-    let hash = |text: &str| base64(&Sha256::digest(text.as_bytes()));
+    policy(&[STYLE], &[SCRIPT], "")
+}
+
+/// Nothing may be loaded from anywhere; only inline blocks, named by their hash, are in force.
+///
+/// - `scripts_may`: what scripts may do besides
+pub(super) fn policy(styles: &[&str], scripts: &[&str], scripts_may: &str) -> String {
+    let hashes = |texts: &[&str]| {
+        let hash = |text: &&str| format!(" 'sha256-{}'", base64(&Sha256::digest(text.as_bytes())));
+        texts.iter().map(hash).collect::<String>()
+    };
     format!(
-        "default-src 'none'; style-src 'sha256-{}'; script-src 'sha256-{}'; img-src data:; base-uri 'none'; form-action 'none'",
-        hash(STYLE),
-        hash(SCRIPT)
+        "default-src 'none'; style-src{}; script-src{}{scripts_may}; img-src data:; base-uri 'none'; form-action 'none'",
+        hashes(styles),
+        hashes(scripts)
     )
-}
-
-/// Base64 with padding (RFC 4648, section 4), as content security policies write hashes.
-fn base64(bytes: &[u8]) -> String {
-    const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let word = chunk.iter().fold(0u32, |w, b| w << 8 | u32::from(*b)) << (8 * (3 - chunk.len()));
-        for i in 0..4 {
-            let symbol = ALPHABET[(word >> (18 - 6 * i) & 63) as usize] as char;
-            out.push(if i <= chunk.len() { symbol } else { '=' });
-        }
-    }
-    out
-}
-
-#[cfg(test)]
-mod tests {
-    use super::base64;
-
-    #[test]
-    fn verif_base64_rfc4648_vectors() {
-        for (text, expected) in
-            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foob", "Zm9vYg=="), ("foobar", "Zm9vYmFy")]
-        {
-            assert_eq!(base64(text.as_bytes()), expected);
-        }
-    }
 }

@@ -55,6 +55,9 @@ pub struct Results {
     /// What the reader must know before trusting the numbers.
     #[serde(default)]
     pub warnings: Vec<WarningResult>,
+    /// Model and trials for the part of the report that computes ([`super::live::packed`]); `None`: the report is static.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub live: Option<String>,
 }
 
 /// What was run.

@@ -77,6 +77,7 @@ pub fn results(setting: Setting, trials: &[Trial], runs: &[ModelRun]) -> Result<
         diagnosis: None,
         ledger: None,
         warnings: setting.warnings.iter().map(warning_result).collect(),
+        live: None,
     })
 }
 

@@ -48,6 +48,7 @@ impl Session<'_> {
         let residuals = residual_result(run, "model", &model.moments);
         let mut results = account(Kind::Comparison, self, request, request.seed, &[model])?;
         results.residuals = vec![residuals];
+        results.live = self.live_case(request.seed, Vec::new())?;
         Ok(Comparison { session: self, results, trials })
     }
 }

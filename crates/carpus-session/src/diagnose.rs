@@ -1,5 +1,6 @@
 //! Where the model fails, and which physical effect is missing.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde_json::Value;
@@ -8,6 +9,7 @@ use super::account::ModelRun;
 use super::candidates::candidates;
 use super::diagnosis_file::{self, KnownDiagnosis, definitions, proposal_file};
 use super::diagnostic::{Diagnostic, Failure};
+use super::live_case::state;
 use super::loading::{LoadedParticipant, Purpose};
 use super::output::OutputFolder;
 use super::participant::Session;
@@ -218,6 +220,12 @@ fn with_models(
     results.parameters = super::personalize::parameters(run, &outcome.muscles, true);
     results.part_of_the_way = Some(rounded(outcome.recalibrated.part, 4));
     results.diagnosis = Some(diagnosis_file::result(value)?);
+    let mut states = vec![state("Muscles refitted", refitted, &outcome.muscles, &[], &BTreeMap::new())];
+    if !effects.is_empty() {
+        let names = effects.iter().map(|s| s.effect.description().name).collect::<Vec<_>>().join(" + ");
+        states.push(state(&format!("With {names}"), parameters, &[], effects, &BTreeMap::new()));
+    }
+    results.live = session.live_case(request.seed, states)?;
     Ok(results)
 }
 
@@ -249,7 +257,7 @@ pub fn laboratory(run: &LoadedParticipant) -> Laboratory<'_> {
 }
 
 /// The session's MVC moment [N·m]: as the study states it, else the largest that was recorded.
-fn largest_moment(run: &LoadedParticipant) -> f64 {
+pub(super) fn largest_moment(run: &LoadedParticipant) -> f64 {
     let p = &run.participant;
     let stated = [p.mvc_flexion, p.mvc_extension].into_iter().flatten().fold(0.0, f64::max);
     if stated > 0.0 { stated } else { run.trials.iter().map(|t| t.max_abs_moment()).fold(0.0, f64::max) }

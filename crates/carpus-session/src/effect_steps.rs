@@ -7,6 +7,7 @@ use super::candidates::candidates;
 use super::diagnosis_file::KnownDiagnosis;
 use super::diagnostic::{Diagnostic, Failure};
 use super::effect_choice::is_supported;
+use super::live_case::state;
 use super::loading::LoadedParticipant;
 use super::output::OutputFolder;
 use super::participant::Session;
@@ -16,7 +17,7 @@ use super::residuals::residual_result;
 use super::result_files::{account, write_results};
 use carpus_diagnosis::addition::{FittedStep, fit_steps};
 use carpus_diagnosis::diagnose::rmse;
-use carpus_diagnosis::effect::{Effect, FlippedArm};
+use carpus_diagnosis::effect::Effect;
 use carpus_diagnosis::export::{self, SideCar};
 use carpus_diagnosis::forward_model::{ForwardModel, Setting};
 use carpus_diagnosis::moments::simulate_all;
@@ -96,6 +97,11 @@ impl Session<'_> {
         results.parameters = last.map(|step| parameters(run, &step.muscles, true)).unwrap_or_default();
         results.part_of_the_way = last.map(|step| rounded(step.part_of_the_way, 4));
         results.diagnosis = Some(diagnosis.result.clone());
+        let of_step = |(step, fit): (&Step, &FittedStep)| {
+            state(&step.label, &fit.parameters, &fit.muscles, &fit.effects, &fit.estimates)
+        };
+        let states = ledger.steps[1..].iter().zip(&fitted).map(of_step).collect();
+        results.live = self.live_case(request.seed, states)?;
         results.ledger = Some(ledger);
         Ok(WithEffects { results, steps })
     }
@@ -165,27 +171,11 @@ fn written(
         return Ok(Written { folder, file, side_car, moments, differs: 0.0 });
     };
     let names: Vec<String> = run.model.muscle_names().map(String::from).collect();
-    let values = |p: &MuscleParameters| {
-        [
-            ("max_isometric_force", p.max_isometric_force),
-            ("optimal_fiber_length", p.optimal_fiber_length),
-            ("tendon_slack_length", p.tendon_slack_length),
-        ]
-    };
-    let changes: Vec<(&str, &str, f64)> = names
-        .iter()
-        .zip(&step.parameters)
-        .flat_map(|(name, p)| values(p).map(|(property, value)| (name.as_str(), property, value)))
-        .collect();
-    file.set_muscle_properties(&changes).map_err(|e| at_model(e.to_string()))?;
-    // A force of the model acts the same way in all trials: what turns with the arm stays beside it.
-    let turns = |s: &&Setting| s.effect.description().behaviour.flipped_arm == FlippedArm::Reversed;
-    let is_turned = run.trials.iter().any(|t| t.info.arm_flipped);
-    let (beside, within): (Vec<&Setting>, Vec<&Setting>) = step.effects.iter().partition(|s| is_turned && turns(s));
-    let within: Vec<Setting> = within.into_iter().cloned().collect();
-    let exported = export::write(&mut file, run.model.setup(), &within).map_err(|e| at_model(e.to_string()))?;
-    side_car.effects.extend(exported.side_car.effects);
-    side_car.effects.extend(beside.into_iter().cloned());
+    let (given, arm_turns) = (run.model.nominal_parameters(), run.trials.iter().any(|t| t.info.arm_flipped));
+    let setup = run.model.setup();
+    let beside = export::write_step(&mut file, setup, &names, &given, &step.parameters, &step.effects, arm_turns)
+        .map_err(|e| at_model(e.to_string()))?;
+    side_car.effects.extend(beside);
     // What is reported is what the written files give.
     let compiled = MusculoskeletalModel::compile(&file.spec, run.model.setup()).map_err(|e| at_model(e.to_string()))?;
     let again = ForwardModel::new(&file.spec, &compiled, &run.trials).map_err(|e| at_model(e.to_string()))?;

@@ -65,6 +65,7 @@ pub mod identify;
 pub mod identify_files;
 pub mod info;
 pub mod json;
+mod live_case;
 pub mod loading;
 pub mod model;
 pub mod motion_capture;

@@ -44,6 +44,8 @@ pub struct LoadedParticipant {
     pub scaling: Option<ParticipantScaling>,
     /// The trials, in the order of recording.
     pub trials: Vec<Trial>,
+    /// Whether samples were averaged to fewer.
+    pub averaged: bool,
     /// The model compiled for these trials.
     pub model: MusculoskeletalModel,
     /// The trials prepared, in the same order; with the effects beside the model, if there are any.
@@ -150,7 +152,9 @@ impl Study {
         let trials = self.tables.load_trials(&participant.name)?;
         warnings.extend(trials.iter().flat_map(|t| t.warnings.iter().map(Diagnostic::from)));
         warnings.extend(self.check_trials(participant, &trials, &model)?);
+        let samples: usize = trials.iter().map(Trial::len).sum();
         let trials = averaged(trials, rate, &mut warnings);
+        let is_averaged = trials.iter().map(Trial::len).sum::<usize>() < samples;
         let trials_file = self.tables.folder.join("trials.csv");
         if let Some(with_envelopes) = noise {
             require_memory(&trials, model.muscle_names().count(), with_envelopes, &trials_file)?;
@@ -181,6 +185,7 @@ impl Study {
             loaded,
             scaling,
             trials,
+            averaged: is_averaged,
             model,
             prepared,
             given,

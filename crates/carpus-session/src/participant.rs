@@ -93,6 +93,17 @@ impl<'s> Session<'s> {
         Ok(Some(Session { study: self.study, data, purpose, progress: self.progress }))
     }
 
+    /// The same participant with the trials as fits see them; `None` where that was done.
+    ///
+    /// # Errors
+    /// Trials that are too long for fits.
+    pub(super) fn read_for_fits(&self) -> Result<Option<Session<'s>>, Failure> {
+        match self.purpose {
+            Purpose::Simulation => self.read_for(Purpose::Identification),
+            Purpose::Identification | Purpose::Diagnosis => Ok(None),
+        }
+    }
+
     /// Writes results of this participant into a folder of results, as the command does for `--participant`. Returns what a
     /// person should know about files of earlier runs.
     ///

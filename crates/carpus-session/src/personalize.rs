@@ -1,9 +1,11 @@
 //! Fitted muscle parameters, the model that has them, errors before and after.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::diagnostic::{Diagnostic, Failure};
 use super::errors::ErrorOverview;
+use super::live_case::state;
 use super::loading::{LoadedParticipant, Purpose};
 use super::output::OutputFolder;
 use super::participant::Session;
@@ -87,6 +89,8 @@ impl Session<'_> {
         results.parameters = parameters(run, &estimates, request.intervals);
         results.part_of_the_way = Some(rounded(fit.part_of_the_way, 4));
         results.stages = fit.stages.iter().map(stage).collect();
+        let state = state("Personalized", &fit.parameters, &estimates, &[], &BTreeMap::new());
+        results.live = self.live_case(request.seed, vec![state])?;
         Ok(Personalized { session: self, results, model, trials: after })
     }
 

@@ -39,7 +39,7 @@ pub fn run(args: &DemoArgs, global: &Global) -> Result<(), Failure> {
     let report = args.out.join("report.html");
     let mut text = personalize::readable(&outcomes);
     text.push_str(&format!(
-        "\n\nreport              {}\npersonalized model  {}\nthe study           {}\n",
+        "\n\nreport              {}   (open it and drag)\npersonalized model  {}\nthe study           {}\n",
         report.display(),
         args.out.join("model.osim").display(),
         args.out.join("study").display()

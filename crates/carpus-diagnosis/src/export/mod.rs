@@ -6,10 +6,10 @@ mod side_car;
 
 use thiserror::Error;
 
-use super::effect::OsimForm;
+use super::effect::{FlippedArm, OsimForm};
 use super::forward_model::Setting;
 use carpus_osim::osim::{EditError, OsimFile};
-use carpus_simulation::simulation::Setup;
+use carpus_simulation::simulation::{MuscleParameters, Property, Setup};
 pub use side_car::{SIDE_CAR_SCHEMA, SideCar, SideCarError};
 
 /// What became of the effects.
@@ -50,6 +50,9 @@ pub enum ExportError {
         /// The name.
         name: String,
     },
+    /// A muscle of the file could not be changed.
+    #[error(transparent)]
+    Muscle(EditError),
     /// The file could not be changed.
     #[error("{effect}: {source}")]
     Edit {
@@ -58,6 +61,45 @@ pub enum ExportError {
         /// Why.
         source: EditError,
     },
+}
+
+/// Writes muscles and effects into a model file; what comes beside it. Values that are the model's own stay as they are written.
+///
+/// - `names`: of the active muscles; `given`, `parameters`: the model's own parameters of these, and those to be written
+/// - `arm_turns`: whether the forearm is turned over in some trials; a force of the model acts the same way in all, so that weight
+///   that turns with the arm then stays beside it
+///
+/// # Errors
+/// [`ExportError`]; the file is then as it was.
+pub fn write_step(
+    file: &mut OsimFile,
+    setup: &Setup,
+    names: &[String],
+    given: &[MuscleParameters],
+    parameters: &[MuscleParameters],
+    effects: &[Setting],
+    arm_turns: bool,
+) -> Result<Vec<Setting>, ExportError> {
+    let before = file.clone();
+    let mut changes = Vec::new();
+    for property in Property::ALL {
+        for (name, (own, new)) in names.iter().zip(given.iter().zip(parameters)) {
+            if property.of(own) != property.of(new) {
+                changes.push((name.as_str(), property.name(), property.of(new)));
+            }
+        }
+    }
+    file.set_muscle_properties(&changes).map_err(ExportError::Muscle)?;
+    let turns = |s: &&Setting| arm_turns && s.effect.description().behaviour.flipped_arm == FlippedArm::Reversed;
+    let (beside, within): (Vec<&Setting>, Vec<&Setting>) = effects.iter().partition(turns);
+    let within: Vec<Setting> = within.into_iter().cloned().collect();
+    match write(file, setup, &within) {
+        Ok(report) => Ok(report.side_car.effects.into_iter().chain(beside.into_iter().cloned()).collect()),
+        Err(e) => {
+            *file = before;
+            Err(e)
+        }
+    }
 }
 
 /// Writes effects into a model file, changing nothing else. Effects whose amplitudes are all 0 are left out.

@@ -14,6 +14,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
+use web_time::Instant;
 
 use super::discrepancy::Ranges;
 use super::linear_model::{LinearModel, Sizes};
@@ -266,7 +267,7 @@ impl<'a> Session<'a> {
         let place = |id: &&str| self.analysis.candidates.iter().position(|c| c.description().id == *id);
         let always: Vec<usize> = always.iter().filter_map(place).collect();
         let candidates = if only { Vec::new() } else { self.testable() };
-        let clock = std::time::Instant::now();
+        let clock = Instant::now();
         let starts = self.starts(&candidates, &always, report)?;
         report(&format!("{} starts, {:.1?}", starts.len(), clock.elapsed()));
         let mut followed: Vec<State> = Vec::new();
@@ -302,7 +303,7 @@ impl<'a> Session<'a> {
     /// A trial that cannot be simulated.
     pub fn settle(&self, begun: Begun, report: &dyn Fn(&str)) -> Result<State, SimulationError> {
         let Begun { state: mut best, candidates, always } = begun;
-        let clock = std::time::Instant::now();
+        let clock = Instant::now();
         for _ in 0..ROUNDS {
             let next = self
                 .advanced(&best, Some((&candidates, &always)))?

@@ -33,7 +33,7 @@ const MOST_NOISE: f64 = 0.02;
 const FEWEST_OWN: usize = 40;
 
 /// How a signal came to its grid.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Resampled {
     /// Every sample is held until the next.
     Held,
@@ -44,7 +44,7 @@ pub enum Resampled {
 }
 
 /// The samples that a signal on a faster grid was made of.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct OwnSamples {
     /// What was done to it.
     pub how: Resampled,

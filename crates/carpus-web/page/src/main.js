@@ -1,0 +1,84 @@
+// The part of a report that computes: opened from disk, without a network.
+import { effectControls, muscleControls } from "./controls.js";
+import { Engine } from "./engine.js";
+import { Residuals } from "./residuals.js";
+import { State } from "./state.js";
+import { Summary } from "./summary.js";
+import { tabs } from "./tabs.js";
+import { toolbar } from "./toolbar.js";
+import { Trials } from "./trials.js";
+
+/** How long after the last change the residuals against angle, velocity and activation follow [ms]. */
+const CALM = 120;
+
+const at = (id) => document.getElementById(id);
+
+async function start() {
+  const section = at("live");
+  section.hidden = false;
+  const status = at("live-status");
+  const tell = (text) => {
+    status.textContent = text;
+  };
+  tell("Starting…");
+  const began = performance.now();
+  const engine = await Engine.open();
+  const { description, recorded } = engine.opened;
+  const state = new State(description);
+  const [trials, summary] = [new Trials(description, recorded), new Summary()];
+  const residuals = new Residuals(trials.trials);
+  const given = await engine.remote.call("simulate", state.message());
+
+  at("live-controls").append(
+    toolbar({ engine, state, trials, tell }),
+    tabs(state, [
+      [() => "Muscles", muscleControls(state)],
+      [() => (state.effects.length ? `Effects (${state.effects.length} on)` : "Effects"), effectControls(state)],
+    ]),
+  );
+  at("live-figures").append(summary.cards, summary.conditions, trials.focus, trials.grid, residuals.root);
+
+  let calm = 0;
+  engine.onSimulated = (now) => {
+    requestAnimationFrame(() => {
+      summary.show(given, now);
+      trials.show(given, now);
+      section.dataset.renewed = performance.now();
+    });
+    clearTimeout(calm);
+    calm = setTimeout(() => residuals.show(given, now), CALM);
+  };
+  const standing = description.averaged ? AVERAGED : "";
+  let failed = false;
+  const simulate = () => {
+    section.dataset.changed = performance.now();
+    engine
+      .simulate(state.message())
+      .then(() => {
+        if (failed) tell(standing);
+        failed = false;
+      })
+      .catch((error) => {
+        failed = true;
+        tell(error.message);
+      });
+  };
+  state.listeners.push(simulate);
+  trials.choose(
+    Math.max(
+      0,
+      description.trials.findIndex((t) => t.use === "test"),
+    ),
+  );
+  state.go(state.models[section.dataset.current] ?? state.models.at(-1));
+  tell(standing);
+  section.dataset.started = performance.now() - began;
+}
+
+const AVERAGED =
+  "Samples are averaged to 100 Hz here, as fits take them; the tables of this report are of all samples.";
+
+start().catch((error) => {
+  at("live-status").textContent =
+    `This part of the report cannot compute here: ${error.message}. The report below is complete without it.`;
+});

@@ -1,0 +1,152 @@
+//! Reports that compute, opened in Chromium: what a person does there gives the numbers and the bytes of the program.
+
+use std::path::Path;
+use std::process::Command as Process;
+
+use carpus::osim::OsimFile;
+use carpus::report::results::{Results, Use};
+use serde_json::{Value, json};
+
+use crate::user_loop::{carpus, column, json as json_of, looped, read, root, small_study};
+
+/// Numbers of a page and of the program agree so well, relative to the largest: the two have another maths library.
+const SAME: f64 = 1e-9;
+
+/// What a page showed and saved.
+fn seen_in_browser(report: &Path, plan: &Value) -> Value {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    std::fs::write(file("plan.json"), plan.to_string()).unwrap();
+    let mut browser = Process::new("node");
+    let script = root("crates/carpus-web/page/test/browser.mjs");
+    browser.arg(script).arg(report).args([file("plan.json"), file("seen.json")]);
+    let output = browser.output().expect("Node is here");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    json_of(file("seen.json"))
+}
+
+/// Nothing was asked of any network, nothing went wrong, no name was run.
+fn assert_calm(seen: &Value) {
+    assert_eq!(seen["requests"], json!([]));
+    assert_eq!(seen["complaints"], json!([]));
+    assert_eq!(seen["executed"], false);
+}
+
+fn downloaded(seen: &Value, name: &str) -> Vec<u8> {
+    let text = seen["downloads"][name].as_str().unwrap_or_else(|| panic!("{name} was not saved"));
+    let value =
+        |c: u8| b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/".iter().position(|x| *x == c);
+    let mut out = Vec::new();
+    for four in text.as_bytes().chunks(4) {
+        let values: Vec<usize> = four.iter().map_while(|c| value(*c)).collect();
+        let word = values.iter().fold(0, |w, v| w << 6 | v) << (6 * (4 - values.len()));
+        out.extend((0..values.len() - 1).map(|i| (word >> (16 - 8 * i)) as u8));
+    }
+    out
+}
+
+/// Moments of a trial as the page saved them.
+fn moments(seen: &Value, trial: &str, which: &str) -> Vec<f64> {
+    let bytes = downloaded(seen, "trials.csv");
+    let mut reader = csv::Reader::from_reader(&bytes[..]);
+    let at = reader.headers().unwrap().iter().position(|h| h == which).unwrap();
+    let rows = reader.records().map(Result::unwrap).filter(|row| &row[0] == trial);
+    rows.map(|row| row[at].parse().unwrap()).collect()
+}
+
+fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let largest = b.iter().fold(0.0, |max: f64, v| max.max(v.abs()));
+    a.iter().zip(b).fold(0.0, |max: f64, (a, b)| max.max((a - b).abs())) / largest
+}
+
+#[test]
+#[cfg_attr(not(has_browser), ignore = "needs Chromium (CARPUS_CHROMIUM), Node and npm ci in crates/carpus-web/page")]
+fn verif_a_slider_gives_the_curve_and_the_file_of_the_program() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |relative: &str| folder.path().join(relative);
+    let study = small_study(&path("given"));
+    let compare = |model: Option<&Path>, out: &str| {
+        let mut command = carpus();
+        command.arg("compare").arg(&study).arg("--out").arg(path(out));
+        model.iter().for_each(|model| drop(command.arg("--model").arg(model)));
+        command.assert().success();
+    };
+    compare(None, "compared");
+    let plan = json!({ "fields": [["ECRB", 1, 0.0601], ["FCU", 2, 0.2534], ["FCR", 0, 512.5]] });
+    let seen = seen_in_browser(&path("compared/P01/report.html"), &plan);
+    assert_calm(&seen);
+
+    // The same change made by the program.
+    let mut file = OsimFile::read(root("models/wrist.osim")).unwrap();
+    let changes = [
+        ("ECRB", "optimal_fiber_length", 0.0601),
+        ("FCU", "tendon_slack_length", 0.2534),
+        ("FCR", "max_isometric_force", 512.5),
+    ];
+    file.set_muscle_properties(&changes).unwrap();
+    assert_eq!(downloaded(&seen, "model.osim"), file.document.bytes(), "model.osim");
+    std::fs::write(path("changed.osim"), file.document.bytes()).unwrap();
+    compare(Some(&path("changed.osim")), "changed");
+    for trial in ["isometric_25_flexion_-30deg_1", "isotonic_25_flexion_2", "passive_2"] {
+        for (which, out) in [("as_given_n_m", "compared"), ("now_n_m", "changed")] {
+            let of_program = column(path(&format!("{out}/P01/series/{trial}.csv")), "simulated_n_m");
+            let differ = largest_difference(&moments(&seen, trial, which), &of_program);
+            assert!(differ < SAME, "{trial}, {which}: {differ:.1e}");
+        }
+    }
+}
+
+#[test]
+#[cfg_attr(not(has_browser), ignore = "needs Chromium (CARPUS_CHROMIUM), Node and npm ci in crates/carpus-web/page")]
+fn verif_an_effect_switched_on_lowers_the_error_as_the_ledger_says() {
+    let report = looped().path("with/P01/report.html");
+    let results = Results::parse(&read(looped().path("with/P01/results.json"))).unwrap();
+    let step = &results.ledger.as_ref().unwrap().steps[2];
+    let stiffness = step.parameters["joint_stiffness.stiffness"].value;
+    let label = &results.ledger.as_ref().unwrap().steps[3].label;
+    let plan = json!({
+        "fields": [], "effect": "joint_stiffness", "values": [stiffness], "model": label, "files": 2, "fit": true,
+    });
+    let seen = seen_in_browser(&report, &plan);
+    assert_calm(&seen);
+    let of = |which: &str, use_of: &str| seen[which][use_of].as_f64().unwrap();
+    assert!(of("withEffect", "train") < 0.9 * of("asGiven", "train"), "{}", seen["withEffect"]);
+    for (which, model) in [("asGiven", 0), ("ofModel", 3)] {
+        let of_program = results.models[model].errors_of(Use::Train).unwrap().nrmse.unwrap();
+        let differ = (of(which, "train") / of_program - 1.0).abs();
+        assert!(differ < SAME, "{which}: {differ:.1e}");
+    }
+    assert_eq!(downloaded(&seen, "model.osim"), std::fs::read(looped().path("with/P01/model.osim")).unwrap());
+    assert_eq!(downloaded(&seen, "effects.toml"), std::fs::read(looped().path("with/P01/effects.toml")).unwrap());
+    // A fit of the muscles in the page is that of the program.
+    let of_program = results.models[1].errors_of(Use::Train).unwrap().nrmse.unwrap();
+    let differ = (of("fitted", "train") / of_program - 1.0).abs();
+    assert!(differ < 1e-5, "fitted in the page: {differ:.1e}");
+}
+
+#[test]
+#[cfg_attr(not(has_browser), ignore = "needs Chromium (CARPUS_CHROMIUM), Node and npm ci in crates/carpus-web/page")]
+fn verif_a_hostile_name_is_only_text() {
+    const NAME: &str = "<img src=x onerror=window.executed=1>";
+    let folder = tempfile::tempdir().unwrap();
+    let study = small_study(&folder.path().join("given"));
+    let given = study.parent().unwrap();
+    let change = |file: &Path, from: &str, to: &str| {
+        let text = read(file.to_owned());
+        assert!(text.contains(from), "{}: {from}", file.display());
+        std::fs::write(file, text.replace(from, to)).unwrap();
+    };
+    let escaped = NAME.replace('<', "&lt;").replace('>', "&gt;");
+    change(&given.join("wrist.osim"), "\"FCR\"", &format!("\"{escaped}\""));
+    change(&study, "\"FCR\"", &format!("\"{NAME}\""));
+    change(&study, "name = \"Carpus demo\"", "name = \"</script><script>window.executed=1</script>\"");
+    for file in std::fs::read_dir(given.join("data/P01")).unwrap() {
+        change(&file.unwrap().path(), "emg_FCR", &format!("emg_{NAME}"));
+    }
+    carpus().arg("compare").arg(&study).arg("--out").arg(folder.path().join("out")).assert().success();
+    let plan = json!({ "fields": [] });
+    let seen = seen_in_browser(&folder.path().join("out/P01/report.html"), &plan);
+    assert_calm(&seen);
+    assert!(seen["text"].as_str().unwrap().contains(NAME));
+}
