@@ -69,7 +69,9 @@ fn verif_a_slider_gives_the_curve_and_the_file_of_the_program() {
     let compare = |model: Option<&Path>, out: &str| {
         let mut command = carpus();
         command.arg("compare").arg(&study).arg("--out").arg(path(out));
-        model.iter().for_each(|model| drop(command.arg("--model").arg(model)));
+        if let Some(model) = model {
+            command.arg("--model").arg(model);
+        }
         command.assert().success();
     };
     compare(None, "compared");

@@ -181,6 +181,8 @@ fn short(value: f64) -> String {
 mod tests {
     use std::path::Path;
 
+    use rand::RngExt;
+
     use super::*;
     use crate::own_effect::Definition;
 

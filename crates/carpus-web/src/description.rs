@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::case::{Header, three};
 use super::workbench::Workbench;
 use carpus_diagnosis::catalogue::with_own;
-use carpus_diagnosis::effect::{Effect, Role};
+use carpus_diagnosis::effect::{Effect, Quantity, Role};
 use carpus_simulation::evaluation::Condition;
 use carpus_simulation::simulation::speed_and_acceleration;
 use carpus_study::study::{RelativeBounds, Trial};
@@ -46,9 +46,9 @@ impl Workbench {
         let d = effect.description();
         let absent = self.forward.joint.absent(effect);
         let at_zero = effect.reported(&absent.values, &self.forward.muscles);
-        let is_ratio = d.has_log_ratios();
         let parameters = d.parameters.iter().zip(absent.values.iter().zip(at_zero)).map(|(p, (start, at_zero))| {
             let plausible = self.forward.joint.plausible(p);
+            let is_ratio = p.quantity == Quantity::LogRatio;
             let ends = plausible.map(|end| if is_ratio && at_zero > 0.0 { (end / at_zero).ln() } else { end });
             let scale = self.forward.joint.scale(p);
             json!({
