@@ -123,7 +123,14 @@ def members(cls: type) -> list[str]:
         elif isinstance(member, (classmethod, staticmethod)) or inspect.isfunction(member):
             of = getattr(cls, name)
             doc = inspect.getdoc(of)
-            lines += [f"#### `{cls.__name__}.{name}`", "", f"```python\n{signature(name, of)}\n```", "", prose(doc or ""), ""]
+            lines += [
+                f"#### `{cls.__name__}.{name}`",
+                "",
+                f"```python\n{signature(name, of)}\n```",
+                "",
+                prose(doc or ""),
+                "",
+            ]
     return lines
 
 
