@@ -185,6 +185,8 @@ class _OfModels(Result):
         for axis in axes.flat[len(chosen) :]:
             axis.set_visible(False)
         axes.flat[0].legend(fontsize=8)
+        # A notebook shows the returned figure; an open one it would show once more.
+        plt.close(figure)
         return figure
 
     def _figured(self) -> list[dict[str, Any]]:

@@ -6,8 +6,6 @@
 # Python can ask, too.
 
 # %%
-import time
-
 import numpy as np
 import pandas as pd
 
@@ -35,13 +33,8 @@ rng = np.random.default_rng(1)
 nominal = session.parameters
 sets = np.repeat(nominal[None], 1000, axis=0)
 sets[:, :, :3] *= np.exp(0.03 * rng.standard_normal((1000, 5, 3)))
-begun = time.perf_counter()
 batch = session.simulate(sets, use="train")
-seconds = time.perf_counter() - begun
-print(
-    f"{len(sets)} sets × {len(batch.trials)} trials = {len(sets) * len(batch.trials)} simulations; array
-    {batch.moment.shape}"
-)
+print(f"{len(sets)} sets × {len(batch.trials)} trials; array {batch.moment.shape}")
 errors = batch.rmse().mean(axis=1)
 print(f"RMSE of the sets: {errors.min():.3f} to {errors.max():.3f} N·m")
 
