@@ -139,8 +139,8 @@ def page() -> str:
     lines = [
         "# Reference of the Python package",
         "",
-        "From the docstrings (`python/scripts/make_reference.py`). Angles are radians, everything else SI units, unless a name",
-        "says otherwise.",
+        "From the docstrings (`python/scripts/make_reference.py`). Angles are radians, everything else SI units,",
+        "unless a name says otherwise.",
         "",
     ]
     for title, things in GROUPS.items():

@@ -1,7 +1,7 @@
 """What every command prints with ``--json``, and the schemas that the book publishes.
 
-``python json_outputs.py --write [--missing]`` runs every command (or those without a schema) and writes the schemas anew,
-as far as the outputs of these examples tell them;
+``python json_outputs.py --write [--missing]`` runs every command (or those without a schema) and writes the schemas
+anew, as far as the outputs of these examples tell them;
 ``test_schemas.py`` holds the outputs against the published ones.
 """
 
