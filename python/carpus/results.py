@@ -311,7 +311,7 @@ class Diagnosis(_OfModels):
         import pandas as pd
 
         rows = []
-        for e in [*self.diagnosis["explanations"], *self.diagnosis["effects"]]:
+        for e in self.diagnosis["effects"] or self.diagnosis["explanations"]:
             label = " + ".join(e["effects"]) if "effects" in e else e["effect"]
             for name, p in e["parameters"].items():
                 low, high = p["ci95"]

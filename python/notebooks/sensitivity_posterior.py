@@ -89,7 +89,7 @@ def log_density(x):
     return np.where(inside, -0.5 * effective * value / sigma2 - 0.5 * np.sum((x / 0.1) ** 2, axis=1), -np.inf)
 
 
-walkers = np.clip(found.x + 0.01 * rng.standard_normal((40, 15)), -0.12, 0.12)
+walkers = np.clip(found.x, -0.08, 0.08) + 0.01 * rng.standard_normal((40, 15))
 sampler = emcee.EnsembleSampler(40, 15, log_density, vectorize=True)
 sampler.random_state = np.random.RandomState(1).get_state()
 sampler.run_mcmc(walkers, 150)
