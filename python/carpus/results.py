@@ -185,6 +185,8 @@ class _OfModels(Result):
         for axis in axes.flat[len(chosen) :]:
             axis.set_visible(False)
         axes.flat[0].legend(fontsize=8)
+        # A notebook shows the returned figure; an open one it would show once more.
+        plt.close(figure)
         return figure
 
     def _figured(self) -> list[dict[str, Any]]:
@@ -309,7 +311,7 @@ class Diagnosis(_OfModels):
         import pandas as pd
 
         rows = []
-        for e in [*self.diagnosis["explanations"], *self.diagnosis["effects"]]:
+        for e in self.diagnosis["effects"] or self.diagnosis["explanations"]:
             label = " + ".join(e["effects"]) if "effects" in e else e["effect"]
             for name, p in e["parameters"].items():
                 low, high = p["ci95"]

@@ -90,9 +90,6 @@ pd.DataFrame(
 # Flexors at half activation, everything else free: 0.2 s of OpenSim's `Manager` and of `Model.forward`.
 
 # %%
-for name in paths.muscles:
-    actuator = reference.getMuscles().get(name)
-    actuator.setMinControl(0.0)
 controller = opensim.PrescribedController()
 for name in paths.muscles:
     controller.addActuator(reference.getMuscles().get(name))

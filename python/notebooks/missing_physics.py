@@ -20,7 +20,7 @@ def with_friction(size):
     for name in clean.trial_names:
         r, a = clean.recorded(name), about.loc[name]
         speed = np.gradient(r.angle, r.time)
-        moment = r.moment - size * np.tanh(speed / 0.1)
+        moment = r.moment - size * np.tanh(speed / 0.05)
         trials.append(
             carpus.Trial(
                 name,
@@ -46,12 +46,12 @@ def with_friction(size):
     return study.load()
 
 
-session = with_friction(0.8)
+session = with_friction(0.4)
 diagnosis = session.diagnose()
 diagnosis
 
 # %% [markdown]
-# The verdict, and what the effect's size is; 0.8 N·m was put in.
+# The verdict, and what the effect's size is; 0.4 N·m was put in.
 
 # %%
 print(diagnosis.verdict, diagnosis.effects)
@@ -73,6 +73,7 @@ steps
 axis = steps[["train", "held_out"]].mul(100).set_axis(steps["label"]).plot.barh(figsize=(7, 2.4))
 axis.invert_yaxis()
 axis.set_xlabel("RMSE [% of the MVC moment]")
+axis.figure.tight_layout()
 
 # %% [markdown]
 # ## An effect of your own
@@ -94,7 +95,7 @@ carpus.define_effect(
     name="Smooth friction",
     parameters={
         "size": carpus.Amplitude("N·m", typical=0.3, plausible=(0.0, 2.0)),
-        "width": carpus.Shape("rad/s", start=0.1, typical=0.05, plausible=(0.02, 0.5)),
+        "width": carpus.Shape("rad/s", start=0.05, typical=0.03, plausible=(0.01, 0.5)),
     },
 )
 mine = session.diagnose(["smooth_friction", "gravity", "joint_stiffness", "joint_damping"])

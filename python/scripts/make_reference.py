@@ -123,7 +123,14 @@ def members(cls: type) -> list[str]:
         elif isinstance(member, (classmethod, staticmethod)) or inspect.isfunction(member):
             of = getattr(cls, name)
             doc = inspect.getdoc(of)
-            lines += [f"#### `{cls.__name__}.{name}`", "", f"```python\n{signature(name, of)}\n```", "", prose(doc or ""), ""]
+            lines += [
+                f"#### `{cls.__name__}.{name}`",
+                "",
+                f"```python\n{signature(name, of)}\n```",
+                "",
+                prose(doc or ""),
+                "",
+            ]
     return lines
 
 
@@ -132,8 +139,8 @@ def page() -> str:
     lines = [
         "# Reference of the Python package",
         "",
-        "From the docstrings (`python/scripts/make_reference.py`). Angles are radians, everything else SI units, unless a name",
-        "says otherwise.",
+        "From the docstrings (`python/scripts/make_reference.py`). Angles are radians, everything else SI units,",
+        "unless a name says otherwise.",
         "",
     ]
     for title, things in GROUPS.items():

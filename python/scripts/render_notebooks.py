@@ -42,6 +42,7 @@ def rendered(name: str, notebook) -> None:
         (PAGES / "images").mkdir(parents=True, exist_ok=True)
         (PAGES / "images" / f"{name}_{file}").write_bytes(data)
         text = text.replace(f"]({file})", f"](images/{name}_{file})")
+    text = text.replace("![png]", "![Figure]")
     text = re.sub(r"[ \t]+\n", "\n", re.sub(r"\n{3,}", "\n\n", text)).strip() + "\n"
     head, _, rest = text.partition("\n")
     source = f"This page is the notebook `python/notebooks/{name}.py`, executed."

@@ -1,6 +1,7 @@
 """What every command prints with ``--json``, and the schemas that the book publishes.
 
-``python json_outputs.py --write`` runs every command and writes the schemas anew, as far as the outputs of these examples tell them;
+``python json_outputs.py --write [--missing]`` runs every command (or those without a schema) and writes the schemas
+anew, as far as the outputs of these examples tell them;
 ``test_schemas.py`` holds the outputs against the published ones.
 """
 
@@ -172,8 +173,25 @@ def output(command: str, folder: Path) -> Any:
     return json.loads(done.stdout)
 
 
-# Objects with names of the user's own (muscles, parameters, files) as keys.
-OPEN = 12
+# Objects whose keys are names: of muscles, parameters, classes, steps of processing.
+BY_NAME = ("parameters", "muscles", "understood", "processing", "detectable_size", "plausible", "size", "values")
+
+
+def by_name(schema: Any) -> Any:
+    """A schema in which objects of `BY_NAME` take any name as key."""
+    if isinstance(schema, list):
+        return [by_name(s) for s in schema]
+    if not isinstance(schema, dict):
+        return schema
+    made = {k: by_name(v) for k, v in schema.items()}
+    for key, of in made.get("properties", {}).items():
+        if key in BY_NAME and isinstance(of, dict) and of.get("properties"):
+            kinds = list({json.dumps(v, sort_keys=True): v for v in of["properties"].values()}.values())
+            made["properties"][key] = {
+                "type": of["type"],
+                "additionalProperties": kinds[0] if len(kinds) == 1 else {"anyOf": kinds},
+            }
+    return made
 
 
 def schema_of(values: list[Any]) -> dict[str, Any]:
@@ -199,8 +217,7 @@ def schema_of(values: list[Any]) -> dict[str, Any]:
     if "object" in kinds:
         keys = sorted({k for v in kinds["object"] for k in v})
         required = [k for k in keys if all(k in v for v in kinds["object"])]
-        is_map = (len(kinds["object"]) > 1 and not required and len(keys) > 1) or (len(keys) > OPEN and not required)
-        if is_map:
+        if len(kinds["object"]) > 1 and len(keys) > 1 and not required:
             schema["additionalProperties"] = schema_of([x for v in kinds["object"] for x in v.values()])
         else:
             schema["properties"] = {k: schema_of([v[k] for v in kinds["object"] if k in v]) for k in keys}
@@ -216,12 +233,13 @@ def main() -> None:
 
     folder = Path(tempfile.mkdtemp())
     SCHEMAS.mkdir(parents=True, exist_ok=True)
-    for command in COMMANDS:
+    for command in [c for c in COMMANDS if "--missing" not in sys.argv or not file_of(c).exists()]:
         schema = {
             "$schema": "https://json-schema.org/draft/2020-12/schema",
             "title": f"carpus {command} --json",
-            **schema_of([output(command, folder)]),
+            **by_name(schema_of([output(command, folder)])),
         }
+        SCHEMAS.mkdir(parents=True, exist_ok=True)
         file_of(command).write_text(json.dumps(schema, indent=1, ensure_ascii=False) + "\n")
         print(command)
 

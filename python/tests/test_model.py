@@ -10,7 +10,7 @@ from conftest import ROOT
 
 import carpus
 
-# Where a path touches a cylinder is found to OpenSim's tolerance: the moment arm is not exactly the length's derivative [m].
+# Where a path touches a cylinder is found to OpenSim's tolerance: the moment arm is not exactly the derivative [m].
 DERIVATIVE_TOLERANCE = 5e-7
 
 WRIST = ROOT / "models" / "wrist.osim"

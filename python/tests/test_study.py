@@ -143,7 +143,9 @@ def test_verif_progress_is_shown_where_it_is_wanted(
 def test_verif_effects_by_name(session: carpus.Session, diagnosis: carpus.Diagnosis, tmp_path: Path) -> None:
     with pytest.warns(carpus.CarpusWarning, match="call for no effect"):
         added = session.add_effects(["joint_damping"], diagnosis=diagnosis)
-    assert [s["label"] for s in added.ledger["steps"]][-1] == "+ Viscous damping of the joint" and len(added.to_pandas()) == 3
+    assert [s["label"] for s in added.ledger["steps"]][-1] == "+ Viscous damping of the joint" and len(
+        added.to_pandas()
+    ) == 3
     added.write(tmp_path / "effects")
     assert (tmp_path / "effects/P01/model.osim").read_bytes() == added.model.to_bytes()
     assert (tmp_path / "effects/P01/ledger.json").is_file()

@@ -42,7 +42,9 @@ fn verif_implausible_values_of_a_model_are_warned_of() {
             "is it in degrees?",
         ),
     ] {
-        let found = warnings(&[(from, to)]);
+        let mut found = warnings(&[(from, to)]);
+        // A default value is beyond its coordinate's range besides.
+        found.retain(|d| !d.message.starts_with("default value 45 lies outside the range"));
         assert_eq!(found.len(), 1, "{to}: {found:?}");
         assert!(found[0].message.starts_with(message), "{}", found[0].message);
         assert!(found[0].hint.as_deref().unwrap_or_default().contains(hint), "{:?}", found[0].hint);

@@ -150,9 +150,10 @@ fn verif_idle_muscles_of_the_oldest_kinds_have_no_tendon_force() {
 /// What is said about the results is printed however much there is to say about the model.
 #[test]
 fn verif_remarks_about_the_model_do_not_hide_that_actuators_are_too_weak() {
-    let remarks: String = (0..30).map(|i| format!("<unknown_{i}>1</unknown_{i}>")).collect();
+    let spring = "<SpringGeneralizedForce name=\"same\"><coordinate>q1</coordinate><stiffness>0</stiffness></SpringGeneralizedForce>";
+    let remarks = spring.repeat(20);
     let model = MODEL.replace("MASS", "1").replace("SCALE", "0.1").replace("APPLIES", "true");
-    let model = model.replace("<gravity>", &format!("{remarks}<gravity>"));
+    let model = model.replace("<ForceSet><objects>", &format!("<ForceSet><objects>{remarks}"));
     let analyses = "<AnalysisSet><objects><StaticOptimization name=\"SO\"/></objects></AnalysisSet>";
     let inner = format!("{MOTION}{analyses}");
     let folder = folder_of(&model, "AnalyzeTool", &inner);
