@@ -48,7 +48,7 @@ impl Session<'_> {
         let residuals = residual_result(run, "model", &model.moments);
         let mut results = account(Kind::Comparison, self, request, request.seed, &[model])?;
         results.residuals = vec![residuals];
-        results.live = self.live_case(request.seed, Vec::new())?;
+        results.live = self.live_case(request.seed, true, Vec::new())?;
         Ok(Comparison { session: self, results, trials })
     }
 }

@@ -225,7 +225,7 @@ fn with_models(
         let names = effects.iter().map(|s| s.effect.description().name).collect::<Vec<_>>().join(" + ");
         states.push(state(&format!("With {names}"), parameters, &[], effects, &BTreeMap::new()));
     }
-    results.live = session.live_case(request.seed, states)?;
+    results.live = session.live_case(request.seed, false, states)?;
     Ok(results)
 }
 

@@ -101,7 +101,7 @@ impl Session<'_> {
             state(&step.label, &fit.parameters, &fit.muscles, &fit.effects, &fit.estimates)
         };
         let states = ledger.steps[1..].iter().zip(&fitted).map(of_step).collect();
-        results.live = self.live_case(request.seed, states)?;
+        results.live = self.live_case(request.seed, false, states)?;
         results.ledger = Some(ledger);
         Ok(WithEffects { results, steps })
     }

@@ -22,17 +22,23 @@ impl Session<'_> {
     /// The case of this participant as results carry it; `None` where trials are too long for fits.
     ///
     /// - `seed`: of fits in the page; `states`: models to go back to, besides the one as given
+    /// - `plain`: whether the report is of a command that adds no effects
     ///
     /// # Errors
     /// Images of the study that do not suit the model.
-    pub(super) fn live_case(&self, seed: u64, states: Vec<StateOfCase>) -> Result<Option<String>, Failure> {
+    pub(super) fn live_case(
+        &self,
+        seed: u64,
+        plain: bool,
+        states: Vec<StateOfCase>,
+    ) -> Result<Option<String>, Failure> {
         // What is wrong with the trials was told when they were read.
         let Ok(again) = self.read_for_fits() else { return Ok(None) };
-        let bytes = again.as_ref().unwrap_or(self).case(seed, states)?.to_bytes();
+        let bytes = again.as_ref().unwrap_or(self).case(seed, plain, states)?.to_bytes();
         packed(&bytes).map(Some).map_err(|e| Failure::Internal(e.to_string()))
     }
 
-    fn case(&self, seed: u64, states: Vec<StateOfCase>) -> Result<Case, Failure> {
+    fn case(&self, seed: u64, plain: bool, states: Vec<StateOfCase>) -> Result<Case, Failure> {
         let (run, settings) = (&self.data, &self.study.tables.settings);
         let model = run.loaded.file.document.bytes().to_vec();
         let side_car = SideCar { coordinate: settings.dynamometer.coordinate.clone(), effects: run.given.clone() };
@@ -55,6 +61,7 @@ impl Session<'_> {
             own_effects: registered().into_iter().map(|e| e.defined().text.clone()).collect(),
             side_car: if run.given.is_empty() { String::new() } else { side_car.to_toml() },
             images: images.collect(),
+            plain,
             averaged: run.averaged,
             trials: run.trials.iter().map(TrialOfCase::of).collect(),
             states,

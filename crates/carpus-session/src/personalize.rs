@@ -90,7 +90,7 @@ impl Session<'_> {
         results.part_of_the_way = Some(rounded(fit.part_of_the_way, 4));
         results.stages = fit.stages.iter().map(stage).collect();
         let state = state("Personalized", &fit.parameters, &estimates, &[], &BTreeMap::new());
-        results.live = self.live_case(request.seed, vec![state])?;
+        results.live = self.live_case(request.seed, true, vec![state])?;
         Ok(Personalized { session: self, results, model, trials: after })
     }
 

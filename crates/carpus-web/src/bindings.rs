@@ -50,9 +50,12 @@ impl Page {
     /// Simulates all trials; their errors as JSON. [`Page::moment`] has the curves.
     ///
     /// - `muscles`: three numbers of each; `effects`: JSON
-    pub fn simulate(&mut self, muscles: &[f64], effects: &str) -> Result<String, JsError> {
+    /// - `anew`: whether everything is computed anew, as the program does with the written files
+    pub fn simulate(&mut self, muscles: &[f64], effects: &str, anew: bool) -> Result<String, JsError> {
         let (muscles, effects) = self.read(muscles, effects)?;
-        let simulated = self.bench.simulate(&muscles, &effects).map_err(thrown)?;
+        let bench = &self.bench;
+        let found = if anew { bench.simulate_anew(&muscles, &effects) } else { bench.simulate(&muscles, &effects) };
+        let simulated = found.map_err(thrown)?;
         let errors = serde_json::to_string(&simulated.errors).map_err(thrown)?;
         self.simulated = Some(simulated);
         Ok(errors)

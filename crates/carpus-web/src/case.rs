@@ -49,6 +49,9 @@ pub struct Header {
     pub side_car: String,
     /// Fascicle lengths of images that inform fits.
     pub images: Vec<ImageOfCase>,
+    /// Without effects, trials are simulated as `carpus compare` and `carpus personalize` do: paths are tabulated over the
+    /// recorded angles alone, not over those that effects may reach.
+    pub plain: bool,
     /// Trials were averaged to fewer samples.
     pub averaged: bool,
     /// The trials without their samples.

@@ -12,7 +12,10 @@ use carpus_diagnosis::moments::simulate_all;
 use carpus_diagnosis::own_effect::{Definition, register};
 use carpus_osim::osim::{OsimError, OsimFile};
 use carpus_simulation::evaluation::{ErrorSummary, ErrorTable, EvaluationError, TrialErrors};
-use carpus_simulation::simulation::{MuscleParameters, MusculoskeletalModel, SimulationError};
+use carpus_simulation::simulation::{
+    MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, SimulationError,
+    simulate_all as simulate_plain,
+};
 use carpus_study::study::Trial;
 
 /// A case, ready to be simulated.
@@ -28,6 +31,8 @@ pub struct Workbench {
     /// The trials prepared.
     pub forward: ForwardModel,
     pub(crate) given: Vec<Setting>,
+    /// The trials as they are simulated without effects; `None`: as with effects.
+    plain: Option<Vec<PreparedTrial>>,
 }
 
 /// Why a case cannot be worked with.
@@ -142,7 +147,9 @@ impl Workbench {
         let file = OsimFile::parse(model, "model.osim")?;
         let model = MusculoskeletalModel::compile(&file.spec, &header.setup.setup())?;
         let forward = ForwardModel::new(&file.spec, &model, &trials)?.with_given(given.clone());
-        Ok(Workbench { header, file, model, trials, forward, given })
+        let is_plain = header.plain && given.is_empty();
+        let plain = is_plain.then(|| prepared(&model, &trials)).transpose()?;
+        Ok(Workbench { header, file, model, trials, forward, given, plain })
     }
 
     /// Parameters of all active muscles from three of each ([`super::case::three`]).
@@ -182,11 +189,43 @@ impl Workbench {
 
     /// Simulates all trials and compares them with what was measured.
     ///
+    /// Steps of the integration are those of the model as given: the moments are within the integration's accuracy of those of
+    /// [`Workbench::simulate_anew`].
+    ///
     /// # Errors
     /// A muscle whose forces cannot be balanced.
     pub fn simulate(&self, muscles: &[MuscleParameters], effects: &[Setting]) -> Result<Simulated, WorkbenchError> {
-        let simulated = simulate_all(&self.forward, muscles, effects)?;
-        let moments: Vec<Vec<f64>> = simulated.into_iter().map(|t| t.moment).collect();
+        match &self.plain {
+            Some(plain) if effects.is_empty() => {
+                self.compared(simulate_plain(plain, muscles)?.into_iter().map(|t| t.moment))
+            }
+            _ => self.compared(simulate_all(&self.forward, muscles, effects)?.into_iter().map(|t| t.moment)),
+        }
+    }
+
+    /// As [`Workbench::simulate`], of the model file with these muscles and effects written into it: what the program
+    /// makes of the files of [`Workbench::export`].
+    ///
+    /// # Errors
+    /// As there; a value that makes the model invalid.
+    pub fn simulate_anew(
+        &self,
+        muscles: &[MuscleParameters],
+        effects: &[Setting],
+    ) -> Result<Simulated, WorkbenchError> {
+        let (file, beside) = self.written(muscles, effects)?;
+        let model = MusculoskeletalModel::compile(&file.spec, self.model.setup())?;
+        let nominal = model.nominal_parameters();
+        if self.plain.is_some() && effects.is_empty() {
+            let plain = prepared(&model, &self.trials)?;
+            return self.compared(simulate_plain(&plain, &nominal)?.into_iter().map(|t| t.moment));
+        }
+        let forward = ForwardModel::new(&file.spec, &model, &self.trials)?.with_given(beside);
+        self.compared(simulate_all(&forward, &nominal, &[])?.into_iter().map(|t| t.moment))
+    }
+
+    fn compared(&self, moments: impl Iterator<Item = Vec<f64>>) -> Result<Simulated, WorkbenchError> {
+        let moments: Vec<Vec<f64>> = moments.collect();
         let trials = self.trials.iter().zip(&moments);
         let errors =
             trials.map(|(t, moment)| TrialErrors::calc(&t.info, &t.moment, moment)).collect::<Result<_, _>>()?;
@@ -198,18 +237,33 @@ impl Workbench {
     /// # Errors
     /// A value that makes the model invalid.
     pub fn export(&self, muscles: &[MuscleParameters], effects: &[Setting]) -> Result<Exported, WorkbenchError> {
-        let mut file = self.file.clone();
-        let names: Vec<String> = self.model.muscle_names().map(String::from).collect();
-        let arm_turns = self.trials.iter().any(|t| t.info.arm_flipped);
-        let nominal = self.model.nominal_parameters();
-        let beside = write_step(&mut file, self.model.setup(), &names, &nominal, muscles, effects, arm_turns)?;
-        let effects: Vec<Setting> = self.given.iter().cloned().chain(beside).collect();
+        let (file, effects) = self.written(muscles, effects)?;
         let side_car = SideCar { coordinate: self.header.setup.coordinate.clone(), effects };
         Ok(Exported {
             model: file.document.bytes().to_vec(),
             side_car: (!side_car.effects.is_empty()).then(|| side_car.to_toml()),
         })
     }
+
+    /// The file with muscles and effects, and the effects beside it.
+    fn written(
+        &self,
+        muscles: &[MuscleParameters],
+        effects: &[Setting],
+    ) -> Result<(OsimFile, Vec<Setting>), WorkbenchError> {
+        let mut file = self.file.clone();
+        let names: Vec<String> = self.model.muscle_names().map(String::from).collect();
+        let arm_turns = self.trials.iter().any(|t| t.info.arm_flipped);
+        let nominal = self.model.nominal_parameters();
+        let beside = write_step(&mut file, self.model.setup(), &names, &nominal, muscles, effects, arm_turns)?;
+        Ok((file, self.given.iter().cloned().chain(beside).collect()))
+    }
+}
+
+/// The trials as the commands prepare them that add no effects.
+fn prepared(model: &MusculoskeletalModel, trials: &[Trial]) -> Result<Vec<PreparedTrial>, SimulationError> {
+    let recordings: Vec<Recording> = trials.iter().map(Recording::from).collect();
+    model.prepare_all(&recordings, &Options { allow_angle_outside_range: true, ..Options::default() })
 }
 
 impl Errors {

@@ -36,6 +36,7 @@ fn case() -> Case {
         own_effects: Vec::new(),
         side_car: String::new(),
         images: Vec::new(),
+        plain: false,
         averaged: false,
         trials: trials.iter().map(TrialOfCase::of).collect(),
         states: Vec::new(),

@@ -8,8 +8,8 @@ import { tabs } from "./tabs.js";
 import { toolbar } from "./toolbar.js";
 import { Trials } from "./trials.js";
 
-/** How long after the last change the residuals against angle, velocity and activation follow [ms]. */
-const CALM = 120;
+/** How long after the last change everything is computed anew, and residuals against other axes follow [ms]. */
+const CALM = 250;
 
 const at = (id) => document.getElementById(id);
 
@@ -27,7 +27,7 @@ async function start() {
   const state = new State(description);
   const [trials, summary] = [new Trials(description, recorded), new Summary()];
   const residuals = new Residuals(trials.trials);
-  const given = await engine.remote.call("simulate", state.message());
+  const given = await engine.remote.call("simulate", { ...state.message(), anew: true });
 
   at("live-controls").append(
     toolbar({ engine, state, trials, tell }),
@@ -38,22 +38,32 @@ async function start() {
   );
   at("live-figures").append(summary.cards, summary.conditions, trials.focus, trials.grid, residuals.root);
 
-  let calm = 0;
-  engine.onSimulated = (now) => {
+  const show = (now, settled) =>
     requestAnimationFrame(() => {
       summary.show(given, now);
       trials.show(given, now);
+      if (settled) residuals.show(given, now);
       section.dataset.renewed = performance.now();
+      section.dataset.settled = settled;
     });
+  let [calm, changes] = [0, 0];
+  engine.onSimulated = (now, message) => {
+    show(now, false);
     clearTimeout(calm);
-    calm = setTimeout(() => residuals.show(given, now), CALM);
+    const anew = async () => {
+      const found = await engine.remote.call("simulate", { ...message, anew: true });
+      // What was changed meanwhile is newer.
+      if (message.change === changes) show(found, true);
+    };
+    calm = setTimeout(() => anew().catch((error) => tell(error.message)), CALM);
   };
   const standing = description.averaged ? AVERAGED : "";
   let failed = false;
   const simulate = () => {
     section.dataset.changed = performance.now();
+    section.dataset.settled = false;
     engine
-      .simulate(state.message())
+      .simulate({ ...state.message(), change: (changes += 1) })
       .then(() => {
         if (failed) tell(standing);
         failed = false;

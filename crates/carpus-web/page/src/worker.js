@@ -13,8 +13,8 @@ const calls = {
     const recorded = description.trials.map((_, trial) => page.recorded(trial));
     return [{ description, recorded }, recorded.map((r) => r.buffer)];
   },
-  simulate({ muscles, effects }) {
-    const errors = JSON.parse(page.simulate(Float64Array.from(muscles.flat()), JSON.stringify(effects)));
+  simulate({ muscles, effects, anew = false }) {
+    const errors = JSON.parse(page.simulate(Float64Array.from(muscles.flat()), JSON.stringify(effects), anew));
     const moments = errors.nrmse.map((_, trial) => page.moment(trial));
     return [{ errors, moments }, moments.map((m) => m.buffer)];
   },

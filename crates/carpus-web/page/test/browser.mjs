@@ -55,13 +55,18 @@ try {
     const { changed, renewed: now } = await data();
     return Number(now) - Number(changed);
   };
-  const errors = () =>
-    page.evaluate(() =>
+  const settled = () =>
+    page.waitForFunction(() => document.getElementById("live").dataset.settled === "true", null, { timeout: 120_000 });
+  const errors = async () => {
+    await settled();
+    return page.evaluate(() =>
       Object.fromEntries(
         [...document.querySelectorAll(".live-cards .card")].map((c) => [c.dataset.use, Number(c.dataset.nrmse)]),
       ),
     );
+  };
   const download = async (name, count = 1) => {
+    await settled();
     const files = [];
     const all = new Promise((resolve) =>
       page.on("download", (d) => {
