@@ -108,6 +108,7 @@ try {
     await field.fill(value);
     await field.press("Enter");
   });
+  seen.dragged = await errors();
   await shoot("dragged");
   await download("Save all curves");
   await download("Save parameters");
