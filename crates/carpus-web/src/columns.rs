@@ -102,7 +102,7 @@ mod tests {
     #[test]
     fn verif_columns_come_back_to_the_last_bit() {
         let recorded: Vec<f64> = (0..500).map(|k| f64::from(k * 37 % 1000 - 400) / 1e4).collect();
-        let radians: Vec<f64> = recorded.iter().map(|v| (v * 1e3).round() / 1e2).map(f64::to_radians).collect();
+        let radians: Vec<f64> = recorded.iter().map(|v| ((v * 1e3).round() + 0.0) / 1e2).map(f64::to_radians).collect();
         let any: Vec<f64> = (0..500).map(|k| (0.7 * f64::from(k)).sin()).collect();
         let special = vec![0.0, -0.0, 1e300, f64::MIN_POSITIVE, -1e15];
         for (column, at_most) in [(&recorded, 1100), (&radians, 1200), (&any, 4001), (&special, 41), (&Vec::new(), 1)] {
