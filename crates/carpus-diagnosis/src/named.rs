@@ -29,7 +29,7 @@ pub struct NamedEffect {
     pub effect: &'static str,
     /// Effects that these trials cannot tell from it, itself first.
     pub group: Vec<&'static str>,
-    /// Probability that one of the group is missing.
+    /// Probability that one of the group is missing: by the linear model or by simulation, whichever is larger, equations (23) and (33).
     pub probability: f64,
     /// How much larger −2 log posterior is without it, muscles, the other effects and a little of everything making up for it as they can.
     pub evidence: f64,
@@ -38,6 +38,9 @@ pub struct NamedEffect {
     /// Share of the mean square of the error of the model as given that it takes, the mean over orders in which the effects and the fit of the
     /// muscles come in, those that are there making up for what is missing as they can: value and 95 % interval over trials.
     pub share_of_error: Shares,
+    /// The part of it that nothing else takes: by how much the error rises when the effect is taken out, and the others and the muscles are
+    /// fitted anew, as a share of the same mean square: value and 95 % interval over trials.
+    pub unique_share: Shares,
     /// Parameters by name, at the joint mode.
     pub parameters: BTreeMap<String, ParameterEstimate>,
 }
@@ -196,6 +199,12 @@ pub(super) fn named(
     let known: BTreeMap<Vec<usize>, Squares> = found.into_iter().collect::<Result<_, _>>()?;
     let of_use = |usage: usize| divided(players, |some| known[some][usage].iter().map(|s| s[0]).collect::<Vec<f64>>());
     let taken = [of_use(0), of_use(1)];
+    let all: Vec<usize> = (0..players).collect();
+    let unique = |player: usize, usage: usize| -> Vec<f64> {
+        let others: Vec<usize> = all.iter().copied().filter(|p| *p != player).collect();
+        let (without, with) = (&known[&others][usage], &known[&all][usage]);
+        without.iter().zip(with).map(|(without, with)| without[0] - with[0]).collect()
+    };
     let given = squares_of(&forward.nominal_parameters(), &[])?;
     let estimates = session.estimates(state);
     let of_effect = |(i, (place, evidence)): (usize, &(usize, f64))| {
@@ -203,16 +212,18 @@ pub(super) fn named(
         let (group, probability) = session.group(state, *place);
         let [train, held_out] = [0, 1].map(|usage| share(&given[usage], &taken[usage][i]));
         let train = train.unwrap_or([0.0; 3]);
+        let [unique, unique_held_out] = [0, 1].map(|usage| share(&given[usage], &unique(i, usage)));
         let effect = NamedEffect {
             effect: id,
             group: group.into_iter().map(|e| session.analysis.candidates[e].description().id).collect(),
-            probability,
+            probability: probability.max(1.0 / (1.0 + (-0.5 * evidence).exp())),
             evidence: *evidence,
             dominant: (*evidence > VERY_STRONG || train[0] > MOST)
                 && train[0] >= DOMINANT
                 && train[1] > 0.0
                 && session.share_of_plausible(state, *place) >= LARGE,
             share_of_error: Shares { train, held_out },
+            unique_share: Shares { train: unique.unwrap_or([0.0; 3]), held_out: unique_held_out },
             parameters: own(&estimates, id),
         };
         (i, effect)

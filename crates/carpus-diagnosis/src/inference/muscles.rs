@@ -151,7 +151,13 @@ impl<'a> Muscles<'a> {
         let State { model, point, .. } = &self.state;
         let count = self.parameters.len();
         let all = model.posterior(&self.session.places(&point.effects), self.session.sizes(&self.state)).covariance();
-        all.view((0, 0), (count, count)).into_owned()
+        let mut out = all.view((0, 0), (count, count)).into_owned();
+        let total: f64 = 1.0 + self.state.others.iter().map(|other| other.odds).sum::<f64>();
+        for other in &self.state.others {
+            let away = other.away.rows(0, count);
+            out.ger(other.odds / total, &away, &away, 1.0);
+        }
+        out
     }
 
     /// As [`MuscleProblem::estimate`], of a session in which nothing was estimated yet.

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::linear_model::{LinearModel, Sizes};
 
 /// Sets this much less probable than the best (in −2 log) are neither expanded nor reported: together they have less than 1 %.
-const NEGLIGIBLE: f64 = 14.0;
+pub(super) const NEGLIGIBLE: f64 = 14.0;
 /// Neighbours of a set whose own sizes are estimated; the others keep the set's.
 const REFINED: usize = 6;
 

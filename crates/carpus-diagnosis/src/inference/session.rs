@@ -6,6 +6,7 @@ mod further_trials;
 mod generic_discrepancy;
 mod handing_over;
 mod noise_along_the_way;
+mod other_minima;
 mod predicting;
 mod sets;
 mod steps;
@@ -21,6 +22,7 @@ use super::linear_model::{LinearModel, Sizes};
 use super::muscles::MusclePrior;
 use super::resting_fiber::RestingFiber;
 use super::search::{Budget, Sets, search};
+pub use other_minima::OtherMinimum;
 use crate::effect::Effect;
 use crate::fit::{Analysis, Fit, Linear, Point};
 use crate::forward_model::{FITTED_PER_MUSCLE, ForwardModel, Setting};
@@ -57,6 +59,10 @@ const OTHERS: usize = 3;
 const RIVALS: usize = 6;
 /// Largest expected error of the logarithm of the EMG.
 const LARGEST_NOISE: f64 = 0.7;
+/// Corrections of the EMG at a point, at most: each passes through the muscles anew, equation (10) …
+const CORRECTIONS: usize = 4;
+/// … and one that lowers −2 log posterior by less is the last.
+const SETTLED_EMG: f64 = 1.0;
 /// An effect may stand in another's place where the set with it has more than this share of the probability, equation (22).
 const STANDS_IN: f64 = 0.1;
 /// Of the sets that were tried in a round, those first whose noise is estimated anew.
@@ -175,6 +181,8 @@ pub struct State {
     pub sets: Sets,
     /// Of effects: rivals that may stand in their place, everything else estimated anew.
     pub stand_ins: BTreeMap<usize, Vec<usize>>,
+    /// Other local minima with the same effects, once looked for.
+    pub others: Vec<OtherMinimum>,
 }
 
 impl<'a> Session<'a> {
@@ -297,11 +305,29 @@ impl<'a> Session<'a> {
         Ok(Begun { state, candidates, always })
     }
 
-    /// Rounds of search, simulation of other sets and noise, until nothing more probable is found.
+    /// Rounds of search, simulation of other sets and noise, until nothing more probable is found, not from other muscles either.
     ///
     /// # Errors
     /// A trial that cannot be simulated.
     pub fn settle(&self, begun: Begun, report: &dyn Fn(&str)) -> Result<State, SimulationError> {
+        let (candidates, always) = (begun.candidates.clone(), begun.always.clone());
+        let state = self.rounds(begun, report)?;
+        let others = self.other_minima(&state)?;
+        let behind: Vec<f64> = others.iter().map(|other| self.behind(other, &state)).collect();
+        report(&format!("other minima {behind:.1?} behind"));
+        let ahead = (0..others.len()).min_by(|a, b| behind[*a].total_cmp(&behind[*b]));
+        let Some(ahead) = ahead.filter(|i| behind[*i] < -SETTLED) else { return Ok(self.beside_others(state, &others)) };
+        let mut others = others;
+        let mut next = std::mem::replace(&mut others[ahead], state);
+        let (set, sizes) = (self.places(&next.point.effects), self.sizes(&next).clone());
+        self.weigh(&mut next, &set, &sizes, &candidates, &always);
+        let state = self.rounds(Begun { state: next, candidates, always }, report)?;
+        let others = if self.places(&state.point.effects) == set { others } else { self.other_minima(&state)? };
+        Ok(self.beside_others(state, &others))
+    }
+
+    /// Rounds from where an estimate has begun.
+    fn rounds(&self, begun: Begun, report: &dyn Fn(&str)) -> Result<State, SimulationError> {
         let Begun { state: mut best, candidates, always } = begun;
         let clock = Instant::now();
         for _ in 0..ROUNDS {
@@ -441,16 +467,23 @@ impl<'a> Session<'a> {
     /// Noise and linear model at a point.
     fn with_noise(&self, start: Start) -> Result<State, SimulationError> {
         let Start { mut point, levels, set, sizes, directions } = start;
-        let mut linear = self.analysis.linearize(&point, &[])?;
-        let noise = self.structure(&mut linear, &point);
-        let columns = self.all_columns(&point, &linear, &directions);
-        let passing = factors(&noise, &levels)?;
-        let model = self.model(&point, &columns, &passing);
-        let step = model.posterior(&set, &sizes).mean - &model.offset;
-        self.follow_emg(&mut point, &noise, &weighted(&columns, &step, &passing), &levels)?;
-        let mut linear = self.analysis.linearize(&point, &[])?;
+        let mut before = f64::INFINITY;
+        let mut corrections = 0;
+        let (linear, noise) = loop {
+            let mut linear = self.analysis.linearize(&point, &[])?;
+            let noise = self.structure(&mut linear, &point);
+            let columns = self.all_columns(&point, &linear, &directions);
+            let passing = factors(&noise, &levels)?;
+            let model = self.model(&point, &columns, &passing);
+            let posterior = model.posterior(&set, &sizes);
+            if corrections > 0 && (before - posterior.deviance < SETTLED_EMG || corrections == CORRECTIONS) {
+                break (linear, noise);
+            }
+            (before, corrections) = (posterior.deviance, corrections + 1);
+            let step = posterior.mean - &model.offset;
+            self.follow_emg(&mut point, &noise, &weighted(&columns, &step, &passing), &levels)?;
+        };
         let directions = self.analysis.calc_directions(&linear, &point)?.0;
-        let noise = self.structure(&mut linear, &point);
         let columns = self.all_columns(&point, &linear, &directions);
         let model = self.model(&point, &columns, &factors(&noise, &levels)?);
         let regressors = Self::regressors(&model, &columns, &model.sds(&set, &sizes));
@@ -461,6 +494,7 @@ impl<'a> Session<'a> {
             factors,
             sets: Sets::none(),
             stand_ins: BTreeMap::new(),
+            others: Vec::new(),
             point,
             levels,
             noise,

@@ -81,7 +81,7 @@ impl Session<'_> {
 
     /// Standard deviations of muscles, baselines and the parameters of effects at the joint mode, in the units of their columns: those of
     /// the posterior over all sets (16), (19), or of the jackknife over trials where trials differ by more than noise and discrepancy say,
-    /// equation (29).
+    /// equation (29), and the distance of other minima, equation (34).
     pub fn deviations(&self, state: &State) -> DVector<f64> {
         let own = self.columns_of_point(&state.point);
         let (set, sizes) = (self.places(&state.point.effects), self.sizes(state));
@@ -121,7 +121,10 @@ impl Session<'_> {
         let center = means.iter().fold(DVector::zeros(own), |sum, m| sum + m) / n.max(1.0);
         let spread = means.iter().fold(DVector::zeros(own), |sum, m| sum + (m - &center).map(|d| d * d));
         let over_sets = |j: usize| if weights[j] > 0.0 { squares[j] / weights[j] } else { 0.0 };
-        DVector::from_fn(own, |j, _| over_sets(j).max(spread[j] * (n - 1.0) / n.max(1.0)).max(0.0).sqrt())
+        let total: f64 = 1.0 + state.others.iter().map(|other| other.odds).sum::<f64>();
+        let over_minima = |j: usize| state.others.iter().map(|o| o.odds / total * o.away[j].powi(2)).sum::<f64>();
+        let of_mode = |j: usize| over_sets(j).max(spread[j] * (n - 1.0) / n.max(1.0)).max(0.0);
+        DVector::from_fn(own, |j, _| (of_mode(j) + over_minima(j)).sqrt())
     }
 
     /// Puts muscle parameters that are beyond their bounds there, and the others where they are expected then, effects held.
@@ -251,7 +254,9 @@ impl Session<'_> {
         };
         let stands_in = |other: &usize| !set.contains(other) && probability(&exchanged(*other)) > own * STANDS_IN;
         let mut group = vec![effect];
-        if own > 0.0 {
+        let without: Vec<usize> = set.iter().copied().filter(|e| *e != effect).collect();
+        // Where the linear model does not ask for the effect, it cannot say what else would do.
+        if own > probability(&without) {
             group.extend(self.testable().into_iter().filter(stands_in));
         }
         let simulated = state.stand_ins.get(&effect).into_iter().flatten();

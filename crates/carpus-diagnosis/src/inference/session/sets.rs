@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::super::linear_model::{Prior, Sizes};
 use super::super::muscles::Muscles;
-use super::super::search::Budget;
+use super::super::search::{Budget, NEGLIGIBLE};
 use super::steps::profiled;
 use super::{Around, Begun, ODDS, STANDS_IN, STEPS, Session, Start, State};
 use crate::ONE_BY_ONE;
@@ -55,6 +55,7 @@ impl Session<'_> {
         report: &dyn Fn(&str),
     ) -> Result<(State, Vec<(usize, f64)>), SimulationError> {
         let candidates = self.testable();
+        let mut fewer = false;
         let (mut evidence, mut state) = 'again: loop {
             let of = |effect: usize| {
                 let (group, probability) = self.group(&state, effect);
@@ -72,7 +73,7 @@ impl Session<'_> {
                 let is_likely =
                     is_likely(group, probability) || is_likely_by_simulation(group, behind, in_place.max(1.0));
                 if !is_likely || (behind < 0.0 && !self.takes_what_is_left(&state, &without)) {
-                    state = without;
+                    (state, fewer) = (without, true);
                     continue 'again;
                 }
                 evidence.push((effect, behind));
@@ -80,6 +81,11 @@ impl Session<'_> {
             break (evidence, state);
         };
         evidence.sort_by(|a, b| b.1.total_cmp(&a.1));
+        if fewer {
+            // The others were of another set.
+            let others = self.other_minima(&state)?;
+            state = self.beside_others(state, &others);
+        }
         state.stand_ins = self.stand_ins(&state, &candidates);
         Ok((state, evidence))
     }
@@ -105,7 +111,7 @@ impl Session<'_> {
             directions: state.directions.clone(),
         };
         let state = self.assessed(start, &[], &[])?;
-        self.settle(Begun { state, candidates: Vec::new(), always: Vec::new() }, report)
+        self.rounds(Begun { state, candidates: Vec::new(), always: Vec::new() }, report)
     }
 
     /// Whether something is left beside a state that is not left beside another.
@@ -128,9 +134,13 @@ impl Session<'_> {
         };
         let pairs: Vec<(usize, usize)> =
             set.iter().flat_map(|effect| rivals(*effect).into_iter().map(|rival| (*effect, rival))).collect();
+        let (sizes, here) = (self.sizes(state), state.model.posterior(&set, self.sizes(state)).deviance);
         let stands_in = |(effect, rival): &(usize, usize)| {
             let mut exchanged: Vec<usize> = set.iter().copied().filter(|e| e != effect).chain([*rival]).collect();
             exchanged.sort_unstable();
+            if state.model.posterior(&exchanged, sizes).deviance - here > NEGLIGIBLE {
+                return Ok(false);
+            }
             let other = self.with_set(state, &exchanged, &[]);
             other.map(|other| self.behind(&other, state) < -2.0 * STANDS_IN.ln())
         };

@@ -5,7 +5,7 @@ use nalgebra::{Cholesky, DMatrix, Dyn};
 use rayon::prelude::*;
 
 use super::super::linear_model::{LinearModel, Posterior, Sizes};
-use super::super::search::Sets;
+use super::super::search::{NEGLIGIBLE, Sets};
 use super::{ASSESSED, Around, ODDS, OTHERS, RIVALS, Reached, STEPS, Session, Start, State, WhitenedDirections};
 use crate::fit::{Linear, Point, product, whiten};
 use crate::noise::TrialNoise;
@@ -86,7 +86,7 @@ impl Session<'_> {
     }
 
     /// Sets that are tried by simulation beside the best: the most probable others that were looked at, and the most probable of those in
-    /// which an effect gives way to a rival.
+    /// which an effect gives way to a rival. Sets that are [`NEGLIGIBLE`] are not.
     pub(super) fn alternatives(
         &self,
         set: &[usize],
@@ -110,6 +110,8 @@ impl Session<'_> {
                 }
             }
         }
+        let here = model.posterior(set, sizes).deviance;
+        exchanged.retain(|(deviance, _)| deviance - here < NEGLIGIBLE);
         exchanged.sort_by(|a, b| a.0.total_cmp(&b.0));
         out.extend(exchanged.into_iter().take(RIVALS).map(|(_, set)| set));
         out

@@ -1,0 +1,99 @@
+//! Other local minima with the same effects: descents from muscles that are drawn from their prior
+//! (`docs/src/theory/many-small-errors.md`, equation (34)).
+
+use nalgebra::DVector;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use super::super::muscles::COLUMNS;
+use super::super::search::NEGLIGIBLE;
+use super::{Around, ODDS, Reached, Session, State};
+use crate::fit::Point;
+use crate::forward_model::FITTED_PER_MUSCLE;
+use crate::score_test::normal;
+use carpus_simulation::simulation::SimulationError;
+
+/// Pairs of opposite draws from the muscles' prior.
+const PAIRS: usize = 3;
+/// Their standard deviation, over that of the prior.
+const WIDTH: f64 = 0.5;
+/// Gauss–Newton steps from a draw.
+const STEPS: usize = 10;
+
+/// Another local minimum.
+#[derive(Clone, Debug)]
+pub struct OtherMinimum {
+    /// Muscles, baselines and parameters of effects, in the units of their columns, less those of the state.
+    pub away: DVector<f64>,
+    /// Its probability over the state's.
+    pub odds: f64,
+}
+
+impl Session<'_> {
+    /// States with a state's effects that descents from other muscles come to, if they are not much less probable.
+    pub(super) fn other_minima(&self, state: &State) -> Result<Vec<State>, SimulationError> {
+        let set = self.places(&state.point.effects);
+        let sizes = self.sizes(state);
+        let from = Around {
+            point: &state.point,
+            model: &state.model,
+            sizes,
+            noise: &state.noise,
+            factors: &state.factors,
+            directions: &state.directions,
+        };
+        // With the state's noise, as those that are reached.
+        let here = state.model.sizes_for(&set, sizes).1 + 2.0 * ODDS.ln() * set.len() as f64;
+        let points = self.drawn_points(&state.point);
+        let reach = |point: &Point| self.reach_from(&from, point.clone(), &set, STEPS).ok();
+        let reached: Vec<Option<Reached>> = points.par_iter().with_max_len(1).map(reach).collect();
+        // A draw that cannot be simulated leads nowhere.
+        let near = reached.into_iter().flatten().filter(|r| r.deviance < here + NEGLIGIBLE);
+        Ok(near.filter_map(|r| self.assessed(r.start(state.levels), &[], &set).ok()).collect())
+    }
+
+    /// The state with the other minima, each as probable as equation (20) says.
+    pub(super) fn beside_others(&self, mut state: State, others: &[State]) -> State {
+        let own = self.columns_of_point(&state.point);
+        let here = self.own_values(&state.point);
+        let of = |other: &State| OtherMinimum {
+            away: (self.own_values(&other.point) - &here).rows(0, own).into_owned(),
+            odds: (-0.5 * self.behind(other, &state).max(0.0)).exp(),
+        };
+        state.others = others.iter().map(of).collect();
+        state
+    }
+
+    /// A point, its muscles as drawn: pairs of opposite draws about the prior's mean.
+    fn drawn_points(&self, point: &Point) -> Vec<Point> {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.analysis.seed);
+        let given = self.analysis.forward.nominal_parameters();
+        let columns = given.len() * FITTED_PER_MUSCLE;
+        let mut out = Vec::new();
+        for _ in 0..PAIRS {
+            let draw: Vec<f64> = (0..columns).map(|_| WIDTH * normal(&mut rng)).collect();
+            for side in [1.0, -1.0] {
+                let log = |column: usize| {
+                    let [mean, sd] = self.muscle_prior(column);
+                    let [low, high] = self.analysis.log_bounds[column % FITTED_PER_MUSCLE];
+                    (mean + side * sd * draw[column]).clamp(low, high)
+                };
+                let mut logs: Vec<f64> = (0..columns).map(log).collect();
+                self.analysis.tied.iter().for_each(|[first, other]| logs[*other] = logs[*first]);
+                let mut point = point.clone();
+                for (column, log) in logs.into_iter().enumerate() {
+                    let (muscle, property) = (column / FITTED_PER_MUSCLE, COLUMNS[column % FITTED_PER_MUSCLE]);
+                    *property.of_mut(&mut point.parameters[muscle]) = property.of(&given[muscle]) * log.exp();
+                }
+                out.push(point);
+            }
+        }
+        out
+    }
+
+    /// Muscles, baselines and parameters of effects of a point, in the units of their columns.
+    fn own_values(&self, point: &Point) -> DVector<f64> {
+        self.priors(point).1
+    }
+}
