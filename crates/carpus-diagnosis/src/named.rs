@@ -15,12 +15,8 @@ use carpus_study::study::TrialUse;
 
 /// An effect is dominant if it is at least this large, in units of the larger end of its plausible range …
 const LARGE: f64 = 0.5;
-/// … if it takes at least this share of the mean square of the given model's error …
-const DOMINANT: f64 = 0.05;
-/// … and if its evidence is beyond this: very strong (Kass & Raftery 1995, doi:10.1080/01621459.1995.10476572) …
-const VERY_STRONG: f64 = 10.0;
-/// … or if it takes more than all else together.
-const MOST: f64 = 0.5;
+/// … and if nothing else takes what it does of at least this share of the mean square of the error that the refitted muscles leave.
+const DOMINANT: f64 = 0.2;
 
 /// An effect that is missing.
 #[derive(Clone, Debug, Serialize)]
@@ -33,7 +29,7 @@ pub struct NamedEffect {
     pub probability: f64,
     /// How much larger −2 log posterior is without it, muscles, the other effects and a little of everything making up for it as they can.
     pub evidence: f64,
-    /// Whether it takes more of the error than a little of everything does.
+    /// Whether it is large and takes a large part of the error that nothing else takes.
     pub dominant: bool,
     /// Share of the mean square of the error of the model as given that it takes, the mean over orders in which the effects and the fit of the
     /// muscles come in, those that are there making up for what is missing as they can: value and 95 % interval over trials.
@@ -166,7 +162,7 @@ fn own(estimates: &BTreeMap<String, ParameterEstimate>, id: &str) -> BTreeMap<St
 /// Squares of training and held-out trials.
 type Squares = [Vec<[f64; 2]>; 2];
 
-/// Effects of the joint mode, the dominant ones first, each part by its share of the error, and the error step by step as one after the other
+/// Effects of the joint mode, the dominant ones first, each part by what they alone take of the error, and the error step by step as one after the other
 /// comes in.
 ///
 /// - `evidence`: their places and by how much −2 log posterior is larger without each, the strongest first
@@ -212,24 +208,24 @@ pub(super) fn named(
         let (group, probability) = session.group(state, *place);
         let [train, held_out] = [0, 1].map(|usage| share(&given[usage], &taken[usage][i]));
         let train = train.unwrap_or([0.0; 3]);
-        let [unique, unique_held_out] = [0, 1].map(|usage| share(&given[usage], &unique(i, usage)));
+        let [by_itself, by_itself_held_out] = [0, 1].map(|usage| share(&given[usage], &unique(i, usage)));
+        let of_refit = share(&known[&vec![muscles]][0], &unique(i, 0)).unwrap_or([0.0; 3]);
         let effect = NamedEffect {
             effect: id,
             group: group.into_iter().map(|e| session.analysis.candidates[e].description().id).collect(),
             probability: probability.max(1.0 / (1.0 + (-0.5 * evidence).exp())),
             evidence: *evidence,
-            dominant: (*evidence > VERY_STRONG || train[0] > MOST)
-                && train[0] >= DOMINANT
-                && train[1] > 0.0
+            dominant: of_refit[0] >= DOMINANT
+                && of_refit[1] > 0.0
                 && session.share_of_plausible(state, *place) >= LARGE,
             share_of_error: Shares { train, held_out },
-            unique_share: Shares { train: unique.unwrap_or([0.0; 3]), held_out: unique_held_out },
+            unique_share: Shares { train: by_itself.unwrap_or([0.0; 3]), held_out: by_itself_held_out },
             parameters: own(&estimates, id),
         };
         (i, effect)
     };
     let mut effects: Vec<(usize, NamedEffect)> = evidence.iter().enumerate().map(of_effect).collect();
-    let share_of = |e: &(usize, NamedEffect)| e.1.share_of_error.train[0];
+    let share_of = |e: &(usize, NamedEffect)| e.1.unique_share.train[0];
     effects.sort_by(|a, b| b.1.dominant.cmp(&a.1.dominant).then(share_of(b).total_cmp(&share_of(a))));
     let step = |name: &str, squares: &Squares| {
         let [train, held_out] = squares.each_ref().map(|s| rms(s).map(|e| e / request.mvc));

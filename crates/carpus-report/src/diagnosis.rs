@@ -72,9 +72,12 @@ pub struct NamedEffectResult {
     /// Whether it takes more of the error than a little of everything does.
     #[serde(default)]
     pub dominant: bool,
-    /// Share of the model's mean squared error that it takes beside those before it.
+    /// Share of the mean square of the error of the model as given that it takes, the mean over orders in which effects come in.
     #[serde(default)]
     pub share_of_error: SharesResult,
+    /// The part of it that nothing else takes.
+    #[serde(default)]
+    pub unique_share: SharesResult,
     /// Parameters by name.
     #[serde(default)]
     pub parameters: BTreeMap<String, Estimate>,

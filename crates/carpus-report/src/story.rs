@@ -82,6 +82,7 @@ pub struct SeveralView {
     pub others: String,
     pub probability: String,
     pub train: String,
+    pub unique: String,
     pub held_out: String,
     pub svg: String,
     pub parameters: Vec<EstimateRow>,
@@ -485,7 +486,7 @@ fn explanations(results: &Results, diagnosis: &DiagnosisResult) -> Vec<Explanati
     all
 }
 
-/// Effects that are missing where many things are a little wrong, the largest share first.
+/// Effects that are missing where many things are a little wrong, in their order.
 fn several(diagnosis: &DiagnosisResult) -> Vec<SeveralView> {
     let most = diagnosis.effects.iter().map(|e| e.share_of_error.train[2]).fold(0.05, f64::max);
     let share = |[value, low, high]: [f64; 3]| {
@@ -500,6 +501,7 @@ fn several(diagnosis: &DiagnosisResult) -> Vec<SeveralView> {
             others: others(&e.group),
             probability: significant(e.probability, 2),
             train: share(e.share_of_error.train),
+            unique: share(e.unique_share.train),
             held_out: e.share_of_error.held_out.map(share).unwrap_or_default(),
             svg: share_bar(e.share_of_error.train, most),
             parameters: estimates(&parameters),

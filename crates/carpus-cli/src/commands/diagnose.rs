@@ -107,6 +107,7 @@ fn several_rows(diagnosis: &Diagnosis) -> Vec<Vec<String>> {
             e.effect.to_owned(),
             fixed(e.probability, 2),
             percent(e.share_of_error.train),
+            percent(e.unique_share.train),
             e.share_of_error.held_out.map_or("–".to_owned(), percent),
             parameters.map(|p| p.trim_end().to_owned()).collect::<Vec<_>>().join("\n"),
         ]
@@ -162,11 +163,11 @@ fn readable(diagnosis: &Diagnosis) -> String {
     text.push_str(&table(&["trials", "as given", "muscles refitted", "with effect", "noise floor"], 1, rows));
     if matches!(diagnosis.verdict, Verdict::Dominant | Verdict::Several) {
         text.push_str(
-            "\n\nMissing effects: probability, and share of the model's mean squared error that each takes \
-                       beside those above it\n",
+            "\n\nMissing effects: probability, share of the model's mean squared error that each takes, and the part of it \
+             that nothing else takes\n",
         );
-        let header = ["effect", "probability", "training %", "held out %", "parameters, 95 % intervals"];
-        text.push_str(&table(&header, 4, several_rows(diagnosis)));
+        let header = ["effect", "probability", "training %", "unique %", "held out %", "parameters, 95 % intervals"];
+        text.push_str(&table(&header, 5, several_rows(diagnosis)));
         text.push_str("\n`carpus effect auto STUDY` adds them, one after the other");
     } else if !diagnosis.explanations.is_empty() {
         text.push_str("\n\nExplanations that leave nothing\n");
