@@ -14,7 +14,7 @@ use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 use carpus_study::study::TrialUse;
 
 /// An effect is dominant if it is at least this large, in units of the larger end of its plausible range …
-const LARGE: f64 = 0.5;
+const LARGE: f64 = 1.0 / 3.0;
 /// … and if nothing else takes what it does of at least this share of the mean square of the error that the refitted muscles leave.
 const DOMINANT: f64 = 0.2;
 
@@ -213,7 +213,7 @@ pub(super) fn named(
         let effect = NamedEffect {
             effect: id,
             group: group.into_iter().map(|e| session.analysis.candidates[e].description().id).collect(),
-            probability: probability.max(1.0 / (1.0 + (-0.5 * evidence).exp())),
+            probability: probability.max(1.0 / (1.0 + (-0.5 * evidence).exp())).min(1.0),
             evidence: *evidence,
             dominant: of_refit[0] >= DOMINANT
                 && of_refit[1] > 0.0

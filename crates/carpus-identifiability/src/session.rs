@@ -164,7 +164,7 @@ fn ranked(
     let Laboratory { spec, model } = request.laboratory;
     let then = after_session(request.forward, spec, model, &request.candidates)?;
     let deviations = muscles.session.deviations_after(&muscles.state, &then)?;
-    let before = muscles.log_covariance_at_gains().diagonal().map(f64::sqrt);
+    let before = muscles.log_covariance_at_mode().diagonal().map(f64::sqrt);
     let of = |(trial, after): (&Trial, &DVector<f64>)| {
         let shrinkage: Vec<f64> = columns.iter().map(|j| 1.0 - after[*j] / before[*j]).collect();
         let mean_shrinkage = shrinkage.iter().sum::<f64>() / columns.len() as f64;

@@ -137,27 +137,26 @@ impl<'a> MuscleProblem<'a> {
 }
 
 impl<'a> Muscles<'a> {
-    /// Covariance of the logarithms of all muscle parameters given the trials, in the order of columns: equation (16), and what the gains of
-    /// the recordings leave open of forces.
+    /// Covariance of the logarithms of all muscle parameters given the trials, in the order of columns: equation (16), what the gains of
+    /// the recordings leave open of forces, and the distance of other minima, equation (34).
     pub fn log_covariance(&self) -> DMatrix<f64> {
-        let mut out = self.log_covariance_at_gains();
+        let mut out = self.log_covariance_at_mode();
         let of_gains = self.session.gain_log_sd().powi(2);
         (FORCE..out.nrows()).step_by(FITTED_PER_MUSCLE).for_each(|j| out[(j, j)] += of_gains);
-        out
-    }
-
-    /// As [`Muscles::log_covariance`], the gains of the recordings being known.
-    pub fn log_covariance_at_gains(&self) -> DMatrix<f64> {
-        let State { model, point, .. } = &self.state;
-        let count = self.parameters.len();
-        let all = model.posterior(&self.session.places(&point.effects), self.session.sizes(&self.state)).covariance();
-        let mut out = all.view((0, 0), (count, count)).into_owned();
         let total: f64 = 1.0 + self.state.others.iter().map(|other| other.odds).sum::<f64>();
         for other in &self.state.others {
-            let away = other.away.rows(0, count);
+            let away = other.away.rows(0, out.nrows());
             out.ger(other.odds / total, &away, &away, 1.0);
         }
         out
+    }
+
+    /// The same about the joint mode alone, the gains of the recordings being known: equation (16).
+    pub fn log_covariance_at_mode(&self) -> DMatrix<f64> {
+        let State { model, point, .. } = &self.state;
+        let count = self.parameters.len();
+        let all = model.posterior(&self.session.places(&point.effects), self.session.sizes(&self.state)).covariance();
+        all.view((0, 0), (count, count)).into_owned()
     }
 
     /// As [`MuscleProblem::estimate`], of a session in which nothing was estimated yet.

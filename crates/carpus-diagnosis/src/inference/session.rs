@@ -22,13 +22,13 @@ use super::linear_model::{LinearModel, Sizes};
 use super::muscles::MusclePrior;
 use super::resting_fiber::RestingFiber;
 use super::search::{Budget, Sets, search};
-pub use other_minima::OtherMinimum;
 use crate::effect::Effect;
 use crate::fit::{Analysis, Fit, Linear, Point};
 use crate::forward_model::{FITTED_PER_MUSCLE, ForwardModel, Setting};
 use crate::noise::{self, NoiseLevels, TrialNoise};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 use carpus_study::study::ParameterBounds;
+pub use other_minima::OtherMinimum;
 
 /// Prior scale of κ: what a laboratory has of every effect, as a share of what is plausible, equation (5).
 const EVERYTHING: f64 = 0.15;
@@ -316,7 +316,9 @@ impl<'a> Session<'a> {
         let behind: Vec<f64> = others.iter().map(|other| self.behind(other, &state)).collect();
         report(&format!("other minima {behind:.1?} behind"));
         let ahead = (0..others.len()).min_by(|a, b| behind[*a].total_cmp(&behind[*b]));
-        let Some(ahead) = ahead.filter(|i| behind[*i] < -SETTLED) else { return Ok(self.beside_others(state, &others)) };
+        let Some(ahead) = ahead.filter(|i| behind[*i] < -SETTLED) else {
+            return Ok(self.beside_others(state, &others));
+        };
         let mut others = others;
         let mut next = std::mem::replace(&mut others[ahead], state);
         let (set, sizes) = (self.places(&next.point.effects), self.sizes(&next).clone());
