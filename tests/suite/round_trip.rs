@@ -258,6 +258,10 @@ fn verif_a_processed_study_is_read_whatever_its_study_says() {
     assert!((trial.rows_per_moment() - 20.0).abs() < 0.1, "{}", trial.rows_per_moment());
     let said = made.warnings.iter().any(|w| w.to_string().contains("the moment was interpolated to 2000 Hz: 100 of"));
     assert!(said, "{:?}", made.warnings);
+    // What was recognized is a remark: raw samples, here up to ±2 V, become excitations all the same, 1 at the MVC.
+    let [excitation] = trial.excitation.as_slice() else { panic!("one channel") };
+    let (least, largest) = excitation.iter().fold((f64::MAX, f64::MIN), |(l, m), e| (l.min(*e), m.max(*e)));
+    assert!(least >= 0.0 && (largest - 1.0).abs() < 1e-12, "{least} to {largest}");
     // Uniform noise of ±0.1 N·m has a standard deviation of 0.058 N·m.
     let compared = folder.path().join("compared");
     carpus(&["compare"], &out.join("study.toml"), &compared).success();

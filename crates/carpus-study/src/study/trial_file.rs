@@ -6,7 +6,7 @@ use super::columns::Columns;
 use super::fault::Fault;
 use super::limits::{MAX_SAMPLES, MIN_SAMPLES};
 use super::nearest::nearest;
-use super::problem::{Problem, StudyErrors};
+use super::problem::{Problem, Severity, StudyErrors};
 use super::raw_emg::{self, EmgSignal};
 use super::settings::Settings;
 use super::table::{csv_problem, is_of_a_study, missing_column, open};
@@ -54,7 +54,9 @@ impl Trial {
             match &settings.emg {
                 EmgSignal::Normalized => check_excitation(&mut trial, settings, &mut problems),
                 EmgSignal::Raw(emg) => {
-                    let equal_steps = problems.len() == before && raw_emg::check_steps(&trial, &mut problems);
+                    // Remarks do not matter here: samples in volts must not pass for excitations.
+                    let sound = problems[before..].iter().all(|p| p.severity == Severity::Warning);
+                    let equal_steps = sound && raw_emg::check_steps(&trial, &mut problems);
                     if let Some(levels) = mvc_levels.filter(|_| equal_steps) {
                         raw_emg::to_excitation(&mut trial, emg, levels, &settings.columns, &mut problems);
                     }
