@@ -131,6 +131,14 @@ fn verif_bad_functions_are_named() {
     assert!(matches!(gcv(0, vec![0.0, 1.0]), Err(FunctionError::HalfOrder { found: 0 })));
     assert!(matches!(gcv(3, vec![0.0, 1.0]), Err(FunctionError::TooFewPoints { expected: 6, found: 2, .. })));
     assert!(matches!(gcv(1, vec![1.0, 1.0]), Err(FunctionError::NotIncreasing { .. })));
+    // Beyond the range of numbers the search for the smoothing parameter ends, too.
+    for (step, error_variance) in [1e298, 1e-300, 1e150].into_iter().flat_map(|s| [0.0, -1.0, 1.0].map(|v| (s, v))) {
+        let x: Vec<f64> = (0..50).map(|i| step * f64::from(i)).collect();
+        let y = (0..50).map(|i| (0.3 * f64::from(i)).sin()).collect();
+        let spec = FunctionSpec::GcvSpline { half_order: 3, error_variance, x, y, weights: vec![] };
+        let made = Function::compile(&spec).map(|f| f.value(step));
+        assert!(matches!(made, Err(FunctionError::OutOfRange { .. })), "{step} {error_variance}: {made:?}");
+    }
     let step = FunctionSpec::Step { start_time: 1.0, end_time: 1.0, start_value: 0.0, end_value: 1.0 };
     assert!(matches!(Function::compile(&step), Err(FunctionError::EmptyTransition { .. })));
     let message = spline(&[0.0, 2.0, 1.0], &[0.0; 3]).expect_err("not increasing").to_string();

@@ -113,7 +113,11 @@ fn verif_wrong_arguments_are_the_users_fault() {
         .code(1)
         .stderr(contains("no unit"));
     carpus().arg("equilibrium").arg(model()).args(["--activation", "1.5"]).assert().code(1).stderr(contains("0 to 1"));
-    carpus().args(["info", "model.osim", "--threads", "0"]).assert().code(1);
+    carpus()
+        .args(["info", "model.osim", "--threads", "0"])
+        .assert()
+        .code(1)
+        .stderr(contains("expected a whole number from 1 on"));
 }
 
 #[test]

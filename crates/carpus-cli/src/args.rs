@@ -43,7 +43,7 @@ pub struct Cli {
 #[derive(Debug, Args)]
 pub struct Global {
     /// Threads to use, at most one per core (default: one per core); results do not depend on it
-    #[arg(long, global = true, value_name = "N", help_heading = "Global options")]
+    #[arg(long, global = true, value_name = "N", value_parser = threads, help_heading = "Global options")]
     pub threads: Option<NonZeroUsize>,
     /// Seed of everything random; the same seed gives the same bytes
     #[arg(long, global = true, value_name = "N", default_value_t = DEFAULT_SEED, help_heading = "Global options")]
@@ -720,6 +720,10 @@ pub enum PowerTest {
 /// An item of a list, which may have spaces behind its commas.
 pub(super) fn trimmed(text: &str) -> Result<String, std::convert::Infallible> {
     Ok(text.trim().to_owned())
+}
+
+fn threads(text: &str) -> Result<NonZeroUsize, String> {
+    text.parse().map_err(|_| "expected a whole number from 1 on".to_owned())
 }
 
 fn positive(text: &str) -> Result<f64, String> {

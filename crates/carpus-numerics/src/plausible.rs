@@ -155,6 +155,15 @@ pub static ACTIVATION: Plausible = Plausible {
     slips: &[Slip { unit: "%", factor: 0.01 }],
 };
 
+/// Activation that a muscle does not fall below.
+pub static MINIMUM_ACTIVATION: Plausible = Plausible {
+    quantity: "minimum activation",
+    unit: "parts of 1",
+    range: [0.0, 0.3],
+    source: "Millard et al. 2013 (0.01; at rest a muscle is hardly active)",
+    slips: &[Slip { unit: "%", factor: 0.01 }],
+};
+
 /// Time constants of activation and deactivation.
 pub static ACTIVATION_TIME: Plausible = Plausible {
     quantity: "time constant of activation",
@@ -272,6 +281,15 @@ pub static BODY_HEIGHT: Plausible = Plausible {
     slips: &[CENTIMETRES, Slip { unit: "feet", factor: 0.3048 }, INCHES, MILLIMETRES],
 };
 
+/// Size of a person's segment over that of the model's.
+pub static SCALE_FACTOR: Plausible = Plausible {
+    quantity: "scale factor",
+    unit: "",
+    range: [0.25, 3.0],
+    source: "a newborn's hand beside an adult's (0.06 m of 0.19 m, Snyder et al. 1977)",
+    slips: &[Slip { unit: "%", factor: 0.01 }],
+};
+
 /// Length of a segment of the arm or leg.
 pub static SEGMENT_LENGTH: Plausible = Plausible {
     quantity: "segment length",
@@ -297,6 +315,15 @@ pub static EFFORT_PERCENT: Plausible = Plausible {
     range: [1.0, 100.0],
     source: "protocols: 1 % of the maximum is rest to any dynamometer",
     slips: &[Slip { unit: "parts of 1", factor: 100.0 }],
+};
+
+/// Time from the first to the last sample of a trial.
+pub static TRIAL_DURATION: Plausible = Plausible {
+    quantity: "duration",
+    unit: "s",
+    range: [0.05, 3600.0],
+    source: "the rise of a voluntary contraction (0.1 to 0.3 s) and the longest measurement without a pause",
+    slips: &[],
 };
 
 /// Time between two samples of a trial.
@@ -369,7 +396,7 @@ pub static FASCICLE_LENGTH: Plausible = Plausible {
 };
 
 /// The table: every range that anything is compared with.
-pub static TABLE: [&Plausible; 29] = [
+pub static TABLE: [&Plausible; 32] = [
     &OPTIMAL_FIBER_LENGTH,
     &TENDON_SLACK_LENGTH,
     &MAX_ISOMETRIC_FORCE,
@@ -378,6 +405,7 @@ pub static TABLE: [&Plausible; 29] = [
     &ACTIVATION_TIME,
     &FIBER_DAMPING,
     &ACTIVATION,
+    &MINIMUM_ACTIVATION,
     &DYNAMOMETER_DAMPING,
     &SEGMENT_MASS,
     &POINT_DISTANCE,
@@ -389,9 +417,11 @@ pub static TABLE: [&Plausible; 29] = [
     &USUAL_BODY_MASS,
     &BODY_MASS_INDEX,
     &BODY_HEIGHT,
+    &SCALE_FACTOR,
     &SEGMENT_LENGTH,
     &MVC_MOMENT,
     &EFFORT_PERCENT,
+    &TRIAL_DURATION,
     &TIME_STEP,
     &LENGTH_BOUND,
     &FORCE_BOUND,

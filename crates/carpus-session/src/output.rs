@@ -479,7 +479,7 @@ impl OutputFolder {
             Ok(found) if self.inputs.contains(&found) => {
                 Err(Diagnostic::error("this is one of the files that are read; it is not overwritten")
                     .in_file(target)
-                    .hint("choose another folder with --out")
+                    .hint("choose another folder (--out) or another name for the result")
                     .into())
             }
             _ => Ok(()),

@@ -151,7 +151,7 @@ impl ScaleModel {
             let message = Diagnostic::error(e.to_string()).in_file(&loaded.path);
             Failure::from(e.hint().into_iter().fold(message, Diagnostic::hint))
         })?;
-        warnings.extend(left(&scaling, &loaded.path));
+        warnings.extend(remarks(&scaling, &loaded.path));
         progress.warnings(&warnings);
         out.write("model.osim", file.document.bytes())?;
         let inputs = vec![input_file(&self.model, &self.model.display().to_string(), "model")?];
@@ -198,7 +198,7 @@ fn scaled(
         let table = study.tables.folder.join("participants.csv");
         warnings.push(Diagnostic::warning(text).in_file(&table).at_line(participant.line));
     }
-    warnings.extend(left(&scaled.scaling, &loaded.path));
+    warnings.extend(remarks(&scaled.scaling, &loaded.path));
     progress.warnings(&warnings);
     let name = Path::new(&participant.name).join("model.osim");
     out.write(&name, file.document.bytes())?;
@@ -207,10 +207,12 @@ fn scaled(
     Ok(outcome(&participant.name, name, &scaled.segments, scaled.scaling, &warnings, inputs))
 }
 
-fn left(scaling: &LinearScaling, model: &Path) -> Vec<Diagnostic> {
+/// What was not scaled, and what is doubtful about the scaling.
+fn remarks(scaling: &LinearScaling, model: &Path) -> Vec<Diagnostic> {
     let warning =
         |(path, why): &(String, String)| Diagnostic::warning(format!("{path}: not scaled: {why}")).in_file(model);
-    scaling.left.iter().map(warning).collect()
+    let doubtful = |(what, hint): (String, String)| Diagnostic::warning(what).in_file(model).hint(hint);
+    scaling.left.iter().map(warning).chain(scaling.doubts().into_iter().map(doubtful)).collect()
 }
 
 fn outcome(

@@ -63,7 +63,7 @@ impl IntegratorSettings {
             tool.number_that("integrator_error_tolerance", 1e-5, "a number above 0 and below 1", is_accuracy)?;
         let is_step = |value: f64| value > 0.0;
         let largest = tool.number_that("maximum_integrator_step_size", 1.0, "a time above 0 s", is_step)?;
-        let expected = format!("a time from 0 s to maximum_integrator_step_size ({largest} s)");
+        let expected = format!("a time from 0 s to maximum_integrator_step_size ({} s)", number(largest));
         let is_least = |value: f64| (0.0..=largest).contains(&value);
         let least = tool.number_that("minimum_integrator_step_size", 0.0, &expected, is_least)?;
         // Of formats of old; it has no effect in OpenSim 4.6 either.

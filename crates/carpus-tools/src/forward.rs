@@ -61,6 +61,9 @@ pub fn run(tool: &Properties, mut system: System, document: Document, outcome: &
         second.into_iter().for_each(|text| outcome.warn(tool.setup().path(), tool.line(), text));
         system.actors.insert(0, Actor::Correction(Box::new(correction)));
     }
+    if !start.is_finite() {
+        return Err(tool.bad_value("initial_time", "a finite time", &tool.string("initial_time")));
+    }
     if !(end > start) {
         return Err(tool.bad_value("final_time", "a time after initial_time", &end.to_string()));
     }

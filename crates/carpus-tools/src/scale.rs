@@ -238,6 +238,9 @@ fn scale_model(scaler: &Properties, mass: f64, file: &mut OsimFile, outcome: &mu
     for (component, why) in &scaled.left {
         outcome.warn(&setup, scaler.line(), format!("{component} was not scaled: {why}"));
     }
+    for (what, hint) in scaled.doubts() {
+        outcome.warn(&setup, scaler.line(), format!("{what}: {hint}"));
+    }
     let [before, after] = scaled.mass;
     outcome.summary.push(format!("scaled: mass {before:.6} kg to {after:.6} kg"));
     if let Some(output) = scaler.file("output_scale_file") {

@@ -29,6 +29,13 @@ fn verif_implausible_values_of_a_model_are_warned_of() {
         ("<translation>0 0 0<", "<translation>0 20 0<", "translation: 20 is not plausible in m", "is it in mm?"),
         ("<default_value>0.1<", "<default_value>45<", "default_value: 45 is not plausible in rad", "is it in degrees?"),
         ("<orientation>0 0 0<", "<orientation>0 90 0<", "orientation: 90 is not plausible in rad", "is it in degrees?"),
+        ("<range>0 2.5<", "<range>-90 90<", "range: 90 is not plausible in rad", "90 degrees are 1.571 rad"),
+        (
+            pennation,
+            &format!("{pennation}<minimum_activation>0.9</minimum_activation>"),
+            "minimum_activation: 0.9 is not plausible in parts of 1",
+            "is it in %?",
+        ),
         (
             "<inertia>0.001 0.01 0.01",
             "<inertia>1000 10000 10000",
@@ -49,6 +56,12 @@ fn verif_implausible_values_of_a_model_are_warned_of() {
         assert!(found[0].message.starts_with(message), "{}", found[0].message);
         assert!(found[0].hint.as_deref().unwrap_or_default().contains(hint), "{:?}", found[0].hint);
     }
+}
+
+#[test]
+fn verif_a_range_without_end_is_plausible() {
+    let found = warnings(&[("<range>0 2.5<", "<range>-99999.9 99999.9<")]);
+    assert!(found.is_empty(), "{found:?}");
 }
 
 #[test]

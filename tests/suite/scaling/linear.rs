@@ -187,6 +187,25 @@ fn verif_a_study_scales_by_lengths_of_segments() {
 }
 
 #[test]
+fn verif_implausible_scaling_is_warned_of() {
+    let said = |arguments: &[&str]| {
+        let out = tempfile::tempdir().unwrap();
+        let arguments: Vec<String> = arguments.iter().map(|a| (*a).to_owned()).collect();
+        let done = carpus_scale(&root("models/wrist.osim"), out.path(), &arguments).success();
+        String::from_utf8(done.get_output().stderr.clone()).unwrap()
+    };
+    let percent = said(&["--factor", "hand=105"]);
+    assert!(percent.contains("scale factor of `hand`: 105 is not plausible (expected 0.25 to 3)"), "{percent}");
+    assert!(percent.contains("is it in %? 105 % are 1.05"), "{percent}");
+    let axis = said(&["--factor", "hand=1,0.01,1"]);
+    assert!(axis.contains("scale factor of `hand`: 0.01 is not plausible"), "{axis}");
+    let heavy = said(&["--factor", "hand=1", "--mass", "1e300"]);
+    assert!(heavy.contains("mass of the scaled model: 1e300 is not plausible in kg"), "{heavy}");
+    let fine = said(&["--factor", "hand=1.05", "--factor", "radius=1,0.5,2", "--mass", "3.9"]);
+    assert!(!fine.contains("plausible"), "{fine}");
+}
+
+#[test]
 fn verif_bad_scaling_is_explained() {
     let people = "participant,mass_kg,hand_length_m\nP01,84,0.23\n";
     let refused = |scaling: &str, people: &str, words: &[&str]| {

@@ -58,6 +58,20 @@ fn verif_steps_that_no_recorder_has_are_refused() {
 }
 
 #[test]
+fn verif_a_trial_of_milliseconds_is_suspected() {
+    let folder = Folder::good();
+    let rows: Vec<String> = (0..350)
+        .map(|i| {
+            format!("{:e},30,{},{},0.1", 1e-5 * f64::from(i), 0.05 + 0.01 * f64::from(i), 0.1 + 1e-4 * f64::from(i))
+        })
+        .collect();
+    folder.write("data/iso.csv", format!("{TRIAL_HEADER}\n{}\n", rows.join("\n")));
+    let warnings = folder.read().unwrap().warnings;
+    let found = warnings.iter().find(|w| w.fault.to_string().contains("duration")).expect("a warning");
+    says(found, "duration: 0.00349 is not plausible in s (expected 0.05 to 3600)", "voluntary contraction");
+}
+
+#[test]
 fn verif_a_column_that_states_another_unit_is_warned_of() {
     let folder = Folder::good();
     folder.write("study.toml", format!("{TOML}[columns]\nmoment = \"torque_ft_lb\"\n"));

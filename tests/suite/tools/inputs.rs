@@ -100,6 +100,13 @@ fn verif_settings_that_nothing_can_work_with_are_refused() {
         fault(class, inner("initial_time"), &["nan", "soon"], "initial_time: expected a time");
         fault(class, inner("final_time"), &["-1", "nan"], "final_time: expected a time");
     }
+    for value in ["inf", "-inf"] {
+        fault("ForwardTool", of_property("initial_time"), &[value], "initial_time: expected a finite time");
+    }
+    // A bound that is named has few digits, however small.
+    let tiny = of_property("maximum_integrator_step_size").replace("VALUE", "1e-300");
+    let least = format!("{tiny}{}", of_property("minimum_integrator_step_size"));
+    fault("ForwardTool", least, &["1"], "expected a time from 0 s to maximum_integrator_step_size (1e-300 s)");
     fault("AnalyzeTool", analysis, &["0", "-1", "x"], "step_interval: expected a whole number from 1 on");
     let cutoff = of_property("lowpass_cutoff_frequency_for_coordinates");
     fault("AnalyzeTool", format!("{ANALYSIS}{cutoff}"), &["nan", "inf"], "expected a number");
@@ -214,11 +221,7 @@ fn verif_times_in_another_unit_are_suspected() {
         storage.warnings.join(" ")
     };
     assert_eq!((warned(0.01), warned(0.5)), (String::new(), String::new()));
-    assert!(
-        warned(10.0).contains("the median step of `time` is 1.000e1 s: are these milliseconds?"),
-        "{}",
-        warned(10.0)
-    );
+    assert!(warned(10.0).contains("the median step of `time` is 10 s: are these milliseconds?"), "{}", warned(10.0));
     assert!(warned(1e4).contains("are these microseconds?"), "{}", warned(1e4));
     assert!(warned(1e-9).contains("times are in seconds"), "{}", warned(1e-9));
 }

@@ -42,6 +42,9 @@ impl GcvSpline {
                 coefficients.push(derivative / factorial);
             }
         }
+        if !coefficients.iter().all(|c: &f64| c.is_finite()) {
+            return Err(FunctionError::OutOfRange { class: "GCVSpline" });
+        }
         Ok(Self { x: x.into(), order, coefficients: coefficients.into() })
     }
 

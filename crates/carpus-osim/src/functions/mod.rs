@@ -68,6 +68,12 @@ pub enum FunctionError {
         /// The value found.
         found: f64,
     },
+    /// Points of which the coefficients are beyond the range of numbers.
+    #[error("{class}: the points are too far apart, too close together or too large for a curve through them")]
+    OutOfRange {
+        /// OpenSim class name.
+        class: &'static str,
+    },
     /// A `StepFunction` whose transition starts and ends at the same time.
     #[error("StepFunction: expected different start and end of the transition, both are {at}")]
     EmptyTransition {

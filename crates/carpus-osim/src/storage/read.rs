@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::error::{StorageError, StorageProblem};
 use super::words::{extension, number};
 use super::{Markers, Storage};
+use carpus_numerics::printable;
 
 /// Keys of SIMM's motion files that mean nothing here (`simmReservedKeys`).
 const SIMM_KEYS: [&str; 20] = [
@@ -199,7 +200,8 @@ fn doubtful_steps(times: &[f64]) -> Option<String> {
         Some(_) => ": are these microseconds?",
         None => ": times are in seconds",
     };
-    Some(format!("the median step of `time` is {median:.3e} s{guess}"))
+    let four_digits = format!("{median:.3e}").parse().unwrap_or(median);
+    Some(format!("the median step of `time` is {} s{guess}", printable::number(four_digits)))
 }
 
 /// Times, rows and their lines without those that another row of the same time follows, as OpenSim's `Storage::append`;

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use carpus_multibody::multibody::{CompileError, Model};
 use carpus_multibody::paths::{Path, PathError};
+use carpus_numerics::plausible;
 use carpus_osim::osim::spec::{ModelSpec, PathSpec};
 use carpus_osim::osim::{BodyFactors, OsimFile, ScaleError};
 
@@ -30,6 +31,24 @@ pub struct LinearScaling {
     pub lengths: Vec<ScaledLength>,
     /// Components with lengths that were not scaled: component path, and why.
     pub left: Vec<(String, String)>,
+}
+
+impl LinearScaling {
+    /// Factors and a mass that no person asks for: what is doubtful, and a hint.
+    pub fn doubts(&self) -> Vec<(String, String)> {
+        let mut doubts = Vec::new();
+        for (body, factors) in &self.factors {
+            if let Some(doubt) = factors.iter().find_map(|factor| plausible::SCALE_FACTOR.doubt(*factor)) {
+                doubts.push((format!("scale factor of `{body}`: {doubt}"), doubt.hint()));
+            }
+        }
+        // A model may be a part of a person.
+        let heaviest = &plausible::BODY_MASS;
+        if let Some(doubt) = heaviest.doubt(self.mass[1]).filter(|_| self.mass[1] > heaviest.range[1]) {
+            doubts.push((format!("mass of the scaled model: {doubt}"), doubt.hint()));
+        }
+        doubts
+    }
 }
 
 /// A path's length in the default pose, before and after.

@@ -42,6 +42,9 @@ fn sampling(trial: &Trial, faults: &mut Vec<Fault>) {
     if let Some(doubt) = plausible::TIME_STEP.doubt(median_step_s).filter(|_| median_step_s < COARSEST_STEP) {
         faults.push(Fault::Implausible { name: "median time step".to_owned(), doubt });
     }
+    if let Some(doubt) = plausible::TRIAL_DURATION.doubt(trial.duration()) {
+        faults.push(Fault::Implausible { name: "duration".to_owned(), doubt });
+    }
     // Times are written with few digits: a step of exactly the limit must not fail for rounding.
     if median_step_s > COARSEST_STEP * (1.0 + 1e-6) {
         faults.push(Fault::CoarseSampling { median_step_s, expected_s: COARSEST_STEP });

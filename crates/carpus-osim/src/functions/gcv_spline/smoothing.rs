@@ -141,6 +141,11 @@ struct Smoothing<'a> {
     variance: Option<f64>,
 }
 
+/// Also where either is not a number: points beyond the range of numbers end the search, too.
+fn is_worse(criterion: f64, than: f64) -> bool {
+    criterion > than || criterion.is_nan() || than.is_nan()
+}
+
 /// The fit for one smoothing parameter.
 struct Solution {
     coefficients: Vec<f64>,
@@ -159,7 +164,7 @@ impl Smoothing<'_> {
         let mut at_middle = criterion(middle);
         loop {
             let solution = self.solve(low);
-            if solution.criterion > at_middle {
+            if is_worse(solution.criterion, at_middle) {
                 break;
             }
             if solution.parameter <= 0.0 {
@@ -172,7 +177,7 @@ impl Smoothing<'_> {
         let mut high = 2.0 * middle;
         loop {
             let solution = self.solve(high);
-            if solution.criterion > at_middle {
+            if is_worse(solution.criterion, at_middle) {
                 break;
             }
             if solution.parameter >= LARGEST_PARAMETER || high > f64::MAX / 4.0 {
@@ -192,7 +197,7 @@ impl Smoothing<'_> {
                 low = left;
             }
             let error = (high - low) / (low + high);
-            if error * error + 1.0 == 1.0 || error <= SEARCH_TOLERANCE {
+            if error * error + 1.0 == 1.0 || error <= SEARCH_TOLERANCE || error.is_nan() {
                 return (low + high) / 2.0;
             }
             step /= TAU;

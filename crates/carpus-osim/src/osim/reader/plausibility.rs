@@ -14,6 +14,9 @@ use carpus_numerics::plausible::{self, Doubt, Plausible};
 /// Least mass of a body whose inertia is looked at [kg].
 const LEAST_MASS: f64 = 0.01;
 
+/// Limits of a coordinate beyond this are no limits (OpenSim's default is 99999.9) [rad, or deg by mistake].
+const LARGEST_LIMIT: f64 = 720.0;
+
 /// A value and where it stands.
 struct Found<'s> {
     property: &'static str,
@@ -46,6 +49,10 @@ impl Reader<'_> {
         }
         for coordinate in spec.coordinates.iter().filter(|c| c.motion_type == MotionType::Rotational) {
             look("default_value", &coordinate.at, coordinate.default_value, &plausible::JOINT_ANGLE);
+            let limit = coordinate.range.iter().fold(0.0, |largest: f64, limit| largest.max(limit.abs()));
+            if limit <= LARGEST_LIMIT {
+                look("range", &coordinate.at, limit, &plausible::JOINT_ANGLE);
+            }
         }
         spec.wrap_objects.iter().for_each(|wrap| look_at_wrap(wrap, &mut look));
         for marker in &spec.markers {
@@ -118,9 +125,12 @@ fn look_at_muscle<'s>(
             _ => [None; 2],
         },
     };
-    for (property, activation) in ["default_activation", "minimum_activation"].into_iter().zip(activations) {
+    let ranges = [&plausible::ACTIVATION, &plausible::MINIMUM_ACTIVATION];
+    for ((property, range), activation) in
+        ["default_activation", "minimum_activation"].into_iter().zip(ranges).zip(activations)
+    {
         if let Some(activation) = activation {
-            look(property, at, activation, &plausible::ACTIVATION);
+            look(property, at, activation, range);
         }
     }
     let times = match &muscle.kind {
