@@ -88,6 +88,18 @@ fn verif_an_unknown_position_of_the_arm() {
     );
 }
 
+/// Their folders of results would be one where names of folders have no case.
+#[test]
+fn verif_participants_that_differ_in_case_alone() {
+    let folder = Folder::good();
+    folder.write("participants.csv", format!("{PARTICIPANTS}\np01,60,1.6,m,left,0.18,0.25,9,5\n"));
+    says(
+        &folder.only_error("participants.csv", 4),
+        "in other case, participant `p01` stands here again; it stands already on line 2",
+        "",
+    );
+}
+
 #[test]
 fn verif_the_same_trial_twice() {
     let folder = Folder::good();

@@ -82,11 +82,14 @@ pub(crate) fn read(path: &Path, folder: &Path, study_model: &Path, problems: &mu
     let mut participants = Vec::new();
     for row in table.rows() {
         let Some(participant) = participant(&row, &table.header, folder, study_model, problems) else { continue };
-        if let Some(&first_line) = lines.get(&participant.name) {
-            row.error(Fault::Duplicate { what: "participant", value: participant.name, first_line }, problems);
+        // Every participant has a folder of results; on some systems names of folders have no case.
+        let folder_name = participant.name.to_lowercase();
+        if let Some((first_line, first)) = lines.get(&folder_name) {
+            let what = if *first == participant.name { "participant" } else { "in other case, participant" };
+            row.error(Fault::Duplicate { what, value: participant.name, first_line: *first_line }, problems);
             continue;
         }
-        lines.insert(participant.name.clone(), row.line);
+        lines.insert(folder_name, (row.line, participant.name.clone()));
         participants.push(participant);
     }
     participants
