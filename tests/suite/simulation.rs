@@ -240,6 +240,30 @@ fn val_opensim_prescribed_motion_without_activation_dynamics() {
     compare_wrist_with("ignore_activation_dynamics", "true", "wrist_no_activation_dynamics");
 }
 
+/// Classes of muscles as fixtures/scripts/muscle_laws.py writes them.
+const CLASSES: [&str; 5] = [
+    "Thelen2003Muscle",
+    "DeGrooteFregly2016Muscle",
+    "DeGrooteFregly2016Muscle_rigid",
+    "RigidTendonMuscle",
+    "Schutte1993Muscle_Deprecated",
+];
+
+#[test]
+fn val_opensim_prescribed_motion_of_muscles_of_every_class() {
+    let mut rows = Vec::new();
+    for class in CLASSES {
+        let file = OsimFile::read(fixture(&format!("fixtures/muscle_laws/{class}.osim"))).unwrap();
+        let table = fixture(&format!("fixtures/muscle_laws/{class}.csv"));
+        let posture = [("elbow_flexion", 90.0), ("pro_sup", 0.0)];
+        rows.extend(compare_file_with_opensim(&format!("the bundled wrist, {class}"), &file, &table, &posture, true));
+    }
+    for row in &rows {
+        println!("{row:?}");
+    }
+    validation::assert_passed(&rows);
+}
+
 /// Weight and inertia about the coordinate [N·m]. Moments here are below 1 N·m, and both programs move along the same spline,
 /// so that only the tables' interpolation and the digits of the reference are between them.
 const SKELETON_MOMENT_TOLERANCE: f64 = 1e-8;

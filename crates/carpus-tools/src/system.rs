@@ -317,7 +317,7 @@ impl System {
                 continue;
             }
             match MuscleModel::from_spec(spec) {
-                Ok(_) | Err(carpus_multibody::muscles::MuscleError::NotMillard2012 { .. }) => {}
+                Ok(_) | Err(carpus_multibody::muscles::MuscleError::NotComputed { .. }) => {}
                 Err(error) => {
                     let file = spec.at.source.checked_sub(1).and_then(|i| self.force_sets.get(i));
                     let file = file.map_or(self.path.as_path(), PathBuf::as_path);

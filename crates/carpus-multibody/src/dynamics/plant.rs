@@ -183,7 +183,7 @@ impl Plant {
             let path = Path::compile(&muscle.path, spec, model)?;
             let muscle = match MuscleModel::from_spec(muscle) {
                 Ok(muscle) => muscle,
-                Err(crate::muscles::MuscleError::NotMillard2012 { muscle, class }) => {
+                Err(crate::muscles::MuscleError::NotComputed { muscle, class }) => {
                     unsupported.push((muscle, class));
                     continue;
                 }

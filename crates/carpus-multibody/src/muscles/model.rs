@@ -5,6 +5,7 @@ use super::deprecated::DeprecatedMuscle;
 use super::dynamics::MuscleDynamics;
 use super::equilibrium::EquilibriumError;
 use super::error::MuscleError;
+use super::law::MuscleLaw;
 use super::parameters::Millard2012;
 use super::rigid_tendon::RigidTendon;
 use super::thelen2003::Thelen2003;
@@ -66,7 +67,7 @@ impl MuscleModel {
     /// The muscle that a model file specifies.
     ///
     /// # Errors
-    /// [`MuscleError::NotMillard2012`] for classes that are not simulated; properties that OpenSim too would refuse.
+    /// [`MuscleError::NotComputed`] for classes that are not simulated; properties that OpenSim too would refuse.
     pub fn from_spec(spec: &MuscleSpec) -> Result<MuscleModel, MuscleError> {
         let MuscleKind::OtherClass { law: Some(law), .. } = &spec.kind else {
             return Ok(MuscleModel::Millard2012(Box::new(Millard2012::from_spec(spec)?)));
@@ -86,6 +87,17 @@ impl MuscleModel {
             }
         };
         built.map_err(|source| MuscleError::InMuscle { muscle: spec.name.clone(), source: Box::new(source) })
+    }
+
+    /// The law of its class; `None` for `Delp1990Muscle_Deprecated`, whose mass makes the fibre's velocity a state.
+    pub fn law(&self) -> Option<&dyn MuscleLaw> {
+        match self {
+            MuscleModel::Millard2012(m) => Some(m.as_ref()),
+            MuscleModel::Thelen2003(m) => Some(m.as_ref()),
+            MuscleModel::DeGrooteFregly2016(m) => Some(m.as_ref()),
+            MuscleModel::RigidTendon(m) => Some(m.as_ref()),
+            MuscleModel::Deprecated(m) => (!m.has_velocity_state()).then_some(m.as_ref() as &dyn MuscleLaw),
+        }
     }
 
     /// What of it is finite at no state, as in OpenSim, and why; `None` for nearly all muscles.

@@ -13,7 +13,7 @@ use super::fiber::step::{Cursor, DriveSource, FiberAccuracy, StepTaken};
 use super::model::{ActiveMuscle, MuscleParameters};
 use super::motion::{Motion, MotionInterpolation};
 use super::path_table::PathTable;
-use super::tables::{CoordinateTables, LENGTH};
+use super::tables::{CoordinateTables, LENGTH, UNIT_SPEED};
 use carpus_study::study::Trial;
 
 /// Fewest samples of a recording: the motion's spline needs six.
@@ -191,6 +191,11 @@ impl Source<'_> {
 }
 
 impl DriveSource for Source<'_> {
+    fn speed(&self, time: f64) -> f64 {
+        let [angle, speed, _] = self.motion.jet(time, &mut 0);
+        self.path.quantity::<UNIT_SPEED>(angle, &mut 0) * speed
+    }
+
     fn drive(&self, time: f64, cursor: &mut Cursor) -> Drive {
         Drive { activation: self.activation.value(time, &mut cursor.activation), length: self.length(time, cursor) }
     }

@@ -14,16 +14,21 @@ use super::step::{Attempt, Cursor, DriveSource, FiberAccuracy, FiberSample, Step
 const MOST_HALVINGS: usize = 14;
 
 impl Fiber {
-    /// Initial state: static equilibrium, as OpenSim's `equilibrateMuscles` leaves it.
-    pub(crate) fn initial_state(&self, drive: Drive, work: &mut Work) -> FiberState {
-        let (x, at_limit) = self.static_equilibrium(drive);
+    /// Initial state: as OpenSim's `equilibrateMuscles` leaves it.
+    ///
+    /// - `speed`: of the path [m/s]
+    pub(crate) fn initial_state<const DERIVATIVES: bool>(
+        &self,
+        drive: Drive,
+        speed: f64,
+        work: &mut Work,
+    ) -> FiberState {
+        let (x, at_limit) = self.start(drive, speed);
         let (rate, stiffness) = self.rate(x, drive, work);
         let clamped = at_limit && rate <= 0.0;
-        let by_parameters = if at_limit {
-            self.shortest_by_parameters()
-        } else {
-            let by_x = self.static_residual(x, drive)[1];
-            self.static_residual_by_parameters(x, drive).map(|by_p| -by_p / by_x)
+        let by_parameters = match DERIVATIVES {
+            true => self.start_by_parameters(x, at_limit, drive, speed),
+            false => [0.0; PARAMETERS],
         };
         FiberState {
             x,
@@ -96,7 +101,7 @@ impl Fiber {
             return Ok(plan.replay(emit, observe));
         }
         let mut work = Work::default();
-        let mut state = self.initial_state(plan.initial, &mut work);
+        let mut state = self.initial_state::<DERIVATIVES>(plan.initial, plan.initial_speed, &mut work);
         emit(0, FiberSample { x: state.x, rate: state.rate, by_parameters: state.by_parameters });
         let mut sample = 1;
         for planned in &plan.steps {

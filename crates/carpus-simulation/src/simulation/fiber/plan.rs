@@ -24,6 +24,8 @@ pub(super) struct PlannedStep {
 pub(crate) struct StepPlan {
     /// What drives the fibre at the first sample.
     pub(crate) initial: Drive,
+    /// Speed of the path there [m/s].
+    pub(crate) initial_speed: f64,
     pub(super) steps: Vec<PlannedStep>,
     /// Weights of the stage increments at each sample, within the step that the sample falls in.
     pub(super) weights: Vec<[f64; 3]>,
@@ -68,15 +70,17 @@ impl StepPlan {
     ) -> Result<StepPlan, Stuck> {
         let mut cursor = Cursor::default();
         let initial = source.drive(times[0], &mut cursor);
+        let initial_speed = source.speed(times[0]);
         let mut plan = StepPlan {
             initial,
+            initial_speed,
             steps: Vec::new(),
             weights: vec![[0.0, 0.0, 1.0]; times.len()],
             times: times.to_vec(),
             solution: None,
         };
         let mut work = Work::default();
-        let mut state = fiber.initial_state(initial, &mut work);
+        let mut state = fiber.initial_state::<false>(initial, initial_speed, &mut work);
         let mut ends = vec![PlannedEnd::of(&state, false)];
         let last = (times.len() - 1) << TICK_BITS;
         let time_of = |tick: usize| {
@@ -142,6 +146,7 @@ impl StepPlan {
         });
         StepPlan {
             initial,
+            initial_speed: source.speed(self.times[0]),
             steps: steps.collect(),
             weights: self.weights.clone(),
             times: self.times.clone(),

@@ -30,6 +30,9 @@ pub(crate) struct Stuck {
 pub(crate) trait DriveSource {
     /// Activation and path length at `time`; `cursor` remembers the neighbourhood between calls.
     fn drive(&self, time: f64, cursor: &mut Cursor) -> Drive;
+
+    /// Speed of the path [m/s], with which some classes of muscles start.
+    fn speed(&self, time: f64) -> f64;
 }
 
 /// Positions in the tables of a drive source.
