@@ -3,7 +3,7 @@
 mod description;
 
 use super::silent_muscles::SilentMuscles;
-use carpus_osim::osim::spec::{Millard2012Spec, MuscleKind, MuscleSpec};
+use carpus_osim::osim::spec::{MuscleProperty, MuscleSpec};
 use carpus_simulation::simulation::MuscleKinematics;
 pub use description::{
     Behaviour, Description, ExcitationScope, FlippedArm, MomentUse, NeutralShift, OsimForm, Parameter, Quantity, Role,
@@ -122,6 +122,11 @@ pub trait Effect: Sync {
         let _ = (values, trial, excitation);
     }
 
+    /// Properties that [`Effect::change_muscles`] changes. A class of muscles that has none of them does not show the effect.
+    fn muscle_properties(&self) -> &'static [MuscleProperty] {
+        &[]
+    }
+
     /// Properties of the active muscles. Returns whether anything changed.
     fn change_muscles(&self, values: &[f64], muscles: &mut [MuscleSpec]) -> bool {
         let _ = (values, muscles);
@@ -205,24 +210,35 @@ impl dyn Effect {
     }
 }
 
-/// Multiplies a property of all muscles by eʳ, as `change` does it with the factor. Returns whether r is not 0.
-pub(crate) fn scale_property(muscles: &mut [MuscleSpec], r: f64, change: impl Fn(&mut Millard2012Spec, f64)) -> bool {
-    for muscle in muscles.iter_mut().filter(|_| r != 0.0) {
-        if let MuscleKind::Millard2012Equilibrium(properties) = &mut muscle.kind {
-            change(properties, r.exp());
-        }
+/// Multiplies a property of all muscles that have it by eʳ. Returns whether anything changed.
+pub(crate) fn scale_property(muscles: &mut [MuscleSpec], r: f64, property: MuscleProperty) -> bool {
+    if r == 0.0 {
+        return false;
     }
-    r != 0.0
+    let mut changed = false;
+    for muscle in muscles.iter_mut().filter(|muscle| property.of(muscle).is_some()) {
+        property.scale(muscle, r.exp());
+        changed = true;
+    }
+    changed
 }
 
-/// Mean of a property over the muscles, multiplied by eʳ.
-pub(crate) fn scaled_mean(muscles: &[MuscleSpec], r: f64, property: impl Fn(&Millard2012Spec) -> f64) -> f64 {
-    let known: Vec<f64> = muscles
-        .iter()
-        .filter_map(|m| match &m.kind {
-            MuscleKind::Millard2012Equilibrium(properties) => Some(property(properties)),
-            MuscleKind::OtherClass { .. } => None,
-        })
-        .collect();
+/// Mean of a property over the muscles that have it, multiplied by eʳ.
+pub(crate) fn scaled_mean(muscles: &[MuscleSpec], r: f64, property: MuscleProperty) -> f64 {
+    let known: Vec<f64> = muscles.iter().filter_map(|muscle| property.of(muscle)).collect();
     known.iter().sum::<f64>() / known.len().max(1) as f64 * r.exp()
+}
+
+/// Why an effect does nothing to any of the muscles: a property that it changes and none of them has.
+pub fn lacks_property(effect: &dyn Effect, muscles: &[MuscleSpec]) -> Option<String> {
+    let lacking = |property: &&MuscleProperty| muscles.iter().all(|muscle| property.of(muscle).is_none());
+    let properties = effect.muscle_properties();
+    if properties.is_empty() || !properties.iter().all(|property| lacking(&property)) {
+        return None;
+    }
+    let mut classes: Vec<&str> = muscles.iter().map(MuscleSpec::class).collect();
+    classes.sort_unstable();
+    classes.dedup();
+    let words: Vec<&str> = properties.iter().map(|property| property.words()).collect();
+    Some(format!("the active muscles ({}) have no {}", classes.join(", "), words.join(" and no ")))
 }

@@ -15,6 +15,7 @@ use super::provenance::{DEFAULT_SEED, input_file};
 use super::study::{Study, simulation_message};
 use carpus_identifiability::{
     FreeParameter, Identifiability, IdentifiabilityError, MuscleProperty, Prior, RecordedTrial, Request,
+    fitted, usual_bounds,
     SessionRequest, identify, identify_session, usual_candidates, usual_recordings,
 };
 use carpus_osim::osim::spec::MuscleSpec;
@@ -157,7 +158,7 @@ impl Identify {
         run.simulate(&run.model.nominal_parameters())?;
         let free = parameters(study, run, self, &mut warnings)?;
         let further = &study.tables.settings.columns.further_moments;
-        let found = if further.is_empty() && free.iter().all(|p| p.property.fitted().is_some()) {
+        let found = if further.is_empty() && free.iter().all(|p| fitted(p.property).is_some()) {
             by_session(study, run, free, self)?
         } else {
             if free.iter().any(|p| p.property == MuscleProperty::MaxIsometricForce) {
@@ -183,11 +184,15 @@ fn parameters(
             let spec = &specs[members[0]];
             match property.of(spec) {
                 Some(value) if value > 0.0 => {
-                    let bounds = property.usual_bounds(&study.tables.settings.bounds);
+                    let bounds = usual_bounds(*property, &study.tables.settings.bounds);
                     free.push(FreeParameter::new(&name, *property, members, value, bounds));
                 }
-                _ => {
-                    let text = format!("{name}: {} is 0 in the model and has no factor: left out", property.name());
+                found => {
+                    let why = match found {
+                        Some(_) => "is 0 in the model and has no factor".to_owned(),
+                        None => format!("is no property of a {} as the model has it", spec.class()),
+                    };
+                    let text = format!("{name}: {} {why}: left out", property.name());
                     warnings.push(Diagnostic::warning(text).in_file(&run.loaded.path).at_line(spec.at.line));
                 }
             }

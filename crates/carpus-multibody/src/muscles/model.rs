@@ -3,7 +3,7 @@
 use super::degroote_fregly2016::DeGrooteFregly2016;
 use super::deprecated::DeprecatedMuscle;
 use super::dynamics::MuscleDynamics;
-use super::equilibrium::EquilibriumError;
+use super::equilibrium::{EquilibriumError, EquilibriumStatus};
 use super::error::MuscleError;
 use super::law::MuscleLaw;
 use super::parameters::Millard2012;
@@ -327,6 +327,37 @@ impl MuscleModel {
             MuscleModel::Deprecated(m) => Some(m.isometric(path_length, activation).0),
         };
         found.ok_or_else(|| EquilibriumError::NoLength { muscle: self.name().to_owned(), path_length, activation })
+    }
+
+    /// Every quantity of the muscle in equilibrium at rest, and how the equilibrium was reached.
+    ///
+    /// - `path_length` [m]; `activation`: taken within the bounds that the class has
+    ///
+    /// # Errors
+    /// No length balances fibre and tendon.
+    pub fn at_rest(
+        &self,
+        path_length: f64,
+        activation: f64,
+    ) -> Result<(MuscleDynamics, EquilibriumStatus), EquilibriumError> {
+        let activation = match self {
+            MuscleModel::Millard2012(m) => {
+                let found = m.equilibrium(path_length, activation)?;
+                let at = m.dynamics(found.fiber_length, activation, path_length, 0.0);
+                return Ok((MuscleDynamics { tendon_force: found.tendon_force, ..at }, found.status));
+            }
+            MuscleModel::Thelen2003(m) => m.activation_dynamics().clamp(activation),
+            _ => activation,
+        };
+        let equilibrium_state = self.equilibrium(path_length, 0.0, activation)?;
+        let at =
+            self.dynamics(MuscleState { activation, equilibrium_state, fiber_velocity: 0.0 }, path_length, 0.0);
+        let status = match self.ignore_tendon_compliance() {
+            true => EquilibriumStatus::RigidTendon,
+            false if at.is_clamped => EquilibriumStatus::FiberAtLowerBound,
+            false => EquilibriumStatus::Converged,
+        };
+        Ok((at, status))
     }
 
     /// Every quantity at a state.
