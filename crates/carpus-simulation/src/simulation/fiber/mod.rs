@@ -95,4 +95,6 @@ impl CurveCache {
 }
 
 #[cfg(test)]
+mod conformance;
+#[cfg(test)]
 mod tests;
