@@ -185,6 +185,10 @@ impl ActivationDynamics {
     ///   bounds
     #[inline(always)]
     fn derivatives_of_rate(&self, gap: f64, clamped: f64, moves: bool, branch: Branch) -> [f64; 3] {
+        if self.law != ActivationLaw::FirstOrder {
+            let [by_a, by_e, rate] = self.other_rate(gap, clamped, branch);
+            return [if moves { by_a } else { 0.0 }, by_e, rate];
+        }
         let scale = 0.5 + 1.5 * clamped;
         let (by_e, by_scale) = match branch {
             Branch::Activating => {
@@ -568,6 +572,51 @@ mod tests {
             at.iter().zip(&reference).map(|(&t, r)| (trajectory.value(t, &mut cursor) - r).abs()).fold(0.0, f64::max);
         println!("largest activation error {worst:.2e}, {} pieces", trajectory.pieces.len());
         assert!(worst < 1e-6, "{worst:e}");
+    }
+
+    /// The laws of other classes against very many Runge–Kutta steps of their equations, between samples, too.
+    #[test]
+    fn verif_activation_of_other_laws_matches_brute_force() {
+        let time: Vec<f64> = (0..60).map(|i| 0.01 * f64::from(i)).collect();
+        let excitation: Vec<f64> = (0..60)
+            .map(|i| (0.4 + 0.4 * (0.14 * f64::from(i)).sin() + 0.02 * (5.1 * f64::from(i)).cos()).clamp(0.0, 1.0))
+            .collect();
+        for law in [ActivationLaw::Linear, ActivationLaw::Smooth { steepness: 0.1 }, ActivationLaw::Smooth { steepness: 9.0 }]
+        {
+            let dynamics = ActivationDynamics {
+                activation_time_constant: 0.011,
+                deactivation_time_constant: 0.0685,
+                minimum_activation: 0.0,
+                law,
+            };
+            let rate = |t: f64, a: f64| {
+                let k = time.partition_point(|&s| s <= t).clamp(1, time.len() - 1) - 1;
+                let e = excitation[k] + (excitation[k + 1] - excitation[k]) * (t - time[k]) / (time[k + 1] - time[k]);
+                let (act, deact) = (1.0 / 0.011, 1.0 / 0.0685);
+                match law {
+                    ActivationLaw::Smooth { steepness } => {
+                        let f = 0.5 * (steepness * (e - a)).tanh();
+                        let s = 0.5 + 1.5 * a;
+                        (e - a) * ((0.5 + f) * act / s + (0.5 - f) * s * deact)
+                    }
+                    _ => (e - a) * (deact + if e >= a { (act - deact) * e } else { 0.0 }),
+                }
+            };
+            let trajectory = ActivationTrajectory::integrate(&dynamics, &time, &excitation).unwrap();
+            let (mut t, mut a, mut cursor, mut worst) = (0.0, excitation[0], 0, 0.0_f64);
+            let h = 1e-5;
+            for i in 0..59_000 {
+                let k1 = rate(t, a);
+                let k2 = rate(t + 0.5 * h, a + 0.5 * h * k1);
+                let k3 = rate(t + 0.5 * h, a + 0.5 * h * k2);
+                let k4 = rate(t + h, a + h * k3);
+                a += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
+                t = h * f64::from(i + 1);
+                worst = worst.max((trajectory.value(t, &mut cursor) - a).abs());
+            }
+            println!("{law:?}: within {worst:.1e}");
+            assert!(worst < 2e-6, "{law:?}: {worst:e}");
+        }
     }
 
     #[test]
