@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::account::ModelRun;
-use super::candidates::candidates;
+use super::candidates::{candidates, without_property};
 use super::diagnosis_file::{self, KnownDiagnosis, definitions, proposal_file};
 use super::diagnostic::{Diagnostic, Failure};
 use super::live_case::state;
@@ -80,7 +80,11 @@ impl Session<'_> {
     pub fn diagnosed(&self, forward: &ForwardModel, request: &Diagnose) -> Result<Diagnosed<'_>, Failure> {
         let progress = self.progress()?;
         let run = &self.data;
-        let asked = self.estimation(forward, candidates(&request.candidates)?, request.seed)?;
+        let candidates = candidates(&request.candidates)?;
+        for warning in without_property(&candidates, run) {
+            progress.warning(&warning);
+        }
+        let asked = self.estimation(forward, candidates, request.seed)?;
         let name = &run.participant.name;
         let at = |phase: usize| progress.at(&format!("{name}: {}", PHASES[phase]), phase, PHASES.len());
         let outcome = diagnose(&asked, &at)

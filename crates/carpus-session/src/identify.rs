@@ -264,7 +264,7 @@ fn owners(specs: &[MuscleSpec], tie: &[TiedMuscles]) -> Result<Vec<(String, Vec<
     Ok(owners)
 }
 
-fn active_specs(run: &LoadedParticipant) -> Vec<MuscleSpec> {
+pub(super) fn active_specs(run: &LoadedParticipant) -> Vec<MuscleSpec> {
     let spec = &run.loaded.file.spec;
     run.model.muscle_names().filter_map(|name| spec.muscles.iter().find(|m| m.name == name)).cloned().collect()
 }
