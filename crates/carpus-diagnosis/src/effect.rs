@@ -50,7 +50,8 @@ pub struct JointState<'a> {
     pub speed: &'a [f64],
     /// Acceleration [rad/s²].
     pub acceleration: &'a [f64],
-    /// Paths and activations of the active muscles; empty where an effect that follows excitations is shown a change of these.
+    /// Paths and activations of the active muscles; empty where an effect that follows excitations is shown a change of
+    /// these.
     pub muscles: &'a [MuscleKinematics],
 }
 
@@ -111,8 +112,8 @@ pub trait Effect: Sync {
         false
     }
 
-    /// Values, amplitudes 0, that fits also start from: shapes so far from the usual one that a fit from there may not arrive. As at a
-    /// joint whose neutral angle is 0.
+    /// Values, amplitudes 0, that fits also start from: shapes so far from the usual one that a fit from there may not
+    /// arrive. As at a joint whose neutral angle is 0.
     fn further_starts(&self) -> &'static [&'static [f64]] {
         &[]
     }
@@ -122,7 +123,8 @@ pub trait Effect: Sync {
         let _ = (values, trial, excitation);
     }
 
-    /// Properties that [`Effect::change_muscles`] changes. A class of muscles that has none of them does not show the effect.
+    /// Properties that [`Effect::change_muscles`] changes. A class of muscles that has none of them does not show the
+    /// effect.
     fn muscle_properties(&self) -> &'static [MuscleProperty] {
         &[]
     }
@@ -152,8 +154,8 @@ pub trait Effect: Sync {
         }
     }
 
-    /// Force that a muscle pulls with beside its fibres', as a share of its maximum isometric force, at every sample: added to
-    /// `force`. [`Effect::scale_muscle`] of all effects scales the moment of both.
+    /// Force that a muscle pulls with beside its fibres', as a share of its maximum isometric force, at every sample:
+    /// added to `force`. [`Effect::scale_muscle`] of all effects scales the moment of both.
     fn add_muscle_force(&self, values: &[f64], muscle: &MuscleState, force: &mut [f64]) {
         let _ = (values, muscle, force);
     }
@@ -169,15 +171,15 @@ pub trait Effect: Sync {
         let _ = (values, joint, moment);
     }
 
-    /// Derivative of what [`Effect::add_moment`] adds by a parameter, per sample [N·m per unit of the parameter]; `None`: it is taken
-    /// from differences.
+    /// Derivative of what [`Effect::add_moment`] adds by a parameter, per sample [N·m per unit of the parameter];
+    /// `None`: it is taken from differences.
     fn moment_derivative(&self, values: &[f64], parameter: usize, joint: &JointState) -> Option<Vec<f64>> {
         let _ = (values, parameter, joint);
         None
     }
 
-    /// How long after a change of the excitation [`Effect::add_moment`] still shows it [s], where it is linear in the excitation: what
-    /// it makes of the change alone is then the moment's. `None`: it reads no excitation.
+    /// How long after a change of the excitation [`Effect::add_moment`] still shows it [s], where it is linear in the
+    /// excitation: what it makes of the change alone is then the moment's. `None`: it reads no excitation.
     fn excitation_memory(&self, silent_muscles: &SilentMuscles) -> Option<f64> {
         let _ = silent_muscles;
         None
@@ -196,7 +198,8 @@ pub trait Effect: Sync {
         None
     }
 
-    /// The parameters as people read them, given the model's muscles: for those that are changes of a muscle's property.
+    /// The parameters as people read them, given the model's muscles: for those that are changes of a muscle's
+    /// property.
     fn reported(&self, values: &[f64], muscles: &[MuscleSpec]) -> Vec<f64> {
         let _ = muscles;
         values.to_vec()

@@ -27,12 +27,14 @@ pub struct NamedEffect {
     pub group: Vec<&'static str>,
     /// Probability that one of the group is missing: by the linear model or by simulation, whichever is larger, equations (23) and (33).
     pub probability: f64,
-    /// How much larger −2 log posterior is without it, muscles, the other effects and a little of everything making up for it as they can.
+    /// How much larger −2 log posterior is without it, muscles, the other effects and a little of everything making up
+    /// for it as they can.
     pub evidence: f64,
     /// Whether it is large and takes a large part of the error that nothing else takes.
     pub dominant: bool,
-    /// Share of the mean square of the error of the model as given that it takes, the mean over orders in which the effects and the fit of the
-    /// muscles come in, those that are there making up for what is missing as they can: value and 95 % interval over trials.
+    /// Share of the mean square of the error of the model as given that it takes, the mean over orders in which the
+    /// effects and the fit of the muscles come in, those that are there making up for what is missing as they can:
+    /// value and 95 % interval over trials.
     pub share_of_error: Shares,
     /// The part of it that nothing else takes: by how much the error rises when the effect is taken out, and the others and the muscles are
     /// fitted anew, as a share of the same mean square: value and 95 % interval over trials.
@@ -99,7 +101,8 @@ fn share(given: &[[f64; 2]], taken: &[f64]) -> Option<[f64; 3]> {
     Some([all, all - half, all + half])
 }
 
-/// Orders in which effects come in: forwards and backwards, each of them first once. Of up to three effects these are all orders.
+/// Orders in which effects come in: forwards and backwards, each of them first once. Of up to three effects these are
+/// all orders.
 fn orders(count: usize) -> Vec<Vec<usize>> {
     let from = |first: usize| -> Vec<usize> { (first..count).chain(0..first).collect() };
     let forwards = (0..count).map(from);
@@ -124,7 +127,8 @@ fn coalitions(count: usize) -> Vec<Vec<usize>> {
     out
 }
 
-/// What each of several players takes of the squares, the mean over [`orders`]: Shapley's division of what all take together.
+/// What each of several players takes of the squares, the mean over [`orders`]: Shapley's division of what all take
+/// together.
 ///
 /// - `squares`: of every trial with some of the players, ascending
 /// - returns: per player, of every trial

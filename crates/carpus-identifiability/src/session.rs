@@ -1,5 +1,5 @@
-//! Lengths and forces of muscles by the one model of a session ([`carpus_diagnosis::inference`]): the estimate that personalization hands over and
-//! a diagnosis reports, what it leaves open, and which trial would narrow it down.
+//! Lengths and forces of muscles by the one model of a session ([`carpus_diagnosis::inference`]): the estimate that
+//! personalization hands over and a diagnosis reports, what it leaves open, and which trial would narrow it down.
 
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};

@@ -39,8 +39,8 @@ pub fn candidates(ids: &[String]) -> Result<Vec<&'static dyn Effect>, Failure> {
     Ok(found)
 }
 
-/// What is to be said of effects that change a property which none of the participant's active muscles has: the effect is not
-/// there to be seen.
+/// What is to be said of effects that change a property which none of the participant's active muscles has: the effect
+/// is not there to be seen.
 pub(super) fn without_property(effects: &[&'static dyn Effect], run: &LoadedParticipant) -> Vec<Diagnostic> {
     let muscles = active_specs(run);
     let of = |effect: &&'static dyn Effect| {

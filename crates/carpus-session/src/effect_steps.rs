@@ -78,7 +78,8 @@ impl Session<'_> {
         progress.finished();
         let fitted = fitted.map_err(|e| at_model(e.to_string()))?;
 
-        // Fits are content with less; what is reported is simulated as accurately as everywhere else, and of the angles as recorded.
+        // Fits are content with less; what is reported is simulated as accurately as everywhere else, and of the angles
+        // as recorded.
         let forward = &ForwardModel::new(&run.loaded.file.spec, &run.model, &run.trials)
             .map_err(|e| at_model(e.to_string()))?
             .with_given(run.given.clone());

@@ -15,8 +15,7 @@ use super::provenance::{DEFAULT_SEED, input_file};
 use super::study::{Study, simulation_message};
 use carpus_identifiability::{
     FreeParameter, Identifiability, IdentifiabilityError, MuscleProperty, Prior, RecordedTrial, Request,
-    fitted, usual_bounds,
-    SessionRequest, identify, identify_session, usual_candidates, usual_recordings,
+    SessionRequest, fitted, identify, identify_session, usual_bounds, usual_candidates, usual_recordings,
 };
 use carpus_osim::osim::spec::MuscleSpec;
 use carpus_report::identifiability::IdentifiabilityResult;
@@ -142,7 +141,8 @@ impl Identified<'_> {
 }
 
 impl Identify {
-    /// What the participant's training trials say, without provenance and warnings of the session; and further warnings.
+    /// What the participant's training trials say, without provenance and warnings of the session; and further
+    /// warnings.
     ///
     /// - `run`: read for [`Purpose::Identification`]
     ///

@@ -137,8 +137,8 @@ impl Personalized<'_> {
         write_results(out, folder, &self.results)
     }
 
-    /// Writes the files of `carpus personalize` into a folder of results: those of the participant P01 into its folder `P01`.
-    /// Returns what a person should know about files of earlier runs.
+    /// Writes the files of `carpus personalize` into a folder of results: those of the participant P01 into its folder
+    /// `P01`. Returns what a person should know about files of earlier runs.
     ///
     /// # Errors
     /// The folder cannot be written to, or holds what is not of this study and command.

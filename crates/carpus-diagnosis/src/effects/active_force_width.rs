@@ -3,7 +3,8 @@
 use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, log_ratio, scale_property};
 use carpus_osim::osim::spec::{MuscleProperty, MuscleSpec};
 
-/// Width of the active force-length curve: `normalized lengths 1 + w (l - 1) of the active force-length curve; w is the width ratio`.
+/// Width of the active force-length curve: `normalized lengths 1 + w (l - 1) of the active force-length curve; w is the
+/// width ratio`.
 pub struct ActiveForceWidth;
 
 static DESCRIPTION: Description = Description {

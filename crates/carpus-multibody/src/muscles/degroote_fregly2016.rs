@@ -24,7 +24,8 @@ const STRONGEST: f64 = 5.0;
 /// A fibre and tendon with exponential and Gaussian curves, pennate at fixed width. Activation and normalized tendon
 /// force are its states. Units as [`Millard2012`](super::Millard2012).
 ///
-/// In implicit mode the rate of the tendon force is an input, which OpenSim's solvers give (Moco) and its tools leave at 0.
+/// In implicit mode the rate of the tendon force is an input, which OpenSim's solvers give (Moco) and its tools leave
+/// at 0.
 ///
 /// OpenSim 4.6 takes the time constants and the smoothing of whichever such muscle a process evaluates first for all of
 /// them (`static` locals of `computeStateVariableDerivatives`); here every muscle has its own.
@@ -309,8 +310,8 @@ impl DeGrooteFregly2016 {
     }
 }
 
-/// In OpenSim the fibre's damping acts where the tendon is rigid and where a simulation starts, not on a fibre whose tendon
-/// force is a state.
+/// In OpenSim the fibre's damping acts where the tendon is rigid and where a simulation starts, not on a fibre whose
+/// tendon force is a state.
 impl MuscleLaw for DeGrooteFregly2016 {
     fn tendon(&self, norm_length: f64) -> ValueAndSlope {
         let slope = self.tendon_slope(norm_length);

@@ -310,7 +310,8 @@ impl DeprecatedMuscle {
                 length += share * (other - length);
             } else {
                 let least = (active + elastic) * TENDON_ELASTIC_MODULUS * force / (TENDON_MAX_STRESS * slack);
-                // OpenSim takes the force, not its slope, for the stiffness; below no strain it asks the curve all the same.
+                // OpenSim takes the force, not its slope, for the stiffness; below no strain it asks the curve all the
+                // same.
                 let tendon_stiffness = (self.tendon.value(strain) * force / slack).max(least);
                 let fiber_stiffness = force / l * (self.active.value(length / l) + passive(length));
                 let mut change = (error / (fiber_stiffness / cos + tendon_stiffness)).abs();

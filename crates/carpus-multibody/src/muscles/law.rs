@@ -3,8 +3,8 @@
 //! ```text
 //! fibre length x = l/l_opt, fibre velocity u = l̇/(l_opt v_max), tendon length λ = l_T/l_slack, forces over F_max
 //! ```
-//! A class is its curves f_T(λ), f_L(x), f_P(x) and a relation R(u, a, f_L, f_P, cos φ, f_T) = 0 between them. The geometry
-//! (a fibre of constant height, a tendon in series with it) is the same for all.
+//! A class is its curves f_T(λ), f_L(x), f_P(x) and a relation R(u, a, f_L, f_P, cos φ, f_T) = 0 between them. The
+//! geometry (a fibre of constant height, a tendon in series with it) is the same for all.
 
 use std::fmt::Debug;
 
@@ -63,8 +63,8 @@ pub enum RigidTendonRule {
     Unilateral,
     /// Every length is taken as it is.
     Unbounded,
-    /// As [`RigidTendonRule::Unbounded`], but the fibre is as fast as the path whatever its pennation, and never shorter
-    /// than its height.
+    /// As [`RigidTendonRule::Unbounded`], but the fibre is as fast as the path whatever its pennation, and never
+    /// shorter than its height.
     FollowsPath,
 }
 

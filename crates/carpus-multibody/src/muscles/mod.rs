@@ -1,8 +1,8 @@
 //! Muscle models: curves, pennation, activation dynamics, Millard 2012 equilibrium.
 //!
-//! In: [`MuscleSpec`](carpus_osim::osim::spec::MuscleSpec) and, per evaluation, state (activation, fibre length) and path
-//! (length, lengthening speed). Out: state derivatives, forces, and their derivatives. Nothing here knows of paths,
-//! bones or time.
+//! In: [`MuscleSpec`](carpus_osim::osim::spec::MuscleSpec) and, per evaluation, state (activation, fibre length) and
+//! path (length, lengthening speed). Out: state derivatives, forces, and their derivatives. Nothing here knows of
+//! paths, bones or time.
 
 mod activation;
 pub mod curves;

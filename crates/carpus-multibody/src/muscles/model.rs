@@ -34,8 +34,8 @@ pub enum MuscleModel {
 pub struct MuscleState {
     /// Activation; the control where activation dynamics are ignored.
     pub activation: f64,
-    /// What the equilibrium of fibre and tendon is stated in: fibre length [m]; of a `DeGrooteFregly2016Muscle` tendon force over
-    /// maximum isometric force.
+    /// What the equilibrium of fibre and tendon is stated in: fibre length [m]; of a `DeGrooteFregly2016Muscle` tendon
+    /// force over maximum isometric force.
     pub equilibrium_state: f64,
     /// Fibre velocity of a `Delp1990Muscle_Deprecated` [m/s].
     pub fiber_velocity: f64,
@@ -310,8 +310,8 @@ impl MuscleModel {
         ]
     }
 
-    /// [`MuscleState::equilibrium_state`] at which fibre and tendon balance; 0 for muscles with rigid tendons of their own
-    /// class.
+    /// [`MuscleState::equilibrium_state`] at which fibre and tendon balance; 0 for muscles with rigid tendons of their
+    /// own class.
     ///
     /// - `path_speed`: looked at as OpenSim's class does [m/s]
     ///
@@ -350,8 +350,7 @@ impl MuscleModel {
             _ => activation,
         };
         let equilibrium_state = self.equilibrium(path_length, 0.0, activation)?;
-        let at =
-            self.dynamics(MuscleState { activation, equilibrium_state, fiber_velocity: 0.0 }, path_length, 0.0);
+        let at = self.dynamics(MuscleState { activation, equilibrium_state, fiber_velocity: 0.0 }, path_length, 0.0);
         let status = match self.ignore_tendon_compliance() {
             true => EquilibriumStatus::RigidTendon,
             false if at.is_clamped => EquilibriumStatus::FiberAtLowerBound,

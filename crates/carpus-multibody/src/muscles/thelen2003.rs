@@ -372,13 +372,14 @@ impl Thelen2003 {
         curves(self) == curves(other)
     }
 
-    /// Velocity at full activation by the force–velocity multiplier, and its slope: [`Thelen2003::velocity_of`] depends on
-    /// forces by their ratio alone.
+    /// Velocity at full activation by the force–velocity multiplier, and its slope: [`Thelen2003::velocity_of`] depends
+    /// on forces by their ratio alone.
     fn unit_velocity(&self, multiplier: f64) -> ValueAndSlope {
         self.velocity_of(1.0, 1.0, multiplier)
     }
 
-    /// The force–velocity multiplier of a velocity at full activation, and its slope: the inverse of the above, not below 0.
+    /// The force–velocity multiplier of a velocity at full activation, and its slope: the inverse of the above, not
+    /// below 0.
     fn unit_multiplier(&self, velocity: f64) -> ValueAndSlope {
         let Thelen2003Spec { af, flen, fv_linear_extrap_threshold: threshold, .. } = self.properties;
         let line = |from: f64| {

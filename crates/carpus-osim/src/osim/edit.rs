@@ -266,8 +266,9 @@ impl OsimFile {
         Ok(())
     }
 
-    /// Sets the text of a property of the component at an absolute path (`/bodyset/hand`, `/forceset/ECRL/path/ECRL-P1`);
-    /// adds the property if the file does not give it. A nested object's property is written `Class/property`.
+    /// Sets the text of a property of the component at an absolute path (`/bodyset/hand`,
+    /// `/forceset/ECRL/path/ECRL-P1`); adds the property if the file does not give it. A nested object's property is
+    /// written `Class/property`.
     ///
     /// # Errors
     /// [`EditError`]: unknown component, a property that holds components, text that makes the model invalid. The file

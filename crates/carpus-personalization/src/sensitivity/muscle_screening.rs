@@ -137,8 +137,8 @@ impl<'a> MuscleScreening<'a> {
 
     /// Equation 2.4, NRMSE + MaxErr + XCorr, averaged over the trials.
     ///
-    /// - `fractions`: in the order of [`Self::parameters`]; a muscle without damping keeps none, so that its fraction does
-    ///   nothing
+    /// - `fractions`: in the order of [`Self::parameters`]; a muscle without damping keeps none, so that its fraction
+    ///   does nothing
     ///
     /// # Errors
     /// A trial that cannot be simulated or compared.

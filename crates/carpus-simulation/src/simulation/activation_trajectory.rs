@@ -581,7 +581,8 @@ mod tests {
         let excitation: Vec<f64> = (0..60)
             .map(|i| (0.4 + 0.4 * (0.14 * f64::from(i)).sin() + 0.02 * (5.1 * f64::from(i)).cos()).clamp(0.0, 1.0))
             .collect();
-        for law in [ActivationLaw::Linear, ActivationLaw::Smooth { steepness: 0.1 }, ActivationLaw::Smooth { steepness: 9.0 }]
+        for law in
+            [ActivationLaw::Linear, ActivationLaw::Smooth { steepness: 0.1 }, ActivationLaw::Smooth { steepness: 9.0 }]
         {
             let dynamics = ActivationDynamics {
                 activation_time_constant: 0.011,

@@ -16,7 +16,8 @@ use carpus_study::study::{MomentPart, Settings};
 /// Classes of OpenSim forces that do nothing without a control of their own.
 const INERT_CLASSES: [&str; 1] = ["BodyActuator"];
 
-/// Activation that a `DeGrooteFregly2016Muscle` has at least. OpenSim's class has no bound and divides by the activation.
+/// Activation that a `DeGrooteFregly2016Muscle` has at least. OpenSim's class has no bound and divides by the
+/// activation.
 const LEAST_ACTIVATION: f64 = 1e-3;
 
 /// What is measured, and what of the model takes part.

@@ -5,9 +5,9 @@
 //! ```text
 //! (∂R/∂x) s + (∂R/∂ẋ) ṡ + ∂R/∂d = 0,   s = dx/dd
 //! ```
-//! which is solved in the steps in which x was found, so that s is the derivative of the numbers computed. Only ∂R/∂d is a
-//! difference, of closed formulas on both sides at the same x: its error is that of rounding and of the step squared. What
-//! all directions have in common is computed with the first one.
+//! which is solved in the steps in which x was found, so that s is the derivative of the numbers computed. Only ∂R/∂d
+//! is a difference, of closed formulas on both sides at the same x: its error is that of rounding and of the step
+//! squared. What all directions have in common is computed with the first one.
 
 use std::sync::{Arc, OnceLock};
 
@@ -256,7 +256,8 @@ impl PreparedTrial {
             same_motion: std::ptr::eq(both[0].source.motion, both[1].source.motion),
             sides: both,
         };
-        let lengths = self.fiber_length_derivative(&fiber, solution, known, (plan.initial, plan.initial_speed), &mut sides, per);
+        let lengths =
+            self.fiber_length_derivative(&fiber, solution, known, (plan.initial, plan.initial_speed), &mut sides, per);
         let [up, down] = &sides.sides;
         let same_tendon = up.same_fiber && down.same_fiber && sides.same_motion;
         let series = (0..n).map(|k| {

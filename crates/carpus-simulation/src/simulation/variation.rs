@@ -227,8 +227,8 @@ impl PreparedTrial {
     /// The same trial with other fibre damping.
     ///
     /// - `damping`: β of each active muscle, in order; `None` where the class has none. The model without damping is
-    ///   another one (its fibre velocity comes from an inverted curve), so a damped muscle needs more than 0 and an undamped
-    ///   one keeps 0.
+    ///   another one (its fibre velocity comes from an inverted curve), so a damped muscle needs more than 0 and an
+    ///   undamped one keeps 0.
     ///
     /// # Errors
     /// [`SimulationError::ParameterCount`]; [`SimulationError::InvalidParameter`] for a damping that is not allowed.

@@ -102,8 +102,8 @@ impl MuscleProperty {
         Self::ALL.into_iter().find(|p| p.name() == name)
     }
 
-    /// Its value in a muscle; `None` where the force of the muscle's class, as the muscle uses it, does not depend on such a
-    /// property.
+    /// Its value in a muscle; `None` where the force of the muscle's class, as the muscle uses it, does not depend on
+    /// such a property.
     pub fn of(self, muscle: &MuscleSpec) -> Option<f64> {
         let law = match &muscle.kind {
             MuscleKind::Millard2012Equilibrium(_) => None,

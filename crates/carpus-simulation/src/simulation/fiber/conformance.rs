@@ -117,7 +117,10 @@ fn verif_derivatives_of_the_balance_match_differences() {
                     case.fiber_with(own).residual(x, u, drive).r
                 };
                 let difference = (r(1.0) - r(-1.0)) / 2e-7;
-                assert!((difference - found).abs() < 2e-5 * (1.0 + difference.abs()), "{name} {k}: {difference} {found}");
+                assert!(
+                    (difference - found).abs() < 2e-5 * (1.0 + difference.abs()),
+                    "{name} {k}: {difference} {found}"
+                );
             }
         }
     }
@@ -188,7 +191,8 @@ fn verif_start_is_that_of_the_muscle_model() {
     }
 }
 
-/// The class's own differential equation, integrated by very many Runge–Kutta steps: normalized tendon force per sample.
+/// The class's own differential equation, integrated by very many Runge–Kutta steps: normalized tendon force per
+/// sample.
 fn brute_force(case: &Case, motion: Swing, times: &[f64], steps_per_sample: usize) -> Vec<f64> {
     let rates = |t: f64, equilibrium_state: f64| {
         let drive = motion.drive(t, &mut Cursor::default());

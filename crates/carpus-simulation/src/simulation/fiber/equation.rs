@@ -118,11 +118,8 @@ impl Fiber {
         // As OpenSim: the parallelogram's height at the maximum pennation angle, or 1 % of the optimal length.
         let significant = f64::EPSILON.powf(0.875);
         let greatest = curves.law.sine_of_greatest_pennation();
-        let (pennate, pennate_by_sine) = if greatest > significant {
-            (sine / greatest, 1.0 / greatest)
-        } else {
-            (0.01, 0.0)
-        };
+        let (pennate, pennate_by_sine) =
+            if greatest > significant { (sine / greatest, 1.0 / greatest) } else { (0.01, 0.0) };
         let active = curves.law.shortest().max(significant / optimal);
         let (shortest, shortest_by_sine) = if pennate > active { (pennate, pennate_by_sine) } else { (active, 0.0) };
         Fiber { curves, optimal, slack, inverse_slack: 1.0 / slack, sine, shortest, shortest_by_sine }

@@ -12,8 +12,8 @@ const START_TOLERANCE: f64 = 1e-14;
 const STEP: f64 = 1e-5;
 
 impl Fiber {
-    /// Normalized fibre length from which OpenSim's `equilibrateMuscles` lets the class start, and whether the fibre rests
-    /// at its shortest length.
+    /// Normalized fibre length from which OpenSim's `equilibrateMuscles` lets the class start, and whether the fibre
+    /// rests at its shortest length.
     ///
     /// - `speed`: of the path [m/s]; classes that start at rest do not look at it
     ///

@@ -1,9 +1,9 @@
 //! A fibre over a whole trial: a step plan made once per trial and muscle, then followed for every parameter set.
 //!
 //! The plan's steps are those that error control chose for the model's own parameters, and the plan holds activation
-//! and path length at every stage, so that a further parameter set looks nothing up, and the solution for the model's own
-//! parameters, which is the answer for these and where the search for another one starts from. The error is estimated again in
-//! every run; a step that misses the tolerance is halved until it does not.
+//! and path length at every stage, so that a further parameter set looks nothing up, and the solution for the model's
+//! own parameters, which is the answer for these and where the search for another one starts from. The error is
+//! estimated again in every run; a step that misses the tolerance is halved until it does not.
 
 use super::equation::{Drive, Fiber, PARAMETERS};
 use super::plan::{PlannedStep, StepPlan};
@@ -84,8 +84,8 @@ impl Fiber {
         Attempt::Moves(solution)
     }
 
-    /// Follows the plan; `emit` receives the fibre's state at every sample, in order, `observe` every step taken, before its
-    /// samples.
+    /// Follows the plan; `emit` receives the fibre's state at every sample, in order, `observe` every step taken,
+    /// before its samples.
     ///
     /// # Errors
     /// [`Stuck`] where Newton's method fails in the smallest step.

@@ -26,10 +26,15 @@ impl FiberCurves {
         self.law.deviation()
     }
 
-    /// What a muscle of any class is simulated with; `None` for `Delp1990Muscle_Deprecated`, whose fibre velocity is a state.
+    /// What a muscle of any class is simulated with; `None` for `Delp1990Muscle_Deprecated`, whose fibre velocity is a
+    /// state.
     ///
     /// - `properties`: what `muscle` was built from
-    pub(crate) fn of(muscle: &MuscleModel, properties: &MuscleSpec, cache: &mut CurveCache) -> Option<Arc<FiberCurves>> {
+    pub(crate) fn of(
+        muscle: &MuscleModel,
+        properties: &MuscleSpec,
+        cache: &mut CurveCache,
+    ) -> Option<Arc<FiberCurves>> {
         let law = match muscle {
             MuscleModel::Millard2012(own) => {
                 let MuscleKind::Millard2012Equilibrium(properties) = &properties.kind else { return None };

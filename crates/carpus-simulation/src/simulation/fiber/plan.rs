@@ -7,7 +7,8 @@ use super::step::{Attempt, Cursor, DriveSource, FiberAccuracy, FiberSample, Step
 
 /// Ticks per sample interval: steps start and end at multiples of 1/1024 of an interval.
 const TICK_BITS: u32 = 10;
-/// The plan is made for this part of the tolerance, so that most other parameter sets meet the tolerance without halving.
+/// The plan is made for this part of the tolerance, so that most other parameter sets meet the tolerance without
+/// halving.
 const PLAN_TOLERANCE: f64 = 0.25;
 
 /// One planned step.

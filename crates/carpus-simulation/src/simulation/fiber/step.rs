@@ -61,7 +61,8 @@ pub(crate) struct StepTaken {
     pub(crate) start: f64,
     /// Its size and what drives the fibre at the stages.
     pub(crate) input: StepInput,
-    /// Normalized fibre length at its start, and stage increments; `None` for a fibre that rests at its shortest length.
+    /// Normalized fibre length at its start, and stage increments; `None` for a fibre that rests at its shortest
+    /// length.
     pub(crate) path: Option<(f64, [f64; 3])>,
     /// Whether the fibre is at its shortest length at the end.
     pub(crate) ends_shortest: bool,
