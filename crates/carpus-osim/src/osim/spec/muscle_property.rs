@@ -153,7 +153,7 @@ impl MuscleProperty {
                 MuscleProperty::DeactivationTimeConstant => Some(own.deactivation_time_constant),
                 MuscleProperty::PassiveFiberStrain if own.ignore_passive_fiber_force => None,
                 MuscleProperty::PassiveFiberStrain => Some(own.passive_fiber_strain_at_one_norm_force),
-                MuscleProperty::ActiveForceWidth => Some(own.active_force_width_scale),
+                // OpenSim refuses a curve narrower than the usual one, so that its width is not free.
                 _ => None,
             },
             _ => None,
@@ -223,7 +223,6 @@ impl MuscleProperty {
                 MuscleProperty::ActivationTimeConstant => own.activation_time_constant *= factor,
                 MuscleProperty::DeactivationTimeConstant => own.deactivation_time_constant *= factor,
                 MuscleProperty::PassiveFiberStrain => own.passive_fiber_strain_at_one_norm_force *= factor,
-                MuscleProperty::ActiveForceWidth => own.active_force_width_scale *= factor,
                 _ => {}
             },
             _ => {}
