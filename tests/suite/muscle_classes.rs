@@ -24,8 +24,8 @@ fn study(folder: &Path, class: &str) -> PathBuf {
     study
 }
 
-/// Recorded moments are those of Millard's muscles with EMG noise: of another class, fitted muscles have to explain them
-/// better than those of the model, and the written model has to be that class with the fitted values.
+/// Recorded moments are those of Millard's muscles with EMG noise: of another class, fitted muscles have to explain
+/// them better than those of the model, and the written model has to be that class with the fitted values.
 #[test]
 fn verif_muscles_of_every_class_are_personalized() {
     for class in CLASSES {

@@ -15,7 +15,8 @@ use carpus_study::study::TrialUse;
 
 /// An effect is dominant if it is at least this large, in units of the larger end of its plausible range …
 const LARGE: f64 = 0.5;
-/// … and if nothing else takes what it does of at least this share of the mean square of the error that the refitted muscles leave.
+/// … and if nothing else takes what it does of at least this share of the mean square of the error that the refitted
+/// muscles leave.
 const DOMINANT: f64 = 0.2;
 
 /// An effect that is missing.
@@ -25,7 +26,8 @@ pub struct NamedEffect {
     pub effect: &'static str,
     /// Effects that these trials cannot tell from it, itself first.
     pub group: Vec<&'static str>,
-    /// Probability that one of the group is missing: by the linear model or by simulation, whichever is larger, equations (23) and (33).
+    /// Probability that one of the group is missing: by the linear model or by simulation, whichever is larger,
+    /// equations (23) and (33).
     pub probability: f64,
     /// How much larger −2 log posterior is without it, muscles, the other effects and a little of everything making up
     /// for it as they can.
@@ -36,8 +38,8 @@ pub struct NamedEffect {
     /// effects and the fit of the muscles come in, those that are there making up for what is missing as they can:
     /// value and 95 % interval over trials.
     pub share_of_error: Shares,
-    /// The part of it that nothing else takes: by how much the error rises when the effect is taken out, and the others and the muscles are
-    /// fitted anew, as a share of the same mean square: value and 95 % interval over trials.
+    /// The part of it that nothing else takes: by how much the error rises when the effect is taken out, and the others
+    /// and the muscles are fitted anew, as a share of the same mean square: value and 95 % interval over trials.
     pub unique_share: Shares,
     /// Parameters by name, at the joint mode.
     pub parameters: BTreeMap<String, ParameterEstimate>,
@@ -166,8 +168,8 @@ fn own(estimates: &BTreeMap<String, ParameterEstimate>, id: &str) -> BTreeMap<St
 /// Squares of training and held-out trials.
 type Squares = [Vec<[f64; 2]>; 2];
 
-/// Effects of the joint mode, the dominant ones first, each part by what they alone take of the error, and the error step by step as one after the other
-/// comes in.
+/// Effects of the joint mode, the dominant ones first, each part by what they alone take of the error, and the error
+/// step by step as one after the other comes in.
 ///
 /// - `evidence`: their places and by how much −2 log posterior is larger without each, the strongest first
 /// - `[handed_over, recalibrated]`: with these effects, and without any
