@@ -1,5 +1,6 @@
-//! How many simulations of trials a second all cores do, with other muscle parameters every time: what `Session.simulate(parameters)`
-//! of the Python package is measured against (`python/benchmarks/batch.py`). `cargo run --release --example batch_throughput`.
+//! How many simulations of trials a second all cores do, with other muscle parameters every time: what
+//! `Session.simulate(parameters)` of the Python package is measured against (`python/benchmarks/batch.py`). `cargo run
+//! --release --example batch_throughput`.
 
 use std::time::Instant;
 

@@ -144,8 +144,8 @@
 //! | EMG and dynamometer recordings | [`signals`], [`dynamometer`] |
 //! | error measures and statistics | [`evaluation`], [`statistics`] |
 //!
-//! `examples/` has five short programs. Data flow, modules and invariants are described in `ARCHITECTURE.md`. Inside the
-//! library all quantities are SI units and radians; another unit is part of a name (`angle_deg`).
+//! `examples/` has five short programs. Data flow, modules and invariants are described in `ARCHITECTURE.md`. Inside
+//! the library all quantities are SI units and radians; another unit is part of a name (`angle_deg`).
 //!
 //! The feature `session` alone leaves out the command line. Without default features there is neither [`session`] nor
 //! [`report`].

@@ -97,7 +97,8 @@ impl Answer {
         self.inner.trials().len()
     }
 
-    /// A trial over time: `time`, `moment` (n); `fiber_length`, `fiber_velocity`, `tendon_force`, `muscle_moment` (muscles, n).
+    /// A trial over time: `time`, `moment` (n); `fiber_length`, `fiber_velocity`, `tendon_force`, `muscle_moment`
+    /// (muscles, n).
     fn trial<'py>(&self, py: Python<'py>, place: usize) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(trial) = self.inner.trials().get(place) else { return Ok(None) };
         let result = PyDict::new(py);

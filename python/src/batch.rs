@@ -1,7 +1,7 @@
 //! Moments for many sets of muscle parameters on all cores, and their exact derivatives.
 //!
-//! A set is an array (muscles, 4): maximum isometric force [N], optimal fibre length [m], tendon slack length [m], pennation angle at
-//! optimal fibre length [rad]. Samples of all trials lie one after the other.
+//! A set is an array (muscles, 4): maximum isometric force [N], optimal fibre length [m], tendon slack length [m],
+//! pennation angle at optimal fibre length [rad]. Samples of all trials lie one after the other.
 
 use carpus::session::diagnostic::Failure;
 use carpus::session::study::simulation_message;

@@ -216,7 +216,8 @@ pub fn forget_effect(id: &str) -> bool {
     catalogue::withdraw(id)
 }
 
-/// A parameter as Python gives it: name, unit, whether it is an amplitude, start, typical size, plausible range, source.
+/// A parameter as Python gives it: name, unit, whether it is an amplitude, start, typical size, plausible range,
+/// source.
 type GivenParameter = (String, String, bool, f64, f64, [f64; 2], String);
 
 /// A text that stays for as long as the program runs: there are a few effects per run at most.

@@ -80,7 +80,8 @@ fn series(states: &[PlantState], of: fn(&PlantState) -> &Vec<f64>) -> Vec<f64> {
 impl Model {
     /// Forward dynamics from a posture at which muscles are in equilibrium.
     ///
-    /// Returns a dictionary: `muscles` (names), `q`, `u` (times, coordinates), `activation`, `fiber_length` (times, muscles).
+    /// Returns a dictionary: `muscles` (names), `q`, `u` (times, coordinates), `activation`, `fiber_length` (times,
+    /// muscles).
     #[pyo3(signature = (times, q, u, activation, excitation, accuracy, allow_unsupported))]
     fn forward<'py>(
         &mut self,

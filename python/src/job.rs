@@ -1,7 +1,8 @@
 //! Long work: on a thread of its own, while the caller's thread shows progress and looks for Ctrl-C.
 //!
-//! The caller's thread does not hold the interpreter's lock but for the moments in which it looks. Work that is to stop does so when it
-//! next tells how far it is, or asks; the caller waits a moment for that, then leaves it alone: its result is thrown away.
+//! The caller's thread does not hold the interpreter's lock but for the moments in which it looks. Work that is to stop
+//! does so when it next tells how far it is, or asks; the caller waits a moment for that, then leaves it alone: its
+//! result is thrown away.
 
 use std::any::Any;
 use std::cell::RefCell;

@@ -28,7 +28,8 @@ pub struct Compiled {
 }
 
 impl Compiled {
-    /// Compiles a model; components that are not supported are warnings where they matter, as a program decides what it computes.
+    /// Compiles a model; components that are not supported are warnings where they matter, as a program decides what it
+    /// computes.
     ///
     /// # Errors
     /// A model that cannot be computed with.

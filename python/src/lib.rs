@@ -1,7 +1,7 @@
 //! The extension module `carpus._carpus` of the Python package `carpus`.
 //!
-//! Everything that people call is in `python/carpus`: typed, documented, made of what is here. This crate passes arrays to the session
-//! layer and results back, lets the interpreter go while it works, and turns failures into exceptions.
+//! Everything that people call is in `python/carpus`: typed, documented, made of what is here. This crate passes arrays
+//! to the session layer and results back, lets the interpreter go while it works, and turns failures into exceptions.
 //!
 //! | module | contents |
 //! |---|---|

@@ -171,8 +171,8 @@ impl Model {
         Some(Value::Array(list).to_string())
     }
 
-    /// The text of a property of the component at a path, as the file has it; a nested object's is written `Class/property`.
-    /// `None`: the file does not give it.
+    /// The text of a property of the component at a path, as the file has it; a nested object's is written
+    /// `Class/property`. `None`: the file does not give it.
     fn property(&self, path: &str, property: &str) -> Option<String> {
         let document = &self.file.document;
         let mut element = ElementId(element_of(&self.file.spec, path)?);

@@ -104,8 +104,8 @@ impl Session {
         serde_json::Value::Array(self.library().data.trials.iter().map(one).collect()).to_string()
     }
 
-    /// Recorded and prepared series of a trial: `time`, `angle`, `moment` (n), `excitation`, `activation`, `path_length`,
-    /// `moment_arm` (muscles, n).
+    /// Recorded and prepared series of a trial: `time`, `angle`, `moment` (n), `excitation`, `activation`,
+    /// `path_length`, `moment_arm` (muscles, n).
     fn recorded<'py>(&self, py: Python<'py>, place: usize) -> PyResult<Option<Bound<'py, PyDict>>> {
         let data = &self.library().data;
         let Some((trial, prepared)) = data.trials.get(place).zip(data.prepared.get(place)) else { return Ok(None) };

@@ -496,8 +496,9 @@ fn val_opensim_forward_simulation_of_the_bundled_wrist() {
     differences.assert_below(1e-5);
 }
 
-/// A fall, the wrist extended by EMG, and the wrist driven while the fingers follow (tenodesis). There the path of EDCR is shorter by
-/// 42 µm from 0.0910 to 0.0913 s only: the steps of accuracy 1e-6 may pass over that, which makes 1.4e-4 rad.
+/// A fall, the wrist extended by EMG, and the wrist driven while the fingers follow (tenodesis). There the path of EDCR
+/// is shorter by 42 µm from 0.0910 to 0.0913 s only: the steps of accuracy 1e-6 may pass over that, which makes 1.4e-4
+/// rad.
 #[test]
 #[cfg_attr(not(has_lab_models), ignore = "needs lab models (CARPUS_SHARED)")]
 fn val_opensim_forward_simulations_of_the_mcfarland_hand() {
@@ -515,8 +516,8 @@ fn val_opensim_forward_simulations_of_the_mcfarland_hand() {
     }
 }
 
-/// The hand falls for a second; fingers turn aside through the poles of their bushings' angles, where the equations have no
-/// value and where OpenSim's integrator does not pass.
+/// The hand falls for a second; fingers turn aside through the poles of their bushings' angles, where the equations
+/// have no value and where OpenSim's integrator does not pass.
 #[test]
 #[cfg_attr(not(has_lab_models), ignore = "needs lab models (CARPUS_SHARED)")]
 fn verif_the_mcfarland_hand_falls_for_a_second() {
@@ -564,8 +565,8 @@ const POLE: &str = r#"<OpenSimDocument Version="40500"><Model name="pole"><gravi
 <rotational_damping>20 0 0</rotational_damping><translational_damping>0 0 0</translational_damping></BushingForce></objects></ForceSet>
 </Model></OpenSimDocument>"#;
 
-/// A strong damper lets the angle θx = atan(sin f / (cos a cos f)) not change, f about x and a about y: the body moves at
-/// constant kinetic energy ½ I (ȧ² + ḟ²) along tan f = cos a tan θx, through the pole at a = π/2, f = 0 and beyond.
+/// A strong damper lets the angle θx = atan(sin f / (cos a cos f)) not change, f about x and a about y: the body moves
+/// at constant kinetic energy ½ I (ȧ² + ḟ²) along tan f = cos a tan θx, through the pole at a = π/2, f = 0 and beyond.
 #[test]
 fn verif_motion_goes_through_the_pole_of_a_bushing() {
     let spec = OsimFile::parse(POLE, "pole.osim").expect("model").spec;

@@ -204,8 +204,9 @@ fn val_opensim_every_force() {
     }
 }
 
-/// Inertia with velocities is only remarked on here: where one coordinate turns a CustomJoint about several axes, Simbody's
-/// `FunctionBased` mobilizer takes the wrong time derivative of its axes. Ours is held against finite differences.
+/// Inertia with velocities is only remarked on here: where one coordinate turns a CustomJoint about several axes,
+/// Simbody's `FunctionBased` mobilizer takes the wrong time derivative of its axes. Ours is held against finite
+/// differences.
 #[test]
 #[cfg_attr(
     not(all(has_opensim, has_models)),

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
 use carpus::identifiability::{
-    Candidate, FreeParameter, Identifiability, MuscleProperty, Prior, RecordedTrial, Request, identify,
+    Candidate, FreeParameter, Identifiability, MuscleProperty, Prior, RecordedTrial, Request, identify, usual_bounds,
 };
 use carpus::osim::OsimFile;
 use carpus::osim::spec::MuscleSpec;
@@ -88,7 +88,7 @@ impl Known {
     fn parameters(&self, properties: &[MuscleProperty]) -> Vec<FreeParameter> {
         let of = |property: MuscleProperty| {
             self.muscles.iter().enumerate().map(move |(m, spec)| {
-                let bounds = property.usual_bounds(&self.bounds);
+                let bounds = usual_bounds(property, &self.bounds);
                 FreeParameter::new(&spec.name, property, vec![m], property.of(spec).unwrap(), bounds)
             })
         };
@@ -227,7 +227,7 @@ fn verif_expected_gain_of_a_trial_is_what_recording_it_brings() {
 fn verif_tied_muscles_and_other_properties() {
     let known = known();
     let mut parameters = known.parameters(&[MuscleProperty::MaxIsometricForce, MuscleProperty::TendonStrain]);
-    let bounds = MuscleProperty::MaxIsometricForce.usual_bounds(&known.bounds);
+    let bounds = usual_bounds(MuscleProperty::MaxIsometricForce, &known.bounds);
     parameters.retain(|p| p.owner == "ECRB");
     let flexors = known.muscles[1].max_isometric_force;
     parameters.push(FreeParameter::new("flexors", MuscleProperty::MaxIsometricForce, vec![1, 2], flexors, bounds));
@@ -449,8 +449,8 @@ fn verif_personalize_identify_and_diagnose_report_the_same_intervals() {
     }
 }
 
-/// A machine that moves the wrist's flexion and also measures the moment about its deviation; five wrist and three finger
-/// muscles of the McFarland model, trials by OpenSim. Intervals hold the truth.
+/// A machine that moves the wrist's flexion and also measures the moment about its deviation; five wrist and three
+/// finger muscles of the McFarland model, trials by OpenSim. Intervals hold the truth.
 #[test]
 #[cfg_attr(not(has_lab_models), ignore = "needs lab models (CARPUS_SHARED)")]
 fn val_opensim_two_axes_of_the_wrist_with_finger_muscles() {

@@ -1,6 +1,6 @@
 //! The muscle model alone against measured force: rat soleus, maximally activated, while its end is moved (Krylow &
-//! Sandercock 1997, doi:10.1016/S0021-9290(96)00097-8; the biological benchmark of Millard et al. 2013). Data are not in this
-//! repository; what came out is in `fixtures/krylow`.
+//! Sandercock 1997, doi:10.1016/S0021-9290(96)00097-8; the biological benchmark of Millard et al. 2013). Data are not
+//! in this repository; what came out is in `fixtures/krylow`.
 
 use std::path::Path;
 
@@ -39,8 +39,8 @@ fn linear(time: &[f64], values: &[f64], t: f64) -> (f64, f64) {
     (values[i - 1] + slope * (t.min(time[time.len() - 1]) - time[i - 1]), slope)
 }
 
-/// What is fitted: strength, optimal fibre length, tendon slack length, maximum velocity, and path length at no displacement
-/// [N, m, m, 1/s, m].
+/// What is fitted: strength, optimal fibre length, tendon slack length, maximum velocity, and path length at no
+/// displacement [N, m, m, 1/s, m].
 #[derive(Clone, Copy, Debug)]
 struct Soleus([f64; 5]);
 

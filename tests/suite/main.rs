@@ -17,6 +17,7 @@ mod imaging;
 mod krylow;
 mod live;
 mod multibody;
+mod muscle_classes;
 mod muscles;
 mod mutations;
 mod osim;

@@ -1,4 +1,5 @@
-//! Effects of a laboratory's own: the guide's example, its errors, the loop as a user runs it, and OpenSim as the referee.
+//! Effects of a laboratory's own: the guide's example, its errors, the loop as a user runs it, and OpenSim as the
+//! referee.
 
 use std::path::{Path, PathBuf};
 use std::process::Command as Process;

@@ -198,8 +198,8 @@ fn verif_written_model_changes_only_fitted_lines_and_simulates_as_fitted() {
     assert_eq!(model.nominal_parameters(), fit.parameters);
 }
 
-/// All eight cases of table 3.1 on the bundled study: the objective as printed, and the simulations that it took. What a
-/// stage of forces costs is nothing beside them: it needs no simulation.
+/// All eight cases of table 3.1 on the bundled study: the objective as printed, and the simulations that it took. What
+/// a stage of forces costs is nothing beside them: it needs no simulation.
 #[test]
 fn verif_exact_gradients_reach_a_lower_objective_where_it_is_what_they_minimize() {
     let p = participant(&Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/demo_study"));
@@ -241,11 +241,12 @@ fn verif_exact_gradients_reach_a_lower_objective_where_it_is_what_they_minimize(
     }
     for (case, pair) in cases.iter().zip(fits.chunks(2)) {
         let [theirs, ours] = [&pair[0], &pair[1]];
-        // In a cross case lengths come from some trials and forces from others: neither route minimizes the objective of all.
+        // In a cross case lengths come from some trials and forces from others: neither route minimizes the objective
+        // of all.
         let most = if case.kind == CaseKind::Cross { 1.02 * theirs.objective } else { theirs.objective };
         assert!(ours.objective <= most, "{}", case.label());
-        // A simulation with derivatives costs 1.73 without (benches/speed.rs: derivatives_s over distant_set_s). Cross cases search twice, with the forces free and with
-        // the model's: what they take is printed, and is not less.
+        // A simulation with derivatives costs 1.73 without (benches/speed.rs: derivatives_s over distant_set_s). Cross
+        // cases search twice, with the forces free and with the model's: what they take is printed, and is not less.
         assert!(case.kind == CaseKind::Cross || 7 * simulations(ours) < 4 * simulations(theirs), "{}", case.label());
     }
 }

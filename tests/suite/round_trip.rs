@@ -1,4 +1,5 @@
-//! Whatever a command writes, the next one reads; and an output folder holds what the last run wrote, nothing of another.
+//! Whatever a command writes, the next one reads; and an output folder holds what the last run wrote, nothing of
+//! another.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -22,12 +23,12 @@ fn carpus(words: &[&str], study: &Path, out: &Path) -> assert_cmd::assert::Asser
     command.args(words).arg(study).arg("--out").arg(out).assert()
 }
 
-/// Largest relative difference of a number written with nine significant digits in CSV and with ten in `.sto`: half a unit of
-/// either last digit.
+/// Largest relative difference of a number written with nine significant digits in CSV and with ten in `.sto`: half a
+/// unit of either last digit.
 const ROUNDING: f64 = 5.5e-9;
 
-/// Largest relative difference of an error that is found with the held-out trials alone: lengths of paths are read from tables
-/// over the angles of the trials at hand, which interpolate to some 1e-6.
+/// Largest relative difference of an error that is found with the held-out trials alone: lengths of paths are read from
+/// tables over the angles of the trials at hand, which interpolate to some 1e-6.
 const OTHER_TABLES: f64 = 1e-5;
 
 const SHORT: [&str; 2] = ["data/P01/isotonic_25_flexion_1.csv", "data/P01/isotonic_25_flexion_2.csv"];
@@ -198,7 +199,8 @@ fn verif_a_synthetic_study_is_read_with_its_names() {
     assert!(!folder.path().join("absurd/study.toml").exists());
 }
 
-/// A recording at 100 Hz of a torque with noise, and its EMG at 2 kHz on a second recorder, which shares the EMG itself.
+/// A recording at 100 Hz of a torque with noise, and its EMG at 2 kHz on a second recorder, which shares the EMG
+/// itself.
 fn two_recorders(folder: &Path) {
     let mut state = 1u64;
     let mut noise = || {
@@ -226,7 +228,8 @@ fn verif_a_processed_study_is_read_whatever_its_study_says() {
     let folder = tempfile::tempdir().unwrap();
     two_recorders(folder.path());
     std::fs::copy(root("models/wrist.osim"), folder.path().join("wrist.osim")).unwrap();
-    // A table above the first header, a negative posture, a start time, an arm turned over, a further moment, Windows' paths.
+    // A table above the first header, a negative posture, a start time, an arm turned over, a further moment, Windows'
+    // paths.
     let toml = "posture_deg = { elbow_flexion = 90 }\nmuscles.active = [\"FCR\"]\n\n[study]\nname = \"−30°\"\nmodel = '.\\wrist.osim'\n\n\
                 [dynamometer]\ncoordinate = \"flexion\"\nfurther_moments = { deviation = \"ulnar_n_m\" }\n\n\
                 [emg]\nkind = \"raw\"\n\n[processing]\nremove_drag = true\n[processing.second_recorder]\n\
@@ -543,8 +546,8 @@ fn verif_angles_and_emg_on_a_faster_grid_are_said() {
     let rows: Vec<Vec<f64>> =
         text.lines().skip(1).map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect();
     let said = |held: &[&str], straight: &[&str]| -> Vec<String> {
-        // Noise in all columns, so that each row of the given file is a sample of its own; then some columns on a grid ten times
-        // as fast.
+        // Noise in all columns, so that each row of the given file is a sample of its own; then some columns on a grid
+        // ten times as fast.
         let mut state = 7u64;
         let mut noise = || {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);

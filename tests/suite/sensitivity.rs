@@ -356,13 +356,13 @@ mod of_muscles {
         // to fall when it is made more accurate.
         let difference = |options: &Options| {
             let own = model.prepare(&recording, options).expect("prepared");
-            let changed = own.with_fiber_damping(&[0.03; 5]).expect("allowed").simulate(&parameters);
+            let changed = own.with_fiber_damping(&[Some(0.03); 5]).expect("allowed").simulate(&parameters);
             let other = edited.prepare(&recording, options).expect("prepared").simulate(&parameters);
             largest(&changed.expect("simulates").moment, &other.expect("simulates").moment)
         };
         let fine = Options { fiber: FiberAccuracy { tolerance: 1e-9, max_step: 0.02 }, ..Options::default() };
         let (usual, fine) = (difference(&Options::default()), difference(&fine));
-        let changed = prepared.with_fiber_damping(&[0.03; 5]).expect("allowed").simulate(&parameters);
+        let changed = prepared.with_fiber_damping(&[Some(0.03); 5]).expect("allowed").simulate(&parameters);
         let before = prepared.simulate(&parameters).expect("simulates").moment;
         let effect = largest(&changed.expect("simulates").moment, &before);
         println!("same damping {usual:.1e}, finer steps {fine:.1e}; effect of damping {effect:.1e} N·m");
@@ -374,6 +374,7 @@ mod of_muscles {
         assert!(effect > 100.0 * usual);
 
         for (damping, count) in [(vec![0.0; 5], false), (vec![1.5; 5], false), (vec![0.1; 4], true)] {
+            let damping: Vec<Option<f64>> = damping.into_iter().map(Some).collect();
             match prepared.with_fiber_damping(&damping) {
                 Err(SimulationError::ParameterCount { found: 4, expected: 5 }) => assert!(count),
                 Err(SimulationError::InvalidParameter { property: "fiber_damping", .. }) => assert!(!count),

@@ -89,9 +89,9 @@ const ARM_TOLERANCE: f64 = 1e-5;
 const PASSIVE_MOMENT_TOLERANCE: f64 = 1e-4;
 /// Sum of the muscles' moments, over the largest (10 N·m at least).
 const MUSCLE_MOMENT_TOLERANCE: f64 = 1e-4;
-/// Force in the 80 ms after a path has jumped by decimetres (wrapping the long way round). After it has jumped back, the
-/// fibre shortens at its maximum velocity under a slack tendon for 50 ms; when the tendon tightens again depends on that
-/// whole transient. Those samples are counted and bounded less tightly.
+/// Force in the 80 ms after a path has jumped by decimetres (wrapping the long way round). After it has jumped back,
+/// the fibre shortens at its maximum velocity under a slack tendon for 50 ms; when the tendon tightens again depends on
+/// that whole transient. Those samples are counted and bounded less tightly.
 const TRANSIENT_TOLERANCE: f64 = 3e-4;
 const AFTER_A_JUMP: &str = "Beyond 1e-4: the path has just jumped by decimetres (OpenSim's wrapping the long way round), and \
     when the slack tendon tightens again depends on the whole transient. There OpenSim at accuracy 1e-7 is 1.9e-4 from the same \
@@ -230,8 +230,9 @@ fn val_opensim_prescribed_motion_of_undamped_muscles() {
 
 #[test]
 fn val_opensim_prescribed_motion_of_rigid_tendons() {
-    // Both programs follow the spline through the rows: a rigid tendon passes on to the force that the sine's speed at the
-    // ends differs from the natural spline's by 1.3e-3 rad/s (1e-4 of Fmax, before damping or a tendon could even it out).
+    // Both programs follow the spline through the rows: a rigid tendon passes on to the force that the sine's speed at
+    // the ends differs from the natural spline's by 1.3e-3 rad/s (1e-4 of Fmax, before damping or a tendon could even
+    // it out).
     compare_wrist_with("ignore_tendon_compliance", "true", "wrist_rigid_tendon");
 }
 
@@ -240,8 +241,32 @@ fn val_opensim_prescribed_motion_without_activation_dynamics() {
     compare_wrist_with("ignore_activation_dynamics", "true", "wrist_no_activation_dynamics");
 }
 
-/// Weight and inertia about the coordinate [N·m]. Moments here are below 1 N·m, and both programs move along the same spline,
-/// so that only the tables' interpolation and the digits of the reference are between them.
+/// Classes of muscles as fixtures/scripts/muscle_laws.py writes them.
+const CLASSES: [&str; 5] = [
+    "Thelen2003Muscle",
+    "DeGrooteFregly2016Muscle",
+    "DeGrooteFregly2016Muscle_rigid",
+    "RigidTendonMuscle",
+    "Schutte1993Muscle_Deprecated",
+];
+
+#[test]
+fn val_opensim_prescribed_motion_of_muscles_of_every_class() {
+    let mut rows = Vec::new();
+    for class in CLASSES {
+        let file = OsimFile::read(fixture(&format!("fixtures/muscle_laws/{class}.osim"))).unwrap();
+        let table = fixture(&format!("fixtures/muscle_laws/{class}.csv"));
+        let posture = [("elbow_flexion", 90.0), ("pro_sup", 0.0)];
+        rows.extend(compare_file_with_opensim(&format!("the bundled wrist, {class}"), &file, &table, &posture, true));
+    }
+    for row in &rows {
+        println!("{row:?}");
+    }
+    validation::assert_passed(&rows);
+}
+
+/// Weight and inertia about the coordinate [N·m]. Moments here are below 1 N·m, and both programs move along the same
+/// spline, so that only the tables' interpolation and the digits of the reference are between them.
 const SKELETON_MOMENT_TOLERANCE: f64 = 1e-8;
 const SKELETON_CASES: [(&str, &[(&str, f64)]); 3] = [
     ("neutral", &[("elbow_flexion", 90.0), ("pro_sup", 0.0), ("deviation", 0.0)]),
@@ -331,7 +356,8 @@ fn val_opensim_prescribed_motion_of_mcfarland() {
     validation::assert_passed(&compare_with_opensim(&stem(&model), &model, &table, &[], false));
 }
 
-/// OpenSim cannot integrate the whole model: there, the humerus is welded to ground, which changes nothing distal of it.
+/// OpenSim cannot integrate the whole model: there, the humerus is welded to ground, which changes nothing distal of
+/// it.
 #[test]
 #[cfg_attr(
     not(all(has_opensim, has_lab_models, has_validation_dir)),

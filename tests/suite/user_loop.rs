@@ -1,5 +1,5 @@
-//! The loop as a user runs it: a study with a hidden effect, where the model fails, the effect added, the error falls, and
-//! a step back.
+//! The loop as a user runs it: a study with a hidden effect, where the model fails, the effect added, the error falls,
+//! and a step back.
 
 use std::path::{Path, PathBuf};
 use std::process::Command as Process;

@@ -39,8 +39,8 @@ pub fn main() -> ExitCode {
     ExitCode::from(run_caught())
 }
 
-/// Runs a command in a process that was started with other words, as Python's interpreter is; once in a process. Returns the exit
-/// code.
+/// Runs a command in a process that was started with other words, as Python's interpreter is; once in a process.
+/// Returns the exit code.
 ///
 /// - `words`: the name of the program, then its arguments
 pub fn run_words(words: Vec<OsString>) -> u8 {
@@ -159,8 +159,8 @@ fn report_panic(panic: &std::panic::PanicHookInfo<'_>) {
     failure::say(&defect(&format!("{text}{at}")));
 }
 
-/// Prints a result to stdout, names with characters that would do something to the terminal written out. Whoever reads it (`| head`) may have
-/// had enough: the work is done all the same.
+/// Prints a result to stdout, names with characters that would do something to the terminal written out. Whoever reads
+/// it (`| head`) may have had enough: the work is done all the same.
 fn print_result(text: &str) -> Result<(), Failure> {
     use std::io::Write;
     let is_json = text.starts_with(['{', '[']);

@@ -10,8 +10,8 @@ pub use super::effects::CATALOGUE;
 /// Effects that a program has defined by code of its own.
 static OF_PROGRAM: RwLock<Vec<&'static dyn Effect>> = RwLock::new(Vec::new());
 
-/// Puts an effect that a program defines by code of its own beside the catalogue, until it is taken away ([`withdraw`]). A formula
-/// needs no code: [`own_effect::register`].
+/// Puts an effect that a program defines by code of its own beside the catalogue, until it is taken away
+/// ([`withdraw`]). A formula needs no code: [`own_effect::register`].
 ///
 /// # Errors
 /// Another effect has its identifier.
@@ -39,8 +39,8 @@ pub fn withdraw(id: &str) -> bool {
     registered.len() < before
 }
 
-/// All effects: those of the catalogue, then those that a laboratory has defined ([`own_effect`]), then those of a program
-/// ([`register`]).
+/// All effects: those of the catalogue, then those that a laboratory has defined ([`own_effect`]), then those of a
+/// program ([`register`]).
 pub fn with_own() -> Vec<&'static dyn Effect> {
     let own = own_effect::registered().into_iter().map(|e| e as &dyn Effect);
     let of_program = OF_PROGRAM.read().unwrap_or_else(PoisonError::into_inner);

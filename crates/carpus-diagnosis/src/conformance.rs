@@ -10,7 +10,8 @@ const LARGEST_MOMENT: f64 = 500.0;
 const DERIVATIVE: f64 = 1e-3;
 /// Of one with kinks that a difference steps over.
 const DERIVATIVE_AT_KINKS: f64 = 0.02;
-/// Step of the difference on the joint, in scales: its square and what rounding makes of it stay far below [`DERIVATIVE`].
+/// Step of the difference on the joint, in scales: its square and what rounding makes of it stay far below
+/// [`DERIVATIVE`].
 const JOINT_STEP: f64 = 1e-3;
 /// Step elsewhere, in scales: errors of the integration, divided by it, stay small.
 const STEP: f64 = 0.01;
@@ -205,7 +206,8 @@ impl Subject<'_> {
         Ok(all)
     }
 
-    /// Root mean square over all trials of what a derivative is off from a central difference, relative to that of the derivative.
+    /// Root mean square over all trials of what a derivative is off from a central difference, relative to that of the
+    /// derivative.
     fn derivative_error(&self, setting: &Setting, parameter: usize) -> Result<f64, SimulationError> {
         let (forward, effects) = (self.forward, std::slice::from_ref(setting));
         let d = self.effect.description();

@@ -3,7 +3,7 @@
 mod description;
 
 use super::silent_muscles::SilentMuscles;
-use carpus_osim::osim::spec::{Millard2012Spec, MuscleKind, MuscleSpec};
+use carpus_osim::osim::spec::{MuscleProperty, MuscleSpec};
 use carpus_simulation::simulation::MuscleKinematics;
 pub use description::{
     Behaviour, Description, ExcitationScope, FlippedArm, MomentUse, NeutralShift, OsimForm, Parameter, Quantity, Role,
@@ -50,7 +50,8 @@ pub struct JointState<'a> {
     pub speed: &'a [f64],
     /// Acceleration [rad/s²].
     pub acceleration: &'a [f64],
-    /// Paths and activations of the active muscles; empty where an effect that follows excitations is shown a change of these.
+    /// Paths and activations of the active muscles; empty where an effect that follows excitations is shown a change of
+    /// these.
     pub muscles: &'a [MuscleKinematics],
 }
 
@@ -111,8 +112,8 @@ pub trait Effect: Sync {
         false
     }
 
-    /// Values, amplitudes 0, that fits also start from: shapes so far from the usual one that a fit from there may not arrive. As at a
-    /// joint whose neutral angle is 0.
+    /// Values, amplitudes 0, that fits also start from: shapes so far from the usual one that a fit from there may not
+    /// arrive. As at a joint whose neutral angle is 0.
     fn further_starts(&self) -> &'static [&'static [f64]] {
         &[]
     }
@@ -120,6 +121,12 @@ pub trait Effect: Sync {
     /// Recorded EMG to excitation, per muscle and sample.
     fn excite(&self, values: &[f64], trial: &TrialContext, excitation: &mut [Vec<f64>]) {
         let _ = (values, trial, excitation);
+    }
+
+    /// Properties that [`Effect::change_muscles`] changes. A class of muscles that has none of them does not show the
+    /// effect.
+    fn muscle_properties(&self) -> &'static [MuscleProperty] {
+        &[]
     }
 
     /// Properties of the active muscles. Returns whether anything changed.
@@ -147,8 +154,8 @@ pub trait Effect: Sync {
         }
     }
 
-    /// Force that a muscle pulls with beside its fibres', as a share of its maximum isometric force, at every sample: added to
-    /// `force`. [`Effect::scale_muscle`] of all effects scales the moment of both.
+    /// Force that a muscle pulls with beside its fibres', as a share of its maximum isometric force, at every sample:
+    /// added to `force`. [`Effect::scale_muscle`] of all effects scales the moment of both.
     fn add_muscle_force(&self, values: &[f64], muscle: &MuscleState, force: &mut [f64]) {
         let _ = (values, muscle, force);
     }
@@ -164,15 +171,15 @@ pub trait Effect: Sync {
         let _ = (values, joint, moment);
     }
 
-    /// Derivative of what [`Effect::add_moment`] adds by a parameter, per sample [N·m per unit of the parameter]; `None`: it is taken
-    /// from differences.
+    /// Derivative of what [`Effect::add_moment`] adds by a parameter, per sample [N·m per unit of the parameter];
+    /// `None`: it is taken from differences.
     fn moment_derivative(&self, values: &[f64], parameter: usize, joint: &JointState) -> Option<Vec<f64>> {
         let _ = (values, parameter, joint);
         None
     }
 
-    /// How long after a change of the excitation [`Effect::add_moment`] still shows it [s], where it is linear in the excitation: what
-    /// it makes of the change alone is then the moment's. `None`: it reads no excitation.
+    /// How long after a change of the excitation [`Effect::add_moment`] still shows it [s], where it is linear in the
+    /// excitation: what it makes of the change alone is then the moment's. `None`: it reads no excitation.
     fn excitation_memory(&self, silent_muscles: &SilentMuscles) -> Option<f64> {
         let _ = silent_muscles;
         None
@@ -191,7 +198,8 @@ pub trait Effect: Sync {
         None
     }
 
-    /// The parameters as people read them, given the model's muscles: for those that are changes of a muscle's property.
+    /// The parameters as people read them, given the model's muscles: for those that are changes of a muscle's
+    /// property.
     fn reported(&self, values: &[f64], muscles: &[MuscleSpec]) -> Vec<f64> {
         let _ = muscles;
         values.to_vec()
@@ -205,24 +213,35 @@ impl dyn Effect {
     }
 }
 
-/// Multiplies a property of all muscles by eʳ, as `change` does it with the factor. Returns whether r is not 0.
-pub(crate) fn scale_property(muscles: &mut [MuscleSpec], r: f64, change: impl Fn(&mut Millard2012Spec, f64)) -> bool {
-    for muscle in muscles.iter_mut().filter(|_| r != 0.0) {
-        if let MuscleKind::Millard2012Equilibrium(properties) = &mut muscle.kind {
-            change(properties, r.exp());
-        }
+/// Multiplies a property of all muscles that have it by eʳ. Returns whether anything changed.
+pub(crate) fn scale_property(muscles: &mut [MuscleSpec], r: f64, property: MuscleProperty) -> bool {
+    if r == 0.0 {
+        return false;
     }
-    r != 0.0
+    let mut changed = false;
+    for muscle in muscles.iter_mut().filter(|muscle| property.of(muscle).is_some()) {
+        property.scale(muscle, r.exp());
+        changed = true;
+    }
+    changed
 }
 
-/// Mean of a property over the muscles, multiplied by eʳ.
-pub(crate) fn scaled_mean(muscles: &[MuscleSpec], r: f64, property: impl Fn(&Millard2012Spec) -> f64) -> f64 {
-    let known: Vec<f64> = muscles
-        .iter()
-        .filter_map(|m| match &m.kind {
-            MuscleKind::Millard2012Equilibrium(properties) => Some(property(properties)),
-            MuscleKind::OtherClass { .. } => None,
-        })
-        .collect();
+/// Mean of a property over the muscles that have it, multiplied by eʳ.
+pub(crate) fn scaled_mean(muscles: &[MuscleSpec], r: f64, property: MuscleProperty) -> f64 {
+    let known: Vec<f64> = muscles.iter().filter_map(|muscle| property.of(muscle)).collect();
     known.iter().sum::<f64>() / known.len().max(1) as f64 * r.exp()
+}
+
+/// Why an effect does nothing to any of the muscles: a property that it changes and none of them has.
+pub fn lacks_property(effect: &dyn Effect, muscles: &[MuscleSpec]) -> Option<String> {
+    let lacking = |property: &&MuscleProperty| muscles.iter().all(|muscle| property.of(muscle).is_none());
+    let properties = effect.muscle_properties();
+    if properties.is_empty() || !properties.iter().all(|property| lacking(&property)) {
+        return None;
+    }
+    let mut classes: Vec<&str> = muscles.iter().map(MuscleSpec::class).collect();
+    classes.sort_unstable();
+    classes.dedup();
+    let words: Vec<&str> = properties.iter().map(|property| property.words()).collect();
+    Some(format!("the active muscles ({}) have no {}", classes.join(", "), words.join(" and no ")))
 }

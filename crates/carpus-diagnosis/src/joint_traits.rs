@@ -19,8 +19,8 @@ pub struct JointTraits {
     pub neutral_angle: f64,
 }
 
-/// Where a joint's passive properties are taken to lie about [rad]: the coordinate's zero, as at a wrist, if it is in the middle half of
-/// the range; else the middle of the range, as at an elbow or a knee, whose zero is full extension.
+/// Where a joint's passive properties are taken to lie about [rad]: the coordinate's zero, as at a wrist, if it is in
+/// the middle half of the range; else the middle of the range, as at an elbow or a knee, whose zero is full extension.
 ///
 /// - `range`: of the coordinate [rad]
 pub fn neutral_angle(range: [f64; 2]) -> f64 {
@@ -73,8 +73,9 @@ impl JointTraits {
         Setting { effect, values: values.iter().zip(parameters).map(moved).collect() }
     }
 
-    /// Sizes and shapes of an effect that fits start from: none of the usual shape, and of others that the effect names; and where
-    /// the moment acts back on itself a large one, too, because what is fitted from none may end in another valley.
+    /// Sizes and shapes of an effect that fits start from: none of the usual shape, and of others that the effect
+    /// names; and where the moment acts back on itself a large one, too, because what is fitted from none may end in
+    /// another valley.
     pub fn starts(&self, effect: &'static dyn Effect) -> Vec<Setting> {
         let mut sizes = vec![self.absent(effect)];
         sizes.extend(effect.further_starts().iter().map(|values| self.at_neutral_angle(effect, values)));

@@ -35,5 +35,6 @@ pub mod trial_record;
 pub mod what_remains;
 pub mod where_it_fails;
 
-/// Trials that cores share out among them at a time: they take unequal times, and whoever is through with several would wait.
+/// Trials that cores share out among them at a time: they take unequal times, and whoever is through with several would
+/// wait.
 const ONE_BY_ONE: usize = 1;

@@ -15,7 +15,8 @@ use carpus_study::study::TrialUse;
 
 /// An effect is dominant if it is at least this large, in units of the larger end of its plausible range …
 const LARGE: f64 = 1.0 / 3.0;
-/// … and if nothing else takes what it does of at least this share of the mean square of the error that the refitted muscles leave.
+/// … and if nothing else takes what it does of at least this share of the mean square of the error that the refitted
+/// muscles leave.
 const DOMINANT: f64 = 0.2;
 
 /// An effect that is missing.
@@ -25,17 +26,20 @@ pub struct NamedEffect {
     pub effect: &'static str,
     /// Effects that these trials cannot tell from it, itself first.
     pub group: Vec<&'static str>,
-    /// Probability that one of the group is missing: by the linear model or by simulation, whichever is larger, equations (23) and (33).
+    /// Probability that one of the group is missing: by the linear model or by simulation, whichever is larger,
+    /// equations (23) and (33).
     pub probability: f64,
-    /// How much larger −2 log posterior is without it, muscles, the other effects and a little of everything making up for it as they can.
+    /// How much larger −2 log posterior is without it, muscles, the other effects and a little of everything making up
+    /// for it as they can.
     pub evidence: f64,
     /// Whether it is large and takes a large part of the error that nothing else takes.
     pub dominant: bool,
-    /// Share of the mean square of the error of the model as given that it takes, the mean over orders in which the effects and the fit of the
-    /// muscles come in, those that are there making up for what is missing as they can: value and 95 % interval over trials.
+    /// Share of the mean square of the error of the model as given that it takes, the mean over orders in which the
+    /// effects and the fit of the muscles come in, those that are there making up for what is missing as they can:
+    /// value and 95 % interval over trials.
     pub share_of_error: Shares,
-    /// The part of it that nothing else takes: by how much the error rises when the effect is taken out, and the others and the muscles are
-    /// fitted anew, as a share of the same mean square: value and 95 % interval over trials.
+    /// The part of it that nothing else takes: by how much the error rises when the effect is taken out, and the others
+    /// and the muscles are fitted anew, as a share of the same mean square: value and 95 % interval over trials.
     pub unique_share: Shares,
     /// Parameters by name, at the joint mode.
     pub parameters: BTreeMap<String, ParameterEstimate>,
@@ -99,7 +103,8 @@ fn share(given: &[[f64; 2]], taken: &[f64]) -> Option<[f64; 3]> {
     Some([all, all - half, all + half])
 }
 
-/// Orders in which effects come in: forwards and backwards, each of them first once. Of up to three effects these are all orders.
+/// Orders in which effects come in: forwards and backwards, each of them first once. Of up to three effects these are
+/// all orders.
 fn orders(count: usize) -> Vec<Vec<usize>> {
     let from = |first: usize| -> Vec<usize> { (first..count).chain(0..first).collect() };
     let forwards = (0..count).map(from);
@@ -124,7 +129,8 @@ fn coalitions(count: usize) -> Vec<Vec<usize>> {
     out
 }
 
-/// What each of several players takes of the squares, the mean over [`orders`]: Shapley's division of what all take together.
+/// What each of several players takes of the squares, the mean over [`orders`]: Shapley's division of what all take
+/// together.
 ///
 /// - `squares`: of every trial with some of the players, ascending
 /// - returns: per player, of every trial
@@ -162,8 +168,8 @@ fn own(estimates: &BTreeMap<String, ParameterEstimate>, id: &str) -> BTreeMap<St
 /// Squares of training and held-out trials.
 type Squares = [Vec<[f64; 2]>; 2];
 
-/// Effects of the joint mode, the dominant ones first, each part by what they alone take of the error, and the error step by step as one after the other
-/// comes in.
+/// Effects of the joint mode, the dominant ones first, each part by what they alone take of the error, and the error
+/// step by step as one after the other comes in.
 ///
 /// - `evidence`: their places and by how much −2 log posterior is larger without each, the strongest first
 /// - `[handed_over, recalibrated]`: with these effects, and without any

@@ -1,4 +1,5 @@
-//! Effects that the catalogue lacks: a formula that a laboratory writes down, and an effect made of it that behaves as one of the catalogue.
+//! Effects that the catalogue lacks: a formula that a laboratory writes down, and an effect made of it that behaves as
+//! one of the catalogue.
 //!
 //! What is defined stays for as long as the program runs ([`register`]): there are a few per run at most.
 
@@ -204,7 +205,8 @@ impl Series<'_> {
     }
 }
 
-/// A variable of a muscle by its name; no number where there is no such muscle ([`Definition::unknown_muscles`] says so before).
+/// A variable of a muscle by its name; no number where there is no such muscle ([`Definition::unknown_muscles`] says so
+/// before).
 fn of_muscle<'a>(quantity: OfMuscle, name: &str, joint: &JointState<'a>) -> Series<'a> {
     let Some(at) = joint.trial.muscles.iter().position(|m| m.name == name) else { return Series::Constant(f64::NAN) };
     let path = |of: fn(&MuscleKinematics) -> &[f64]| match joint.muscles.get(at) {
@@ -223,8 +225,8 @@ fn of_muscle<'a>(quantity: OfMuscle, name: &str, joint: &JointState<'a>) -> Seri
     }
 }
 
-/// Values that fits start from beside the usual shape: those of the file, and for the wave number of a sine as many over the plausible
-/// range as its local minima call for.
+/// Values that fits start from beside the usual shape: those of the file, and for the wave number of a sine as many
+/// over the plausible range as its local minima call for.
 fn starts(definition: &Definition) -> Vec<Vec<f64>> {
     let usual: Vec<f64> = definition.parameters.iter().map(|p| p.start).collect();
     let mut all = Vec::new();

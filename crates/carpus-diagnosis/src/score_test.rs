@@ -7,14 +7,16 @@
 //! the blocks' p-values is judged against its distribution under the joint law of all scores (family-wise) and under
 //! sign flips of whole trials' scores, which need no variances.
 //!
-//! The variances in V are estimates. What a score's variance would be with others is known, I = Σ_k σ_k² I_k, so that T / rank is
-//! judged by F with Satterthwaite's degrees of freedom, and the joint law is a mixture over the variances' logarithms:
+//! The variances in V are estimates. What a score's variance would be with others is known, I = Σ_k σ_k² I_k, so that T
+//! / rank is judged by F with Satterthwaite's degrees of freedom, and the joint law is a mixture over the variances'
+//! logarithms:
 //!
 //! ```text
 //! ν = 2 / (gᵀ S g),   g_k = σ_k² tr(I⁻¹ I_k) / rank,   U = Σ_k exp(δ_k / 2) (σ_k² I_k)^½ z_k,   δ ~ N(0, S)
 //! ```
-//! Of a variance near 0 (white noise of a torque that was filtered) the data say how large it may be at most, and nothing of its
-//! logarithm: where S_kk > 1 the variance itself is taken as normal, not below 0, max(0, 1 + δ_k) in place of exp(δ_k).
+//! Of a variance near 0 (white noise of a torque that was filtered) the data say how large it may be at most, and
+//! nothing of its logarithm: where S_kk > 1 the variance itself is taken as normal, not below 0, max(0, 1 + δ_k) in
+//! place of exp(δ_k).
 //!
 //! # References
 //! Hemerik, Goeman & Finos (2020), Robust testing in generalized linear models by sign flipping score contributions,
@@ -215,7 +217,8 @@ fn contributions(
         let through = select(n, nuisance, &[residual]) - select(n, nuisance, nuisance) * step;
         (own - carry.tr_mul(&through)).column(0).into_owned()
     };
-    // What is known of the nuisance beforehand are observations, too, one of each: with them the contributions add up to U.
+    // What is known of the nuisance beforehand are observations, too, one of each: with them the contributions add up
+    // to U.
     let known = (0..step.len()).filter(|i| precision[*i] > 0.0);
     let of_known = known.map(|i| carry.row(i).transpose() * (precision[i] * (step[i] + offset[i])));
     trials.iter().map(of_trial).chain(of_known).collect()
@@ -439,8 +442,8 @@ mod tests {
         assert!((share(alarms[1]) - 0.05).abs() < 0.02, "{alarms:?}");
     }
 
-    /// Torque that was filtered has no white noise: that its variance is 1e-6 or 1e-9 of the whole, nobody can say, and it matters
-    /// to no score.
+    /// Torque that was filtered has no white noise: that its variance is 1e-6 or 1e-9 of the whole, nobody can say, and
+    /// it matters to no score.
     #[test]
     fn verif_a_variance_near_zero_does_not_hide_what_is_missing() {
         let nobody = Nuisance { columns: &[], precision: &[], offset: &[] };

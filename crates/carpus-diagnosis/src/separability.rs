@@ -1,15 +1,17 @@
-//! What data could tell: how far an effect of a given size is from what the model does without it, or with another effect.
+//! What data could tell: how far an effect of a given size is from what the model does without it, or with another
+//! effect.
 //!
-//! The effect is held at its size while muscles and noise are fitted to the data. To the moments that this predicts, without noise, the
-//! model is fitted without the effect, and with every other effect in its place: muscles, amplitudes and shapes all free, so
-//! that nothing is linear but the noise. Muscles start from where they are with the effect and from where they are without, as there are
-//! several valleys. What remains is the distance in standard deviations:
+//! The effect is held at its size while muscles and noise are fitted to the data. To the moments that this predicts,
+//! without noise, the model is fitted without the effect, and with every other effect in its place: muscles, amplitudes
+//! and shapes all free, so that nothing is linear but the noise. Muscles start from where they are with the effect and
+//! from where they are without, as there are several valleys. What remains is the distance in standard deviations:
 //!
 //! ```text
 //! D = min over θ, φ of  Σ_g ‖τ_g(truth) − τ_g(θ, φ)‖²_V + ‖θ − θ₀‖²_Λ + ‖φ‖²_Λ  −  ‖θ(truth) − θ₀‖²_Λ,   z = √D
 //! ```
 //! −2 log likelihood of the rival is D larger on average, the noise being known, with a standard deviation of 2 √D.
-//! [`super::fit::Analysis::pairwise_z`] is √D to first order around the model without effects, of which shapes are not free.
+//! [`super::fit::Analysis::pairwise_z`] is √D to first order around the model without effects, of which shapes are not
+//! free.
 
 use rayon::prelude::*;
 
@@ -31,8 +33,8 @@ pub struct Distance {
     pub z: f64,
 }
 
-/// Distances of an effect from the model without it and from every other effect; the nearest first. Rivals that cannot be simulated near
-/// it are left out.
+/// Distances of an effect from the model without it and from every other effect; the nearest first. Rivals that cannot
+/// be simulated near it are left out.
 ///
 /// - `truth`: the effect, at a size
 ///

@@ -1,6 +1,7 @@
 //! A series at other times than its own.
 
-/// A series as it was so much earlier, at the same times; linear between samples and constant outside. An empty one stays empty.
+/// A series as it was so much earlier, at the same times; linear between samples and constant outside. An empty one
+/// stays empty.
 pub(crate) fn delayed(time: &[f64], series: &[f64], delay: f64) -> Vec<f64> {
     if series.is_empty() {
         return Vec::new();

@@ -1,7 +1,7 @@
 //! Muscles of the model that the study does not activate, such as those of the fingers: what moment they could exert.
 
 use super::series::interpolate;
-use carpus_osim::osim::spec::{ModelSpec, MuscleKind};
+use carpus_osim::osim::spec::ModelSpec;
 use carpus_simulation::simulation::{MusculoskeletalModel, Options, PreparedTrial, Recording, Setup};
 use carpus_study::study::MomentPart;
 
@@ -35,7 +35,7 @@ impl SilentMuscles {
         let time: Vec<f64> = (0..ANGLES).map(|k| SWEEP * part(k)).collect();
         let mut out = SilentMuscles { names: Vec::new(), angle, moment: [vec![0.0; ANGLES], vec![0.0; ANGLES]] };
         for muscle in &spec.muscles {
-            let computed = matches!(muscle.kind, MuscleKind::Millard2012Equilibrium(_)) && muscle.applies_force;
+            let computed = muscle.is_computed() && muscle.applies_force;
             if !computed || model.muscle_names().any(|name| name == muscle.name) {
                 continue;
             }

@@ -260,8 +260,8 @@ fn normal(random: &mut ChaCha8Rng) -> f64 {
     normal_of_uniform([1.0 - random.random::<f64>(), random.random()])
 }
 
-/// A Gaussian process of unit variance with autocorrelation exp(−(t/`length`)²/2) at these times: as smooth as its kernel,
-/// however fine the times are.
+/// A Gaussian process of unit variance with autocorrelation exp(−(t/`length`)²/2) at these times: as smooth as its
+/// kernel, however fine the times are.
 fn smooth_noise(time: &[f64], length: f64, random: &mut ChaCha8Rng) -> Vec<f64> {
     // A kernel of width length/√2 over white noise on a grid five times finer than the width.
     let width = length / 2f64.sqrt();

@@ -48,7 +48,7 @@ use carpus_simulation::simulation::{MusculoskeletalModel, Options, SimulationErr
 pub use candidates::{usual_candidates, usual_recordings};
 pub use directions::{Combination, Component};
 pub use next_trial::{Candidate, RankedTrial};
-pub use parameters::{FreeParameter, MuscleProperty, Prior};
+pub use parameters::{FreeParameter, MuscleProperty, Prior, fitted, usual_bounds};
 pub use recorded::{Channel, RecordedTrial};
 pub use session::{SessionRequest, identify_session};
 

@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 use super::descent::{Limits, Quadratic, descend};
 use super::held::{Held, HeldTrial, View, add, at_time, corrected, hat, knot_count, positive, whiten};
-use super::parameters::{Layout, MuscleProperty};
+use super::parameters::{Layout, MuscleProperty, is_parameter};
 use super::recorded::RecordedTrial;
 use carpus_diagnosis::fit::block_means;
 use carpus_diagnosis::kernel::{FAMILIES, Kernel};
@@ -271,7 +271,7 @@ impl Problem {
             .iter()
             .enumerate()
             .map(|(i, p)| {
-                if p.property.is_parameter() {
+                if is_parameter(p.property) {
                     return Ok(None);
                 }
                 let moved = |step: f64| {

@@ -1,173 +1,53 @@
 //! What is to be determined: properties of muscles, alone or tied together, as logarithms of factors of the model's
 //! values.
 
-use carpus_osim::osim::spec::{MuscleKind, MuscleSpec};
+pub use carpus_osim::osim::spec::MuscleProperty;
+use carpus_osim::osim::spec::MuscleSpec;
 use carpus_simulation::simulation::{MuscleParameters, Property};
 use carpus_study::study::{ParameterBounds, RelativeBounds};
 
-/// A positive property of a Millard muscle that data may determine.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum MuscleProperty {
-    /// `max_isometric_force` [N].
-    MaxIsometricForce,
-    /// `optimal_fiber_length` [m].
-    OptimalFiberLength,
-    /// `tendon_slack_length` [m].
-    TendonSlackLength,
-    /// `pennation_angle_at_optimal` [rad].
-    PennationAngle,
-    /// `fiber_damping`.
-    FiberDamping,
-    /// `strain_at_one_norm_force` of the tendon's curve.
-    TendonStrain,
-    /// `max_contraction_velocity` [optimal fibre lengths/s].
-    MaxContractionVelocity,
-    /// `activation_time_constant` [s].
-    ActivationTimeConstant,
-    /// `deactivation_time_constant` [s].
-    DeactivationTimeConstant,
+/// Bounds as fractions of the model's value, where the study gives none: Jadelis (2025), tables 2.1 and 3.2; tendon
+/// strain 2–10 % about 4.9 % (Maganaris & Paul 2000, doi:10.1016/S0021-9290(00)00117-3, measured 2.5 % at
+/// submaximal force); velocity 5–15 lengths/s about 10; time constants half to twice; shapes of curves half to twice.
+pub fn usual_bounds(property: MuscleProperty, lengths_and_force: &ParameterBounds) -> RelativeBounds {
+    let [lower, upper] = match property {
+        MuscleProperty::MaxIsometricForce => return lengths_and_force.max_isometric_force,
+        MuscleProperty::OptimalFiberLength => return lengths_and_force.optimal_fiber_length,
+        MuscleProperty::TendonSlackLength => return lengths_and_force.tendon_slack_length,
+        MuscleProperty::PennationAngle => [0.4, 2.16],
+        MuscleProperty::FiberDamping => [0.25, 4.0],
+        MuscleProperty::TendonStrain => [0.4, 2.04],
+        MuscleProperty::MaxContractionVelocity => [0.5, 1.5],
+        MuscleProperty::ActivationTimeConstant
+        | MuscleProperty::DeactivationTimeConstant
+        | MuscleProperty::PassiveFiberStrain
+        | MuscleProperty::ActiveForceWidth => [0.5, 2.0],
+    };
+    RelativeBounds { lower, upper }
 }
 
-impl MuscleProperty {
-    /// All.
-    pub const ALL: [MuscleProperty; 9] = [
-        MuscleProperty::OptimalFiberLength,
-        MuscleProperty::TendonSlackLength,
-        MuscleProperty::MaxIsometricForce,
-        MuscleProperty::PennationAngle,
-        MuscleProperty::FiberDamping,
-        MuscleProperty::TendonStrain,
-        MuscleProperty::MaxContractionVelocity,
-        MuscleProperty::ActivationTimeConstant,
-        MuscleProperty::DeactivationTimeConstant,
-    ];
-    /// Those that personalization fits.
-    pub const USUAL: [MuscleProperty; 3] =
-        [MuscleProperty::OptimalFiberLength, MuscleProperty::TendonSlackLength, MuscleProperty::MaxIsometricForce];
-
-    /// OpenSim's name.
-    pub fn name(self) -> &'static str {
-        match self {
-            MuscleProperty::MaxIsometricForce => "max_isometric_force",
-            MuscleProperty::OptimalFiberLength => "optimal_fiber_length",
-            MuscleProperty::TendonSlackLength => "tendon_slack_length",
-            MuscleProperty::PennationAngle => "pennation_angle_at_optimal",
-            MuscleProperty::FiberDamping => "fiber_damping",
-            MuscleProperty::TendonStrain => "strain_at_one_norm_force",
-            MuscleProperty::MaxContractionVelocity => "max_contraction_velocity",
-            MuscleProperty::ActivationTimeConstant => "activation_time_constant",
-            MuscleProperty::DeactivationTimeConstant => "deactivation_time_constant",
-        }
+/// Standard deviations between the middle and a bound: lengths of the literature's bounds are three, the rest two.
+fn deviations_to_bound(property: MuscleProperty) -> f64 {
+    match property {
+        MuscleProperty::OptimalFiberLength | MuscleProperty::TendonSlackLength => 3.0,
+        _ => 2.0,
     }
+}
 
-    /// How people call it.
-    pub fn words(self) -> &'static str {
-        match self {
-            MuscleProperty::MaxIsometricForce => "strength",
-            MuscleProperty::OptimalFiberLength => "optimal fibre length",
-            MuscleProperty::TendonSlackLength => "tendon slack length",
-            MuscleProperty::PennationAngle => "pennation",
-            MuscleProperty::FiberDamping => "fibre damping",
-            MuscleProperty::TendonStrain => "tendon strain",
-            MuscleProperty::MaxContractionVelocity => "maximum velocity",
-            MuscleProperty::ActivationTimeConstant => "activation time",
-            MuscleProperty::DeactivationTimeConstant => "deactivation time",
-        }
-    }
+/// The property among those that every fit estimates.
+pub fn fitted(property: MuscleProperty) -> Option<Property> {
+    Property::ALL.into_iter().find(|p| p.name() == property.name())
+}
 
-    /// Unit in the file.
-    pub fn unit(self) -> &'static str {
-        match self {
-            MuscleProperty::MaxIsometricForce => "N",
-            MuscleProperty::OptimalFiberLength | MuscleProperty::TendonSlackLength => "m",
-            MuscleProperty::PennationAngle => "rad",
-            MuscleProperty::FiberDamping | MuscleProperty::TendonStrain => "",
-            MuscleProperty::MaxContractionVelocity => "1/s",
-            MuscleProperty::ActivationTimeConstant | MuscleProperty::DeactivationTimeConstant => "s",
-        }
-    }
-
-    /// Property of that OpenSim name.
-    pub fn from_name(name: &str) -> Option<MuscleProperty> {
-        Self::ALL.into_iter().find(|p| p.name() == name)
-    }
-
-    /// Bounds as fractions of the model's value, where the study gives none: Jadelis (2025), tables 2.1 and 3.2; tendon
-    /// strain 2–10 % about 4.9 % (Maganaris & Paul 2000, doi:10.1016/S0021-9290(00)00117-3, measured 2.5 % at
-    /// submaximal force); velocity 5–15 lengths/s about 10; time constants half to twice.
-    pub fn usual_bounds(self, lengths_and_force: &ParameterBounds) -> RelativeBounds {
-        let [lower, upper] = match self {
-            MuscleProperty::MaxIsometricForce => return lengths_and_force.max_isometric_force,
-            MuscleProperty::OptimalFiberLength => return lengths_and_force.optimal_fiber_length,
-            MuscleProperty::TendonSlackLength => return lengths_and_force.tendon_slack_length,
-            MuscleProperty::PennationAngle => [0.4, 2.16],
-            MuscleProperty::FiberDamping => [0.25, 4.0],
-            MuscleProperty::TendonStrain => [0.4, 2.04],
-            MuscleProperty::MaxContractionVelocity => [0.5, 1.5],
-            MuscleProperty::ActivationTimeConstant | MuscleProperty::DeactivationTimeConstant => [0.5, 2.0],
-        };
-        RelativeBounds { lower, upper }
-    }
-
-    /// Standard deviations between the middle and a bound: lengths of the literature's bounds are three, the rest two.
-    fn deviations_to_bound(self) -> f64 {
-        match self {
-            MuscleProperty::OptimalFiberLength | MuscleProperty::TendonSlackLength => 3.0,
-            _ => 2.0,
-        }
-    }
-
-    /// The property among those that every fit estimates.
-    pub fn fitted(self) -> Option<Property> {
-        Property::ALL.into_iter().find(|p| p.name() == self.name())
-    }
-
-    /// Whether a simulation's exact derivatives cover it.
-    pub(super) fn is_parameter(self) -> bool {
-        matches!(
-            self,
-            MuscleProperty::MaxIsometricForce
-                | MuscleProperty::OptimalFiberLength
-                | MuscleProperty::TendonSlackLength
-                | MuscleProperty::PennationAngle
-        )
-    }
-
-    /// Its value in a muscle of the file; `None` for a class without it.
-    pub fn of(self, muscle: &MuscleSpec) -> Option<f64> {
-        let MuscleKind::Millard2012Equilibrium(own) = &muscle.kind else { return None };
-        Some(match self {
-            MuscleProperty::MaxIsometricForce => muscle.max_isometric_force,
-            MuscleProperty::OptimalFiberLength => muscle.optimal_fiber_length,
-            MuscleProperty::TendonSlackLength => muscle.tendon_slack_length,
-            MuscleProperty::PennationAngle => muscle.pennation_angle_at_optimal,
-            MuscleProperty::FiberDamping => own.fiber_damping,
-            MuscleProperty::TendonStrain => own.tendon_force_length.strain_at_one_norm_force,
-            MuscleProperty::MaxContractionVelocity => muscle.max_contraction_velocity,
-            MuscleProperty::ActivationTimeConstant => own.activation_time_constant,
-            MuscleProperty::DeactivationTimeConstant => own.deactivation_time_constant,
-        })
-    }
-
-    /// Multiplies it in a muscle of the file.
-    pub(super) fn scale(self, muscle: &mut MuscleSpec, factor: f64) {
-        let MuscleKind::Millard2012Equilibrium(own) = &mut muscle.kind else { return };
-        match self {
-            MuscleProperty::MaxIsometricForce => muscle.max_isometric_force *= factor,
-            MuscleProperty::OptimalFiberLength => muscle.optimal_fiber_length *= factor,
-            MuscleProperty::TendonSlackLength => muscle.tendon_slack_length *= factor,
-            MuscleProperty::PennationAngle => muscle.pennation_angle_at_optimal *= factor,
-            MuscleProperty::FiberDamping => own.fiber_damping *= factor,
-            MuscleProperty::TendonStrain => {
-                // Stiffness falls with the strain, as OpenSim's default curve has it: 1.375 over the strain.
-                own.tendon_force_length.strain_at_one_norm_force *= factor;
-                own.tendon_force_length.stiffness_at_one_norm_force.iter_mut().for_each(|k| *k /= factor);
-            }
-            MuscleProperty::MaxContractionVelocity => muscle.max_contraction_velocity *= factor,
-            MuscleProperty::ActivationTimeConstant => own.activation_time_constant *= factor,
-            MuscleProperty::DeactivationTimeConstant => own.deactivation_time_constant *= factor,
-        }
-    }
+/// Whether a simulation's exact derivatives cover it.
+pub(super) fn is_parameter(property: MuscleProperty) -> bool {
+    matches!(
+        property,
+        MuscleProperty::MaxIsometricForce
+            | MuscleProperty::OptimalFiberLength
+            | MuscleProperty::TendonSlackLength
+            | MuscleProperty::PennationAngle
+    )
 }
 
 /// What is known of a parameter before the data are seen: its logarithm is normally distributed.
@@ -209,7 +89,7 @@ impl FreeParameter {
         nominal: f64,
         bounds: RelativeBounds,
     ) -> FreeParameter {
-        let log_sd = (bounds.upper / bounds.lower).ln() / (2.0 * property.deviations_to_bound());
+        let log_sd = (bounds.upper / bounds.lower).ln() / (2.0 * deviations_to_bound(property));
         FreeParameter {
             owner: owner.to_string(),
             property,
@@ -288,14 +168,14 @@ impl Layout {
 
     /// Whether any parameter changes curves, damping or activation, for which trials must be prepared anew.
     pub(super) fn changes_model(&self) -> bool {
-        self.free.iter().any(|p| !p.property.is_parameter())
+        self.free.iter().any(|p| !is_parameter(p.property))
     }
 
     /// Applies to a muscle's specification what is not in [`MuscleParameters`].
     pub(super) fn change(&self, muscle: usize, spec: &mut MuscleSpec, value: &dyn Fn(usize) -> f64) {
         for i in &self.shapes[muscle] {
             let property = self.free[*i].property;
-            if !property.is_parameter() {
+            if !is_parameter(property) {
                 property.scale(spec, value(*i).exp());
             }
         }

@@ -4,8 +4,8 @@
 //! matrix begins as the inverse of the covariance at the fit and is learned in windows of the warm-up, dense, as the
 //! density is bent; the step size is adapted by dual averaging.
 //!
-//! Own code of a page, because the crate nuts-rs brings a linear algebra of its own. Checked against closed forms and against
-//! random-walk Metropolis.
+//! Own code of a page, because the crate nuts-rs brings a linear algebra of its own. Checked against closed forms and
+//! against random-walk Metropolis.
 //!
 //! # References
 //! Hoffman & Gelman (2014), The No-U-Turn Sampler, J. Mach. Learn. Res. 15; Betancourt (2017), arXiv:1701.02434

@@ -1,12 +1,12 @@
-//! Lengths and forces of muscles by the one model of a session ([`carpus_diagnosis::inference`]): the estimate that personalization hands over and
-//! a diagnosis reports, what it leaves open, and which trial would narrow it down.
+//! Lengths and forces of muscles by the one model of a session ([`carpus_diagnosis::inference`]): the estimate that
+//! personalization hands over and a diagnosis reports, what it leaves open, and which trial would narrow it down.
 
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::next_trial::RankedTrial;
-use super::parameters::FreeParameter;
+use super::parameters::{FreeParameter, fitted};
 use super::{BoundHit, Identifiability, IdentifiabilityError, Knowledge, directions};
 use carpus_diagnosis::forward_model::ForwardModel;
 use carpus_diagnosis::inference::muscles::{MuscleEstimate, MusclePrior, MuscleProblem, Muscles};
@@ -79,7 +79,7 @@ pub fn identify_session(request: &SessionRequest) -> Result<Identifiability, Ide
 
 /// What is known of a parameter beside its bounds, or that several muscles have one factor.
 fn known(p: &FreeParameter) -> Option<MusclePrior> {
-    let property = p.property.fitted()?;
+    let property = fitted(p.property)?;
     (p.muscles.len() > 1 || p.prior.source.is_some()).then(|| MusclePrior {
         muscles: p.muscles.clone(),
         property,
@@ -90,12 +90,12 @@ fn known(p: &FreeParameter) -> Option<MusclePrior> {
 
 /// Column of a parameter; of tied muscles that of the first.
 fn column(p: &FreeParameter) -> Option<usize> {
-    let own = MusclePrior { muscles: p.muscles.clone(), property: p.property.fitted()?, log_mean: 0.0, log_sd: 0.0 };
+    let own = MusclePrior { muscles: p.muscles.clone(), property: fitted(p.property)?, log_mean: 0.0, log_sd: 0.0 };
     own.columns().next()
 }
 
 fn estimate<'m>(muscles: &'m Muscles, p: &FreeParameter) -> Option<&'m MuscleEstimate> {
-    let (muscle, property) = (*p.muscles.first()?, p.property.fitted()?);
+    let (muscle, property) = (*p.muscles.first()?, fitted(p.property)?);
     muscles.parameters.iter().find(|e| e.muscle == muscle && e.property == property)
 }
 

@@ -72,7 +72,8 @@ pub struct NamedEffectResult {
     /// Whether it takes more of the error than a little of everything does.
     #[serde(default)]
     pub dominant: bool,
-    /// Share of the mean square of the error of the model as given that it takes, the mean over orders in which effects come in.
+    /// Share of the mean square of the error of the model as given that it takes, the mean over orders in which effects
+    /// come in.
     #[serde(default)]
     pub share_of_error: SharesResult,
     /// The part of it that nothing else takes.

@@ -37,7 +37,8 @@ pub struct Results {
     /// Fitted parameters; empty unless something was fitted.
     #[serde(default)]
     pub parameters: Vec<ParameterResult>,
-    /// How far the fitted model is from the model as given (0) to the joint mode (1), as training trials left out one at a time are predicted best.
+    /// How far the fitted model is from the model as given (0) to the joint mode (1), as training trials left out one
+    /// at a time are predicted best.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub part_of_the_way: Option<f64>,
     /// How the fit went, stage by stage; empty unless something was fitted.
@@ -55,7 +56,8 @@ pub struct Results {
     /// What the reader must know before trusting the numbers.
     #[serde(default)]
     pub warnings: Vec<WarningResult>,
-    /// Model and trials for the part of the report that computes ([`super::live::packed`]); `None`: the report is static.
+    /// Model and trials for the part of the report that computes ([`super::live::packed`]); `None`: the report is
+    /// static.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub live: Option<String>,
 }

@@ -1,4 +1,5 @@
-//! The story of a missing effect on one page: what the data say, how the error fell, what else could be, what would tell.
+//! The story of a missing effect on one page: what the data say, how the error fell, what else could be, what would
+//! tell.
 
 use std::collections::BTreeMap;
 

@@ -149,13 +149,14 @@ fn trial_result<'r>(
 }
 
 /// Standard deviation of the noise between neighbouring samples, robust against the signal itself: the median of the
-/// absolute second differences over the value that white noise of standard deviation 1 has. `None` where they do not tell: of
-/// a signal without noise, or one that was filtered, second differences over two steps are four times those over one.
+/// absolute second differences over the value that white noise of standard deviation 1 has. `None` where they do not
+/// tell: of a signal without noise, or one that was filtered, second differences over two steps are four times those
+/// over one.
 fn scatter(values: &[f64]) -> Option<f64> {
     /// Median of |N(0, 1)|.
     const MEDIAN_ABSOLUTE_NORMAL: f64 = 0.674_489_750_196_081_7;
-    /// Ratio of second differences over two steps to those over one from which these are of the signal: it is 1 of white noise,
-    /// 4 of a smooth signal.
+    /// Ratio of second differences over two steps to those over one from which these are of the signal: it is 1 of
+    /// white noise, 4 of a smooth signal.
     const SMOOTH: f64 = 3.0;
     /// Second differences of a signal as large as 1 that are rounding alone.
     const ROUNDING: f64 = 1e-12;

@@ -3,8 +3,10 @@
 use std::path::Path;
 
 use super::diagnostic::{Diagnostic, Failure};
+use super::identify::active_specs;
+use super::loading::LoadedParticipant;
 use carpus_diagnosis::catalogue::{effect, with_own};
-use carpus_diagnosis::effect::Effect;
+use carpus_diagnosis::effect::{Effect, lacks_property};
 use carpus_diagnosis::forward_model::Setting;
 use carpus_diagnosis::joint_traits::JointTraits;
 use carpus_diagnosis::synthesis::sized;
@@ -35,6 +37,18 @@ pub fn candidates(ids: &[String]) -> Result<Vec<&'static dyn Effect>, Failure> {
         }
     }
     Ok(found)
+}
+
+/// What is to be said of effects that change a property which none of the participant's active muscles has: the effect
+/// is not there to be seen.
+pub(super) fn without_property(effects: &[&'static dyn Effect], run: &LoadedParticipant) -> Vec<Diagnostic> {
+    let muscles = active_specs(run);
+    let of = |effect: &&'static dyn Effect| {
+        let why = lacks_property(*effect, &muscles)?;
+        let text = format!("{}: not testable: {why}", effect.description().id);
+        Some(Diagnostic::warning(text).in_file(&run.loaded.path))
+    };
+    effects.iter().filter_map(of).collect()
 }
 
 /// The effect of an identifier.

@@ -72,8 +72,8 @@ impl Comparison<'_> {
         write_results(out, folder, &self.results)
     }
 
-    /// Writes the files of `carpus compare` into a folder of results. Returns what a person should know about files of earlier
-    /// runs.
+    /// Writes the files of `carpus compare` into a folder of results. Returns what a person should know about files of
+    /// earlier runs.
     ///
     /// # Errors
     /// The folder cannot be written to, or holds what is not of this study and command.

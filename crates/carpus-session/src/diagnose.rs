@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::account::ModelRun;
-use super::candidates::candidates;
+use super::candidates::{candidates, without_property};
 use super::diagnosis_file::{self, KnownDiagnosis, definitions, proposal_file};
 use super::diagnostic::{Diagnostic, Failure};
 use super::live_case::state;
@@ -33,8 +33,8 @@ use carpus_study::study::TrialUse;
 pub struct Diagnose {
     /// Seed of everything random; the same seed gives the same bytes.
     pub seed: u64,
-    /// Identifiers of the effects that may be named; none, or `all`: the whole catalogue and the laboratory's own. The others are
-    /// taken to be as small as everything in a laboratory.
+    /// Identifiers of the effects that may be named; none, or `all`: the whole catalogue and the laboratory's own. The
+    /// others are taken to be as small as everything in a laboratory.
     pub candidates: Vec<String>,
     /// Whether what simpler methods need to compare themselves is written, too.
     pub baselines: bool,
@@ -59,8 +59,8 @@ pub struct Diagnosed<'a> {
 }
 
 impl Session<'_> {
-    /// Diagnoses which physical effects are missing. Held-out trials (use = test) are never fitted. Trials that were not read
-    /// for this purpose are read again for it.
+    /// Diagnoses which physical effects are missing. Held-out trials (use = test) are never fitted. Trials that were
+    /// not read for this purpose are read again for it.
     ///
     /// # Errors
     /// An unknown effect; fewer than two trials to train on; a trial that cannot be simulated.
@@ -80,7 +80,11 @@ impl Session<'_> {
     pub fn diagnosed(&self, forward: &ForwardModel, request: &Diagnose) -> Result<Diagnosed<'_>, Failure> {
         let progress = self.progress()?;
         let run = &self.data;
-        let asked = self.estimation(forward, candidates(&request.candidates)?, request.seed)?;
+        let candidates = candidates(&request.candidates)?;
+        for warning in without_property(&candidates, run) {
+            progress.warning(&warning);
+        }
+        let asked = self.estimation(forward, candidates, request.seed)?;
         let name = &run.participant.name;
         let at = |phase: usize| progress.at(&format!("{name}: {}", PHASES[phase]), phase, PHASES.len());
         let outcome = diagnose(&asked, &at)
@@ -118,8 +122,8 @@ impl Session<'_> {
         })
     }
 
-    /// The diagnosis of these files by the whole catalogue: the one in the folder of results if it is of the same bytes, else a
-    /// new one, which is written there.
+    /// The diagnosis of these files by the whole catalogue: the one in the folder of results if it is of the same
+    /// bytes, else a new one, which is written there.
     ///
     /// # Errors
     /// A trial that cannot be simulated; the disk.

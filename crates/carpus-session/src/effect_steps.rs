@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use super::account::{ModelRun, warning_result};
-use super::candidates::candidates;
+use super::candidates::{candidates, without_property};
 use super::diagnosis_file::KnownDiagnosis;
-use super::diagnostic::{Diagnostic, Failure};
+use super::diagnostic::{Diagnostic, Failure, Severity};
 use super::effect_choice::is_supported;
 use super::live_case::state;
 use super::loading::LoadedParticipant;
@@ -68,6 +68,9 @@ impl Session<'_> {
     ) -> Result<WithEffects, Failure> {
         let (run, progress) = (&self.data, self.progress()?);
         let at_model = |text: String| Failure::from(Diagnostic::error(text).in_file(&run.loaded.path));
+        if let Some(missing) = without_property(effects, run).into_iter().next() {
+            return Err(Diagnostic { severity: Severity::Error, ..missing }.into());
+        }
         let asked = self.estimation(forward, candidates(&[])?, request.seed)?;
         let what = format!("fitting {}", run.participant.name);
         progress.at(&what, 0, 1 + effects.len());
@@ -75,7 +78,8 @@ impl Session<'_> {
         progress.finished();
         let fitted = fitted.map_err(|e| at_model(e.to_string()))?;
 
-        // Fits are content with less; what is reported is simulated as accurately as everywhere else, and of the angles as recorded.
+        // Fits are content with less; what is reported is simulated as accurately as everywhere else, and of the angles
+        // as recorded.
         let forward = &ForwardModel::new(&run.loaded.file.spec, &run.model, &run.trials)
             .map_err(|e| at_model(e.to_string()))?
             .with_given(run.given.clone());

@@ -12,9 +12,9 @@ use super::output::OutputFolder;
 use super::path_check;
 use super::progress::{Progress, go_on};
 use super::quantity::Assignment;
-use carpus_multibody::muscles::{EquilibriumStatus, Millard2012};
+use carpus_multibody::muscles::{EquilibriumStatus, MuscleModel};
 use carpus_numerics::printable::{number, visible};
-use carpus_osim::osim::spec::{CoordinateIndex, MuscleIndex, MuscleKind};
+use carpus_osim::osim::spec::{CoordinateIndex, MuscleIndex};
 
 /// Activation of every muscle where none is asked for.
 pub const DEFAULT_ACTIVATION: f64 = 0.01;
@@ -186,16 +186,14 @@ fn computed_muscles(
     let mut others = Vec::new();
     for index in loaded.muscles(&request.muscles)? {
         let muscle = &loaded.file.spec.muscles[index.0];
-        match &muscle.kind {
-            MuscleKind::Millard2012Equilibrium(_) => computed.push(index),
-            MuscleKind::OtherClass { class, .. } => {
-                let text = format!("{}: {class} is not computed, only Millard2012EquilibriumMuscle is", muscle.at.path);
-                let message =
-                    if request.allow_unsupported { Diagnostic::warning(text) } else { Diagnostic::error(text) };
-                let message = message.in_file(&loaded.path).at_line(muscle.at.line);
-                others.push(message.hint("--allow-unsupported leaves such muscles out; --muscles picks some"));
-            }
+        if muscle.is_computed() {
+            computed.push(index);
+            continue;
         }
+        let text = format!("{}: the force of a {} is not computed", muscle.at.path, muscle.class());
+        let message = if request.allow_unsupported { Diagnostic::warning(text) } else { Diagnostic::error(text) };
+        let message = message.in_file(&loaded.path).at_line(muscle.at.line);
+        others.push(message.hint("--allow-unsupported leaves such muscles out; --muscles picks some"));
     }
     if request.allow_unsupported {
         messages.append(&mut others);
@@ -253,11 +251,10 @@ fn at_rest(
 ) -> Result<MuscleAtRest, Failure> {
     let spec = &loaded.file.spec.muscles[index.0];
     let unusable = |text: String| Diagnostic::error(text).in_file(&loaded.path).at_line(spec.at.line);
-    let muscle = Millard2012::from_spec(spec).map_err(|e| unusable(e.to_string()))?;
-    let found = muscle.equilibrium(path_length, activation).map_err(|e| unusable(e.to_string()))?;
-    let state = muscle.dynamics(found.fiber_length, activation, path_length, 0.0);
+    let muscle = MuscleModel::from_spec(spec).map_err(|e| unusable(e.to_string()))?;
+    let (state, status) = muscle.at_rest(path_length, activation).map_err(|e| unusable(e.to_string()))?;
     let numbers = [state.fiber_length, state.tendon_length, state.active_fiber_force, state.passive_fiber_force];
-    if !numbers.iter().chain([&state.pennation_angle, &found.tendon_force]).all(|v| v.is_finite()) {
+    if !numbers.iter().chain([&state.pennation_angle, &state.tendon_force]).all(|v| v.is_finite()) {
         let path_length = number(path_length);
         let text = format!("{}: forces at a path of {path_length} m are not finite: a property is absurd", spec.name);
         return Err(unusable(text).into());
@@ -272,8 +269,8 @@ fn at_rest(
         active_fiber_force_n: acts * state.active_fiber_force,
         passive_fiber_force_n: acts * state.passive_fiber_force,
         pennation_angle_deg: state.pennation_angle.to_degrees(),
-        tendon_force_n: acts * found.tendon_force,
-        status: match found.status {
+        tendon_force_n: acts * state.tendon_force,
+        status: match status {
             _ if !spec.applies_force => "applies_no_force",
             EquilibriumStatus::Converged => "converged",
             EquilibriumStatus::WeaklyDetermined => "weakly_determined",

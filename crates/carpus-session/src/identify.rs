@@ -15,7 +15,7 @@ use super::provenance::{DEFAULT_SEED, input_file};
 use super::study::{Study, simulation_message};
 use carpus_identifiability::{
     FreeParameter, Identifiability, IdentifiabilityError, MuscleProperty, Prior, RecordedTrial, Request,
-    SessionRequest, identify, identify_session, usual_candidates, usual_recordings,
+    SessionRequest, fitted, identify, identify_session, usual_bounds, usual_candidates, usual_recordings,
 };
 use carpus_osim::osim::spec::MuscleSpec;
 use carpus_report::identifiability::IdentifiabilityResult;
@@ -141,7 +141,8 @@ impl Identified<'_> {
 }
 
 impl Identify {
-    /// What the participant's training trials say, without provenance and warnings of the session; and further warnings.
+    /// What the participant's training trials say, without provenance and warnings of the session; and further
+    /// warnings.
     ///
     /// - `run`: read for [`Purpose::Identification`]
     ///
@@ -157,7 +158,7 @@ impl Identify {
         run.simulate(&run.model.nominal_parameters())?;
         let free = parameters(study, run, self, &mut warnings)?;
         let further = &study.tables.settings.columns.further_moments;
-        let found = if further.is_empty() && free.iter().all(|p| p.property.fitted().is_some()) {
+        let found = if further.is_empty() && free.iter().all(|p| fitted(p.property).is_some()) {
             by_session(study, run, free, self)?
         } else {
             if free.iter().any(|p| p.property == MuscleProperty::MaxIsometricForce) {
@@ -183,11 +184,15 @@ fn parameters(
             let spec = &specs[members[0]];
             match property.of(spec) {
                 Some(value) if value > 0.0 => {
-                    let bounds = property.usual_bounds(&study.tables.settings.bounds);
+                    let bounds = usual_bounds(*property, &study.tables.settings.bounds);
                     free.push(FreeParameter::new(&name, *property, members, value, bounds));
                 }
-                _ => {
-                    let text = format!("{name}: {} is 0 in the model and has no factor: left out", property.name());
+                found => {
+                    let why = match found {
+                        Some(_) => "is 0 in the model and has no factor".to_owned(),
+                        None => format!("is no property of a {} as the model has it", spec.class()),
+                    };
+                    let text = format!("{name}: {} {why}: left out", property.name());
                     warnings.push(Diagnostic::warning(text).in_file(&run.loaded.path).at_line(spec.at.line));
                 }
             }
@@ -259,7 +264,7 @@ fn owners(specs: &[MuscleSpec], tie: &[TiedMuscles]) -> Result<Vec<(String, Vec<
     Ok(owners)
 }
 
-fn active_specs(run: &LoadedParticipant) -> Vec<MuscleSpec> {
+pub(super) fn active_specs(run: &LoadedParticipant) -> Vec<MuscleSpec> {
     let spec = &run.loaded.file.spec;
     run.model.muscle_names().filter_map(|name| spec.muscles.iter().find(|m| m.name == name)).cloned().collect()
 }

@@ -1,9 +1,10 @@
 //! The application as a library: what the command line does, for programs.
 //!
-//! In: the path of a study. [`study::Study::open`] tells all problems of its tables at once; [`participant::StudyParticipant::load`]
-//! reads a participant's model and trials with exactly the checks of the command line: a component of the model that matters
-//! and is not supported is an error. Each use case is one file with a typed request, whose default is what the command does
-//! without options, and a typed result. Files and reports are made from results.
+//! In: the path of a study. [`study::Study::open`] tells all problems of its tables at once;
+//! [`participant::StudyParticipant::load`] reads a participant's model and trials with exactly the checks of the
+//! command line: a component of the model that matters and is not supported is an error. Each use case is one file with
+//! a typed request, whose default is what the command does without options, and a typed result. Files and reports are
+//! made from results.
 //!
 //! [`study::Study::from_memory`] makes a study of arrays and a model that are in no file.
 //!

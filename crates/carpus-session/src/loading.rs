@@ -27,9 +27,9 @@ pub enum Purpose {
     Simulation,
     /// Fits of muscle parameters with their noise: as [`Purpose::Diagnosis`], without its warning of passive trials.
     Identification,
-    /// What compares trials with each other: samples are averaged to [`DIAGNOSIS_RATE`], with a warning where there are twice as
-    /// many: neither muscles nor movements are faster, and time and memory grow with them. Another warning where no trial to
-    /// train on holds a contraction.
+    /// What compares trials with each other: samples are averaged to [`DIAGNOSIS_RATE`], with a warning where there are
+    /// twice as many: neither muscles nor movements are faster, and time and memory grow with them. Another warning
+    /// where no trial to train on holds a contraction.
     Diagnosis,
 }
 
@@ -83,8 +83,8 @@ fn averaged(trials: Vec<Trial>, rate: f64, warnings: &mut Vec<Diagnostic>) -> Ve
 /// Memory that the noise of trials may take [bytes]: half of what a laptop of these years has.
 const MOST_MEMORY: f64 = 4e9;
 
-/// Fails where the noise of the trials to train on would take more memory than `MOST_MEMORY`: it grows with the square of
-/// their duration.
+/// Fails where the noise of the trials to train on would take more memory than `MOST_MEMORY`: it grows with the square
+/// of their duration.
 ///
 /// - `muscles`: active ones
 /// - `with_envelopes`: whether the true envelopes of the EMG are estimated, as a diagnosis does

@@ -33,8 +33,8 @@ impl<'s> StudyParticipant<'s> {
     /// Reads the model and the trials, with all checks that a command makes.
     ///
     /// # Errors
-    /// The model, one of its components that matters and is not supported among its faults; the trials; or one does not suit
-    /// the other.
+    /// The model, one of its components that matters and is not supported among its faults; the trials; or one does not
+    /// suit the other.
     pub fn load(&self) -> Result<Session<'s>, Failure> {
         self.load_for(Purpose::Simulation)
     }
@@ -104,8 +104,8 @@ impl<'s> Session<'s> {
         }
     }
 
-    /// Writes results of this participant into a folder of results, as the command does for `--participant`. Returns what a
-    /// person should know about files of earlier runs.
+    /// Writes results of this participant into a folder of results, as the command does for `--participant`. Returns
+    /// what a person should know about files of earlier runs.
     ///
     /// - `command`: the command that makes such results
     /// - `write`: writes them into the participant's folder, whose path in the folder of results it is given

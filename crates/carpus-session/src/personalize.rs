@@ -137,8 +137,8 @@ impl Personalized<'_> {
         write_results(out, folder, &self.results)
     }
 
-    /// Writes the files of `carpus personalize` into a folder of results: those of the participant P01 into its folder `P01`.
-    /// Returns what a person should know about files of earlier runs.
+    /// Writes the files of `carpus personalize` into a folder of results: those of the participant P01 into its folder
+    /// `P01`. Returns what a person should know about files of earlier runs.
     ///
     /// # Errors
     /// The folder cannot be written to, or holds what is not of this study and command.
@@ -173,7 +173,15 @@ pub(super) fn images(study: &Study, run: &LoadedParticipant) -> Result<Vec<Resti
         let at = |e: String| Failure::from(Diagnostic::error(e).in_file(&table).at_line(image.line));
         let (spec, path_length) = path_length(&run.loaded.file.spec, &run.loaded.model, &study.tables, image)
             .map_err(|e| at(format!("{} {}: {e}", run.participant.name, image.muscle)))?;
-        let millard = Millard2012::from_spec(spec).map_err(|e| at(e.to_string()))?;
+        let millard = Millard2012::from_spec(spec).map_err(|e| match spec.is_computed() {
+            true => at(format!(
+                "{}: fascicle lengths inform the fit of a Millard2012EquilibriumMuscle only, not of a {}; with `fascicles \
+                 = \"check\"` in [ultrasound] of study.toml they are compared with the model afterwards",
+                image.muscle,
+                spec.class()
+            )),
+            false => at(e.to_string()),
+        })?;
         fibers.push(RestingFiber {
             muscle,
             millard,

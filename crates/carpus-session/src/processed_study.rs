@@ -9,7 +9,8 @@ use carpus_report::results::rounded;
 use carpus_study::study::write::toml_string;
 use carpus_study::study::{AngleUnit, MomentPart, Participant, ProcessedTrial, Study, TrialInfo, TrialUse};
 
-/// Significant digits of a posture: what was read in degrees comes back as it was written, without the rounding of radians.
+/// Significant digits of a posture: what was read in degrees comes back as it was written, without the rounding of
+/// radians.
 const POSTURE_DIGITS: i32 = 12;
 
 /// A trial of the new study.
@@ -140,8 +141,8 @@ fn is_copied(table: &str) -> bool {
     !matches!(table, "study" | "dynamometer" | "processing")
 }
 
-/// The tables that are copied, line by line with their comments; where the lines would say something else (keys above the
-/// first header, text over several lines) as the parser understood them.
+/// The tables that are copied, line by line with their comments; where the lines would say something else (keys above
+/// the first header, text over several lines) as the parser understood them.
 fn other_tables(text: &str) -> String {
     let mut lines = String::new();
     let mut kept = false;

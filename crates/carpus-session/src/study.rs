@@ -26,8 +26,8 @@ pub struct Opening {
     pub effects: Option<PathBuf>,
     /// Whether work goes on without components of a model that would change the result and are not supported.
     pub allow_unsupported: bool,
-    /// Whether models are scaled to the participants as `[scaling]` says: all but those that a participant or [`Opening::model`]
-    /// names.
+    /// Whether models are scaled to the participants as `[scaling]` says: all but those that a participant or
+    /// [`Opening::model`] names.
     pub scales_models: bool,
     /// Words that results give as what made them; without them the request itself.
     pub command: Option<String>,
@@ -61,7 +61,8 @@ impl Study {
         Study::open_with(path, Opening::default())
     }
 
-    /// Opens a study; effects of a laboratory's own are those that were registered before ([`own_effects::register_all`]).
+    /// Opens a study; effects of a laboratory's own are those that were registered before
+    /// ([`own_effects::register_all`]).
     ///
     /// # Errors
     /// All problems of the study and its tables, together; the effects beside the model; an unknown participant.
@@ -137,8 +138,8 @@ impl Study {
         Ok(out)
     }
 
-    /// Writes results of the participants that are asked for into a folder of results, as the command does. Returns what a person
-    /// should know about files of earlier runs.
+    /// Writes results of the participants that are asked for into a folder of results, as the command does. Returns
+    /// what a person should know about files of earlier runs.
     ///
     /// - `command`: the command that makes such results
     ///

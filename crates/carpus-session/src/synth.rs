@@ -71,8 +71,8 @@ impl Synthesize {
 }
 
 impl Study {
-    /// Simulates the trials of every participant with hidden effects and parameters and writes them as a study; `truth.json`
-    /// says what is hidden.
+    /// Simulates the trials of every participant with hidden effects and parameters and writes them as a study;
+    /// `truth.json` says what is hidden.
     ///
     /// - `out`: [`Study::output_folder`] of `carpus synth`
     ///

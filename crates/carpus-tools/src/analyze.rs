@@ -395,8 +395,8 @@ pub fn states_from_file(
     Ok(storage.time.iter().zip(&storage.rows).map(state).collect())
 }
 
-/// Times, coordinates and speeds; other states are empty: those of many muscles at all times of a long motion would not fit into
-/// memory.
+/// Times, coordinates and speeds; other states are empty: those of many muscles at all times of a long motion would not
+/// fit into memory.
 fn states_from_motion(
     motion: Motion,
     tool: &Properties,

@@ -3,8 +3,8 @@
 //! ```text
 //! force = kp·(q_desired − q) + kv·(u_desired − u)
 //! ```
-//! OpenSim 4.6 makes it act in a `ForwardTool` alone, from the setup's own `ControllerSet`: of a model's, every tool stops
-//! ("already has a connectee") or crashes, as does an `AnalyzeTool` of a setup that has one.
+//! OpenSim 4.6 makes it act in a `ForwardTool` alone, from the setup's own `ControllerSet`: of a model's, every tool
+//! stops ("already has a connectee") or crashes, as does an `AnalyzeTool` of a setup that has one.
 
 use super::setup::Properties;
 use carpus_multibody::forces::AppliedForces;

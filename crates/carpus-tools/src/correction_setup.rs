@@ -8,8 +8,8 @@ use carpus_osim::osim::spec::ForceKind;
 use carpus_osim::storage::Storage;
 
 impl Correction {
-    /// Reads the one of a setup, if it has one. A second one does nothing, as in OpenSim, where it finds the first one's
-    /// actuators under the names of its own; that is the second string.
+    /// Reads the one of a setup, if it has one. A second one does nothing, as in OpenSim, where it finds the first
+    /// one's actuators under the names of its own; that is the second string.
     ///
     /// - `desired`: the rows of the `states_file`
     ///

@@ -1,7 +1,7 @@
 //! OpenSim's tools, run from OpenSim's own setup files: same files, headers, columns and units.
 //!
-//! In: a setup file and what it names. Out: an [`Outcome`]: files to be written, warnings, a summary. Nothing is written
-//! or printed here. Each tool is one file; all evaluate a [`System`], a model with everything that acts in it.
+//! In: a setup file and what it names. Out: an [`Outcome`]: files to be written, warnings, a summary. Nothing is
+//! written or printed here. Each tool is one file; all evaluate a [`System`], a model with everything that acts in it.
 
 mod analysis;
 mod analyze;

@@ -24,7 +24,8 @@ pub struct Outcome {
     pub files: Vec<ResultFile>,
     /// Files that were read, or that those name.
     pub inputs: Vec<PathBuf>,
-    /// What the user should know: file, line (0: none), text. What stands in the model and in files of forces comes first.
+    /// What the user should know: file, line (0: none), text. What stands in the model and in files of forces comes
+    /// first.
     pub warnings: Vec<(PathBuf, usize, String)>,
     /// How many of the warnings are about what stands in the model and in files of forces.
     pub warnings_of_files: usize,

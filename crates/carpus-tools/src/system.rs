@@ -132,7 +132,8 @@ impl System {
         let mut actors = Vec::new();
         for muscle in &spec.muscles {
             let compiled = MusclePath::compile(&muscle.path, &spec, &model).map_err(|e| fail(&muscle.at, e.into()))?;
-            // What is wrong is said by `require_all_forces`, where the muscle acts: other tools do without its force, as OpenSim.
+            // What is wrong is said by `require_all_forces`, where the muscle acts: other tools do without its force,
+            // as OpenSim.
             let law = MuscleModel::from_spec(muscle).ok();
             let class = match &muscle.kind {
                 carpus_osim::osim::spec::MuscleKind::OtherClass { class, .. } => class.clone(),
@@ -211,7 +212,8 @@ impl System {
         }
     }
 
-    /// The state in which OpenSim's `initSystem` leaves the model: default values, constraints satisfied if they can be.
+    /// The state in which OpenSim's `initSystem` leaves the model: default values, constraints satisfied if they can
+    /// be.
     ///
     /// # Errors
     /// Numbers that are not finite.
@@ -253,9 +255,9 @@ impl System {
     }
 
     /// Moves coordinates as little as possible so that they satisfy the constraints; couplers are followed first, as in
-    /// OpenSim a dependent coordinate gives way, and so does one that is free to satisfy constraints. Speeds stay as they
-    /// are. A model without any constraint of its own is left as it is, loops of joints open, unless a coordinate is held
-    /// (OpenSim's `Model::assemble`).
+    /// OpenSim a dependent coordinate gives way, and so does one that is free to satisfy constraints. Speeds stay as
+    /// they are. A model without any constraint of its own is left as it is, loops of joints open, unless a coordinate
+    /// is held (OpenSim's `Model::assemble`).
     ///
     /// # Errors
     /// Constraints that cannot be satisfied.
@@ -317,7 +319,7 @@ impl System {
                 continue;
             }
             match MuscleModel::from_spec(spec) {
-                Ok(_) | Err(carpus_multibody::muscles::MuscleError::NotMillard2012 { .. }) => {}
+                Ok(_) | Err(carpus_multibody::muscles::MuscleError::NotComputed { .. }) => {}
                 Err(error) => {
                     let file = spec.at.source.checked_sub(1).and_then(|i| self.force_sets.get(i));
                     let file = file.map_or(self.path.as_path(), PathBuf::as_path);
@@ -391,8 +393,8 @@ impl System {
         Ok(())
     }
 
-    /// As [`System::read_controllers`]; controllers that are not understood are left out, with a warning, where nothing acts by its
-    /// control alone.
+    /// As [`System::read_controllers`]; controllers that are not understood are left out, with a warning, where nothing
+    /// acts by its control alone.
     ///
     /// - `is_excluded`: which forces do not act, by name, whether it is a muscle, and whether any actuator
     ///
@@ -423,8 +425,8 @@ impl System {
         }
     }
 
-    /// Names of muscles and other forces that act but do not stand in the force set, so that OpenSim's tools neither exclude
-    /// nor list them.
+    /// Names of muscles and other forces that act but do not stand in the force set, so that OpenSim's tools neither
+    /// exclude nor list them.
     pub fn outside_of_force_set(&self) -> Vec<String> {
         let muscles = self.spec.muscles.iter().map(|m| (&m.at, &m.name));
         let all = muscles.chain(self.spec.forces.iter().map(|f| (&f.at, &f.name)));

@@ -1,7 +1,7 @@
 //! What a page carries: the model file, the trials as fits see them, and what was fitted already.
 //!
-//! As bytes: length of the header (four bytes, the lowest first), the header (JSON), the model file, the columns of every
-//! trial.
+//! As bytes: length of the header (four bytes, the lowest first), the header (JSON), the model file, the columns of
+//! every trial.
 
 use serde::{Deserialize, Serialize};
 
@@ -49,8 +49,8 @@ pub struct Header {
     pub side_car: String,
     /// Fascicle lengths of images that inform fits.
     pub images: Vec<ImageOfCase>,
-    /// Without effects, trials are simulated as `carpus compare` and `carpus personalize` do: paths are tabulated over the
-    /// recorded angles alone, not over those that effects may reach.
+    /// Without effects, trials are simulated as `carpus compare` and `carpus personalize` do: paths are tabulated over
+    /// the recorded angles alone, not over those that effects may reach.
     pub plain: bool,
     /// Trials were averaged to fewer samples.
     pub averaged: bool,

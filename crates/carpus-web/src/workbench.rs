@@ -189,8 +189,8 @@ impl Workbench {
 
     /// Simulates all trials and compares them with what was measured.
     ///
-    /// Steps of the integration are those of the model as given: the moments are within the integration's accuracy of those of
-    /// [`Workbench::simulate_anew`].
+    /// Steps of the integration are those of the model as given: the moments are within the integration's accuracy of
+    /// those of [`Workbench::simulate_anew`].
     ///
     /// # Errors
     /// A muscle whose forces cannot be balanced.

@@ -299,8 +299,8 @@ fn verif_derivatives_match_differences_of_whole_simulations() {
 
 /// Relative error of a derivative.
 const LIMIT: f64 = 1e-3;
-/// Of one with kinks that the difference of whole simulations steps over: excitations cut off at 0, a hinge, and moment arms
-/// where a path reaches or leaves a wrap surface.
+/// Of one with kinks that the difference of whole simulations steps over: excitations cut off at 0, a hinge, and moment
+/// arms where a path reaches or leaves a wrap surface.
 const LIMIT_AT_KINKS: f64 = 0.02;
 const KINKED: [&str; 4] = ["emg_floor", "ligament_stop", "angle_offset", "joint_compliance"];
 
@@ -337,8 +337,8 @@ fn verif_moments_of_the_joint_are_linear_in_their_amplitudes() {
     }
 }
 
-/// What an instantaneous effect makes of a few samples is what it makes of them within the whole trial; the others reach
-/// further, or need not say so.
+/// What an instantaneous effect makes of a few samples is what it makes of them within the whole trial; the others
+/// reach further, or need not say so.
 #[test]
 fn verif_instantaneous_effects_need_the_samples_in_question_alone() {
     let forward = forward();
@@ -365,7 +365,8 @@ fn verif_instantaneous_effects_need_the_samples_in_question_alone() {
     assert!(!forward.excites_instantaneously(&[delay]));
 }
 
-/// What an effect makes of a muscle's excitation is the same where the others' are left out, unless it says that it mixes them.
+/// What an effect makes of a muscle's excitation is the same where the others' are left out, unless it says that it
+/// mixes them.
 #[test]
 fn verif_excitations_of_other_muscles_may_be_left_out_unless_they_are_mixed() {
     let forward = forward();

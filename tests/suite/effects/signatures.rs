@@ -214,7 +214,8 @@ fn verif_gains_are_gains() {
 
 #[test]
 fn verif_optimal_length_follows_activation() {
-    // With λ > 0 the fibre at low activation is on a curve stretched by 1 + λ(1 − a): at full activation nothing changes.
+    // With λ > 0 the fibre at low activation is on a curve stretched by 1 + λ(1 − a): at full activation nothing
+    // changes.
     let at = |level: f64| {
         forward_with(&HELD[..1], |trial| {
             let n = trial.time.len();

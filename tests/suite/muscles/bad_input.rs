@@ -74,7 +74,7 @@ fn verif_invalid_curves_are_named() {
 #[test]
 fn verif_other_classes_are_refused() {
     let error = refused(|s| s.kind = MuscleKind::OtherClass { class: "Thelen2003Muscle".to_owned(), law: None });
-    assert_eq!(error, MuscleError::NotMillard2012 { muscle: "default".into(), class: "Thelen2003Muscle".into() });
+    assert_eq!(error, MuscleError::NotComputed { muscle: "default".into(), class: "Thelen2003Muscle".into() });
 }
 
 #[test]

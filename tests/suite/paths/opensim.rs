@@ -1,4 +1,5 @@
-//! Lengths and moment arms of every muscle of the lab models against OpenSim, at random poses and at the ends of ranges.
+//! Lengths and moment arms of every muscle of the lab models against OpenSim, at random poses and at the ends of
+//! ranges.
 //!
 //! The reference numbers come from `fixtures/scripts/paths_reference.py`, which is run when OpenSim is available (its
 //! output is kept until the model or the script changes).

@@ -9,8 +9,8 @@ use super::references::{References, written};
 const TOLERANCE: f64 = 1e-8;
 /// The same of inverse dynamics, which is written with eight digits.
 const OF_EIGHT_DIGITS: f64 = 2e-8;
-/// The same where OpenSim's tool assembles states that satisfy constraints already: it moves them by up to 1e-9 rad, which
-/// accelerations of tens of rad/s² multiply.
+/// The same where OpenSim's tool assembles states that satisfy constraints already: it moves them by up to 1e-9 rad,
+/// which accelerations of tens of rad/s² multiply.
 const REASSEMBLED: f64 = 1e-7;
 /// The same where OpenSim's assembly decides on the motion: it ends where the sum of squares changes by 1e-9.
 const ASSEMBLED: f64 = 1e-5;

@@ -1,4 +1,5 @@
-//! Names in setups: forces that are excluded, groups of forces, names that nothing has; controllers wherever they stand.
+//! Names in setups: forces that are excluded, groups of forces, names that nothing has; controllers wherever they
+//! stand.
 
 use carpus::tools::run_tool;
 
@@ -26,8 +27,8 @@ fn elbow(excluded: &str, with_group: bool) -> (f64, String) {
     (found.rows[0][found.find("elbow_flex_moment").unwrap()], said)
 }
 
-/// OpenSim 4.6's elbow moments without and with BIC and TRI excluded [N·m], and the difference that eight digits in a file
-/// and one in a fibre's equilibrium leave.
+/// OpenSim 4.6's elbow moments without and with BIC and TRI excluded [N·m], and the difference that eight digits in a
+/// file and one in a fibre's equilibrium leave.
 const ELBOW: [f64; 2] = [60.418_420_96, 2.393_491_83];
 const ELBOW_TOLERANCE: f64 = 1e-4;
 
@@ -108,8 +109,8 @@ fn pendulum(place: [&str; 2]) -> String {
     )
 }
 
-/// Angle and speed of the pendulum after 0.5 s as OpenSim 4.6 has them with steps of 1 ms at most [rad, rad/s]. Its own result with
-/// steps of any length differs by 1e-5.
+/// Angle and speed of the pendulum after 0.5 s as OpenSim 4.6 has them with steps of 1 ms at most [rad, rad/s]. Its own
+/// result with steps of any length differs by 1e-5.
 const PENDULUM: [f64; 2] = [0.800_108_41, 2.283_854_27];
 const PENDULUM_TOLERANCE: f64 = 2e-5;
 

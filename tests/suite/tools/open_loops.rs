@@ -1,9 +1,10 @@
-//! Loops of joints that the default pose or a states file leaves open: what OpenSim does with them (`fixtures/open_loops`).
+//! Loops of joints that the default pose or a states file leaves open: what OpenSim does with them
+//! (`fixtures/open_loops`).
 
 use super::references::References;
 
-/// Largest difference of a motion of 0.1 s, relative to what is above 1, from OpenSim's integrator at an accuracy of 1e-9; the
-/// state from which it starts agrees to rounding.
+/// Largest difference of a motion of 0.1 s, relative to what is above 1, from OpenSim's integrator at an accuracy of
+/// 1e-9; the state from which it starts agrees to rounding.
 const IN_MOTION: f64 = 1e-6;
 /// The same of accelerations, which are written with 14 digits.
 const OF_ACCELERATIONS: f64 = 1e-11;

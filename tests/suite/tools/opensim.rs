@@ -16,8 +16,8 @@ use crate::validation::{self, Differences, Judge, Row};
 /// Numbers are printed with this many digits behind the point.
 const PRECISION: usize = 12;
 
-/// Models of which OpenSim's accelerations, and what hangs on them, are left out: nearly massless bodies, so that forces of 1e6 N·m
-/// stay unbalanced.
+/// Models of which OpenSim's accelerations, and what hangs on them, are left out: nearly massless bodies, so that
+/// forces of 1e6 N·m stay unbalanced.
 const WITHOUT_ACCELERATIONS: [&str; 1] = ["MOBL_ARMS_41"];
 /// What OpenSim's deprecated muscles leave undefined.
 const UNDEFINED: &str = "OpenSim's deprecated muscles do not compute these: not a number there, a number here";
@@ -393,7 +393,8 @@ fn val_opensim_mobl_arms_scale() {
     assert!(largest < 3e-3);
 }
 
-/// Markers of a file, one of them moved to another body, and scale factors given by hand, some of a body that there is not.
+/// Markers of a file, one of them moved to another body, and scale factors given by hand, some of a body that there is
+/// not.
 #[test]
 #[cfg_attr(not(has_opensim), ignore = "needs a Python with OpenSim 4.6 (CARPUS_PYTHON)")]
 fn val_opensim_manual_scale_with_a_marker_set_file() {

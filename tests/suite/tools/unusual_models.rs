@@ -7,8 +7,8 @@ use carpus::tools::{Outcome, run_tool};
 
 use super::opensim::{Bench, motion_of, setup};
 
-/// Axes of a CustomJoint with a function but no coordinate, semi-axes below zero, a frame given by markers of its body, a
-/// rigid tendon of no length, and a crank that pushes a slider through a constant distance.
+/// Axes of a CustomJoint with a function but no coordinate, semi-axes below zero, a frame given by markers of its body,
+/// a rigid tendon of no length, and a crank that pushes a slider through a constant distance.
 const MODEL: &str = r#"<?xml version="1.0" encoding="UTF-8" ?>
 <OpenSimDocument Version="40500">
 <Model name="unusual">

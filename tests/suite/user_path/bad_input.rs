@@ -195,7 +195,7 @@ fn verif_a_posture_outside_the_range_is_told_in_degrees() {
 }
 
 #[test]
-fn verif_an_active_muscle_of_another_class_is_told_with_its_line() {
+fn verif_an_active_muscle_of_a_class_without_force_is_told_with_its_line() {
     let study = StudyCopy::new();
     study.edit("wrist.osim", |text| {
         let end = text.find("</Millard2012EquilibriumMuscle>").unwrap();
@@ -203,12 +203,12 @@ fn verif_an_active_muscle_of_another_class_is_told_with_its_line() {
         let curve = text.find("<TendonForceLengthCurve").unwrap();
         assert!(curve < end);
         format!("{}{}", &text[..curve], &text[end..])
-            .replacen("<Millard2012EquilibriumMuscle ", "<Thelen2003Muscle ", 1)
-            .replacen("</Millard2012EquilibriumMuscle>", "</Thelen2003Muscle>", 1)
+            .replacen("<Millard2012EquilibriumMuscle ", "<Millard2012AccelerationMuscle ", 1)
+            .replacen("</Millard2012EquilibriumMuscle>", "</Millard2012AccelerationMuscle>", 1)
     });
     let line = std::fs::read_to_string(study.path("wrist.osim")).unwrap();
-    let line = 1 + line.lines().position(|l| l.contains("<Thelen2003Muscle ")).unwrap();
-    let says = ["Thelen2003Muscle is not computed", "hint: leave it out of [muscles]"];
+    let line = 1 + line.lines().position(|l| l.contains("<Millard2012AccelerationMuscle ")).unwrap();
+    let says = ["force of a Millard2012AccelerationMuscle is not computed", "hint: leave it out of [muscles]"];
     study.refused(&format!("wrist.osim:{line}: "), &says);
 }
 
@@ -334,20 +334,22 @@ fn verif_unwritable_output_is_found_before_computing() {
 #[test]
 fn verif_a_muscle_without_force_model_is_refused_or_left_out() {
     let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("thelen.osim");
+    let file = folder.path().join("acceleration.osim");
     let text = std::fs::read_to_string(model()).unwrap();
     let start = text.find("<Millard2012EquilibriumMuscle").unwrap();
     let end = start
         + text[start..].find("</Millard2012EquilibriumMuscle>").unwrap()
         + "</Millard2012EquilibriumMuscle>".len();
-    let changed = text[start..end].replace("Millard2012EquilibriumMuscle", "Thelen2003Muscle");
+    let changed = text[start..end].replace("Millard2012EquilibriumMuscle", "Millard2012AccelerationMuscle");
     std::fs::write(&file, format!("{}{changed}{}", &text[..start], &text[end..])).unwrap();
     let run = || {
         let mut command = carpus();
         command.arg("equilibrium").arg(&file);
         command
     };
-    run().assert().code(1).stderr(contains("Thelen2003Muscle is not computed").and(contains("thelen.osim:")));
+    run().assert().code(1).stderr(
+        contains("force of a Millard2012AccelerationMuscle is not computed").and(contains("acceleration.osim:")),
+    );
     let shown = run().arg("--allow-unsupported").assert().success();
     shown.stderr(contains("warning: ")).stdout(contains("FCU").and(contains("ECRL").not()));
 }

@@ -48,8 +48,8 @@ pub enum Role {
 pub enum Quantity {
     /// What is reported, in its unit.
     Itself,
-    /// The natural logarithm of the ratio by which a property of the muscles changes. Reported is the property, which depends on the
-    /// muscles.
+    /// The natural logarithm of the ratio by which a property of the muscles changes. Reported is the property, which
+    /// depends on the muscles.
     LogRatio,
 }
 
@@ -65,7 +65,8 @@ pub enum StrengthScaling {
     Inverse,
 }
 
-/// How start and plausible range of a parameter, which are those of a joint whose neutral angle is 0, follow the neutral angle.
+/// How start and plausible range of a parameter, which are those of a joint whose neutral angle is 0, follow the
+/// neutral angle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum NeutralShift {
@@ -109,7 +110,8 @@ pub struct Parameter {
     pub strength: StrengthScaling,
     /// How start and range follow the joint's neutral angle.
     pub neutral: NeutralShift,
-    /// Step limit: fits try no value further from the start than so many scales; shapes up to the plausible range in any case.
+    /// Step limit: fits try no value further from the start than so many scales; shapes up to the plausible range in
+    /// any case.
     pub reach: f64,
     /// Where the range comes from.
     pub source: &'static str,
@@ -147,7 +149,8 @@ pub enum MomentUse {
 pub enum FlippedArm {
     /// The same.
     Same,
-    /// The moment that it adds changes its sign. A force in a model acts the same way in all trials and cannot stand for it.
+    /// The moment that it adds changes its sign. A force in a model acts the same way in all trials and cannot stand
+    /// for it.
     Reversed,
 }
 
@@ -180,8 +183,8 @@ pub struct Description {
     pub name: &'static str,
     /// Where it acts.
     pub stage: Stage,
-    /// Place within the stage: effects act by increasing order. Those of equal order each add or each multiply, so that their order
-    /// does not matter.
+    /// Place within the stage: effects act by increasing order. Those of equal order each add or each multiply, so that
+    /// their order does not matter.
     pub order: u8,
     /// How it behaves beside others.
     pub behaviour: Behaviour,
@@ -207,8 +210,8 @@ impl Stage {
         matches!(self, Stage::Joint | Stage::Inertia)
     }
 
-    /// Step of differences, in units of a parameter's scale. Of closed formulas errors of rounding and of the step squared are both
-    /// near 10⁻⁸. Curves of muscles are tables with an error of 10⁻⁸, and take a wider one.
+    /// Step of differences, in units of a parameter's scale. Of closed formulas errors of rounding and of the step
+    /// squared are both near 10⁻⁸. Curves of muscles are tables with an error of 10⁻⁸, and take a wider one.
     pub fn difference_step(self) -> f64 {
         match self {
             Stage::Muscle | Stage::Activation => 1e-2,

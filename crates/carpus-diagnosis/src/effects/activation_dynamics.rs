@@ -1,7 +1,7 @@
 //! Activation and deactivation times.
 
 use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, log_ratio, scale_property, scaled_mean};
-use carpus_osim::osim::spec::MuscleSpec;
+use carpus_osim::osim::spec::{MuscleProperty, MuscleSpec};
 
 /// Activation and deactivation times: `ȧ = (e - a)/τ(a, e) with other τ_act, τ_deact; all muscles scaled together`.
 pub struct ActivationDynamics;
@@ -41,15 +41,19 @@ impl Effect for ActivationDynamics {
         &DESCRIPTION
     }
 
+    fn muscle_properties(&self) -> &'static [MuscleProperty] {
+        &[MuscleProperty::ActivationTimeConstant, MuscleProperty::DeactivationTimeConstant]
+    }
+
     fn change_muscles(&self, values: &[f64], muscles: &mut [MuscleSpec]) -> bool {
-        let slower = scale_property(muscles, values[0], |p, factor| p.deactivation_time_constant *= factor);
-        scale_property(muscles, values[1], |p, factor| p.activation_time_constant *= factor) || slower
+        let slower = scale_property(muscles, values[0], MuscleProperty::DeactivationTimeConstant);
+        scale_property(muscles, values[1], MuscleProperty::ActivationTimeConstant) || slower
     }
 
     fn reported(&self, values: &[f64], muscles: &[MuscleSpec]) -> Vec<f64> {
         vec![
-            scaled_mean(muscles, values[0], |p| p.deactivation_time_constant),
-            scaled_mean(muscles, values[1], |p| p.activation_time_constant),
+            scaled_mean(muscles, values[0], MuscleProperty::DeactivationTimeConstant),
+            scaled_mean(muscles, values[1], MuscleProperty::ActivationTimeConstant),
         ]
     }
 }

@@ -1,9 +1,10 @@
 //! Width of the active force-length curve.
 
 use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, log_ratio, scale_property};
-use carpus_osim::osim::spec::MuscleSpec;
+use carpus_osim::osim::spec::{MuscleProperty, MuscleSpec};
 
-/// Width of the active force-length curve: `normalized lengths 1 + w (l - 1) of the active force-length curve; w is the width ratio`.
+/// Width of the active force-length curve: `normalized lengths 1 + w (l - 1) of the active force-length curve; w is the
+/// width ratio`.
 pub struct ActiveForceWidth;
 
 static DESCRIPTION: Description = Description {
@@ -32,15 +33,12 @@ impl Effect for ActiveForceWidth {
         &DESCRIPTION
     }
 
+    fn muscle_properties(&self) -> &'static [MuscleProperty] {
+        &[MuscleProperty::ActiveForceWidth]
+    }
+
     fn change_muscles(&self, values: &[f64], muscles: &mut [MuscleSpec]) -> bool {
-        scale_property(muscles, values[0], |p, factor| {
-            let curve = &mut p.active_force_length;
-            let stretch = |length: &mut f64| *length = 1.0 + (*length - 1.0) * factor;
-            stretch(&mut curve.min_norm_active_fiber_length);
-            stretch(&mut curve.transition_norm_fiber_length);
-            stretch(&mut curve.max_norm_active_fiber_length);
-            curve.shallow_ascending_slope /= factor;
-        })
+        scale_property(muscles, values[0], MuscleProperty::ActiveForceWidth)
     }
 
     fn reported(&self, values: &[f64], _: &[MuscleSpec]) -> Vec<f64> {

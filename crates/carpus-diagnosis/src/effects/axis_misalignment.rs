@@ -2,7 +2,8 @@
 
 use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, TrialContext, amplitude};
 
-/// Axes of joint and machine apart: `τ (1 + s sin q + c cos q) = τ (1 + (e/L) cos(q - φ))`, e/L the offset over the lever.
+/// Axes of joint and machine apart: `τ (1 + s sin q + c cos q) = τ (1 + (e/L) cos(q - φ))`, e/L the offset over the
+/// lever.
 pub struct AxisMisalignment;
 
 static DESCRIPTION: Description = Description {

@@ -3,7 +3,8 @@
 use crate::effect::{Behaviour, Description, Effect, ExcitationScope, OsimForm, Stage, TrialContext, amplitude, shape};
 use nalgebra::{DMatrix, DVector};
 
-/// EMG cross-talk: `e_meas = (I + c X) e`, X the mean of the muscles on the same side, and a share w of that of the other side.
+/// EMG cross-talk: `e_meas = (I + c X) e`, X the mean of the muscles on the same side, and a share w of that of the
+/// other side.
 pub struct EmgCrosstalk;
 
 static DESCRIPTION: Description = Description {

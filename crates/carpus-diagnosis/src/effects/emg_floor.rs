@@ -32,8 +32,8 @@ impl Effect for EmgFloor {
         &DESCRIPTION
     }
 
-    /// Up to 1 % of maximum, which every channel's own baseline may be in any case. Nevertheless it would be nearer to moments and
-    /// EMG: muscles at rest come to their least activation, and the EMG's noise passes no more.
+    /// Up to 1 % of maximum, which every channel's own baseline may be in any case. Nevertheless it would be nearer to
+    /// moments and EMG: muscles at rest come to their least activation, and the EMG's noise passes no more.
     fn is_within_noise(&self, values: &[f64]) -> bool {
         values.iter().all(|b| b.abs() <= BASELINE_SD)
     }

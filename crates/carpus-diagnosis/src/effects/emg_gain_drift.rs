@@ -2,7 +2,8 @@
 
 use crate::effect::{Behaviour, Description, Effect, ExcitationScope, OsimForm, Stage, TrialContext, amplitude};
 
-/// Drift of the EMG gain: `e (1 + d s), s = 0 to 1 over the session; the part that follows the angle is moment_arm_slope but for saturation and is left to it`.
+/// Drift of the EMG gain: `e (1 + d s), s = 0 to 1 over the session; the part that follows the angle is
+/// moment_arm_slope but for saturation and is left to it`.
 pub struct EmgGainDrift;
 
 static DESCRIPTION: Description = Description {

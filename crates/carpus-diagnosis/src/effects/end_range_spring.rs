@@ -2,8 +2,8 @@
 
 use crate::effect::{Behaviour, Description, Effect, JointState, NativeForm, OsimForm, Stage, amplitude, shape};
 
-/// Passive springs at the ends of the range: `a1 exp(-b1 (q - qn + 90°)) - a2 exp(b2 (q - qn - 90°))`, q positive in flexion, qn the
-/// joint's neutral angle.
+/// Passive springs at the ends of the range: `a1 exp(-b1 (q - qn + 90°)) - a2 exp(b2 (q - qn - 90°))`, q positive in
+/// flexion, qn the joint's neutral angle.
 pub struct EndRangeSpring;
 
 static DESCRIPTION: Description = Description {

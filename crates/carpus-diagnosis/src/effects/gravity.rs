@@ -2,7 +2,8 @@
 
 use crate::effect::{Behaviour, Description, Effect, FlippedArm, JointState, NativeForm, OsimForm, Stage, amplitude};
 
-/// Weight of the hand: `-(A cos q + B sin q); A² + B² = (m g l)²`, with the other sign where the forearm is turned over.
+/// Weight of the hand: `-(A cos q + B sin q); A² + B² = (m g l)²`, with the other sign where the forearm is turned
+/// over.
 pub struct Gravity;
 
 static DESCRIPTION: Description = Description {

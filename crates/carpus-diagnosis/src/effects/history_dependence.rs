@@ -7,13 +7,13 @@ use crate::effect::{
 /// A memory is not shorter than this [s], and the travel that completes the effect not than this [rad].
 const LEAST: f64 = 0.02;
 
-/// History dependence of muscle force. After shortening the muscle is weaker in proportion, `F (1 - h tanh(s/s0))`, s the active
-/// shortening. After stretch it pulls with more, `F + e h F_max tanh(-s/s0)`: a parallel element carries that force, which therefore
-/// outlasts the activation.
+/// History dependence of muscle force. After shortening the muscle is weaker in proportion, `F (1 - h tanh(s/s0))`, s
+/// the active shortening. After stretch it pulls with more, `F + e h F_max tanh(-s/s0)`: a parallel element carries
+/// that force, which therefore outlasts the activation.
 ///
 /// # References
-/// Herzog & Leonard (2002), doi:10.1242/jeb.205.9.1275: most of the force that a long stretch of a cat soleus adds remains when its
-/// stimulation ends, and disappears when it is shortened.
+/// Herzog & Leonard (2002), doi:10.1242/jeb.205.9.1275: most of the force that a long stretch of a cat soleus adds
+/// remains when its stimulation ends, and disappears when it is shortened.
 pub struct HistoryDependence;
 
 static DESCRIPTION: Description = Description {

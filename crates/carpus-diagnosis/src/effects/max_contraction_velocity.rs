@@ -1,7 +1,7 @@
 //! Maximum contraction velocity.
 
-use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, log_ratio};
-use carpus_osim::osim::spec::MuscleSpec;
+use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, log_ratio, scale_property, scaled_mean};
+use carpus_osim::osim::spec::{MuscleProperty, MuscleSpec};
 
 /// Maximum contraction velocity: `v_max of all active muscles, scaled together`.
 pub struct MaxContractionVelocity;
@@ -32,21 +32,15 @@ impl Effect for MaxContractionVelocity {
         &DESCRIPTION
     }
 
+    fn muscle_properties(&self) -> &'static [MuscleProperty] {
+        &[MuscleProperty::MaxContractionVelocity]
+    }
+
     fn change_muscles(&self, values: &[f64], muscles: &mut [MuscleSpec]) -> bool {
-        let [ratio] = *values else { return false };
-        if ratio == 0.0 {
-            return false;
-        }
-        for muscle in muscles {
-            muscle.max_contraction_velocity *= ratio.exp();
-        }
-        true
+        scale_property(muscles, values[0], MuscleProperty::MaxContractionVelocity)
     }
 
     fn reported(&self, values: &[f64], muscles: &[MuscleSpec]) -> Vec<f64> {
-        let usual = |m: &MuscleSpec| Some(m.max_contraction_velocity);
-        let known: Vec<f64> = muscles.iter().filter_map(usual).collect();
-        let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
-        vec![mean * values[0].exp()]
+        vec![scaled_mean(muscles, values[0], MuscleProperty::MaxContractionVelocity)]
     }
 }

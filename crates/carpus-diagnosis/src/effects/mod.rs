@@ -39,7 +39,8 @@ mod torque_gain;
 mod torque_offset;
 mod unmodelled_muscles;
 
-/// The catalogue. The order of this list is that of tables; effects act in the order that each states (`Description::order`).
+/// The catalogue. The order of this list is that of tables; effects act in the order that each states
+/// (`Description::order`).
 pub static CATALOGUE: &[&dyn Effect] = &[
     &joint_stiffness::JointStiffness,
     &end_range_spring::EndRangeSpring,
@@ -96,7 +97,8 @@ mod tests {
         assert_eq!(files, listed);
     }
 
-    /// EMG loses baseline and cross-talk before its gain is corrected; a sensor delays and filters before it scales and shifts.
+    /// EMG loses baseline and cross-talk before its gain is corrected; a sensor delays and filters before it scales and
+    /// shifts.
     #[test]
     fn verif_effects_that_do_not_commute_have_an_order() {
         for stage in [Stage::Excitation, Stage::Sensor] {

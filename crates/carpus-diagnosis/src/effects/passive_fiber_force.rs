@@ -1,7 +1,7 @@
 //! Stiffness of passive fibres.
 
 use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, log_ratio, scale_property, scaled_mean};
-use carpus_osim::osim::spec::{Millard2012Spec, MuscleSpec};
+use carpus_osim::osim::spec::{MuscleKind, MuscleProperty, MuscleSpec};
 
 /// Stiffness of passive fibres: `strain of the fibre at which its passive force is F_max; all muscles scaled together`.
 pub struct PassiveFiberForce;
@@ -32,23 +32,26 @@ impl Effect for PassiveFiberForce {
         &DESCRIPTION
     }
 
+    fn muscle_properties(&self) -> &'static [MuscleProperty] {
+        &[MuscleProperty::PassiveFiberStrain]
+    }
+
     fn change_muscles(&self, values: &[f64], muscles: &mut [MuscleSpec]) -> bool {
-        scale_property(muscles, values[0], |p, factor| {
-            let curve = &mut p.fiber_force_length;
-            let range = curve.strain_at_one_norm_force - curve.strain_at_zero_force;
-            curve.strain_at_one_norm_force = curve.strain_at_zero_force + range * factor;
-            curve.stiffness_at_low_force.iter_mut().for_each(|stiffness| *stiffness /= factor);
-            curve.stiffness_at_one_norm_force.iter_mut().for_each(|stiffness| *stiffness /= factor);
-        })
+        scale_property(muscles, values[0], MuscleProperty::PassiveFiberStrain)
     }
 
     fn reported(&self, values: &[f64], muscles: &[MuscleSpec]) -> Vec<f64> {
         // The strain at which force begins stays.
-        let range = |p: &Millard2012Spec| {
-            p.fiber_force_length.strain_at_one_norm_force - p.fiber_force_length.strain_at_zero_force
-        };
-        let begin = scaled_mean(muscles, 0.0, |p| p.fiber_force_length.strain_at_zero_force);
-        vec![begin + scaled_mean(muscles, values[0], range)]
+        let begin: Vec<f64> = muscles
+            .iter()
+            .filter(|muscle| MuscleProperty::PassiveFiberStrain.of(muscle).is_some())
+            .map(|muscle| match &muscle.kind {
+                MuscleKind::Millard2012Equilibrium(own) => own.fiber_force_length.strain_at_zero_force,
+                MuscleKind::OtherClass { .. } => 0.0,
+            })
+            .collect();
+        let begin = begin.iter().sum::<f64>() / begin.len().max(1) as f64;
+        vec![begin + scaled_mean(muscles, values[0], MuscleProperty::PassiveFiberStrain)]
     }
 }
 
@@ -56,7 +59,6 @@ impl Effect for PassiveFiberForce {
 mod tests {
     use super::*;
     use carpus_osim::osim::OsimFile;
-    use carpus_osim::osim::spec::MuscleKind;
 
     #[test]
     fn verif_what_is_reported_is_what_the_muscles_have() {
@@ -70,7 +72,11 @@ mod tests {
         for ratio in [-0.4, 0.0, 0.3] {
             let mut changed = muscles.clone();
             PassiveFiberForce.change_muscles(&[ratio], &mut changed);
-            let has = scaled_mean(&changed, 0.0, |p| p.fiber_force_length.strain_at_one_norm_force);
+            let strain = |m: &MuscleSpec| match &m.kind {
+                MuscleKind::Millard2012Equilibrium(own) => own.fiber_force_length.strain_at_one_norm_force,
+                MuscleKind::OtherClass { .. } => f64::NAN,
+            };
+            let has = changed.iter().map(strain).sum::<f64>() / changed.len() as f64;
             let reported = PassiveFiberForce.reported(&[ratio], &muscles)[0];
             assert!((reported - has).abs() < 1e-12, "{reported} {has}");
         }

@@ -1,7 +1,7 @@
 //! Tendon compliance.
 
 use crate::effect::{Behaviour, Description, Effect, OsimForm, Stage, log_ratio, scale_property, scaled_mean};
-use carpus_osim::osim::spec::MuscleSpec;
+use carpus_osim::osim::spec::{MuscleProperty, MuscleSpec};
 
 /// Tendon compliance: `strain of the tendon at maximum isometric force; its stiffness changes inversely`.
 pub struct TendonCompliance;
@@ -32,15 +32,15 @@ impl Effect for TendonCompliance {
         &DESCRIPTION
     }
 
+    fn muscle_properties(&self) -> &'static [MuscleProperty] {
+        &[MuscleProperty::TendonStrain]
+    }
+
     fn change_muscles(&self, values: &[f64], muscles: &mut [MuscleSpec]) -> bool {
-        scale_property(muscles, values[0], |p, factor| {
-            let curve = &mut p.tendon_force_length;
-            curve.strain_at_one_norm_force *= factor;
-            curve.stiffness_at_one_norm_force.iter_mut().for_each(|stiffness| *stiffness /= factor);
-        })
+        scale_property(muscles, values[0], MuscleProperty::TendonStrain)
     }
 
     fn reported(&self, values: &[f64], muscles: &[MuscleSpec]) -> Vec<f64> {
-        vec![scaled_mean(muscles, values[0], |p| p.tendon_force_length.strain_at_one_norm_force)]
+        vec![scaled_mean(muscles, values[0], MuscleProperty::TendonStrain)]
     }
 }

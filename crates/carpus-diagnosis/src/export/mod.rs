@@ -63,11 +63,13 @@ pub enum ExportError {
     },
 }
 
-/// Writes muscles and effects into a model file; what comes beside it. Values that are the model's own stay as they are written.
+/// Writes muscles and effects into a model file; what comes beside it. Values that are the model's own stay as they are
+/// written.
 ///
-/// - `names`: of the active muscles; `given`, `parameters`: the model's own parameters of these, and those to be written
-/// - `arm_turns`: whether the forearm is turned over in some trials; a force of the model acts the same way in all, so that weight
-///   that turns with the arm then stays beside it
+/// - `names`: of the active muscles; `given`, `parameters`: the model's own parameters of these, and those to be
+///   written
+/// - `arm_turns`: whether the forearm is turned over in some trials; a force of the model acts the same way in all, so
+///   that weight that turns with the arm then stays beside it
 ///
 /// # Errors
 /// [`ExportError`]; the file is then as it was.

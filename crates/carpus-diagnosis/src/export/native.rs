@@ -8,7 +8,7 @@ use crate::forward_model::Setting;
 use crate::joint_traits::neutral_angle;
 use carpus_multibody::multibody::Model;
 use carpus_osim::osim::edit::format_number;
-use carpus_osim::osim::spec::{BodyIndex, CoordinateIndex, ModelSpec, MotionType, MuscleKind, MuscleSpec};
+use carpus_osim::osim::spec::{BodyIndex, CoordinateIndex, ModelSpec, MotionType, MuscleSpec};
 use carpus_osim::osim::{EditError, OsimFile};
 use carpus_simulation::simulation::Setup;
 use carpus_study::study::MomentPart;
@@ -100,7 +100,8 @@ fn write_muscles(file: &mut OsimFile, setup: &Setup, item: &Setting) -> Result<V
     }
     let mut changes = Vec::new();
     for (before, after) in before.iter().zip(&after) {
-        for ((property, old), (_, new)) in properties(before).into_iter().zip(properties(after)) {
+        let values = before.changeable_properties().into_iter().zip(after.changeable_properties());
+        for ((property, old), (_, new)) in values {
             if old != new {
                 changes.push((before.name.as_str(), property, new));
             }
@@ -108,31 +109,6 @@ fn write_muscles(file: &mut OsimFile, setup: &Setup, item: &Setting) -> Result<V
     }
     file.set_muscle_properties(&changes)?;
     Ok(changes.iter().map(|(muscle, property, _)| format!("/forceset/{muscle}: {property}")).collect())
-}
-
-/// The properties that effects change, as [`OsimFile::set_muscle_properties`] names them.
-fn properties(muscle: &MuscleSpec) -> Vec<(&'static str, f64)> {
-    let mut all = vec![("max_contraction_velocity", muscle.max_contraction_velocity)];
-    let MuscleKind::Millard2012Equilibrium(p) = &muscle.kind else { return all };
-    let (active, passive, tendon) = (&p.active_force_length, &p.fiber_force_length, &p.tendon_force_length);
-    all.extend([
-        ("activation_time_constant", p.activation_time_constant),
-        ("deactivation_time_constant", p.deactivation_time_constant),
-        ("ActiveForceLengthCurve/min_norm_active_fiber_length", active.min_norm_active_fiber_length),
-        ("ActiveForceLengthCurve/transition_norm_fiber_length", active.transition_norm_fiber_length),
-        ("ActiveForceLengthCurve/max_norm_active_fiber_length", active.max_norm_active_fiber_length),
-        ("ActiveForceLengthCurve/shallow_ascending_slope", active.shallow_ascending_slope),
-        ("FiberForceLengthCurve/strain_at_one_norm_force", passive.strain_at_one_norm_force),
-        ("TendonForceLengthCurve/strain_at_one_norm_force", tendon.strain_at_one_norm_force),
-    ]);
-    // What OpenSim computes itself stays unwritten: no effect gives it a value.
-    let optional = [
-        ("FiberForceLengthCurve/stiffness_at_low_force", passive.stiffness_at_low_force),
-        ("FiberForceLengthCurve/stiffness_at_one_norm_force", passive.stiffness_at_one_norm_force),
-        ("TendonForceLengthCurve/stiffness_at_one_norm_force", tendon.stiffness_at_one_norm_force),
-    ];
-    all.extend(optional.into_iter().filter_map(|(name, value)| value.map(|value| (name, value))));
-    all
 }
 
 /// Adds the force under a name that no other force has; gives the name.

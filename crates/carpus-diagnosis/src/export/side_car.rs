@@ -9,9 +9,11 @@
 //! delay = { value = 0.06, unit = "s" }
 //! ```
 //!
-//! An effect that is not of the catalogue brings its definition along: `definition = '''` and the text of the laboratory's file.
+//! An effect that is not of the catalogue brings its definition along: `definition = '''` and the text of the
+//! laboratory's file.
 //!
-//! A change of the muscles' properties is a ratio, kept as its logarithm (unit `ln(ratio)`): the file does not know the muscles.
+//! A change of the muscles' properties is a ratio, kept as its logarithm (unit `ln(ratio)`): the file does not know the
+//! muscles.
 
 use std::path::{Path, PathBuf};
 

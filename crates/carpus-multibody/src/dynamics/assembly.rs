@@ -7,8 +7,8 @@ use nalgebra::{DMatrix, DVector};
 
 /// Largest violation of constraints that assembly leaves [rad or m].
 const ASSEMBLED: f64 = 1e-12;
-/// Largest step along the constraints at which assembly ends [rad or m]: far below what motion capture can tell, and above
-/// rounding of sums of some hundred squares.
+/// Largest step along the constraints at which assembly ends [rad or m]: far below what motion capture can tell, and
+/// above rounding of sums of some hundred squares.
 const SETTLED: f64 = 1e-10;
 /// Iterations of assembly.
 const ASSEMBLY_ITERATIONS: usize = 100;
@@ -19,10 +19,11 @@ const WHOLE_STEPS: usize = 20;
 const DIFFERENCE: f64 = 1e-6;
 
 impl Dynamics<'_> {
-    /// Moves coordinates so that they satisfy the constraints, by Newton's method with the smallest steps in sum of squares.
+    /// Moves coordinates so that they satisfy the constraints, by Newton's method with the smallest steps in sum of
+    /// squares.
     ///
-    /// Steps are those of Simbody's `projectQ`, so that coordinates which are far from satisfying the constraints end where
-    /// OpenSim's do. Where those end nowhere, no step turns a joint by more than half a radian.
+    /// Steps are those of Simbody's `projectQ`, so that coordinates which are far from satisfying the constraints end
+    /// where OpenSim's do. Where those end nowhere, no step turns a joint by more than half a radian.
     ///
     /// # Errors
     /// Constraints that cannot be satisfied together.
@@ -50,7 +51,8 @@ impl Dynamics<'_> {
         assembled(violation)
     }
 
-    /// Away from the constraints their Jacobian, as Simbody's, is not the derivative of the violation: that is taken by differences.
+    /// Away from the constraints their Jacobian, as Simbody's, is not the derivative of the violation: that is taken by
+    /// differences.
     fn short_steps(&mut self, time: f64, q: &mut [f64]) -> Result<(), DynamicsError> {
         let mut violation = f64::INFINITY;
         for iteration in 0..=ASSEMBLY_ITERATIONS {
@@ -96,8 +98,8 @@ impl Dynamics<'_> {
         by_speeds * speeds
     }
 
-    /// Moves coordinates so that they satisfy the constraints and some of them are as near as possible to where they were,
-    /// in sum of squares (OpenSim's `AssemblySolver`).
+    /// Moves coordinates so that they satisfy the constraints and some of them are as near as possible to where they
+    /// were, in sum of squares (OpenSim's `AssemblySolver`).
     ///
     /// - `drawn`: whether a coordinate is drawn to where it was; the others move as constraints ask
     ///

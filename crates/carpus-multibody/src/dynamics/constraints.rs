@@ -74,8 +74,8 @@ impl Kind {
 #[derive(Clone, Debug)]
 pub struct Constraints {
     kinds: Vec<Kind>,
-    /// Position of every kind among the constraints of the specification; `None`: a locked or prescribed coordinate, or a
-    /// loop of joints.
+    /// Position of every kind among the constraints of the specification; `None`: a locked or prescribed coordinate, or
+    /// a loop of joints.
     origins: Vec<Option<usize>>,
     rows: usize,
 }
@@ -83,7 +83,8 @@ pub struct Constraints {
 /// What one constraint does at a state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConstraintForce {
-    /// Position among the constraints of the specification; `None`: a locked or prescribed coordinate, or a loop of joints.
+    /// Position among the constraints of the specification; `None`: a locked or prescribed coordinate, or a loop of
+    /// joints.
     pub constraint: Option<usize>,
     /// Forces on the two bodies that it joins at their origins, expressed in ground; empty for constraints of
     /// coordinates.
@@ -110,8 +111,8 @@ impl Constraints {
     /// Builds the enforced constraints of a model.
     ///
     /// - `spec`, `model`: the specification and what was compiled from it
-    /// - `locked`, `prescribed`: whether coordinates that the file locks or prescribes are held so (at the default value,
-    ///   along the function)
+    /// - `locked`, `prescribed`: whether coordinates that the file locks or prescribes are held so (at the default
+    ///   value, along the function)
     ///
     /// # Errors
     /// A constraint of a class that is not enforced, or a line without direction.
@@ -214,8 +215,8 @@ impl Constraints {
         self
     }
 
-    /// The same for a simulation over time, whose accelerations must keep what positions and velocities satisfy; OpenSim brings those
-    /// back onto the constraints after each step.
+    /// The same for a simulation over time, whose accelerations must keep what positions and velocities satisfy;
+    /// OpenSim brings those back onto the constraints after each step.
     pub fn kept_in_motion(mut self) -> Constraints {
         for kind in &mut self.kinds {
             if let Kind::Coupler(coupler) = kind {
@@ -390,7 +391,8 @@ impl Kind {
                 let (one, two) = (first.motion(cache), second.motion(cache));
                 let between = two.p - one.p;
                 let relative = two.v - one.v;
-                // ½ (d² − L²) and its derivative, then d d̈: where speeds lengthen the rod, OpenSim asks that they go on to.
+                // ½ (d² − L²) and its derivative, then d d̈: where speeds lengthen the rod, OpenSim asks that they go
+                // on to.
                 rows.error[at] = 0.5 * (between.norm_squared() - distance * distance);
                 let lengthening = between.dot(&relative).powi(2) / between.norm_squared().max(f64::MIN_POSITIVE);
                 rows.b[at] = lengthening - between.dot(&(two.a - one.a)) - relative.norm_squared();
@@ -440,8 +442,8 @@ fn weld_axes(cache: &Cache, first: &(BaseIndex, Transform), second: &(BaseIndex,
     })
 }
 
-/// Two points that coincide. As in Simbody, velocities and accelerations are those of the second point and of the point of
-/// the first body that is in the same place, also where the first point is elsewhere.
+/// Two points that coincide. As in Simbody, velocities and accelerations are those of the second point and of the point
+/// of the first body that is in the same place, also where the first point is elsewhere.
 fn fill_point(model: &Model, cache: &Cache, first: &Station, second: &Station, at: usize, rows: &mut Rows) {
     let between = second.motion(cache).p - first.motion(cache).p;
     let touched = Station { base: first.base, p_BS: first.p_BS + cache.X_GB(first.base).R.tr_mul(&between) };

@@ -1,7 +1,8 @@
 //! The whole model as a system of differential equations: skeleton, muscles, passive forces.
 //!
 //! State: free coordinates, their speeds, of every muscle the activation (unless it ignores activation dynamics) and
-//! the fibre length (unless its tendon is rigid), dissipated energies, and activations of actuators that are no muscles.
+//! the fibre length (unless its tendon is rigid), dissipated energies, and activations of actuators that are no
+//! muscles.
 
 mod linearize;
 
@@ -183,7 +184,7 @@ impl Plant {
             let path = Path::compile(&muscle.path, spec, model)?;
             let muscle = match MuscleModel::from_spec(muscle) {
                 Ok(muscle) => muscle,
-                Err(crate::muscles::MuscleError::NotMillard2012 { muscle, class }) => {
+                Err(crate::muscles::MuscleError::NotComputed { muscle, class }) => {
                     unsupported.push((muscle, class));
                     continue;
                 }
@@ -244,7 +245,8 @@ impl Plant {
         self
     }
 
-    /// The same with actuators that follow their controls with a delay; their controls come after the muscles' excitations.
+    /// The same with actuators that follow their controls with a delay; their controls come after the muscles'
+    /// excitations.
     pub fn with_lagged_actuators(mut self, actuators: Vec<LaggedActuator>) -> Plant {
         self.n_states = self.energies.end + actuators.len();
         self.lagged = actuators;

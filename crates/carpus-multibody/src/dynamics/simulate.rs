@@ -8,8 +8,8 @@ use nalgebra::{DMatrix, DVector};
 
 /// Distance from the pole of a bushing's angles at which the motion through it is straight: |cos θy|.
 const POLE: f64 = 1e-5;
-/// Where the distance was larger at the last derivative, which differs from the step's end by Newton's last correction only, the
-/// step does not end near the pole.
+/// Where the distance was larger at the last derivative, which differs from the step's end by Newton's last correction
+/// only, the step does not end near the pole.
 const FAR_FROM_POLE: f64 = 1e-3;
 /// Length of a step after it, over that of the passage, and how many.
 const SETTLING: f64 = 1e-5;

@@ -150,9 +150,9 @@ impl<'a> Dynamics<'a> {
         }
     }
 
-    /// What forces have to do so that some accelerations are as wanted and constraints hold, `Nᵀ (M u̇ + c − f)` along the
-    /// directions N that constraints leave free, and what each of further forces does along them, in a column each. Both are
-    /// determined also where accelerations are not.
+    /// What forces have to do so that some accelerations are as wanted and constraints hold, `Nᵀ (M u̇ + c − f)` along
+    /// the directions N that constraints leave free, and what each of further forces does along them, in a column each.
+    /// Both are determined also where accelerations are not.
     ///
     /// Call [`Dynamics::update`] with the same state first.
     ///
@@ -246,8 +246,8 @@ impl<'a> Dynamics<'a> {
         (rows.error, rows.G)
     }
 
-    /// Speeds that go with unit speed of one coordinate: those nearest to that speed alone that the constraints allow, the
-    /// coordinate itself free, in proportion (OpenSim's `MomentArmSolver`).
+    /// Speeds that go with unit speed of one coordinate: those nearest to that speed alone that the constraints allow,
+    /// the coordinate itself free, in proportion (OpenSim's `MomentArmSolver`).
     pub fn unit_motion(&mut self, time: f64, q: &[f64], coordinate: CoordinateIndex) -> Vec<f64> {
         let (_, jacobian) = self.constraint_jacobian(time, q);
         let (n, c) = (q.len(), coordinate.0);
@@ -312,7 +312,8 @@ impl Space {
     }
 }
 
-/// Solves a symmetric system whose rows may differ in size by many orders of magnitude, for several right sides; `None` if it is singular.
+/// Solves a symmetric system whose rows may differ in size by many orders of magnitude, for several right sides; `None`
+/// if it is singular.
 fn solve_scaled(matrix: DMatrix<f64>, right: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let n = matrix.nrows();
     if n == 0 {

@@ -86,7 +86,8 @@ impl Coupler {
                 CouplingFunction::One(function) => {
                     function.second_derivative(q[self.independent[0].0]) * rate(0) * rate(0)
                 }
-                // `MultivariatePolynomialFunction` gives its derivative by the first variable where one by two is asked for.
+                // `MultivariatePolynomialFunction` gives its derivative by the first variable where one by two is asked
+                // for.
                 CouplingFunction::Several(function) if self.follows_opensim => {
                     let n = self.independent.len();
                     let slope = |k: usize| function.derivative(|k| q[self.independent[k].0], k);

@@ -101,9 +101,9 @@ pub(super) enum Speeds {
 /// Which rotations turn the axis of which, by rows: `[k][j]` where the rate of rotation j turns axis k.
 pub(super) type Turning = [[bool; 3]; 3];
 
-/// What turns the axes of a CustomJoint by Simbody's `FunctionBased` mobilizer, if that is not what does: it takes the joint's first
-/// coordinate for the first rotation and the third one for the third, so that where one coordinate turns several axes its
-/// accelerations contradict its velocities.
+/// What turns the axes of a CustomJoint by Simbody's `FunctionBased` mobilizer, if that is not what does: it takes the
+/// joint's first coordinate for the first rotation and the third one for the third, so that where one coordinate turns
+/// several axes its accelerations contradict its velocities.
 ///
 /// - `rotations`: those that move, with their positions among the joint's three
 /// - `coordinates`: of the joint, in their order

@@ -1,8 +1,8 @@
 //! The compiled, immutable multibody model: coordinates, joints, couplers, kinematics.
 //!
-//! In: a [`ModelSpec`](carpus_osim::osim::spec::ModelSpec). Out: a [`Model`] that is `Send + Sync` and never changes, and
-//! [`Cache`] buffers that `update_*` functions fill with poses, velocities and accelerations. No file is read here and
-//! nothing is printed. Muscles, paths and forces build on this module; it knows nothing of them.
+//! In: a [`ModelSpec`](carpus_osim::osim::spec::ModelSpec). Out: a [`Model`] that is `Send + Sync` and never changes,
+//! and [`Cache`] buffers that `update_*` functions fill with poses, velocities and accelerations. No file is read here
+//! and nothing is printed. Muscles, paths and forces build on this module; it knows nothing of them.
 //!
 //! Conventions: G is ground, P the inboard and B the outboard body of a joint, F the joint's frame on its parent, M the
 //! joint's frame on its child. All vectors are expressed in ground unless named otherwise.

@@ -54,8 +54,8 @@ pub struct LoopWeld {
 
 /// The compiled skeleton: bodies, frames, joints, coordinates and couplers. Immutable.
 ///
-/// All indices equal those of the [`ModelSpec`] that it was compiled from. Parts of bodies that close loops of joints follow
-/// its bodies.
+/// All indices equal those of the [`ModelSpec`] that it was compiled from. Parts of bodies that close loops of joints
+/// follow its bodies.
 #[derive(Clone, Debug)]
 pub struct Model {
     /// Model name.
@@ -74,8 +74,8 @@ pub struct Model {
     pub couplers: Vec<Coupler>,
     /// Names and classes of enforced constraints that this program does not enforce.
     pub unsupported_constraints: Vec<(String, String)>,
-    /// Loops of joints: a joint that closes one connects a part of its child instead, with an equal share of the mass, which is
-    /// welded to it by a constraint, as in OpenSim.
+    /// Loops of joints: a joint that closes one connects a part of its child instead, with an equal share of the mass,
+    /// which is welded to it by a constraint, as in OpenSim.
     pub loop_welds: Vec<LoopWeld>,
     /// Bodies without any joint. OpenSim gives them a FreeJoint; here they rest at ground, its default pose.
     pub unattached_bodies: Vec<BodyIndex>,
@@ -108,16 +108,17 @@ impl Model {
         self.bodies.iter().position(|b| b.name == name).map(BodyIndex)
     }
 
-    /// CustomJoints of which Simbody's accelerations, and so OpenSim's, contradict their velocities: one coordinate turns several
-    /// axes, and a term in the square of its speed is wrong.
+    /// CustomJoints of which Simbody's accelerations, and so OpenSim's, contradict their velocities: one coordinate
+    /// turns several axes, and a term in the square of its speed is wrong.
     pub fn contradictory_joints(&self) -> impl Iterator<Item = JointIndex> + '_ {
         self.nodes.iter().filter(|node| node.mobilizer.in_simbody.is_some()).map(|node| node.joint)
     }
 
-    /// The same model, its accelerations those of OpenSim where these contradict velocities or masses, too: joints of which
-    /// one coordinate turns several axes ([`Model::contradictory_joints`]; Simbody `MobilizedBody::FunctionBased`), couplers of
-    /// several coordinates (second derivatives of `MultivariatePolynomialFunction`), and parts of bodies that close loops, whose
-    /// inertia about the mass centre is that of 1 kg about the body's origin (`Body::extendConnectToModel`).
+    /// The same model, its accelerations those of OpenSim where these contradict velocities or masses, too: joints of
+    /// which one coordinate turns several axes ([`Model::contradictory_joints`]; Simbody
+    /// `MobilizedBody::FunctionBased`), couplers of several coordinates (second derivatives of
+    /// `MultivariatePolynomialFunction`), and parts of bodies that close loops, whose inertia about the mass centre is
+    /// that of 1 kg about the body's origin (`Body::extendConnectToModel`).
     pub fn with_accelerations_of_opensim(mut self) -> Model {
         self.nodes.iter_mut().for_each(|node| node.mobilizer.follows_simbody = true);
         self.couplers = self.couplers.into_iter().map(Coupler::with_second_rates_of_opensim).collect();

@@ -88,8 +88,8 @@ impl Model {
         BodySubset::from_nodes(self, |i| moved[i])
     }
 
-    /// Whether one of two bodies moves relative to the other when coordinate `c` does, couplers followed: whether a joint
-    /// between them does.
+    /// Whether one of two bodies moves relative to the other when coordinate `c` does, couplers followed: whether a
+    /// joint between them does.
     pub fn moves_between(&self, a: impl Into<BaseIndex>, b: impl Into<BaseIndex>, c: CoordinateIndex) -> bool {
         let (mut a, mut b) = (self.node_of_base[a.into().0], self.node_of_base[b.into().0]);
         // The tree is sorted: of two different nodes the later one is not inboard of the other.

@@ -2,6 +2,7 @@
 
 use super::dynamics::MuscleDynamics;
 use super::error::MuscleError;
+use super::law::{Balance, Contraction, MuscleLaw, Start, ValueAndSlope, balance_of_forces, force_of_fiber};
 use carpus_osim::osim::spec::{DeGrooteFregly2016Spec, MuscleSpec};
 
 /// Gaussians of the active force-length curve: height, centre, width, change of width.
@@ -23,7 +24,8 @@ const STRONGEST: f64 = 5.0;
 /// A fibre and tendon with exponential and Gaussian curves, pennate at fixed width. Activation and normalized tendon
 /// force are its states. Units as [`Millard2012`](super::Millard2012).
 ///
-/// In implicit mode the rate of the tendon force is an input, which OpenSim's solvers give (Moco) and its tools leave at 0.
+/// In implicit mode the rate of the tendon force is an input, which OpenSim's solvers give (Moco) and its tools leave
+/// at 0.
 ///
 /// OpenSim 4.6 takes the time constants and the smoothing of whichever such muscle a process evaluates first for all of
 /// them (`static` locals of `computeStateVariableDerivatives`); here every muscle has its own.
@@ -283,5 +285,68 @@ impl DeGrooteFregly2016 {
     pub fn inextensible_tendon_active_fiber_force(&self, path_length: f64, path_speed: f64, activation: f64) -> f64 {
         let rigid = DeGrooteFregly2016 { ignore_tendon_compliance: true, ..self.clone() };
         rigid.dynamics(0.0, activation, path_length, path_speed).active_fiber_force
+    }
+}
+
+/// Shortest fibre over optimal length that a simulation follows; OpenSim's class has no bound.
+const SHORTEST_FIBER: f64 = 0.05;
+
+impl DeGrooteFregly2016 {
+    /// Whether the curves are those of another muscle.
+    pub fn has_curves_of(&self, other: &DeGrooteFregly2016) -> bool {
+        let curves = |m: &DeGrooteFregly2016| {
+            let p = m.properties;
+            let strains = [p.passive_fiber_strain_at_one_norm_force, p.tendon_strain_at_one_norm_force];
+            let others = [p.active_force_width_scale, p.fiber_damping, m.max_contraction_velocity];
+            (strains, others, p.ignore_passive_fiber_force)
+        };
+        curves(self) == curves(other)
+    }
+
+    /// f_V and its slope.
+    fn force_velocity(norm_velocity: f64) -> ValueAndSlope {
+        let argument = D[1] * norm_velocity + D[2];
+        (D[0] * argument.asinh() + D[3], D[0] * D[1] / argument.hypot(1.0))
+    }
+}
+
+/// In OpenSim the fibre's damping acts where the tendon is rigid and where a simulation starts, not on a fibre whose
+/// tendon force is a state.
+impl MuscleLaw for DeGrooteFregly2016 {
+    fn tendon(&self, norm_length: f64) -> ValueAndSlope {
+        let slope = self.tendon_slope(norm_length);
+        (slope / self.tendon_stiffness - C[2], slope)
+    }
+
+    fn active(&self, norm_length: f64) -> ValueAndSlope {
+        DeGrooteFregly2016::active(self, norm_length)
+    }
+
+    fn passive(&self, norm_length: f64) -> ValueAndSlope {
+        DeGrooteFregly2016::passive(self, norm_length)
+    }
+
+    fn balance(&self, at: &Contraction) -> Balance {
+        balance_of_forces(at, Self::force_velocity(at.u), 0.0)
+    }
+
+    fn states_velocity(&self) -> bool {
+        false
+    }
+
+    fn max_velocity(&self) -> f64 {
+        self.max_contraction_velocity
+    }
+
+    fn fiber_force(&self, at: &Contraction) -> [f64; 3] {
+        force_of_fiber(at, Self::force_velocity(at.u), self.properties.fiber_damping)
+    }
+
+    fn shortest(&self) -> f64 {
+        SHORTEST_FIBER
+    }
+
+    fn start(&self) -> Start {
+        Start::TakesSpeed
     }
 }

@@ -2,6 +2,7 @@
 
 use super::dynamics::MuscleDynamics;
 use super::error::MuscleError;
+use super::law::{Balance, Contraction, MuscleLaw, ValueAndSlope, force_of_fiber};
 use carpus_osim::functions::Function;
 use carpus_osim::osim::spec::{DeprecatedMuscleKind, DeprecatedMuscleSpec, FunctionSpec, MuscleSpec};
 
@@ -10,6 +11,8 @@ const EQUILIBRIUM_ITERATIONS: usize = 100;
 const EQUILIBRIUM_ERROR: f64 = 0.01;
 const TENDON_ELASTIC_MODULUS: f64 = 1200.0;
 const TENDON_MAX_STRESS: f64 = 32.0;
+/// Shortest fibre over optimal length that a simulation follows; OpenSim's classes have no bound.
+const SHORTEST_FIBER: f64 = 0.05;
 /// OpenSim's `ROUNDOFF_ERROR`.
 const ROUNDOFF: f64 = 2e-13;
 /// Force-velocity curve of Schutte's muscle: shape, slope ratio, greatest eccentric force.
@@ -19,7 +22,7 @@ const ECCENTRIC: f64 = 1.4;
 
 /// What sets the fibre's velocity.
 #[derive(Clone, Debug)]
-enum Contraction {
+enum Contracting {
     /// Schutte: force balance solved for the velocity, with damping.
     Schutte { damping: f64 },
     /// Delp: a mass between fibre and tendon, so that the velocity is a state.
@@ -51,7 +54,9 @@ pub struct DeprecatedMuscle {
     active: Function,
     /// `None`: Schutte's exponential.
     passive: Option<Function>,
-    contraction: Contraction,
+    contraction: Contracting,
+    /// Curves as the file has them.
+    curves: DeprecatedMuscleSpec,
 }
 
 impl DeprecatedMuscle {
@@ -70,12 +75,12 @@ impl DeprecatedMuscle {
         let contraction = match &own.kind {
             DeprecatedMuscleKind::Schutte1993 { damping } => {
                 require(*damping > 0.0, "damping", "a number above 0", *damping)?;
-                Contraction::Schutte { damping: *damping }
+                Contracting::Schutte { damping: *damping }
             }
             DeprecatedMuscleKind::Delp1990 { mass, force_velocity_curve } => {
                 require(*mass > 0.0, "mass", "a number above 0", *mass)?;
                 let force_velocity = curve("force_velocity_curve", force_velocity_curve)?;
-                Contraction::Delp { mass: *mass, force_velocity }
+                Contracting::Delp { mass: *mass, force_velocity }
             }
         };
         Ok(DeprecatedMuscle {
@@ -95,6 +100,7 @@ impl DeprecatedMuscle {
                 .map(|function| curve("passive_force_length_curve", function))
                 .transpose()?,
             contraction,
+            curves: own.clone(),
         })
     }
 
@@ -105,7 +111,7 @@ impl DeprecatedMuscle {
 
     /// Whether the fibre's velocity is a state.
     pub fn has_velocity_state(&self) -> bool {
-        matches!(self.contraction, Contraction::Delp { .. })
+        matches!(self.contraction, Contracting::Delp { .. })
     }
 
     /// Rate of the activation [1/s].
@@ -168,7 +174,7 @@ impl DeprecatedMuscle {
         let tendon = self.tendon_multiplier((path_length / l - norm_length * cos - slack) / slack);
         let force = tendon * self.max_isometric_force;
         match &self.contraction {
-            Contraction::Schutte { damping } => {
+            Contracting::Schutte { damping } => {
                 let active = self.active.value(norm_length).max(0.0);
                 let velocity = if cos.abs() <= ROUNDOFF {
                     if tendon.abs() <= ROUNDOFF {
@@ -186,7 +192,7 @@ impl DeprecatedMuscle {
                 };
                 (velocity * l / self.time_scale, 0.0, force)
             }
-            Contraction::Delp { mass, force_velocity } => {
+            Contracting::Delp { mass, force_velocity } => {
                 let v = fiber_velocity * self.time_scale / l;
                 let fiber = activation * self.active.value(norm_length) * force_velocity.value(v)
                     + self.passive_multiplier(norm_length);
@@ -304,7 +310,8 @@ impl DeprecatedMuscle {
                 length += share * (other - length);
             } else {
                 let least = (active + elastic) * TENDON_ELASTIC_MODULUS * force / (TENDON_MAX_STRESS * slack);
-                // OpenSim takes the force, not its slope, for the stiffness; below no strain it asks the curve all the same.
+                // OpenSim takes the force, not its slope, for the stiffness; below no strain it asks the curve all the
+                // same.
                 let tendon_stiffness = (self.tendon.value(strain) * force / slack).max(least);
                 let fiber_stiffness = force / l * (self.active.value(length / l) + passive(length));
                 let mut change = (error / (fiber_stiffness / cos + tendon_stiffness)).abs();
@@ -342,16 +349,105 @@ impl DeprecatedMuscle {
 /// - `isometric`: active force at rest
 /// - `force`: what the tendon leaves after the passive force
 fn schutte_velocity(damping: f64, isometric: f64, force: f64) -> f64 {
+    schutte_velocity_and_slopes(damping, isometric, force)[0]
+}
+
+/// [`schutte_velocity`], then its derivatives by `isometric` and by `force`.
+fn schutte_velocity_and_slopes(damping: f64, isometric: f64, force: f64) -> [f64; 3] {
     if force < -damping {
-        force / damping
-    } else if force < isometric {
-        let c = KV * (force - isometric) / damping;
-        let b = -KV * (force / KV + isometric + damping) / damping;
-        (-b - (b * b - 4.0 * c).sqrt()) / 2.0
+        return [force / damping, 0.0, 1.0 / damping];
+    }
+    // v² + b v + c = 0, with b and c linear in both forces; of its two solutions the sign chooses one.
+    let (sign, b, [b_by_isometric, b_by_force], c_by_force);
+    if force < isometric {
+        c_by_force = KV / damping;
+        b = -KV * (force / KV + isometric + damping) / damping;
+        [b_by_isometric, b_by_force] = [-KV / damping, -1.0 / damping];
+        sign = -1.0;
     } else {
         let slope = SLOPE_K * KV / (KV + 1.0);
-        let c = -(slope / damping) * (force - isometric);
-        let b = -(force / damping - ECCENTRIC * isometric / damping - slope);
-        (-b + (b * b - 4.0 * c).sqrt()) / 2.0
+        c_by_force = -slope / damping;
+        b = -(force / damping - ECCENTRIC * isometric / damping - slope);
+        [b_by_isometric, b_by_force] = [ECCENTRIC / damping, -1.0 / damping];
+        sign = 1.0;
+    }
+    let c = c_by_force * (force - isometric);
+    let root = sign * (b * b - 4.0 * c).sqrt();
+    let v = (root - b) / 2.0;
+    let by = |b_by: f64, c_by: f64| if root == 0.0 { 0.0 } else { -(v * b_by + c_by) / root };
+    [v, by(b_by_isometric, -c_by_force), by(b_by_force, c_by_force)]
+}
+
+impl DeprecatedMuscle {
+    /// Whether the curves are those of another muscle.
+    pub fn has_curves_of(&self, other: &DeprecatedMuscle) -> bool {
+        self.curves == other.curves && self.time_scale == other.time_scale
+    }
+
+    /// Rates of the activation per second at no excitation, and what full excitation adds to it.
+    pub fn activation_rates(&self) -> [f64; 2] {
+        let [first, second] = self.activation;
+        [second / self.time_scale, first / self.time_scale]
+    }
+}
+
+/// Of Delp's muscle without the mass between fibre and tendon, which the law has no place for: so that it is Schutte's
+/// muscle alone that [`MuscleModel::law`](super::MuscleModel::law) gives.
+impl MuscleLaw for DeprecatedMuscle {
+    fn tendon(&self, norm_length: f64) -> ValueAndSlope {
+        let strain = norm_length - 1.0;
+        if strain < 0.0 { (0.0, 0.0) } else { (self.tendon.value(strain), self.tendon.derivative(strain)) }
+    }
+
+    fn active(&self, norm_length: f64) -> ValueAndSlope {
+        let value = self.active.value(norm_length);
+        if value < 0.0 { (0.0, 0.0) } else { (value, self.active.derivative(norm_length)) }
+    }
+
+    fn passive(&self, norm_length: f64) -> ValueAndSlope {
+        match &self.passive {
+            Some(curve) => (curve.value(norm_length), curve.derivative(norm_length)),
+            None => {
+                let value = self.passive_multiplier(norm_length);
+                (value, 8.0 * value)
+            }
+        }
+    }
+
+    fn balance(&self, at: &Contraction) -> Balance {
+        let Contraction { u, activation, active: (active, active_slope), .. } = *at;
+        let ((passive, passive_slope), secant) = (at.passive, at.secant);
+        let damping = match &self.contraction {
+            Contracting::Schutte { damping } => *damping,
+            Contracting::Delp { .. } => f64::NAN,
+        };
+        let left = at.tendon * secant - passive;
+        let [velocity, by_isometric, by_force] =
+            schutte_velocity_and_slopes(damping, activation * active, left.max(0.0));
+        let by_left = if left > 0.0 { by_force } else { 0.0 };
+        Balance {
+            r: u - velocity,
+            by_x: by_left * passive_slope - by_isometric * activation * active_slope,
+            by_u: 1.0,
+            by_cosine: by_left * at.tendon * secant * secant,
+            by_tendon: -by_left * secant,
+        }
+    }
+
+    fn states_velocity(&self) -> bool {
+        true
+    }
+
+    fn max_velocity(&self) -> f64 {
+        1.0 / self.time_scale
+    }
+
+    fn fiber_force(&self, at: &Contraction) -> [f64; 3] {
+        // At rest, which is where it is asked for: neither class has a rigid tendon.
+        force_of_fiber(at, (1.0, 0.0), 0.0)
+    }
+
+    fn shortest(&self) -> f64 {
+        SHORTEST_FIBER
     }
 }

@@ -6,9 +6,9 @@ use thiserror::Error;
 /// Why a muscle cannot be built.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum MuscleError {
-    /// The muscle is of another class.
-    #[error("{muscle}: {class} is not computed, only Millard2012EquilibriumMuscle is")]
-    NotMillard2012 {
+    /// The force of the muscle's class is not computed.
+    #[error("{muscle}: the force of a {class} is not computed")]
+    NotComputed {
         /// Muscle name.
         muscle: String,
         /// OpenSim class name.

@@ -1,8 +1,8 @@
 //! Muscle models: curves, pennation, activation dynamics, Millard 2012 equilibrium.
 //!
-//! In: [`MuscleSpec`](carpus_osim::osim::spec::MuscleSpec) and, per evaluation, state (activation, fibre length) and path
-//! (length, lengthening speed). Out: state derivatives, forces, and their derivatives. Nothing here knows of paths,
-//! bones or time.
+//! In: [`MuscleSpec`](carpus_osim::osim::spec::MuscleSpec) and, per evaluation, state (activation, fibre length) and
+//! path (length, lengthening speed). Out: state derivatives, forces, and their derivatives. Nothing here knows of
+//! paths, bones or time.
 
 mod activation;
 pub mod curves;
@@ -12,6 +12,7 @@ mod dynamics;
 mod equilibrium;
 mod error;
 mod kinematics;
+mod law;
 mod model;
 mod parameters;
 mod pennation;
@@ -25,6 +26,10 @@ pub use deprecated::DeprecatedMuscle;
 pub use dynamics::MuscleDynamics;
 pub use equilibrium::{EQUILIBRIUM_TOLERANCE, Equilibrium, EquilibriumError, EquilibriumStatus};
 pub use error::MuscleError;
+pub use law::{
+    Balance, Contraction, MuscleLaw, RigidTendonRule, Start, ValueAndSlope, balance_of_forces, balance_of_velocities,
+    force_of_fiber,
+};
 pub use model::{MuscleModel, MuscleRates, MuscleState};
 pub use parameters::{MIN_NONZERO_DAMPING_COEFFICIENT, Millard2012, Millard2012Parameters};
 pub use pennation::{FixedWidthPennation, Pennation};

@@ -3,8 +3,9 @@
 use super::degroote_fregly2016::DeGrooteFregly2016;
 use super::deprecated::DeprecatedMuscle;
 use super::dynamics::MuscleDynamics;
-use super::equilibrium::EquilibriumError;
+use super::equilibrium::{EquilibriumError, EquilibriumStatus};
 use super::error::MuscleError;
+use super::law::MuscleLaw;
 use super::parameters::Millard2012;
 use super::rigid_tendon::RigidTendon;
 use super::thelen2003::Thelen2003;
@@ -33,8 +34,8 @@ pub enum MuscleModel {
 pub struct MuscleState {
     /// Activation; the control where activation dynamics are ignored.
     pub activation: f64,
-    /// What the equilibrium of fibre and tendon is stated in: fibre length [m]; of a `DeGrooteFregly2016Muscle` tendon force over
-    /// maximum isometric force.
+    /// What the equilibrium of fibre and tendon is stated in: fibre length [m]; of a `DeGrooteFregly2016Muscle` tendon
+    /// force over maximum isometric force.
     pub equilibrium_state: f64,
     /// Fibre velocity of a `Delp1990Muscle_Deprecated` [m/s].
     pub fiber_velocity: f64,
@@ -66,7 +67,7 @@ impl MuscleModel {
     /// The muscle that a model file specifies.
     ///
     /// # Errors
-    /// [`MuscleError::NotMillard2012`] for classes that are not simulated; properties that OpenSim too would refuse.
+    /// [`MuscleError::NotComputed`] for classes that are not simulated; properties that OpenSim too would refuse.
     pub fn from_spec(spec: &MuscleSpec) -> Result<MuscleModel, MuscleError> {
         let MuscleKind::OtherClass { law: Some(law), .. } = &spec.kind else {
             return Ok(MuscleModel::Millard2012(Box::new(Millard2012::from_spec(spec)?)));
@@ -86,6 +87,17 @@ impl MuscleModel {
             }
         };
         built.map_err(|source| MuscleError::InMuscle { muscle: spec.name.clone(), source: Box::new(source) })
+    }
+
+    /// The law of its class; `None` for `Delp1990Muscle_Deprecated`, whose mass makes the fibre's velocity a state.
+    pub fn law(&self) -> Option<&dyn MuscleLaw> {
+        match self {
+            MuscleModel::Millard2012(m) => Some(m.as_ref()),
+            MuscleModel::Thelen2003(m) => Some(m.as_ref()),
+            MuscleModel::DeGrooteFregly2016(m) => Some(m.as_ref()),
+            MuscleModel::RigidTendon(m) => Some(m.as_ref()),
+            MuscleModel::Deprecated(m) => (!m.has_velocity_state()).then_some(m.as_ref() as &dyn MuscleLaw),
+        }
     }
 
     /// What of it is finite at no state, as in OpenSim, and why; `None` for nearly all muscles.
@@ -298,8 +310,8 @@ impl MuscleModel {
         ]
     }
 
-    /// [`MuscleState::equilibrium_state`] at which fibre and tendon balance; 0 for muscles with rigid tendons of their own
-    /// class.
+    /// [`MuscleState::equilibrium_state`] at which fibre and tendon balance; 0 for muscles with rigid tendons of their
+    /// own class.
     ///
     /// - `path_speed`: looked at as OpenSim's class does [m/s]
     ///
@@ -315,6 +327,36 @@ impl MuscleModel {
             MuscleModel::Deprecated(m) => Some(m.isometric(path_length, activation).0),
         };
         found.ok_or_else(|| EquilibriumError::NoLength { muscle: self.name().to_owned(), path_length, activation })
+    }
+
+    /// Every quantity of the muscle in equilibrium at rest, and how the equilibrium was reached.
+    ///
+    /// - `path_length` [m]; `activation`: taken within the bounds that the class has
+    ///
+    /// # Errors
+    /// No length balances fibre and tendon.
+    pub fn at_rest(
+        &self,
+        path_length: f64,
+        activation: f64,
+    ) -> Result<(MuscleDynamics, EquilibriumStatus), EquilibriumError> {
+        let activation = match self {
+            MuscleModel::Millard2012(m) => {
+                let found = m.equilibrium(path_length, activation)?;
+                let at = m.dynamics(found.fiber_length, activation, path_length, 0.0);
+                return Ok((MuscleDynamics { tendon_force: found.tendon_force, ..at }, found.status));
+            }
+            MuscleModel::Thelen2003(m) => m.activation_dynamics().clamp(activation),
+            _ => activation,
+        };
+        let equilibrium_state = self.equilibrium(path_length, 0.0, activation)?;
+        let at = self.dynamics(MuscleState { activation, equilibrium_state, fiber_velocity: 0.0 }, path_length, 0.0);
+        let status = match self.ignore_tendon_compliance() {
+            true => EquilibriumStatus::RigidTendon,
+            false if at.is_clamped => EquilibriumStatus::FiberAtLowerBound,
+            false => EquilibriumStatus::Converged,
+        };
+        Ok((at, status))
     }
 
     /// Every quantity at a state.

@@ -3,8 +3,12 @@
 use super::activation::FirstOrderActivation;
 use super::curves::MillardCurves;
 use super::error::MuscleError;
+use super::law::{
+    Balance, Contraction, MuscleLaw, RigidTendonRule, ValueAndSlope, balance_of_forces, balance_of_velocities,
+    force_of_fiber,
+};
 use super::pennation::{FixedWidthPennation, significant_real};
-use carpus_numerics::numerics::Scalar;
+use carpus_numerics::numerics::{Scalar, SmoothSegmentedFunction};
 use carpus_osim::osim::spec::{Millard2012Spec, MuscleKind, MuscleSpec};
 use std::sync::Arc;
 
@@ -86,13 +90,13 @@ impl Millard2012<f64> {
     /// The muscle that a model file specifies, adapted as OpenSim adapts it (see [`MillardCurves::new`]).
     ///
     /// # Errors
-    /// [`MuscleError::NotMillard2012`]; otherwise [`MuscleError::InMuscle`] around what OpenSim too would refuse.
+    /// [`MuscleError::NotComputed`]; otherwise [`MuscleError::InMuscle`] around what OpenSim too would refuse.
     pub fn from_spec(spec: &MuscleSpec) -> Result<Millard2012, MuscleError> {
         match &spec.kind {
             MuscleKind::Millard2012Equilibrium(millard) => Self::build(spec, millard)
                 .map_err(|source| MuscleError::InMuscle { muscle: spec.name.clone(), source: Box::new(source) }),
             MuscleKind::OtherClass { class, .. } => {
-                Err(MuscleError::NotMillard2012 { muscle: spec.name.clone(), class: class.clone() })
+                Err(MuscleError::NotComputed { muscle: spec.name.clone(), class: class.clone() })
             }
         }
     }
@@ -257,4 +261,55 @@ fn check<S: Scalar>(parameters: &Millard2012Parameters<S>, structure: &Structure
     let expected = if damped { "at least 0.001 (the muscle is damped)" } else { "0 (the muscle is not damped)" };
     let ok = damping >= lowest && damping.is_finite() && (damped || damping == 0.0);
     MuscleError::require(ok, "fiber_damping", expected, damping)
+}
+
+fn read(curve: &SmoothSegmentedFunction, at: f64) -> ValueAndSlope {
+    let found = curve.value_and_derivative(at);
+    (found.value, found.derivative)
+}
+
+/// With the curves themselves.
+impl MuscleLaw for Millard2012 {
+    fn tendon(&self, norm_length: f64) -> ValueAndSlope {
+        read(&self.curves().tendon_force_length, norm_length)
+    }
+
+    fn active(&self, norm_length: f64) -> ValueAndSlope {
+        read(&self.curves().active_force_length, norm_length)
+    }
+
+    fn passive(&self, norm_length: f64) -> ValueAndSlope {
+        read(&self.curves().fiber_force_length, norm_length)
+    }
+
+    fn balance(&self, at: &Contraction) -> Balance {
+        if self.states_velocity() {
+            return balance_of_velocities(at, |multiplier| read(&self.curves().force_velocity_inverse, multiplier));
+        }
+        balance_of_forces(at, read(&self.curves().force_velocity, at.u), self.parameters.fiber_damping)
+    }
+
+    fn states_velocity(&self) -> bool {
+        !self.is_damped() && !self.ignore_tendon_compliance()
+    }
+
+    fn max_velocity(&self) -> f64 {
+        self.parameters.max_contraction_velocity
+    }
+
+    fn fiber_force(&self, at: &Contraction) -> [f64; 3] {
+        force_of_fiber(at, read(&self.curves().force_velocity, at.u), self.parameters.fiber_damping)
+    }
+
+    fn shortest(&self) -> f64 {
+        self.curves().min_norm_active_fiber_length
+    }
+
+    fn sine_of_greatest_pennation(&self) -> f64 {
+        self.structure.maximum_pennation_angle.sin()
+    }
+
+    fn rigid_tendon_rule(&self) -> RigidTendonRule {
+        RigidTendonRule::Unilateral
+    }
 }

@@ -2,6 +2,7 @@
 
 use super::dynamics::MuscleDynamics;
 use super::error::MuscleError;
+use super::law::{Balance, Contraction, MuscleLaw, RigidTendonRule, ValueAndSlope, balance_of_forces, force_of_fiber};
 use carpus_osim::functions::Function;
 use carpus_osim::osim::spec::{FunctionSpec, MuscleSpec, RigidTendonSpec};
 
@@ -25,6 +26,8 @@ pub struct RigidTendon {
     active: Function,
     passive: Function,
     force_velocity: Function,
+    /// Curves as the file has them.
+    curves: RigidTendonSpec,
 }
 
 impl RigidTendon {
@@ -44,6 +47,7 @@ impl RigidTendon {
             active: curve("active_force_length_curve", &own.active_force_length_curve)?,
             passive: curve("passive_force_length_curve", &own.passive_force_length_curve)?,
             force_velocity: curve("force_velocity_curve", &own.force_velocity_curve)?,
+            curves: own.clone(),
         })
     }
 
@@ -68,7 +72,7 @@ impl RigidTendon {
         let (length, cos) = self.fiber(path_length);
         let norm_length = length / self.optimal_fiber_length;
         let (active_multiplier, passive_multiplier) =
-            (self.active.value(norm_length), self.passive.value(norm_length).clamp(0.0, 10.0));
+            (self.active.value(norm_length), self.passive.value(norm_length).clamp(0.0, STRONGEST_PASSIVE));
         let norm_velocity = path_speed / (self.optimal_fiber_length * self.max_contraction_velocity);
         let multiplier = self.force_velocity.value(norm_velocity);
         let force = self.max_isometric_force;
@@ -109,5 +113,52 @@ impl RigidTendon {
             tendon_stiffness: f64::INFINITY,
             is_clamped: false,
         }
+    }
+}
+
+/// Greatest passive force over maximum isometric force.
+const STRONGEST_PASSIVE: f64 = 10.0;
+
+impl RigidTendon {
+    /// Whether the curves are those of another muscle.
+    pub fn has_curves_of(&self, other: &RigidTendon) -> bool {
+        self.curves == other.curves && self.max_contraction_velocity == other.max_contraction_velocity
+    }
+}
+
+/// A tendon that keeps its length bears whatever force the fibre has.
+impl MuscleLaw for RigidTendon {
+    fn tendon(&self, _norm_length: f64) -> ValueAndSlope {
+        (f64::NAN, f64::INFINITY)
+    }
+
+    fn active(&self, norm_length: f64) -> ValueAndSlope {
+        (self.active.value(norm_length), self.active.derivative(norm_length))
+    }
+
+    fn passive(&self, norm_length: f64) -> ValueAndSlope {
+        let value = self.passive.value(norm_length);
+        let bounded = value.clamp(0.0, STRONGEST_PASSIVE);
+        (bounded, if bounded == value { self.passive.derivative(norm_length) } else { 0.0 })
+    }
+
+    fn balance(&self, at: &Contraction) -> Balance {
+        balance_of_forces(at, (self.force_velocity.value(at.u), self.force_velocity.derivative(at.u)), 0.0)
+    }
+
+    fn states_velocity(&self) -> bool {
+        false
+    }
+
+    fn max_velocity(&self) -> f64 {
+        self.max_contraction_velocity
+    }
+
+    fn fiber_force(&self, at: &Contraction) -> [f64; 3] {
+        force_of_fiber(at, (self.force_velocity.value(at.u), self.force_velocity.derivative(at.u)), 0.0)
+    }
+
+    fn rigid_tendon_rule(&self) -> RigidTendonRule {
+        RigidTendonRule::FollowsPath
     }
 }

@@ -3,6 +3,7 @@
 use super::activation::FirstOrderActivation;
 use super::dynamics::MuscleDynamics;
 use super::error::MuscleError;
+use super::law::{Balance, Contraction, MuscleLaw, Start, ValueAndSlope, balance_of_velocities, force_of_fiber};
 use super::pennation::{FixedWidthPennation, significant_real};
 use carpus_osim::osim::spec::{MuscleSpec, Thelen2003Spec};
 
@@ -355,5 +356,97 @@ impl Thelen2003 {
         let (active, _) = self.active(length / self.optimal_fiber_length);
         let a = self.activation_dynamics().clamp(activation);
         self.max_isometric_force * a * active * self.multiplier_of(a, active, velocity, 1e-6) * cos
+    }
+}
+
+impl Thelen2003 {
+    /// Whether the curves are those of another muscle.
+    pub fn has_curves_of(&self, other: &Thelen2003) -> bool {
+        let curves = |m: &Thelen2003| {
+            let p = m.properties;
+            [
+                [p.fmax_tendon_strain, p.fmax_muscle_strain, p.kshape_active, p.kshape_passive, p.af],
+                [p.flen, p.fv_linear_extrap_threshold, p.maximum_pennation_angle, m.max_contraction_velocity, 0.0],
+            ]
+        };
+        curves(self) == curves(other)
+    }
+
+    /// Velocity at full activation by the force–velocity multiplier, and its slope: [`Thelen2003::velocity_of`] depends
+    /// on forces by their ratio alone.
+    fn unit_velocity(&self, multiplier: f64) -> ValueAndSlope {
+        self.velocity_of(1.0, 1.0, multiplier)
+    }
+
+    /// The force–velocity multiplier of a velocity at full activation, and its slope: the inverse of the above, not
+    /// below 0.
+    fn unit_multiplier(&self, velocity: f64) -> ValueAndSlope {
+        let Thelen2003Spec { af, flen, fv_linear_extrap_threshold: threshold, .. } = self.properties;
+        let line = |from: f64| {
+            let (value, slope) = self.unit_velocity(from);
+            (from + (velocity - value) / slope, 1.0 / slope)
+        };
+        if velocity <= self.unit_velocity(0.0).0 {
+            return (0.0, 0.0);
+        }
+        if velocity >= self.unit_velocity(threshold * flen).0 {
+            return line(threshold * flen);
+        }
+        let multiplier = if velocity <= 0.0 {
+            (1.0 + velocity) / (1.0 - velocity / af)
+        } else {
+            let k = (2.0 + 2.0 / af) / (flen - 1.0);
+            (1.0 + velocity * k * flen) / (1.0 + velocity * k)
+        };
+        (multiplier, 1.0 / self.unit_velocity(multiplier).1)
+    }
+
+    /// By how much activation scales velocities.
+    fn scale_of_velocity(activation: f64) -> f64 {
+        0.25 + 0.75 * activation
+    }
+}
+
+impl MuscleLaw for Thelen2003 {
+    fn tendon(&self, norm_length: f64) -> ValueAndSlope {
+        Thelen2003::tendon(self, norm_length)
+    }
+
+    fn active(&self, norm_length: f64) -> ValueAndSlope {
+        Thelen2003::active(self, norm_length)
+    }
+
+    fn passive(&self, norm_length: f64) -> ValueAndSlope {
+        Thelen2003::passive(self, norm_length)
+    }
+
+    fn balance(&self, at: &Contraction) -> Balance {
+        let scale = Self::scale_of_velocity(at.activation);
+        balance_of_velocities(at, |multiplier| {
+            let (velocity, slope) = self.unit_velocity(multiplier);
+            (scale * velocity, scale * slope)
+        })
+    }
+
+    fn states_velocity(&self) -> bool {
+        true
+    }
+
+    fn max_velocity(&self) -> f64 {
+        self.max_contraction_velocity
+    }
+
+    fn fiber_force(&self, at: &Contraction) -> [f64; 3] {
+        let scale = Self::scale_of_velocity(at.activation);
+        let (multiplier, slope) = self.unit_multiplier(at.u / scale);
+        force_of_fiber(at, (multiplier, slope / scale), 0.0)
+    }
+
+    fn sine_of_greatest_pennation(&self) -> f64 {
+        self.properties.maximum_pennation_angle.sin()
+    }
+
+    fn start(&self) -> Start {
+        Start::SharesSpeed
     }
 }

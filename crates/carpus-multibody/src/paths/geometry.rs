@@ -41,8 +41,8 @@ pub struct CurrentPoint {
     pub p_BS: Vector3<f64>,
     /// Location in ground `p_GS` [m].
     pub p_GS: Vector3<f64>,
-    /// Location in ground that straight pieces are measured from and to [m]: `p_GS`, except that a tangent point which a
-    /// later pass over several wrap objects has moved is still measured where it was put first.
+    /// Location in ground that straight pieces are measured from and to [m]: `p_GS`, except that a tangent point which
+    /// a later pass over several wrap objects has moved is still measured where it was put first.
     ///
     /// OpenSim keeps the ground location of a point until the pose changes and overlooks that its own passes move
     /// tangent points; lengths and directions of such paths are therefore a few millimetres off, in OpenSim and here.

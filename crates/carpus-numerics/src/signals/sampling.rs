@@ -1,31 +1,33 @@
-//! How often a signal was really sampled: one that was put on a faster grid, held or on straight lines between its samples,
-//! has fewer samples than rows, and rows that say nothing about its noise.
+//! How often a signal was really sampled: one that was put on a faster grid, held or on straight lines between its
+//! samples, has fewer samples than rows, and rows that say nothing about its noise.
 
 /// Fewest samples that show a rhythm.
 const FEWEST: usize = 10;
 /// Share of the distances between samples that have to keep the rhythm: recorders drop a sample now and then, and equal
 /// neighbours hide one. Chance keeps it in two thirds at most.
 const IN_RHYTHM: f64 = 0.9;
-/// From this distance on \[rows\] a sample may stand one row beside its place, as it does where the two rates are no multiples.
+/// From this distance on \[rows\] a sample may stand one row beside its place, as it does where the two rates are no
+/// multiples.
 const LOOSE_FROM: usize = 4;
 /// Most decimals that a signal written with few is looked for.
 const MOST_DECIMALS: i32 = 9;
 /// Rounding of sums of numbers as large as the signal, relative to its largest.
 const ROUNDING: f64 = 1e-12;
-/// Bends of lines below this share of the largest corners are none: a curve that was subtracted after interpolation bends the
-/// lines by less than 1/5000 of the corners that noise makes, and of recorded noise one bend in a thousand is as small.
+/// Bends of lines below this share of the largest corners are none: a curve that was subtracted after interpolation
+/// bends the lines by less than 1/5000 of the corners that noise makes, and of recorded noise one bend in a thousand is
+/// as small.
 const BENT: f64 = 1e-3;
 
-/// One step of a converter of 16 bits, relative to the range that the signal uses: recorders leave more noise than the rounding
-/// of such steps.
+/// One step of a converter of 16 bits, relative to the range that the signal uses: recorders leave more noise than the
+/// rounding of such steps.
 const CONVERTER: f64 = 1.0 / 65_536.0;
 /// Noise of a signal that is nothing but the rounding of its last digit, relative to that rounding.
 const ROUNDED: f64 = 1.3;
-/// Last digits that are finer than this share of the signal's range are no steps of a recorder: it would have 13 bits of signal
-/// and no noise.
+/// Last digits that are finer than this share of the signal's range are no steps of a recorder: it would have 13 bits
+/// of signal and no noise.
 const WRITTEN: f64 = 1.0 / 8192.0;
-/// From how many rows on noise grows by less than this over twice as many: at the rate of its own samples it does not grow, below
-/// twice that rate fourfold and more.
+/// From how many rows on noise grows by less than this over twice as many: at the rate of its own samples it does not
+/// grow, below twice that rate fourfold and more.
 const LEVEL: f64 = 1.8;
 /// Noise above this share of the signal's range is no noise but the signal.
 const MOST_NOISE: f64 = 0.02;
@@ -54,21 +56,22 @@ pub struct OwnSamples {
     pub step: f64,
 }
 
-/// Recognizes a signal that was held or linearly interpolated to a faster grid of equal steps, by its behaviour alone: the
-/// values, or the slopes, change in a rhythm. `None`: every row is a sample of its own, as far as one can see.
+/// Recognizes a signal that was held or linearly interpolated to a faster grid of equal steps, by its behaviour alone:
+/// the values, or the slopes, change in a rhythm. `None`: every row is a sample of its own, as far as one can see.
 pub fn own_samples(x: &[f64]) -> Option<OwnSamples> {
     let largest = x.iter().fold(0.0, |max: f64, v| max.max(v.abs()));
     let unit = written_unit(x);
     held(x, unit).or_else(|| interpolated(x, 2.5 * unit + ROUNDING * largest))
 }
 
-/// As [`own_samples`]; also recognizes a signal without the noise of a recorder: one that was low-pass filtered far below half its
-/// rate, or put on a faster grid by a smooth curve (spline, sinc). Its own samples are as many a second as have noise of their
-/// own.
+/// As [`own_samples`]; also recognizes a signal without the noise of a recorder: one that was low-pass filtered far
+/// below half its rate, or put on a faster grid by a smooth curve (spline, sinc). Its own samples are as many a second
+/// as have noise of their own.
 ///
-/// Sixth differences hold what is left of noise: they take away all that a person does. Over few rows they are below what
-/// even the steps of a good converter leave; over more and more rows they grow, until they are the differences of samples that
-/// know nothing of each other, and grow no more. A smooth signal without any noise goes on growing and is not recognized.
+/// Sixth differences hold what is left of noise: they take away all that a person does. Over few rows they are below
+/// what even the steps of a good converter leave; over more and more rows they grow, until they are the differences of
+/// samples that know nothing of each other, and grow no more. A smooth signal without any noise goes on growing and is
+/// not recognized.
 pub fn independent_samples(x: &[f64]) -> Option<OwnSamples> {
     own_samples(x).or_else(|| smoothed(x))
 }
@@ -100,8 +103,8 @@ fn smoothed(x: &[f64]) -> Option<OwnSamples> {
     None
 }
 
-/// Standard deviation of white noise whose differences of sixth order, over so many rows each, are as large as those of a signal
-/// (median). `None`: the signal is too short.
+/// Standard deviation of white noise whose differences of sixth order, over so many rows each, are as large as those of
+/// a signal (median). `None`: the signal is too short.
 fn white_part(x: &[f64], rows: usize) -> Option<f64> {
     const BINOMIAL: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
     /// Sum of their squares: what differences make of the variance of white noise.

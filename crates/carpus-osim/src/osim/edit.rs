@@ -11,7 +11,7 @@ use thiserror::Error;
 use super::document::{Document, ElementId, escape};
 use super::error::{DocumentError, OsimError, nearest};
 use super::reader;
-use super::spec::{MuscleKind, MuscleSpec, PathSpec};
+use super::spec::{MuscleKind, MuscleSpec, OtherMuscleSpec, PathSpec};
 use super::{Location, OsimFile};
 
 /// Properties of every muscle that [`OsimFile::set_muscle_property`] can set.
@@ -24,6 +24,39 @@ const MUSCLE_PROPERTIES: [&str; 7] = [
     "min_control",
     "max_control",
 ];
+
+/// Further properties of `Thelen2003Muscle`.
+const THELEN_PROPERTIES: [&str; 13] = [
+    "FmaxTendonStrain",
+    "FmaxMuscleStrain",
+    "KshapeActive",
+    "KshapePassive",
+    "Af",
+    "Flen",
+    "fv_linear_extrap_threshold",
+    "maximum_pennation_angle",
+    "activation_time_constant",
+    "deactivation_time_constant",
+    "minimum_activation",
+    "default_activation",
+    "default_fiber_length",
+];
+
+/// Further properties of `DeGrooteFregly2016Muscle`.
+const DEGROOTE_PROPERTIES: [&str; 9] = [
+    "activation_time_constant",
+    "deactivation_time_constant",
+    "default_activation",
+    "default_normalized_tendon_force",
+    "active_force_width_scale",
+    "fiber_damping",
+    "passive_fiber_strain_at_one_norm_force",
+    "tendon_strain_at_one_norm_force",
+    "activation_dynamics_smoothing",
+];
+
+/// Further properties of `Schutte1993Muscle_Deprecated` and `Delp1990Muscle_Deprecated`.
+const DEPRECATED_PROPERTIES: [&str; 3] = ["time_scale", "activation1", "activation2"];
 
 /// Further properties of `Millard2012EquilibriumMuscle`; those of a curve are written `Curve/property`.
 const MILLARD_PROPERTIES: [&str; 29] = [
@@ -233,8 +266,9 @@ impl OsimFile {
         Ok(())
     }
 
-    /// Sets the text of a property of the component at an absolute path (`/bodyset/hand`, `/forceset/ECRL/path/ECRL-P1`);
-    /// adds the property if the file does not give it. A nested object's property is written `Class/property`.
+    /// Sets the text of a property of the component at an absolute path (`/bodyset/hand`,
+    /// `/forceset/ECRL/path/ECRL-P1`); adds the property if the file does not give it. A nested object's property is
+    /// written `Class/property`.
     ///
     /// # Errors
     /// [`EditError`]: unknown component, a property that holds components, text that makes the model invalid. The file
@@ -391,11 +425,16 @@ impl OsimFile {
                 return Err(EditError::AmbiguousMuscle { file: file(), name: name.to_owned(), lines });
             }
         };
-        let millard: &[&str] = match muscle.kind {
+        let of_class: &[&str] = match &muscle.kind {
             MuscleKind::Millard2012Equilibrium(_) => &MILLARD_PROPERTIES,
-            MuscleKind::OtherClass { .. } => &[],
+            MuscleKind::OtherClass { law, .. } => match law.as_deref() {
+                Some(OtherMuscleSpec::Thelen2003(_)) => &THELEN_PROPERTIES,
+                Some(OtherMuscleSpec::DeGrooteFregly2016(_)) => &DEGROOTE_PROPERTIES,
+                Some(OtherMuscleSpec::Deprecated(_)) => &DEPRECATED_PROPERTIES,
+                Some(OtherMuscleSpec::RigidTendon(_)) | None => &[],
+            },
         };
-        let mut known = MUSCLE_PROPERTIES.iter().chain(millard);
+        let mut known = MUSCLE_PROPERTIES.iter().chain(of_class);
         match muscle.at.element {
             Some(element) if known.any(|&known| known == property) => Ok(ElementId(element)),
             _ => Err(EditError::UnknownProperty {
@@ -403,7 +442,7 @@ impl OsimFile {
                 line: muscle.at.line,
                 path: muscle.at.path.clone(),
                 property: property.to_owned(),
-                nearest: nearest(property, MUSCLE_PROPERTIES.iter().chain(millard).copied()),
+                nearest: nearest(property, MUSCLE_PROPERTIES.iter().chain(of_class).copied()),
             }),
         }
     }

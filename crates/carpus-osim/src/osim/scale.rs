@@ -1,4 +1,5 @@
-//! Linear scaling of everything in a model that has a length, as OpenSim's `Model::scale` does it: splices into the text.
+//! Linear scaling of everything in a model that has a length, as OpenSim's `Model::scale` does it: splices into the
+//! text.
 //!
 //! In: scale factors of bodies, applied to whatever is fixed to them, and ratios of path lengths. Out: the same file
 //! with the scaled values. Which factors, and how long paths are, is not decided here: see `carpus::scaling`.

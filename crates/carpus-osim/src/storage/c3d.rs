@@ -6,8 +6,8 @@
 //! header. Sizes are those of the data that are there. Force plates, events and rotations are not read.
 //!
 //! # References
-//! The C3D File Format, User Guide (Motion Lab Systems, 2021), <https://www.c3d.org>; OpenSim `C3DFileAdapter`: time begins at 0
-//! with the first frame, a marker that is exactly at the origin or whose residual is −1 was not seen.
+//! The C3D File Format, User Guide (Motion Lab Systems, 2021), <https://www.c3d.org>; OpenSim `C3DFileAdapter`: time
+//! begins at 0 with the first frame, a marker that is exactly at the origin or whose residual is −1 was not seen.
 
 mod parameters;
 

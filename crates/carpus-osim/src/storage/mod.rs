@@ -1,8 +1,9 @@
-//! Files of numbers over time: OpenSim's `.sto` and `.mot` storages and `.trc` marker trajectories, and `.c3d` of motion capture.
+//! Files of numbers over time: OpenSim's `.sto` and `.mot` storages and `.trc` marker trajectories, and `.c3d` of
+//! motion capture.
 //!
-//! In: text. Out: a [`Storage`] (time and named columns) or [`Markers`]; and back, in the format that OpenSim 4.6 writes.
-//! What OpenSim's tools do with a storage before they use it (padding, filtering, splines) is here, too. Which column is
-//! which coordinate, and its unit, is not known here.
+//! In: text. Out: a [`Storage`] (time and named columns) or [`Markers`]; and back, in the format that OpenSim 4.6
+//! writes. What OpenSim's tools do with a storage before they use it (padding, filtering, splines) is here, too. Which
+//! column is which coordinate, and its unit, is not known here.
 
 mod c3d;
 mod error;

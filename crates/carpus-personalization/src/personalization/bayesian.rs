@@ -1,5 +1,5 @@
-//! Bayesian optimization in the unit box: a Gaussian process through the points evaluated so far, and the next point where
-//! the expected improvement over the best of them is largest.
+//! Bayesian optimization in the unit box: a Gaussian process through the points evaluated so far, and the next point
+//! where the expected improvement over the best of them is largest.
 
 use carpus_numerics::statistics::normal_cdf;
 use rand::{RngExt, SeedableRng};
@@ -49,8 +49,8 @@ pub(super) fn minimize_by_expected_improvement(
     best
 }
 
-/// (f − μ) Φ(z) + σ φ(z), z = (f − μ)/σ: how much lower than f a normally distributed cost is expected to be, where it is
-/// lower; 0 where it is not.
+/// (f − μ) Φ(z) + σ φ(z), z = (f − μ)/σ: how much lower than f a normally distributed cost is expected to be, where it
+/// is lower; 0 where it is not.
 fn expected_improvement((mean, sd): (f64, f64), best: f64) -> f64 {
     if sd <= 0.0 {
         return (best - mean).max(0.0);

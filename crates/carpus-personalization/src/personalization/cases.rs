@@ -301,9 +301,9 @@ impl Fit<'_> {
         if same_trials {
             return Ok(self.smoothly("all parameters, exact gradients", self.lengths, unchanged, all, Some(0))?.0);
         }
-        // Lengths from some trials and forces from others. Few trials leave several lengths about equally good: those that
-        // were found with the forces free and with the model's forces, from every start; the forces are fitted to each, and
-        // the best by all trials counts.
+        // Lengths from some trials and forces from others. Few trials leave several lengths about equally good: those
+        // that were found with the forces free and with the model's forces, from every start; the forces are fitted to
+        // each, and the best by all trials counts.
         let lengths = 0..2 * self.space.n_muscles();
         let forces = lengths.end..self.space.len();
         let mut best: Option<(Vec<f64>, f64)> = None;

@@ -1,7 +1,7 @@
 //! The objective J itself, minimized over all parameters together with exact gradients, from several starts.
 //!
-//! J has corners: absolute values and maxima over samples. They are rounded off on a scale that shrinks from one pass to
-//! the next, so that a method for smooth functions always sees a smooth one:
+//! J has corners: absolute values and maxima over samples. They are rounded off on a scale that shrinks from one pass
+//! to the next, so that a method for smooth functions always sees a smooth one:
 //!
 //! ```text
 //! |e| ≈ (e² + s²)^½ − s            max_k |e_k| ≈ s ln ½ Σ_k (exp(e_k/s) + exp(−e_k/s)) − s ln M

@@ -1,18 +1,20 @@
 //! Fitting muscle parameters to recorded trials, and writing them back into the model file.
 //!
-//! In: training trials and bounds. Out: fitted parameters, what each stage did, and what the trials say of each parameter. Held-out trials are
-//! not seen here.
+//! In: training trials and bounds. Out: fitted parameters, what each stage did, and what the trials say of each
+//! parameter. Held-out trials are not seen here.
 //!
 //! [`personalize`] estimates all parameters together, in the statistical model of a session that the diagnosis has, too
-//! ([`carpus_diagnosis::inference`]): a parameter that the data say nothing about stays where anatomy put it, and what is handed over predicts
-//! left-out trials no worse than the model as given. [`fit_in_two_stages`] is the procedure of the dissertation (chapter 3): first optimal fibre
-//! lengths and tendon slack lengths, then maximum isometric forces, each by a global and a local search of the mean objective J (equation 3.4).
+//! ([`carpus_diagnosis::inference`]): a parameter that the data say nothing about stays where anatomy put it, and what
+//! is handed over predicts left-out trials no worse than the model as given. [`fit_in_two_stages`] is the procedure of
+//! the dissertation (chapter 3): first optimal fibre lengths and tendon slack lengths, then maximum isometric forces,
+//! each by a global and a local search of the mean objective J (equation 3.4).
 //!
 //! ```text
 //! let fit = personalize(&problem, &|_| (), &|| true)?;
 //! write_parameters(&mut file, &fit.fitted)?;        // only the fitted values' lines change
 //! ```
-//! [`fit_case`] fits the training cases of the dissertation's table 3.1 by its own optimizer and by exact gradients of J.
+//! [`fit_case`] fits the training cases of the dissertation's table 3.1 by its own optimizer and by exact gradients of
+//! J.
 //!
 //! The result depends on the seed, never on the number of threads.
 
@@ -119,7 +121,8 @@ pub struct Personalization {
     pub stages: Vec<Stage>,
     /// Parameter sets tried in all stages.
     pub evaluations: usize,
-    /// How far the parameters are from the model as given (0) to the fit itself (1), as trials left out one at a time are predicted best.
+    /// How far the parameters are from the model as given (0) to the fit itself (1), as trials left out one at a time
+    /// are predicted best.
     pub part_of_the_way: f64,
 }
 

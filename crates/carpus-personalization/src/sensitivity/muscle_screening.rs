@@ -97,7 +97,8 @@ pub struct MuscleScreening<'a> {
     trials: Vec<(&'a PreparedTrial, &'a [f64])>,
     without_muscles: Vec<Vec<f64>>,
     nominal: &'a [MuscleParameters],
-    damping: Vec<f64>,
+    /// β of each muscle; `None` for classes without it.
+    damping: Vec<Option<f64>>,
     remembered: Mutex<HashMap<MomentKey, Arc<UnitMoments>>>,
 }
 
@@ -136,7 +137,8 @@ impl<'a> MuscleScreening<'a> {
 
     /// Equation 2.4, NRMSE + MaxErr + XCorr, averaged over the trials.
     ///
-    /// - `fractions`: in the order of [`Self::parameters`]; a muscle without damping keeps none
+    /// - `fractions`: in the order of [`Self::parameters`]; a muscle without damping keeps none, so that its fraction
+    ///   does nothing
     ///
     /// # Errors
     /// A trial that cannot be simulated or compared.
@@ -172,7 +174,7 @@ impl<'a> MuscleScreening<'a> {
         parameters.tendon_slack_length *= fractions[1];
         parameters.pennation_angle_at_optimal *= fractions[3];
         let mut damping = self.damping.clone();
-        damping[muscle] *= fractions[4];
+        damping[muscle].iter_mut().for_each(|damping| *damping *= fractions[4]);
         let of_trial = |(trial, _): &(&PreparedTrial, &[f64])| {
             let damped = trial.with_fiber_damping(&damping).map_err(ScreeningError::Simulation)?;
             let mut moment = vec![0.0; trial.len()];

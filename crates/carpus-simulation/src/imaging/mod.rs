@@ -12,7 +12,7 @@
 //! are counted one by one, as in the dissertation: p-values take them for independent, which flatters them.
 
 use carpus_multibody::multibody::Model;
-use carpus_multibody::muscles::{EquilibriumError, Millard2012, MuscleError};
+use carpus_multibody::muscles::{EquilibriumError, MuscleError, MuscleModel};
 use carpus_multibody::paths::{Path, PathError};
 use carpus_numerics::statistics::{
     Agreement, Correlation, LinearRegression, StatisticsError, bland_altman, linear_regression, pearson,
@@ -85,10 +85,7 @@ pub fn at_rest(
     measurement: &UltrasoundMeasurement,
 ) -> Result<RestingMuscle, ImagingError> {
     let (muscle, length) = path_length(spec, skeleton, study, measurement)?;
-    let millard = Millard2012::from_spec(muscle)?;
-    let activation = study.settings.imaging.activation;
-    let found = millard.equilibrium(length, activation)?;
-    let state = millard.dynamics(found.fiber_length, activation, length, 0.0);
+    let (state, _) = MuscleModel::from_spec(muscle)?.at_rest(length, study.settings.imaging.activation)?;
     Ok(RestingMuscle {
         fiber_length: state.fiber_length,
         tendon_length: state.tendon_length,

@@ -4,7 +4,7 @@ use super::StrengthError;
 use super::strength_target::{StrengthTarget, TargetSource, strength_targets};
 use crate::simulation::{HeldCoordinate, Setup, SimulationError};
 use carpus_multibody::multibody::Model;
-use carpus_multibody::muscles::Millard2012;
+use carpus_multibody::muscles::MuscleModel;
 use carpus_multibody::paths::Path;
 use carpus_osim::osim::OsimFile;
 use carpus_osim::osim::spec::{ModelSpec, MotionType, MuscleSpec};
@@ -146,7 +146,7 @@ fn group(
         if listed.is_none() && sign * moment_arm < NO_MOMENT_ARM {
             continue;
         }
-        let tendon_force = Millard2012::from_spec(muscle)?.equilibrium(geometry.length(), 1.0)?.tendon_force;
+        let tendon_force = MuscleModel::from_spec(muscle)?.at_rest(geometry.length(), 1.0)?.0.tendon_force;
         let before = muscle.max_isometric_force;
         muscles.push(ScaledMuscle { name: name.clone(), moment_arm, tendon_force, before, after: before });
     }

@@ -11,6 +11,8 @@
 //!     τ_deact / (0.5 + 1.5 â)  otherwise
 //! ```
 //!
+//! Other classes of muscles have dynamics of their own ([`ActivationLaw`]).
+//!
 //! Like there, the excitation itself is not limited: while e < a_min the state a drifts below a_min, while muscles see
 //! â.
 
@@ -33,8 +35,37 @@ pub(crate) struct ActivationDynamics {
     pub(crate) deactivation_time_constant: f64,
     /// Lower bound a_min of activation.
     pub(crate) minimum_activation: f64,
-    /// Activation equals excitation (`ignore_activation_dynamics`).
-    pub(crate) ignored: bool,
+    /// How activation follows the excitation.
+    pub(crate) law: ActivationLaw,
+}
+
+/// How activation follows the excitation, by the class of the muscle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum ActivationLaw {
+    /// Millard's and Thelen's muscles; see the head of this file.
+    FirstOrder,
+    /// De Groote's and Fregly's: both time constants, weighted by a smooth step.
+    ///
+    /// ```text
+    /// ȧ = (e − a) [(½ + f)/(τ_act s) + (½ − f) s/τ_deact],   f = ½ tanh(b (e − a)),   s = ½ + 3a/2
+    /// ```
+    /// # References
+    /// De Groote et al. (2016), equation 1, doi:10.1007/s10439-016-1591-9; OpenSim `DeGrooteFregly2016Muscle`.
+    Smooth {
+        /// b, `activation_dynamics_smoothing`.
+        steepness: f64,
+    },
+    /// Schutte's: rates that do not depend on activation, τ_act at full excitation, τ_deact at none.
+    ///
+    /// ```text
+    /// ȧ = (e − a) [1/τ_deact + (1/τ_act − 1/τ_deact) e]  if e > a,   (e − a)/τ_deact  otherwise
+    /// ```
+    /// # References
+    /// OpenSim `Schutte1993Muscle_Deprecated`: 1/τ_deact = `activation2`/`time_scale`, 1/τ_act = (`activation1` +
+    /// `activation2`)/`time_scale`.
+    Linear,
+    /// Activation equals excitation (`ignore_activation_dynamics`, `RigidTendonMuscle`).
+    Excitation,
 }
 
 /// Most pieces per sample, on average over a trial: a sample every 0.4 s, the coarsest that is read, takes 40 of them
@@ -77,7 +108,50 @@ impl ActivationDynamics {
         a.max(self.minimum_activation).min(1.0)
     }
 
+    /// Whether activation is the excitation.
+    pub(crate) fn is_ignored(&self) -> bool {
+        self.law == ActivationLaw::Excitation
+    }
+
+    /// [∂ȧ/∂a, ∂ȧ/∂e, ȧ] of the laws that are not [`ActivationLaw::FirstOrder`], within the bounds.
+    ///
+    /// - `gap`: excitation less activation; `a`: activation as muscles see it
+    #[inline(never)]
+    fn other_rate(&self, gap: f64, a: f64, branch: Branch) -> [f64; 3] {
+        let (activating, deactivating) = (1.0 / self.activation_time_constant, 1.0 / self.deactivation_time_constant);
+        // How fast a gap closes, and that by activation and by excitation.
+        let (speed, by_a, by_e) = match self.law {
+            ActivationLaw::Smooth { steepness } => {
+                let tanh = (steepness * gap).tanh();
+                let (f, f_by_gap) = (0.5 * tanh, 0.5 * steepness * (1.0 - tanh * tanh));
+                let s = 0.5 + 1.5 * a;
+                let by_gap = f_by_gap * (activating / s - s * deactivating);
+                let by_s = -(0.5 + f) * activating / (s * s) + (0.5 - f) * deactivating;
+                ((0.5 + f) * activating / s + (0.5 - f) * s * deactivating, 1.5 * by_s - by_gap, by_gap)
+            }
+            ActivationLaw::Linear if branch == Branch::Activating => {
+                let per_excitation = activating - deactivating;
+                (deactivating + per_excitation * (gap + a), 0.0, per_excitation)
+            }
+            ActivationLaw::Linear => (deactivating, 0.0, 0.0),
+            ActivationLaw::FirstOrder | ActivationLaw::Excitation => (0.0, 0.0, 0.0),
+        };
+        [gap * by_a - speed, gap * by_e + speed, gap * speed]
+    }
+
+    #[inline(always)]
     fn rate(&self, a: f64, e: f64, branch: Branch) -> f64 {
+        match self.law {
+            ActivationLaw::FirstOrder => self.first_order_rate(a, e, branch),
+            _ => {
+                let a = self.clamp(a);
+                self.other_rate(e - a, a, branch)[2]
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn first_order_rate(&self, a: f64, e: f64, branch: Branch) -> f64 {
         let a = self.clamp(a);
         match branch {
             Branch::Activating => (e - a) / (self.activation_time_constant * (0.5 + 1.5 * a)),
@@ -111,6 +185,10 @@ impl ActivationDynamics {
     ///   bounds
     #[inline(always)]
     fn derivatives_of_rate(&self, gap: f64, clamped: f64, moves: bool, branch: Branch) -> [f64; 3] {
+        if self.law != ActivationLaw::FirstOrder {
+            let [by_a, by_e, rate] = self.other_rate(gap, clamped, branch);
+            return [if moves { by_a } else { 0.0 }, by_e, rate];
+        }
         let scale = 0.5 + 1.5 * clamped;
         let (by_e, by_scale) = match branch {
             Branch::Activating => {
@@ -152,7 +230,24 @@ fn steps<const N: usize>(
     k1: [f64; N],
     branch: Branch,
 ) -> ([f64; N], [f64; N], [f64; N]) {
-    let f = |da: [f64; N], c: f64| each(|i| dynamics[i].rate(a[i] + h * da[i], e[i] + slope[i] * c * h, branch));
+    if dynamics.iter().all(|d| d.law == ActivationLaw::FirstOrder) {
+        let rate = |i: usize, a: f64, e: f64| dynamics[i].first_order_rate(a, e, branch);
+        return steps_with(rate, a, e, slope, h, k1);
+    }
+    steps_with(|i, a, e| dynamics[i].rate(a, e, branch), a, e, slope, h, k1)
+}
+
+/// - `rate`: ȧ of one of them for an activation and an excitation
+#[inline(always)]
+fn steps_with<const N: usize>(
+    rate: impl Fn(usize, f64, f64) -> f64,
+    a: [f64; N],
+    e: [f64; N],
+    slope: [f64; N],
+    h: f64,
+    k1: [f64; N],
+) -> ([f64; N], [f64; N], [f64; N]) {
+    let f = |da: [f64; N], c: f64| each(|i| rate(i, a[i] + h * da[i], e[i] + slope[i] * c * h));
     let k2 = f(each(|i| k1[i] / 5.0), 0.2);
     let k3 = f(each(|i| 3.0 / 40.0 * k1[i] + 9.0 / 40.0 * k2[i]), 0.3);
     let k4 = f(each(|i| 44.0 / 45.0 * k1[i] - 56.0 / 15.0 * k2[i] + 32.0 / 9.0 * k3[i]), 0.8);
@@ -204,7 +299,7 @@ impl ActivationTrajectory {
         for k in 0..time.len() - 1 {
             let slope = (excitation[k + 1] - excitation[k]) / (time[k + 1] - time[k]);
             let segment = Segment { start: time[k], end: time[k + 1], excitation: excitation[k], slope };
-            if dynamics.ignored {
+            if dynamics.is_ignored() {
                 let coefficients = [excitation[k], excitation[k + 1] - excitation[k], 0.0, 0.0, 0.0, 0.0];
                 trajectory.push(segment.start, segment.end, coefficients, Branch::Activating);
             } else {
@@ -326,7 +421,7 @@ impl ActivationTrajectory {
             };
             let (next, _, end_rate) = steps(dynamics, a, e, slope, h, rate, piece.branch);
             for (i, beside) in beside.iter_mut().enumerate() {
-                let coefficients = if dynamics[i].ignored {
+                let coefficients = if dynamics[i].is_ignored() {
                     [e[i], slope[i] * h, 0.0, 0.0, 0.0, 0.0]
                 } else {
                     hermite(dynamics[i], [a[i], next[i]], [rate[i], end_rate[i]], e[i], slope[i], h, piece.branch)
@@ -411,7 +506,7 @@ mod tests {
         activation_time_constant: 0.01,
         deactivation_time_constant: 0.04,
         minimum_activation: 0.01,
-        ignored: false,
+        law: ActivationLaw::FirstOrder,
     };
 
     /// Brute force: classical Runge–Kutta with very many steps of the differential equation as OpenSim writes it.
@@ -479,6 +574,52 @@ mod tests {
         assert!(worst < 1e-6, "{worst:e}");
     }
 
+    /// The laws of other classes against very many Runge–Kutta steps of their equations, between samples, too.
+    #[test]
+    fn verif_activation_of_other_laws_matches_brute_force() {
+        let time: Vec<f64> = (0..60).map(|i| 0.01 * f64::from(i)).collect();
+        let excitation: Vec<f64> = (0..60)
+            .map(|i| (0.4 + 0.4 * (0.14 * f64::from(i)).sin() + 0.02 * (5.1 * f64::from(i)).cos()).clamp(0.0, 1.0))
+            .collect();
+        for law in
+            [ActivationLaw::Linear, ActivationLaw::Smooth { steepness: 0.1 }, ActivationLaw::Smooth { steepness: 9.0 }]
+        {
+            let dynamics = ActivationDynamics {
+                activation_time_constant: 0.011,
+                deactivation_time_constant: 0.0685,
+                minimum_activation: 0.0,
+                law,
+            };
+            let rate = |t: f64, a: f64| {
+                let k = time.partition_point(|&s| s <= t).clamp(1, time.len() - 1) - 1;
+                let e = excitation[k] + (excitation[k + 1] - excitation[k]) * (t - time[k]) / (time[k + 1] - time[k]);
+                let (act, deact) = (1.0 / 0.011, 1.0 / 0.0685);
+                match law {
+                    ActivationLaw::Smooth { steepness } => {
+                        let f = 0.5 * (steepness * (e - a)).tanh();
+                        let s = 0.5 + 1.5 * a;
+                        (e - a) * ((0.5 + f) * act / s + (0.5 - f) * s * deact)
+                    }
+                    _ => (e - a) * (deact + if e >= a { (act - deact) * e } else { 0.0 }),
+                }
+            };
+            let trajectory = ActivationTrajectory::integrate(&dynamics, &time, &excitation).unwrap();
+            let (mut t, mut a, mut cursor, mut worst) = (0.0, excitation[0], 0, 0.0_f64);
+            let h = 1e-5;
+            for i in 0..59_000 {
+                let k1 = rate(t, a);
+                let k2 = rate(t + 0.5 * h, a + 0.5 * h * k1);
+                let k3 = rate(t + 0.5 * h, a + 0.5 * h * k2);
+                let k4 = rate(t + h, a + h * k3);
+                a += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
+                t = h * f64::from(i + 1);
+                worst = worst.max((trajectory.value(t, &mut cursor) - a).abs());
+            }
+            println!("{law:?}: within {worst:.1e}");
+            assert!(worst < 2e-6, "{law:?}: {worst:e}");
+        }
+    }
+
     #[test]
     fn verif_state_drifts_below_minimum_as_in_opensim_while_muscles_see_the_minimum() {
         let trajectory =
@@ -494,7 +635,7 @@ mod tests {
 
     #[test]
     fn verif_ignored_dynamics_follow_excitation() {
-        let dynamics = ActivationDynamics { ignored: true, ..DYNAMICS };
+        let dynamics = ActivationDynamics { law: ActivationLaw::Excitation, ..DYNAMICS };
         let trajectory = ActivationTrajectory::integrate(&dynamics, &[0.0, 1.0, 2.0], &[0.0, 1.2, 0.2]).unwrap();
         let mut cursor = 0;
         let values = [0.0, 0.5, 1.0, 1.5].map(|t| trajectory.value(t, &mut cursor));

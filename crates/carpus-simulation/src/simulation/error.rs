@@ -10,6 +10,14 @@ use carpus_study::study::outside_range;
 /// Why a model or a trial cannot be simulated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SimulationError {
+    /// A muscle of a class that is computed, in a form that is not simulated along recorded motions.
+    #[error("{muscle}: not simulated along a recorded motion: {reason}")]
+    LawNotSimulated {
+        /// Muscle name.
+        muscle: String,
+        /// Why.
+        reason: &'static str,
+    },
     /// The skeleton cannot be compiled.
     #[error(transparent)]
     Model(#[from] CompileError),
@@ -265,9 +273,10 @@ impl SimulationError {
             SimulationError::PathLength { muscle, .. }
             | SimulationError::InvalidParameter { muscle, .. }
             | SimulationError::NoBalance { muscle, .. }
-            | SimulationError::Muscle(
-                MuscleError::NotMillard2012 { muscle, .. } | MuscleError::InMuscle { muscle, .. },
-            ) => Some(muscle),
+            | SimulationError::LawNotSimulated { muscle, .. }
+            | SimulationError::Muscle(MuscleError::NotComputed { muscle, .. } | MuscleError::InMuscle { muscle, .. }) => {
+                Some(muscle)
+            }
             _ => None,
         }
     }
@@ -299,9 +308,9 @@ impl SimulationError {
                  the bodies",
             ),
             SimulationError::PostureOutOfRange { .. } => Some("posture values are degrees (metres for translations)"),
-            SimulationError::Muscle(MuscleError::NotMillard2012 { .. }) => Some(
-                "leave it out of [muscles] active in study.toml, or make it a Millard2012EquilibriumMuscle in the \
-                 model",
+            SimulationError::Muscle(MuscleError::NotComputed { .. }) | SimulationError::LawNotSimulated { .. } => Some(
+                "leave it out of [muscles] active in study.toml, or make it a muscle of another class in the model; \
+                 `carpus info` lists the classes",
             ),
             _ => None,
         }

@@ -96,7 +96,11 @@ impl PreparedTrial {
             steps.push(Some(Step { stages, by_x, by_activation, matrix, ends_shortest }));
         }
         let x = solution.fiber_length[0];
-        let initial = if x > fiber.shortest {
+        let initial = if !fiber.starts_at_rest(plan.initial_speed) {
+            slope_by_activation(plan.initial.activation, |activation| {
+                fiber.start(Drive { activation, ..plan.initial }, plan.initial_speed).0
+            })
+        } else if x > fiber.shortest {
             let by_activation = slope_by_activation(plan.initial.activation, |activation| {
                 fiber.static_residual(x, Drive { activation, ..plan.initial })[0]
             });

@@ -2,19 +2,23 @@
 
 use std::sync::Arc;
 
-use super::activation_trajectory::{ActivationDynamics, TooFast};
+use super::activation_trajectory::{ActivationDynamics, ActivationLaw, TooFast};
 use super::error::SimulationError;
 use super::fiber::CurveCache;
 use super::fiber::equation::{Fiber, FiberCurves};
 use carpus_multibody::forces::{Forces, PathForce};
 use carpus_multibody::multibody::Model;
-use carpus_multibody::muscles::Millard2012;
+use carpus_multibody::muscles::{FirstOrderActivation, MuscleModel};
 use carpus_multibody::paths::Path;
-use carpus_osim::osim::spec::{CoordinateIndex, ModelSpec, MotionType, MuscleKind, MuscleSpec};
+use carpus_osim::osim::spec::{CoordinateIndex, ModelSpec, MotionType, MuscleSpec};
 use carpus_study::study::{MomentPart, Settings};
 
 /// Classes of OpenSim forces that do nothing without a control of their own.
 const INERT_CLASSES: [&str; 1] = ["BodyActuator"];
+
+/// Activation that a `DeGrooteFregly2016Muscle` has at least. OpenSim's class has no bound and divides by the
+/// activation.
+const LEAST_ACTIVATION: f64 = 1e-3;
 
 /// What is measured, and what of the model takes part.
 #[derive(Clone, Debug, PartialEq)]
@@ -330,30 +334,82 @@ pub(crate) fn active_muscle_along(
     path: Arc<Path>,
     cache: &mut CurveCache,
 ) -> Result<ActiveMuscle, SimulationError> {
-    let millard = Millard2012::from_spec(muscle)?;
-    let MuscleKind::Millard2012Equilibrium(properties) = &muscle.kind else {
-        unreachable!("Millard2012::from_spec accepts this class only")
-    };
-    let p = millard.parameters();
-    let dynamics = millard.activation_dynamics();
+    let model = MuscleModel::from_spec(muscle)?;
+    model.require_rates()?;
+    let not_simulated = |reason| SimulationError::LawNotSimulated { muscle: muscle.name.clone(), reason };
+    if let MuscleModel::DeGrooteFregly2016(own) = &model
+        && own.properties.implicit_tendon_compliance
+        && !own.ignore_tendon_compliance
+    {
+        return Err(not_simulated(
+            "tendon_compliance_dynamics_mode is implicit, so that something outside the muscle would have to give the \
+             rate of its tendon force",
+        ));
+    }
+    let curves = FiberCurves::of(&model, muscle, cache)
+        .ok_or_else(|| not_simulated("the fibre's velocity is a state of a Delp1990Muscle_Deprecated"))?;
     Ok(ActiveMuscle {
         name: muscle.name.clone(),
         path,
-        curves: FiberCurves::tabulate(&millard, properties, cache),
+        curves,
         nominal: MuscleParameters {
-            max_isometric_force: p.max_isometric_force,
-            optimal_fiber_length: p.optimal_fiber_length,
-            tendon_slack_length: p.tendon_slack_length,
-            pennation_angle_at_optimal: p.pennation_angle_at_optimal,
+            max_isometric_force: muscle.max_isometric_force,
+            optimal_fiber_length: muscle.optimal_fiber_length,
+            tendon_slack_length: muscle.tendon_slack_length,
+            pennation_angle_at_optimal: muscle.pennation_angle_at_optimal,
         },
-        activation: ActivationDynamics {
-            activation_time_constant: dynamics.activation_time_constant,
-            deactivation_time_constant: dynamics.deactivation_time_constant,
-            minimum_activation: dynamics.minimum_activation,
-            ignored: millard.ignore_activation_dynamics(),
-        },
-        rigid_tendon: millard.ignore_tendon_compliance(),
+        activation: ActivationDynamics::of(&model),
+        rigid_tendon: model.ignore_tendon_compliance(),
     })
+}
+
+impl ActivationDynamics {
+    /// Those of a muscle.
+    fn of(muscle: &MuscleModel) -> ActivationDynamics {
+        let first_order = |own: FirstOrderActivation, law| ActivationDynamics {
+            activation_time_constant: own.activation_time_constant,
+            deactivation_time_constant: own.deactivation_time_constant,
+            minimum_activation: own.minimum_activation,
+            law,
+        };
+        let law = match muscle.ignore_activation_dynamics() {
+            true => ActivationLaw::Excitation,
+            false => ActivationLaw::FirstOrder,
+        };
+        match muscle {
+            MuscleModel::Millard2012(own) => first_order(own.activation_dynamics(), law),
+            MuscleModel::Thelen2003(own) => first_order(own.activation_dynamics(), law),
+            MuscleModel::DeGrooteFregly2016(own) => {
+                let p = &own.properties;
+                let law = match law {
+                    ActivationLaw::FirstOrder => ActivationLaw::Smooth { steepness: p.activation_dynamics_smoothing },
+                    ignored => ignored,
+                };
+                ActivationDynamics {
+                    activation_time_constant: p.activation_time_constant,
+                    deactivation_time_constant: p.deactivation_time_constant,
+                    minimum_activation: LEAST_ACTIVATION,
+                    law,
+                }
+            }
+            // Its time constants are never read.
+            MuscleModel::RigidTendon(_) => ActivationDynamics {
+                activation_time_constant: 1.0,
+                deactivation_time_constant: 1.0,
+                minimum_activation: 0.0,
+                law,
+            },
+            MuscleModel::Deprecated(own) => {
+                let [falling, rising] = own.activation_rates();
+                ActivationDynamics {
+                    activation_time_constant: 1.0 / (falling + rising),
+                    deactivation_time_constant: 1.0 / falling,
+                    minimum_activation: 0.0,
+                    law: ActivationLaw::Linear,
+                }
+            }
+        }
+    }
 }
 
 pub(crate) fn compile_path(

@@ -132,7 +132,7 @@ impl PreparedTrial {
         }
         let mut relaxing = self.relaxations(&activation);
         let mut awake = activation[0][1] > 0.0;
-        if dynamics.ignored {
+        if dynamics.is_ignored() {
             // Activation is the excitation.
             relaxing.fill(Relaxation { left: 0.0, from: [0.0, 1.0] });
             awake = true;

@@ -5,9 +5,9 @@
 //! ```text
 //! (∂R/∂x) s + (∂R/∂ẋ) ṡ + ∂R/∂d = 0,   s = dx/dd
 //! ```
-//! which is solved in the steps in which x was found, so that s is the derivative of the numbers computed. Only ∂R/∂d is a
-//! difference, of closed formulas on both sides at the same x: its error is that of rounding and of the step squared. What
-//! all directions have in common is computed with the first one.
+//! which is solved in the steps in which x was found, so that s is the derivative of the numbers computed. Only ∂R/∂d
+//! is a difference, of closed formulas on both sides at the same x: its error is that of rounding and of the step
+//! squared. What all directions have in common is computed with the first one.
 
 use std::sync::{Arc, OnceLock};
 
@@ -256,7 +256,8 @@ impl PreparedTrial {
             same_motion: std::ptr::eq(both[0].source.motion, both[1].source.motion),
             sides: both,
         };
-        let lengths = self.fiber_length_derivative(&fiber, solution, known, plan.initial, &mut sides, per);
+        let lengths =
+            self.fiber_length_derivative(&fiber, solution, known, (plan.initial, plan.initial_speed), &mut sides, per);
         let [up, down] = &sides.sides;
         let same_tendon = up.same_fiber && down.same_fiber && sides.same_motion;
         let series = (0..n).map(|k| {
@@ -274,13 +275,13 @@ impl PreparedTrial {
 
     /// s at every sample.
     ///
-    /// - `initial`: what drives the fibre at the first sample
+    /// - `initial`, `speed`: what drives the fibre at the first sample, and the speed of its path there [m/s]
     fn fiber_length_derivative(
         &self,
         fiber: &Fiber,
         solution: &MuscleSolution,
         known: &Linearization,
-        initial: Drive,
+        (initial, speed): (Drive, f64),
         sides: &mut Sides,
         per: f64,
     ) -> Vec<f64> {
@@ -291,8 +292,14 @@ impl PreparedTrial {
         let mut s = shortest;
         if x > fiber.shortest {
             let drives = sides.drives(self.time[0], initial);
-            let [up, down] = [0, 1].map(|i| sides.sides[i].fiber.static_residual(x, drives[i])[0]);
-            s = -per * (up - down) / fiber.static_residual(x, initial)[1];
+            let at_rest = sides.sides.iter().all(|side| side.fiber.starts_at_rest(side.speed[0]));
+            s = if at_rest && fiber.starts_at_rest(speed) {
+                let [up, down] = [0, 1].map(|i| sides.sides[i].fiber.static_residual(x, drives[i])[0]);
+                -per * (up - down) / fiber.static_residual(x, initial)[1]
+            } else {
+                let [up, down] = [0, 1].map(|i| sides.sides[i].fiber.start(drives[i], sides.sides[i].speed[0]).0);
+                per * (up - down)
+            };
         }
         out[0] = s;
         let mut sample = 1;

@@ -1,4 +1,5 @@
-//! A recorded trial, prepared once ([`MusculoskeletalModel::prepare`]) and then simulated for any number of parameter sets.
+//! A recorded trial, prepared once ([`MusculoskeletalModel::prepare`]) and then simulated for any number of parameter
+//! sets.
 
 use std::sync::Arc;
 
@@ -13,7 +14,7 @@ use super::fiber::step::{Cursor, DriveSource, FiberAccuracy, StepTaken};
 use super::model::{ActiveMuscle, MuscleParameters};
 use super::motion::{Motion, MotionInterpolation};
 use super::path_table::PathTable;
-use super::tables::{CoordinateTables, LENGTH};
+use super::tables::{CoordinateTables, LENGTH, UNIT_SPEED};
 use carpus_study::study::Trial;
 
 /// Fewest samples of a recording: the motion's spline needs six.
@@ -44,7 +45,8 @@ impl<'a> From<&'a Trial> for Recording<'a> {
 }
 
 /// Results as large as this are none: squares of larger ones, summed over ten million samples, leave the range of
-/// floating-point numbers, so that no error can be computed, and no muscle is so strong by more than a hundred powers of ten.
+/// floating-point numbers, so that no error can be computed, and no muscle is so strong by more than a hundred powers
+/// of ten.
 const LARGEST_RESULT: f64 = 1e150;
 
 /// How a trial is simulated.
@@ -58,8 +60,8 @@ pub struct Options {
     pub allow_angle_outside_range: bool,
 }
 
-/// A trial of which everything that does not depend on muscle parameters is computed: motion, path lengths, moment arms,
-/// activations, passive forces.
+/// A trial of which everything that does not depend on muscle parameters is computed: motion, path lengths, moment
+/// arms, activations, passive forces.
 #[derive(Clone, Debug)]
 pub struct PreparedTrial {
     pub(crate) name: String,
@@ -99,11 +101,11 @@ pub struct TrialKinematics {
     pub muscles: Vec<MuscleKinematics>,
     /// Moment of passive forces [N·m], zero unless included.
     pub passive_moment: Vec<f64>,
-    /// Moment of gravity [N·m], zero unless included: positive where the weight of what moves pulls the coordinate in its
-    /// positive sense. Opposite to what OpenSim's `InverseDynamicsSolver` finds at rest, which is what balances it.
+    /// Moment of gravity [N·m], zero unless included: positive where the weight of what moves pulls the coordinate in
+    /// its positive sense. Opposite to what OpenSim's `InverseDynamicsSolver` finds at rest, which is what balances it.
     pub gravity_moment: Vec<f64>,
-    /// Moment of inertia forces (d'Alembert) [N·m], zero unless included: −(M q̈ + C q̇²) along the coordinate, negative
-    /// while the coordinate accelerates in its positive sense. Opposite to the solver's inertial part.
+    /// Moment of inertia forces (d'Alembert) [N·m], zero unless included: −(M q̈ + C q̇²) along the coordinate,
+    /// negative while the coordinate accelerates in its positive sense. Opposite to the solver's inertial part.
     pub inertia_moment: Vec<f64>,
     /// Drag of the dynamometer [N·m].
     pub damping_moment: Vec<f64>,
@@ -191,6 +193,11 @@ impl Source<'_> {
 }
 
 impl DriveSource for Source<'_> {
+    fn speed(&self, time: f64) -> f64 {
+        let [angle, speed, _] = self.motion.jet(time, &mut 0);
+        self.path.quantity::<UNIT_SPEED>(angle, &mut 0) * speed
+    }
+
     fn drive(&self, time: f64, cursor: &mut Cursor) -> Drive {
         Drive { activation: self.activation.value(time, &mut cursor.activation), length: self.length(time, cursor) }
     }
@@ -281,7 +288,8 @@ impl PreparedTrial {
         Ok(out)
     }
 
-    /// Finds the first number of a simulation that is none, or that is too large to be computed with ([`LARGEST_RESULT`]).
+    /// Finds the first number of a simulation that is none, or that is too large to be computed with
+    /// ([`LARGEST_RESULT`]).
     fn check_finite(&self, simulation: &TrialSimulation) -> Result<(), SimulationError> {
         let fails = |muscle: Option<usize>, quantity: &'static str, series: &[f64]| {
             let Some(k) = series.iter().position(|v| !(v.abs() < LARGEST_RESULT)) else { return Ok(()) };

@@ -3,9 +3,10 @@
 
 use std::sync::Arc;
 
-use super::activation_trajectory::ActivationTrajectory;
+use super::activation_trajectory::{ActivationLaw, ActivationTrajectory};
 use super::error::SimulationError;
 use super::fiber::equation::FiberCurves;
+use super::fiber::law::{FiberLaw, TabulatedMillard2012};
 use super::model::{ActiveMuscle, MusculoskeletalModel, active_muscle_along};
 use super::tables::CoordinateTables;
 use super::trial::{Options, PreparedMuscle, PreparedTrial, Recording, Source};
@@ -55,12 +56,14 @@ impl MusculoskeletalModel {
             let (dynamics, others) = (&a.activation, &b.activation);
             let same = a.has_properties_of(b)
                 && dynamics.minimum_activation == others.minimum_activation
-                && dynamics.ignored == others.ignored;
+                && dynamics.law == others.law;
+            // Of other laws the two constants do not act one after the other.
+            let alone = dynamics.law == ActivationLaw::FirstOrder || dynamics == others;
             let ratios = [
                 dynamics.activation_time_constant / others.activation_time_constant,
                 dynamics.deactivation_time_constant / others.deactivation_time_constant,
             ];
-            same.then(|| ratios.map(f64::ln))
+            (same && alone).then(|| ratios.map(f64::ln))
         };
         self.muscles.iter().zip(&other.muscles).map(of_muscle).collect()
     }
@@ -212,19 +215,24 @@ impl ActiveMuscle {
 }
 
 impl PreparedTrial {
-    /// Fibre damping β of each active muscle.
-    pub fn fiber_damping(&self) -> Vec<f64> {
-        self.muscles.iter().map(|m| m.muscle.curves.damping).collect()
+    /// Fibre damping β of each active muscle; `None` for classes whose fibres have none of Millard's kind.
+    pub fn fiber_damping(&self) -> Vec<Option<f64>> {
+        let of = |m: &Arc<PreparedMuscle>| match &m.muscle.curves.law {
+            FiberLaw::Millard2012(law) => Some(law.damping),
+            _ => None,
+        };
+        self.muscles.iter().map(of).collect()
     }
 
     /// The same trial with other fibre damping.
     ///
-    /// - `damping`: β of each active muscle, in order. The model without damping is another one (its fibre velocity
-    ///   comes from an inverted curve), so a damped muscle needs more than 0 and an undamped one keeps 0.
+    /// - `damping`: β of each active muscle, in order; `None` where the class has none. The model without damping is
+    ///   another one (its fibre velocity comes from an inverted curve), so a damped muscle needs more than 0 and an
+    ///   undamped one keeps 0.
     ///
     /// # Errors
     /// [`SimulationError::ParameterCount`]; [`SimulationError::InvalidParameter`] for a damping that is not allowed.
-    pub fn with_fiber_damping(&self, damping: &[f64]) -> Result<PreparedTrial, SimulationError> {
+    pub fn with_fiber_damping(&self, damping: &[Option<f64>]) -> Result<PreparedTrial, SimulationError> {
         if damping.len() != self.muscles.len() {
             let (found, expected) = (damping.len(), self.muscles.len());
             return Err(SimulationError::ParameterCount { found, expected });
@@ -232,16 +240,26 @@ impl PreparedTrial {
         let mut trial = self.clone();
         for (prepared, &value) in trial.muscles.iter_mut().zip(damping) {
             let muscle = &mut Arc::make_mut(prepared).muscle;
-            let (allowed, expected) = if muscle.curves.damping > 0.0 {
-                (value > 0.0 && value <= 1.0, "more than 0 and at most 1")
-            } else {
-                (value == 0.0, "0, as the muscle has no damping")
+            let own = match &muscle.curves.law {
+                FiberLaw::Millard2012(law) => Some(law.clone()),
+                _ => None,
+            };
+            let (allowed, expected) = match (&own, value) {
+                (None, given) => (given.is_none(), "none, as fibres of this class have none"),
+                (Some(_), None) => (false, "a number"),
+                (Some(law), Some(value)) if law.damping > 0.0 => {
+                    (value > 0.0 && value <= 1.0, "more than 0 and at most 1")
+                }
+                (Some(_), Some(value)) => (value == 0.0, "0, as the muscle has no damping"),
             };
             if !allowed {
-                let (muscle, property) = (muscle.name.clone(), "fiber_damping");
+                let (muscle, property, value) = (muscle.name.clone(), "fiber_damping", value.unwrap_or(f64::NAN));
                 return Err(SimulationError::InvalidParameter { muscle, property, value, expected });
             }
-            muscle.curves = Arc::new(FiberCurves { damping: value, ..(*muscle.curves).clone() });
+            if let (Some(law), Some(damping)) = (own, value) {
+                let law = FiberLaw::Millard2012(TabulatedMillard2012 { damping, ..law });
+                muscle.curves = Arc::new(FiberCurves { law, ..(*muscle.curves).clone() });
+            }
         }
         Ok(trial)
     }

@@ -3,8 +3,8 @@
 use carpus_numerics::plausible::{Measured, NamedUnit};
 use carpus_numerics::signals::Resampled;
 
-/// Coordinate values beside the range that one of them leaves, as people read them: with as many decimals as tell the value
-/// from the ends, at least two of degrees and four of metres.
+/// Coordinate values beside the range that one of them leaves, as people read them: with as many decimals as tell the
+/// value from the ends, at least two of degrees and four of metres.
 ///
 /// - `value`, `range`: [rad or m]
 pub(crate) fn value_and_range(value: f64, range: [f64; 2], is_translation: bool) -> (String, [String; 2]) {

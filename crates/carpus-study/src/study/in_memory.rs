@@ -88,7 +88,8 @@ impl Study {
     ///
     /// - `settings`: [`Settings::with_defaults`], and what is changed of them
     /// - `participants`: [`Participant::named`], and what is known of them
-    /// - `trials`: [`Trial::from_samples`] of [`TrialInfo::new`], in the order of recording; each gets the checks of a trial's file
+    /// - `trials`: [`Trial::from_samples`] of [`TrialInfo::new`], in the order of recording; each gets the checks of a
+    ///   trial's file
     ///
     /// # Errors
     /// Every problem that makes the study unusable, together.

@@ -22,7 +22,8 @@ pub const EMG_NOISE_ABOVE: f64 = 1.05;
 pub const EMG_NOISE_BELOW: f64 = -0.02;
 /// How far a measured angle may leave the coordinate's range: an encoder's noise, 0.1° \[rad\].
 pub const ANGLE_RANGE_TOLERANCE: f64 = 0.1 * std::f64::consts::PI / 180.0;
-/// How far a measured angle may leave the coordinate's range with a warning: 12° \[rad\]. Beyond, zero, sign or unit are wrong.
+/// How far a measured angle may leave the coordinate's range with a warning: 12° \[rad\]. Beyond, zero, sign or unit
+/// are wrong.
 pub const ANGLE_RANGE_WARNING: f64 = 12.0 * std::f64::consts::PI / 180.0;
 /// The same of a coordinate that is a translation \[m\].
 pub const POSITION_RANGE_WARNING: f64 = 0.02;

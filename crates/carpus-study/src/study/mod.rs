@@ -2,8 +2,8 @@
 //!
 //! In: a folder as a lab keeps it. Out: a typed [`Study`] in SI units and radians, and one [`Trial`] at a time with
 //! its samples. Every key and column is either read or reported; all problems of a study are collected and returned
-//! together, each with file, line and, where there is one, a hint. Raw EMG becomes excitation here, by [`carpus_numerics::signals`]
-//! and the participant's MVC trials; nothing else is filtered or resampled. What needs the
+//! together, each with file, line and, where there is one, a hint. Raw EMG becomes excitation here, by
+//! [`carpus_numerics::signals`] and the participant's MVC trials; nothing else is filtered or resampled. What needs the
 //! model is checked by those who have it: [`Study::check_names`], [`Trial::check_against_range`].
 //!
 //! | file | what is in it | optional keys beyond the essential ones |
@@ -213,9 +213,9 @@ impl Study {
         self.trial_with(info, self.mvc_levels(&info.participant)?.as_deref())
     }
 
-    /// Each channel's level at maximum voluntary contraction, in the channel's unit and the order of the active muscles:
-    /// the largest envelope over the participant's trials of contraction or use `mvc`. `None` if the study's EMG is
-    /// normalized already.
+    /// Each channel's level at maximum voluntary contraction, in the channel's unit and the order of the active
+    /// muscles: the largest envelope over the participant's trials of contraction or use `mvc`. `None` if the study's
+    /// EMG is normalized already.
     ///
     /// # Errors
     /// No such trial; the problems of their files; channels that are silent in all of them.

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use super::fault::Fault;
 
-/// How many problems [`StudyErrors`] prints before it only counts the rest: a person mends the first few and asks again.
+/// How many problems [`StudyErrors`] prints before it only counts the rest: a person mends the first few and asks
+/// again.
 pub const MAX_LISTED: usize = 10;
 
 /// Whether a study can be used in spite of a problem.

@@ -13,8 +13,8 @@ use carpus_numerics::signals::{
     check_excitation, mvc_level,
 };
 
-/// Steps of a raw recording stay within this fraction of their mean: filters need equal steps, and times written with few
-/// decimals are equal to that.
+/// Steps of a raw recording stay within this fraction of their mean: filters need equal steps, and times written with
+/// few decimals are equal to that.
 const STEP_TOLERANCE: f64 = 0.5;
 
 /// What the EMG columns hold.

@@ -22,8 +22,8 @@ pub fn is_of_a_study(number: f64) -> bool {
     number.abs() <= LARGEST_NUMBER
 }
 
-/// The file that a study names, relative to the study's folder. Backslashes separate folders as they do on Windows, except
-/// where there is a file whose very name has them.
+/// The file that a study names, relative to the study's folder. Backslashes separate folders as they do on Windows,
+/// except where there is a file whose very name has them.
 pub fn named_file(folder: &Path, written: &str) -> PathBuf {
     let literal = folder.join(written);
     if !written.contains('\\') || literal.exists() { literal } else { folder.join(written.replace('\\', "/")) }

@@ -23,7 +23,8 @@ pub struct Trial {
     pub further_moments: Vec<Vec<f64>>,
     /// Excitation of each active muscle, 0 to 1, in the order of the study's active muscles.
     pub excitation: Vec<Vec<f64>>,
-    /// The moment's own samples, where it was held, interpolated or smoothed on the grid of the file; `None`: one a row.
+    /// The moment's own samples, where it was held, interpolated or smoothed on the grid of the file; `None`: one a
+    /// row.
     pub moment_samples: Option<OwnSamples>,
     /// What a person should look at.
     pub warnings: Vec<Problem>,
@@ -114,8 +115,8 @@ impl Trial {
     /// - `is_translation`: whether the coordinate is one
     /// - `lower`, `upper`: the coordinate's range in the model [rad or m]
     ///
-    /// A sample outside by more than [`ANGLE_RANGE_TOLERANCE`] makes it a warning, at the line of the first such sample; one
-    /// outside by more than [`ANGLE_RANGE_WARNING`] ([`POSITION_RANGE_WARNING`] of a translation) an error.
+    /// A sample outside by more than [`ANGLE_RANGE_TOLERANCE`] makes it a warning, at the line of the first such
+    /// sample; one outside by more than [`ANGLE_RANGE_WARNING`] ([`POSITION_RANGE_WARNING`] of a translation) an error.
     pub fn check_against_range(
         &self,
         coordinate: &str,

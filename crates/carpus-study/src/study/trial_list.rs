@@ -39,8 +39,8 @@ pub struct TrialInfo {
     pub place: usize,
     /// Line of the row.
     pub line: usize,
-    /// Short name that no other trial of the participant has, not even in other case: the file's name without extension;
-    /// where several trials have that, with as many of its folders in front as tell them apart.
+    /// Short name that no other trial of the participant has, not even in other case: the file's name without
+    /// extension; where several trials have that, with as many of its folders in front as tell them apart.
     pub name: String,
     /// Name of the participant.
     pub participant: String,
@@ -259,7 +259,8 @@ fn name_trials(trials: &mut [TrialInfo], folder: &Path) {
             owners.entry((trial.participant.clone(), trial.name.to_lowercase())).or_default().push(i);
         }
         let shared: Vec<usize> = owners.into_values().filter(|of| of.len() > 1).flatten().collect();
-        // A name with its row in it differs from all others of this kind: nobody takes more than one part beyond its path.
+        // A name with its row in it differs from all others of this kind: nobody takes more than one part beyond its
+        // path.
         let longer: Vec<usize> = shared.into_iter().filter(|&i| used[i] <= parts[i].len()).collect();
         if longer.is_empty() {
             return;

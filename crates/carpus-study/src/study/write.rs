@@ -1,4 +1,5 @@
-//! A study as files: the inverse of reading one. EMG is written as normalized excitation, columns under their usual names.
+//! A study as files: the inverse of reading one. EMG is written as normalized excitation, columns under their usual
+//! names.
 
 use std::fmt::Write;
 

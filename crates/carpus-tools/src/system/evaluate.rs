@@ -150,8 +150,8 @@ impl System {
         }
     }
 
-    /// Accelerations at the state last evaluated; where the equations of motion have no solution not numbers, as in OpenSim, and
-    /// why there is none.
+    /// Accelerations at the state last evaluated; where the equations of motion have no solution not numbers, as in
+    /// OpenSim, and why there is none.
     ///
     /// - `applied`: forces
     pub fn accelerations(

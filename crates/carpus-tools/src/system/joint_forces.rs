@@ -14,8 +14,8 @@ const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 impl System {
     /// Force that each joint's generalized forces stand for, on its outboard body at the origin of the child frame,
-    /// expressed in ground (`Joint::calcEquivalentSpatialForce`): the smallest moment or force, whichever does more, then
-    /// the other.
+    /// expressed in ground (`Joint::calcEquivalentSpatialForce`): the smallest moment or force, whichever does more,
+    /// then the other.
     ///
     /// - `cache`: positions and joint axes
     pub fn equivalent_joint_forces(&self, cache: &Cache, generalized: &[f64]) -> Vec<SpatialForce> {

@@ -1,5 +1,5 @@
-//! Writes the JavaScript side of a WebAssembly module that was compiled with wasm-bindgen, and the module without what only
-//! that needed.
+//! Writes the JavaScript side of a WebAssembly module that was compiled with wasm-bindgen, and the module without what
+//! only that needed.
 //!
 //! ```text
 //! carpus-web-bindings MODULE.wasm FOLDER

@@ -9,7 +9,8 @@ const STEP: f64 = 1e-7;
 /// Smallest of them, and the share of the way to a bushing's pole that they may go.
 const LEAST_STEP: f64 = 1e-10;
 const SHARE_OF_WAY: f64 = 3e-4;
-/// Nearer to a pole than this differences of coordinates are central: derivatives there are large and cancel one another.
+/// Nearer to a pole than this differences of coordinates are central: derivatives there are large and cancel one
+/// another.
 const NEAR_POLE: f64 = 0.05;
 
 /// A state about which rates are differentiated.
@@ -152,8 +153,8 @@ impl Plant {
         if jacobian.iter().all(|x| x.is_finite()) { Ok(()) } else { Err(DynamicsError::NotFinite) }
     }
 
-    /// What paths do after one coordinate (`of_coordinate`) or speed has moved, by its position among the free ones, and
-    /// rates of everything but speeds.
+    /// What paths do after one coordinate (`of_coordinate`) or speed has moved, by its position among the free ones,
+    /// and rates of everything but speeds.
     fn move_paths(
         &self,
         x: &[f64],

@@ -9,7 +9,7 @@ use crate::osim::spec::{
     MuscleSpec, TendonForceLengthSpec, Thelen2003Spec,
 };
 
-/// Muscle classes of OpenSim; the force of all but the first is not computed here.
+/// Muscle classes of OpenSim.
 pub(super) fn is_muscle(tag: &str) -> bool {
     matches!(
         tag,
@@ -81,17 +81,13 @@ impl Reader<'_> {
             path,
             name,
         };
-        if is_millard {
-            self.diagnostics.understood(&class);
-        } else {
-            let message = match &spec.kind {
-                MuscleKind::OtherClass { law: Some(_), .. } => {
-                    format!("{class}: its path is used, its force is computed by run-tool only")
-                }
-                _ => format!("{class}: its path is used, its force is not computed"),
-            };
-            let hint = "convert the muscle to Millard2012EquilibriumMuscle to simulate its force".to_owned();
-            self.diagnose(Severity::Unsupported, element, &object.path, message, Some(hint));
+        match spec.is_computed() {
+            true => self.diagnostics.understood(&class),
+            false => {
+                let message = format!("{class}: its path is used, its force is not computed");
+                let hint = "convert the muscle to Millard2012EquilibriumMuscle to simulate its force".to_owned();
+                self.diagnose(Severity::Unsupported, element, &object.path, message, Some(hint));
+            }
         }
         self.spec.muscles.push(spec);
     }

@@ -8,6 +8,7 @@ mod forces;
 mod functions;
 mod joints;
 mod loops;
+mod muscle_property;
 mod muscles;
 mod paths;
 
@@ -15,6 +16,7 @@ pub use constraints::{ConstraintKind, ConstraintSpec};
 pub use forces::{ActuatorActivation, ActuatorKind, ActuatorSpec, ForceKind, ForceSpec, PrescribedForceSpec};
 pub use functions::FunctionSpec;
 pub use joints::{CoordinateSpec, JointKind, JointSpec, MotionType, TransformAxisSpec};
+pub use muscle_property::MuscleProperty;
 pub use muscles::{
     ActiveForceLengthSpec, DeGrooteFregly2016Spec, DeprecatedMuscleKind, DeprecatedMuscleSpec, FiberForceLengthSpec,
     ForceVelocitySpec, Millard2012Spec, MuscleKind, MuscleSpec, OtherMuscleSpec, RigidTendonSpec,

@@ -73,7 +73,8 @@ pub struct DeGrooteFregly2016Spec {
     pub default_activation: f64,
     /// Tendon force over maximum isometric force before initialization.
     pub default_normalized_tendon_force: f64,
-    /// `tendon_compliance_dynamics_mode` is not `explicit`: a solver outside the muscle has to give the tendon force's rate.
+    /// `tendon_compliance_dynamics_mode` is not `explicit`: a solver outside the muscle has to give the tendon force's
+    /// rate.
     pub implicit_tendon_compliance: bool,
     /// Width of the active force–length curve, at least 1.
     pub active_force_width_scale: f64,

@@ -66,7 +66,7 @@ impl ActivationTrajectory {
         };
         ActivationTangent {
             pieces: self.pieces.iter().enumerate().map(of).collect(),
-            ignored: dynamics.ignored,
+            ignored: dynamics.is_ignored(),
             starts_free: dynamics.clamp(excitation[0]) == excitation[0],
         }
     }

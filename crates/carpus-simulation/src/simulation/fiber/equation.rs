@@ -2,56 +2,43 @@
 
 use std::sync::Arc;
 
-use super::curve_table::CurveTable;
+use super::law::{FiberLaw, of_law};
+use carpus_multibody::muscles::{Contraction, MuscleLaw};
 
 /// Muscle parameters that derivatives are taken for, in the order of every derivative array of this module:
 /// optimal fibre length, tendon slack length, sine of the pennation angle at optimal fibre length.
 pub(crate) const PARAMETERS: usize = 3;
 
-/// The tabulated curves of a muscle; shared by all candidate parameter sets.
+/// What a muscle's class and its properties decide; shared by all candidate parameter sets.
 #[derive(Clone, Debug)]
 pub(crate) struct FiberCurves {
-    /// Active force–length.
-    pub(crate) active: Arc<CurveTable>,
-    /// Passive fibre force–length.
-    pub(crate) passive: Arc<CurveTable>,
-    /// Force–velocity.
-    pub(crate) force_velocity: Arc<CurveTable>,
-    /// Tendon force–length.
-    pub(crate) tendon: Arc<CurveTable>,
-    /// Velocity as a function of the force multiplier: only for a muscle without fibre damping.
-    pub(crate) velocity_of_force: Option<Arc<CurveTable>>,
-    /// Fibre damping β; 0 for the undamped model.
-    pub(crate) damping: f64,
+    /// Curves, and how fibre and tendon balance.
+    pub(crate) law: FiberLaw,
     /// Maximum contraction velocity [optimal fibre lengths/s].
     pub(crate) max_velocity: f64,
-    /// Shortest normalized fibre length of the active force–length curve.
-    pub(crate) min_active_length: f64,
-    /// Sine of the maximum pennation angle.
-    pub(crate) sine_max_pennation: f64,
     /// λ: the active force–length curve is read at x/(1 + λ (1 − a)).
     pub(crate) length_by_activation: f64,
 }
 
 impl FiberCurves {
-    /// Whether the two give the same numbers, because they share their tables.
+    /// The curves of a class.
+    pub(crate) fn new(law: FiberLaw) -> FiberCurves {
+        FiberCurves { max_velocity: law.max_velocity(), law, length_by_activation: 0.0 }
+    }
+
+    /// Whether the two give the same numbers.
     pub(crate) fn are_same(&self, other: &FiberCurves) -> bool {
-        let tables = |c: &FiberCurves| [&c.active, &c.passive, &c.force_velocity, &c.tendon].map(Arc::as_ptr);
-        let inverse = |c: &FiberCurves| c.velocity_of_force.as_ref().map(Arc::as_ptr);
-        let numbers = |c: &FiberCurves| {
-            [c.damping, c.max_velocity, c.min_active_length, c.sine_max_pennation, c.length_by_activation]
-        };
-        tables(self) == tables(other) && inverse(self) == inverse(other) && numbers(self) == numbers(other)
+        self.length_by_activation == other.length_by_activation && self.law.is_same(&other.law)
     }
 
     /// Active force multiplier at a normalized fibre length and activation, and its slope by the length.
     #[inline(always)]
-    pub(crate) fn active_at(&self, x: f64, activation: f64) -> (f64, f64) {
+    pub(super) fn active_at(&self, law: &impl MuscleLaw, x: f64, activation: f64) -> (f64, f64) {
         if self.length_by_activation == 0.0 {
-            return self.active.value_and_slope(x);
+            return law.active(x);
         }
         let optimum = 1.0 + self.length_by_activation * (1.0 - activation);
-        let (value, slope) = self.active.value_and_slope(x / optimum);
+        let (value, slope) = law.active(x / optimum);
         (value, slope / optimum)
     }
 }
@@ -130,12 +117,10 @@ impl Fiber {
         let sine = if pennation > f64::EPSILON { pennation.sin() } else { 0.0 };
         // As OpenSim: the parallelogram's height at the maximum pennation angle, or 1 % of the optimal length.
         let significant = f64::EPSILON.powf(0.875);
-        let (pennate, pennate_by_sine) = if curves.sine_max_pennation > significant {
-            (sine / curves.sine_max_pennation, 1.0 / curves.sine_max_pennation)
-        } else {
-            (0.01, 0.0)
-        };
-        let active = curves.min_active_length.max(significant / optimal);
+        let greatest = curves.law.sine_of_greatest_pennation();
+        let (pennate, pennate_by_sine) =
+            if greatest > significant { (sine / greatest, 1.0 / greatest) } else { (0.01, 0.0) };
+        let active = curves.law.shortest().max(significant / optimal);
         let (shortest, shortest_by_sine) = if pennate > active { (pennate, pennate_by_sine) } else { (active, 0.0) };
         Fiber { curves, optimal, slack, inverse_slack: 1.0 / slack, sine, shortest, shortest_by_sine }
     }
@@ -157,11 +142,11 @@ impl Fiber {
         if self.sine == 0.0 { x } else { (x * x - self.sine * self.sine).sqrt() }
     }
 
-    /// R(x, u), the difference between fibre and tendon force along the tendon over maximum isometric force:
+    /// R(x, u), the balance of fibre and tendon, which each class states in its own way ([`MuscleLaw`]):
     ///
     /// ```text
-    /// R = (a·f_L(x)·f_V(u) + f_PE(x) + β u) cos φ − f_T((l_MT − l_opt x cos φ)/l_slack)          damped
-    /// R = u − f_V⁻¹((f_T/cos φ − f_PE(x)) / (a f_L(x)))                                        undamped
+    /// R = (a·f_L(x)·f_V(u) + f_PE(x) + β u) cos φ − f_T((l_MT − l_opt x cos φ)/l_slack)          Millard, damped
+    /// R = u − f_V⁻¹((f_T/cos φ − f_PE(x)) / (a f_L(x)))                                          Millard, undamped
     /// ```
     /// - `x`: fibre length over optimal length; below x_min the fibre is taken at x_min, as OpenSim clamps it
     /// - `u`: fibre velocity over maximum contraction velocity
@@ -175,45 +160,35 @@ impl Fiber {
     /// [`Fiber::residual`], for the innermost loop.
     #[inline(always)]
     pub(crate) fn residual_inline(&self, x: f64, u: f64, drive: Drive) -> Residual {
+        match &self.curves.law {
+            FiberLaw::Millard2012(law) => self.residual_of(law, x, u, drive),
+            _ => self.residual_of_others(x, u, drive),
+        }
+    }
+
+    /// [`Fiber::residual`] of a class other than Millard's.
+    #[inline(never)]
+    fn residual_of_others(&self, x: f64, u: f64, drive: Drive) -> Residual {
+        of_law!(&self.curves.law, law => self.residual_of(law, x, u, drive))
+    }
+
+    #[inline(always)]
+    fn residual_of(&self, law: &impl MuscleLaw, x: f64, u: f64, drive: Drive) -> Residual {
         let clamped = x < self.shortest;
         let x = if clamped { self.shortest } else { x };
-        let c = &*self.curves;
-        let (active, active_slope) = c.active_at(x, drive.activation);
-        let (passive, passive_slope) = c.passive.value_and_slope(x);
+        let active = self.curves.active_at(law, x, drive.activation);
+        let passive = law.passive(x);
         let y = self.along_tendon(x);
         let (inverse_x, inverse_y) = (1.0 / x, 1.0 / y);
         let (cosine, y_by_x) = (y * inverse_x, x * inverse_y);
         let inverse_slack = self.inverse_slack;
-        let (tendon, tendon_slope) = c.tendon.value_and_slope((drive.length - self.optimal * y) * inverse_slack);
+        let (tendon, tendon_slope) = law.tendon((drive.length - self.optimal * y) * inverse_slack);
         let tendon_by_x = -tendon_slope * self.optimal * inverse_slack * y_by_x;
         let cosine_by_x = self.sine * self.sine * inverse_x * inverse_x * inverse_y;
-        let a = drive.activation;
-        let mut residual = match &c.velocity_of_force {
-            None => {
-                let (velocity, velocity_slope) = c.force_velocity.value_and_slope(u);
-                let fiber = a * active * velocity + passive + c.damping * u;
-                Residual {
-                    r: fiber * cosine - tendon,
-                    by_x: (a * active_slope * velocity + passive_slope) * cosine + fiber * cosine_by_x - tendon_by_x,
-                    by_u: (a * active * velocity_slope + c.damping) * cosine,
-                }
-            }
-            Some(inverse) => {
-                let available = 1.0 / (a * active);
-                let multiplier = (tendon * y_by_x - passive) * available;
-                let (velocity, slope) = inverse.value_and_slope(multiplier);
-                let multiplier_by_x = (tendon_by_x * y_by_x
-                    - tendon * cosine_by_x * y_by_x * y_by_x
-                    - passive_slope
-                    - multiplier * a * active_slope)
-                    * available;
-                Residual { r: u - velocity, by_x: -slope * multiplier_by_x, by_u: 1.0 }
-            }
-        };
-        if clamped {
-            residual.by_x = 0.0;
-        }
-        residual
+        let at = Contraction { u, activation: drive.activation, active, passive, cosine, secant: y_by_x, tendon };
+        let balance = law.balance(&at);
+        let by_x = balance.by_x + balance.by_cosine * cosine_by_x + balance.by_tendon * tendon_by_x;
+        Residual { r: balance.r, by_x: if clamped { 0.0 } else { by_x }, by_u: balance.by_u }
     }
 
     /// What R(x, u) needs before it is known what drives the fibre.
@@ -222,9 +197,12 @@ impl Fiber {
     pub(crate) fn undriven(&self, x: f64, u: f64) -> Undriven {
         let x = if x < self.shortest { self.shortest } else { x };
         let c = &*self.curves;
-        let velocity = if c.velocity_of_force.is_none() { c.force_velocity.value_and_slope(u).0 } else { 1.0 };
-        let passive = c.passive.value_and_slope(x).0;
-        Undriven { x, u, y: self.along_tendon(x), active: c.active_at(x, 1.0).0, passive, velocity }
+        let (active, passive) = of_law!(&c.law, law => (c.active_at(law, x, 1.0).0, law.passive(x).0));
+        let velocity = match &c.law {
+            FiberLaw::Millard2012(law) if law.velocity_of_force.is_none() => law.force_velocity.value_and_slope(u).0,
+            _ => 1.0,
+        };
+        Undriven { x, u, y: self.along_tendon(x), active, passive, velocity }
     }
 
     /// Normalized tendon force, as R takes it.
@@ -232,7 +210,16 @@ impl Fiber {
     /// - `length`: of the path [m]
     #[inline]
     pub(crate) fn pull(&self, known: &Undriven, length: f64) -> f64 {
-        self.curves.tendon.value_and_slope((length - self.optimal * known.y) * self.inverse_slack).0
+        self.tendon_at((length - self.optimal * known.y) * self.inverse_slack).0
+    }
+
+    /// Normalized tendon force and its slope by tendon length over slack length.
+    #[inline]
+    fn tendon_at(&self, norm_length: f64) -> (f64, f64) {
+        match &self.curves.law {
+            FiberLaw::Millard2012(law) => law.tendon.value_and_slope(norm_length),
+            other => of_law!(other, law => law.tendon(norm_length)),
+        }
     }
 
     /// R without its derivatives: the same number, to the last bit, as [`Fiber::residual`] gives.
@@ -242,13 +229,27 @@ impl Fiber {
     pub(crate) fn imbalance(&self, known: &Undriven, activation: f64, pull: f64) -> f64 {
         let Undriven { x, u, y, active, passive, velocity } = *known;
         let c = &*self.curves;
-        let active = if c.length_by_activation == 0.0 { active } else { c.active_at(x, activation).0 };
-        match &c.velocity_of_force {
-            None => (activation * active * velocity + passive + c.damping * u) * (y * (1.0 / x)) - pull,
-            Some(inverse) => {
-                let available = 1.0 / (activation * active);
-                u - inverse.value_and_slope((pull * (x * (1.0 / y)) - passive) * available).0
-            }
+        let active = match c.length_by_activation == 0.0 {
+            true => active,
+            false => of_law!(&c.law, law => c.active_at(law, x, activation).0),
+        };
+        let (cosine, secant) = (y * (1.0 / x), x * (1.0 / y));
+        let at = || Contraction {
+            u,
+            activation,
+            active: (active, 0.0),
+            passive: (passive, 0.0),
+            cosine,
+            secant,
+            tendon: pull,
+        };
+        match &c.law {
+            FiberLaw::Millard2012(law) => match &law.velocity_of_force {
+                // The force–velocity curve is read already.
+                None => (activation * active * velocity + passive + law.damping * u) * cosine - pull,
+                Some(_) => law.balance(&at()).r,
+            },
+            other => of_law!(other, law => law.balance(&at()).r),
         }
     }
 
@@ -259,28 +260,18 @@ impl Fiber {
         let x = if clamped { self.shortest } else { x };
         let c = &*self.curves;
         let y = self.along_tendon(x);
-        let cosine = y / x;
-        let cosine_by_sine = -self.sine / (x * y);
         let tendon = self.tendon_force(x, drive.length);
-        let (active, _) = c.active_at(x, drive.activation);
-        let (passive, _) = c.passive.value_and_slope(x);
-        let a = drive.activation;
-        let mut by = match &c.velocity_of_force {
-            None => {
-                let (velocity, _) = c.force_velocity.value_and_slope(u);
-                let fiber = a * active * velocity + passive + c.damping * u;
-                let mut by = tendon.by_parameters.map(|d| -d);
-                by[2] += fiber * cosine_by_sine;
-                by
-            }
-            Some(inverse) => {
-                let available = 1.0 / (a * active);
-                let (_, slope) = inverse.value_and_slope((tendon.value / cosine - passive) * available);
-                let mut by = tendon.by_parameters.map(|d| d / cosine);
-                by[2] -= tendon.value * cosine_by_sine / (cosine * cosine);
-                by.map(|d| -slope * available * d)
-            }
-        };
+        let balance = of_law!(&c.law, law => law.balance(&Contraction {
+            u,
+            activation: drive.activation,
+            active: c.active_at(law, x, drive.activation),
+            passive: law.passive(x),
+            cosine: y / x,
+            secant: x / y,
+            tendon: tendon.value,
+        }));
+        let mut by = tendon.by_parameters.map(|d| balance.by_tendon * d);
+        by[2] += balance.by_cosine * (-self.sine / (x * y));
         if clamped {
             let at_limit = self.residual(self.shortest, u, drive);
             by[2] += at_limit.by_x * self.shortest_by_sine;
@@ -296,7 +287,7 @@ impl Fiber {
         let y = self.along_tendon(x);
         let inverse_slack = self.inverse_slack;
         let stretch = (length - self.optimal * y) * inverse_slack;
-        let (value, slope) = self.curves.tendon.value_and_slope(stretch);
+        let (value, slope) = self.tendon_at(stretch);
         let scale = slope * inverse_slack;
         TendonForce {
             value,
@@ -309,7 +300,7 @@ impl Fiber {
     ///
     /// Newton's method within a bracket; R increases with u, so the solution is unique.
     pub(crate) fn velocity(&self, x: f64, drive: Drive, guess: f64) -> f64 {
-        if self.curves.velocity_of_force.is_some() {
+        if of_law!(&self.curves.law, law => law.states_velocity()) {
             return -self.residual(x, 0.0, drive).r;
         }
         let mut u = guess.clamp(-1.0, 1.0);
@@ -332,75 +323,5 @@ impl Fiber {
             }
         }
         u
-    }
-
-    /// Normalized fibre length in static equilibrium, and whether the fibre rests at its shortest length.
-    ///
-    /// Starts, like `Millard2012EquilibriumMuscle::computeFiberEquilibrium`, from a tendon stretched by 1 % and follows
-    /// Newton's method with step halving; where that stagnates, bisection between the shortest fibre and the longest
-    /// one that leaves the tendon slack finds the equilibrium.
-    pub(crate) fn static_equilibrium(&self, drive: Drive) -> (f64, bool) {
-        let along = (drive.length - 1.01 * self.slack) / self.optimal;
-        let start = (along.max(0.0).powi(2) + self.sine * self.sine).sqrt().max(self.shortest);
-        let at = |x: f64| self.static_residual(x, drive);
-        let (mut x, mut residual) = (start, at(start));
-        for _ in 0..100 {
-            if residual[0].abs() < 1e-14 {
-                return (x, false);
-            }
-            let mut step = -residual[0] / residual[1];
-            let mut improved = false;
-            for _ in 0..30 {
-                let next = (x + step).max(self.shortest);
-                let trial = at(next);
-                if trial[0].abs() < residual[0].abs() {
-                    improved = next != x;
-                    (x, residual) = (next, trial);
-                    break;
-                }
-                step *= 0.5;
-            }
-            if !improved {
-                break;
-            }
-        }
-        if residual[0].abs() < 1e-11 {
-            return (x, false);
-        }
-        if at(self.shortest)[0] >= 0.0 {
-            return (self.shortest, true);
-        }
-        let (mut low, mut high) = (self.shortest, start.max(1.0));
-        while at(high)[0] < 0.0 {
-            high *= 2.0;
-        }
-        for _ in 0..200 {
-            let middle = 0.5 * (low + high);
-            if at(middle)[0] < 0.0 { low = middle } else { high = middle }
-        }
-        (0.5 * (low + high), false)
-    }
-
-    /// Static force difference (both models: f_V = 1, no damping force) and its derivative by x.
-    pub(crate) fn static_residual(&self, x: f64, drive: Drive) -> [f64; 2] {
-        let c = &*self.curves;
-        let (active, active_slope) = c.active_at(x, drive.activation);
-        let (passive, passive_slope) = c.passive.value_and_slope(x);
-        let y = self.along_tendon(x);
-        let fiber = drive.activation * active + passive;
-        let tendon = self.tendon_force(x, drive.length);
-        let by_x = (drive.activation * active_slope + passive_slope) * y / x
-            + fiber * self.sine * self.sine / (x * x * y)
-            - tendon.by_x;
-        [fiber * y / x - tendon.value, by_x]
-    }
-
-    /// ∂(static residual)/∂p at fixed x.
-    pub(crate) fn static_residual_by_parameters(&self, x: f64, drive: Drive) -> [f64; PARAMETERS] {
-        let c = &*self.curves;
-        let fiber = drive.activation * c.active_at(x, drive.activation).0 + c.passive.value_and_slope(x).0;
-        let mut by = self.tendon_force(x, drive.length).by_parameters.map(|d| -d);
-        by[2] -= fiber * self.sine / (x * self.along_tendon(x));
-        by
     }
 }

@@ -1,9 +1,9 @@
 //! A fibre over a whole trial: a step plan made once per trial and muscle, then followed for every parameter set.
 //!
 //! The plan's steps are those that error control chose for the model's own parameters, and the plan holds activation
-//! and path length at every stage, so that a further parameter set looks nothing up, and the solution for the model's own
-//! parameters, which is the answer for these and where the search for another one starts from. The error is estimated again in
-//! every run; a step that misses the tolerance is halved until it does not.
+//! and path length at every stage, so that a further parameter set looks nothing up, and the solution for the model's
+//! own parameters, which is the answer for these and where the search for another one starts from. The error is
+//! estimated again in every run; a step that misses the tolerance is halved until it does not.
 
 use super::equation::{Drive, Fiber, PARAMETERS};
 use super::plan::{PlannedStep, StepPlan};
@@ -14,16 +14,21 @@ use super::step::{Attempt, Cursor, DriveSource, FiberAccuracy, FiberSample, Step
 const MOST_HALVINGS: usize = 14;
 
 impl Fiber {
-    /// Initial state: static equilibrium, as OpenSim's `equilibrateMuscles` leaves it.
-    pub(crate) fn initial_state(&self, drive: Drive, work: &mut Work) -> FiberState {
-        let (x, at_limit) = self.static_equilibrium(drive);
+    /// Initial state: as OpenSim's `equilibrateMuscles` leaves it.
+    ///
+    /// - `speed`: of the path [m/s]
+    pub(crate) fn initial_state<const DERIVATIVES: bool>(
+        &self,
+        drive: Drive,
+        speed: f64,
+        work: &mut Work,
+    ) -> FiberState {
+        let (x, at_limit) = self.start(drive, speed);
         let (rate, stiffness) = self.rate(x, drive, work);
         let clamped = at_limit && rate <= 0.0;
-        let by_parameters = if at_limit {
-            self.shortest_by_parameters()
-        } else {
-            let by_x = self.static_residual(x, drive)[1];
-            self.static_residual_by_parameters(x, drive).map(|by_p| -by_p / by_x)
+        let by_parameters = match DERIVATIVES {
+            true => self.start_by_parameters(x, at_limit, drive, speed),
+            false => [0.0; PARAMETERS],
         };
         FiberState {
             x,
@@ -79,8 +84,8 @@ impl Fiber {
         Attempt::Moves(solution)
     }
 
-    /// Follows the plan; `emit` receives the fibre's state at every sample, in order, `observe` every step taken, before its
-    /// samples.
+    /// Follows the plan; `emit` receives the fibre's state at every sample, in order, `observe` every step taken,
+    /// before its samples.
     ///
     /// # Errors
     /// [`Stuck`] where Newton's method fails in the smallest step.
@@ -96,7 +101,7 @@ impl Fiber {
             return Ok(plan.replay(emit, observe));
         }
         let mut work = Work::default();
-        let mut state = self.initial_state(plan.initial, &mut work);
+        let mut state = self.initial_state::<DERIVATIVES>(plan.initial, plan.initial_speed, &mut work);
         emit(0, FiberSample { x: state.x, rate: state.rate, by_parameters: state.by_parameters });
         let mut sample = 1;
         for planned in &plan.steps {

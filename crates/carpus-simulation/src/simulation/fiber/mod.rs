@@ -2,7 +2,9 @@
 
 pub(crate) mod curve_table;
 pub(crate) mod equation;
+pub(crate) mod equilibrium;
 pub(crate) mod integrate;
+pub(crate) mod law;
 pub(crate) mod plan;
 pub(crate) mod radau;
 pub(crate) mod rigid_tendon;
@@ -11,17 +13,40 @@ pub(crate) mod step;
 use std::fmt::Debug;
 use std::sync::Arc;
 
-use carpus_multibody::muscles::Millard2012;
+use carpus_multibody::muscles::{Millard2012, MuscleModel};
 use carpus_numerics::numerics::SmoothSegmentedFunction;
-use carpus_osim::osim::spec::Millard2012Spec;
+use carpus_osim::osim::spec::{Millard2012Spec, MuscleKind, MuscleSpec};
 use curve_table::CurveTable;
 use equation::FiberCurves;
+use law::{FiberLaw, TabulatedMillard2012};
 
 impl FiberCurves {
     /// Largest deviation of a tabulated curve from the exact one.
     pub(crate) fn deviation(&self) -> f64 {
-        let curves = [&self.active, &self.passive, &self.force_velocity, &self.tendon];
-        curves.into_iter().chain(&self.velocity_of_force).map(|table| table.deviation()).fold(0.0, f64::max)
+        self.law.deviation()
+    }
+
+    /// What a muscle of any class is simulated with; `None` for `Delp1990Muscle_Deprecated`, whose fibre velocity is a
+    /// state.
+    ///
+    /// - `properties`: what `muscle` was built from
+    pub(crate) fn of(
+        muscle: &MuscleModel,
+        properties: &MuscleSpec,
+        cache: &mut CurveCache,
+    ) -> Option<Arc<FiberCurves>> {
+        let law = match muscle {
+            MuscleModel::Millard2012(own) => {
+                let MuscleKind::Millard2012Equilibrium(properties) = &properties.kind else { return None };
+                return Some(FiberCurves::tabulate(own, properties, cache));
+            }
+            MuscleModel::Thelen2003(own) => FiberLaw::Thelen2003(Arc::new((**own).clone())),
+            MuscleModel::DeGrooteFregly2016(own) => FiberLaw::DeGrooteFregly2016(Arc::new((**own).clone())),
+            MuscleModel::RigidTendon(own) => FiberLaw::RigidTendon(Arc::new((**own).clone())),
+            MuscleModel::Deprecated(own) if own.has_velocity_state() => return None,
+            MuscleModel::Deprecated(own) => FiberLaw::Schutte1993(Arc::new((**own).clone())),
+        };
+        Some(Arc::new(FiberCurves::new(law)))
     }
 
     /// Tabulates the curves of a muscle; those that `cache` has from another muscle are shared.
@@ -39,7 +64,7 @@ impl FiberCurves {
             // An undamped muscle's curves are adapted differently.
             cache.table(format!("{kind} {undamped} {properties:?}"), curve)
         };
-        Arc::new(FiberCurves {
+        Arc::new(FiberCurves::new(FiberLaw::Millard2012(TabulatedMillard2012 {
             active: table("active", &p.active_force_length, &curves.active_force_length),
             passive: table("passive", &p.fiber_force_length, &curves.fiber_force_length),
             force_velocity: table("velocity", &p.force_velocity, &curves.force_velocity),
@@ -49,8 +74,7 @@ impl FiberCurves {
             max_velocity: muscle.parameters().max_contraction_velocity,
             min_active_length: curves.min_norm_active_fiber_length,
             sine_max_pennation: properties.maximum_pennation_angle.sin(),
-            length_by_activation: 0.0,
-        })
+        })))
     }
 }
 
@@ -75,5 +99,7 @@ impl CurveCache {
     }
 }
 
+#[cfg(test)]
+mod conformance;
 #[cfg(test)]
 mod tests;

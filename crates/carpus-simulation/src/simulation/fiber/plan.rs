@@ -7,7 +7,8 @@ use super::step::{Attempt, Cursor, DriveSource, FiberAccuracy, FiberSample, Step
 
 /// Ticks per sample interval: steps start and end at multiples of 1/1024 of an interval.
 const TICK_BITS: u32 = 10;
-/// The plan is made for this part of the tolerance, so that most other parameter sets meet the tolerance without halving.
+/// The plan is made for this part of the tolerance, so that most other parameter sets meet the tolerance without
+/// halving.
 const PLAN_TOLERANCE: f64 = 0.25;
 
 /// One planned step.
@@ -24,6 +25,8 @@ pub(super) struct PlannedStep {
 pub(crate) struct StepPlan {
     /// What drives the fibre at the first sample.
     pub(crate) initial: Drive,
+    /// Speed of the path there [m/s].
+    pub(crate) initial_speed: f64,
     pub(super) steps: Vec<PlannedStep>,
     /// Weights of the stage increments at each sample, within the step that the sample falls in.
     pub(super) weights: Vec<[f64; 3]>,
@@ -68,15 +71,17 @@ impl StepPlan {
     ) -> Result<StepPlan, Stuck> {
         let mut cursor = Cursor::default();
         let initial = source.drive(times[0], &mut cursor);
+        let initial_speed = source.speed(times[0]);
         let mut plan = StepPlan {
             initial,
+            initial_speed,
             steps: Vec::new(),
             weights: vec![[0.0, 0.0, 1.0]; times.len()],
             times: times.to_vec(),
             solution: None,
         };
         let mut work = Work::default();
-        let mut state = fiber.initial_state(initial, &mut work);
+        let mut state = fiber.initial_state::<false>(initial, initial_speed, &mut work);
         let mut ends = vec![PlannedEnd::of(&state, false)];
         let last = (times.len() - 1) << TICK_BITS;
         let time_of = |tick: usize| {
@@ -142,6 +147,7 @@ impl StepPlan {
         });
         StepPlan {
             initial,
+            initial_speed: source.speed(self.times[0]),
             steps: steps.collect(),
             weights: self.weights.clone(),
             times: self.times.clone(),

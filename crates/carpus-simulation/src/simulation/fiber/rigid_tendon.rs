@@ -1,6 +1,8 @@
 //! A muscle with a rigid tendon: its fibre follows from the path alone, nothing is integrated.
 
 use super::equation::{Fiber, PARAMETERS};
+use super::law::of_law;
+use carpus_multibody::muscles::{Contraction, MuscleLaw, RigidTendonRule};
 
 /// Force of a muscle with a rigid tendon at one instant.
 #[derive(Clone, Copy, Debug, Default)]
@@ -16,45 +18,52 @@ pub(crate) struct RigidSample {
 }
 
 impl Fiber {
-    /// Fibre state and tendon force for a tendon at its slack length.
-    ///
-    /// A fibre shorter than the model allows, or a tendon that buckles, carries no force; nor does a fibre push.
+    /// Fibre state and tendon force for a tendon at its slack length, by the rule of the class ([`RigidTendonRule`]).
     ///
     /// - `activation`; `length` [m], `speed` [m/s]: of the path
     ///
     /// # References
-    /// OpenSim `Millard2012EquilibriumMuscle` with `ignore_tendon_compliance`.
+    /// OpenSim `Millard2012EquilibriumMuscle` and `DeGrooteFregly2016Muscle` with `ignore_tendon_compliance`,
+    /// `RigidTendonMuscle`.
     pub(crate) fn rigid_tendon(&self, activation: f64, length: f64, speed: f64) -> RigidSample {
         let c = &*self.curves;
-        let y = (length - self.slack) / self.optimal;
-        let shortest = self.along_tendon(self.shortest);
+        let rule = c.law.rigid_tendon_rule();
+        let unilateral = rule == RigidTendonRule::Unilateral;
+        let mut y = (length - self.slack) / self.optimal;
         let slack = RigidSample { x: self.shortest, u: 0.0, force: 0.0, by_parameters: [0.0; PARAMETERS] };
-        if y < shortest {
+        if unilateral && y < self.along_tendon(self.shortest) {
             return slack;
+        }
+        let mut y_by = [-y / self.optimal, -1.0 / self.optimal, 0.0];
+        let follows_path = rule == RigidTendonRule::FollowsPath;
+        if follows_path && y < 0.0 {
+            (y, y_by) = (0.0, [0.0; PARAMETERS]);
         }
         let x = (y * y + self.sine * self.sine).sqrt();
-        let cosine = y / x;
-        let u = speed * cosine / (self.optimal * c.max_velocity);
-        if x <= self.shortest && u <= 0.0 {
+        let cosine = if x > 0.0 { y / x } else { 1.0 };
+        let along = if follows_path { 1.0 } else { cosine };
+        let u = speed * along / (self.optimal * c.max_velocity);
+        if unilateral && x <= self.shortest && u <= 0.0 {
             return slack;
         }
-        let (active, active_slope) = c.active_at(x, activation);
-        let (passive, passive_slope) = c.passive.value_and_slope(x);
-        let (velocity, velocity_slope) = c.force_velocity.value_and_slope(u);
-        let fiber = activation * active * velocity + passive + c.damping * u;
-        if fiber < 0.0 {
+        let [fiber, by_x, by_u] = of_law!(&c.law, law => {
+            let (active, passive) = (c.active_at(law, x, activation), law.passive(x));
+            law.fiber_force(&Contraction { u, activation, active, passive, ..Contraction::default() })
+        });
+        if unilateral && fiber < 0.0 {
             return RigidSample { x, u, force: 0.0, by_parameters: [0.0; PARAMETERS] };
         }
-        let by_x = activation * active_slope * velocity + passive_slope;
-        let by_u = activation * active * velocity_slope + c.damping;
         // y depends on the two lengths, x and cos φ on y and s, u on cos φ and the optimal length.
-        let y_by = [-y / self.optimal, -1.0 / self.optimal, 0.0];
         let mut by_parameters = [0.0; PARAMETERS];
         for p in 0..PARAMETERS {
             let sine_by = if p == 2 { 1.0 } else { 0.0 };
-            let x_by = cosine * y_by[p] + self.sine / x * sine_by;
-            let cosine_by = (y_by[p] - cosine * x_by) / x;
-            let mut u_by = u / cosine * cosine_by;
+            let (x_by, cosine_by) = if x > 0.0 {
+                let x_by = cosine * y_by[p] + self.sine / x * sine_by;
+                (x_by, (y_by[p] - cosine * x_by) / x)
+            } else {
+                (0.0, 0.0)
+            };
+            let mut u_by = if follows_path { 0.0 } else { speed * cosine_by / (self.optimal * c.max_velocity) };
             if p == 0 {
                 u_by -= u / self.optimal;
             }

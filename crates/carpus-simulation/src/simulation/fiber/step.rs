@@ -30,6 +30,9 @@ pub(crate) struct Stuck {
 pub(crate) trait DriveSource {
     /// Activation and path length at `time`; `cursor` remembers the neighbourhood between calls.
     fn drive(&self, time: f64, cursor: &mut Cursor) -> Drive;
+
+    /// Speed of the path [m/s], with which some classes of muscles start.
+    fn speed(&self, time: f64) -> f64;
 }
 
 /// Positions in the tables of a drive source.
@@ -58,7 +61,8 @@ pub(crate) struct StepTaken {
     pub(crate) start: f64,
     /// Its size and what drives the fibre at the stages.
     pub(crate) input: StepInput,
-    /// Normalized fibre length at its start, and stage increments; `None` for a fibre that rests at its shortest length.
+    /// Normalized fibre length at its start, and stage increments; `None` for a fibre that rests at its shortest
+    /// length.
     pub(crate) path: Option<(f64, [f64; 3])>,
     /// Whether the fibre is at its shortest length at the end.
     pub(crate) ends_shortest: bool,

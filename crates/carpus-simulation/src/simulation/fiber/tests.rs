@@ -99,6 +99,10 @@ impl Motion {
 }
 
 impl DriveSource for Motion {
+    fn speed(&self, time: f64) -> f64 {
+        Motion::speed(self, time)
+    }
+
     fn drive(&self, time: f64, _: &mut Cursor) -> Drive {
         Drive {
             activation: 0.4 + 0.38 * (9.0 * time + 0.3).sin(),
