@@ -2,7 +2,9 @@
 //
 //   node browser.mjs REPORT.html PLAN.json SEEN.json
 //
-// A plan: { "fields": [[muscle, property, value]], "effect": id or null, "values": [..], "fit": true or false, "screenshots": folder or null }.
+// A plan: { "fields": [[muscle, property, value]], "effect": id or null, "values": [..],
+// "model": label or null, "last": the last of its effects or null, "fit": true or false,
+// "screenshots": folder or null }.
 import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import path from "node:path";
@@ -64,6 +66,15 @@ try {
         [...document.querySelectorAll(".live-cards .card")].map((c) => [c.dataset.use, Number(c.dataset.nrmse)]),
       ),
     );
+  };
+  /** Errors of every step, training and held out, as the waterfall draws them. */
+  const waterfall = async () => {
+    await settled();
+    const number = (text) => (text === "" ? null : Number(text));
+    const steps = await page.evaluate(() =>
+      [...document.querySelectorAll(".live-step")].map((g) => [g.dataset.train, g.dataset.held]),
+    );
+    return steps.map((step) => step.map(number));
   };
   const download = async (name, count = 1) => {
     await settled();
@@ -127,13 +138,20 @@ try {
       });
     }
     seen.withEffect = await errors();
+    seen.fallOfEffect = await waterfall();
     await shoot("effect");
   }
   if (plan.model) {
     await renewed(() => page.getByRole("button", { name: plan.model, exact: true }).click());
     seen.ofModel = await errors();
+    seen.fallOfModel = await waterfall();
     await download("Save model.osim", plan.files ?? 1);
     await shoot("model");
+    if (plan.last) {
+      await page.getByRole("tab", { name: "Effects" }).click();
+      await renewed(() => live.locator(`[data-effect=${plan.last}]`).getByRole("switch").click());
+      seen.withoutLast = await errors();
+    }
   }
   if (plan.fit) {
     await page.getByRole("button", { name: "Fit muscles" }).click();
