@@ -6,18 +6,19 @@ const [WIDTH, LABEL, RIGHT, ROW] = [860, 230, 70, 50];
 /** Letters of a name that fit before the bars. */
 const LETTERS = 30;
 
-/** Steps from the model as given to that of a message: { label, message }. */
+/** Steps from the model as given to that of a message: { label, message }, without a message where nothing differs. */
 export function steps(description, { muscles, effects }) {
   const given = description.muscles.map((m) => m.given);
-  const out = [{ label: "As given", message: { muscles: given, effects: [] } }];
-  if (JSON.stringify(muscles) !== JSON.stringify(given)) {
-    out.push({ label: "Muscles as they are now", message: { muscles, effects: [] } });
-  }
-  effects.forEach(({ id }, i) => {
-    const { name } = description.effects.find((e) => e.id === id);
-    out.push({ label: `+ ${name}`, message: { muscles, effects: effects.slice(0, i + 1) } });
-  });
-  return out;
+  const same = JSON.stringify(muscles) === JSON.stringify(given);
+  const nameOf = (id) => description.effects.find((e) => e.id === id).name;
+  return [
+    { label: "As given", message: null },
+    { label: "Muscles as they are now", message: same ? null : { muscles, effects: [] } },
+    ...effects.map(({ id }, i) => ({
+      label: `+ ${nameOf(id)}`,
+      message: { muscles, effects: effects.slice(0, i + 1) },
+    })),
+  ];
 }
 
 export class Waterfall {
@@ -28,7 +29,7 @@ export class Waterfall {
     const key = (kind, text) => element("span", {}, element("span", { class: `box ${kind}` }), text);
     this.root = element(
       "figure",
-      { class: "panel live-waterfall", hidden: true },
+      { class: "panel live-waterfall" },
       element("div", { class: "heading" }, element("h3", {}, "Error, step by step"), saves),
       element("p", { class: "legend" }, key("train", "Training"), key("held", "Held out")),
       element("div", { class: "scroll" }, this.svg),
@@ -36,7 +37,8 @@ export class Waterfall {
   }
 
   /**
-   * Simulates the steps between and draws all.
+   * Simulates the steps between and draws all. How many steps there are changes with the effects alone, so that nothing below
+   * moves while a slider does.
    *
    * - `given`, `now`: what the engine answered at both ends; `isNewest`: whether nothing was changed meanwhile
    */
@@ -44,13 +46,13 @@ export class Waterfall {
     const found = steps(this.engine.opened.description, message);
     const last = found.length - 1;
     for (const [i, step] of found.entries()) {
-      const answer = i === 0 ? given : i === last ? now : await this.engine.remote.call("simulate", step.message);
+      const between = step.message !== null && i < last;
+      const answer = between ? await this.engine.remote.call("simulate", step.message) : i === last ? now : given;
       if (!isNewest()) return;
       step.train = answer.errors.train?.nrmse ?? null;
       step.held = answer.errors.held_out?.nrmse ?? null;
     }
     this.steps = found;
-    this.root.hidden = last === 0;
     this.draw();
   }
 
