@@ -23,6 +23,8 @@ const args = [
   "--disable-component-update",
   "--disable-sync",
 ];
+// Looked at now and then: a look at every frame would keep the browser drawing while the page computes.
+const looks = { timeout: 300_000, polling: 50 };
 const context = await chromium.launchPersistentContext(profile, {
   executablePath,
   args,
@@ -44,21 +46,19 @@ try {
   });
   page.on("pageerror", (error) => seen.complaints.push(String(error)));
   await page.goto(own);
-  await page.waitForFunction(() => document.getElementById("live").dataset.renewed, null, { timeout: 120_000 });
+  await page.waitForFunction(() => document.getElementById("live").dataset.renewed, null, looks);
   const data = () => page.evaluate(() => ({ ...document.getElementById("live").dataset }));
   seen.startedMs = Number((await data()).started);
 
   const renewed = async (act) => {
     const before = (await data()).renewed;
     await act();
-    await page.waitForFunction((b) => document.getElementById("live").dataset.renewed !== b, before, {
-      timeout: 120_000,
-    });
+    await page.waitForFunction((b) => document.getElementById("live").dataset.renewed !== b, before, looks);
     const { changed, renewed: now } = await data();
     return Number(now) - Number(changed);
   };
   const settled = () =>
-    page.waitForFunction(() => document.getElementById("live").dataset.settled === "true", null, { timeout: 120_000 });
+    page.waitForFunction(() => document.getElementById("live").dataset.settled === "true", null, looks);
   const errors = async () => {
     await settled();
     return page.evaluate(() =>
@@ -155,7 +155,7 @@ try {
   }
   if (plan.fit) {
     await page.getByRole("button", { name: "Fit muscles" }).click();
-    await page.waitForFunction(() => document.getElementById("live").dataset.fitted, null, { timeout: 600_000 });
+    await page.waitForFunction(() => document.getElementById("live").dataset.fitted, null, looks);
     seen.fittedSeconds = Number((await data()).fitted);
     await page.waitForTimeout(1000);
     seen.fitted = await errors();
