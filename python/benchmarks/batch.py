@@ -14,7 +14,7 @@ import numpy as np
 
 import carpus
 
-SETS, CALLS, TURNS = 400, 5, 4
+SETS, CALLS, TURNS = 400, 5, 3
 
 
 def of_python(session: carpus.Session) -> float:

@@ -12,6 +12,9 @@ use crate::user_loop::{carpus, column, json as json_of, looped, read, root, smal
 /// Errors of a page and of the program agree so well, relatively: the two have another maths library.
 const SAME: f64 = 1e-9;
 
+/// Errors of a trial agree so well, relatively, where its steps of integration are those of other parameters.
+const AS_INTEGRATED: f64 = 1e-4;
+
 /// What a page showed and saved.
 fn seen_in_browser(report: &Path, plan: &Value) -> Value {
     let folder = tempfile::tempdir().unwrap();
@@ -115,7 +118,8 @@ fn verif_an_effect_switched_on_lowers_the_error_as_the_ledger_says() {
     let stiffness = step.parameters["joint_stiffness.stiffness"].value;
     let label = &results.ledger.as_ref().unwrap().steps[3].label;
     let plan = json!({
-        "fields": [], "effect": "joint_stiffness", "values": [stiffness], "model": label, "files": 2, "fit": true,
+        "fields": [], "effect": "joint_stiffness", "values": [stiffness], "model": label, "files": 2,
+        "last": "electromechanical_delay", "fit": true,
     });
     let seen = seen_in_browser(&report, &plan);
     assert_calm(&seen);
@@ -126,6 +130,18 @@ fn verif_an_effect_switched_on_lowers_the_error_as_the_ledger_says() {
         let differ = (of(which, "train") / of_program - 1.0).abs();
         assert!(differ < SAME, "{which}: {differ:.1e}");
     }
+    // The waterfall ends where the errors are, and its steps are what is left without those after them.
+    let fall = |which: &str| -> Vec<f64> {
+        seen[which].as_array().unwrap().iter().map(|step| step[0].as_f64().unwrap()).collect()
+    };
+    let given = of("asGiven", "train");
+    let of_effect = [given, given, of("withEffect", "train")];
+    assert_eq!(fall("fallOfEffect"), of_effect);
+    let of_model = fall("fallOfModel");
+    assert_eq!(of_model.len(), 4, "as given, muscles, two effects: {of_model:?}");
+    assert_eq!([of_model[0], of_model[3]], [given, of("ofModel", "train")]);
+    let differ = (of_model[2] / of("withoutLast", "train") - 1.0).abs();
+    assert!(differ < AS_INTEGRATED, "{differ:.1e}");
     assert_eq!(downloaded(&seen, "model.osim"), std::fs::read(looped().path("with/P01/model.osim")).unwrap());
     assert_eq!(downloaded(&seen, "effects.toml"), std::fs::read(looped().path("with/P01/effects.toml")).unwrap());
     // A fit of the muscles in the page is that of the program.

@@ -25,6 +25,19 @@ pub struct Page {
     exported: Option<Exported>,
 }
 
+/// Memory that opening a case takes [bytes], about.
+const TO_OPEN: usize = 64 << 20;
+/// Memory that a fit takes for every trial [bytes], about.
+const TO_FIT_A_TRIAL: usize = 8 << 20;
+
+/// Has the page's memory grown at once by what will be needed: it is never given back, and a browser takes a millisecond for every
+/// step by which it grows. A browser that has not so much lets it grow step by step.
+fn grow(bytes: usize) {
+    let mut room: Vec<u8> = Vec::new();
+    std::hint::black_box(room.try_reserve_exact(bytes).is_ok());
+    std::hint::black_box(&room);
+}
+
 fn thrown(error: impl std::fmt::Display) -> JsError {
     JsError::new(&error.to_string())
 }
@@ -34,6 +47,7 @@ impl Page {
     /// Opens the bytes of a case.
     #[wasm_bindgen(constructor)]
     pub fn new(bytes: &[u8]) -> Result<Page, JsError> {
+        grow(TO_OPEN);
         Ok(Page { bench: Workbench::open(bytes).map_err(thrown)?, simulated: None, exported: None })
     }
 
@@ -69,6 +83,7 @@ impl Page {
     /// Fits the muscles, and with them the effects of a list of identifiers (JSON); a model to go back to, as JSON.
     pub fn fit(&self, effects: &str, listener: &Listener) -> Result<String, JsError> {
         let ids: Vec<String> = serde_json::from_str(effects).map_err(thrown)?;
+        grow(TO_FIT_A_TRIAL * self.bench.trials.len());
         let state = self.bench.fit(&ids, &|text| listener.step(text)).map_err(thrown)?;
         serde_json::to_string(&state).map_err(thrown)
     }

@@ -7,8 +7,9 @@ import { Summary } from "./summary.js";
 import { tabs } from "./tabs.js";
 import { toolbar } from "./toolbar.js";
 import { Trials } from "./trials.js";
+import { Waterfall } from "./waterfall.js";
 
-/** How long after the last change everything is computed anew, and residuals against other axes follow [ms]. */
+/** How long after the last change all is computed anew, and waterfall and residuals against other axes follow [ms]. */
 const CALM = 250;
 
 const at = (id) => document.getElementById(id);
@@ -26,7 +27,7 @@ async function start() {
   const { description, recorded } = engine.opened;
   const state = new State(description);
   const [trials, summary] = [new Trials(description, recorded), new Summary()];
-  const residuals = new Residuals(trials.trials);
+  const [residuals, waterfall] = [new Residuals(trials.trials), new Waterfall(engine)];
   const given = await engine.remote.call("simulate", { ...state.message(), anew: true });
 
   at("live-controls").append(
@@ -36,7 +37,8 @@ async function start() {
       [() => (state.effects.length ? `Effects (${state.effects.length} on)` : "Effects"), effectControls(state)],
     ]),
   );
-  at("live-figures").append(summary.cards, summary.conditions, trials.focus, trials.grid, residuals.root);
+  const ofOne = [trials.focus, trials.grid];
+  at("live-figures").append(summary.cards, summary.conditions, waterfall.root, ...ofOne, residuals.root);
 
   const show = (now, settled) =>
     requestAnimationFrame(() => {
@@ -53,7 +55,9 @@ async function start() {
     const anew = async () => {
       const found = await engine.remote.call("simulate", { ...message, anew: true });
       // What was changed meanwhile is newer.
-      if (message.change === changes) show(found, true);
+      const isNewest = () => message.change === changes;
+      if (isNewest()) await waterfall.show(given, found, message, isNewest);
+      if (isNewest()) show(found, true);
     };
     calm = setTimeout(() => anew().catch((error) => tell(error.message)), CALM);
   };

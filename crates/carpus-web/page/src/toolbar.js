@@ -30,7 +30,7 @@ export function toolbar({ engine, state, trials, tell }) {
       b.disabled = true;
     });
     progress.hidden = cancel.hidden = false;
-    progress.removeAttribute("value");
+    progress.value = 0;
     tell("Fitting…");
     const began = performance.now();
     try {

@@ -2,7 +2,9 @@
 //
 //   node browser.mjs REPORT.html PLAN.json SEEN.json
 //
-// A plan: { "fields": [[muscle, property, value]], "effect": id or null, "values": [..], "fit": true or false, "screenshots": folder or null }.
+// A plan: { "fields": [[muscle, property, value]], "effect": id or null, "values": [..],
+// "model": label or null, "last": the last of its effects or null, "fit": true or false,
+// "screenshots": folder or null }.
 import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import path from "node:path";
@@ -21,6 +23,8 @@ const args = [
   "--disable-component-update",
   "--disable-sync",
 ];
+// Looked at now and then: a look at every frame would keep the browser drawing while the page computes.
+const looks = { timeout: 300_000, polling: 50 };
 const context = await chromium.launchPersistentContext(profile, {
   executablePath,
   args,
@@ -42,21 +46,19 @@ try {
   });
   page.on("pageerror", (error) => seen.complaints.push(String(error)));
   await page.goto(own);
-  await page.waitForFunction(() => document.getElementById("live").dataset.renewed, null, { timeout: 120_000 });
+  await page.waitForFunction(() => document.getElementById("live").dataset.renewed, null, looks);
   const data = () => page.evaluate(() => ({ ...document.getElementById("live").dataset }));
   seen.startedMs = Number((await data()).started);
 
   const renewed = async (act) => {
     const before = (await data()).renewed;
     await act();
-    await page.waitForFunction((b) => document.getElementById("live").dataset.renewed !== b, before, {
-      timeout: 120_000,
-    });
+    await page.waitForFunction((b) => document.getElementById("live").dataset.renewed !== b, before, looks);
     const { changed, renewed: now } = await data();
     return Number(now) - Number(changed);
   };
   const settled = () =>
-    page.waitForFunction(() => document.getElementById("live").dataset.settled === "true", null, { timeout: 120_000 });
+    page.waitForFunction(() => document.getElementById("live").dataset.settled === "true", null, looks);
   const errors = async () => {
     await settled();
     return page.evaluate(() =>
@@ -64,6 +66,15 @@ try {
         [...document.querySelectorAll(".live-cards .card")].map((c) => [c.dataset.use, Number(c.dataset.nrmse)]),
       ),
     );
+  };
+  /** Errors of every step, training and held out, as the waterfall draws them. */
+  const waterfall = async () => {
+    await settled();
+    const number = (text) => (text === "" ? null : Number(text));
+    const steps = await page.evaluate(() =>
+      [...document.querySelectorAll(".live-step")].map((g) => [g.dataset.train, g.dataset.held]),
+    );
+    return steps.map((step) => step.map(number));
   };
   const download = async (name, count = 1) => {
     await settled();
@@ -127,17 +138,24 @@ try {
       });
     }
     seen.withEffect = await errors();
+    seen.fallOfEffect = await waterfall();
     await shoot("effect");
   }
   if (plan.model) {
     await renewed(() => page.getByRole("button", { name: plan.model, exact: true }).click());
     seen.ofModel = await errors();
+    seen.fallOfModel = await waterfall();
     await download("Save model.osim", plan.files ?? 1);
     await shoot("model");
+    if (plan.last) {
+      await page.getByRole("tab", { name: "Effects" }).click();
+      await renewed(() => live.locator(`[data-effect=${plan.last}]`).getByRole("switch").click());
+      seen.withoutLast = await errors();
+    }
   }
   if (plan.fit) {
     await page.getByRole("button", { name: "Fit muscles" }).click();
-    await page.waitForFunction(() => document.getElementById("live").dataset.fitted, null, { timeout: 600_000 });
+    await page.waitForFunction(() => document.getElementById("live").dataset.fitted, null, looks);
     seen.fittedSeconds = Number((await data()).fitted);
     await page.waitForTimeout(1000);
     seen.fitted = await errors();
