@@ -107,6 +107,11 @@ fn verif_a_reader_that_has_gone_changes_no_exit_code() {
     assert!(String::from_utf8_lossy(&lost.stderr).contains("cannot write to standard output"), "{lost:?}");
     let status = carpus(&["info", &model]).stdout(full()).stderr(full()).status().unwrap();
     assert_eq!(status.code(), Some(1));
+    for asked in ["--help", "--version"] {
+        let lost = carpus(&[asked]).stdout(full()).output().unwrap();
+        assert!(lost.status.code() == Some(1) && String::from_utf8_lossy(&lost.stderr).contains("standard output"));
+        assert!(carpus(&[asked]).stdout(deaf()).output().unwrap().status.success());
+    }
 }
 
 #[test]

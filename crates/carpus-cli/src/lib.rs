@@ -18,6 +18,7 @@ mod study_run;
 mod table;
 
 use std::ffi::OsString;
+use std::io::Write;
 use std::num::NonZeroUsize;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
@@ -60,9 +61,13 @@ fn run() -> u8 {
         Ok(cli) => cli,
         Err(error) => {
             let asked = matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion);
-            // Nothing can be done when even the help cannot be printed.
-            let _ = error.print();
-            return if asked { 0 } else { INPUT_FAULT };
+            let printed = error.print().and_then(|()| std::io::stdout().flush());
+            // A reader that has read enough is no fault; a full disk is one.
+            let lost = printed.err().filter(|e| asked && e.kind() != std::io::ErrorKind::BrokenPipe);
+            if let Some(e) = &lost {
+                failure::say(&format!("error: cannot write to standard output: {e}"));
+            }
+            return if asked && lost.is_none() { 0 } else { INPUT_FAULT };
         }
     };
     match start_threads(&cli.global).and_then(|()| execute(&cli)) {
@@ -162,7 +167,6 @@ fn report_panic(panic: &std::panic::PanicHookInfo<'_>) {
 /// Prints a result to stdout, names with characters that would do something to the terminal written out. Whoever reads
 /// it (`| head`) may have had enough: the work is done all the same.
 fn print_result(text: &str) -> Result<(), Failure> {
-    use std::io::Write;
     let is_json = text.starts_with(['{', '[']);
     let text = if is_json { printable::visible_json(text) } else { printable::visible_lines(text) };
     let mut stdout = std::io::stdout().lock();
