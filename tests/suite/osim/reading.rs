@@ -102,7 +102,7 @@ fn verif_old_format_is_upgraded_as_in_opensim() {
     assert_eq!(muscle.min_control, 0.01, "a trivial min_control gives way to the class' default");
     assert_eq!(muscle.path.points[1].name, "P1_0");
     assert_eq!(spec.frames[muscle.path.points[1].frame.0].name, "forearm");
-    assert_eq!(file.diagnostics.of(Severity::Unsupported).count(), 1, "the muscle's force");
+    assert_eq!(file.diagnostics.of(Severity::Unsupported).count(), 0, "the muscle's class is computed");
 }
 
 #[test]

@@ -136,7 +136,8 @@ pub fn search(
     let mut found: Vec<Candidate> = known.into_values().collect();
     found.sort_by(|a, b| a.deviance.total_cmp(&b.deviance));
     let best = found[0].deviance;
-    found.retain(|c| c.deviance < best + NEGLIGIBLE);
+    let mut is_best = true;
+    found.retain(|c| std::mem::take(&mut is_best) || c.deviance < best + NEGLIGIBLE);
     let weights: Vec<f64> = found.iter().map(|c| (-0.5 * (c.deviance - best)).exp()).collect();
     let total: f64 = weights.iter().sum();
     Sets { found, probability: weights.into_iter().map(|w| w / total).collect() }

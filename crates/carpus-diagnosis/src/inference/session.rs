@@ -463,6 +463,9 @@ impl<'a> Session<'a> {
         let (set, sizes) = (start.set.clone(), start.sizes.clone());
         let mut state = self.with_noise(start)?;
         self.weigh(&mut state, &set, &sizes, candidates, always);
+        if !state.sets.best().deviance.is_finite() {
+            return Err(SimulationError::NoiseCovariance);
+        }
         Ok(state)
     }
 
