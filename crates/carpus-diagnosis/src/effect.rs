@@ -226,10 +226,14 @@ pub(crate) fn scale_property(muscles: &mut [MuscleSpec], r: f64, property: Muscl
     changed
 }
 
-/// Mean of a property over the muscles that have it, multiplied by eʳ.
+/// Mean of a property over the muscles that have it, multiplied by eʳ; the factor alone where none has it, so that what is
+/// plausible of the effect stays finite.
 pub(crate) fn scaled_mean(muscles: &[MuscleSpec], r: f64, property: MuscleProperty) -> f64 {
     let known: Vec<f64> = muscles.iter().filter_map(|muscle| property.of(muscle)).collect();
-    known.iter().sum::<f64>() / known.len().max(1) as f64 * r.exp()
+    match known.len() {
+        0 => r.exp(),
+        n => known.iter().sum::<f64>() / n as f64 * r.exp(),
+    }
 }
 
 /// Why an effect does nothing to any of the muscles: a property that it changes and none of them has.
@@ -244,4 +248,32 @@ pub fn lacks_property(effect: &dyn Effect, muscles: &[MuscleSpec]) -> Option<Str
     classes.dedup();
     let words: Vec<&str> = properties.iter().map(|property| property.words()).collect();
     Some(format!("the active muscles ({}) have no {}", classes.join(", "), words.join(" and no ")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::catalogue::CATALOGUE;
+    use carpus_osim::osim::OsimFile;
+
+    /// A prior is made of what is reported of an effect that is absent: it has to be a positive, usual number for muscles of
+    /// every class.
+    #[test]
+    fn verif_what_is_reported_of_muscles_without_the_property_is_a_factor() {
+        let root = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
+        for class in
+            ["Thelen2003Muscle", "DeGrooteFregly2016Muscle", "RigidTendonMuscle", "Schutte1993Muscle_Deprecated"]
+        {
+            let spec = OsimFile::read(root.join(format!("fixtures/muscle_laws/{class}.osim"))).unwrap().spec;
+            for effect in CATALOGUE.iter().filter(|effect| !effect.muscle_properties().is_empty()) {
+                let d = effect.description();
+                for value in effect.reported(&d.absent(), &spec.muscles) {
+                    assert!(value > 1e-3 && value < 1e2, "{class} {}: {value}", d.id);
+                }
+                let moved = vec![0.1; d.parameters.len()];
+                let lacks = lacks_property(*effect, &spec.muscles).is_some();
+                assert_eq!(effect.change_muscles(&moved, &mut spec.muscles.clone()), !lacks, "{class} {}", d.id);
+            }
+        }
+    }
 }
