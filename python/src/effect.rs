@@ -188,6 +188,10 @@ impl Effect for PythonEffect {
         moment.iter_mut().zip(added).for_each(|(moment, added)| *moment += added);
     }
 
+    fn reads_muscles(&self) -> bool {
+        true
+    }
+
     fn moment_derivative(&self, values: &[f64], parameter: usize, joint: &JointState) -> Option<Vec<f64>> {
         let derivatives = self.derivatives.as_ref().filter(|_| self.place == Place::Joint)?;
         let (count, samples) = (values.len(), joint.angle.len());

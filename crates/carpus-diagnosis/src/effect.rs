@@ -185,6 +185,11 @@ pub trait Effect: Sync {
         None
     }
 
+    /// Whether [`Effect::add_moment`] reads paths or activations of the muscles.
+    fn reads_muscles(&self) -> bool {
+        false
+    }
+
     /// The joint's moment to the recorded one; affine in the moment.
     fn sense(&self, values: &[f64], trial: &TrialContext, moment: &mut Vec<f64>) {
         let _ = (values, trial, moment);
@@ -207,6 +212,14 @@ pub trait Effect: Sync {
 }
 
 impl dyn Effect {
+    /// Whether what it adds to the joint's moment follows from the trial's motion, whatever the muscles do.
+    pub fn follows_motion_alone(&self, silent_muscles: &SilentMuscles) -> bool {
+        self.description().stage.adds_moment()
+            && self.description().behaviour.muscle_moment == MomentUse::None
+            && !self.reads_muscles()
+            && self.excitation_memory(silent_muscles).is_none()
+    }
+
     /// Whether its values are natural logarithms of the ratios by which properties of the muscles change.
     pub fn has_log_ratios(&self) -> bool {
         self.description().parameters.iter().any(|p| p.quantity == Quantity::LogRatio)

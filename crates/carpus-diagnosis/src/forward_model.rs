@@ -3,8 +3,9 @@
 mod derivatives;
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::OnceLock;
+use std::sync::{Arc, Mutex, OnceLock};
 
 use super::angle_noise::{AngleNoise, Disturbance, moving};
 use super::denoising::{Denoised, denoised};
@@ -56,6 +57,19 @@ pub struct ForwardModel {
     model: MusculoskeletalModel,
     base: Vec<PreparedTrial>,
     options: Options,
+    by_motion: Vec<ByMotion>,
+}
+
+/// Derivatives of the joint's moment by parameters of absent effects that follow the recorded motion alone, of one trial, once asked
+/// for: by identifier and place of the parameter.
+#[derive(Default)]
+struct ByMotion(Mutex<BTreeMap<(&'static str, usize), Arc<Vec<f64>>>>);
+
+impl Clone for ByMotion {
+    /// A model that is changed may have other units.
+    fn clone(&self) -> ByMotion {
+        ByMotion::default()
+    }
 }
 
 /// Excitations of one trial, and the trial prepared with them.
@@ -173,6 +187,7 @@ impl ForwardModel {
             joint: JointTraits::of(trials, spec.coordinates[model.coordinate().0].range),
             covered: None,
             model: model.clone(),
+            by_motion: base.iter().map(|_| ByMotion::default()).collect(),
             base,
             options,
         })

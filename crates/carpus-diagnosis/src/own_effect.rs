@@ -290,6 +290,10 @@ impl Effect for OwnEffect {
         self.each(&self.series_at_joint(joint), values, |k, value: f64| moment[k] += value, samples);
     }
 
+    fn reads_muscles(&self) -> bool {
+        true
+    }
+
     fn moment_derivative(&self, values: &[f64], parameter: usize, joint: &JointState) -> Option<Vec<f64>> {
         if self.definition.place != Place::Joint {
             return None;

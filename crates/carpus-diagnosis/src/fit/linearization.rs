@@ -48,6 +48,13 @@ impl Analysis<'_> {
         self.linearized(point, noise, &variants)
     }
 
+    /// The same where only excitations have changed: derivatives by parameters of effects stay as they were.
+    pub(crate) fn linearize_beside(&self, point: &Point, before: Vec<Linear>) -> Result<Vec<Linear>, SimulationError> {
+        let linear = self.linearized(point, &[], &[])?;
+        let with_effects = |(linear, before): (Linear, Linear)| Linear { effects: before.effects, ..linear };
+        Ok(linear.into_iter().zip(before).map(with_effects).collect())
+    }
+
     /// - `variants`: of every effect of which derivatives are asked for, those of the point in their order
     fn linearized(
         &self,

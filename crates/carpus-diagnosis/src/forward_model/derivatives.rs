@@ -1,6 +1,7 @@
 //! Derivatives of the recorded moment: by muscle parameters as the sensor shows them, and by parameters of effects.
 
 use std::borrow::Cow;
+use std::sync::{Arc, PoisonError};
 
 use super::super::effect::{JointState, MuscleState, Stage, TrialContext};
 use super::{
@@ -264,7 +265,45 @@ impl ForwardModel {
         which: usize,
         parameter: usize,
     ) -> Vec<f64> {
-        let Setting { effect, values } = &effects[which];
+        let by = self.added_derivative(trial, core, effects, which, parameter);
+        let acting = self.acting(effects);
+        let sensing: Vec<&Setting> = in_order(&acting).into_iter().filter(|s| senses(s)).collect();
+        match sensing.is_empty() {
+            true => by.to_vec(),
+            false => self.sensed_changes(trial, core, &sensing, [Change::Moment(&by)]).swap_remove(0),
+        }
+    }
+
+    /// The same of the joint's moment. Of an absent effect that follows the motion alone it is known once it was asked for at the recorded
+    /// motion.
+    fn added_derivative(
+        &self,
+        trial: usize,
+        core: &Core,
+        effects: &[Setting],
+        which: usize,
+        parameter: usize,
+    ) -> Arc<Vec<f64>> {
+        let setting = &effects[which];
+        let calc = || Arc::new(self.calc_added_derivative(trial, core, setting, parameter));
+        let (here, recorded) = (core.prepared.kinematics(), self.base[trial].kinematics());
+        let as_recorded = || {
+            here.angle == recorded.angle && here.speed == recorded.speed && here.acceleration == recorded.acceleration
+        };
+        let usual = || setting.values == self.joint.absent(setting.effect).values;
+        if !setting.effect.follows_motion_alone(&self.silent_muscles) || !usual() || !as_recorded() {
+            return calc();
+        }
+        let key = (setting.effect.description().id, parameter);
+        let known = || self.by_motion[trial].0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(by) = known().get(&key) {
+            return by.clone();
+        }
+        known().entry(key).or_insert(calc()).clone()
+    }
+
+    fn calc_added_derivative(&self, trial: usize, core: &Core, setting: &Setting, parameter: usize) -> Vec<f64> {
+        let Setting { effect, values } = setting;
         let step = effect.description().stage.difference_step();
         let scale = self.joint.scale(&effect.description().parameters[parameter]);
         let sides = [1.0, -1.0].map(|sign| {
@@ -312,12 +351,7 @@ impl ForwardModel {
                 }
             }
         }
-        let acting = self.acting(effects);
-        let sensing: Vec<&Setting> = in_order(&acting).into_iter().filter(|s| senses(s)).collect();
-        match sensing.is_empty() {
-            true => by,
-            false => self.sensed_changes(trial, core, &sensing, [Change::Moment(&by)]).swap_remove(0),
-        }
+        by
     }
 
     /// Changes of the excitations from one side to the other, and how the muscles that something changes for follow; `None` where more

@@ -15,7 +15,7 @@ use crate::score_test::normal;
 use carpus_simulation::simulation::SimulationError;
 
 /// Pairs of opposite draws from the muscles' prior.
-const PAIRS: usize = 3;
+const PAIRS: usize = 2;
 /// Their standard deviation, over that of the prior.
 const WIDTH: f64 = 0.5;
 /// Gauss–Newton steps from a draw.

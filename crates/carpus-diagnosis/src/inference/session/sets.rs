@@ -55,7 +55,7 @@ impl Session<'_> {
         report: &dyn Fn(&str),
     ) -> Result<(State, Vec<(usize, f64)>), SimulationError> {
         let candidates = self.testable();
-        let mut fewer = false;
+        let mut has_minima = false;
         let (mut evidence, mut state) = 'again: loop {
             let of = |effect: usize| {
                 let (group, probability) = self.group(&state, effect);
@@ -66,26 +66,28 @@ impl Session<'_> {
             let mut evidence = Vec::new();
             for (probability, group, effect) in set {
                 let rest: Vec<usize> = self.places(&state.point.effects).into_iter().filter(|e| *e != effect).collect();
-                let without = self.with_set(&state, &rest, &candidates)?;
+                let without = self.with_set(&state, &rest, &[])?;
                 let behind = self.behind(&without, &state);
                 report(&format!("without {:?} ({probability:.2}) {behind:.1} behind", self.ids(&[effect])));
                 let in_place = probability / state.sets.of_effect(effect).max(f64::MIN_POSITIVE);
                 let is_likely =
                     is_likely(group, probability) || is_likely_by_simulation(group, behind, in_place.max(1.0));
                 if !is_likely || (behind < 0.0 && !self.takes_what_is_left(&state, &without)) {
-                    (state, fewer) = (without, true);
+                    (state, has_minima) = (self.with_set(&state, &rest, &candidates)?, false);
                     continue 'again;
                 }
                 evidence.push((effect, behind));
             }
-            break (evidence, state);
+            if has_minima {
+                break (evidence, state);
+            }
+            let beside = self.beside_minima(state, &candidates, &[], report)?;
+            (state, has_minima) = (beside.0, true);
+            if !beside.1 {
+                break (evidence, state);
+            }
         };
         evidence.sort_by(|a, b| b.1.total_cmp(&a.1));
-        if fewer {
-            // The others were of another set.
-            let others = self.other_minima(&state)?;
-            state = self.beside_others(state, &others);
-        }
         state.stand_ins = self.stand_ins(&state, &candidates);
         Ok((state, evidence))
     }
