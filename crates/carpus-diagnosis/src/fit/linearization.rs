@@ -48,10 +48,10 @@ impl Analysis<'_> {
         self.linearized(point, noise, &variants)
     }
 
-    /// The same where only excitations have changed: derivatives by parameters of effects stay as they were.
-    pub(crate) fn linearize_beside(&self, point: &Point, before: Vec<Linear>) -> Result<Vec<Linear>, SimulationError> {
+    /// The same near a point with the same effects: derivatives by their parameters stay as they were there.
+    pub(crate) fn linearize_beside(&self, point: &Point, before: &[Linear]) -> Result<Vec<Linear>, SimulationError> {
         let linear = self.linearized(point, &[], &[])?;
-        let with_effects = |(linear, before): (Linear, Linear)| Linear { effects: before.effects, ..linear };
+        let with_effects = |(linear, before): (Linear, &Linear)| Linear { effects: before.effects.clone(), ..linear };
         Ok(linear.into_iter().zip(before).map(with_effects).collect())
     }
 

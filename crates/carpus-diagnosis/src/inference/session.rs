@@ -32,7 +32,7 @@ pub use other_minima::OtherMinimum;
 use steps::profiled;
 
 /// Prior scale of κ: what a laboratory has of every effect, as a share of what is plausible, equation (5).
-const EVERYTHING: f64 = 0.075;
+const EVERYTHING: f64 = 0.15;
 /// Prior scale of the relative error of a muscle's moment, equations (5) and (6).
 const OF_MUSCLES: f64 = 0.08;
 /// Prior scale of the moment that is left beside the muscles, in tenths of a newton metre at a wrist, equations (5) and
@@ -288,7 +288,8 @@ impl<'a> Session<'a> {
         report(&format!("{} starts, {:.1?}", starts.len(), clock.elapsed()));
         let mut followed: Vec<State> = Vec::new();
         for start in starts {
-            let Ok(mut state) = self.assessed(start, &candidates, &always) else { continue };
+            let Ok(mut state) = self.with_noise(start.clone()) else { continue };
+            self.weigh(&mut state, &start.set, &start.sizes, &candidates, &always);
             let next = self.advanced(&state, None)?.into_iter().next();
             if let Some(Ok(next)) = next.map(|start| self.assessed(start, &candidates, &always)) {
                 state = if self.behind(&next, &state) < 0.0 { next } else { state };
@@ -528,7 +529,7 @@ impl<'a> Session<'a> {
         let (linear, noise) = loop {
             let mut linear = match known.take() {
                 // Muscles and effects stay: the EMG's corrections hardly change what effects do.
-                Some(before) => self.analysis.linearize_beside(&point, before)?,
+                Some(before) => self.analysis.linearize_beside(&point, &before)?,
                 None => self.analysis.linearize(&point, &[])?,
             };
             let noise = self.structure(&mut linear, &point);

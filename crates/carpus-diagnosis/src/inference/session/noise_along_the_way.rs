@@ -67,8 +67,18 @@ impl Session<'_> {
     }
 
     /// Linearized at a point, noise passing as it does.
-    pub(super) fn linearized(&self, point: &Point, noise: &[TrialNoise]) -> Result<Vec<Linear>, SimulationError> {
-        let mut linear = self.analysis.linearize(point, &[])?;
+    ///
+    /// - `near`: derivatives by parameters of effects that are near enough
+    pub(super) fn linearized(
+        &self,
+        point: &Point,
+        noise: &[TrialNoise],
+        near: Option<&[Linear]>,
+    ) -> Result<Vec<Linear>, SimulationError> {
+        let mut linear = match near {
+            Some(near) => self.analysis.linearize_beside(point, near)?,
+            None => self.analysis.linearize(point, &[])?,
+        };
         self.attach(&mut linear, point, noise);
         Ok(linear)
     }

@@ -153,7 +153,7 @@ impl Session<'_> {
         set: &[usize],
         steps: usize,
     ) -> Result<Reached, SimulationError> {
-        let mut linear = self.linearized(&point, from.noise)?;
+        let mut linear = self.linearized(&point, from.noise, None)?;
         let mut directions = self.directions_without(from.directions, &point);
         let is_on = |id: &str| set.iter().any(|e| self.analysis.candidates[*e].description().id == id);
         let was_on = |id: &str| from.point.effects.iter().any(|s| s.effect.description().id == id);
@@ -198,7 +198,7 @@ impl Session<'_> {
             .collect();
         let mut model = self.model_beside(point, linear, &whitened, factors);
         let mut radius = 1.0_f64;
-        for _ in 0..steps {
+        for step in 0..steps {
             let own = self.analysis.n_nuisance() + point.effects.iter().map(|s| s.values.len()).sum::<usize>();
             let posterior = model.posterior(set, sizes);
             let here = profiled(&model, own, set, sizes);
@@ -206,9 +206,11 @@ impl Session<'_> {
             if promised < SETTLED_DESCENT {
                 break;
             }
-            let step = (&posterior.mean - &model.offset).rows(0, own) * radius;
-            let moved = self.analysis.moved(point, &step.into_owned());
-            let next = self.linearized(&moved, noise).ok().map(|linear| {
+            let by = (&posterior.mean - &model.offset).rows(0, own) * radius;
+            let moved = self.analysis.moved(point, &by.into_owned());
+            // Derivatives by parameters of effects are computed anew at every other point.
+            let near = if step % 2 == 0 { Some(&linear[..]) } else { None };
+            let next = self.linearized(&moved, noise, near).ok().map(|linear| {
                 let model = self.model_beside(&moved, &linear, &whitened, factors);
                 (profiled(&model, own, set, sizes), linear, model)
             });
