@@ -657,4 +657,33 @@ mod tests {
             }
         }
     }
+
+    /// What is kept of an effect must not depend on muscles, excitations or other effects.
+    #[test]
+    fn verif_effects_that_follow_the_motion_alone_do_whatever_the_muscles_do() {
+        let forward = with_two_silent_muscles();
+        let given = forward.nominal_parameters();
+        let mut other = given.clone();
+        other.iter_mut().for_each(|p| p.max_isometric_force *= 1.3);
+        let beside = [sized("emg_nonlinearity", &[-1.0]), sized("electromechanical_delay", &[0.02])];
+        let mut count = 0;
+        for effect in crate::catalogue::CATALOGUE {
+            let setting = forward.joint.absent(*effect);
+            if !effect.follows_motion_alone(&forward.silent_muscles) {
+                continue;
+            }
+            count += 1;
+            let [plain, moved] = [(&given, &[][..]), (&other, &beside[..])].map(|(parameters, effects)| {
+                let (variant, input) = (forward.variant(effects).unwrap(), forward.recorded_input(0));
+                forward.core(&variant, 0, &input, parameters, effects, true).unwrap()
+            });
+            for parameter in 0..setting.values.len() {
+                let known = forward.added_derivative(0, &plain, std::slice::from_ref(&setting), 0, parameter);
+                let anew = forward.calc_added_derivative(0, &moved, &setting, parameter);
+                assert_eq!(*known, anew, "{}", effect.description().id);
+            }
+        }
+        assert!(count >= 8, "{count}");
+        assert!(!effect("unmodelled_muscles").unwrap().follows_motion_alone(&forward.silent_muscles));
+    }
 }
