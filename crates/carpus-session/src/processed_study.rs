@@ -222,9 +222,13 @@ mod tests {
 
     #[test]
     fn verif_other_sections_keep_their_comments() {
-        let plain = "# of the lab\n[study]\nname = \"x\"\n\n# how\n[emg] # raw\nkind = \"raw\"\n[processing]\nfilter_hz = 6\n                     \n[processing.repetitions]\nmost = 3\n\n[checks]\nmax_gap_s = 1 # pause\n";
-        let expected = "[study]\nname = \"new\"\n\n[dynamometer]\ncoordinate = \"flexion\"\n\n# how\n[emg] # raw\nkind =                         \"raw\"\n\n[checks]\nmax_gap_s = 1 # pause\n";
-        assert_eq!(written(plain), expected);
+        let kept = "\n# how\n[emg] # raw\nkind = \"raw\"\n";
+        let checks = "\n[checks]\nmax_gap_s = 1 # pause\n";
+        let gone = "[processing]\nfilter_hz = 6\n\n[processing.repetitions]\nmost = 3\n";
+        let plain = format!("# of the lab\n[study]\nname = \"x\"\n{kept}{gone}{checks}");
+        let begun = "[study]\nname = \"new\"\n\n[dynamometer]\ncoordinate = \"flexion\"\n";
+        let expected = format!("{begun}{kept}{checks}");
+        assert_eq!(written(&plain), expected);
     }
 
     #[test]
