@@ -28,7 +28,7 @@ struct Actions {
 static ACTIONS: [Actions; 3] = [
     Actions {
         coordinates: &["flexion", "wrist_flex"],
-        words: ["flexor", "extensor"],
+        words: ["a flexor", "an extensor"],
         muscles: &[
             ("fcr", 1),
             ("fcu", 1),
@@ -51,13 +51,13 @@ static ACTIONS: [Actions; 3] = [
     },
     Actions {
         coordinates: &["deviation", "wrist_dev"],
-        words: ["ulnar deviator", "radial deviator"],
+        words: ["an ulnar deviator", "a radial deviator"],
         muscles: &[("fcu", 1), ("ecu", 1), ("ecrl", -1), ("ecrb", -1), ("fcr", -1), ("apl", -1), ("epb", -1)],
         source: "Loren et al. 1996, doi:10.1016/0021-9290(95)00055-0; Brand & Hollister 1999",
     },
     Actions {
         coordinates: &["elbow_flex", "r_elbow_flex", "l_elbow_flex"],
-        words: ["elbow flexor", "elbow extensor"],
+        words: ["an elbow flexor", "an elbow extensor"],
         muscles: &[("bic", 1), ("bra", 1), ("brd", 1), ("brachialis", 1), ("tri", -1), ("anc", -1)],
         source: "Murray, Delp & Buchanan 1995, doi:10.1016/0021-9290(94)00114-J",
     },
@@ -119,7 +119,7 @@ fn contrary(loaded: &LoadedModel, actions: &Actions, own: &[&Swept]) -> Vec<Find
         let spec = &loaded.file.spec.muscles[sweep.muscle.0];
         let word = if *action > 0 { actions.words[0] } else { actions.words[1] };
         let text = format!(
-            "{} is a {word}, but its moment arm about {} is {:.1} mm in the middle of its values, against those of the \
+            "{} is {word}, but its moment arm about {} is {:.1} mm in the middle of its values, against those of the \
              other muscles",
             spec.name,
             loaded.model.coordinates[sweep.coordinate.0].name,

@@ -64,10 +64,9 @@ fn of_one<'s>(
         };
         return finding(Level::Error, Check::FiberLength, text, hint, shortest);
     }
-    let range =
-        || format!("{shortest:.2} to {longest:.2} times their optimal length over the ranges (median {median:.2})");
+    let range = || format!("{shortest:.2} to {longest:.2} over all poses, median {median:.2}");
     if median < USEFUL[0] || median > USEFUL[1] {
-        let text = format!("the fibres of {} are {}", muscle.name, range());
+        let text = format!("the fibres of {} in optimal lengths: {}", muscle.name, range());
         let hint = "check optimal_fiber_length and tendon_slack_length: fibres work at 0.5 to 1.5";
         return finding(Level::Warning, Check::FiberLength, text, hint, median);
     }
