@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use carpus::session::audit::{Audit, AuditModel, Finding, Level};
+use carpus::session::audit::{Audit, AuditModel, Check, Finding, Level};
 use carpus::session::progress::Silent;
 use serde_json::Value;
 
-use crate::reference::{lab_models, stem};
+use crate::reference::shared;
 
 const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/wrist.osim");
 const FAULTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/audit/faults.json");
@@ -74,4 +74,22 @@ fn verif_one_coordinate_can_be_asked_for() {
     assert_eq!(audit.coordinates, ["flexion"]);
     let unknown = AuditModel { coordinates: vec!["flexoin".to_owned()], ..AuditModel::new(MODEL) };
     assert!(unknown.run(&Silent).unwrap_err().to_string().contains("did you mean `flexion`"));
+}
+
+/// Lab models and what was looked at in each: faults that are known, and a model that has none.
+#[test]
+#[cfg_attr(not(has_lab_models), ignore = "needs lab models (CARPUS_SHARED)")]
+fn regress_known_faults_of_lab_models_are_found() {
+    let known = |model: &str, path: &str, check: Check| {
+        let audit = audit(&shared(&format!("models/{model}")));
+        let mut own = serious(&audit).filter(|f| f.check == check && f.path.starts_with(path));
+        assert!(own.any(|f| f.line > 0 && f.value.is_some() && !f.hint.is_empty()), "{model} {path} {check:?}");
+    };
+    known("MOBL_ARMS_41.osim", "/forceset/ECRL", Check::LongWay);
+    known("MOBL_ARMS_41.osim", "/bodyset/scapula", Check::Inertia);
+    known("MoBL_ARMS_bimanual_6_2_21.osim", "/forceset/EDCM_l", Check::PathJump);
+    known("arm26.osim", "/forceset/TRIlong", Check::PathJump);
+    known("das4_v4.osim", "/forceset/FPL", Check::FiberLength);
+    let clean = audit(&shared("models/Rajagopal2016.osim"));
+    assert_eq!(serious(&clean).count(), 0, "{:?}", serious(&clean).map(|f| &f.text).collect::<Vec<_>>());
 }
