@@ -18,8 +18,8 @@ use std::path::Path;
 /// Largest difference relative to the largest number of its kind at a state, times the condition of the mass matrix.
 const TOLERANCE: f64 = 1e-8;
 /// What is known of some models.
-const CONTRADICTION: &str = "with the accelerations of OpenSim, which contradict its velocities where one coordinate turns a \
-                             CustomJoint about several axes; Carpus's own are held against finite differences";
+const CONTRADICTION: &str = "with the accelerations of OpenSim, which contradict its velocities where one coordinate \
+                             turns a CustomJoint about several axes; Carpus's own are held against finite differences";
 
 struct Case {
     name: String,
@@ -171,8 +171,8 @@ fn compare(case: &Case) -> Vec<Differences> {
             continue;
         }
         let why = format!(
-            "Both balance the equations of motion, to {ours:.0e} and {theirs:.0e} (OpenSim) of the largest force: the mass \
-            matrix is nearly singular in this direction"
+            "Both balance the equations of motion, to {ours:.0e} and {theirs:.0e} (OpenSim) of the largest force: the \
+             mass matrix is nearly singular in this direction"
         );
         let scale = largest(&expected);
         for (c, (a, b)) in solution.udot.iter().zip(&expected).enumerate() {
@@ -187,8 +187,8 @@ fn compare(case: &Case) -> Vec<Differences> {
     }
     if worst_imbalance > 0.0 {
         forward.remark(format!(
-            "states left out where OpenSim's own accelerations leave forces unbalanced, by up to {worst_imbalance:.0e} of the \
-            largest: nearly massless bodies"
+            "states left out where OpenSim's own accelerations leave forces unbalanced, by up to {worst_imbalance:.0e} \
+             of the largest: nearly massless bodies"
         ));
     } else if unsolved > 0 {
         forward.remark(format!("{unsolved} states left out where massless bodies make accelerations undetermined"));
@@ -342,7 +342,8 @@ fn compare_under_all_forces(case: &Case, plant: &Plant) -> Vec<Row> {
     }
     if worst_imbalance > 0.0 {
         accelerations.remark(format!(
-            "states left out where OpenSim's accelerations leave forces unbalanced, by up to {worst_imbalance:.0e} of the largest"
+            "states left out where OpenSim's accelerations leave forces unbalanced, by up to {worst_imbalance:.0e} of \
+             the largest"
         ));
     }
     let all = [(forces, 1e-5), (velocities, 1e-5), (accelerations, 1e-6)];

@@ -218,8 +218,9 @@ fn val_opensim_forces_of_shared_models() {
         let mut residuals = compare(&case);
         if residuals.inertia.max() > FORCE_TOLERANCE {
             residuals.mass.remark(format!(
-                "with velocities, inertia differs by up to {:.1e}: Simbody's FunctionBased mobilizer takes the wrong time \
-                derivative of its axes where one coordinate turns a CustomJoint about several; Carpus agrees with finite differences",
+                "with velocities, inertia differs by up to {:.1e}: Simbody's FunctionBased mobilizer takes the wrong \
+                 time derivative of its axes where one coordinate turns a CustomJoint about several; Carpus agrees \
+                 with finite differences",
                 residuals.inertia.max()
             ));
         }

@@ -1,5 +1,6 @@
 //! All integration tests, one module per subject (one binary, so that linking happens once).
 
+mod audit;
 mod book;
 mod cohort;
 mod diagnosis;
@@ -39,3 +40,4 @@ mod tools;
 mod user_loop;
 mod user_path;
 mod validation;
+mod writing;

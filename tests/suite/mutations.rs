@@ -161,7 +161,9 @@ fn verif_mutated_storages_and_markers_never_panic() {
         let _ = Storage::parse(&bytes, Path::new("states.mot"));
         let _ = Markers::parse(&bytes, Path::new("states.trc"));
     });
-    let markers = "PathFileType\t4\t(X/Y/Z)\tm.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n100\t100\t2\t2\tmm\t100\t1\t2\nFrame#\tTime\ta\t\t\tb\t\t\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n1\t0.0\t1\t2\t3\t4\t5\t6\n2\t0.01\t1\t2\t3\t\t\t\n";
+    let markers = "PathFileType\t4\t(X/Y/Z)\tm.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\t\
+                   OrigDataStartFrame\tOrigNumFrames\n100\t100\t2\t2\tmm\t100\t1\t2\nFrame#\tTime\ta\t\t\tb\t\t\n\t\t\
+                   X1\tY1\tZ1\tX2\tY2\tZ2\n\n1\t0.0\t1\t2\t3\t4\t5\t6\n2\t0.01\t1\t2\t3\t\t\t\n";
     mutations_of(markers.as_bytes(), "markers.trc", 500, |bytes| {
         let _ = Markers::parse(&bytes, Path::new("m.trc"));
     });

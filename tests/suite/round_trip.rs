@@ -230,7 +230,8 @@ fn verif_a_processed_study_is_read_whatever_its_study_says() {
     std::fs::copy(root("models/wrist.osim"), folder.path().join("wrist.osim")).unwrap();
     // A table above the first header, a negative posture, a start time, an arm turned over, a further moment, Windows'
     // paths.
-    let toml = "posture_deg = { elbow_flexion = 90 }\nmuscles.active = [\"FCR\"]\n\n[study]\nname = \"−30°\"\nmodel = '.\\wrist.osim'\n\n\
+    let toml = "posture_deg = { elbow_flexion = 90 }\nmuscles.active = [\"FCR\"]\n\n[study]\nname = \"−30°\"\nmodel = \
+                '.\\wrist.osim'\n\n\
                 [dynamometer]\ncoordinate = \"flexion\"\nfurther_moments = { deviation = \"ulnar_n_m\" }\n\n\
                 [emg]\nkind = \"raw\"\n\n[processing]\nremove_drag = true\n[processing.second_recorder]\n\
                 file = \"{trial}_emg.csv\"\nshared = \"emg_FCR\"\nshared_with = \"sync\"\n";
@@ -440,14 +441,17 @@ fn floating(markers: &[&str]) -> String {
     let marker = |(i, name): (usize, &&str)| {
         let place = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0]][i];
         format!(
-            "<Marker name=\"{name}\"><socket_parent_frame>/bodyset/b</socket_parent_frame><location>{} {} {}</location></Marker>",
+            "<Marker name=\"{name}\"><socket_parent_frame>/bodyset/b</socket_parent_frame><location>{} {} \
+             {}</location></Marker>",
             place[0], place[1], place[2]
         )
     };
     format!(
-        "<OpenSimDocument Version=\"40600\"><Model name=\"m\"><BodySet><objects><Body name=\"b\"><mass>1</mass><mass_center>0 0 0</mass_center>\
+        "<OpenSimDocument Version=\"40600\"><Model name=\"m\"><BodySet><objects><Body \
+         name=\"b\"><mass>1</mass><mass_center>0 0 0</mass_center>\
          <inertia>0.1 0.1 0.1 0 0 0</inertia></Body></objects></BodySet><JointSet><objects><FreeJoint name=\"j\">\
-         <socket_parent_frame>/ground</socket_parent_frame><socket_child_frame>/bodyset/b</socket_child_frame></FreeJoint></objects></JointSet>\
+         <socket_parent_frame>/ground</socket_parent_frame><socket_child_frame>/bodyset/b</socket_child_frame>\
+         </FreeJoint></objects></JointSet>\
          <MarkerSet><objects>{}</objects></MarkerSet></Model></OpenSimDocument>",
         markers.iter().enumerate().map(marker).collect::<String>()
     )
@@ -494,7 +498,8 @@ fn verif_recordings_of_motion_capture_are_read_by_tools_and_studies() {
     again.stderr(contains("left here: id.sto").and(contains("not of this run")));
 
     // The analog channels as a trial of a study; the second channel stands for a goniometer.
-    let toml = "[study]\nname = \"c3d\"\nmodel = \"wrist.osim\"\n[dynamometer]\ncoordinate = \"flexion\"\n[muscles]\nactive = [\"ECRL\"]\n\
+    let toml = "[study]\nname = \"c3d\"\nmodel = \"wrist.osim\"\n[dynamometer]\ncoordinate \
+                = \"flexion\"\n[muscles]\nactive = [\"ECRL\"]\n\
                 [columns]\nangle = \"FCU\"\nmoment = \"Torque\"\nemg = { ECRL = \"ECRL\" }\n[emg]\nkind = \"raw\"\n";
     std::fs::write(folder.path().join("study.toml"), toml).unwrap();
     std::fs::copy(root("models/wrist.osim"), folder.path().join("wrist.osim")).unwrap();

@@ -93,8 +93,9 @@ const MUSCLE_MOMENT_TOLERANCE: f64 = 1e-4;
 /// the fibre shortens at its maximum velocity under a slack tendon for 50 ms; when the tendon tightens again depends on
 /// that whole transient. Those samples are counted and bounded less tightly.
 const TRANSIENT_TOLERANCE: f64 = 3e-4;
-const AFTER_A_JUMP: &str = "Beyond 1e-4: the path has just jumped by decimetres (OpenSim's wrapping the long way round), and \
-    when the slack tendon tightens again depends on the whole transient. There OpenSim at accuracy 1e-7 is 1.9e-4 from the same \
+const AFTER_A_JUMP: &str = "Beyond 1e-4: the path has just jumped by decimetres (OpenSim's wrapping the long way \
+                            round), and when the slack tendon tightens again depends on the whole transient. There \
+                            OpenSim at accuracy 1e-7 is 1.9e-4 from the same \
     equation integrated by SciPy's Radau method between the jumps, Carpus 6e-6 (fixtures/scripts/after_a_jump.py)";
 const MOST_TRANSIENT_SAMPLES: usize = 5 * 36;
 

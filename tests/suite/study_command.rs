@@ -38,7 +38,8 @@ fn small_study() -> tempfile::TempDir {
     }
     std::fs::write(folder.path().join("trials.csv"), rows).unwrap();
     std::fs::write(folder.path().join("participants.csv"), "participant\nP01\nP02\n").unwrap();
-    let images = "participant,muscle,posture_deg,muscle_belly_length_m,external_tendon_length_m,cross_sectional_area_m2\n\
+    let images = "participant,muscle,posture_deg,muscle_belly_length_m,external_tendon_length_m,\
+                  cross_sectional_area_m2\n\
                   P01,ECRB,0,0.150,0.130,2.1e-4\nP01,FCR,30,0.160,0.150,1.6e-4\nP02,ECRB,-30,0.155,0.128,1.9e-4\n";
     std::fs::write(folder.path().join("ultrasound.csv"), images).unwrap();
     folder

@@ -82,6 +82,8 @@ pub enum Command {
     Synth(SynthArgs),
     /// What is in a model, and what is not supported, by line
     Info(InfoArgs),
+    /// What no body has: jumps, slack tendons, wrong units and signs, over the ranges of a model
+    Audit(AuditArgs),
     /// Muscle lengths and moment arms over a coordinate
     Paths(PathsArgs),
     /// Fibre lengths, forces and moments at rest in a posture
@@ -185,6 +187,27 @@ pub struct InfoArgs {
     #[arg(value_name = "MODEL.osim")]
     pub model: PathBuf,
     /// List every finding, also where everything was understood
+    #[arg(long)]
+    pub all: bool,
+}
+
+/// `carpus audit`
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  carpus audit wrist.osim\n  carpus audit arm.osim --coordinate flexion --set \
+                  elbow_flexion=90deg --all\n\nEvery coordinate with a range is moved through it, the others at their \
+                  defaults. An error is what no body has, a warning is probably not meant, a note is true of many good \
+                  models. Ends with 1 where there are errors.")]
+pub struct AuditArgs {
+    /// The model
+    #[arg(value_name = "MODEL.osim")]
+    pub model: PathBuf,
+    /// Move this coordinate alone; may be given several times
+    #[arg(long = "coordinate", value_name = "NAME")]
+    pub coordinates: Vec<String>,
+    /// Hold a coordinate at a value, with unit; may be given several times
+    #[arg(long = "set", value_name = "NAME=VALUE", allow_hyphen_values = true)]
+    pub set: Vec<Assignment>,
+    /// List every note
     #[arg(long)]
     pub all: bool,
 }

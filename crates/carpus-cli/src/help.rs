@@ -14,7 +14,10 @@ const ABOUT: usize = 20;
 pub const GROUPS: [(&str, &[&str]); 6] = [
     ("Start here", &["demo"]),
     ("A study", &["compare", "personalize", "identify", "diagnose", "effect", "plan", "simulate", "study", "synth"]),
-    ("A model", &["info", "paths", "equilibrium", "effects", "scale", "strength-scale", "upgrade", "run-tool"]),
+    (
+        "A model",
+        &["info", "audit", "paths", "equilibrium", "effects", "scale", "strength-scale", "upgrade", "run-tool"],
+    ),
     ("Recordings", &["dynamometer", "dynamometer-drag", "emg", "c3d"]),
     ("Statistics", &["evaluate", "sensitivity", "ultrasound", "priors", "power"]),
     ("This program", &["completions", "man", "help"]),

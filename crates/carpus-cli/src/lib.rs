@@ -93,6 +93,7 @@ fn execute(cli: &Cli) -> Result<(), Failure> {
     match &cli.command {
         Command::Demo(args) => commands::demo::run(args, global),
         Command::Info(args) => commands::info::run(args, global),
+        Command::Audit(args) => commands::audit::run(args, global),
         Command::Paths(args) => commands::paths::run(args, global),
         Command::Equilibrium(args) => commands::equilibrium::run(args, global),
         Command::Simulate(args) => commands::simulate::run(args, global),

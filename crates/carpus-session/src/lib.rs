@@ -37,12 +37,14 @@
 //! | [`strength`] | [`strength::StrengthScale`] | forces scaled to the maximum voluntary moments |
 //! | [`sweep`] | [`sweep::SweepPaths`] | muscle lengths and moment arms over a coordinate |
 //! | [`equilibrium`] | [`equilibrium::Equilibrium`] | fibre lengths and forces at rest in a posture |
+//! | [`audit`] | [`audit::AuditModel`] | what no body has, over the ranges of a model's coordinates |
 //! | [`info`] | [`info::Info`] | what is in a model |
 //! | [`upgrade`] | [`upgrade::Upgrade`] | an old model in the current format |
 //! | [`run_tool`] | [`run_tool::RunTool`] | what OpenSim's tool of a setup file writes |
 
 pub mod account;
 pub mod anova;
+pub mod audit;
 pub mod bundled;
 pub mod candidates;
 pub mod catalogue_pages;

@@ -45,7 +45,7 @@ pub struct PathSample {
 /// How much more the length changes between two samples than the moment arms say [m], if that is a jump.
 ///
 /// Moment arm = −d(length)/d(coordinate), so that the change of length is −(mean moment arm) × step.
-fn jump(before: &PathSample, after: &PathSample) -> Option<f64> {
+pub(super) fn jump(before: &PathSample, after: &PathSample) -> Option<f64> {
     let step = after.value - before.value;
     let excess = after.length - before.length + 0.5 * (before.moment_arm + after.moment_arm) * step;
     let arm = before.moment_arm.abs().max(after.moment_arm.abs());
@@ -163,7 +163,7 @@ pub fn over_range(
 const LONGEST_FIBER: f64 = 3.0;
 
 /// Below this multiple of their optimal length fibres exert no active force (Millard et al. 2013: 0.44).
-const SHORTEST_ACTIVE_FIBER: f64 = 0.4;
+pub(super) const SHORTEST_ACTIVE_FIBER: f64 = 0.4;
 
 /// The warning that even the longest path leaves the fibres of a muscle too short for any force.
 ///

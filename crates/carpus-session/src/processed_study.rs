@@ -2,11 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use toml_edit::{DocumentMut, InlineTable, Item, Table, Value};
+
 use super::account::csv_text;
 use super::diagnostic::{Diagnostic, Failure};
 use super::output::OutputFolder;
 use carpus_report::results::rounded;
-use carpus_study::study::write::toml_string;
 use carpus_study::study::{AngleUnit, MomentPart, Participant, ProcessedTrial, Study, TrialInfo, TrialUse};
 
 /// Significant digits of a posture: what was read in degrees comes back as it was written, without the rounding of
@@ -100,7 +101,7 @@ pub fn write_tables(
 }
 
 /// The text of study.toml with `[study]` and `[dynamometer]` written anew and `[processing]` left out; all other tables
-/// stay as they are.
+/// stay as they are, with their comments.
 fn new_toml(study: &Study, text: &str, model: &str) -> String {
     let settings = &study.settings;
     let words = [
@@ -113,93 +114,38 @@ fn new_toml(study: &Study, text: &str, model: &str) -> String {
     let subtracted = |part: MomentPart| {
         settings.processing.passive_order.is_some() && matches!(part, MomentPart::Passive | MomentPart::Gravity)
     };
-    let include: Vec<String> = words
-        .into_iter()
-        .filter(|(part, _)| settings.dynamometer.includes(*part) && !subtracted(*part))
-        .map(|(_, word)| toml_string(word))
-        .collect();
+    let include = words.into_iter().filter(|(part, _)| settings.dynamometer.includes(*part) && !subtracted(*part));
     let damping = if settings.processing.remove_drag { 0.0 } else { settings.dynamometer.damping * 1f64.to_radians() };
-    let mut out = format!(
-        "[study]\nname = {}\nmodel = {}\n\n[dynamometer]\ncoordinate = {}\ndamping_n_m_s_per_deg = {damping}\ninclude = [{}]\n",
-        toml_string(&settings.name),
-        toml_string(model),
-        toml_string(&settings.dynamometer.coordinate),
-        include.join(", ")
-    );
-    let further = settings.columns.further_moments.iter();
-    let further: Vec<String> =
-        further.map(|f| format!("{} = {}", toml_string(&f.coordinate), toml_string(&f.column))).collect();
+    let named: [(&str, Value); 2] = [("name", settings.name.as_str().into()), ("model", model.into())];
+    let mut dynamometer: Vec<(&str, Value)> = vec![
+        ("coordinate", settings.dynamometer.coordinate.as_str().into()),
+        ("damping_n_m_s_per_deg", damping.into()),
+        ("include", include.map(|(_, word)| word).collect()),
+    ];
+    let further = &settings.columns.further_moments;
     if !further.is_empty() {
-        out.push_str(&format!("further_moments = {{ {} }}\n", further.join(", ")));
+        let columns: InlineTable = further.iter().map(|f| (f.coordinate.as_str(), f.column.as_str())).collect();
+        dynamometer.push(("further_moments", columns.into()));
     }
-    out.push_str(&other_tables(text));
-    out
+    with_sections(text, named.into_iter().collect(), dynamometer.into_iter().collect())
 }
 
-/// Whether a table of study.toml is copied into the new study: those that are not are written anew, or done with.
-fn is_copied(table: &str) -> bool {
-    !matches!(table, "study" | "dynamometer" | "processing")
-}
-
-/// The tables that are copied, line by line with their comments; where the lines would say something else (keys above
-/// the first header, text over several lines) as the parser understood them.
-fn other_tables(text: &str) -> String {
-    let mut lines = String::new();
-    let mut kept = false;
-    for line in text.lines() {
-        if let Some(table) = table_name(line) {
-            kept = is_copied(table.split('.').next().unwrap_or_default().trim());
-            if kept {
-                lines.push('\n');
-            }
-        }
-        if kept && !line.trim().is_empty() {
-            lines.push_str(line);
-            lines.push('\n');
-        }
-    }
+/// A study.toml with these sections in place of its own, and without `[processing]`.
+fn with_sections(text: &str, mut study: Table, mut dynamometer: Table) -> String {
     // A study that was read is valid TOML.
-    let mut meant: toml::Table = text.trim_start_matches('\u{feff}').parse().unwrap_or_default();
-    meant.retain(|name, _| is_copied(name));
-    if lines.parse::<toml::Table>().is_ok_and(|said| said == meant) {
-        return lines;
-    }
-    let keys = |table: &toml::Table| -> String {
-        table.iter().map(|(key, value)| format!("{} = {}\n", toml_string(key), in_one_line(value))).collect()
-    };
-    let section = |(name, value): (&String, &toml::Value)| {
-        value.as_table().map(|table| format!("\n[{}]\n{}", toml_string(name), keys(table)))
-    };
-    meant.iter().filter_map(section).collect()
-}
-
-/// A value of TOML on one line.
-fn in_one_line(value: &toml::Value) -> String {
-    match value {
-        toml::Value::String(text) => toml_string(text),
-        toml::Value::Integer(number) => number.to_string(),
-        toml::Value::Float(number) => format!("{number:?}"),
-        toml::Value::Boolean(flag) => flag.to_string(),
-        toml::Value::Datetime(date) => date.to_string(),
-        toml::Value::Array(items) => {
-            format!("[{}]", items.iter().map(in_one_line).collect::<Vec<_>>().join(", "))
-        }
-        toml::Value::Table(table) => {
-            let pairs = table.iter().map(|(key, value)| format!("{} = {}", toml_string(key), in_one_line(value)));
-            format!("{{ {} }}", pairs.collect::<Vec<_>>().join(", "))
+    let mut document: DocumentMut = text.trim_start_matches('\u{feff}').parse().unwrap_or_default();
+    ["study", "dynamometer", "processing"].into_iter().for_each(|section| drop(document.remove(section)));
+    // Other sections follow the two, however they stood; keys above the first header become sections.
+    study.set_position(Some(0));
+    dynamometer.set_position(Some(0));
+    for (_, item) in document.iter_mut() {
+        if let Some(table) = item.as_inline_table() {
+            *item = Item::Table(table.clone().into_table());
         }
     }
-}
-
-/// The name in a table's header, `[name]`.
-fn table_name(line: &str) -> Option<&str> {
-    let line = line.trim();
-    let inner = line.strip_prefix('[')?;
-    let (name, rest) = inner.split_once(']')?;
-    let rest = rest.trim();
-    (rest.is_empty() || rest.starts_with('#')).then_some(name).filter(|name| {
-        name.chars().all(|c| c.is_alphanumeric() || "_-.\" ".contains(c)) && !name.trim_start().starts_with('"')
-    })
+    document.insert("study", Item::Table(study));
+    document.insert("dynamometer", Item::Table(dynamometer));
+    document.to_string().trim_start().to_owned()
 }
 
 fn participants_csv(
@@ -265,27 +211,38 @@ fn trials_csv(trials: &[NewTrial<'_>], study: &Study) -> Result<String, Failure>
 
 #[cfg(test)]
 mod tests {
-    use super::{other_tables, table_name};
+    use toml_edit::{Table, Value};
 
-    #[test]
-    fn verif_headers_of_tables_are_told_from_lists() {
-        assert_eq!(table_name("[study]"), Some("study"));
-        assert_eq!(table_name(" [processing.repetitions]  # how"), Some("processing.repetitions"));
-        assert_eq!(table_name("active = [\"A\"]"), None);
-        assert_eq!(table_name("[\"ECRL\", \"ECU\"],"), None);
-        assert_eq!(table_name("[\"ECRL\"]"), None);
+    use super::with_sections;
+
+    fn written(text: &str) -> String {
+        let table = |key, value: &str| Table::from_iter([(key, Value::from(value))]);
+        with_sections(text, table("name", "new"), table("coordinate", "flexion"))
     }
 
     #[test]
-    fn verif_other_tables_are_copied_however_they_are_written() {
-        let plain = "[study]\nname = \"x\"\n\n[emg] # raw\nkind = \"raw\"\n[processing]\nfilter_hz = 6\n";
-        assert_eq!(other_tables(plain), "\n[emg] # raw\nkind = \"raw\"\n");
+    fn verif_other_sections_keep_their_comments() {
+        let kept = "\n# how\n[emg] # raw\nkind = \"raw\"\n";
+        let checks = "\n[checks]\nmax_gap_s = 1 # pause\n";
+        let gone = "[processing]\nfilter_hz = 6\n\n[processing.repetitions]\nmost = 3\n";
+        let plain = format!("# of the lab\n[study]\nname = \"x\"\n{kept}{gone}{checks}");
+        let begun = "[study]\nname = \"new\"\n\n[dynamometer]\ncoordinate = \"flexion\"\n";
+        let expected = format!("{begun}{kept}{checks}");
+        assert_eq!(written(&plain), expected);
+    }
+
+    #[test]
+    fn verif_other_sections_are_copied_however_they_are_written() {
         // A table above the first header, a text that looks like a header, a quoted name, keys with dots.
-        let odd = "posture_deg = { elbow_flexion = 90 }\nstudy.name = \"\"\"\n[emg]\n\"\"\"\nprocessing.filter_hz = 6\n\
-                   [\"columns\"]\nignore = [\n  \"a\",\n  \"b\",\n]\n";
-        let copied: toml::Table = other_tables(odd).parse().unwrap();
-        assert_eq!(copied.keys().collect::<Vec<_>>(), ["columns", "posture_deg"]);
+        let odd = "posture_deg = { elbow_flexion = 90 }\nstudy.name = \"\"\"\n[emg]\n\"\"\"\nprocessing.filter_hz = 6\n                   muscles.active = [\"A\"]\n[\"columns\"]\nignore = [\n  \"a\",\n  \"b\",\n]\n";
+        let text = written(odd);
+        let copied: toml::Table = text.parse().unwrap();
+        let mut sections: Vec<&str> = copied.keys().map(String::as_str).collect();
+        sections.sort_unstable();
+        assert_eq!(sections, ["columns", "dynamometer", "muscles", "posture_deg", "study"], "{text}");
         assert_eq!(copied["posture_deg"]["elbow_flexion"].as_integer(), Some(90));
         assert_eq!(copied["columns"]["ignore"].as_array().map(Vec::len), Some(2));
+        assert_eq!(copied["muscles"]["active"].as_array().map(Vec::len), Some(1));
+        assert_eq!(copied["study"]["name"].as_str(), Some("new"));
     }
 }

@@ -172,8 +172,9 @@ impl Controls {
             let name = name.strip_suffix(".excitation").unwrap_or(&name);
             if i >= model_controls {
                 let text = format!(
-                    "the control of {name} is left out, as in OpenSim 4.6: it counts the controls with is_model_control \
-                     ({model_controls}; a ControlConstant has it only if it says so) and takes as many from the first on"
+                    "the control of {name} is left out, as in OpenSim 4.6: it counts the controls with \
+                     is_model_control ({model_controls}; a ControlConstant has it only if it says so) and takes as \
+                     many from the first on"
                 );
                 outcome.warn(&file, control.line(), text);
                 continue;

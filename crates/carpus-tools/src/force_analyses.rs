@@ -226,7 +226,8 @@ pub fn force_storage(system: &System) -> Storage {
     let labels = system.actors.iter().flat_map(|actor| record_labels(system, actor)).collect();
     let mut store = Storage::new("ModelForces", labels);
     store.description = format!(
-        "\nThis file contains the forces exerted on a model during a simulation.\n\nA force is a generalized force, meaning that it can be either a force (N) or a torque (Nm).\n{UNITS}"
+        "\nThis file contains the forces exerted on a model during a simulation.\n\nA force is a generalized force, \
+         meaning that it can be either a force (N) or a torque (Nm).\n{UNITS}"
     );
     store
 }
@@ -295,7 +296,13 @@ impl Actuation {
         let labels: Vec<String> =
             actuators.iter().map(|k| system.actors[*k].name(&system.muscles).to_owned()).collect();
         let description = format!(
-            "\nThis file contains either the forces, speeds, or powers developed\nby the actuators of a model during a simulation.\n\nAn actuator force is a generalized force, meaning that it can be either a force (N) or a torque (Nm).\n\nAn actuator speed is the rate at which an actuator shortens. Depending on the actuator,\na speed can be either a translational speed (m/s) or an angular speed (deg/s or rad/s).\n\nAn actuator power (Watts) is the rate at which an actuator does work.  Positive power means\nthat the actuator is delivering energy to the model; negative power means that the actuator\nis absorbing energy from the model.\n{UNITS}"
+            "\nThis file contains either the forces, speeds, or powers developed\nby the actuators of a model during a \
+             simulation.\n\nAn actuator force is a generalized force, meaning that it can be either a force (N) or a \
+             torque (Nm).\n\nAn actuator speed is the rate at which an actuator shortens. Depending on the \
+             actuator,\na speed can be either a translational speed (m/s) or an angular speed (deg/s or rad/s).\n\nAn \
+             actuator power (Watts) is the rate at which an actuator does work.  Positive power means\nthat the \
+             actuator is delivering energy to the model; negative power means that the actuator\nis absorbing energy \
+             from the model.\n{UNITS}"
         );
         let stores = ["ActuatorForces", "ActuatorSpeeds", "ActuatorPowers"].map(|name| {
             let mut store = Storage::new(name, labels.clone());
@@ -418,7 +425,10 @@ impl JointReaction {
             reactions.push(Reaction { joint, on_child, in_frame });
         }
         let mut store = Storage::new("Joint Reaction Loads", labels);
-        store.description = "\nThis file contains the reaction forces and moments\napplied to the specified body of a joint pair and expressed  in the specified reference frame.\n\nUnits are S.I. units (seconds, meters, Newtons, ...)".to_owned();
+        store.description = "\nThis file contains the reaction forces and moments\napplied to the specified body of a \
+                             joint pair and expressed  in the specified reference frame.\n\nUnits are S.I. units \
+                             (seconds, meters, Newtons, ...)"
+            .to_owned();
         let forces = match analysis.file("forces_file") {
             Some(file) => {
                 let forces = Storage::read(&file)?;

@@ -71,8 +71,8 @@ pub fn run_tool(setup: &Path, model: Option<&Path>, allow_unsupported: bool) -> 
         let joints = system.model.contradictory_joints().map(|joint| &system.spec.joints[joint.0]);
         for joint in joints.filter(|_| has_accelerations) {
             let text = format!(
-                "{}: one coordinate turns several axes; accelerations are OpenSim's, which contradict its velocities there by a \
-                 term in the square of the speed",
+                "{}: one coordinate turns several axes; accelerations are OpenSim's, which contradict its velocities \
+                 there by a term in the square of the speed",
                 joint.name
             );
             outcome.warn(&path, joint.at.line, text);

@@ -189,8 +189,8 @@ impl Analysis for StaticOptimization {
         let most = self.missing.iter().max_by(|a, b| size(a.1).total_cmp(&size(b.1)));
         let (time, left, unit) = most.copied().unwrap_or_default();
         vec![format!(
-            "{}: at {} of {} times the actuators cannot make the motion, the first at t = {first} s; at most {left:.3e} {unit} \
-             are missing, at t = {time} s",
+            "{}: at {} of {} times the actuators cannot make the motion, the first at t = {first} s; at most \
+             {left:.3e} {unit} are missing, at t = {time} s",
             self.options.name,
             self.missing.len(),
             self.activations.len()

@@ -248,7 +248,8 @@ fn val_opensim_exported_effects_give_the_moment_that_carpus_reports() {
         }
         let [effect, read, tendon, fiber, activation] = worst;
         println!(
-            "{:34} moment {effect:.1e} (model read again {read:.1e}), tendon force {tendon:.1e}, fibre velocity {fiber:.1e}, activation rate {activation:.1e}",
+            "{:34} moment {effect:.1e} (model read again {read:.1e}), tendon force {tendon:.1e}, fibre velocity \
+             {fiber:.1e}, activation rate {activation:.1e}",
             case.name
         );
         if !worst.iter().all(|w| *w < TOLERANCE) {

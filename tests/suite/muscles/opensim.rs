@@ -273,7 +273,8 @@ fn rows_of(curves: &[Differences], equilibria: &EquilibriumComparison, states: &
     rows.push(row("muscle equilibrium", &equilibria.force, FORCE_TOLERANCE));
     for row in &mut rows[curves.len()..] {
         row.remark = Some(format!(
-            "besides, OpenSim finds no equilibrium in {} states; the fibre is at its lower bound in {}, and hardly determined by any force in {}",
+            "besides, OpenSim finds no equilibrium in {} states; the fibre is at its lower bound in {}, and hardly \
+             determined by any force in {}",
             equilibria.opensim_failures, equilibria.at_lower_bound, equilibria.weakly_determined
         ));
     }

@@ -101,7 +101,8 @@ fn verif_forces_can_be_added() {
 fn verif_components_come_and_go_together() {
     let marker = |name: &str| {
         format!(
-            "<Marker name=\"{name}\">\n\t<socket_parent_frame>/ground</socket_parent_frame>\n\t<location>0 0 0</location>\n</Marker>"
+            "<Marker name=\"{name}\">\n\t<socket_parent_frame>/ground</socket_parent_frame>\n\t<location>0 0 \
+             0</location>\n</Marker>"
         )
     };
     let (mut one, mut two) = (small(), small());

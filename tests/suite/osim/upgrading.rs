@@ -111,7 +111,9 @@ fn verif_upgrade_keeps_what_assembly_and_sets_need() {
     let name = text[coordinate..].split('"').nth(1).expect("its name");
     let free = "<is_free_to_satisfy_constraints>true</is_free_to_satisfy_constraints>";
     let set = format!(
-        "<ComponentSet name=\"componentset\"><objects><SpringGeneralizedForce name=\"s\"><coordinate>{name}</coordinate><stiffness>5</stiffness></SpringGeneralizedForce></objects></ComponentSet></Model>"
+        "<ComponentSet name=\"componentset\"><objects><SpringGeneralizedForce \
+         name=\"s\"><coordinate>{name}</coordinate><stiffness>5</stiffness></SpringGeneralizedForce></objects>\
+         </ComponentSet></Model>"
     );
     let text = format!("{}{free}{}", &text[..at], &text[at..]).replace("</Model>", &set);
     let old = OsimFile::parse(text.into_bytes(), "old.osim").unwrap();

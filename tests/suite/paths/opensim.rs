@@ -151,8 +151,8 @@ fn val_opensim_lengths_and_moment_arms_of_lab_models() {
             let absurd = absurd.filter(|length| length.as_f64().is_some_and(|length| length > ABSURD_LENGTH)).count();
             if absurd > 0 {
                 lengths.remark(format!(
-                    "{set}: {absurd} lengths above {ABSURD_LENGTH} m, which are OpenSim's (a path that winds many times around \
-                    a wrap surface), and are reproduced"
+                    "{set}: {absurd} lengths above {ABSURD_LENGTH} m, which are OpenSim's (a path that winds many \
+                     times around a wrap surface), and are reproduced"
                 ));
             }
             if history > 0.1 * LENGTH_TOLERANCE {

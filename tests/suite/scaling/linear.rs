@@ -146,7 +146,8 @@ fn study(folder: &Path, scaling: &str, participants: &str) -> PathBuf {
     folder.join("study.toml")
 }
 
-const SCALING: &str = "[scaling]\nreference_mass_kg = 70\n[scaling.segments.hand]\nbodies = [\"hand\"]\nmodel_length_m = 0.2\naxes = [\"y\", \"z\"]\n";
+const SCALING: &str = "[scaling]\nreference_mass_kg = 70\n[scaling.segments.hand]\nbodies = [\"hand\"]\nmodel_length_m \
+                       = 0.2\naxes = [\"y\", \"z\"]\n";
 
 #[test]
 fn verif_a_study_scales_by_lengths_of_segments() {

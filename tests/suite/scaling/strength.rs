@@ -30,13 +30,15 @@ fn study(folder: &Path, model: &Path, muscles: &[&str], posture: &str, rest: &st
     std::fs::create_dir_all(folder).expect("folder");
     std::fs::copy(model, folder.join("model.osim")).expect("model");
     let toml = format!(
-        "[study]\nname = \"strength\"\nmodel = \"model.osim\"\n[dynamometer]\ncoordinate = \"flexion\"\n[posture_deg]\n{posture}\n[muscles]\nactive = {muscles:?}\n{rest}"
+        "[study]\nname = \"strength\"\nmodel = \"model.osim\"\n[dynamometer]\ncoordinate \
+         = \"flexion\"\n[posture_deg]\n{posture}\n[muscles]\nactive = {muscles:?}\n{rest}"
     );
     std::fs::write(folder.join("study.toml"), toml).expect("study.toml");
     std::fs::write(folder.join("participants.csv"), participants).expect("participants.csv");
     std::fs::write(
         folder.join("trials.csv"),
-        "participant,file,contraction,effort_percent,direction\nP01,mvc_flexion.csv,mvc,100,flexion\nP01,mvc_extension.csv,mvc,100,extension\n",
+        "participant,file,contraction,effort_percent,direction\nP01,mvc_flexion.csv,mvc,100,flexion\nP01,\
+         mvc_extension.csv,mvc,100,extension\n",
     )
     .expect("trials.csv");
     for (name, sign) in [("mvc_flexion", 1.0), ("mvc_extension", -1.0)] {

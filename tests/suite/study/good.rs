@@ -181,7 +181,8 @@ fn verif_places_are_counted_per_participant_and_ignored_rows_keep_theirs() {
     folder.write(
         "trials.csv",
         format!(
-            "{header}\nP01,data/iso.csv,isometric,25,flexion,30,0,train\nP02,data/a.csv,isometric,25,flexion,30,0,train\n\
+            "{header}\nP01,data/iso.csv,isometric,25,flexion,30,0,train\nP02,data/a.csv,isometric,25,flexion,30,0,\
+             train\n\
              P01,data/b.csv,isometric,25,flexion,30,1,ignore\nP01,data/dyn.csv,isotonic,50,extension,,0,test\n"
         ),
     );

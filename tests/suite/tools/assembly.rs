@@ -69,7 +69,8 @@ fn verif_an_axis_of_several_coordinates_is_refused_by_name() {
             "<OpenSimDocument Version=\"40600\"><Model name=\"m\"><BodySet><objects><Body \
              name=\"body\"><mass>1</mass><mass_center>0 0 0</mass_center>\
              <inertia>0.1 0.1 0.1 0 0 0</inertia></Body></objects></BodySet><JointSet><objects><CustomJoint name=\"j\">\
-             <socket_parent_frame>/ground</socket_parent_frame><socket_child_frame>/bodyset/body</socket_child_frame><coordinates>\
+             <socket_parent_frame>/ground</socket_parent_frame><socket_child_frame>/bodyset/body</socket_child_frame>\
+             <coordinates>\
              <Coordinate name=\"a\"/><Coordinate \
              name=\"b\"/></coordinates><SpatialTransform>{}</SpatialTransform></CustomJoint></objects></JointSet>\
              </Model></OpenSimDocument>",
@@ -107,7 +108,8 @@ fn verif_couplers_of_two_coordinates_hold_in_motion() {
     let pin = |name: &str, parent: &str, at: &str, body: &str, value: &str| {
         format!(
             "<PinJoint \
-             name=\"pin_{name}\"><socket_parent_frame>at</socket_parent_frame><socket_child_frame>/bodyset/{body}</socket_child_frame>\
+             name=\"pin_{name}\"><socket_parent_frame>at</socket_parent_frame>\
+             <socket_child_frame>/bodyset/{body}</socket_child_frame>\
              <coordinates><Coordinate \
              name=\"{name}\"><default_value>{value}</default_value></Coordinate></coordinates><frames>\
              <PhysicalOffsetFrame \
@@ -124,7 +126,8 @@ fn verif_couplers_of_two_coordinates_hold_in_motion() {
              0</gravity><BodySet><objects>{}{}{}</objects></BodySet>\
              <JointSet><objects>{}{}{}</objects></JointSet><ConstraintSet><objects><CoordinateCouplerConstraint \
              name=\"k\">\
-             <coupled_coordinates_function><MultivariatePolynomialFunction><coefficients>{}</coefficients><dimension>2</dimension>\
+             <coupled_coordinates_function><MultivariatePolynomialFunction><coefficients>{}</coefficients>\
+             <dimension>2</dimension>\
              <order>{order}</order></MultivariatePolynomialFunction></coupled_coordinates_function>\
              <independent_coordinate_names>x \
              y</independent_coordinate_names><dependent_coordinate_name>z</dependent_coordinate_name>\

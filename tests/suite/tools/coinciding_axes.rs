@@ -20,7 +20,8 @@ fn controls(middle: f64) -> Vec<f64> {
     let actuator = |(name, coordinate, optimal): &(&str, &str, f64)| {
         format!(
             "<CoordinateActuator \
-             name=\"{name}\"><coordinate>{coordinate}</coordinate><optimal_force>{optimal}</optimal_force></CoordinateActuator>"
+             name=\"{name}\"><coordinate>{coordinate}</coordinate><optimal_force>{optimal}</optimal_force>\
+             </CoordinateActuator>"
         )
     };
     let actuators =
@@ -31,7 +32,8 @@ fn controls(middle: f64) -> Vec<f64> {
     let header = "q\nversion=1\nnRows=8\nnColumns=5\ninDegrees=no\nendheader\ntime r_x r_y r_z bend\n";
     let motion = header.to_owned() + &(0..8).map(row).collect::<String>();
     std::fs::write(folder.path().join("motion.mot"), motion).unwrap();
-    let inner = "<final_time>0.7</final_time><coordinates_file>motion.mot</coordinates_file><AnalysisSet><objects><StaticOptimization name=\"SO\"/></objects></AnalysisSet>";
+    let inner = "<final_time>0.7</final_time><coordinates_file>motion.mot</coordinates_file><AnalysisSet><objects>\
+                 <StaticOptimization name=\"SO\"/></objects></AnalysisSet>";
     let file = folder.path().join("setup.xml");
     std::fs::write(&file, setup("AnalyzeTool", inner).replace("RESULTS", ".")).unwrap();
     let outcome = run_tool(&file, None, false).unwrap_or_else(|e| panic!("{e}"));

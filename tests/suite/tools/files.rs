@@ -95,7 +95,10 @@ fn verif_resampling_is_bound() {
     assert!(storage.len() <= 100_001, "{}", storage.len());
 }
 
-const TRC: &str = "PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n100.00\t100.00\t2\t2\tmm\t100.00\t1\t2\nFrame#\tTime\tR.Hand\t\t\tC7\t\t\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n1\t0.000\t1000\t2000\t3000\t\t\t\t\n2\t0.010\t1\t2\t3\t4\t5\t6\n";
+const TRC: &str = "PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\t\
+                   OrigDataStartFrame\tOrigNumFrames\n100.00\t100.00\t2\t2\tmm\t100.00\t1\t2\nFrame#\tTime\tR.Hand\t\t\
+                   \tC7\t\t\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n1\t0.000\t1000\t2000\t3000\t\t\t\t\n2\t0.010\t1\t2\t3\t4\t\
+                   5\t6\n";
 
 #[test]
 fn verif_marker_files_are_read_and_written() {

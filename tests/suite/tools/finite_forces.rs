@@ -4,7 +4,11 @@ use super::opensim::Bench;
 use super::small_model::{Folder, model, motion, muscle, setup, table, warnings};
 
 const MILLARD: &str = "Millard2012EquilibriumMuscle";
-const ANALYSES: &str = "<output_precision>12</output_precision><initial_time>0</initial_time><final_time>0.5</final_time><solve_for_equilibrium_for_auxiliary_states>true</solve_for_equilibrium_for_auxiliary_states><coordinates_file>motion.mot</coordinates_file><AnalysisSet name=\"Analyses\"><objects><MuscleAnalysis name=\"M\"/><ForceReporter name=\"F\"/></objects></AnalysisSet>";
+const ANALYSES: &str = "<output_precision>12</output_precision><initial_time>0</initial_time>\
+                        <final_time>0.5</final_time>\
+                        <solve_for_equilibrium_for_auxiliary_states>true</solve_for_equilibrium_for_auxiliary_states>\
+                        <coordinates_file>motion.mot</coordinates_file><AnalysisSet name=\"Analyses\"><objects>\
+                        <MuscleAnalysis name=\"M\"/><ForceReporter name=\"F\"/></objects></AnalysisSet>";
 
 fn idle(class: &str) -> String {
     muscle(class, "idle", "<appliesForce>false</appliesForce>")
@@ -130,11 +134,17 @@ fn verif_a_force_that_is_not_finite_is_an_error_with_its_muscle_pose_and_cause()
 /// A control that changes faster than any number of steps can follow ends, with the time that was reached.
 #[test]
 fn verif_a_simulation_ends_at_the_number_of_steps_that_the_setup_allows() {
-    let motor = "<CoordinateActuator name=\"motor\"><coordinate>bend</coordinate><optimal_force>5</optimal_force></CoordinateActuator>";
+    let motor = "<CoordinateActuator \
+                 name=\"motor\"><coordinate>bend</coordinate><optimal_force>5</optimal_force></CoordinateActuator>";
     let folder = Folder::new(motor);
     let run = |omega: f64, steps: usize| {
         let control = format!(
-            "<initial_time>0</initial_time><final_time>0.2</final_time><maximum_number_of_integrator_steps>{steps}</maximum_number_of_integrator_steps><ControllerSet><objects><PrescribedController name=\"c\"><actuator_list>motor</actuator_list><FunctionSet name=\"ControlFunctions\"><objects><Sine name=\"s\"><amplitude>1</amplitude><omega>{omega}</omega><phase>0</phase><offset>0</offset></Sine></objects></FunctionSet></PrescribedController></objects></ControllerSet>"
+            "<initial_time>0</initial_time><final_time>0.2</final_time>\
+             <maximum_number_of_integrator_steps>{steps}</maximum_number_of_integrator_steps><ControllerSet><objects>\
+             <PrescribedController name=\"c\"><actuator_list>motor</actuator_list><FunctionSet \
+             name=\"ControlFunctions\"><objects><Sine name=\"s\"><amplitude>1</amplitude><omega>{omega}</omega>\
+             <phase>0</phase><offset>0</offset></Sine></objects></FunctionSet></PrescribedController></objects>\
+             </ControllerSet>"
         );
         folder.run("ForwardTool", &control)
     };
@@ -153,7 +163,10 @@ fn val_opensim_frames_of_joint_loads() {
         ["fore", "/bodyset/fore", "bodyset/fore", "/jointset/wrist/fore_wrist", "wrist/fore_wrist", "child", "/ground"];
     let analysis = |frame: &str| {
         format!(
-            "<output_precision>12</output_precision><initial_time>0</initial_time><final_time>0.5</final_time><coordinates_file>motion.mot</coordinates_file><AnalysisSet name=\"Analyses\"><objects><JointReaction name=\"J\"><joint_names>elbow</joint_names><apply_on_bodies>child</apply_on_bodies><express_in_frame>{frame}</express_in_frame></JointReaction></objects></AnalysisSet>"
+            "<output_precision>12</output_precision><initial_time>0</initial_time><final_time>0.5</final_time>\
+             <coordinates_file>motion.mot</coordinates_file><AnalysisSet name=\"Analyses\"><objects><JointReaction \
+             name=\"J\"><joint_names>elbow</joint_names><apply_on_bodies>child</apply_on_bodies>\
+             <express_in_frame>{frame}</express_in_frame></JointReaction></objects></AnalysisSet>"
         )
     };
     let folder = Folder::new("");
@@ -206,34 +219,45 @@ fn verif_a_path_of_kilometres_is_refused() {
 fn verif_a_path_that_jumps_is_named_where_a_simulation_ends() {
     let point = |kind: &str, name: &str, frame: &str, at: &str, more: &str| {
         format!(
-            "<{kind} name=\"{name}\"><socket_parent_frame>{frame}</socket_parent_frame><location>{at}</location>{more}</{kind}>"
+            "<{kind} name=\"{name}\"><socket_parent_frame>{frame}</socket_parent_frame>\
+             <location>{at}</location>{more}</{kind}>"
         )
     };
     let muscle = |name: &str, force: &str, through: &str| {
         let from = point("PathPoint", "a", "/ground", "0 0.3 0", "");
         let to = point("PathPoint", "b", "/bodyset/arm", "0.05 0 0", "");
         format!(
-            "<Millard2012EquilibriumMuscle name=\"{name}\"><GeometryPath><PathPointSet><objects>{from}{through}{to}</objects></PathPointSet>\
-             </GeometryPath><max_isometric_force>{force}</max_isometric_force><optimal_fiber_length>0.1</optimal_fiber_length>\
+            "<Millard2012EquilibriumMuscle \
+             name=\"{name}\"><GeometryPath><PathPointSet><objects>{from}{through}{to}</objects></PathPointSet>\
+             </GeometryPath><max_isometric_force>{force}</max_isometric_force>\
+             <optimal_fiber_length>0.1</optimal_fiber_length>\
              <tendon_slack_length>0.2</tendon_slack_length></Millard2012EquilibriumMuscle>"
         )
     };
     let condition = "<socket_coordinate>/jointset/pin/q</socket_coordinate><range>0.1 3</range>";
     let far = point("ConditionalPathPoint", "far", "/ground", "0.3 -0.5 0", condition);
     let model = format!(
-        "<OpenSimDocument Version=\"40600\"><Model name=\"jump\"><gravity>0 0 0</gravity><BodySet><objects><Body name=\"arm\"><mass>1</mass>\
-         <mass_center>0.2 0 0</mass_center><inertia>0.02 0.02 0.02 0 0 0</inertia></Body></objects></BodySet><JointSet><objects>\
-         <PinJoint name=\"pin\"><socket_parent_frame>/ground</socket_parent_frame><socket_child_frame>/bodyset/arm</socket_child_frame>\
-         <coordinates><Coordinate name=\"q\"><default_speed_value>1</default_speed_value></Coordinate></coordinates></PinJoint></objects></JointSet>\
+        "<OpenSimDocument Version=\"40600\"><Model name=\"jump\"><gravity>0 0 0</gravity><BodySet><objects><Body \
+         name=\"arm\"><mass>1</mass>\
+         <mass_center>0.2 0 0</mass_center><inertia>0.02 0.02 0.02 0 0 \
+         0</inertia></Body></objects></BodySet><JointSet><objects>\
+         <PinJoint name=\"pin\"><socket_parent_frame>/ground</socket_parent_frame>\
+         <socket_child_frame>/bodyset/arm</socket_child_frame>\
+         <coordinates><Coordinate name=\"q\"><default_speed_value>1</default_speed_value></Coordinate></coordinates>\
+         </PinJoint></objects>\
+         </JointSet>\
          <ForceSet><objects>{}{}</objects></ForceSet></Model></OpenSimDocument>",
         muscle("steady", "20", ""),
         muscle("jumper", "50000", &far)
     );
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("m.osim"), model).unwrap();
-    let setup = "<OpenSimDocument Version=\"40600\"><ForwardTool name=\"x\"><model_file>m.osim</model_file><results_directory>o</results_directory>\
-                 <initial_time>0</initial_time><final_time>0.5</final_time><minimum_integrator_step_size>1e-8</minimum_integrator_step_size>\
-                 <solve_for_equilibrium_for_auxiliary_states>true</solve_for_equilibrium_for_auxiliary_states></ForwardTool></OpenSimDocument>";
+    let setup = "<OpenSimDocument Version=\"40600\"><ForwardTool \
+                 name=\"x\"><model_file>m.osim</model_file><results_directory>o</results_directory>\
+                 <initial_time>0</initial_time><final_time>0.5</final_time>\
+                 <minimum_integrator_step_size>1e-8</minimum_integrator_step_size>\
+                 <solve_for_equilibrium_for_auxiliary_states>true</solve_for_equilibrium_for_auxiliary_states>\
+                 </ForwardTool></OpenSimDocument>";
     std::fs::write(folder.path().join("setup.xml"), setup).unwrap();
     let error = carpus::tools::run_tool(&folder.path().join("setup.xml"), None, false).unwrap_err().to_string();
     assert!(error.contains("the length of muscle `jumper` jumps by 1.119 m"), "{error}");

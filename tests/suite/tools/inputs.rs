@@ -2,14 +2,18 @@
 
 use super::small_model::{Folder, muscle, table};
 
-const ID: &str = "<coordinates_file>motion.mot</coordinates_file><lowpass_cutoff_frequency_for_coordinates>-1</lowpass_cutoff_frequency_for_coordinates>";
+const ID: &str = "<coordinates_file>motion.mot</coordinates_file>\
+                  <lowpass_cutoff_frequency_for_coordinates>-1</lowpass_cutoff_frequency_for_coordinates>";
 const ANALYSIS: &str = "<coordinates_file>motion.mot</coordinates_file><AnalysisSet><objects><Kinematics \
                         name=\"K\"/></objects></AnalysisSet>";
 
 fn loads(data: &str) -> String {
     format!(
         "<?xml version=\"1.0\"?>\n<OpenSimDocument Version=\"40500\"><ExternalLoads name=\"l\"><objects><ExternalForce \
-         name=\"push\"><applied_to_body>hand</applied_to_body><force_expressed_in_body>ground</force_expressed_in_body><point_expressed_in_body>ground</point_expressed_in_body><force_identifier>f_v</force_identifier><point_identifier>f_p</point_identifier><torque_identifier></torque_identifier></ExternalForce></objects><datafile>{data}</datafile></ExternalLoads></OpenSimDocument>\n"
+         name=\"push\"><applied_to_body>hand</applied_to_body><force_expressed_in_body>ground</force_expressed_in_body>\
+         <point_expressed_in_body>ground</point_expressed_in_body><force_identifier>f_v</force_identifier>\
+         <point_identifier>f_p</point_identifier><torque_identifier></torque_identifier></ExternalForce></objects>\
+         <datafile>{data}</datafile></ExternalLoads></OpenSimDocument>\n"
     )
 }
 
@@ -49,7 +53,8 @@ fn verif_no_result_takes_the_place_of_a_file_that_is_read() {
     refused("AnalyzeTool", &ANALYSIS.replace("motion.mot", "run_K_q.sto"), "run_K_q.sto");
     let ik = "<marker_file>m.trc</marker_file><output_motion_file>m.trc</output_motion_file>";
     refused("InverseKinematicsTool", ik, "m.trc");
-    let scale = "<GenericModelMaker><model_file>small.osim</model_file></GenericModelMaker><ModelScaler><output_model_file>small.osim</output_model_file></ModelScaler>";
+    let scale = "<GenericModelMaker><model_file>small.osim</model_file></GenericModelMaker><ModelScaler>\
+                 <output_model_file>small.osim</output_model_file></ModelScaler>";
     refused("ScaleTool", scale, "small.osim");
     // By way of a link.
     #[cfg(unix)]
@@ -136,7 +141,9 @@ fn verif_settings_that_nothing_can_work_with_are_refused() {
         &["-1", "nan", "inf"],
         "weight: expected a weight of 0 or more",
     );
-    let scales = "<GenericModelMaker><model_file>small.osim</model_file></GenericModelMaker><ModelScaler><scaling_order>manualScale</scaling_order><ScaleSet><objects><Scale><segment>hand</segment><scales>VALUE</scales></Scale></objects></ScaleSet></ModelScaler>";
+    let scales = "<GenericModelMaker><model_file>small.osim</model_file></GenericModelMaker><ModelScaler>\
+                  <scaling_order>manualScale</scaling_order><ScaleSet><objects><Scale><segment>hand</segment>\
+                  <scales>VALUE</scales></Scale></objects></ScaleSet></ModelScaler>";
     fault(
         "ScaleTool",
         scales.to_owned(),

@@ -29,7 +29,8 @@ fn places(arm: f64, bend: f64, deviation: f64, flexion: f64) -> [Vector3<f64>; 6
 /// Markers over time, as a file; by what each is displaced.
 pub fn trc(times: &[f64], displaced: impl Fn(usize, f64) -> Vector3<f64>) -> String {
     let mut text = format!(
-        "PathFileType\t4\t(X/Y/Z)\tm.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n20\t20\t{}\t6\tm\t20\t1\t{}\nFrame#\tTime\t{}\n\t\t{}\n\n",
+        "PathFileType\t4\t(X/Y/Z)\tm.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\t\
+         OrigDataStartFrame\tOrigNumFrames\n20\t20\t{}\t6\tm\t20\t1\t{}\nFrame#\tTime\t{}\n\t\t{}\n\n",
         times.len(),
         times.len(),
         NAMES.map(|name| format!("{name}\t\t\t")).concat(),
@@ -52,7 +53,9 @@ fn times(n: usize, step: f64) -> Vec<f64> {
     (0..n).map(|i| step * i as f64).collect()
 }
 
-const IK: &str = "<marker_file>m.trc</marker_file><time_range>0 10</time_range><accuracy>1e-9</accuracy><output_motion_file>RESULTS/ik.mot</output_motion_file><report_errors>true</report_errors>";
+const IK: &str = "<marker_file>m.trc</marker_file><time_range>0 \
+                  10</time_range><accuracy>1e-9</accuracy><output_motion_file>RESULTS/ik.mot</output_motion_file>\
+                  <report_errors>true</report_errors>";
 
 /// Whatever weight constraints are given, locked coordinates and couplers are exact.
 #[test]
@@ -137,7 +140,10 @@ fn verif_without_a_range_of_time_frames_after_two_seconds_are_left_out() {
 fn verif_a_coordinate_file_that_is_not_there_is_reported() {
     let folder = Folder::new("");
     folder.write("m.trc", &trc(&times(11, 0.1), |_, _| Vector3::zeros()));
-    let placer = "<GenericModelMaker><model_file>small.osim</model_file></GenericModelMaker><MarkerPlacer><marker_file>m.trc</marker_file><time_range>0 1</time_range><coordinate_file>gone.mot</coordinate_file><output_model_file>placed.osim</output_model_file></MarkerPlacer>";
+    let placer = "<GenericModelMaker><model_file>small.osim</model_file></GenericModelMaker><MarkerPlacer>\
+                  <marker_file>m.trc</marker_file><time_range>0 1</time_range>\
+                  <coordinate_file>gone.mot</coordinate_file><output_model_file>placed.osim</output_model_file>\
+                  </MarkerPlacer>";
     for (class, inner) in [
         ("ScaleTool", placer),
         ("InverseKinematicsTool", "<marker_file>m.trc</marker_file><coordinate_file>gone.mot</coordinate_file>"),

@@ -122,7 +122,9 @@ fn verif_angles_of_a_ball_joint_are_held_by_constraints() {
     assert_ne!(locked, text);
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("m.osim"), locked).unwrap();
-    let setup = "<OpenSimDocument Version=\"40600\"><ForwardTool name=\"run\"><model_file>m.osim</model_file><results_directory>.</results_directory><initial_time>0</initial_time><final_time>0.2</final_time></ForwardTool></OpenSimDocument>";
+    let setup = "<OpenSimDocument Version=\"40600\"><ForwardTool \
+                 name=\"run\"><model_file>m.osim</model_file><results_directory>.</results_directory>\
+                 <initial_time>0</initial_time><final_time>0.2</final_time></ForwardTool></OpenSimDocument>";
     std::fs::write(folder.path().join("setup.xml"), setup).unwrap();
     let states = written(&run_tool(&folder.path().join("setup.xml"), None, false).unwrap(), "run_states.sto");
     let column = |name: &str| states.labels.iter().position(|label| label.ends_with(name)).unwrap();

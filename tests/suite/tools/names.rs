@@ -158,7 +158,8 @@ fn val_opensim_steps_are_as_long_as_the_setup_allows() {
     let (_, said, free) = swing(place, "");
     assert!(steps(&free) < 250 && !said.contains("minimum"), "{free} {said}");
     // Below the least step OpenSim goes on with a larger error; here that is said.
-    let least = "<maximum_integrator_step_size>0.1</maximum_integrator_step_size><minimum_integrator_step_size>0.05</minimum_integrator_step_size>";
+    let least = "<maximum_integrator_step_size>0.1</maximum_integrator_step_size>\
+                 <minimum_integrator_step_size>0.05</minimum_integrator_step_size>";
     let (states, said, summary) = swing(place, least);
     // Ten of the least size, and what rounding leaves.
     assert!((5..=11).contains(&steps(&summary)), "{summary}");

@@ -53,7 +53,8 @@ fn folder_of(model: &str, class: &str, inner: &str) -> tempfile::TempDir {
     write("q.mot", &format!("q\nversion=1\nnRows=20\nnColumns=3\ninDegrees=no\nendheader\ntime\tq1\tq2\n{rows}"));
     let text = format!(
         "<OpenSimDocument Version=\"40000\"><{class} \
-         name=\"t\"><model_file>links.osim</model_file><results_directory>.</results_directory><initial_time>0.1</initial_time><final_time>0.8</final_time>{inner}</{class}></OpenSimDocument>"
+         name=\"t\"><model_file>links.osim</model_file><results_directory>.</results_directory>\
+         <initial_time>0.1</initial_time><final_time>0.8</final_time>{inner}</{class}></OpenSimDocument>"
     );
     write("setup.xml", &text);
     folder
@@ -88,7 +89,8 @@ fn verif_without_mass_accelerations_alone_are_not_numbers() {
 #[test]
 fn verif_a_joint_that_only_turns_carries_no_force() {
     let inner = "<time_range>0.1 \
-                 0.8</time_range><joints_to_report_body_forces>ALL</joints_to_report_body_forces><output_body_forces_file>joints.sto</output_body_forces_file>";
+                 0.8</time_range><joints_to_report_body_forces>ALL</joints_to_report_body_forces>\
+                 <output_body_forces_file>joints.sto</output_body_forces_file>";
     let outcome = run("1", "0.1", "InverseDynamicsTool", &format!("{MOTION}{inner}")).unwrap();
     let joints = table(&outcome, "joints.sto");
     for (label, i) in joints.labels.iter().zip(0..) {
@@ -119,7 +121,8 @@ fn verif_controllers_act_in_inverse_dynamics() {
 /// Files of the nineties state a time scale of 0, by which OpenSim divides.
 #[test]
 fn verif_a_time_scale_of_0_leaves_what_needs_none() {
-    let analyses = "<solve_for_equilibrium_for_auxiliary_states>true</solve_for_equilibrium_for_auxiliary_states><AnalysisSet><objects><MuscleAnalysis/></objects></AnalysisSet>";
+    let analyses = "<solve_for_equilibrium_for_auxiliary_states>true</solve_for_equilibrium_for_auxiliary_states>\
+                    <AnalysisSet><objects><MuscleAnalysis/></objects></AnalysisSet>";
     let inner = format!("{MOTION}{analyses}");
     let [none, some] = ["0", "0.1"].map(|scale| run("1", scale, "AnalyzeTool", &inner).unwrap());
     for end in ["_Length.sto", "_TendonForce.sto", "_FiberLength.sto"] {
@@ -150,7 +153,8 @@ fn verif_idle_muscles_of_the_oldest_kinds_have_no_tendon_force() {
 /// What is said about the results is printed however much there is to say about the model.
 #[test]
 fn verif_remarks_about_the_model_do_not_hide_that_actuators_are_too_weak() {
-    let spring = "<SpringGeneralizedForce name=\"same\"><coordinate>q1</coordinate><stiffness>0</stiffness></SpringGeneralizedForce>";
+    let spring = "<SpringGeneralizedForce \
+                  name=\"same\"><coordinate>q1</coordinate><stiffness>0</stiffness></SpringGeneralizedForce>";
     let remarks = spring.repeat(20);
     let model = MODEL.replace("MASS", "1").replace("SCALE", "0.1").replace("APPLIES", "true");
     let model = model.replace("<ForceSet><objects>", &format!("<ForceSet><objects>{remarks}"));

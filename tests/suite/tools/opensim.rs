@@ -196,7 +196,8 @@ fn is_deprecated(muscle: &MuscleSpec) -> bool {
 
 pub(super) fn setup(class: &str, model: &Path, inner: &str) -> String {
     format!(
-        "<?xml version=\"1.0\" encoding=\"UTF-8\" ?>\n<OpenSimDocument Version=\"40000\">\n<{class} name=\"run\">\n<model_file>{}</model_file>\n<results_directory>RESULTS</results_directory>\n{inner}\n</{class}>\n</OpenSimDocument>\n",
+        "<?xml version=\"1.0\" encoding=\"UTF-8\" ?>\n<OpenSimDocument Version=\"40000\">\n<{class} \
+         name=\"run\">\n<model_file>{}</model_file>\n<results_directory>RESULTS</results_directory>\n{inner}\n</{class}>\n</OpenSimDocument>\n",
         model.display()
     )
 }
@@ -208,10 +209,35 @@ fn val_opensim_inverse_dynamics() {
     for model in models() {
         let spec = OsimFile::read(&model).unwrap().spec;
         bench.write("motion.mot", &motion(&spec, 40, 0.01));
-        bench.write("loads.mot", "loads\nversion=1\nnRows=4\nnColumns=10\ninDegrees=no\nendheader\ntime f_vx f_vy f_vz f_px f_py f_pz m_x m_y m_z\n-1 1 2 3 0.1 0 0.2 0.1 0.2 0\n0 2 2 3 0.1 0.1 0.2 0.1 0.2 1\n0.2 3 2 1 0 0.1 0.2 0.3 0.2 1\n1 -1 2 3 0.1 0.1 0.2 0.1 0.4 0\n");
+        bench.write(
+            "loads.mot",
+            "loads\nversion=1\nnRows=4\nnColumns=10\ninDegrees=no\nendheader\ntime f_vx f_vy f_vz \
+                                  f_px f_py f_pz m_x m_y m_z\n-1 1 2 3 0.1 0 0.2 0.1 0.2 0\n0 2 2 3 0.1 0.1 0.2 0.1 \
+                                  0.2 1\n0.2 3 2 1 0 0.1 0.2 0.3 0.2 1\n1 -1 2 3 0.1 0.1 0.2 0.1 0.4 0\n",
+        );
         let body = &spec.bodies.last().unwrap().name;
-        bench.write("loads.xml", &format!("<?xml version=\"1.0\"?>\n<OpenSimDocument Version=\"40000\"><ExternalLoads name=\"l\"><objects><ExternalForce name=\"push\"><applied_to_body>{body}</applied_to_body><force_expressed_in_body>{body}</force_expressed_in_body><point_expressed_in_body>ground</point_expressed_in_body><force_identifier>f_v</force_identifier><point_identifier>f_p</point_identifier><torque_identifier>m_</torque_identifier></ExternalForce></objects><groups/><datafile>loads.mot</datafile></ExternalLoads></OpenSimDocument>"));
-        let inner = "<time_range>0.05 0.31</time_range><forces_to_exclude>Muscles</forces_to_exclude><external_loads_file>loads.xml</external_loads_file><coordinates_file>motion.mot</coordinates_file><lowpass_cutoff_frequency_for_coordinates>6</lowpass_cutoff_frequency_for_coordinates><output_gen_force_file>id.sto</output_gen_force_file><joints_to_report_body_forces>ALL</joints_to_report_body_forces><output_body_forces_file>joints.sto</output_body_forces_file>";
+        bench.write(
+            "loads.xml",
+            &format!(
+                "<?xml version=\"1.0\"?>\n<OpenSimDocument Version=\"40000\"><ExternalLoads \
+                                           name=\"l\"><objects><ExternalForce name=\"push\">\
+                                           <applied_to_body>{body}</applied_to_body>\
+                                           <force_expressed_in_body>{body}</force_expressed_in_body>\
+                                           <point_expressed_in_body>ground</point_expressed_in_body>\
+                                           <force_identifier>f_v</force_identifier>\
+                                           <point_identifier>f_p</point_identifier>\
+                                           <torque_identifier>m_</torque_identifier></ExternalForce></objects><groups/>\
+                                           <datafile>loads.mot</datafile></ExternalLoads></OpenSimDocument>"
+            ),
+        );
+        let inner = "<time_range>0.05 \
+                     0.31</time_range><forces_to_exclude>Muscles</forces_to_exclude>\
+                     <external_loads_file>loads.xml</external_loads_file>\
+                     <coordinates_file>motion.mot</coordinates_file>\
+                     <lowpass_cutoff_frequency_for_coordinates>6</lowpass_cutoff_frequency_for_coordinates>\
+                     <output_gen_force_file>id.sto</output_gen_force_file>\
+                     <joints_to_report_body_forces>ALL</joints_to_report_body_forces>\
+                     <output_body_forces_file>joints.sto</output_body_forces_file>";
         // Printed with 8 digits.
         let found = bench.compare("inverse dynamics", &model, &setup("InverseDynamicsTool", &model, inner), &|_| 1e-6);
         assert_eq!(found.len(), 2);
@@ -229,14 +255,26 @@ fn val_opensim_analyses() {
         let analyses = format!(
             "<Kinematics name=\"Kinematics\"><on>true</on><step_interval>2</step_interval></Kinematics>\
              <BodyKinematics name=\"BodyKinematics\"><in_degrees>true</in_degrees></BodyKinematics>\
-             <BodyKinematics name=\"Local\"><bodies>{body} center_of_mass</bodies><in_degrees>false</in_degrees><express_results_in_body_local_frame>true</express_results_in_body_local_frame></BodyKinematics>\
-             <PointKinematics name=\"PointKinematics\"><body_name>{body}</body_name><point_name>tip</point_name><point>0.01 -0.05 0.02</point></PointKinematics>\
-             <MuscleAnalysis name=\"MuscleAnalysis\"><muscle_list>all</muscle_list><moment_arm_coordinate_list>all</moment_arm_coordinate_list><compute_moments>true</compute_moments></MuscleAnalysis>\
-             <StatesReporter name=\"StatesReporter\"/><ForceReporter name=\"ForceReporter\"/><Actuation name=\"Actuation\"/>\
-             <JointReaction name=\"JointReaction\"><joint_names>ALL</joint_names><apply_on_bodies>child</apply_on_bodies><express_in_frame>ground</express_in_frame></JointReaction>"
+             <BodyKinematics name=\"Local\"><bodies>{body} \
+             center_of_mass</bodies><in_degrees>false</in_degrees>\
+             <express_results_in_body_local_frame>true</express_results_in_body_local_frame></BodyKinematics>\
+             <PointKinematics name=\"PointKinematics\"><body_name>{body}</body_name><point_name>tip</point_name>\
+             <point>0.01 -0.05 0.02</point></PointKinematics>\
+             <MuscleAnalysis name=\"MuscleAnalysis\"><muscle_list>all</muscle_list>\
+             <moment_arm_coordinate_list>all</moment_arm_coordinate_list><compute_moments>true</compute_moments>\
+             </MuscleAnalysis>\
+             <StatesReporter name=\"StatesReporter\"/><ForceReporter name=\"ForceReporter\"/><Actuation \
+             name=\"Actuation\"/>\
+             <JointReaction name=\"JointReaction\"><joint_names>ALL</joint_names>\
+             <apply_on_bodies>child</apply_on_bodies>\
+             <express_in_frame>ground</express_in_frame></JointReaction>"
         );
         let inner = format!(
-            "<output_precision>{PRECISION}</output_precision><initial_time>0</initial_time><final_time>0.2</final_time><solve_for_equilibrium_for_auxiliary_states>true</solve_for_equilibrium_for_auxiliary_states><coordinates_file>motion.mot</coordinates_file><lowpass_cutoff_frequency_for_coordinates>-1</lowpass_cutoff_frequency_for_coordinates><AnalysisSet name=\"Analyses\"><objects>{analyses}</objects><groups/></AnalysisSet>"
+            "<output_precision>{PRECISION}</output_precision><initial_time>0</initial_time><final_time>0.2</final_time>\
+             <solve_for_equilibrium_for_auxiliary_states>true</solve_for_equilibrium_for_auxiliary_states>\
+             <coordinates_file>motion.mot</coordinates_file>\
+             <lowpass_cutoff_frequency_for_coordinates>-1</lowpass_cutoff_frequency_for_coordinates><AnalysisSet \
+             name=\"Analyses\"><objects>{analyses}</objects><groups/></AnalysisSet>"
         );
         // Light bodies turn errors of forces into large accelerations.
         let tolerance = |name: &str| if hangs_on_accelerations(name) { 1e-4 } else { 1e-5 };
@@ -254,13 +292,23 @@ fn val_opensim_static_optimization() {
     bench.write("motion.mot", &motion(&spec, 12, 0.02));
     let reserve = |c: &carpus::osim::spec::CoordinateSpec| {
         format!(
-            "<CoordinateActuator name=\"reserve_{0}\"><coordinate>{0}</coordinate><optimal_force>5</optimal_force></CoordinateActuator>",
+            "<CoordinateActuator \
+             name=\"reserve_{0}\"><coordinate>{0}</coordinate><optimal_force>5</optimal_force></CoordinateActuator>",
             c.name
         )
     };
     let reserves: String = spec.coordinates.iter().map(reserve).collect();
-    bench.write("reserves.xml", &format!("<OpenSimDocument Version=\"40000\"><ForceSet name=\"r\"><objects>{reserves}</objects></ForceSet></OpenSimDocument>"));
-    let inner = "<force_set_files>reserves.xml</force_set_files><initial_time>0</initial_time><final_time>0.2</final_time><coordinates_file>motion.mot</coordinates_file><AnalysisSet name=\"Analyses\"><objects><StaticOptimization name=\"SO\"><activation_exponent>2</activation_exponent></StaticOptimization></objects></AnalysisSet>";
+    bench.write(
+        "reserves.xml",
+        &format!(
+            "<OpenSimDocument Version=\"40000\"><ForceSet \
+                                          name=\"r\"><objects>{reserves}</objects></ForceSet></OpenSimDocument>"
+        ),
+    );
+    let inner = "<force_set_files>reserves.xml</force_set_files><initial_time>0</initial_time>\
+                 <final_time>0.2</final_time><coordinates_file>motion.mot</coordinates_file><AnalysisSet \
+                 name=\"Analyses\"><objects><StaticOptimization name=\"SO\">\
+                 <activation_exponent>2</activation_exponent></StaticOptimization></objects></AnalysisSet>";
     let tolerance = |name: &str| if name.contains("force") { 5e-2 } else { 2e-3 };
     let found = bench.compare("static optimization", model, &setup("AnalyzeTool", model, inner), &tolerance);
     assert_eq!(found.len(), 2);
@@ -403,13 +451,31 @@ fn val_opensim_manual_scale_with_a_marker_set_file() {
     let body = OsimFile::read(&model).unwrap().spec.bodies.last().unwrap().name.clone();
     // OpenSim looks for the model beside the setup, whatever its path.
     let mut generic = OsimFile::read(&model).unwrap();
-    let marker = "<Marker name=\"knuckle\"><socket_parent_frame>/ground</socket_parent_frame><location>1 2 3</location><fixed>true</fixed></Marker>";
+    let marker = "<Marker name=\"knuckle\"><socket_parent_frame>/ground</socket_parent_frame><location>1 2 \
+                  3</location><fixed>true</fixed></Marker>";
     generic.add_component(ComponentSet::Markers, marker).unwrap();
     bench.write("generic.osim", std::str::from_utf8(generic.document.bytes()).unwrap());
-    bench.write("markers.xml", &format!("<?xml version=\"1.0\"?>\n<OpenSimDocument Version=\"40000\"><MarkerSet name=\"m\"><objects><Marker name=\"knuckle\"><socket_parent_frame>/bodyset/{body}</socket_parent_frame><location>0.01 -0.07 0.02</location><fixed>false</fixed></Marker></objects><groups/></MarkerSet></OpenSimDocument>"));
+    bench.write(
+        "markers.xml",
+        &format!(
+            "<?xml version=\"1.0\"?>\n<OpenSimDocument Version=\"40000\"><MarkerSet \
+                                         name=\"m\"><objects><Marker name=\"knuckle\">\
+                                         <socket_parent_frame>/bodyset/{body}</socket_parent_frame>\
+                                         <location>0.01 -0.07 0.02</location><fixed>false</fixed></Marker></objects>\
+                                         <groups/></MarkerSet></OpenSimDocument>"
+        ),
+    );
     let setup = |output: &str| {
         format!(
-            "<?xml version=\"1.0\"?>\n<OpenSimDocument Version=\"40000\"><ScaleTool name=\"scaled\"><mass>-1</mass><GenericModelMaker><model_file>generic.osim</model_file><marker_set_file>markers.xml</marker_set_file></GenericModelMaker><ModelScaler><apply>true</apply><scaling_order>manualScale</scaling_order><ScaleSet><objects><Scale><scales>1.1 1.05 0.9</scales><segment>{body}</segment><apply>true</apply></Scale><Scale><scales>2 2 2</scales><segment>patella_r</segment><apply>true</apply></Scale></objects><groups/></ScaleSet><preserve_mass_distribution>false</preserve_mass_distribution><output_model_file>{output}</output_model_file></ModelScaler><MarkerPlacer><apply>false</apply></MarkerPlacer></ScaleTool></OpenSimDocument>"
+            "<?xml version=\"1.0\"?>\n<OpenSimDocument Version=\"40000\"><ScaleTool \
+             name=\"scaled\"><mass>-1</mass><GenericModelMaker><model_file>generic.osim</model_file>\
+             <marker_set_file>markers.xml</marker_set_file></GenericModelMaker><ModelScaler><apply>true</apply>\
+             <scaling_order>manualScale</scaling_order><ScaleSet><objects><Scale><scales>1.1 1.05 0.9</scales>\
+             <segment>{body}</segment><apply>true</apply></Scale><Scale><scales>2 2 2</scales>\
+             <segment>patella_r</segment><apply>true</apply></Scale></objects><groups/></ScaleSet>\
+             <preserve_mass_distribution>false</preserve_mass_distribution>\
+             <output_model_file>{output}</output_model_file></ModelScaler><MarkerPlacer><apply>false</apply>\
+             </MarkerPlacer></ScaleTool></OpenSimDocument>"
         )
     };
     bench.write("theirs.xml", &setup("theirs.osim"));

@@ -30,7 +30,8 @@ fn verif_faults_of_setups_are_told_with_their_line() {
         tool(
             "AnalyzeTool",
             &format!(
-                "{model}<coordinates_file>q.mot</coordinates_file>\n<AnalysisSet><objects>\n{analysis}\n</objects></AnalysisSet>"
+                "{model}<coordinates_file>q.mot</coordinates_file>\n<AnalysisSet><objects>\n{analysis}\n</objects>\
+                 </AnalysisSet>"
             ),
         )
     };
@@ -80,7 +81,10 @@ fn verif_speeds_file() {
     write("q.mot", &format!("{header}time\tq1\n{}", rows(0.3)));
     write("u.sto", &format!("{header}time\t/jointset/one/q1/speed\n{}", rows(1.25)));
     let inner = format!(
-        "<model_file>{}</model_file><results_directory>.</results_directory><initial_time>0</initial_time><final_time>0.7</final_time><coordinates_file>q.mot</coordinates_file><speeds_file>u.sto</speeds_file><AnalysisSet><objects><Kinematics><coordinates>q1</coordinates><in_degrees>false</in_degrees></Kinematics></objects></AnalysisSet>",
+        "<model_file>{}</model_file><results_directory>.</results_directory><initial_time>0</initial_time>\
+         <final_time>0.7</final_time><coordinates_file>q.mot</coordinates_file><speeds_file>u.sto</speeds_file>\
+         <AnalysisSet><objects><Kinematics><coordinates>q1</coordinates><in_degrees>false</in_degrees></Kinematics>\
+         </objects></AnalysisSet>",
         model.display()
     );
     write("setup.xml", &tool("AnalyzeTool", &inner));

@@ -63,7 +63,14 @@ const MODEL: &str = r#"<?xml version="1.0" encoding="UTF-8" ?>
 </OpenSimDocument>
 "#;
 
-const INNER: &str = "<output_precision>12</output_precision><initial_time>0</initial_time><final_time>0.2</final_time><solve_for_equilibrium_for_auxiliary_states>true</solve_for_equilibrium_for_auxiliary_states><coordinates_file>motion.mot</coordinates_file><lowpass_cutoff_frequency_for_coordinates>-1</lowpass_cutoff_frequency_for_coordinates><AnalysisSet name=\"Analyses\"><objects><Kinematics name=\"Kinematics\"/><BodyKinematics name=\"BodyKinematics\"/><MuscleAnalysis name=\"MuscleAnalysis\"><muscle_list>all</muscle_list><moment_arm_coordinate_list>all</moment_arm_coordinate_list><compute_moments>true</compute_moments></MuscleAnalysis></objects></AnalysisSet>";
+const INNER: &str = "<output_precision>12</output_precision><initial_time>0</initial_time><final_time>0.2</final_time>\
+                     <solve_for_equilibrium_for_auxiliary_states>true</solve_for_equilibrium_for_auxiliary_states>\
+                     <coordinates_file>motion.mot</coordinates_file>\
+                     <lowpass_cutoff_frequency_for_coordinates>-1</lowpass_cutoff_frequency_for_coordinates>\
+                     <AnalysisSet name=\"Analyses\"><objects><Kinematics name=\"Kinematics\"/><BodyKinematics \
+                     name=\"BodyKinematics\"/><MuscleAnalysis name=\"MuscleAnalysis\"><muscle_list>all</muscle_list>\
+                     <moment_arm_coordinate_list>all</moment_arm_coordinate_list>\
+                     <compute_moments>true</compute_moments></MuscleAnalysis></objects></AnalysisSet>";
 
 /// Angles of the crank, with the way of the slider that the rod leaves it.
 fn crank_motion() -> String {
@@ -89,7 +96,8 @@ fn val_opensim_models_of_unusual_build() {
     let model = bench.path("unusual.osim");
     let tolerance = |name: &str| if name.contains("dudt") || name.contains("acc") { 1e-4 } else { 1e-5 };
     bench.compare("analyses of unusual models", &model, &setup("AnalyzeTool", &model, INNER), &tolerance);
-    let inner = "<forces_to_exclude>Muscles</forces_to_exclude><coordinates_file>motion.mot</coordinates_file><output_gen_force_file>id.sto</output_gen_force_file>";
+    let inner = "<forces_to_exclude>Muscles</forces_to_exclude><coordinates_file>motion.mot</coordinates_file>\
+                 <output_gen_force_file>id.sto</output_gen_force_file>";
     let setup = setup("InverseDynamicsTool", &model, inner);
     bench.compare("inverse dynamics of unusual models", &model, &setup, &|_| 1e-6);
 }
@@ -143,7 +151,9 @@ fn simulated(bodies: &str, joints: &str, forces: &str) -> Outcome {
     let folder = tempfile::tempdir().unwrap();
     let model = folder.path().join("still.osim");
     let text = format!(
-        "<OpenSimDocument Version=\"40500\"><Model name=\"still\"><BodySet><objects>{bodies}</objects></BodySet><JointSet><objects>{joints}</objects></JointSet><ForceSet><objects>{forces}</objects></ForceSet></Model></OpenSimDocument>"
+        "<OpenSimDocument Version=\"40500\"><Model \
+         name=\"still\"><BodySet><objects>{bodies}</objects></BodySet><JointSet><objects>{joints}</objects></JointSet>\
+         <ForceSet><objects>{forces}</objects></ForceSet></Model></OpenSimDocument>"
     );
     std::fs::write(&model, text).unwrap();
     let path = folder.path().join("setup.xml");
@@ -156,7 +166,8 @@ const BODY: &str = "<Body name=\"b\"><mass>1</mass><inertia>1 1 1 0 0 0</inertia
 
 #[test]
 fn verif_a_model_that_cannot_move_is_simulated() {
-    let weld = "<WeldJoint name=\"w\"><socket_parent_frame>/ground</socket_parent_frame><socket_child_frame>/bodyset/b</socket_child_frame></WeldJoint>";
+    let weld = "<WeldJoint name=\"w\"><socket_parent_frame>/ground</socket_parent_frame>\
+                <socket_child_frame>/bodyset/b</socket_child_frame></WeldJoint>";
     let states = written(&simulated(BODY, weld, ""), "run_states.sto");
     assert_eq!((states.labels.len(), states.time.first(), states.time.last()), (0, Some(&0.0), Some(&0.02)));
 }
@@ -165,7 +176,9 @@ fn verif_a_model_that_cannot_move_is_simulated() {
 fn verif_a_body_without_joint_falls_and_idle_actuators_have_controls() {
     let actuator = |name: &str, applies: bool| {
         format!(
-            "<CoordinateActuator name=\"{name}\"><appliesForce>{applies}</appliesForce><coordinate>free_b_coord_0</coordinate></CoordinateActuator>"
+            "<CoordinateActuator \
+             name=\"{name}\"><appliesForce>{applies}</appliesForce><coordinate>free_b_coord_0</coordinate>\
+             </CoordinateActuator>"
         )
     };
     let outcome = simulated(BODY, "", &(actuator("idle", false) + &actuator("acting", true)));

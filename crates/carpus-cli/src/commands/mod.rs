@@ -1,5 +1,6 @@
 //! One file per command. Each reads what its arguments name, computes through the library, and writes or prints.
 
+pub mod audit;
 pub mod book;
 pub mod c3d;
 pub mod compare;

@@ -39,8 +39,8 @@ impl ConstraintError {
 pub enum DynamicsError {
     /// Something without mass can move: coordinates on which it depends are named.
     #[error(
-        "accelerations are not determined: {} can move so that nothing with mass does (parts without mass, or axes of a joint \
-         that coincide in this pose)",
+        "accelerations are not determined: {} can move so that nothing with mass does (parts without mass, or axes of \
+         a joint that coincide in this pose)",
         .coordinates.join(", ")
     )]
     Massless {
@@ -108,7 +108,8 @@ pub enum PlantError {
         end: f64,
     },
     /// The integration ended early.
-    #[error("integration ended at t = {time} s: {reason}{}", .jump.as_ref().map_or_else(String::new, PathJump::to_string))]
+    #[error("integration ended at t = {time} s: \
+             {reason}{}", .jump.as_ref().map_or_else(String::new, PathJump::to_string))]
     Stopped {
         /// Time [s].
         time: f64,

@@ -24,8 +24,8 @@ impl std::fmt::Display for PathJump {
         let size = (to - from).abs();
         write!(
             f,
-            "; there the length of muscle `{}` jumps by {size:.3} m, from {from:.4} to {to:.4} m: its path in the model takes \
-             another way around a wrapping object or through a conditional point",
+            "; there the length of muscle `{}` jumps by {size:.3} m, from {from:.4} to {to:.4} m: its path in the \
+             model takes another way around a wrapping object or through a conditional point",
             self.muscle
         )
     }

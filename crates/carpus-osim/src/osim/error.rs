@@ -314,8 +314,8 @@ impl Problem {
                 Some("OpenSim 4.6 refuses line breaks and tabs in names, too: write the name anew".to_owned())
             }
             ProblemKind::UnsupportedFrame { .. } => Some(
-                "put a PhysicalOffsetFrame on the same body in its place: OpenSim's findTransformInBaseFrame() gives its \
-                 translation and orientation"
+                "put a PhysicalOffsetFrame on the same body in its place: OpenSim's findTransformInBaseFrame() gives \
+                 its translation and orientation"
                     .to_owned(),
             ),
             ProblemKind::TooFewPathPoints { .. } => {

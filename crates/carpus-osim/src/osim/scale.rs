@@ -70,7 +70,8 @@ pub enum ScaleError {
     },
     /// A coupled translation of a body that is scaled differently along its axes.
     #[error(
-        "{constraint}: its translation belongs to {body}, which is scaled by {factors:?}; OpenSim scales such a coupler only by equal factors"
+        "{constraint}: its translation belongs to {body}, which is scaled by {factors:?}; OpenSim scales such a \
+         coupler only by equal factors"
     )]
     UnevenCoupler {
         /// The constraint.

@@ -159,7 +159,8 @@ pub enum Fault {
         participant: String,
     },
     /// A raw recording whose steps differ.
-    #[error("step of {step_s:.6} s before this row, {mean_step_s:.6} s on average: raw EMG needs equal steps{}", others(*more))]
+    #[error("step of {step_s:.6} s before this row, {mean_step_s:.6} s on average: raw EMG needs equal \
+             steps{}", others(*more))]
     UnequalSteps {
         /// The step \[s\].
         step_s: f64,
@@ -273,7 +274,8 @@ pub enum Fault {
         more: usize,
     },
     /// Samples are missing.
-    #[error("gap of {gap_s:.4} s before this row; expected at most {allowed_s:.4} s (median step {median_step_s:.4} s){}", others(*more))]
+    #[error("gap of {gap_s:.4} s before this row; expected at most {allowed_s:.4} s (median step {median_step_s:.4} \
+             s){}", others(*more))]
     Gap {
         /// Size of the gap \[s\].
         gap_s: f64,
@@ -428,7 +430,8 @@ pub enum Fault {
     },
     /// Moments of the wrong sign.
     #[error(
-        "the effort changes the moment by {effort_n_m:+.3} N·m in a trial of direction `{direction}`; expected the opposite sign"
+        "the effort changes the moment by {effort_n_m:+.3} N·m in a trial of direction `{direction}`; expected the \
+         opposite sign"
     )]
     MomentSign {
         /// Moment of the effort, above that of the relaxed limb [N·m].
@@ -458,7 +461,8 @@ pub enum Fault {
     },
     /// Start times of a participant's trials, but not of all.
     #[error(
-        "{without} of {trials} trials of participant `{participant}` have no `start_time_s`: all are taken by their order"
+        "{without} of {trials} trials of participant `{participant}` have no `start_time_s`: all are taken by their \
+         order"
     )]
     SomeStartTimes {
         /// The participant.
@@ -470,7 +474,8 @@ pub enum Fault {
     },
     /// An arm turned over in a study whose model has weight.
     #[error(
-        "the arm is `flipped`, but [dynamometer] include has \"gravity\": the weight of the model's own bodies is not turned"
+        "the arm is `flipped`, but [dynamometer] include has \"gravity\": the weight of the model's own bodies is not \
+         turned"
     )]
     OwnGravityNotTurned,
     /// A participant without trials.
@@ -501,7 +506,8 @@ pub enum Fault {
         doubt: Doubt,
     },
     /// A column whose name states another unit than its numbers are taken in.
-    #[error("column `{column}`: its name states {}{}; its numbers are taken as {taken_as}", .unit.symbol, other_quantity(.unit, *.holds))]
+    #[error("column `{column}`: its name states {}{}; its numbers are taken as \
+             {taken_as}", .unit.symbol, other_quantity(.unit, *.holds))]
     UnitInName {
         /// The column.
         column: String,
@@ -543,7 +549,8 @@ pub enum Fault {
     },
     /// Two EMG channels that are each most active where their muscle is not.
     #[error("the EMG of {first} and {second} looks exchanged: each is most active in the other's direction{}",
-        fit_gain.map(|gain| format!(", and exchanged they fit the moment {gain:.1} times as well")).unwrap_or_default())]
+        fit_gain.map(|gain| format!(", and exchanged they fit the moment {gain:.1} times as \
+                                     well")).unwrap_or_default())]
     ChannelsExchanged {
         /// A muscle.
         first: String,

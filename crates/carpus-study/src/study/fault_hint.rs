@@ -26,7 +26,8 @@ impl Fault {
             ),
             UnknownColumn { nearest: Some(n), .. } => format!("did you mean `{n}`?"),
             RawEmg { error: SignalError::Cutoff { .. }, .. } => {
-                "set [emg] band_pass_hz to a band below half the sample rate; an envelope recorded at a low rate is not raw EMG"
+                "set [emg] band_pass_hz to a band below half the sample rate; an envelope recorded at a low rate is \
+                 not raw EMG"
                     .to_owned()
             }
             RawEmg { error: SignalError::NoMvc { .. }, .. } => {
@@ -36,7 +37,8 @@ impl Fault {
                 "excitation is held at 1 there; record MVC trials that reach the maximum of every muscle".to_owned()
             }
             EmgChannel { finding: Finding::Artefact { .. }, .. } => {
-                "put the mean of its neighbours there, or leave the trial out; in an MVC trial it sets the level by which the channel is divided in all trials"
+                "put the mean of its neighbours there, or leave the trial out; in an MVC trial it sets the level by \
+                 which the channel is divided in all trials"
                     .to_owned()
             }
             EmgChannel { finding: Finding::MainsHum { .. }, .. } => {
@@ -87,17 +89,24 @@ impl Fault {
                 "state `start_time_s` in every row of the participant, or leave the column out".to_owned()
             }
             OwnGravityNotTurned => {
-                "leave \"gravity\" out of include: the effect `gravity` of carpus diagnose is turned with the arm".to_owned()
+                "leave \"gravity\" out of include: the effect `gravity` of carpus diagnose is turned with the \
+                 arm"
+                .to_owned()
             }
             ColumnResampled { quantity: "angle", .. } => {
-                "its speed jumps from one to the next: give the angle at its own rate, or the velocity as a column".to_owned()
+                "its speed jumps from one to the next: give the angle at its own rate, or the velocity as a \
+                 column"
+                    .to_owned()
             }
             ColumnResampled { quantity: "raw EMG", .. } => {
-                "what the muscle did between them is lost, and filters of EMG see steps: give the channel at the rate of its recorder"
+                "what the muscle did between them is lost, and filters of EMG see steps: give the channel at the rate \
+                 of its recorder"
                     .to_owned()
             }
             ColumnResampled { .. } => {
-                "rows between them say nothing of its noise; for an envelope that is slower than they are nothing is lost".to_owned()
+                "rows between them say nothing of its noise; for an envelope that is slower than they are nothing is \
+                 lost"
+                    .to_owned()
             }
             MomentResampled { .. } => {
                 "its noise is estimated from its own samples alone; nothing else needs to be done".to_owned()
@@ -112,7 +121,12 @@ impl Fault {
                 None => format!("check mass ({mass_kg} kg) and height ({height_m} m)"),
             },
             UnitInName { unit, taken_as, factor: Some(factor), .. } => {
-                let scaled = format!("1 {} is {} {taken_as}: multiply the column, and give it a name without the unit", unit.symbol, seven_digits(*factor));
+                let scaled = format!(
+                    "1 {} is {} {taken_as}: multiply the column, and give it a name without the \
+                                      unit",
+                    unit.symbol,
+                    seven_digits(*factor)
+                );
                 match (unit.symbol, *taken_as) {
                     ("rad", "deg") => format!("{scaled}; or set [columns] angle_unit = \"rad\""),
                     ("deg", "rad") => format!("{scaled}; or set [columns] angle_unit = \"deg\""),
@@ -121,19 +135,30 @@ impl Fault {
             }
             UnitInName { unit, holds, .. } => match (unit.of, holds) {
                 (Measured::Voltage, Measured::Part) => {
-                    "raw EMG is declared by [emg] kind = \"raw\"; envelopes are divided by the maximum voluntary contraction".to_owned()
+                    "raw EMG is declared by [emg] kind = \"raw\"; envelopes are divided by the maximum voluntary \
+                     contraction"
+                        .to_owned()
                 }
-                (Measured::Voltage, _) => "is it the recorder's voltage? multiply it by the calibration factor first".to_owned(),
+                (Measured::Voltage, _) => "is it the recorder's voltage? multiply it by the calibration factor \
+                                           first"
+                    .to_owned(),
                 (Measured::MomentPerMass, _) => "multiply it by the body mass first".to_owned(),
-                (Measured::Force, Measured::Moment) => "is it a force? multiply it by its lever arm in metres first".to_owned(),
+                (Measured::Force, Measured::Moment) => "is it a force? multiply it by its lever arm in metres \
+                                                        first"
+                    .to_owned(),
                 _ => "is it the right column? see [columns] in study.toml".to_owned(),
             },
             MvcDisagrees { stated_n_m, measured_n_m, .. } => {
                 let otherwise = "the trial was not maximal, or the MVC is of another session or posture";
                 // The one or the other is not in N·m; which of the two, only the lab knows.
-                match (moment_unit_of_ratio(measured_n_m / stated_n_m), moment_unit_of_ratio(stated_n_m / measured_n_m)) {
+                match (moment_unit_of_ratio(measured_n_m / stated_n_m), moment_unit_of_ratio(stated_n_m / measured_n_m))
+                {
                     (Some(unit), _) => {
-                        format!("1 {0} is {1:.3} N·m: is the moment of the trials in {0}? Else: {otherwise}", unit.symbol, unit.factor)
+                        format!(
+                            "1 {0} is {1:.3} N·m: is the moment of the trials in {0}? Else: \
+                                 {otherwise}",
+                            unit.symbol, unit.factor
+                        )
                     }
                     (_, Some(unit)) => {
                         format!("1 {0} is {1:.3} N·m: is the MVC in {0}? Else: {otherwise}", unit.symbol, unit.factor)
@@ -142,13 +167,15 @@ impl Fault {
                 }
             }
             MomentReversed { column, .. } => format!(
-                "multiply `{column}` by -1: it is the moment that the person exerts, not the machine's; or exchange flexion and extension in trials.csv"
+                "multiply `{column}` by -1: it is the moment that the person exerts, not the machine's; or exchange \
+                 flexion and extension in trials.csv"
             ),
             ChannelsExchanged { .. } => {
                 "check electrodes and cables, or exchange the two in [columns] emg of study.toml".to_owned()
             }
             DeceptiveCharacter { .. } => {
-                "control characters, line breaks, direction marks and byte order marks do not belong in names; write the name anew"
+                "control characters, line breaks, direction marks and byte order marks do not belong in names; write \
+                 the name anew"
                     .to_owned()
             }
             OutsideStudy { .. } => "it is read; a study that is copied elsewhere lacks it".to_owned(),

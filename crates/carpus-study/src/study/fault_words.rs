@@ -62,8 +62,8 @@ pub(super) fn how_resampled(how: Resampled, own_rate_hz: f64, rate_hz: f64) -> S
             // Independent samples are twice as many a second as the highest frequency.
             let cutoff_hz = own_rate_hz / 2.0;
             return format!(
-                "has no noise above about {cutoff_hz:.0} Hz at {rate_hz:.0} Hz: it was low-passed, or interpolated by smooth \
-                 curves; about {own_rate_hz:.0} of its samples a second are independent"
+                "has no noise above about {cutoff_hz:.0} Hz at {rate_hz:.0} Hz: it was low-passed, or interpolated by \
+                 smooth curves; about {own_rate_hz:.0} of its samples a second are independent"
             );
         }
     };

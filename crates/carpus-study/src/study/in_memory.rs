@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use toml_edit::{DocumentMut, Item, Value};
+
 use super::trial_list::{Contraction, Direction, TrialInfo, TrialUse};
-use super::write::{quoted_list, toml_string};
 use super::{Fault, Participant, Problem, Settings, Study, StudyErrors, Trial};
 
 /// Stands for the folder of a study that has none.
@@ -18,12 +19,16 @@ impl Settings {
     /// # Errors
     /// What is wrong with them, together.
     pub fn with_defaults(name: &str, coordinate: &str, active_muscles: &[&str]) -> Result<Settings, StudyErrors> {
-        let text = format!(
-            "[study]\nname = {}\nmodel = \"model.osim\"\n[dynamometer]\ncoordinate = {}\n[muscles]\nactive = {}\n",
-            toml_string(name),
-            toml_string(coordinate),
-            quoted_list(active_muscles)
-        );
+        let mut document = DocumentMut::new();
+        let sections: [(&str, &[(&str, Value)]); 3] = [
+            ("study", &[("name", name.into()), ("model", "model.osim".into())]),
+            ("dynamometer", &[("coordinate", coordinate.into())]),
+            ("muscles", &[("active", active_muscles.iter().copied().collect())]),
+        ];
+        for (section, keys) in sections {
+            document.insert(section, Item::Table(keys.iter().cloned().collect()));
+        }
+        let text = document.to_string();
         let mut problems = Vec::new();
         let settings = Settings::parse(&text, &Path::new(FOLDER).join("study.toml"), &mut problems);
         StudyErrors::settle(problems)?;

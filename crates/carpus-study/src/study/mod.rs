@@ -170,7 +170,8 @@ impl Study {
         let settings = read_settings(&file, &folder, &mut problems);
         let no_study = problems.iter().any(|p| matches!(p.fault, Fault::NotAStudy { .. })) || !file.exists();
         if settings.is_none() && no_study {
-            return Parts { study: None, problems, columns_sound: false }; // a wrong path: complaints about its neighbours would only hide that
+            // A wrong path: complaints about its neighbours would only hide that.
+            return Parts { study: None, problems, columns_sound: false };
         }
         let study_model = settings.as_ref().map(|(s, _)| s.model.clone()).unwrap_or_default();
         let participants = participants::read(&folder.join("participants.csv"), &folder, &study_model, &mut problems);

@@ -1,7 +1,7 @@
 //! A study as files: the inverse of reading one. EMG is written as normalized excitation, columns under their usual
 //! names.
 
-use std::fmt::Write;
+use toml_edit::{DocumentMut, Item, Value};
 
 use super::{MomentPart, Participant, RelativeBounds, Settings, Sex, Side, Trial};
 
@@ -10,42 +10,44 @@ use super::{MomentPart, Participant, RelativeBounds, Settings, Sex, Side, Trial}
 /// - `comment`: first lines, without `#`
 /// - `model`: path of the model relative to the file
 pub fn settings_text(settings: &Settings, name: &str, model: &str, comment: &str) -> String {
-    let mut text = String::new();
-    let w = &mut text;
-    for line in comment.lines() {
-        let _ = writeln!(w, "# {line}");
-    }
-    let dynamometer = &settings.dynamometer;
-    let parts: Vec<&str> = dynamometer.include.iter().map(|p| part_word(*p)).collect();
-    let _ = writeln!(w, "[study]\nname = {}\nmodel = {}\n", toml_string(name), toml_string(model));
-    let _ = writeln!(w, "[dynamometer]\ncoordinate = {}", toml_string(&dynamometer.coordinate));
-    let _ = writeln!(w, "damping_n_m_s_per_deg = {}", decimal(dynamometer.damping * 1f64.to_radians(), 9));
-    let _ = writeln!(w, "include = {}", quoted_list(&parts));
-    if !settings.posture.is_empty() {
-        let _ = writeln!(w, "\n[posture_deg]");
-        for held in &settings.posture {
-            let _ = writeln!(w, "{} = {}", key(&held.coordinate), held.value_deg_or_m);
-        }
-    }
-    let active: Vec<&str> = settings.active_muscles.iter().map(String::as_str).collect();
-    let _ = writeln!(w, "\n[muscles]\nactive = {}\n\n[emg]\nkind = \"normalized\"", quoted_list(&active));
-    let _ = writeln!(w, "\n[personalization]");
-    let bounds = &settings.bounds;
-    let mut bound = |name: &str, b: &RelativeBounds| {
-        let _ = writeln!(w, "{name} = [{}, {}]", decimal(100.0 * b.lower, 6), decimal(100.0 * b.upper, 6));
+    let mut document = DocumentMut::new();
+    document.decor_mut().set_prefix(comment.lines().map(|line| format!("# {line}\n")).collect::<String>());
+    let mut section = |name: &str, keys: Vec<(&str, Value)>| {
+        document.insert(name, Item::Table(keys.into_iter().collect()));
     };
-    bound("optimal_fiber_length", &bounds.optimal_fiber_length);
-    bound("tendon_slack_length", &bounds.tendon_slack_length);
-    bound("max_isometric_force", &bounds.max_isometric_force);
+    section("study", vec![("name", name.into()), ("model", model.into())]);
+    let dynamometer = &settings.dynamometer;
+    section(
+        "dynamometer",
+        vec![
+            ("coordinate", dynamometer.coordinate.as_str().into()),
+            ("damping_n_m_s_per_deg", number(dynamometer.damping * 1f64.to_radians(), 9)),
+            ("include", dynamometer.include.iter().map(|part| part_word(*part)).collect()),
+        ],
+    );
+    if !settings.posture.is_empty() {
+        let held = settings.posture.iter().map(|held| (held.coordinate.as_str(), held.value_deg_or_m.into()));
+        section("posture_deg", held.collect());
+    }
+    section("muscles", vec![("active", settings.active_muscles.iter().collect())]);
+    section("emg", vec![("kind", "normalized".into())]);
+    let bounds = &settings.bounds;
+    let bound = |b: &RelativeBounds| [b.lower, b.upper].into_iter().map(|share| number(100.0 * share, 6)).collect();
+    section(
+        "personalization",
+        vec![
+            ("optimal_fiber_length", bound(&bounds.optimal_fiber_length)),
+            ("tendon_slack_length", bound(&bounds.tendon_slack_length)),
+            ("max_isometric_force", bound(&bounds.max_isometric_force)),
+        ],
+    );
     if let Some(gap) = settings.max_gap {
-        let _ = writeln!(w, "\n[checks]\nmax_gap_s = {gap}");
+        section("checks", vec![("max_gap_s", gap.into())]);
     }
     if !settings.own_effects.is_empty() {
-        let files: Vec<String> = settings.own_effects.iter().map(|f| f.display().to_string()).collect();
-        let files: Vec<&str> = files.iter().map(String::as_str).collect();
-        let _ = writeln!(w, "\n[effects]\nown = {}", quoted_list(&files));
+        section("effects", vec![("own", settings.own_effects.iter().map(|f| f.display().to_string()).collect())]);
     }
-    text
+    document.to_string()
 }
 
 /// Header and rows of `participants.csv`; models as given beside each participant.
@@ -140,17 +142,12 @@ fn decimal(value: f64, decimals: usize) -> String {
     if text == "-0" { "0".to_owned() } else { text.to_owned() }
 }
 
-/// A basic string of TOML: JSON's escapes are among TOML's.
+/// At most so many decimals of a number, as a value of TOML.
+fn number(value: f64, decimals: usize) -> Value {
+    decimal(value, decimals).parse().unwrap_or_else(|_| value.into())
+}
+
+/// A string of TOML.
 pub fn toml_string(text: &str) -> String {
-    serde_json::Value::from(text).to_string()
-}
-
-pub(super) fn quoted_list(items: &[&str]) -> String {
-    format!("[{}]", items.iter().map(|i| toml_string(i)).collect::<Vec<_>>().join(", "))
-}
-
-/// A key, bare where TOML allows it.
-fn key(name: &str) -> String {
-    let bare = !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
-    if bare { name.to_owned() } else { toml_string(name) }
+    Value::from(text).to_string()
 }

@@ -268,7 +268,8 @@ fn verif_integration_matches_brute_force() {
             force_error = force_error.max((force - expected).abs());
         }
         println!(
-            "pennation {pennation} damping {damping}: {} steps, errors {length_error:.1e} of optimal length, {force_error:.1e}·Fmax",
+            "pennation {pennation} damping {damping}: {} steps, errors {length_error:.1e} of optimal length, \
+             {force_error:.1e}·Fmax",
             plan.len()
         );
         assert!(force_error < 1e-5, "{force_error:e}");
