@@ -68,6 +68,8 @@ const LARGEST_NOISE: f64 = 0.7;
 const CORRECTIONS: usize = 4;
 /// … and one that lowers −2 log posterior by less is the last.
 const SETTLED_EMG: f64 = 1.0;
+/// Share of a correction that is tried where the whole would raise −2 log posterior.
+const SHORTENED: f64 = 0.3;
 /// An effect may stand in another's place where the set with it has more than this share of the probability, equation (22).
 const STANDS_IN: f64 = 0.1;
 /// Of the sets that were tried in a round, so many at a time have their noise estimated anew, until one is ahead …
@@ -514,7 +516,13 @@ impl<'a> Session<'a> {
                 directions: &state.directions,
             };
             let reached = self.reach_from(&from, state.point.clone(), set, STEPS)?;
-            let next = self.with_noise(reached.start(state.levels))?;
+            let mut next = self.with_noise(reached.start(state.levels))?;
+            for state in [&mut state, &mut next] {
+                self.weigh(state, set, sizes, &[], set);
+            }
+            if self.behind(&next, &state) > 0.0 {
+                break;
+            }
             state = next;
         }
         Ok(state)
@@ -523,28 +531,32 @@ impl<'a> Session<'a> {
     /// Noise and linear model at a point.
     fn with_noise(&self, start: Start) -> Result<State, SimulationError> {
         let Start { mut point, levels, set, sizes, directions } = start;
-        let mut before = f64::INFINITY;
-        let mut corrections = 0;
-        let mut known: Option<Vec<Linear>> = None;
-        let (linear, noise) = loop {
-            let mut linear = match known.take() {
-                // Muscles and effects stay: the EMG's corrections hardly change what effects do.
-                Some(before) => self.analysis.linearize_beside(&point, &before)?,
-                None => self.analysis.linearize(&point, &[])?,
-            };
-            let noise = self.structure(&mut linear, &point);
+        let mut linear = self.analysis.linearize(&point, &[])?;
+        let mut noise = self.structure(&mut linear, &point);
+        let mut part = 1.0;
+        for _ in 0..CORRECTIONS {
             let columns = self.all_columns(&point, &linear, &directions);
             let passing = factors(&noise, &levels)?;
             let model = self.model(&point, &columns, &passing);
             let posterior = model.posterior(&set, &sizes);
-            if corrections > 0 && (before - posterior.deviance < SETTLED_EMG || corrections == CORRECTIONS) {
-                break (linear, noise);
+            let step = &posterior.mean - &model.offset;
+            let mut corrected = point.clone();
+            self.follow_emg(&mut corrected, &noise, &weighted(&columns, &step, &passing), &levels, part)?;
+            // Muscles and effects stay: the EMG's corrections hardly change what effects do.
+            let mut there = self.analysis.linearize_beside(&corrected, &linear)?;
+            let passes = self.structure(&mut there, &corrected);
+            let columns = self.all_columns(&corrected, &there, &directions);
+            let model = self.model(&corrected, &columns, &factors(&passes, &levels)?);
+            let fall = posterior.deviance - model.posterior(&set, &sizes).deviance;
+            if fall > 0.0 {
+                (point, linear, noise) = (corrected, there, passes);
+            } else {
+                part *= SHORTENED;
             }
-            (before, corrections) = (posterior.deviance, corrections + 1);
-            let step = posterior.mean - &model.offset;
-            self.follow_emg(&mut point, &noise, &weighted(&columns, &step, &passing), &levels)?;
-            known = Some(linear);
-        };
+            if (0.0..SETTLED_EMG).contains(&fall) {
+                break;
+            }
+        }
         let directions = self.analysis.calc_directions(&linear, &point)?.0;
         let columns = self.all_columns(&point, &linear, &directions);
         let model = self.model(&point, &columns, &factors(&noise, &levels)?);
