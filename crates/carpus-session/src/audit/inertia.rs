@@ -61,8 +61,8 @@ fn size(loaded: &LoadedModel, index: usize, body: &BodySpec) -> Option<Finding> 
     let extent = extent(loaded, index, body);
     (radius > LEAST_GYRATION && radius > GYRATION * extent).then(|| {
         let text = format!(
-            "the radius of gyration of {} is {radius:.2} m, and nothing that is fixed to it is farther than {extent:.2} m \
-             from its mass centre",
+            "the radius of gyration of {} is {radius:.2} m, and nothing that is fixed to it is farther than \
+             {extent:.2} m from its mass centre",
             body.name
         );
         let hint = "check the unit of mass and inertia: kg and kg·m² about the mass centre";
