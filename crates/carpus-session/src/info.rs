@@ -159,7 +159,7 @@ fn coordinates(spec: &ModelSpec, model: Option<&Model>) -> Vec<CoordinateInfo> {
 /// Unit of a coordinate of which OpenSim says only that it is coupled: what turns its joint, wholly or among other
 /// things,
 /// is an angle. One that no axis uses may be either.
-fn coupled_unit(spec: &ModelSpec, index: CoordinateIndex) -> &'static str {
+pub(super) fn coupled_unit(spec: &ModelSpec, index: CoordinateIndex) -> &'static str {
     let JointKind::Custom(axes) = &spec.joints[spec.coordinates[index.0].joint.0].kind else { return "rad or m" };
     match axes.iter().position(|axis| axis.coordinates.contains(&index)) {
         Some(0..3) => "deg",

@@ -55,7 +55,8 @@ fn against_published(muscle: &MuscleSpec) -> Vec<Finding> {
     let tension = muscle.max_isometric_force / published.area;
     if muscle.max_isometric_force > 0.0 && !(TENSION[0]..=TENSION[1]).contains(&tension) {
         let text = format!(
-            "max_isometric_force of {} is {} N: {tension:.1} N per cm² of its published area of {} cm² (expected {} to {})",
+            "max_isometric_force of {} is {} N: {tension:.1} N per cm² of its published area of {} cm² (expected {} to \
+             {})",
             muscle.name, muscle.max_isometric_force, published.area, TENSION[0], TENSION[1]
         );
         let hint = format!("check the number ({SOURCE})");

@@ -14,7 +14,7 @@ const GYRATION: f64 = 2.0;
 /// … nor is it this long [m], where nothing is fixed far from the mass centre.
 const LEAST_GYRATION: f64 = 0.25;
 /// Lighter bodies stand between others: they are given any inertia that keeps equations regular [kg].
-const LEAST_MASS: f64 = 0.01;
+const LEAST_MASS: f64 = 0.001;
 
 /// Bodies that are larger than what is fixed to them and are told one by one.
 const MOST_LARGE: usize = 3;
@@ -24,7 +24,7 @@ pub(super) fn findings(loaded: &LoadedModel) -> Vec<Finding> {
     let spec = &loaded.file.spec;
     let mut findings: Vec<Finding> = Vec::new();
     let heavy = || spec.bodies.iter().enumerate().filter(|(_, body)| body.mass >= LEAST_MASS);
-    findings.extend(heavy().filter_map(|(_, body)| triangle(body)));
+    findings.extend(spec.bodies.iter().filter(|body| body.mass > 0.0).filter_map(triangle));
     let mut large: Vec<Finding> = heavy().filter_map(|(i, body)| size(loaded, i, body)).collect();
     // Numbers that stand for none are the same for every body.
     if large.len() > MOST_LARGE {
@@ -61,8 +61,8 @@ fn size(loaded: &LoadedModel, index: usize, body: &BodySpec) -> Option<Finding> 
     let extent = extent(loaded, index, body);
     (radius > LEAST_GYRATION && radius > GYRATION * extent).then(|| {
         let text = format!(
-            "the radius of gyration of {} is {radius:.2} m, and nothing that is fixed to it is farther than {extent:.2} m \
-             from its mass centre",
+            "the radius of gyration of {} is {radius:.2} m, and nothing that is fixed to it is farther than \
+             {extent:.2} m from its mass centre",
             body.name
         );
         let hint = "check the unit of mass and inertia: kg and kg·m² about the mass centre";

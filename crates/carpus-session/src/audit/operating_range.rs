@@ -65,7 +65,7 @@ fn of_one<'s>(
         return finding(Level::Error, Check::FiberLength, text, hint, shortest);
     }
     let range = || format!("{shortest:.2} to {longest:.2} over all poses, median {median:.2}");
-    if median < USEFUL[0] || median > USEFUL[1] {
+    if !(USEFUL[0]..=USEFUL[1]).contains(&median) {
         let text = format!("the fibres of {} in optimal lengths: {}", muscle.name, range());
         let hint = "check optimal_fiber_length and tendon_slack_length: fibres work at 0.5 to 1.5";
         return finding(Level::Warning, Check::FiberLength, text, hint, median);

@@ -111,8 +111,8 @@ fn long_way<'s>(loaded: &LoadedModel, muscle: usize, own: impl Iterator<Item = &
     let from = sweep.samples.iter().find(|s| wound_too_far(s.length, s.polyline)).map_or(sample.value, |s| s.value);
     let to = sweep.samples.iter().rev().find(|s| wound_too_far(s.length, s.polyline)).map_or(sample.value, |s| s.value);
     let text = format!(
-        "the path of {} wraps the long way round: {:.3} m at {coordinate} = {}, and {:.3} m straight through its points \
-         (at {count} of {} values between {} and {})",
+        "the path of {} wraps the long way round: {:.3} m at {coordinate} = {}, and {:.3} m straight through its \
+         points (at {count} of {} values between {} and {})",
         spec.name,
         sample.length,
         shown(loaded, sweep.coordinate, sample.value),

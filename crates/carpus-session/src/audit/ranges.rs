@@ -1,7 +1,9 @@
 //! Ranges of coordinates, and couplers against them.
 
+use super::super::info::coupled_unit;
 use super::super::model::LoadedModel;
 use super::finding::{Check, Finding, Level, shown};
+use carpus_numerics::plausible::JOINT_ANGLE;
 use carpus_osim::osim::spec::{ConstraintKind, CoordinateIndex, MotionType};
 
 /// A joint of people turns less than a whole turn: a wider range of a joint within the body is none, or in degrees
@@ -10,7 +12,7 @@ const WIDEST: f64 = std::f64::consts::TAU;
 /// Limits beyond this are no limits (OpenSim's default is 99999.9) [rad, or degrees by mistake].
 const NO_LIMIT: f64 = 720.0;
 /// A narrower range of a joint [rad] may have been turned from degrees to radians twice.
-const NARROWEST: f64 = 0.05;
+const NARROWEST: f64 = 0.1;
 /// What a coupler may exceed a range by, as a share of the range.
 const EXCESS: f64 = 0.01;
 /// Values of the coordinate that a coupler's follower is computed at.
@@ -26,8 +28,12 @@ pub(super) fn findings(loaded: &LoadedModel) -> Vec<Finding> {
 fn widths(loaded: &LoadedModel) -> Vec<Finding> {
     let mut findings = Vec::new();
     for (i, coordinate) in loaded.file.spec.coordinates.iter().enumerate() {
-        let is_rotation = loaded.model.coordinates[i].motion_type == MotionType::Rotational;
-        if !is_rotation || coordinate.locked || loaded.model.is_dependent(CoordinateIndex(i)) {
+        let motion_type = loaded.model.coordinates[i].motion_type;
+        let turns = motion_type == MotionType::Coupled && coupled_unit(&loaded.file.spec, CoordinateIndex(i)) == "deg";
+        if !(motion_type == MotionType::Rotational || turns)
+            || coordinate.locked
+            || loaded.model.is_dependent(CoordinateIndex(i))
+        {
             continue;
         }
         let [lower, upper] = coordinate.range;
@@ -43,8 +49,8 @@ fn widths(loaded: &LoadedModel) -> Vec<Finding> {
         let joint = &loaded.file.spec.joints[coordinate.joint.0];
         let in_body = loaded.model.frame(joint.parent_frame).base.body().is_some();
         let largest = lower.abs().max(upper.abs());
-        if in_body && coordinate.clamped && width > WIDEST && largest < 4.0 * std::f64::consts::PI && largest < NO_LIMIT
-        {
+        let is_told = !turns && JOINT_ANGLE.doubt(largest).is_some();
+        if in_body && coordinate.clamped && width > WIDEST && largest < NO_LIMIT && !is_told {
             let text = format!(
                 "the range of {} is {:.0}° to {:.0}°: a joint does not turn so far",
                 coordinate.name,

@@ -31,9 +31,8 @@ pub(super) fn findings(loaded: &LoadedModel) -> Vec<Finding> {
             Severity::Warning if others().any(|p| p == path) => Check::Value,
             _ => continue,
         };
-        let level = if item.severity == Severity::Warning { Level::Warning } else { Level::Note };
         findings.push(Finding {
-            level,
+            level: Level::Warning,
             check,
             path: item.path.clone(),
             line: item.line,
