@@ -2,6 +2,7 @@
 
 use super::Note;
 use super::Questions;
+use super::muscles::flexes;
 use super::pieces::Found;
 use crate::diagnostic::Failure;
 use crate::model::LoadedModel;
@@ -66,9 +67,11 @@ pub fn found(
         let size: f64 = arms.iter().map(|arm| arm.abs()).sum();
         let name = loaded.model.coordinates[index.0].name.to_lowercase();
         let parts: Vec<&str> = name.split(|c: char| !c.is_alphanumeric()).collect();
-        // A muscle counts one; a joint that the files speak of counts as much as all muscles.
+        // A muscle counts one, and once more where it flexes as its name says, all to one sign; a joint that the files
+        // speak of counts as much as all muscles.
         let spoken = words.iter().any(|word| word.len() > 3 && parts.contains(&word.as_str()) && word != "flexion");
-        let both_ways = if name.contains("flex") && found.has_directions() { 1.0 } else { 0.0 };
+        let flexing: f64 = muscles.iter().zip(&arms).map(|(m, arm)| sign_of(*arm) * flexes(m)).sum();
+        let both_ways = if name.contains("flex") && found.has_directions() { flexing.abs() } else { 0.0 };
         let bonus = if spoken { muscles.len() as f64 } else { 0.0 } + both_ways;
         candidates.push((crossing + bonus + size, index));
     }
@@ -90,6 +93,11 @@ pub fn found(
         });
     }
     Ok(Chosen { index, name: name(index), assumed })
+}
+
+/// 1 or −1 for a moment arm that moves the joint, else 0.
+fn sign_of(arm: f64) -> f64 {
+    if arm.abs() > LEAST_ARM { arm.signum() } else { 0.0 }
 }
 
 /// Coordinates beside the dynamometer's that recorded muscles cross, with the values that are proposed.

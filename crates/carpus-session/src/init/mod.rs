@@ -6,10 +6,13 @@
 mod columns;
 mod conditions;
 mod coordinate;
+mod folder;
 mod muscles;
 mod people;
 mod pieces;
+mod recordings;
 mod text;
+mod trials;
 
 use std::path::{Component, Path, PathBuf};
 
@@ -239,7 +242,8 @@ fn relative(from: &Path, to: &Path) -> String {
         // A folder that is still to be made lies in one that is there.
         there.or_else(|| {
             let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-            Some(parent.canonicalize().ok()?.join(path.file_name()?))
+            let parent = parent.canonicalize().or_else(|_| std::path::absolute(parent)).ok()?;
+            Some(parent.join(path.file_name()?))
         })
     };
     let (Some(from), Some(to)) = (absolute(from), absolute(to)) else { return to.display().to_string() };

@@ -99,6 +99,16 @@ pub fn named(label: &str, muscles: &[&str]) -> Option<ChannelMuscles> {
     Some(ChannelMuscles { muscles: found, is_exact: least == 0 })
 }
 
+/// Whether a muscle's name says that it flexes (1) or extends (−1) what it moves; 0 if it says neither.
+pub fn flexes(muscle: &str) -> f64 {
+    let latin = latin(muscle);
+    match latin.split_whitespace().next() {
+        Some("flexor" | "palmaris" | "biceps" | "brachialis" | "brachioradialis") => 1.0,
+        Some("extensor" | "triceps" | "anconeus") => -1.0,
+        _ => 0.0,
+    }
+}
+
 /// The side that a label states.
 pub fn side(label: &str) -> Option<&'static str> {
     let words: Vec<String> = split(label);

@@ -113,7 +113,7 @@ impl TrialInfo {
 pub enum Contraction {
     /// The joint is held still.
     Isometric,
-    /// The joint moves against a constant moment.
+    /// The joint moves under effort, against a constant moment or (`isokinetic`) at a constant speed.
     Isotonic,
     /// The machine moves a relaxed joint.
     Passive,
@@ -124,12 +124,14 @@ pub enum Contraction {
 }
 
 impl Contraction {
-    pub(crate) const WORDS: [(&'static str, Contraction); 5] = [
+    pub(crate) const WORDS: [(&'static str, Contraction); 6] = [
         ("isometric", Contraction::Isometric),
         ("isotonic", Contraction::Isotonic),
         ("passive", Contraction::Passive),
         ("mvc", Contraction::Mvc),
         ("freehand", Contraction::Freehand),
+        // The machine keeps the speed instead of the moment: the model is moved as recorded in either case.
+        ("isokinetic", Contraction::Isotonic),
     ];
 
     /// The word that stands for it in `trials.csv`.
