@@ -10,9 +10,9 @@
 //!
 //! | folder | dynamometer | EMG | clocks |
 //! |---|---|---|---|
-//! | `biodex_delsys` | text of Biodex: columns of equal width, ms, N-M | CSV of Delsys: a line about each channel, a time column for each, accelerometers at another rate | one trigger |
-//! | `humac_noraxon` | CSV of HUMAC: `Torque(Foot-Pounds)`, reversed | CSV of Noraxon: names with commas, µV | the torque as a voltage in the EMG's file |
-//! | `one_file` | semicolons, decimal commas, lines above, a line of units, German words | in the same file, mV | one |
+//! | `biodex_delsys` | Biodex: columns of equal width, ms | Delsys: a time column a channel, acceleration | one trigger |
+//! | `humac_noraxon` | HUMAC: foot-pounds, reversed | Noraxon: names with commas, µV | torque as a voltage of the EMG |
+//! | `one_file` | semicolons, decimal commas, units below, German | in the same file, mV | one |
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -167,7 +167,8 @@ fn biodex_delsys(out: &Path, trials: &[Trial]) -> io::Result<()> {
     folders.iter().try_for_each(fs::create_dir_all)?;
     fs::write(
         out.join("anthropometry.csv"),
-        "Subject,Body mass (kg),Height (cm),Sex,Arm,MVC flexion (Nm),MVC extension (Nm)\nS01,73,176,m,right,10.89,7.04\n",
+        "Subject,Body mass (kg),Height (cm),Sex,Arm,\
+         MVC flexion (Nm),MVC extension (Nm)\nS01,73,176,m,right,10.89,7.04\n",
     )?;
     for (i, trial) in trials.iter().enumerate() {
         let word = |word: &str| match word {
@@ -199,7 +200,8 @@ fn biodex_delsys(out: &Path, trials: &[Trial]) -> io::Result<()> {
             let k = k + 1;
             let _ = writeln!(
                 text,
-                "Label: {}: EMG {k} Sampling frequency: {RATE:e} Number of points: {samples} start: 0.000000e+000 Unit: V \
+                "Label: {}: EMG {k} Sampling frequency: {RATE:e} Number of points: \
+                 {samples} start: 0.000000e+000 Unit: V \
                  Domain Unit: s{commas}\nLabel: {}: ACC.X {k} Sampling frequency: {MOTION_RATE:e} Number of points: \
                  {moved} start: 0.000000e+000 Unit: g Domain Unit: s{commas}",
                 muscle[1], muscle[1]

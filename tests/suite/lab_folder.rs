@@ -16,8 +16,8 @@ use serde_json::Value;
 
 /// Largest difference of a moment to the bundled study's that rounding and noise of the exports make [N·m].
 const MOMENT_DIFFERENCE_N_M: f64 = 0.02;
-/// Largest root-mean-square difference of an excitation to the bundled study's: a window of 0.1 s of raw EMG in the band
-/// holds some forty independent samples, which leave a tenth of the level.
+/// Largest root-mean-square difference of an excitation to the bundled study's: a window of 0.1 s of raw EMG in the
+/// band holds some forty independent samples, which leave a tenth of the level.
 const EXCITATION_DIFFERENCE: f64 = 0.12;
 
 fn root(relative: &str) -> PathBuf {

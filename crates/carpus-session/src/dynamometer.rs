@@ -218,8 +218,8 @@ fn processed(
             let a = delay.alignment;
             if a.is_doubtful() {
                 let text = format!(
-                    "the delay is uncertain: the two recorders' common quantity correlates by {:.3} at {:.4} s, by {:.3} \
-                     at another peak",
+                    "the delay is uncertain: the two recorders' common quantity correlates by {:.3} at {:.4} \
+                     s, by {:.3} at another peak",
                     a.correlation, a.shift, a.runner_up
                 );
                 findings.push((trial.info.file_as_written.clone(), text));

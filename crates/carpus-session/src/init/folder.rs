@@ -14,7 +14,9 @@ pub fn note_left(folder: &Path, left: &[PathBuf], unknown: &mut Vec<Note>) {
     if !left.is_empty() {
         unknown.push(Note {
             what: format!("what {} hold: {}", count(left.len(), "other file"), some(folder, left.iter())),
-            remedy: "they are not used; carpus reads text (.csv, .txt, .tsv): C3D by carpus c3d, .mat and .xlsx exported as CSV".to_owned(),
+            remedy: "they are not used; carpus reads text (.csv, .txt, .tsv): \
+                     C3D by carpus c3d, .mat and .xlsx exported as CSV"
+                .to_owned(),
         });
     }
 }

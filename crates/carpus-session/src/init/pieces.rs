@@ -171,7 +171,8 @@ impl Found {
         note_left(folder, &left, &mut unknown);
         let first = dynamometer.first().ok_or_else(|| {
             let text = "no file with a time, an angle and a torque was found";
-            let hint = "columns are known by names such as Time, Position or Angle, Torque or Moment, and by their units; \
+            let hint = "columns are known by names such as Time, Position or Angle, \
+                        Torque or Moment, and by their units; \
                         carpus reads text: .csv, .txt, .tsv (C3D: carpus c3d; .mat and .xlsx: export them as CSV)";
             Failure::from(Diagnostic::error(text).in_file(folder).hint(hint))
         })?;
@@ -251,7 +252,9 @@ impl Found {
         if pieces.is_radians {
             assumed.push(Note {
                 what: format!("the angle `{}` is in radians", pieces.angle.name),
-                remedy: "no unit is stated and it never exceeds 3.2; set unit = \"deg\" in [columns] angle if it is in degrees".to_owned(),
+                remedy: "no unit is stated and it never exceeds 3.2; \
+                         set unit = \"deg\" in [columns] angle if it is in degrees"
+                    .to_owned(),
             });
         }
         if pieces.moment.unit.is_none() {

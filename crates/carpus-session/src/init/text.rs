@@ -40,7 +40,11 @@ impl Draft {
         line(format!("recordings = {}   # files of trials.csv are relative to it", toml_string(&self.recordings)));
         line(format!("\n[dynamometer]\ncoordinate = {}", toml_string(&self.coordinate)));
         line("damping_n_m_s_per_deg = 0   # drag of the machine itself: carpus dynamometer-drag finds it".to_owned());
-        line("include = [\"muscles\", \"passive\"]   # \"gravity\", \"inertia\": if the machine does not correct for them".to_owned());
+        line(
+            "include = [\"muscles\", \"passive\"]   # \"gravity\", \"inertia\": if the machine \
+             does not correct for them"
+                .to_owned(),
+        );
         line("\n[posture_deg]   # coordinates that were held; others keep the model's default".to_owned());
         for held in &self.posture {
             let crossing = held.muscles.join(", ");

@@ -235,8 +235,9 @@ mod tests {
 
     #[test]
     fn verif_columns_of_equal_width_are_read_with_their_brackets() {
-        let text = "Report\n\n  TIME  TORQUE  POSITION  POS (ANAT)  VELOCITY\n  mSec  N-M  DEGREES  DEGREES  DEG/SEC\n   \
-                    0  1.5  20  20  0\n  10  1.6  20  20  0\n  20  1.7  20  20  0\n  30  -1.8  20  20  0\n";
+        let text = "Report\n\n  TIME  TORQUE  POSITION  POS (ANAT)  VELOCITY\n  mSec  N-M  DEGREES  DEGREES  \
+                    DEG/SEC\n   0  1.5  20  20  0\n  10  1.6  20  20  0\n  20  1.7  20  20  0\n  30  -1.8  20  20  \
+                    0\n";
         let found = dialect(text);
         assert_eq!((found.separator, found.header_line, found.units_line), (Separator::Spaces, 3, Some(4)));
         assert_eq!(joined("  TIME  POS (ANAT)  V"), "TIME\tPOS (ANAT)\tV");

@@ -22,8 +22,8 @@ const LONGEST_DELAY: f64 = 600.0;
 /// A recorder that holds the EMG, in files of its own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EmgRecorder {
-    /// Its file beside a trial's: `{trial}` stands for the name of the trial's file without extension. `None`: every row
-    /// of `trials.csv` names it in `emg_file`.
+    /// Its file beside a trial's: `{trial}` stands for the name of the trial's file without extension. `None`: every
+    /// row of `trials.csv` names it in `emg_file`.
     pub file: Option<String>,
     /// Its time column \[s\]; `None`: the column of time at or before the first channel that is read.
     pub time: Option<String>,

@@ -9,8 +9,8 @@ use super::dialect::{Dialect, Separator, joined};
 /// The CSV parser skips empty lines without a word and counts a record from the end of the one before; both make the
 /// line it reports differ from the one an editor shows. A line with a space is a record, which the reader skips itself.
 ///
-/// Of a file as a recorder exports it, lines that are neither header nor samples are blank, and cells between spaces are
-/// separated by tabs ([`Dialect`]).
+/// Of a file as a recorder exports it, lines that are neither header nor samples are blank, and cells between spaces
+/// are separated by tabs ([`Dialect`]).
 pub(crate) struct Lines<R> {
     source: R,
     line: Vec<u8>,
