@@ -108,7 +108,7 @@ pub fn pair(folder: &Path, recordings: &mut Vec<Recording>, emg: &[Read], unknow
         let exact = own.iter().find(|c| c.1 == name);
         let near = || {
             let found = nearest(&name, own.iter().map(|c| c.1.as_str()))?;
-            own.iter().find(|c| c.1 == found && !same_numbers(&c.1, &name).is_none_or(|same| !same))
+            own.iter().find(|c| c.1 == found && same_numbers(&c.1, &name))
         };
         recording.emg = exact.or_else(near).map(|c| c.2.clone());
     }
@@ -139,10 +139,10 @@ pub fn pair(folder: &Path, recordings: &mut Vec<Recording>, emg: &[Read], unknow
 }
 
 /// Whether two names have the same numbers.
-fn same_numbers(a: &str, b: &str) -> Option<bool> {
+fn same_numbers(a: &str, b: &str) -> bool {
     let numbers = |text: &str| {
         let parts = text.split(|c: char| !c.is_ascii_digit()).filter(|p| !p.is_empty());
         parts.map(str::to_owned).collect::<Vec<_>>()
     };
-    Some(numbers(a) == numbers(b))
+    numbers(a) == numbers(b)
 }
