@@ -326,7 +326,7 @@ fn verif_a_recorded_session_becomes_a_study() {
     std::fs::write(folder.path().join("passive_emg.csv"), silent).unwrap();
     let processing = "[processing]\nremove_drag = true\nsubtract_passive = true\npassive_order = \
                       3\n[processing.repetitions]\nthreshold = 0.1\ncontractions = \
-                      [\"isotonic\"]\n[processing.second_recorder]\nfile = \"{trial}_emg.csv\"\ntime = \"t\"\nshared \
+                      [\"isotonic\"]\n[emg_recorder]\nfile = \"{trial}_emg.csv\"\ntime = \"t\"\nshared \
                       = \"volts\"\nshared_with = \"moment_n_m\"\n";
     let trials = "P01,passive.csv,passive,,none\nP01,session.csv,isotonic,25,flexion\n";
     let study = study(folder.path(), processing, trials);
@@ -422,11 +422,11 @@ fn verif_bad_processing_is_explained() {
     refused("[processing.repetitions]\nby = \"torque\"\n", &["study.toml:", "movement"]);
     refused("[processing.repetitions]\nmin_duration_s = 50\n", &["a.csv", "no repetition found", "min_duration_s"]);
     refused(
-        "[processing.second_recorder]\nfile = \"emg.csv\"\nshared = \"v\"\nshared_with = \"moment_n_m\"\n",
+        "[emg_recorder]\nfile = \"emg.csv\"\nshared = \"v\"\nshared_with = \"moment_n_m\"\n",
         &["study.toml:", "{trial}"],
     );
     refused(
-        "[processing.second_recorder]\nfile = \"{trial}_x.csv\"\nshared = \"v\"\nshared_with = \"moment_n_m\"\n",
+        "[emg_recorder]\nfile = \"{trial}_x.csv\"\nshared = \"v\"\nshared_with = \"moment_n_m\"\n",
         &["a_x.csv", "not found"],
     );
 }

@@ -16,6 +16,7 @@ mod functions;
 mod identifiability;
 mod imaging;
 mod krylow;
+mod lab_folder;
 mod live;
 mod multibody;
 mod muscle_classes;

@@ -233,7 +233,7 @@ fn verif_a_processed_study_is_read_whatever_its_study_says() {
     let toml = "posture_deg = { elbow_flexion = 90 }\nmuscles.active = [\"FCR\"]\n\n[study]\nname = \"−30°\"\nmodel = \
                 '.\\wrist.osim'\n\n\
                 [dynamometer]\ncoordinate = \"flexion\"\nfurther_moments = { deviation = \"ulnar_n_m\" }\n\n\
-                [emg]\nkind = \"raw\"\n\n[processing]\nremove_drag = true\n[processing.second_recorder]\n\
+                [emg]\nkind = \"raw\"\n\n[processing]\nremove_drag = true\n[emg_recorder]\n\
                 file = \"{trial}_emg.csv\"\nshared = \"emg_FCR\"\nshared_with = \"sync\"\n";
     std::fs::write(folder.path().join("study.toml"), toml).unwrap();
     std::fs::write(folder.path().join("participants.csv"), "participant\nP01\n").unwrap();

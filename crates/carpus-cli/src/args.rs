@@ -62,6 +62,10 @@ pub struct Global {
 pub enum Command {
     /// Run the bundled study end to end, in seconds
     Demo(DemoArgs),
+    /// A study from a folder of exported files, and a model
+    Init(InitArgs),
+    /// Everything that can be found before a run: a study's faults
+    Check(CheckArgs),
     /// Simulated beside measured moments: errors and a report
     Compare(CompareArgs),
     /// Fit muscle parameters to recordings: a personal .osim
@@ -166,6 +170,59 @@ pub struct DemoArgs {
     /// Folder for the study and its results
     #[arg(long, value_name = "DIR", default_value = "carpus-demo")]
     pub out: PathBuf,
+}
+
+/// `carpus init`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus init exports --model wrist.osim\n  carpus init exports --model wrist.osim --out study \
+                  --yes --json\n\nLooks at all text files below FOLDER (.csv, .txt, .tsv, …), however they are laid \
+                  out: columns by name, unit and behaviour, recorders by their files, trials by the names of files and \
+                  folders. Writes DIR/{study.toml,participants.csv,trials.csv}, which refer to the files where they \
+                  are, and prints what was understood, assumed, and could not be told. No file of the folder is \
+                  changed or moved."
+)]
+pub struct InitArgs {
+    /// The folder of the exported files
+    #[arg(value_name = "FOLDER")]
+    pub folder: PathBuf,
+    /// The model
+    #[arg(long, value_name = "MODEL.osim")]
+    pub model: PathBuf,
+    /// Folder of the study (default: FOLDER-study)
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// The coordinate that the dynamometer moves (default: found)
+    #[arg(long, value_name = "NAME")]
+    pub coordinate: Option<String>,
+    /// Ask nothing, take what is proposed
+    #[arg(long)]
+    pub yes: bool,
+    /// Go on although the model has components that would change the result and are not supported
+    #[arg(long)]
+    pub allow_unsupported: bool,
+}
+
+/// `carpus check`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus check study/study.toml\n\nMakes all checks that other commands make when they read \
+                  a study, and prints trials by condition and findings by subject: green, amber, red. The exit code is \
+                  1 if one is red."
+)]
+pub struct CheckArgs {
+    /// The study: its study.toml or the folder it is in
+    #[arg(value_name = "STUDY/study.toml")]
+    pub study: PathBuf,
+    /// Only this participant; may be given several times (default: all)
+    #[arg(long, value_name = "NAME")]
+    pub participant: Vec<String>,
+    /// Use this model instead of the one the study names
+    #[arg(long, value_name = "OTHER.osim")]
+    pub model: Option<PathBuf>,
+    /// Go on although the model has components that would change the result and are not supported
+    #[arg(long)]
+    pub allow_unsupported: bool,
 }
 
 /// A model and how strictly it is read.
@@ -525,7 +582,7 @@ pub struct EmgArgs {
                   [processing.repetitions]     # cuts trials that have no repetition number\n  by \
                   = \"moment\"                # or \"movement\"\n  threshold = 0.2              # of the largest\n  \
                   min_duration_s = 0.5\n  max_pause_s = 0.3\n  margin_s = 0.25\n  contractions = \
-                  [\"isometric\", \"isotonic\", \"passive\"]\n  [processing.second_recorder] # EMG recorded apart, \
+                  [\"isometric\", \"isotonic\", \"passive\"]\n  [emg_recorder] # EMG recorded apart, \
                   aligned by cross-correlation to a fraction of a sample\n  file = \"{trial}_emg.csv\"     # beside \
                   the trial's file\n  time = \"time_s\"\n  shared = \"torque_v\"          # its column of what both \
                   recorded\n  shared_with = \"moment_n_m\"   # the trial's column of it\n  max_delay_s = 2")]

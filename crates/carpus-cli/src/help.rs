@@ -12,7 +12,7 @@ const ABOUT: usize = 20;
 
 /// The groups and their commands, in the order in which they are shown.
 pub const GROUPS: [(&str, &[&str]); 6] = [
-    ("Start here", &["demo"]),
+    ("Start here", &["demo", "init", "check"]),
     ("A study", &["compare", "personalize", "identify", "diagnose", "effect", "plan", "simulate", "study", "synth"]),
     (
         "A model",

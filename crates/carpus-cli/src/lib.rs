@@ -92,6 +92,8 @@ fn execute(cli: &Cli) -> Result<(), Failure> {
     own_effects::register_those_of(&cli.command)?;
     match &cli.command {
         Command::Demo(args) => commands::demo::run(args, global),
+        Command::Init(args) => commands::init::run(args, global),
+        Command::Check(args) => commands::check::run(args, global),
         Command::Info(args) => commands::info::run(args, global),
         Command::Audit(args) => commands::audit::run(args, global),
         Command::Paths(args) => commands::paths::run(args, global),

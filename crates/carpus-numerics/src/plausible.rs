@@ -514,7 +514,7 @@ pub static NAMED_UNITS: [NamedUnit; 31] = [
         Measured::AngularVelocity,
         "deg/s",
         1.0,
-        &["degs", "degpers", "degsec", "degpersec", "degreespersecond", "dps"],
+        &["degs", "degpers", "degsec", "degpersec", "degreespersecond", "degreess", "dps", "ds", "grads"],
     ),
     unit(Measured::AngularVelocity, "rad/s", 57.295_779_513_082_32, &["rads", "radpers", "radsec", "radpersec"]),
     unit(Measured::AngularVelocity, "rev/min", 6.0, &["rpm", "revmin", "revpermin"]),
@@ -553,7 +553,7 @@ pub fn unit_in_name(column: &str, holds: Measured) -> Option<&'static NamedUnit>
     let ends: Vec<usize> = column
         .char_indices()
         .rev()
-        .filter(|(_, c)| ['_', ' ', '.', '-', '/'].contains(c))
+        .filter(|(_, c)| ['_', ' ', '.', '-', '/', ','].contains(c))
         .map(|(i, _)| i + 1)
         .collect();
     // The longest end that is a unit: `ft_lb` rather than `lb`.

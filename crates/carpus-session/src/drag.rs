@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::diagnostic::{Diagnostic, Failure};
 use super::provenance::{DEFAULT_SEED, input_file, made_by};
 use carpus_study::dynamometer::{DragError, DragEstimate, MachineRun, estimate_drag};
-use carpus_study::study::{AngleUnit, Recorded, Study, named_file};
+use carpus_study::study::{AngleUnit, Conversion, Conversions, Recorded, Study, named_file};
 
 /// A question for the machine's own drag.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -52,6 +52,7 @@ struct Names {
     velocity: String,
     moment: String,
     unit: AngleUnit,
+    conversions: Conversions,
 }
 
 impl MachineDrag {
@@ -135,19 +136,23 @@ fn named_by(study: &Study) -> (Vec<PathBuf>, Names) {
         velocity: columns.velocity,
         moment: columns.moment,
         unit: columns.angle_unit,
+        conversions: columns.conversions,
     };
     (files, names)
 }
 
 fn read(file: &Path, names: &Names) -> Result<Run, Failure> {
-    let recorded = Recorded::read(file, None, &names.time, &[&names.angle, &names.moment], &[&names.velocity])?;
-    let column = |name: &str| recorded.column(name).map(<[f64]>::to_vec);
+    let recorded = Recorded::read(file, None, Some(&names.time), &[&names.angle, &names.moment], &[&names.velocity])?;
+    let column = |name: &str, conversion: Conversion| {
+        recorded.column(name).map(|x| x.iter().map(|v| conversion.of(*v)).collect::<Vec<f64>>())
+    };
+    let conversions = &names.conversions;
     let radians = |x: Vec<f64>| x.into_iter().map(|v| names.unit.to_radians(v)).collect::<Vec<f64>>();
     Ok(Run {
-        angle: radians(column(&names.angle).unwrap_or_default()),
-        velocity: column(&names.velocity).map(radians),
-        moment: column(&names.moment).unwrap_or_default(),
-        time: recorded.time,
+        angle: radians(column(&names.angle, conversions.angle).unwrap_or_default()),
+        velocity: column(&names.velocity, conversions.velocity).map(radians),
+        moment: column(&names.moment, conversions.moment).unwrap_or_default(),
+        time: recorded.time.iter().map(|t| conversions.time.of(*t)).collect(),
     })
 }
 
@@ -172,6 +177,7 @@ fn files(input: &[PathBuf]) -> Result<(Vec<PathBuf>, Names), Failure> {
         velocity: text("velocity_deg_per_s"),
         moment: text("moment_n_m"),
         unit: AngleUnit::Degrees,
+        conversions: Conversions::default(),
     };
     Ok((input.to_vec(), names))
 }

@@ -25,10 +25,6 @@ use carpus_study::study::{
 
 /// Points of a drawn signal.
 const DRAWN: usize = 400;
-/// Another peak of the correlation this near to the highest makes a delay ambiguous.
-const AMBIGUOUS: f64 = 0.95;
-/// A correlation below this says that the two channels hardly show the same quantity.
-const WEAK: f64 = 0.8;
 
 /// A participant's processing.
 #[derive(Clone, Debug, Serialize)]
@@ -138,7 +134,8 @@ impl Study {
         progress: &dyn Progress,
     ) -> Result<ProcessingResults, Failure> {
         out.refuse_input(&out.path().join("study.toml"))?;
-        if self.tables.settings.processing == ProcessingSettings::default() {
+        let settings = &self.tables.settings;
+        if settings.processing == ProcessingSettings::default() && settings.emg_recorder.is_none() {
             let message =
                 Diagnostic::error("the study has no [processing]: there is nothing to do").in_file(&self.tables.file);
             let hint = "e.g.\n  [processing]\n  filter_hz = 6\n  remove_drag = true\n  subtract_passive = true";
@@ -219,12 +216,10 @@ fn processed(
         if let Some(delay) = &trial.delay {
             inputs.push(input_file(&delay.file, &delay.file.display().to_string(), "second recorder")?);
             let a = delay.alignment;
-            if a.correlation < WEAK {
-                let text = format!("the two recorders' common quantity correlates by {:.2} only", a.correlation);
-                findings.push((trial.info.file_as_written.clone(), text));
-            } else if a.runner_up > AMBIGUOUS * a.correlation {
+            if a.is_doubtful() {
                 let text = format!(
-                    "the delay is ambiguous: correlation {:.3} at {:.4} s, {:.3} at another peak",
+                    "the delay is uncertain: the two recorders' common quantity correlates by {:.3} at {:.4} \
+                     s, by {:.3} at another peak",
                     a.correlation, a.shift, a.runner_up
                 );
                 findings.push((trial.info.file_as_written.clone(), text));

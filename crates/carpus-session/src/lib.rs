@@ -13,6 +13,8 @@
 //!
 //! | use case | request | result |
 //! |---|---|---|
+//! | [`init`] | [`init::Init`] | a study from a folder of exported files |
+//! | [`check`] | [`check::Check`] | what can be found before a run, in one screen |
 //! | [`simulate`] | [`simulate::Simulate`] | moments, fibre lengths and forces over time |
 //! | [`compare`] | [`compare::Compare`] | errors of the model as it is, and where they are |
 //! | [`personalize`] | [`personalize::Personalize`] | fitted muscle parameters, the model that has them |
@@ -48,6 +50,7 @@ pub mod audit;
 pub mod bundled;
 pub mod candidates;
 pub mod catalogue_pages;
+pub mod check;
 pub mod check_effect;
 pub mod cohort_intervals;
 pub mod compare;
@@ -67,6 +70,7 @@ pub mod evaluation_report;
 pub mod identify;
 pub mod identify_files;
 pub mod info;
+pub mod init;
 pub mod json;
 mod live_case;
 pub mod loading;

@@ -296,7 +296,7 @@ fn beside(model: &Path) -> Option<PathBuf> {
 }
 
 /// Moment arm times maximum isometric force [N·m], per active muscle and sample of a trial.
-fn strengths(trial: &PreparedTrial, model: &MusculoskeletalModel) -> Vec<Vec<f64>> {
+pub(super) fn strengths(trial: &PreparedTrial, model: &MusculoskeletalModel) -> Vec<Vec<f64>> {
     let parameters = model.nominal_parameters();
     let of = |(muscle, p): (&MuscleKinematics, &MuscleParameters)| {
         muscle.moment_arm.iter().map(|arm| arm * p.max_isometric_force).collect()

@@ -8,7 +8,9 @@ use super::account::csv_text;
 use super::diagnostic::{Diagnostic, Failure};
 use super::output::OutputFolder;
 use carpus_report::results::rounded;
-use carpus_study::study::{AngleUnit, MomentPart, Participant, ProcessedTrial, Study, TrialInfo, TrialUse};
+use carpus_study::study::{
+    AngleUnit, Conversion, Conversions, MomentPart, Participant, ProcessedTrial, Study, TrialInfo, TrialUse,
+};
 
 /// Significant digits of a posture: what was read in degrees comes back as it was written, without the rounding of
 /// radians.
@@ -127,14 +129,46 @@ fn new_toml(study: &Study, text: &str, model: &str) -> String {
         let columns: InlineTable = further.iter().map(|f| (f.coordinate.as_str(), f.column.as_str())).collect();
         dynamometer.push(("further_moments", columns.into()));
     }
-    with_sections(text, named.into_iter().collect(), dynamometer.into_iter().collect())
+    with_sections(text, named.into_iter().collect(), dynamometer.into_iter().collect(), converted_columns(study))
 }
 
-/// A study.toml with these sections in place of its own, and without `[processing]`.
-fn with_sections(text: &str, mut study: Table, mut dynamometer: Table) -> String {
+/// `[columns]` of files whose numbers are in the study's units under the names of the recordings; `None` where those
+/// were in these units.
+fn converted_columns(study: &Study) -> Option<Table> {
+    let columns = &study.settings.columns;
+    let Conversions { time, angle, velocity, moment, emg } = &columns.conversions;
+    let mut all = [time, angle, velocity, moment].into_iter().chain(emg);
+    all.any(|conversion| *conversion != Conversion::default()).then_some(())?;
+    let angle_unit = match columns.angle_unit {
+        AngleUnit::Degrees => "deg",
+        AngleUnit::Radians => "rad",
+    };
+    let per_second = format!("{angle_unit}/s");
+    let own = [
+        ("time", &columns.time, "s"),
+        ("angle", &columns.angle, angle_unit),
+        ("velocity", &columns.velocity, per_second.as_str()),
+        ("moment", &columns.moment, "N·m"),
+    ];
+    let mut table = Table::new();
+    table.insert("angle_unit", Item::Value(angle_unit.into()));
+    for (key, name, unit) in own {
+        let column: InlineTable = [("column", name.as_str()), ("unit", unit)].into_iter().collect();
+        table.insert(key, Item::Value(column.into()));
+    }
+    let muscles = study.settings.active_muscles.iter().map(String::as_str);
+    let channels: InlineTable = muscles.zip(columns.emg.iter().map(String::as_str)).collect();
+    table.insert("emg", Item::Value(channels.into()));
+    Some(table)
+}
+
+/// A study.toml with these sections in place of its own, and without what is done with: `[processing]` and
+/// `[emg_recorder]`.
+fn with_sections(text: &str, mut study: Table, mut dynamometer: Table, columns: Option<Table>) -> String {
     // A study that was read is valid TOML.
     let mut document: DocumentMut = text.trim_start_matches('\u{feff}').parse().unwrap_or_default();
-    ["study", "dynamometer", "processing"].into_iter().for_each(|section| drop(document.remove(section)));
+    let done = ["study", "dynamometer", "processing", "emg_recorder"].into_iter();
+    done.chain(columns.as_ref().map(|_| "columns")).for_each(|section| drop(document.remove(section)));
     // Other sections follow the two, however they stood; keys above the first header become sections.
     study.set_position(Some(0));
     dynamometer.set_position(Some(0));
@@ -145,6 +179,9 @@ fn with_sections(text: &str, mut study: Table, mut dynamometer: Table) -> String
     }
     document.insert("study", Item::Table(study));
     document.insert("dynamometer", Item::Table(dynamometer));
+    if let Some(columns) = columns {
+        document.insert("columns", Item::Table(columns));
+    }
     document.to_string().trim_start().to_owned()
 }
 
@@ -217,7 +254,7 @@ mod tests {
 
     fn written(text: &str) -> String {
         let table = |key, value: &str| Table::from_iter([(key, Value::from(value))]);
-        with_sections(text, table("name", "new"), table("coordinate", "flexion"))
+        with_sections(text, table("name", "new"), table("coordinate", "flexion"), None)
     }
 
     #[test]

@@ -256,6 +256,7 @@ impl TrialOfCase {
             usage: self.usage,
             start_time: self.start_time,
             arm_flipped: self.arm_flipped,
+            emg_file: None,
         }
     }
 }

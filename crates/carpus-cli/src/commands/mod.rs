@@ -3,6 +3,7 @@
 pub mod audit;
 pub mod book;
 pub mod c3d;
+pub mod check;
 pub mod compare;
 pub mod completions;
 pub mod demo;
@@ -16,6 +17,7 @@ pub mod equilibrium;
 pub mod evaluate;
 pub mod identify;
 pub mod info;
+pub mod init;
 pub mod man;
 pub mod paths;
 pub mod personalize;

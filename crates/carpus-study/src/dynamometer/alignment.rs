@@ -9,6 +9,10 @@ use carpus_numerics::signals::{SignalError, interpolate_linear};
 const MOST_STEPS: f64 = 100.0;
 /// Common samples below which a correlation means nothing.
 const MIN_OVERLAP: usize = 32;
+/// Another peak of the correlation this near to the highest makes a delay ambiguous.
+const AMBIGUOUS: f64 = 0.95;
+/// A correlation below this says that two channels hardly show the same quantity.
+const WEAK: f64 = 0.8;
 /// Accuracy of the delay, in steps of the finer recorder.
 const ACCURACY: f64 = 1e-6;
 
@@ -21,6 +25,13 @@ pub struct Alignment {
     pub correlation: f64,
     /// The highest correlation at any other peak: near `correlation` the delay is ambiguous.
     pub runner_up: f64,
+}
+
+impl Alignment {
+    /// Whether the two channels hardly show the same quantity, or another delay is nearly as likely.
+    pub fn is_doubtful(&self) -> bool {
+        self.correlation < WEAK || self.runner_up > AMBIGUOUS * self.correlation
+    }
 }
 
 /// Why recorders cannot be aligned.

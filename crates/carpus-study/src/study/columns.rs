@@ -21,6 +21,54 @@ pub struct Columns {
     pub ignore: Vec<String>,
     /// Unit of angle and velocity in the files.
     pub angle_unit: AngleUnit,
+    /// How numbers of the files become what the columns are said to hold.
+    pub conversions: Conversions,
+}
+
+/// How the numbers of every column become those that a study takes: seconds, `angle_unit`, N·m, parts of 1 or raw EMG.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Conversions {
+    /// Of time.
+    pub time: Conversion,
+    /// Of the angle.
+    pub angle: Conversion,
+    /// Of the angular velocity.
+    pub velocity: Conversion,
+    /// Of the moment.
+    pub moment: Conversion,
+    /// Of the EMG of each active muscle; empty: all as they are.
+    pub emg: Vec<Conversion>,
+}
+
+impl Conversions {
+    /// Of a muscle's EMG.
+    pub fn emg(&self, muscle: usize) -> Conversion {
+        self.emg.get(muscle).copied().unwrap_or_default()
+    }
+}
+
+/// ```text
+/// value = factor · number + offset
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Conversion {
+    /// `sign` times `scale` times what one of `unit` is.
+    pub factor: f64,
+    /// Added afterwards, in the unit that the study takes.
+    pub offset: f64,
+}
+
+impl Default for Conversion {
+    fn default() -> Self {
+        Conversion { factor: 1.0, offset: 0.0 }
+    }
+}
+
+impl Conversion {
+    /// The value that a number of the file stands for.
+    pub fn of(self, number: f64) -> f64 {
+        if self == Conversion::default() { number } else { self.factor * number + self.offset }
+    }
 }
 
 /// A moment that is measured about a coordinate beside the dynamometer's, which stays at its posture.

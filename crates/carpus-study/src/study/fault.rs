@@ -6,6 +6,7 @@ use super::fault_words::{
     farthest, four_digits, how_resampled, known_list, list_or_none, other_quantity, others, quoted,
 };
 use super::limits::{LONGEST_STEP, LONGEST_TRIAL, SHORTEST_STEP};
+use crate::dynamometer::AlignmentError;
 use carpus_numerics::plausible::{Doubt, Measured, NamedUnit};
 use carpus_numerics::printable::number_of;
 use carpus_numerics::signals::{Finding, Resampled, SignalError};
@@ -168,6 +169,46 @@ pub enum Fault {
         mean_step_s: f64,
         /// How many further such steps there are.
         more: usize,
+    },
+    /// EMG of a recorder of its own whose file is not named.
+    #[error("no file of the EMG is named for this trial")]
+    MissingEmgFile,
+    /// A column with other times than the first.
+    #[error("column `{column}` has other times than column `{first}`")]
+    OtherTimes {
+        /// The column.
+        column: String,
+        /// The first that is read.
+        first: String,
+    },
+    /// EMG of another recorder that cannot be brought to the dynamometer's clock.
+    #[error("cannot be brought to the clock of {with}: {error}")]
+    EmgClock {
+        /// The dynamometer's file.
+        with: String,
+        /// Why not.
+        error: AlignmentError,
+    },
+    /// EMG of another recorder whose delay is uncertain.
+    #[error(
+        "the delay of {shift_s:.4} s between the recorders is uncertain: what both recorded correlates by \
+         {correlation:.3} there and by {runner_up:.3} at another delay"
+    )]
+    EmgClockDoubtful {
+        /// What was added to its clock \[s\].
+        shift_s: f64,
+        /// Correlation of the quantity that both recorded.
+        correlation: f64,
+        /// The highest correlation at any other peak.
+        runner_up: f64,
+    },
+    /// Recordings that have hardly a time in common.
+    #[error("{common_s:.2} s of the dynamometer's {trial_s:.2} s are in the EMG's file, too")]
+    LittleInCommon {
+        /// Time in common \[s\].
+        common_s: f64,
+        /// Duration of the dynamometer's recording \[s\].
+        trial_s: f64,
     },
     /// A required column is absent.
     #[error("no column `{column}` ({meaning}); columns present: {}", list_or_none(present))]

@@ -173,6 +173,21 @@ impl Fault {
             ChannelsExchanged { .. } => {
                 "check electrodes and cables, or exchange the two in [columns] emg of study.toml".to_owned()
             }
+            MissingEmgFile => "name it in the column emg_file of trials.csv, or all of them by [emg_recorder] file = \
+                               \"{trial}_emg.csv\""
+                .to_owned(),
+            OtherTimes { .. } => "channels of one rate can be read together: name those in [columns] emg".to_owned(),
+            EmgClock { .. } => {
+                "raise max_delay_s in [emg_recorder], or check that shared and shared_with are the same \
+                                quantity and sign; a known delay is delay_s"
+                    .to_owned()
+            }
+            EmgClockDoubtful { .. } => {
+                "are shared and shared_with of [emg_recorder] the same quantity? a known delay is delay_s".to_owned()
+            }
+            LittleInCommon { .. } => {
+                "check delay_s in [emg_recorder], and that the two files are of one trial".to_owned()
+            }
             DeceptiveCharacter { .. } => {
                 "control characters, line breaks, direction marks and byte order marks do not belong in names; write \
                  the name anew"

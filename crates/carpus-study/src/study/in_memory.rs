@@ -84,6 +84,7 @@ impl TrialInfo {
             usage,
             start_time: None,
             arm_flipped: false,
+            emg_file: None,
         }
     }
 }

@@ -2,20 +2,29 @@
 
 use std::io::{BufRead, Read};
 
+use super::dialect::{Dialect, Separator, joined};
+
 /// Streams a text with `\n` for `\r\n` and `\r`, and a space in every blank line after the first line with content.
 ///
 /// The CSV parser skips empty lines without a word and counts a record from the end of the one before; both make the
 /// line it reports differ from the one an editor shows. A line with a space is a record, which the reader skips itself.
+///
+/// Of a file as a recorder exports it, lines that are neither header nor samples are blank, and cells between spaces
+/// are separated by tabs ([`Dialect`]).
 pub(crate) struct Lines<R> {
     source: R,
     line: Vec<u8>,
     served: usize,
     content_seen: bool,
+    /// Lines that were read.
+    count: usize,
+    dialect: Dialect,
 }
 
 impl<R: BufRead> Lines<R> {
-    pub fn new(source: R) -> Self {
-        Self { source, line: Vec::new(), served: 0, content_seen: false }
+    /// The lines of a file of this layout.
+    pub fn of_dialect(source: R, dialect: Dialect) -> Self {
+        Self { source, line: Vec::new(), served: 0, content_seen: false, count: 0, dialect }
     }
 
     /// Fills the buffer with the next line of the source; false at its end.
@@ -30,6 +39,10 @@ impl<R: BufRead> Lines<R> {
             self.line.pop();
         }
         self.line.iter_mut().filter(|b| **b == b'\r').for_each(|b| *b = b'\n');
+        self.count += 1;
+        if !self.dialect.is_plain() {
+            self.rewrite();
+        }
         let is_blank = self.line.is_empty();
         if is_blank && self.content_seen {
             self.line.push(b' ');
@@ -39,6 +52,27 @@ impl<R: BufRead> Lines<R> {
             self.line.push(b'\n');
         }
         Ok(true)
+    }
+}
+
+impl<R> Lines<R> {
+    /// Brings a line of an exported file to what the CSV parser reads.
+    fn rewrite(&mut self) {
+        if self.dialect.is_skipped(self.count) {
+            self.line.clear();
+        } else if self.dialect.separator == Separator::Spaces {
+            self.line = joined(&text_of(&self.line)).into_bytes();
+        } else if self.count == self.dialect.header_line {
+            self.line = text_of(&self.line).into_bytes();
+        }
+    }
+}
+
+/// Bytes as text: UTF-8, or else one character a byte, as programs of Windows in the west write `°` and `µ`.
+pub(crate) fn text_of(bytes: &[u8]) -> String {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => text.to_owned(),
+        Err(_) => bytes.iter().map(|b| char::from(*b)).collect(),
     }
 }
 
@@ -62,7 +96,7 @@ mod tests {
 
     fn read(text: &str) -> String {
         let mut out = String::new();
-        Lines::new(text.as_bytes()).read_to_string(&mut out).expect("bytes in memory");
+        Lines::of_dialect(text.as_bytes(), Dialect::plain()).read_to_string(&mut out).expect("bytes in memory");
         out
     }
 

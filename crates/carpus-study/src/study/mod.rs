@@ -18,8 +18,12 @@
 //! | trial files | time, angle, moment, EMG, perhaps velocity: [`Trial`] | |
 
 mod channels;
+mod column_settings;
 mod columns;
+mod dialect;
 mod efforts;
+mod emg_recorder;
+mod exported;
 mod fault;
 mod fault_hint;
 mod fault_words;
@@ -52,8 +56,13 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-pub use columns::{AngleUnit, Columns, FurtherMoment};
+use carpus_numerics::signals::EmgProcessing;
+
+pub use columns::{AngleUnit, Columns, Conversion, Conversions, FurtherMoment};
+pub use dialect::{Dialect, Separator, is_time_name};
 use efforts::Effort;
+pub use emg_recorder::{EmgClock, EmgRecorder};
+pub use exported::Exported;
 pub use fault::Fault;
 pub use fault_words::outside_range;
 pub use imaging_settings::{FascicleUse, ImagingSettings};
@@ -67,9 +76,7 @@ pub use posture::PostureCoordinate;
 pub use priors::{PriorKnowledge, PriorUnit, read_priors};
 pub use problem::{MAX_LISTED, Problem, Severity, StudyErrors};
 pub use processed_emg::{ParticipantEmg, ProcessedEmg};
-pub use processing::{
-    DelayFound, ProcessedTrial, ProcessingError, ProcessingResult, ProcessingSettings, Recorded, SecondRecorder,
-};
+pub use processing::{DelayFound, ProcessedTrial, ProcessingError, ProcessingResult, ProcessingSettings, Recorded};
 pub use raw_emg::EmgSignal;
 pub use scaling::{FinalMass, ModelLength, ScalingSettings, SegmentScaling, StrengthSettings};
 pub use settings::{Dynamometer, MomentPart, ParameterBounds, RelativeBounds, Settings};
@@ -175,7 +182,10 @@ impl Study {
         }
         let study_model = settings.as_ref().map(|(s, _)| s.model.clone()).unwrap_or_default();
         let participants = participants::read(&folder.join("participants.csv"), &folder, &study_model, &mut problems);
-        let trials = trial_list::read(&folder.join("trials.csv"), &folder, &participants, &mut problems);
+        let stated = settings.as_ref().map(|(settings, _)| settings.recordings.as_path());
+        let recordings = stated.filter(|stated| !stated.as_os_str().is_empty()).unwrap_or(&folder);
+        let place = trial_list::Place { folder: &folder, recordings };
+        let trials = trial_list::read(&folder.join("trials.csv"), place, &participants, &mut problems);
         let names: Vec<&str> = participants.iter().map(|p| p.name.as_str()).collect();
         let ultrasound = ultrasound::read(&folder.join("ultrasound.csv"), &names, &mut problems);
         let Some((settings, columns_sound)) = settings else {
@@ -243,6 +253,17 @@ impl Study {
 
     fn trial_with(&self, info: &TrialInfo, mvc_levels: Option<&[f64]>) -> Result<Trial, StudyErrors> {
         let mut trial = self.samples(info, &self.folder.join("trials.csv"), mvc_levels)?;
+        let mut problems = Vec::new();
+        raw_emg::to_trial_times(&mut trial, &mut problems);
+        StudyErrors::settle(problems)?;
+        if let EmgSignal::Raw(EmgProcessing { resample_hz: Some(rate), .. }) = self.settings.emg {
+            let recorded = (trial.len() - 1) as f64 / trial.duration();
+            // However short a trial, samples enough to be simulated are left.
+            let count = ((recorded / rate + 1e-6) as usize).min(trial.len() / MIN_SAMPLES);
+            if count > 1 && mvc_levels.is_some() {
+                trial = trial.averaged(count);
+            }
+        }
         let doubtful = plausibility::check(&trial, &self.settings, self.participant(&info.participant));
         trial.warnings.extend(doubtful);
         Ok(trial)
@@ -344,7 +365,10 @@ impl Study {
     pub fn input_files(&self) -> Vec<PathBuf> {
         let tables = ["participants.csv", "trials.csv"].map(|name| self.folder.join(name));
         let ultrasound = Some(self.folder.join("ultrasound.csv")).filter(|path| path.exists());
-        let trials = self.trials.iter().filter(|t| t.usage != TrialUse::Ignore).map(|t| t.file.clone());
+        let used = || self.trials.iter().filter(|t| t.usage != TrialUse::Ignore);
+        let recorder = self.settings.emg_recorder.as_ref();
+        let emg = used().filter_map(|t| recorder?.file_of(t));
+        let trials = used().map(|t| t.file.clone()).chain(emg);
         let models = self.participants.iter().map(|p| p.model.clone());
         let mut files = vec![self.file.clone()];
         for path in tables.into_iter().chain(ultrasound).chain(models).chain(trials) {
@@ -431,6 +455,9 @@ fn read_settings(file: &Path, folder: &Path, problems: &mut Vec<Problem>) -> Opt
     };
     let (mut settings, columns_sound) = Settings::parse(&text, file, problems)?;
     settings.model = table::named_file(folder, &settings.model.to_string_lossy());
+    if !settings.recordings.as_os_str().is_empty() {
+        settings.recordings = table::named_file(folder, &settings.recordings.to_string_lossy());
+    }
     for own in &mut settings.own_effects {
         *own = table::named_file(folder, &own.to_string_lossy());
     }

@@ -85,7 +85,7 @@ fn processed(
     columns: &[String],
 ) -> Result<ProcessedEmg, StudyErrors> {
     let limits = QualityLimits::default();
-    let rate = raw_emg::mean_rate_hz(&trial);
+    let rate = raw_emg::emg_rate_hz(&trial);
     let mut normalized: Vec<Vec<f64>> = Vec::with_capacity(columns.len());
     let mut findings: Vec<Vec<Finding>> = Vec::with_capacity(columns.len());
     let mut problems = Vec::new();
@@ -112,13 +112,14 @@ fn processed(
         findings.push(found);
     }
     StudyErrors::settle(problems)?;
+    let recorded_time = raw_emg::emg_time(&trial).to_vec();
     let time = match processing.resample_hz {
-        Some(to) => (0..normalized.first().map_or(0, Vec::len)).map(|i| trial.time[0] + i as f64 / to).collect(),
-        None => trial.time.clone(),
+        Some(to) => (0..normalized.first().map_or(0, Vec::len)).map(|i| recorded_time[0] + i as f64 / to).collect(),
+        None => recorded_time.clone(),
     };
     Ok(ProcessedEmg {
         info: trial.info,
-        recorded_time: trial.time,
+        recorded_time,
         recorded_rate_hz: rate,
         raw: trial.excitation,
         time,

@@ -10,7 +10,7 @@ use super::toml_section::{Sections, TomlSection};
 use super::trial::Trial;
 use carpus_numerics::signals::{
     EmgProcessing, EnvelopeKind, Finding, MvcLevel, QualityLimits, SavitzkyGolay, check_artefact, check_channel,
-    check_excitation, mvc_level,
+    check_excitation, interpolate_linear, mvc_level,
 };
 
 /// Steps of a raw recording stay within this fraction of their mean: filters need equal steps, and times written with
@@ -99,7 +99,7 @@ pub(crate) fn mvc_levels(
         }
         let mut envelopes = Vec::with_capacity(trials.len());
         for trial in trials {
-            let rate = mean_rate_hz(trial);
+            let rate = emg_rate_hz(trial);
             match emg.envelope(&trial.excitation[channel], rate) {
                 Ok(envelope) => envelopes.push((envelope, rate)),
                 Err(error) => {
@@ -124,12 +124,13 @@ pub(crate) fn mvc_levels(
 
 /// Reports steps of unequal length. False if there are any.
 pub(crate) fn check_steps(trial: &Trial, problems: &mut Vec<Problem>) -> bool {
-    let mean = 1.0 / mean_rate_hz(trial);
+    let mean = 1.0 / emg_rate_hz(trial);
     let unequal = |step: f64| !((step / mean - 1.0).abs() < STEP_TOLERANCE);
-    let steps = || trial.time.windows(2).map(|t| t[1] - t[0]).enumerate().filter(|(_, step)| unequal(*step));
+    let steps = || emg_time(trial).windows(2).map(|t| t[1] - t[0]).enumerate().filter(|(_, step)| unequal(*step));
     let Some((first, step_s)) = steps().next() else { return true };
     let fault = Fault::UnequalSteps { step_s, mean_step_s: mean, more: steps().count() - 1 };
-    problems.push(Problem::error(&trial.info.file, trial.line_of_sample(first + 1), fault));
+    let line = trial.line_of_sample(first + 1).filter(|_| trial.emg_time.is_none());
+    problems.push(Problem::error(&trial.info.file, line, fault));
     false
 }
 
@@ -144,7 +145,7 @@ pub(crate) fn to_excitation(
     problems: &mut Vec<Problem>,
 ) {
     let limits = QualityLimits::default();
-    let rate = mean_rate_hz(trial);
+    let rate = emg_rate_hz(trial);
     for (channel, column) in columns.emg.iter().enumerate() {
         if let Some(same) = columns.emg[..channel].iter().position(|before| before == column) {
             trial.excitation[channel] = trial.excitation[same].clone();
@@ -172,7 +173,28 @@ pub(crate) fn to_excitation(
     }
 }
 
-/// Samples per second over the whole trial \[Hz\]: single steps carry the rounding of written times.
-pub(crate) fn mean_rate_hz(trial: &Trial) -> f64 {
-    (trial.len() - 1) as f64 / trial.duration()
+/// Brings what is in `excitation` to the times of the trial. Envelopes are slower than either recorder.
+pub(crate) fn to_trial_times(trial: &mut Trial, problems: &mut Vec<Problem>) {
+    let Some(emg_time) = trial.emg_time.take() else { return };
+    for samples in &mut trial.excitation {
+        match interpolate_linear(&emg_time, samples, &trial.time) {
+            Ok(values) => *samples = values,
+            Err(error) => {
+                let fault = Fault::RawEmg { column: "emg".to_owned(), error };
+                problems.push(Problem::error(&trial.info.file, None, fault));
+            }
+        }
+    }
+}
+
+/// Times of the EMG's samples \[s\].
+pub(crate) fn emg_time(trial: &Trial) -> &[f64] {
+    trial.emg_time.as_deref().unwrap_or(&trial.time)
+}
+
+/// Samples of EMG per second over the whole trial \[Hz\]: single steps carry the rounding of written times.
+pub(crate) fn emg_rate_hz(trial: &Trial) -> f64 {
+    let time = emg_time(trial);
+    let span = time.last().zip(time.first()).map_or(0.0, |(last, first)| last - first);
+    (time.len() as f64 - 1.0) / span
 }

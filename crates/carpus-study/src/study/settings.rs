@@ -2,7 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use super::columns::{AngleUnit, Columns, FurtherMoment};
+use super::column_settings::{columns, warn_of_units};
+use super::columns::{Columns, FurtherMoment};
+use super::emg_recorder::{self, EmgRecorder};
 use super::fault::Fault;
 use super::imaging_settings::ImagingSettings;
 use super::posture::PostureCoordinate;
@@ -10,8 +12,8 @@ use super::problem::{Problem, Severity};
 use super::processing::{self, ProcessingSettings};
 use super::raw_emg::{self, EmgSignal};
 use super::scaling::{self, ScalingSettings, StrengthSettings};
-use super::toml_section::{Sections, TomlSection};
-use carpus_numerics::plausible::{self, Doubt, Measured, unit_in_name};
+use super::toml_section::Sections;
+use carpus_numerics::plausible::{self, Doubt};
 
 /// Bounds of table 3.2 of Jadelis (2025): three standard deviations of Lieber et al. (1990)
 /// and Loren & Lieber (1995) for the lengths, the span of wrist moments of Holzbaur et al. (2007) for force.
@@ -30,6 +32,8 @@ pub struct Settings {
     pub model: PathBuf,
     /// Line that names the model.
     pub model_line: usize,
+    /// Folder that the files of `trials.csv` are relative to; empty: that of the study.
+    pub recordings: PathBuf,
     /// The dynamometer.
     pub dynamometer: Dynamometer,
     /// Coordinates held in every trial.
@@ -38,6 +42,8 @@ pub struct Settings {
     pub active_muscles: Vec<String>,
     /// Line that lists the active muscles.
     pub active_line: usize,
+    /// A recorder of its own that the EMG is from.
+    pub emg_recorder: Option<EmgRecorder>,
     /// What the EMG columns hold.
     pub emg: EmgSignal,
     /// Names of the columns of trial files.
@@ -131,6 +137,7 @@ impl Settings {
         let name = study.required_string("name", "the study's name");
         let model = study.required_string("model", "path of the .osim model");
         let model_line = study.line_of("model");
+        let recordings = study.optional_string("recordings").map(PathBuf::from).unwrap_or_default();
         study.finish(problems);
 
         let (dynamometer, further_moments) = dynamometer(&sections, file, problems);
@@ -146,6 +153,7 @@ impl Settings {
         columns.further_moments = further_moments;
         let columns_sound = problems[before..].iter().all(|problem| problem.severity != Severity::Error);
         let emg = raw_emg::settings(&sections, problems);
+        let emg_recorder = emg_recorder::settings(&sections, problems);
         let bounds = bounds(&sections, file, problems);
         let processing = processing::settings(&sections, problems);
         let scaling = scaling::linear(&sections, file, problems);
@@ -166,11 +174,13 @@ impl Settings {
             name: name?,
             model: PathBuf::from(model?),
             model_line,
+            recordings,
             dynamometer: dynamometer?,
             posture,
             active_muscles: active?,
             active_line,
             emg,
+            emg_recorder,
             columns,
             bounds,
             processing,
@@ -276,133 +286,6 @@ fn radian_evidence(value: f64) -> Option<String> {
     let round_in_degrees = (value * 4.0).fract() == 0.0;
     (value != 0.0 && !round_in_degrees && value.abs() < 3.2 && nearest != 0.0 && (in_degrees - nearest).abs() < 0.1)
         .then(|| format!("{value} rad are {nearest}°"))
-}
-
-/// Warns of columns whose names state other units than their numbers are taken in.
-fn warn_of_units(settings: &Settings, lines: &ColumnLines, file: &Path, problems: &mut Vec<Problem>) {
-    let columns = &settings.columns;
-    let (angle, velocity) = match columns.angle_unit {
-        AngleUnit::Degrees => ("deg", "deg/s"),
-        AngleUnit::Radians => ("rad", "rad/s"),
-    };
-    let per_degree = match columns.angle_unit {
-        AngleUnit::Degrees => 1.0,
-        AngleUnit::Radians => 1f64.to_radians(),
-    };
-    let mut warn = |column: &str, holds: Measured, taken_as: &'static str, line: usize| {
-        let Some(unit) = unit_in_name(column, holds) else { return };
-        let scale = if matches!(holds, Measured::Angle | Measured::AngularVelocity) { per_degree } else { 1.0 };
-        if unit.of == holds && (unit.factor * scale - 1.0).abs() < 1e-9 {
-            return;
-        }
-        let factor = (unit.of == holds).then_some(unit.factor * scale);
-        let fault = Fault::UnitInName { column: column.to_owned(), unit, holds, taken_as, factor };
-        problems.push(Problem::warning(file, line, fault));
-    };
-    warn(&columns.time, Measured::Time, "s", lines.time);
-    // Of names that end so, the trials say more.
-    if !["_deg", "_rad"].iter().any(|end| columns.angle.to_lowercase().ends_with(end)) {
-        warn(&columns.angle, Measured::Angle, angle, lines.angle);
-    }
-    warn(&columns.velocity, Measured::AngularVelocity, velocity, lines.velocity);
-    warn(&columns.moment, Measured::Moment, "N·m", lines.moment);
-    for further in &columns.further_moments {
-        warn(&further.column, Measured::Moment, "N·m", further.line);
-    }
-    if let Some(second) = &settings.processing.second_recorder {
-        warn(&second.time, Measured::Time, "s", 0);
-    }
-    let (holds, taken_as) = match settings.emg {
-        EmgSignal::Normalized => (Measured::Part, "parts of 1"),
-        EmgSignal::Raw(_) => (Measured::Voltage, "raw EMG"),
-    };
-    for (i, column) in columns.emg.iter().enumerate() {
-        // Names of muscles end in many letters; of raw channels any unit of voltage will do.
-        let is_bracketed = column.ends_with([']', ')']);
-        let tells = unit_in_name(column, holds).is_some_and(|unit| match unit.of {
-            Measured::Voltage => holds == Measured::Part && (is_bracketed || unit.symbol != "V"),
-            Measured::Part => true,
-            _ => false,
-        });
-        if tells && !columns.emg[..i].contains(column) {
-            warn(column, holds, taken_as, lines.emg);
-        }
-    }
-}
-
-/// Lines of `study.toml` that name columns, or of their table.
-#[derive(Default)]
-struct ColumnLines {
-    time: usize,
-    angle: usize,
-    velocity: usize,
-    moment: usize,
-    emg: usize,
-}
-
-fn columns(sections: &Sections<'_>, active: &[String], problems: &mut Vec<Problem>) -> (Columns, ColumnLines) {
-    let mut section = sections.section("columns");
-    let angle_unit = section
-        .optional_word("angle_unit", "angle unit", &[("deg", AngleUnit::Degrees), ("rad", AngleUnit::Radians)])
-        .unwrap_or_default();
-    let (angle, velocity) = match angle_unit {
-        AngleUnit::Degrees => ("angle_deg", "velocity_deg_per_s"),
-        AngleUnit::Radians => ("angle_rad", "velocity_rad_per_s"),
-    };
-    let named_velocity = section.optional_string("velocity");
-    let columns = Columns {
-        time: section.optional_string("time").unwrap_or_else(|| "time_s".to_owned()),
-        angle: section.optional_string("angle").unwrap_or_else(|| angle.to_owned()),
-        velocity_required: named_velocity.is_some(),
-        velocity: named_velocity.unwrap_or_else(|| velocity.to_owned()),
-        further_moments: Vec::new(),
-        moment: section.optional_string("moment").unwrap_or_else(|| "moment_n_m".to_owned()),
-        emg: emg_columns(&mut section, active),
-        ignore: section.optional_strings("ignore", "list of column names").unwrap_or_default(),
-        angle_unit,
-    };
-    let [time, angle, velocity, moment, emg] =
-        ["time", "angle", "velocity", "moment", "emg"].map(|key| section.line_of(key));
-    one_quantity_each(&mut section, &columns);
-    section.finish(problems);
-    (columns, ColumnLines { time, angle, velocity, moment, emg })
-}
-
-/// Reports columns that are to hold two quantities; muscles alone may share one, that of their EMG.
-fn one_quantity_each(section: &mut TomlSection<'_>, columns: &Columns) {
-    let own = [
-        ("time", &columns.time),
-        ("angle", &columns.angle),
-        ("velocity", &columns.velocity),
-        ("moment", &columns.moment),
-    ];
-    let emg = columns.emg.iter().map(|name| ("emg", name));
-    let mut known: Vec<(&str, &String)> = Vec::new();
-    for (key, name) in own.into_iter().chain(emg) {
-        match known.iter().find(|(_, before)| *before == name) {
-            Some(("emg", _)) => {}
-            Some((other, _)) => section.bad_value(key, "a column of its own", &format!("`{name}`, that of `{other}`")),
-            None => known.push((key, name)),
-        }
-    }
-}
-
-/// Column per active muscle: a template with `{muscle}`, or a table muscle → column.
-fn emg_columns(section: &mut TomlSection<'_>, active: &[String]) -> Vec<String> {
-    let expected = "a name that contains {muscle}, or a table of one column per active muscle";
-    let from_template = |template: &str| active.iter().map(|muscle| template.replace("{muscle}", muscle)).collect();
-    if section.is_table("emg") {
-        return section.string_table("emg", active, expected);
-    }
-    match section.optional_string("emg") {
-        None => from_template("emg_{muscle}"),
-        Some(template) => {
-            if active.len() > 1 && !template.contains("{muscle}") {
-                section.bad_value("emg", expected, &format!("`{template}`"));
-            }
-            from_template(&template)
-        }
-    }
 }
 
 fn bounds(sections: &Sections<'_>, file: &Path, problems: &mut Vec<Problem>) -> ParameterBounds {

@@ -1,11 +1,12 @@
 //! CSV tables with a header, with the line of every row.
 
 use std::fs::File;
-use std::io::{BufReader, ErrorKind};
+use std::io::{BufReader, ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
+use super::dialect::{Dialect, is_time_name, unique_names};
 use super::fault::Fault;
-use super::lines::Lines;
+use super::lines::{Lines, text_of};
 use super::nearest::nearest;
 use super::problem::Problem;
 use carpus_numerics::plausible::Plausible;
@@ -29,11 +30,56 @@ pub fn named_file(folder: &Path, written: &str) -> PathBuf {
     if !written.contains('\\') || literal.exists() { literal } else { folder.join(written.replace('\\', "/")) }
 }
 
+/// Bytes at the beginning of a recording that its layout is found in.
+const HEAD: u64 = 1 << 18;
+
+/// Opens a recording, however it is laid out, and reads its header; problems with either are reported. Columns of time
+/// may have one name, as those of Delsys' channels: all but the first get a number.
+///
+/// - `expected`: a column that a CSV file with its header on the first line has
+pub(crate) fn open_recording(
+    path: &Path,
+    what: &'static str,
+    named_at: Option<&str>,
+    expected: Option<&str>,
+    problems: &mut Vec<Problem>,
+) -> Option<(CsvReader, Vec<String>, Dialect)> {
+    let found = layout_of(path, expected);
+    let is_export = found.is_some();
+    let dialect = found.unwrap_or_else(Dialect::plain);
+    let (reader, header) = open_as(path, what, named_at, &dialect, is_export, problems)?;
+    Some((reader, header, dialect))
+}
+
+/// The layout of a file that can be read; `None` where it has no table of numbers.
+fn layout_of(path: &Path, expected: Option<&str>) -> Option<Dialect> {
+    if !std::fs::metadata(path).ok()?.is_file() {
+        return None;
+    }
+    let mut bytes = Vec::new();
+    File::open(path).ok()?.take(HEAD).read_to_end(&mut bytes).ok()?;
+    let text = text_of(&bytes[..bytes.iter().rposition(|b| *b == b'\n').map_or(bytes.len(), |last| last + 1)]);
+    let first = text.trim_start_matches('\u{feff}').lines().find(|line| !line.trim().is_empty())?;
+    let names = |name: &str| first.split(',').any(|cell| cell_text(cell.trim().trim_matches('"')) == name);
+    if expected.is_some_and(names) { None } else { Dialect::of(&text) }
+}
+
 /// Opens a CSV file and reads its header; problems with either are reported.
 pub(crate) fn open(
     path: &Path,
     what: &'static str,
     named_at: Option<&str>,
+    problems: &mut Vec<Problem>,
+) -> Option<(CsvReader, Vec<String>)> {
+    open_as(path, what, named_at, &Dialect::plain(), false, problems)
+}
+
+fn open_as(
+    path: &Path,
+    what: &'static str,
+    named_at: Option<&str>,
+    dialect: &Dialect,
+    is_export: bool,
     problems: &mut Vec<Problem>,
 ) -> Option<(CsvReader, Vec<String>)> {
     // Opening a pipe waits for its writer, and a device never ends: the kind is looked at before.
@@ -51,9 +97,12 @@ pub(crate) fn open(
             return None;
         }
     };
-    let mut reader =
-        csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(Lines::new(BufReader::new(file)));
-    let header = match reader.headers() {
+    let mut reader = csv::ReaderBuilder::new()
+        .delimiter(dialect.separator.byte())
+        .flexible(true)
+        .trim(csv::Trim::All)
+        .from_reader(Lines::of_dialect(BufReader::new(file), dialect.clone()));
+    let mut header = match reader.headers() {
         Ok(header) => {
             let name = |name: &str| cell_text(name.trim_start_matches('\u{feff}')).to_owned();
             header.iter().map(name).collect::<Vec<_>>()
@@ -63,6 +112,9 @@ pub(crate) fn open(
             return None;
         }
     };
+    if is_export {
+        number_times(&mut header);
+    }
     let before = problems.len();
     if header.iter().all(String::is_empty) {
         problems.push(Problem::error(path, None, Fault::Empty { what }));
@@ -84,6 +136,14 @@ pub(crate) fn open(
         }
     }
     (problems.len() == before).then_some((reader, header))
+}
+
+/// Gives columns of time that share a name numbers.
+fn number_times(header: &mut [String]) {
+    let repeated: Vec<usize> = (0..header.len()).filter(|i| is_time_name(&header[*i])).collect();
+    let mut names: Vec<String> = repeated.iter().map(|i| header[*i].clone()).collect();
+    unique_names(&mut names);
+    repeated.into_iter().zip(names).for_each(|(i, name)| header[i] = name);
 }
 
 /// What a file is whose first line is no header of a table.

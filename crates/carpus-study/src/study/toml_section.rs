@@ -375,6 +375,12 @@ impl<'a> TomlSection<'a> {
         self.entries.iter().any(|e| e.key == key && e.value.is_table())
     }
 
+    /// Whether the key holds a table that has a key.
+    pub fn has_inner(&self, key: &str, inner: &str) -> bool {
+        let table = self.entries.iter().find(|e| e.key == key).and_then(|e| e.value.as_table());
+        table.is_some_and(|table| table.keys().any(|name| name.get_ref() == inner))
+    }
+
     /// A table, if the key is there: `read` asks for its keys, others are reported.
     pub fn optional_table<T>(
         &mut self,
@@ -444,23 +450,6 @@ impl<'a> TomlSection<'a> {
             inner.finish(&mut self.problems);
         }
         found
-    }
-
-    /// A table of strings whose keys must be exactly `keys`; strings in the order of `keys`.
-    pub fn string_table(&mut self, key: &'static str, keys: &[String], expected: &str) -> Vec<String> {
-        let Some(DeValue::Table(table)) = self.value(key) else { return Vec::new() };
-        let mut inner = TomlSection {
-            file: self.file,
-            text: self.text,
-            name: key,
-            line: self.line_of(key),
-            entries: entries(table, self.text),
-            known: BTreeSet::new(),
-            problems: Vec::new(),
-        };
-        let strings = keys.iter().map(|k| inner.required_string(k, expected).unwrap_or_default()).collect();
-        inner.finish(&mut self.problems);
-        strings
     }
 }
 

@@ -28,6 +28,8 @@ pub struct Trial {
     pub moment_samples: Option<OwnSamples>,
     /// What a person should look at.
     pub warnings: Vec<Problem>,
+    /// Times of `excitation` \[s\] while it holds raw EMG of a recorder of its own; `None`: they are `time`.
+    pub(super) emg_time: Option<Vec<f64>>,
     /// Line of each sample in the file; empty if the trial was not read from a file.
     pub(super) lines: Vec<u32>,
 }
@@ -42,8 +44,20 @@ impl Trial {
         excitation: Vec<Vec<f64>>,
     ) -> Self {
         let (velocity, further_moments, warnings, lines) = (None, Vec::new(), Vec::new(), Vec::new());
-        let moment_samples = None;
-        Self { info, time, angle, velocity, moment, further_moments, excitation, moment_samples, warnings, lines }
+        let (moment_samples, emg_time) = (None, None);
+        Self {
+            info,
+            time,
+            angle,
+            velocity,
+            moment,
+            further_moments,
+            excitation,
+            moment_samples,
+            warnings,
+            emg_time,
+            lines,
+        }
     }
 
     /// Number of samples.
@@ -101,8 +115,18 @@ impl Trial {
             further_moments: self.further_moments.iter().map(mean).collect(),
             excitation: self.excitation.iter().map(mean).collect(),
             warnings: self.warnings.clone(),
+            emg_time: None,
             lines: self.lines.chunks_exact(count.max(1)).map(|part| part[0]).collect(),
         }
+    }
+
+    /// Leaves out all samples but these; EMG is not touched.
+    pub(super) fn keep(&mut self, range: std::ops::Range<usize>) {
+        let own = [&mut self.time, &mut self.angle, &mut self.moment].into_iter();
+        for samples in own.chain(&mut self.velocity).chain(&mut self.further_moments) {
+            *samples = samples[range.clone()].to_vec();
+        }
+        self.lines = self.lines[range].to_vec();
     }
 
     /// Line of a sample in the trial's file; `None` if it does not come from a file.

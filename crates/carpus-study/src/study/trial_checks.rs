@@ -7,7 +7,7 @@ use super::limits::{
     SHORTEST_STEP,
 };
 use super::problem::Problem;
-use super::raw_emg::EmgSignal;
+use super::raw_emg::{EmgSignal, emg_rate_hz};
 use super::settings::Settings;
 use super::table::is_of_a_study;
 use super::trial::Trial;
@@ -51,7 +51,7 @@ pub(super) fn note_resampled(trial: &Trial, settings: &Settings, problems: &mut 
     let (Some(last), true) = (trial.len().checked_sub(1), trial.duration() > 0.0) else { return };
     let rate_hz = last as f64 / trial.duration();
     let columns = &settings.columns;
-    let mut note = |quantity: &'static str, column: &str, samples: &[f64]| {
+    let mut note = |quantity: &'static str, column: &str, samples: &[f64], rate_hz: f64| {
         // An encoder of few steps jumps in a rhythm, too, where the motion is even.
         let own = own_samples(samples).filter(|own| own.how == Resampled::Interpolated || !is_stepped(samples));
         if let Some(own) = own {
@@ -66,11 +66,11 @@ pub(super) fn note_resampled(trial: &Trial, settings: &Settings, problems: &mut 
         AngleUnit::Degrees => angle.to_degrees(),
         AngleUnit::Radians => *angle,
     };
-    note("angle", &columns.angle, &trial.angle.iter().map(written).collect::<Vec<f64>>());
+    note("angle", &columns.angle, &trial.angle.iter().map(written).collect::<Vec<f64>>(), rate_hz);
     let quantity = if matches!(settings.emg, EmgSignal::Raw(_)) { "raw EMG" } else { "EMG" };
     for (i, (column, samples)) in columns.emg.iter().zip(&trial.excitation).enumerate() {
         if !columns.emg[..i].contains(column) {
-            note(quantity, column, samples);
+            note(quantity, column, samples, emg_rate_hz(trial));
         }
     }
 }

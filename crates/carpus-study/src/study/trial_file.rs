@@ -2,17 +2,18 @@
 
 use std::path::Path;
 
-use super::columns::Columns;
+use super::emg_recorder::{EmgRecorder, EmgRecorderError};
 use super::fault::Fault;
 use super::limits::{MAX_SAMPLES, MIN_SAMPLES};
 use super::nearest::nearest;
 use super::problem::{Problem, Severity, StudyErrors};
 use super::raw_emg::{self, EmgSignal};
 use super::settings::Settings;
-use super::table::{csv_problem, is_of_a_study, missing_column, open};
+use super::table::{csv_problem, is_of_a_study, missing_column, open_recording};
 use super::trial::Trial;
 use super::trial_checks::{check_arrays, check_excitation, check_time, note_resampled};
 use super::trial_list::TrialInfo;
+use crate::dynamometer::Alignment;
 use carpus_numerics::signals::independent_samples;
 
 impl Trial {
@@ -70,7 +71,7 @@ impl Trial {
     }
 }
 
-/// Where each quantity stands in the header.
+/// Where each quantity stands in the header; EMG of a recorder of its own stands nowhere.
 struct Layout {
     time: usize,
     angle: usize,
@@ -78,17 +79,14 @@ struct Layout {
     moment: usize,
     further: Vec<usize>,
     emg: Vec<usize>,
+    shared: Option<usize>,
 }
 
-fn layout(
-    header: &[String],
-    columns: &Columns,
-    muscles: &[String],
-    raw: bool,
-    file: &Path,
-    problems: &mut Vec<Problem>,
-) -> Option<Layout> {
+fn layout(header: &[String], settings: &Settings, file: &Path, problems: &mut Vec<Problem>) -> Option<Layout> {
     let before = problems.len();
+    let (columns, muscles) = (&settings.columns, &settings.active_muscles);
+    let raw = settings.emg != EmgSignal::Normalized;
+    let recorder = settings.emg_recorder.as_ref();
     let mut column = |name: &str, meaning: &str| {
         let index = header.iter().position(|c| c == name);
         if index.is_none() {
@@ -106,22 +104,26 @@ fn layout(
         .collect();
     let has_velocity = columns.velocity_required || header.contains(&columns.velocity);
     let velocity = if has_velocity { column(&columns.velocity, "angular velocity") } else { None };
+    let shared = recorder.and_then(EmgRecorder::shared_with);
+    let shared = shared.and_then(|name| column(name, "the quantity that both recorders have"));
     let mut emg = Vec::with_capacity(muscles.len());
-    for (i, (name, muscle)) in columns.emg.iter().zip(muscles).enumerate() {
+    for (i, (name, muscle)) in columns.emg.iter().zip(muscles).enumerate().filter(|_| recorder.is_none()) {
         let said_before = columns.emg[..i].contains(name) && !header.contains(name);
         if !said_before {
             emg.extend(column(name, &format!("EMG of {muscle}{}", if raw { "" } else { ", 0 to 1" })));
         }
     }
-    report_unknown_columns(header, columns, file, problems);
+    report_unknown_columns(header, settings, file, problems);
     (problems.len() == before).then_some(())?;
-    Some(Layout { time: time?, angle: angle?, velocity, moment: moment?, further, emg })
+    Some(Layout { time: time?, angle: angle?, velocity, moment: moment?, further, emg, shared })
 }
 
-fn report_unknown_columns(header: &[String], columns: &Columns, file: &Path, problems: &mut Vec<Problem>) {
+fn report_unknown_columns(header: &[String], settings: &Settings, file: &Path, problems: &mut Vec<Problem>) {
+    let columns = &settings.columns;
     let mut known: Vec<&str> = vec![&columns.time, &columns.angle, &columns.velocity, &columns.moment];
     known.extend(columns.further_moments.iter().map(|f| f.column.as_str()));
-    for name in &columns.emg {
+    known.extend(settings.emg_recorder.as_ref().and_then(EmgRecorder::shared_with));
+    for name in columns.emg.iter().filter(|_| settings.emg_recorder.is_none()) {
         if !known.contains(&name.as_str()) {
             known.push(name); // one column may drive several muscles
         }
@@ -162,18 +164,21 @@ fn read_samples(
     problems: &mut Vec<Problem>,
 ) -> Option<Trial> {
     let file = &info.file;
-    let raw = settings.emg != EmgSignal::Normalized;
     let named_at = format!("{}:{}", trials_file.display(), info.line);
-    let (mut reader, header) = open(file, "trial file", Some(&named_at), problems)?;
-    let layout = layout(&header, &settings.columns, &settings.active_muscles, raw, file, problems)?;
+    let expected = Some(settings.columns.time.as_str());
+    let (mut reader, header, dialect) = open_recording(file, "trial file", Some(&named_at), expected, problems)?;
+    let layout = layout(&header, settings, file, problems)?;
 
     let unit = settings.columns.angle_unit;
+    let conversions = &settings.columns.conversions;
+    let mut shared = Vec::new();
     let muscles = settings.active_muscles.len();
     let mut trial = Trial::from_samples(info.clone(), Vec::new(), Vec::new(), Vec::new(), vec![Vec::new(); muscles]);
     trial.further_moments = vec![Vec::new(); layout.further.len()];
     let mut velocity = layout.velocity.map(|_| Vec::new());
     let mut bad: Vec<BadCells> = header.iter().map(|_| BadCells::default()).collect();
     let mut ragged: Option<(usize, usize, usize)> = None;
+    let is_plain = dialect.is_plain();
     let mut record = csv::StringRecord::new();
     loop {
         match reader.read_record(&mut record) {
@@ -199,25 +204,28 @@ fn read_samples(
         }
         let mut number = |column: usize| {
             let text = &record[column];
-            let value = text.parse().ok().filter(|v| is_of_a_study(*v));
+            let value = if is_plain { text.parse().ok() } else { dialect.number(text) };
+            let value = value.filter(|v| is_of_a_study(*v));
             if value.is_none() {
                 bad[column].note(line, text);
             }
             value.unwrap_or(0.0) // never used: a noted cell fails the whole trial below
         };
-        trial.time.push(number(layout.time));
-        trial.angle.push(unit.to_radians(number(layout.angle)));
-        trial.moment.push(number(layout.moment));
+        trial.time.push(conversions.time.of(number(layout.time)));
+        trial.angle.push(unit.to_radians(conversions.angle.of(number(layout.angle))));
+        trial.moment.push(conversions.moment.of(number(layout.moment)));
+        shared.extend(layout.shared.map(&mut number));
         for (samples, column) in trial.further_moments.iter_mut().zip(&layout.further) {
             samples.push(number(*column));
         }
         if let (Some(column), Some(samples)) = (layout.velocity, velocity.as_mut()) {
-            samples.push(unit.to_radians(number(column)));
+            samples.push(unit.to_radians(conversions.velocity.of(number(column))));
         }
         for (i, (channel, column)) in trial.excitation.iter_mut().zip(&layout.emg).enumerate() {
             // A column that serves several muscles is counted as bad once.
             let again = layout.emg[..i].contains(column);
-            channel.push(if again { record[*column].parse().unwrap_or(0.0) } else { number(*column) });
+            let value = if again { dialect.number(&record[*column]).unwrap_or(0.0) } else { number(*column) };
+            channel.push(conversions.emg(i).of(value));
         }
         trial.lines.push(u32::try_from(line).unwrap_or(u32::MAX));
     }
@@ -227,7 +235,64 @@ fn read_samples(
     if problems.len() == before && trial.len() < MIN_SAMPLES {
         problems.push(Problem::error(file, None, Fault::TooFewSamples { found: trial.len(), expected: MIN_SAMPLES }));
     }
-    (problems.len() == before).then_some(trial)
+    if problems.len() == before
+        && let Some(recorder) = &settings.emg_recorder
+    {
+        add_emg(&mut trial, recorder, &shared, settings, &named_at, problems);
+    }
+    (problems[before..].iter().all(|problem| problem.severity == Severity::Warning)).then_some(trial)
+}
+
+/// Adds the EMG of a recorder of its own: normalized at the trial's times, raw at its own. The trial is cut to the time
+/// that both recorded.
+///
+/// - `shared`: samples of the quantity that sets the clock, as in the trial's file
+fn add_emg(
+    trial: &mut Trial,
+    recorder: &EmgRecorder,
+    shared: &[f64],
+    settings: &Settings,
+    named_at: &str,
+    problems: &mut Vec<Problem>,
+) {
+    let file = trial.info.file.clone();
+    let found = match recorder.read(&trial.info, &settings.columns, named_at, (&trial.time, shared)) {
+        Ok(found) => found,
+        Err(EmgRecorderError::Study(errors)) => {
+            problems.extend(errors.errors.into_iter().chain(errors.warnings));
+            return;
+        }
+        Err(EmgRecorderError::Alignment { file: of_emg, error }) => {
+            let fault = Fault::EmgClock { with: file.display().to_string(), error };
+            problems.push(Problem::error(Path::new(&of_emg), None, fault));
+            return;
+        }
+    };
+    if let Some(a) = found.alignment.filter(Alignment::is_doubtful) {
+        let fault = Fault::EmgClockDoubtful { shift_s: a.shift, correlation: a.correlation, runner_up: a.runner_up };
+        problems.push(Problem::warning(&found.file, None, fault));
+    }
+    let emg_time = found.recorded.time;
+    let (first, last) = (emg_time[0], emg_time[emg_time.len() - 1]);
+    let begin = trial.time.partition_point(|t| *t < first);
+    let end = trial.time.partition_point(|t| *t <= last).max(begin);
+    let trial_s = trial.duration();
+    if 2 * (end - begin) < trial.len() {
+        let common_s = (last.min(trial.time[trial.len() - 1]) - first.max(trial.time[0])).max(0.0);
+        problems.push(Problem::error(&found.file, None, Fault::LittleInCommon { common_s, trial_s }));
+        return;
+    }
+    trial.keep(begin..end);
+    let conversions = &settings.columns.conversions;
+    let column = |name: &str| found.recorded.columns.iter().find(|(known, _)| known == name).map(|(_, x)| x.as_slice());
+    let channels = settings.columns.emg.iter().enumerate().map(|(i, name)| {
+        column(name).unwrap_or_default().iter().map(|x| conversions.emg(i).of(*x)).collect::<Vec<f64>>()
+    });
+    trial.excitation = channels.collect();
+    trial.emg_time = Some(emg_time);
+    if settings.emg == EmgSignal::Normalized {
+        raw_emg::to_trial_times(trial, problems);
+    }
 }
 
 fn report_bad_cells(

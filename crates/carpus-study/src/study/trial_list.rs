@@ -10,7 +10,7 @@ use super::problem::Problem;
 use super::table::{Row, Table, named_file};
 use carpus_numerics::plausible;
 
-const COLUMNS: [&str; 10] = [
+const COLUMNS: [&str; 11] = [
     "participant",
     "file",
     "contraction",
@@ -21,6 +21,7 @@ const COLUMNS: [&str; 10] = [
     "use",
     "start_time_s",
     "arm",
+    "emg_file",
 ];
 const REQUIRED: [(&str, &str); 5] = [
     ("participant", "name of the participant"),
@@ -64,6 +65,8 @@ pub struct TrialInfo {
     pub start_time: Option<f64>,
     /// Whether the forearm is turned over, so that gravity acts the other way about the dynamometer's axis.
     pub arm_flipped: bool,
+    /// The file of its EMG, where a recorder of its own wrote that.
+    pub emg_file: Option<PathBuf>,
 }
 
 /// Words of the column `arm`, and whether the forearm is turned over.
@@ -99,6 +102,7 @@ impl TrialInfo {
             usage,
             start_time: None,
             arm_flipped: false,
+            emg_file: None,
         }
     }
 }
@@ -109,7 +113,7 @@ impl TrialInfo {
 pub enum Contraction {
     /// The joint is held still.
     Isometric,
-    /// The joint moves against a constant moment.
+    /// The joint moves under effort, against a constant moment or (`isokinetic`) at a constant speed.
     Isotonic,
     /// The machine moves a relaxed joint.
     Passive,
@@ -120,12 +124,14 @@ pub enum Contraction {
 }
 
 impl Contraction {
-    pub(crate) const WORDS: [(&'static str, Contraction); 5] = [
+    pub(crate) const WORDS: [(&'static str, Contraction); 6] = [
         ("isometric", Contraction::Isometric),
         ("isotonic", Contraction::Isotonic),
         ("passive", Contraction::Passive),
         ("mvc", Contraction::Mvc),
         ("freehand", Contraction::Freehand),
+        // The machine keeps the speed instead of the moment: the model is moved as recorded in either case.
+        ("isokinetic", Contraction::Isotonic),
     ];
 
     /// The word that stands for it in `trials.csv`.
@@ -184,10 +190,19 @@ fn word_of<T: PartialEq>(words: &[(&'static str, T)], value: T) -> &'static str 
     words.iter().find(|(_, v)| *v == value).map_or("", |(word, _)| word)
 }
 
+/// Where the files of trials are.
+#[derive(Clone, Copy)]
+pub(crate) struct Place<'p> {
+    /// The study's folder.
+    pub folder: &'p Path,
+    /// The folder that files are relative to.
+    pub recordings: &'p Path,
+}
+
 /// Reads `trials.csv`.
 pub(crate) fn read(
     path: &Path,
-    folder: &Path,
+    place: Place<'_>,
     participants: &[Participant],
     problems: &mut Vec<Problem>,
 ) -> Vec<TrialInfo> {
@@ -200,11 +215,11 @@ pub(crate) fn read(
     let mut conditions = HashMap::new();
     let mut places = HashMap::new();
     for row in table.rows() {
-        let Some(mut trial) = trial(&row, folder, participants, problems) else { continue };
+        let Some(mut trial) = trial(&row, place, participants, problems) else { continue };
         trial.index = trials.len();
-        let place = places.entry(trial.participant.clone()).or_insert(0);
-        trial.place = *place;
-        *place += 1;
+        let order = places.entry(trial.participant.clone()).or_insert(0);
+        trial.place = *order;
+        *order += 1;
         if let Some(&first_line) = files.get(&trial.file) {
             row.error(Fault::Duplicate { what: "trial file", value: trial.file_as_written, first_line }, problems);
             continue;
@@ -228,7 +243,7 @@ pub(crate) fn read(
         }
         trials.push(trial);
     }
-    name_trials(&mut trials, folder);
+    name_trials(&mut trials, place.recordings);
     trials
 }
 
@@ -269,7 +284,12 @@ fn name_trials(trials: &mut [TrialInfo], folder: &Path) {
     }
 }
 
-fn trial(row: &Row<'_>, folder: &Path, participants: &[Participant], problems: &mut Vec<Problem>) -> Option<TrialInfo> {
+fn trial(
+    row: &Row<'_>,
+    place: Place<'_>,
+    participants: &[Participant],
+    problems: &mut Vec<Problem>,
+) -> Option<TrialInfo> {
     let participant = row.required("participant", "a name", problems);
     let participant = participant.filter(|name| known_participant(row, name, participants, problems));
     let file = row.required("file", "a path", problems);
@@ -281,7 +301,7 @@ fn trial(row: &Row<'_>, folder: &Path, participants: &[Participant], problems: &
     if let Some(effort) = effort_percent.filter(|effort| *effort != 0.0) {
         row.warn_of("effort_percent", effort, &plausible::EFFORT_PERCENT, problems);
     }
-    if let Some(file) = file.filter(|file| is_outside(file, folder)) {
+    if let Some(file) = file.filter(|file| place.folder == place.recordings && is_outside(file, place.folder)) {
         row.warning(Fault::OutsideStudy { found: file.to_owned() }, problems);
     }
     let posture = row.number("posture_deg", "an angle in degrees", |v| v.abs() <= 360.0, problems);
@@ -302,7 +322,7 @@ fn trial(row: &Row<'_>, folder: &Path, participants: &[Participant], problems: &
         line: row.line,
         name: String::new(),
         participant: participant?.to_owned(),
-        file: named_file(folder, file?),
+        file: named_file(place.recordings, file?),
         file_as_written: file?.to_owned(),
         contraction: contraction?,
         effort_percent,
@@ -312,6 +332,7 @@ fn trial(row: &Row<'_>, folder: &Path, participants: &[Participant], problems: &
         usage: usage?,
         start_time,
         arm_flipped: arm?,
+        emg_file: row.text("emg_file").map(|file| named_file(place.recordings, file)),
     })
 }
 

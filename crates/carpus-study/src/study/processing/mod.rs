@@ -1,8 +1,8 @@
 //! `[processing]` of `study.toml`: what happens to a dynamometer's recordings before they are a study's trials.
 //!
 //! In: trial files as recorders write them. Out: trials in which angle and moment are filtered, the machine's drag and
-//! the relaxed limb's moment are removed, long recordings are cut into repetitions, and EMG of a second recorder is on
-//! the dynamometer's clock. Nothing of it is applied unless a study asks for it.
+//! the relaxed limb's moment are removed, and long recordings are cut into repetitions; EMG of a recorder of its own is
+//! on the dynamometer's clock. Nothing of it is applied unless a study asks for it.
 
 mod process;
 mod recording;
@@ -14,10 +14,6 @@ use super::toml_section::{Sections, TomlSection};
 use super::trial_list::Contraction;
 use crate::dynamometer::{RepetitionSettings, RepetitionSignal};
 use carpus_numerics::signals::{Band, Butterworth};
-
-/// Largest delay that is looked for \[s\]: two people start two recorders within ten minutes. Each delay takes a pass
-/// over the recordings.
-const LONGEST_DELAY: f64 = 600.0;
 
 /// Everything `[processing]` says.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -32,23 +28,6 @@ pub struct ProcessingSettings {
     pub drag_runs: Vec<String>,
     /// How long recordings are cut, and which.
     pub repetitions: Option<(RepetitionSettings, Vec<Contraction>)>,
-    /// A second recorder that holds the EMG.
-    pub second_recorder: Option<SecondRecorder>,
-}
-
-/// A second recorder with EMG and one channel that both recorded.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SecondRecorder {
-    /// Its file beside a trial's: `{trial}` stands for the name of the trial's file without extension.
-    pub file: String,
-    /// Its time column \[s\].
-    pub time: String,
-    /// Its column of the common quantity, in any unit, of the same sign.
-    pub shared: String,
-    /// The dynamometer's column of it.
-    pub shared_with: String,
-    /// Largest delay looked for \[s\].
-    pub max_delay: f64,
 }
 
 /// Reads `[processing]`.
@@ -67,7 +46,6 @@ pub(crate) fn settings(sections: &Sections<'_>, problems: &mut Vec<super::Proble
         passive_order: passive.then_some(passive_order as usize),
         drag_runs: section.optional_strings("drag_runs", "list of files").unwrap_or_default(),
         repetitions: section.optional_table("repetitions", "a table", repetitions),
-        second_recorder: section.optional_table("second_recorder", "a table", second_recorder).flatten(),
     };
     section.finish(problems);
     found
@@ -90,17 +68,4 @@ fn repetitions(table: &mut TomlSection<'_>) -> (RepetitionSettings, Vec<Contract
         settings,
         contractions.unwrap_or_else(|| vec![Contraction::Isometric, Contraction::Isotonic, Contraction::Passive]),
     )
-}
-
-fn second_recorder(table: &mut TomlSection<'_>) -> Option<SecondRecorder> {
-    let file = table.required_string("file", "its file beside a trial's, e.g. \"{trial}_emg.csv\"");
-    if file.as_ref().is_some_and(|file| !file.contains("{trial}")) {
-        table.bad_value("file", "a name that contains {trial}", "a name that is the same for every trial");
-    }
-    let time = table.optional_string("time").unwrap_or_else(|| "time_s".to_owned());
-    let shared = table.required_string("shared", "its column of the quantity that both recorded");
-    let shared_with = table.required_string("shared_with", "the trial's column of that quantity");
-    let expected = "a number of seconds above 0, at most 600";
-    let max_delay = table.optional_number("max_delay_s", expected, |v| v > 0.0 && v <= LONGEST_DELAY).unwrap_or(2.0);
-    Some(SecondRecorder { file: file?, time, shared: shared?, shared_with: shared_with?, max_delay })
 }

@@ -1,16 +1,14 @@
 //! A participant's recordings, processed.
 
-use std::path::Path;
-
 use rayon::prelude::*;
 
-use super::{ProcessingSettings, Recorded, SecondRecorder};
+use super::{ProcessingSettings, Recorded};
 use crate::dynamometer::{
-    Alignment, AlignmentError, PassiveCurve, PassiveError, PassiveRun, RepetitionSignal, align, derivative,
-    find_repetitions, fit_passive,
+    Alignment, AlignmentError, PassiveCurve, PassiveError, PassiveRun, RepetitionSignal, derivative, find_repetitions,
+    fit_passive,
 };
-use crate::study::table::named_file;
-use crate::study::{Contraction, Study, StudyErrors, TrialInfo};
+use crate::study::emg_recorder::{EmgRecorder, EmgRecorderError};
+use crate::study::{Columns, Contraction, Fault, MIN_SAMPLES, Problem, Study, StudyErrors, TrialInfo};
 use carpus_numerics::signals::{SignalError, interpolate_linear};
 
 /// A participant's recordings, processed.
@@ -127,7 +125,7 @@ impl ProcessingError {
                 error: AlignmentError::AtLimit { .. } | AlignmentError::NoOverlap { .. },
                 ..
             } => Some(
-                "raise max_delay_s in [processing.second_recorder], or check that shared and shared_with are the same \
+                "raise max_delay_s in [emg_recorder], or check that shared and shared_with are the same \
                  quantity and sign",
             ),
             _ => None,
@@ -176,14 +174,27 @@ impl Study {
         if columns.velocity_required {
             required.push(&columns.velocity);
         }
-        let second = settings.second_recorder.as_ref();
-        match second {
-            Some(second) => required.push(&second.shared_with),
+        let recorder = self.settings.emg_recorder.as_ref();
+        match recorder {
+            Some(recorder) => required.extend(recorder.shared_with()),
             None => required.extend(&emg),
         }
         let optional = [columns.velocity.as_str()];
-        let mut recorded = Recorded::read(&info.file, Some(&named_at), &columns.time, &required, &optional)?;
-        let delay = second.map(|second| merge(&mut recorded, info, second, &emg, &named_at)).transpose()?;
+        let recorded = Recorded::read(&info.file, Some(&named_at), Some(&columns.time), &required, &optional)?;
+        let mut recorded = recorded.in_seconds(columns.conversions.time, &info.file)?;
+        let delay = recorder.map(|recorder| merge(&mut recorded, info, recorder, columns, &named_at)).transpose()?;
+        for (name, samples) in &mut recorded.columns {
+            let conversions = &columns.conversions;
+            let own = [
+                (&columns.angle, conversions.angle),
+                (&columns.velocity, conversions.velocity),
+                (&columns.moment, conversions.moment),
+            ];
+            let emg = columns.emg.iter().enumerate().map(|(i, column)| (column, conversions.emg(i)));
+            if let Some((_, conversion)) = own.into_iter().chain(emg).find(|(column, _)| *column == name) {
+                samples.iter_mut().for_each(|x| *x = conversion.of(*x));
+            }
+        }
 
         let file = info.file.display().to_string();
         let of_signal = |error| ProcessingError::Signal { file: file.clone(), error };
@@ -227,50 +238,49 @@ impl Study {
             measured,
             further_moments,
             emg: kept,
-            delay,
+            delay: delay.flatten(),
             beyond_passive: 0.0,
         })
     }
 }
 
-/// Brings a second recorder's EMG to the dynamometer's clock; samples then stand at the instants of the faster of both.
+/// Brings the EMG of a recorder of its own to the dynamometer's clock; samples then stand at the instants of the faster
+/// of both. `None` where the delay is known.
 fn merge(
     recorded: &mut Recorded,
     info: &TrialInfo,
-    second: &SecondRecorder,
-    emg: &[&str],
+    recorder: &EmgRecorder,
+    columns: &Columns,
     named_at: &str,
-) -> Result<DelayFound, ProcessingError> {
-    let stem = info.file.file_stem().unwrap_or_default().to_string_lossy();
-    let beside = info.file.parent().unwrap_or(Path::new(""));
-    let file = named_file(beside, &second.file.replace("{trial}", &stem));
-    let mut required = vec![second.shared.as_str()];
-    required.extend(emg);
-    let other = Recorded::read(&file, Some(named_at), &second.time, &required, &[])?;
-    let signal = |recorded: &Recorded, name: &str| recorded.column(name).unwrap_or_default().to_vec();
-    let (ours, theirs) = (signal(recorded, &second.shared_with), signal(&other, &second.shared));
-    let failed = |error| ProcessingError::Alignment {
-        file: file.display().to_string(),
-        with: info.file.display().to_string(),
-        error,
-    };
-    let alignment = align((&recorded.time, &ours), (&other.time, &theirs), second.max_delay).map_err(failed)?;
-    let shifted: Vec<f64> = other.time.iter().map(|t| t + alignment.shift).collect();
-    let overlap = [recorded.time[0].max(shifted[0]), last(&recorded.time).min(last(&shifted))];
-    let faster = if other.mean_rate_hz() > recorded.mean_rate_hz() { &shifted } else { &recorded.time };
+) -> Result<Option<DelayFound>, ProcessingError> {
+    let with = || info.file.display().to_string();
+    let shared = recorder.shared_with().and_then(|name| recorded.column(name)).unwrap_or_default();
+    let found = recorder.read(info, columns, named_at, (&recorded.time, shared)).map_err(|error| match error {
+        EmgRecorderError::Study(errors) => ProcessingError::Study(errors),
+        EmgRecorderError::Alignment { file, error } => ProcessingError::Alignment { file, with: with(), error },
+    })?;
+    let other = &found.recorded;
+    let failed = |error| ProcessingError::Alignment { file: found.file.display().to_string(), with: with(), error };
+    let overlap = [recorded.time[0].max(other.time[0]), last(&recorded.time).min(last(&other.time))];
+    let faster = if other.mean_rate_hz() > recorded.mean_rate_hz() { &other.time } else { &recorded.time };
     // The clock stays the dynamometer's.
     let time: Vec<f64> = faster.iter().copied().filter(|t| *t >= overlap[0] && *t <= overlap[1]).collect();
-    // EMG is the second recorder's, everything else the dynamometer's; the shared quantity may be among either.
-    let of_emg = |(name, _): &&(String, Vec<f64>)| emg.contains(&name.as_str());
+    if time.len() < MIN_SAMPLES {
+        let [common_s, trial_s] = [(overlap[1] - overlap[0]).max(0.0), last(&recorded.time) - recorded.time[0]];
+        let errors = vec![Problem::error(&found.file, None, Fault::LittleInCommon { common_s, trial_s })];
+        return Err(StudyErrors { errors, ..StudyErrors::default() }.into());
+    }
+    // EMG is the recorder's own, everything else the dynamometer's.
+    let of_emg = |(name, _): &&(String, Vec<f64>)| columns.emg.contains(name);
     let own = recorded.columns.iter().filter(|column| !of_emg(column)).map(|column| (&recorded.time, column));
-    let theirs = other.columns.iter().filter(of_emg).map(|column| (&shifted, column));
-    let mut columns = Vec::new();
+    let theirs = other.columns.iter().map(|column| (&other.time, column));
+    let mut merged = Vec::new();
     for (from, (name, samples)) in own.chain(theirs) {
         let values = interpolate_linear(from, samples, &time).map_err(|error| failed(error.into()))?;
-        columns.push((name.clone(), values));
+        merged.push((name.clone(), values));
     }
-    *recorded = Recorded { time, columns };
-    Ok(DelayFound { file, alignment })
+    *recorded = Recorded { time, columns: merged };
+    Ok(found.alignment.map(|alignment| DelayFound { file: found.file, alignment }))
 }
 
 fn last(time: &[f64]) -> f64 {

@@ -2,10 +2,13 @@
 
 use std::path::Path;
 
+use crate::study::columns::Conversion;
+use crate::study::dialect::is_time_name;
 use crate::study::fault::Fault;
 use crate::study::problem::{Problem, StudyErrors};
-use crate::study::table::{Row, csv_problem, missing_column, open};
+use crate::study::table::{Row, csv_problem, is_of_a_study, missing_column, open_recording};
 use crate::study::trial_checks::{implausible_time, median};
+use carpus_numerics::plausible::{Measured, unit_in_name};
 
 /// Most samples of a recording as it is: an hour at 2 kHz. It is not simulated; a sample takes about 8 bytes a column
 /// and file.
@@ -20,15 +23,28 @@ pub struct Recorded {
     pub columns: Vec<(String, Vec<f64>)>,
 }
 
+/// Where a column stands, and the column of its times.
+struct Place {
+    column: usize,
+    time: usize,
+}
+
+/// Samples of a column of times and the lines they are on.
+type Times = (Vec<f64>, usize);
+
 impl Recorded {
-    /// Reads columns of a CSV file; those of `required` have to be there.
+    /// Reads columns of a text file, however it is laid out; those of `required` have to be there. All have the same
+    /// times.
+    ///
+    /// - `time`: the column of times; `None`: the one at or before each column that is read, in the unit that its name
+    ///   states
     ///
     /// # Errors
-    /// The file, missing columns, cells that are no numbers, time that does not increase.
+    /// The file, missing columns, cells that are no numbers, time that does not increase, columns of different times.
     pub fn read(
         path: &Path,
         named_at: Option<&str>,
-        time: &str,
+        time: Option<&str>,
         required: &[&str],
         optional: &[&str],
     ) -> Result<Recorded, StudyErrors> {
@@ -42,27 +58,22 @@ impl Recorded {
     fn read_parts(
         path: &Path,
         named_at: Option<&str>,
-        time: &str,
+        time: Option<&str>,
         required: &[&str],
         optional: &[&str],
         problems: &mut Vec<Problem>,
     ) -> Option<Recorded> {
-        let (mut reader, header) = open(path, "recording", named_at, problems)?;
+        let (mut reader, header, dialect) = open_recording(path, "recording", named_at, time, problems)?;
+        let (names, places) = places(path, &header, time, required, optional, problems)?;
+        let mut columns: Vec<Vec<f64>> = vec![Vec::new(); names.len()];
+        // Each clock once: position of its column, times.
+        let mut clocks: Vec<(usize, Times)> = Vec::new();
+        for place in &places {
+            if !clocks.iter().any(|(column, _)| *column == place.time) {
+                clocks.push((place.time, (Vec::new(), 0)));
+            }
+        }
         let before = problems.len();
-        for name in std::iter::once(&time).chain(required) {
-            if !header.iter().any(|column| column == name) {
-                problems.push(Problem::error(path, 1, missing_column(name, "a recorded quantity", &header)));
-            }
-        }
-        (problems.len() == before).then_some(())?;
-        let mut names: Vec<&str> = Vec::new();
-        for name in required.iter().chain(optional) {
-            if !names.contains(name) && header.iter().any(|column| column == name) {
-                names.push(name);
-            }
-        }
-        let mut recorded =
-            Recorded { time: Vec::new(), columns: names.iter().map(|name| ((*name).to_owned(), Vec::new())).collect() };
         let mut record = csv::StringRecord::new();
         loop {
             match reader.read_record(&mut record) {
@@ -82,38 +93,72 @@ impl Recorded {
                 row.error(Fault::FieldCount { expected: header.len(), found: record.len(), more: 0 }, problems);
                 return None;
             }
-            if recorded.time.len() == MAX_RECORDED_SAMPLES {
-                row.error(Fault::TooManySamples { limit: MAX_RECORDED_SAMPLES }, problems);
-                return None;
-            }
-            let mut number = |column: &str| {
-                row.required(column, "a number", problems);
-                row.number(column, "a number", |_| true, problems).unwrap_or(f64::NAN)
-            };
-            let t = number(time);
-            if let Some(last) = recorded.time.last().filter(|last| t <= **last) {
-                row.error(Fault::TimeNotIncreasing { time_s: t, before_s: *last, more: 0 }, problems);
-                return None;
-            }
-            recorded.time.push(t);
-            for (name, samples) in &mut recorded.columns {
-                samples.push(number(name));
+            for (column, (times, last_line)) in &mut clocks {
+                // Channels of several rates stand beside each other; the slow ones end first.
+                let is_over = |place: &&Place| record[place.column].is_empty();
+                let ended = record[*column].is_empty()
+                    && time.is_none()
+                    && places.iter().filter(|place| place.time == *column).all(|place| is_over(&place));
+                if ended {
+                    continue;
+                }
+                if times.len() == MAX_RECORDED_SAMPLES {
+                    row.error(Fault::TooManySamples { limit: MAX_RECORDED_SAMPLES }, problems);
+                    return None;
+                }
+                let mut number = |column: usize| {
+                    let text = &record[column];
+                    let value = dialect.number(text).filter(|v| is_of_a_study(*v));
+                    if value.is_none() {
+                        row.bad(&header[column], "a number", text, problems);
+                    }
+                    value.unwrap_or(f64::NAN)
+                };
+                let t = number(*column);
+                for (place, samples) in places.iter().zip(&mut columns).filter(|(place, _)| place.time == *column) {
+                    samples.push(number(place.column));
+                }
+                if let Some(last) = times.last().filter(|last| t <= **last) {
+                    row.error(Fault::TimeNotIncreasing { time_s: t, before_s: *last, more: 0 }, problems);
+                    return None;
+                }
+                times.push(t);
+                *last_line = line;
             }
             if problems.len() > before + 20 {
                 return None;
             }
         }
-        if recorded.time.len() < crate::study::MIN_SAMPLES {
-            let fault = Fault::TooFewSamples { found: recorded.time.len(), expected: crate::study::MIN_SAMPLES };
+        let mut clocks = clocks.into_iter();
+        let (first, (mut times, _)) = clocks.next()?;
+        for (other, (others, line)) in clocks {
+            if others != times {
+                let column = places.iter().position(|place| place.time == other).unwrap_or(0);
+                let fault = Fault::OtherTimes { column: names[column].to_owned(), first: names[0].to_owned() };
+                problems.push(Problem::error(path, line, fault));
+                return None;
+            }
+        }
+        if times.len() < crate::study::MIN_SAMPLES {
+            let fault = Fault::TooFewSamples { found: times.len(), expected: crate::study::MIN_SAMPLES };
             problems.push(Problem::error(path, None, fault));
             return None;
         }
-        if problems.len() == before {
-            let steps: Vec<f64> = recorded.time.windows(2).map(|w| w[1] - w[0]).collect();
-            let fault = implausible_time(&recorded.time, median(&steps));
-            problems.extend(fault.map(|fault| Problem::error(path, None, fault)));
+        if time.is_none() {
+            let factor = stated_factor(&header[first], dialect.units.get(first));
+            times.iter_mut().for_each(|t| *t *= factor);
         }
-        Some(recorded)
+        let columns = names.into_iter().map(str::to_owned).zip(columns).collect();
+        Some(Recorded { time: times, columns })
+    }
+
+    /// Converts times and reports those that cannot be seconds.
+    pub(crate) fn in_seconds(mut self, time: Conversion, path: &Path) -> Result<Recorded, StudyErrors> {
+        self.time.iter_mut().for_each(|t| *t = time.of(*t));
+        let steps: Vec<f64> = self.time.windows(2).map(|w| w[1] - w[0]).collect();
+        let fault = implausible_time(&self.time, median(&steps));
+        StudyErrors::settle(fault.map(|fault| Problem::error(path, None, fault)).into_iter().collect())?;
+        Ok(self)
     }
 
     /// The samples of a column.
@@ -126,4 +171,50 @@ impl Recorded {
         let span = self.time.last().zip(self.time.first()).map_or(0.0, |(last, first)| last - first);
         (self.time.len() as f64 - 1.0) / span
     }
+}
+
+/// Names of the columns that are read and where they stand; `None` after reporting at least one that is missing.
+fn places<'n>(
+    path: &Path,
+    header: &[String],
+    time: Option<&str>,
+    required: &[&'n str],
+    optional: &[&'n str],
+    problems: &mut Vec<Problem>,
+) -> Option<(Vec<&'n str>, Vec<Place>)> {
+    let before = problems.len();
+    let at = |name: &str| header.iter().position(|column| column == name);
+    let mut missing = |name: &str, meaning: &str| {
+        problems.push(Problem::error(path, 1, missing_column(name, meaning, header)));
+    };
+    for name in time.iter().chain(required).filter(|name| at(name).is_none()) {
+        missing(name, "a recorded quantity");
+    }
+    let mut names: Vec<&str> = Vec::new();
+    for name in required.iter().chain(optional) {
+        if !names.contains(name) && at(name).is_some() {
+            names.push(name);
+        }
+    }
+    let mut found = Vec::new();
+    for column in names.iter().filter_map(|name| at(name)) {
+        let own = || (0..=column).rev().find(|i| is_time_name(&header[*i]));
+        let clock = time.map_or_else(own, at).or_else(|| header.iter().position(|name| is_time_name(name)));
+        match clock {
+            Some(time) => found.push(Place { column, time }),
+            None if time.is_none() => {
+                missing("time", "the times of the samples");
+                break;
+            }
+            None => {}
+        }
+    }
+    (problems.len() == before).then_some((names, found))
+}
+
+/// What one of the unit that a column of times states is in seconds.
+fn stated_factor(name: &str, unit: Option<&String>) -> f64 {
+    let of_unit = unit.filter(|unit| !unit.is_empty()).map(|unit| format!("[{unit}]"));
+    let stated = unit_in_name(of_unit.as_deref().unwrap_or(name), Measured::Time);
+    stated.filter(|unit| unit.of == Measured::Time).map_or(1.0, |unit| unit.factor)
 }

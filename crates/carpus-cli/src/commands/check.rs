@@ -1,0 +1,67 @@
+//! `carpus check`: what can be found in a study before a run.
+
+use crate::args::{CheckArgs, Global};
+use crate::bars::Bars;
+use crate::failure::{Diagnostic, Failure};
+use crate::print_result;
+use crate::table::{fixed, table};
+use carpus_session::check::{Check, Checked, Level};
+use carpus_session::study::Opening;
+
+/// Runs the command.
+///
+/// # Errors
+/// A study with a red finding.
+pub fn run(args: &CheckArgs, global: &Global) -> Result<(), Failure> {
+    let opening = Opening {
+        participants: args.participant.clone(),
+        model: args.model.clone(),
+        allow_unsupported: args.allow_unsupported,
+        ..Opening::default()
+    };
+    let checked = Check { opening }.run(&args.study, &Bars::new(global))?;
+    let json = || serde_json::to_string(&checked).map_err(|e| Failure::Internal(e.to_string()));
+    print_result(&if global.json { json()? } else { readable(&checked) })?;
+    let red = checked.findings.iter().filter(|f| f.level == Level::Red).count();
+    match red {
+        0 => Ok(()),
+        n => Err(Diagnostic::error(format!("{n} red finding{}", if n == 1 { "" } else { "s" })).into()),
+    }
+}
+
+fn readable(checked: &Checked) -> String {
+    let mut text = String::new();
+    if !checked.conditions.is_empty() {
+        let header =
+            ["participant", "contraction", "direction", "effort %", "angle °", "max. N·m", "fit", "held out", "MVC"];
+        let rows = checked.conditions.iter().map(|c| {
+            let efforts = c.efforts_percent.iter().map(|e| fixed(*e, 0)).collect::<Vec<_>>().join(" ");
+            let angle = c.angle_deg.map_or(String::new(), |[a, b]| format!("{} to {}", fixed(a, 0), fixed(b, 0)));
+            let moment = c.largest_moment_n_m.map_or(String::new(), |m| fixed(m, 1));
+            let counts = [c.fitted, c.held_out, c.mvc].map(|n| n.to_string());
+            let own = [c.participant.clone(), c.contraction.to_owned(), c.direction.to_owned(), efforts, angle, moment];
+            own.into_iter().chain(counts).collect()
+        });
+        text.push_str(&table(&header, 3, rows));
+        text.push_str("\n\n");
+    }
+    for finding in &checked.findings {
+        let level = match finding.level {
+            Level::Green => "green",
+            Level::Amber => "AMBER",
+            Level::Red => "RED  ",
+        };
+        let place = finding.place.as_ref().map_or(String::new(), |place| format!("{place}: "));
+        let also = match finding.also {
+            0 => String::new(),
+            n => format!(" (and {n} more)"),
+        };
+        text.push_str(&format!("{level}  {:<8} {place}{}{also}\n", finding.subject.word(), finding.text));
+        if let Some(remedy) = &finding.remedy {
+            text.push_str(&format!("                {remedy}\n"));
+        }
+    }
+    text.push_str("\nWhich parameters these trials determine takes a fit: carpus identify.\n");
+    text.push_str(&format!("next: {}\n", checked.next));
+    text
+}

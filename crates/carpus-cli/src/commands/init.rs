@@ -1,0 +1,73 @@
+//! `carpus init`: a study from a laboratory's folder of exported files.
+
+use std::io::{BufRead, IsTerminal, stdin};
+
+use crate::args::{Global, InitArgs};
+use crate::failure::{self, Failure};
+use crate::print_result;
+use carpus_session::init::{Init, Note, Proposal, Proposed, Questions};
+
+/// Runs the command.
+///
+/// # Errors
+/// The folder, the model, or a study that is there already.
+pub fn run(args: &InitArgs, global: &Global) -> Result<(), Failure> {
+    let request = Init {
+        folder: args.folder.clone(),
+        model: args.model.clone(),
+        out: args.out.clone(),
+        coordinate: args.coordinate.clone(),
+        allow_unsupported: args.allow_unsupported,
+    };
+    let asks = !args.yes && !global.json && !global.quiet && stdin().is_terminal();
+    let questions: &dyn Questions = if asks { &Terminal } else { &Proposed };
+    let proposal = request.run(questions)?;
+    if global.json {
+        return print_result(&serde_json::to_string(&proposal).map_err(|e| Failure::Internal(e.to_string()))?);
+    }
+    print_result(&readable(&proposal))
+}
+
+/// Asks on the terminal.
+struct Terminal;
+
+impl Terminal {
+    fn answer(question: &str) -> String {
+        failure::say(question);
+        let mut line = String::new();
+        // Whoever ends the input takes what is proposed.
+        let _ = stdin().lock().read_line(&mut line);
+        line.trim().to_owned()
+    }
+}
+
+impl Questions for Terminal {
+    fn choose(&self, question: &str, answers: &[String]) -> usize {
+        let list: Vec<String> = answers.iter().enumerate().map(|(i, a)| format!("  {} {a}", i + 1)).collect();
+        let given = Self::answer(&format!("{question}\n{}\nNumber, or Enter for 1:", list.join("\n")));
+        given.parse::<usize>().ok().filter(|n| (1..=answers.len()).contains(n)).map_or(0, |n| n - 1)
+    }
+
+    fn number(&self, question: &str, proposed: f64) -> f64 {
+        let given = Self::answer(&format!("{question}\nNumber, or Enter for {proposed}:"));
+        given.replace(',', ".").parse().ok().filter(|v: &f64| v.is_finite()).unwrap_or(proposed)
+    }
+}
+
+fn readable(proposal: &Proposal) -> String {
+    let mut text = String::from("Understood\n");
+    for (what, of_it) in &proposal.understood {
+        text.push_str(&format!("  {what:<12} {of_it}\n"));
+    }
+    let notes = |title: &str, notes: &[Note]| {
+        let lines = notes.iter().map(|note| match note.remedy.as_str() {
+            "" => format!("  - {}\n", note.what),
+            remedy => format!("  - {}\n    {remedy}\n", note.what),
+        });
+        if notes.is_empty() { String::new() } else { format!("{title}\n{}", lines.collect::<String>()) }
+    };
+    text.push_str(&notes("Assumed", &proposal.assumed));
+    text.push_str(&notes("Could not be told", &proposal.unknown));
+    text.push_str(&format!("\n{0}\nnext: carpus check {0}\n", proposal.study.display()));
+    text
+}

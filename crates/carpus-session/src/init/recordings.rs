@@ -1,0 +1,148 @@
+//! Recordings of the dynamometer: whose they are, what their names say, and which file has their EMG.
+
+use std::path::{Path, PathBuf};
+
+use super::Note;
+use super::columns::Role;
+use super::conditions::{self, Named};
+use super::folder::{count, some, within};
+use super::pieces::Read;
+use carpus_study::study::{Participant, nearest};
+
+/// Words of names that say which recorder a file is of.
+const RECORDERS: [&str; 16] = [
+    "emg",
+    "semg",
+    "delsys",
+    "trigno",
+    "noraxon",
+    "biodex",
+    "humac",
+    "cybex",
+    "raw",
+    "export",
+    "torque",
+    "dyno",
+    "dynamometer",
+    "data",
+    "isomed",
+    "contrex",
+];
+
+/// A file of the dynamometer.
+#[derive(Clone, Debug)]
+pub struct Recording {
+    /// The file.
+    pub path: PathBuf,
+    /// Whose it is.
+    pub participant: String,
+    /// What its name says.
+    pub named: Named,
+    /// The file of its EMG, where that is another.
+    pub emg: Option<PathBuf>,
+    /// Angle as recorded.
+    pub angle: Vec<f64>,
+    /// Moment as recorded.
+    pub moment: Vec<f64>,
+}
+
+pub fn recording(folder: &Path, read: &Read, people: &[Participant]) -> Recording {
+    let path = within(folder, &read.path);
+    let stem = read.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let participant = participant(folder, &path, &stem, people);
+    let mut named = conditions::of_name(&stem);
+    // Folders say what names leave out, the nearest first.
+    let parents: Vec<&str> = path.split('/').rev().skip(1).collect();
+    for parent in parents {
+        let of_folder = conditions::of_name(parent);
+        named.contraction = named.contraction.or(of_folder.contraction);
+        named.direction = named.direction.or(of_folder.direction);
+        named.effort_percent = named.effort_percent.or(of_folder.effort_percent);
+    }
+    Recording {
+        participant,
+        named,
+        emg: None,
+        angle: read.samples(&Role::Angle),
+        moment: read.samples(&Role::Moment),
+        path: read.path.clone(),
+    }
+}
+
+/// Who a file is of: a folder or the beginning of the name that is a participant's, or the first folder that tells
+/// participants of the table.
+fn participant(folder: &Path, path: &str, stem: &str, people: &[Participant]) -> String {
+    let parts: Vec<&str> = path.split('/').collect();
+    let of_table = |part: &&str| people.iter().find(|p| part.to_lowercase().starts_with(&p.name.to_lowercase()));
+    if let Some(known) = parts.iter().find_map(of_table) {
+        return known.name.clone();
+    }
+    let whole = |part: &&str| conditions::participant(part);
+    let folders = parts.iter().take(parts.len().saturating_sub(1)).find_map(whole);
+    let of_root = || conditions::participant(&folder.file_name().unwrap_or_default().to_string_lossy());
+    folders.or_else(|| conditions::participant(stem)).or_else(of_root).unwrap_or_else(|| "P01".to_owned())
+}
+
+/// Finds the file of the EMG of every recording.
+pub fn pair(folder: &Path, recordings: &mut Vec<Recording>, emg: &[Read], unknown: &mut Vec<Note>) {
+    let key = |path: &Path| {
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
+        let start = conditions::participant(&stem).map_or(0, |p| p.len());
+        let words = stem[start..].split(|c: char| !(c.is_alphanumeric() || matches!(c, '+' | '-' | '%' | '.')));
+        words
+            .filter(|word| !word.is_empty() && !RECORDERS.contains(word))
+            .map(str::to_owned)
+            .collect::<Vec<_>>()
+            .join(" ")
+    };
+    let of = |path: &Path| {
+        let shown = within(folder, path);
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        participant(folder, &shown, &stem, &[])
+    };
+    let candidates: Vec<(String, String, &PathBuf)> =
+        emg.iter().map(|r| (of(&r.path), key(&r.path), &r.path)).collect();
+    for recording in recordings.iter_mut() {
+        let (who, name) = (of(&recording.path), key(&recording.path));
+        let own: Vec<&(String, String, &PathBuf)> = candidates.iter().filter(|c| c.0 == who).collect();
+        let exact = own.iter().find(|c| c.1 == name);
+        let near = || {
+            let found = nearest(&name, own.iter().map(|c| c.1.as_str()))?;
+            own.iter().find(|c| c.1 == found && same_numbers(&c.1, &name))
+        };
+        recording.emg = exact.or_else(near).map(|c| c.2.clone());
+    }
+    let without: Vec<&PathBuf> = recordings.iter().filter(|r| r.emg.is_none()).map(|r| &r.path).collect();
+    if !without.is_empty() {
+        unknown.push(Note {
+            what: format!(
+                "{} without a file of EMG are left out: {}",
+                count(without.len(), "recording"),
+                some(folder, without.into_iter())
+            ),
+            remedy: "files belong together whose names agree but for the recorder (emg, delsys, biodex, …)".to_owned(),
+        });
+        recordings.retain(|r| r.emg.is_some());
+    }
+    let alone: Vec<&PathBuf> =
+        emg.iter().map(|r| &r.path).filter(|path| !recordings.iter().any(|r| r.emg.as_ref() == Some(path))).collect();
+    if !alone.is_empty() {
+        unknown.push(Note {
+            what: format!(
+                "{} of EMG without a recording of the torque: {}",
+                count(alone.len(), "file"),
+                some(folder, alone.into_iter())
+            ),
+            remedy: "they are not used".to_owned(),
+        });
+    }
+}
+
+/// Whether two names have the same numbers.
+fn same_numbers(a: &str, b: &str) -> bool {
+    let numbers = |text: &str| {
+        let parts = text.split(|c: char| !c.is_ascii_digit()).filter(|p| !p.is_empty());
+        parts.map(str::to_owned).collect::<Vec<_>>()
+    };
+    numbers(a) == numbers(b)
+}
