@@ -29,13 +29,13 @@ fn seen_in_browser(report: &Path, plan: &Value) -> Value {
 }
 
 /// Nothing was asked of any network, nothing went wrong, no name was run.
-fn assert_calm(seen: &Value) {
+pub fn assert_calm(seen: &Value) {
     assert_eq!(seen["requests"], json!([]));
     assert_eq!(seen["complaints"], json!([]));
     assert_eq!(seen["executed"], false);
 }
 
-fn downloaded(seen: &Value, name: &str) -> Vec<u8> {
+pub fn downloaded(seen: &Value, name: &str) -> Vec<u8> {
     let text = seen["downloads"][name].as_str().unwrap_or_else(|| panic!("{name} was not saved"));
     let value =
         |c: u8| b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/".iter().position(|x| *x == c);

@@ -42,6 +42,10 @@ pub struct ViewedModel {
     model: PathBuf,
 }
 
+/// Triangles of a mesh that the page carries at most: bones of OpenSim's models have a tenth of it, and a page with all
+/// bones of an arm stays below some megabytes.
+const MOST_TRIANGLES: usize = 20_000;
+
 /// Missing files of geometry that are named one by one.
 const NAMED: usize = 3;
 
@@ -72,7 +76,7 @@ impl ViewModel {
         let start = loaded.posture(&self.set, &mut warnings)?;
         let every: Vec<_> = (0..loaded.file.spec.muscles.len()).map(carpus_osim::osim::spec::MuscleIndex).collect();
         loaded.muscle_paths(&every)?;
-        let geometry = loaded.geometry(&self.geometry, &mut warnings);
+        let geometry = loaded.geometry(&self.geometry, MOST_TRIANGLES, &mut warnings);
         if let Some(message) = missing(&geometry) {
             warnings.push(message.in_file(&self.model));
         }

@@ -118,6 +118,11 @@ impl Page {
         Ok(Stage { scene: self.bench.scene().map_err(thrown)? })
     }
 
+    /// Bone geometry of the model; empty: there is none.
+    pub fn geometry(&self) -> Vec<u8> {
+        self.bench.geometry.clone()
+    }
+
     /// All coordinates at a sample of a trial [rad or m].
     pub fn coordinates_at(&self, trial: usize, sample: usize) -> Vec<f64> {
         self.bench.coordinates_at(trial, sample)

@@ -19,10 +19,6 @@ use carpus_osim::osim::MeshSpec;
 use mesh::Mesh;
 use nalgebra::Vector3;
 
-/// Triangles of a mesh that a page carries at most: bones of OpenSim's models have a tenth of it, and a page with all bones
-/// of an arm stays below some megabytes.
-const MOST_TRIANGLES: usize = 20_000;
-
 /// Bytes of a file of geometry that is read at most.
 const LARGEST_FILE: u64 = 256 << 20;
 
@@ -44,8 +40,15 @@ pub struct PackedGeometry {
 impl LoadedModel {
     /// Geometry of a model, from these folders, from that of the model, and from `Geometry` beside it.
     ///
+    /// - `most_triangles`: of a mesh
+    ///
     /// What is wrong with a file is a warning; the body is then shown as a plain shape.
-    pub fn geometry(&self, folders: &[PathBuf], messages: &mut Vec<Diagnostic>) -> PackedGeometry {
+    pub fn geometry(
+        &self,
+        folders: &[PathBuf],
+        most_triangles: usize,
+        messages: &mut Vec<Diagnostic>,
+    ) -> PackedGeometry {
         let own = self.path.parent().map(|p| if p.as_os_str().is_empty() { Path::new(".") } else { p });
         let beside = own.into_iter().flat_map(|own| {
             std::iter::once(own.to_owned()).chain(FOLDERS.iter().map(|name| own.join(name)))
@@ -59,7 +62,7 @@ impl LoadedModel {
                 Some(path) => match read(&path) {
                     Ok(mesh) => {
                         packed.found.push(spec.file.clone());
-                        meshes.push(mesh.coarsened(MOST_TRIANGLES));
+                        meshes.push(mesh.coarsened(most_triangles));
                         Some(meshes.len() - 1)
                     }
                     Err(problem) => {

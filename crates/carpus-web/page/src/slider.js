@@ -7,11 +7,12 @@ let count = 0;
 
 /**
  * - `range`: ends; `toShown`, `toValue`: between values and what people read
+ * - `decimals`: of the number that is read; null: six significant digits
  * - `note`: why it cannot be moved, in place of its ends; null: it can
  */
 export class Slider {
-  constructor({ label, title, unit, range, mark, onChange, toShown = (v) => v, toValue = (v) => v, note = null }) {
-    Object.assign(this, { range, toShown, toValue, onChange });
+  constructor({ label, title, unit, range, mark, onChange, toShown = (v) => v, toValue = (v) => v, note = null, decimals = null }) {
+    Object.assign(this, { range, toShown, toValue, onChange, decimals });
     const id = `live-slider-${count++}`;
     const [low, high] = range;
     this.input = element("input", { type: "range", id, min: 0, max: STEPS, step: 1 });
@@ -52,7 +53,9 @@ export class Slider {
     this.input.value = Math.round(((value - low) / (high - low)) * STEPS);
     this.input.setAttribute("aria-valuetext", shown(this.toShown(value), 4));
     // Values that couplers compute may be no numbers.
-    this.field.value = Number.isFinite(value) ? Number(this.toShown(value).toPrecision(6)) : "";
+    const now = this.toShown(value);
+    const rounded = Number(this.decimals === null ? now.toPrecision(6) : now.toFixed(this.decimals));
+    this.field.value = Number.isFinite(now) ? rounded + 0 : "";
   }
 
   /** Draws an interval on the track; none: nothing is drawn. */

@@ -30,8 +30,9 @@ const calls = {
     return [JSON.parse(stage.description()), []];
   },
   openStage() {
-    stage = page.stage();
-    return [JSON.parse(stage.description()), []];
+    stage ??= page.stage();
+    const geometry = page.geometry();
+    return [{ description: JSON.parse(stage.description()), geometry }, [geometry.buffer]];
   },
   posture({ q }) {
     const flat = stage.posture(Float64Array.from(q));

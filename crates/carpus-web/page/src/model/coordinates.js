@@ -3,7 +3,7 @@ import { element, words } from "../format.js";
 import { Slider } from "../slider.js";
 
 /** Ranges beyond these stand for none, as OpenSim writes them: half a turn, a metre. */
-const UNLIMITED = { deg: Math.PI, m: 1, "": 1 };
+const UNLIMITED = { deg: Math.PI, m: 1, "rad or m": 1 };
 
 /** What a slider goes over [rad or m]. */
 export function range({ range: [low, high], unit, start }) {
@@ -31,6 +31,7 @@ export class Coordinates {
           range: range(c),
           mark: c.start,
           note: held(c),
+          decimals: c.unit === "deg" ? 3 : 5,
           onChange: (value) => onChange(i, value),
           toShown: (v) => v * c.scale,
           toValue: (v) => v / c.scale,

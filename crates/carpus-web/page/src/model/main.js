@@ -232,10 +232,11 @@ class Page {
     };
     const surfaces = [
       ["all", "all"],
-      ["chosen", "of chosen muscles"],
+      ["chosen", "of chosen"],
       ["none", "none"],
     ].map(([value, text]) => element("option", { value }, text));
-    this.surfaces = element("select", {}, ...surfaces);
+    this.surfaces = element("select", { title: "Surfaces that muscles wrap over" }, ...surfaces);
+    this.surfaces.setAttribute("aria-label", "Wrapping surfaces that are drawn");
     this.surfaces.value = this.description.wraps.length > FEW_SURFACES ? "chosen" : "all";
     this.surfaces.addEventListener("change", () => this.chooseSurfaces());
     const [bones, bonesLabel] = switched("Bones", () => this.chooseSurfaces(), true);
@@ -244,7 +245,7 @@ class Page {
       this.showLevers = on;
       this.drawLevers();
     });
-    const [, colors] = switched("A colour for every muscle", (on) => {
+    const [, colors] = switched("Colour all", (on) => {
       this.everyColor = on;
       this.paint();
       this.drawCurves();
@@ -257,7 +258,7 @@ class Page {
       levers,
       colors,
       this.description.wraps.length
-        ? element("label", { class: "live-choice" }, "Wrapping surfaces ", this.surfaces)
+        ? element("label", { class: "live-choice" }, "Surfaces ", this.surfaces)
         : null,
       element("span", { class: "live-grow" }),
       button("Whole model", () => this.view?.home()),
@@ -384,8 +385,8 @@ async function start() {
         page.ask();
       }),
     ),
-    page.coordinates.root,
     page.saves(),
+    page.coordinates.root,
   );
   at("live-muscles").append(element("h2", {}, `Muscles (${description.muscles.length})`), page.muscles.root);
   const holder = at("live-stage");

@@ -70,7 +70,7 @@ export class Muscles {
     this.chosen = chosen;
     this.rows.forEach((row, m) => {
       row.box.checked = chosen.has(m);
-      row.root.classList.toggle("chosen", chosen.has(m));
+      row.root.classList.toggle("picked", chosen.has(m));
     });
     this.onChoose(chosen);
   }

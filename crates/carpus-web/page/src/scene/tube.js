@@ -26,7 +26,7 @@ export class Tube {
     for (let r = 0; r + 1 < rings; r += 1)
       for (let s = 0; s < SIDES; s += 1) {
         const [a, b] = [r * SIDES + s, r * SIDES + ((s + 1) % SIDES)];
-        index.push(a, a + SIDES, b, b, a + SIDES, b + SIDES);
+        index.push(a, b, a + SIDES, b, b + SIDES, a + SIDES);
       }
     geometry.setIndex(index);
   }

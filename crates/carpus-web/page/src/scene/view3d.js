@@ -26,7 +26,7 @@ const NEAR = 10;
 /** Turn of an arrow key [rad], and what a key for distance multiplies it with. */
 const [TURN, ZOOM] = [Math.PI / 36, 1.12];
 /** Radius of the strongest muscle, relative to the size of the model. */
-const THICKEST = 0.011;
+const THICKEST = 0.015;
 const DIM = 0.18;
 
 export class View3d {
@@ -68,8 +68,8 @@ export class View3d {
     });
     new ResizeObserver(() => this.resize()).observe(holder);
     this.show(posture);
-    this.home();
     this.resize();
+    this.home();
   }
 
   build(found, posture) {
@@ -117,10 +117,29 @@ export class View3d {
     for (const group of this.bones) bones.expandByObject(group);
     if (box.isEmpty()) box.copy(bones);
     else {
-      const wide = box.clone().expandByScalar(0.2 * box.getSize(point).length());
+      const wide = box.clone().expandByScalar(0.45 * box.getSize(point).length());
       box.union(bones.intersect(wide));
     }
-    return box.isEmpty() ? new Sphere(new Vector3(), 0.5) : box.getBoundingSphere(new Sphere());
+    if (box.isEmpty()) box.setFromCenterAndSize(new Vector3(), new Vector3(1, 1, 1));
+    this.box = box;
+    return box.getBoundingSphere(new Sphere());
+  }
+
+  /** Points that are in view once the camera is: of muscles, and the corners of bones within the box round them. */
+  outline() {
+    const found = [];
+    for (const { points } of this.posture.paths)
+      for (let i = 0; i < points.length; i += 3) found.push(new Vector3().fromArray(points, i));
+    for (const group of this.bones) {
+      for (const bone of group.children) {
+        const box = new Box3().setFromObject(bone).intersect(this.box);
+        if (box.isEmpty()) continue;
+        const { min, max } = box;
+        for (let k = 0; k < 8; k += 1)
+          found.push(new Vector3(k & 1 ? min.x : max.x, k & 2 ? min.y : max.y, k & 4 ? min.z : max.z));
+      }
+    }
+    return found.filter((p) => Number.isFinite(p.x + p.y + p.z));
   }
 
   place({ poses }) {
@@ -141,10 +160,10 @@ export class View3d {
   /**
    * Colours of muscles, as CSS writes them.
    *
-   * - `lit`: set of muscles that stand out; empty: all alike. `hidden`: set of muscles that are not drawn
+   * - `lit`: set of muscles that stand out; empty: all alike. `hidden`, `thin`: sets of muscles that are not drawn, or thin
    */
-  paint(colors, lit = new Set(), hidden = new Set()) {
-    this.scales = this.tubes.map((_, m) => (lit.has(m) ? 1.35 : 1));
+  paint(colors, lit = new Set(), hidden = new Set(), thin = new Set()) {
+    this.scales = this.tubes.map((_, m) => (lit.has(m) ? 1.35 : thin.has(m) ? 0.45 : 1));
     this.tubes.forEach((tube, m) => {
       const isDim = lit.size > 0 && !lit.has(m);
       tube.material.color.set(colors[m]);
@@ -202,12 +221,24 @@ export class View3d {
 
   /** The camera as at the start: all of the model in view, from the front and the side. */
   home(direction = [1, 0.45, 1.1]) {
-    const { center, radius } = this.size;
-    const distance = (1.02 * radius) / Math.sin((0.5 * this.camera.fov * Math.PI) / 180);
-    this.controls.target.copy(center);
-    this.camera.position.copy(center).addScaledVector(new Vector3(...direction).normalize(), distance);
+    const towards = new Vector3(...direction).normalize();
+    const right = new Vector3(0, 1, 0).cross(towards).normalize();
+    const up = towards.clone().cross(right);
+    const points = this.outline();
+    if (!points.length) points.push(this.size.center.clone());
+    const along = (axis) => points.map((p) => p.dot(axis));
+    const [x, y, z] = [right, up, towards].map(along);
+    const middle = (v) => (Math.min(...v) + Math.max(...v)) / 2;
+    const [mx, my, mz] = [x, y, z].map(middle);
+    const slope = Math.tan((0.5 * this.camera.fov * Math.PI) / 180);
+    const wide = slope * (this.camera.aspect || 1);
+    // Every point is within the picture, with a margin.
+    const needed = points.map((_, i) => z[i] - mz + 1.06 * Math.max(Math.abs(x[i] - mx) / wide, Math.abs(y[i] - my) / slope));
+    const distance = Math.max(Math.max(...needed), 0.2 * this.size.radius);
+    this.controls.target.set(0, 0, 0).addScaledVector(right, mx).addScaledVector(up, my).addScaledVector(towards, mz);
+    this.camera.position.copy(this.controls.target).addScaledVector(towards, distance);
     this.camera.near = 0.01 * distance;
-    this.camera.far = 20 * distance;
+    this.camera.far = 20 * distance + 4 * this.size.radius;
     this.camera.updateProjectionMatrix();
     this.controls.update();
     this.draw();
@@ -264,8 +295,6 @@ export class View3d {
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
-    // The sphere fits into the narrower side.
-    this.camera.zoom = Math.min(1, width / height);
     this.camera.updateProjectionMatrix();
     this.render();
   }
