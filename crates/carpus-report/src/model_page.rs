@@ -20,6 +20,8 @@ pub struct ModelPage {
     pub geometry: String,
     /// All coordinates at the start [rad or m].
     pub start: Vec<f64>,
+    /// Units in which people read the coordinates: `deg`, `m` or `rad or m`.
+    pub units: Vec<&'static str>,
     /// What a person should know.
     pub warnings: Vec<WarningResult>,
     /// Program, command and inputs.
@@ -39,6 +41,7 @@ struct Page<'a> {
     script: &'a str,
     page: &'a ModelPage,
     start: String,
+    units: String,
     live: Embedded,
     view: Warnings,
 }
@@ -55,6 +58,7 @@ pub fn render_model(page: &ModelPage) -> String {
         style: STYLE,
         script: SCRIPT,
         start: page.start.iter().map(|v| format!("{v:?}")).collect::<Vec<_>>().join(" "),
+        units: page.units.join("|"),
         page,
         live,
         view: Warnings { warnings: warnings::groups(&page.warnings) },

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::diagnostic::{Diagnostic, Failure};
 use super::model;
 use carpus_multibody::multibody::Model;
-use carpus_osim::osim::spec::{CoordinateIndex, ModelSpec, MotionType, MuscleKind, MuscleSpec};
+use carpus_osim::osim::spec::{CoordinateIndex, JointKind, ModelSpec, MotionType, MuscleKind, MuscleSpec};
 use carpus_osim::osim::{Diagnostics, OsimFile};
 
 /// A coordinate, for people and programs.
@@ -134,7 +134,7 @@ impl Info {
 fn coordinates(spec: &ModelSpec, model: Option<&Model>) -> Vec<CoordinateInfo> {
     let info = |(i, c): (usize, &carpus_osim::osim::spec::CoordinateSpec)| {
         let index = CoordinateIndex(i);
-        let unit = spec.unit_of(index);
+        let unit = unit_of(spec, index);
         let motion_type = match c.motion_type {
             MotionType::Rotational => "rotational",
             MotionType::Translational => "translational",
@@ -155,6 +155,24 @@ fn coordinates(spec: &ModelSpec, model: Option<&Model>) -> Vec<CoordinateInfo> {
         }
     };
     spec.coordinates.iter().enumerate().map(info).collect()
+}
+
+/// Unit in which people read a coordinate: `deg`, `m` or `rad or m`.
+///
+/// Of a coordinate OpenSim may say only that it is coupled: what turns its joint, wholly or among other things, is an
+/// angle. One that no axis uses may be either.
+pub(super) fn unit_of(spec: &ModelSpec, index: CoordinateIndex) -> &'static str {
+    match spec.coordinates[index.0].motion_type {
+        MotionType::Rotational => return "deg",
+        MotionType::Translational => return "m",
+        MotionType::Coupled => {}
+    }
+    let JointKind::Custom(axes) = &spec.joints[spec.coordinates[index.0].joint.0].kind else { return "rad or m" };
+    match axes.iter().position(|axis| axis.coordinates.contains(&index)) {
+        Some(0..3) => "deg",
+        Some(_) => "m",
+        None => "rad or m",
+    }
 }
 
 fn muscle(spec: &MuscleSpec) -> MuscleInfo {

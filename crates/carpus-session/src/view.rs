@@ -5,11 +5,13 @@ use std::path::{Path, PathBuf};
 use super::account::warning_result;
 use super::diagnostic::{Diagnostic, Failure};
 use super::geometry::PackedGeometry;
+use super::info::unit_of;
 use super::model::{self, Needs};
 use super::output::OutputFolder;
 use super::progress::{Progress, go_on};
 use super::provenance::{DEFAULT_SEED, input_file, made_by};
 use super::quantity::Assignment;
+use carpus_osim::osim::spec::{CoordinateIndex, MuscleIndex};
 use carpus_report::live::packed;
 use carpus_report::model_page::{ModelPage, render_model};
 
@@ -74,7 +76,7 @@ impl ViewModel {
         let mut warnings = Vec::new();
         let loaded = model::load(&self.model, Needs::Motion, self.allow_unsupported, &mut warnings)?;
         let start = loaded.posture(&self.set, &mut warnings)?;
-        let every: Vec<_> = (0..loaded.file.spec.muscles.len()).map(carpus_osim::osim::spec::MuscleIndex).collect();
+        let every: Vec<_> = (0..loaded.file.spec.muscles.len()).map(MuscleIndex).collect();
         loaded.muscle_paths(&every)?;
         let geometry = loaded.geometry(&self.geometry, MOST_TRIANGLES, &mut warnings);
         if let Some(message) = missing(&geometry) {
@@ -87,6 +89,7 @@ impl ViewModel {
             model: packed(loaded.file.document.bytes()).map_err(internal)?,
             geometry: packed(&geometry.bytes).map_err(internal)?,
             start,
+            units: (0..loaded.model.n_coordinates()).map(|c| unit_of(&loaded.file.spec, CoordinateIndex(c))).collect(),
             warnings: warnings.iter().map(warning_result).collect(),
             provenance: made_by(
                 self.command.as_deref(),

@@ -1,7 +1,7 @@
 //! What a page has to know of a model once, to draw it in any posture.
 
 use carpus_multibody::multibody::BaseIndex;
-use carpus_osim::osim::spec::{CoordinateIndex, WrapShape};
+use carpus_osim::osim::spec::{CoordinateIndex, MotionType, WrapShape};
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
@@ -109,8 +109,11 @@ fn bone(bone: &PlainBone) -> Value {
 /// - `scale`: from radians or metres to what is shown
 fn coordinate(scene: &Scene, index: CoordinateIndex, start: &[f64]) -> Value {
     let c = &scene.model.coordinates[index.0];
-    let unit = scene.spec.unit_of(index);
-    let scale = if unit == "deg" { 180.0 / std::f64::consts::PI } else { 1.0 };
+    let (unit, scale) = match c.motion_type {
+        MotionType::Rotational => ("deg", 180.0 / std::f64::consts::PI),
+        MotionType::Translational => ("m", 1.0),
+        MotionType::Coupled => ("", 1.0),
+    };
     let follows = scene.model.is_dependent(index).then(|| scene.model.names_of_roots(index, ""));
     json!({
         "name": c.name, "joint": scene.spec.joints[c.joint.0].name, "unit": unit, "scale": scale, "range": c.range,

@@ -9,8 +9,8 @@ export const cycled = (i) => PALETTE[i % PALETTE.length];
 
 /** From nothing to all: pale to deep, lighter to darker throughout. */
 const SCALE = [
-  [0, [196, 206, 214]],
-  [0.25, [245, 190, 120]],
+  [0, [150, 180, 214]],
+  [0.25, [246, 190, 110]],
   [0.6, [221, 94, 28]],
   [1, [120, 14, 20]],
 ];

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{CoordinateIndex, FrameIndex, FunctionSpec, JointIndex, Location, ModelSpec};
+use super::{CoordinateIndex, FrameIndex, FunctionSpec, JointIndex, Location};
 
 /// A joint between two frames.
 #[derive(Clone, Debug)]
@@ -116,25 +116,4 @@ pub struct CoordinateSpec {
     pub is_free_to_satisfy_constraints: bool,
     /// OpenSim's motion type, as OpenSim itself would determine it.
     pub motion_type: MotionType,
-}
-
-impl ModelSpec {
-    /// Unit in which people read a coordinate: `deg`, `m` or `rad or m`.
-    ///
-    /// Of a coordinate OpenSim may say only that it is coupled: what turns its joint, wholly or among other things, is an
-    /// angle. One that no axis uses may be either.
-    pub fn unit_of(&self, index: CoordinateIndex) -> &'static str {
-        let coordinate = &self.coordinates[index.0];
-        match coordinate.motion_type {
-            MotionType::Rotational => return "deg",
-            MotionType::Translational => return "m",
-            MotionType::Coupled => {}
-        }
-        let JointKind::Custom(axes) = &self.joints[coordinate.joint.0].kind else { return "rad or m" };
-        match axes.iter().position(|axis| axis.coordinates.contains(&index)) {
-            Some(0..3) => "deg",
-            Some(_) => "m",
-            None => "rad or m",
-        }
-    }
 }

@@ -373,6 +373,11 @@ async function start() {
   const [code, model, scene] = await Promise.all([block("live-module"), block("live-model"), sceneModule()]);
   const remote = Remote.ofPage();
   const description = await remote.call("openModel", { module: await WebAssembly.compile(code), bytes: model });
+  const units = section.dataset.units.split("|");
+  description.coordinates.forEach((c, i) => {
+    c.unit = units[i];
+    c.scale = c.unit === "deg" ? 180 / Math.PI : 1;
+  });
   const page = new Page(remote, description, scene);
   await page.begin();
   at("live-coordinates").append(

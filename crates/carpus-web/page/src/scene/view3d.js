@@ -170,6 +170,9 @@ export class View3d {
       tube.material.emissive.set(lit.has(m) ? colors[m] : "#000000").multiplyScalar(0.25);
       tube.material.opacity = isDim ? DIM : 1;
       tube.material.depthWrite = !isDim;
+      // What stands out is seen through bones.
+      tube.material.depthTest = !lit.has(m);
+      tube.mesh.renderOrder = lit.has(m) ? 1 : 0;
       if (tube.material.transparent !== isDim) {
         tube.material.transparent = isDim;
         tube.material.needsUpdate = true;
