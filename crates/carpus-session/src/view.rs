@@ -123,7 +123,9 @@ fn missing(geometry: &PackedGeometry) -> Option<Diagnostic> {
     let text = match count {
         0 => return None,
         1 => format!("the bone geometry {} is not beside the model; a plain shape is shown instead", first[0]),
-        _ => format!("bone geometry is not beside the model: {}{more}; plain shapes are shown instead", first.join(", ")),
+        _ => {
+            format!("bone geometry is not beside the model: {}{more}; plain shapes are shown instead", first.join(", "))
+        }
     };
     Some(Diagnostic::warning(text).hint("--geometry FOLDER names the folder that has it, such as OpenSim's Geometry"))
 }

@@ -172,9 +172,8 @@ impl Scene {
         let cache = &self.cache;
         let (path, geometry) = self.muscles.get_mut(muscle)?;
         path.update(&q, cache, geometry);
-        let velocity = |base: BaseIndex, at: &Vector3<f64>| {
-            cache.partial_velocity(base).velocity_at(&(at - cache.X_GB(base).p))
-        };
+        let velocity =
+            |base: BaseIndex, at: &Vector3<f64>| cache.partial_velocity(base).velocity_at(&(at - cache.X_GB(base).p));
         let mut best: Option<(f64, Lever)> = None;
         for pair in geometry.points().windows(2) {
             let (from, to) = (&pair[0], &pair[1]);

@@ -76,11 +76,7 @@ fn attached(document: &Document, element: ElementId, frame: FrameIndex) -> Vec<M
 
 /// Of a body of a file before 4.0. The factors of the whole apply to every mesh; a transform of the whole is added to its
 /// own where that is zero.
-pub(in crate::osim) fn of_visible_object(
-    document: &Document,
-    element: ElementId,
-    frame: FrameIndex,
-) -> Vec<MeshSpec> {
+pub(in crate::osim) fn of_visible_object(document: &Document, element: ElementId, frame: FrameIndex) -> Vec<MeshSpec> {
     let Some(visible) = document.child(element, "VisibleObject") else { return Vec::new() };
     let outer = Vector3::from(numbers(document, visible, "scale_factors", [1.0; 3]));
     let outer_transform = numbers(document, visible, "transform", [0.0; 6]);

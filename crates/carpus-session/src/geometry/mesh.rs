@@ -104,7 +104,11 @@ pub(super) fn read_stl(bytes: &[u8]) -> Result<Mesh, String> {
         let count = bytes.get(80..BEFORE).ok_or("it ends early")?;
         let count = count.iter().rev().fold(0usize, |n, b| n << 8 | usize::from(*b));
         if bytes.len() != BEFORE + EACH * count {
-            return Err(format!("it says {count} triangles, which are {} bytes, but has {}", EACH * count, bytes.len()));
+            return Err(format!(
+                "it says {count} triangles, which are {} bytes, but has {}",
+                EACH * count,
+                bytes.len()
+            ));
         }
     }
     let read = stl_io::read_stl(&mut Cursor::new(bytes)).map_err(|e| e.to_string())?;
@@ -115,7 +119,8 @@ pub(super) fn read_stl(bytes: &[u8]) -> Result<Mesh, String> {
 
 /// `.obj`, without its materials.
 pub(super) fn read_obj(bytes: &[u8]) -> Result<Mesh, String> {
-    let options = tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
+    let options =
+        tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
     let none = |_: &std::path::Path| Ok(Default::default());
     let (models, _) = tobj::load_obj_buf(&mut Cursor::new(bytes), &options, none).map_err(|e| e.to_string())?;
     let mut mesh = Mesh::default();

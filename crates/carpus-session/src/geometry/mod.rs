@@ -50,9 +50,9 @@ impl LoadedModel {
         messages: &mut Vec<Diagnostic>,
     ) -> PackedGeometry {
         let own = self.path.parent().map(|p| if p.as_os_str().is_empty() { Path::new(".") } else { p });
-        let beside = own.into_iter().flat_map(|own| {
-            std::iter::once(own.to_owned()).chain(FOLDERS.iter().map(|name| own.join(name)))
-        });
+        let beside = own
+            .into_iter()
+            .flat_map(|own| std::iter::once(own.to_owned()).chain(FOLDERS.iter().map(|name| own.join(name))));
         let folders: Vec<PathBuf> = folders.iter().cloned().chain(beside).collect();
         let (mut meshes, mut shown): (Vec<Mesh>, Vec<_>) = (Vec::new(), Vec::new());
         let mut places: BTreeMap<String, Option<usize>> = BTreeMap::new();
@@ -125,9 +125,7 @@ fn read(path: &Path) -> Result<Mesh, String> {
 
 fn pack(meshes: &[Mesh], shown: &[serde_json::Value]) -> Vec<u8> {
     let grids: Vec<_> = meshes.iter().map(Mesh::on_grid).collect();
-    let of = |(mesh, grid): (&Mesh, &mesh::Grid)| {
-        json!({ "points": mesh.points.len(), "triangles": mesh.triangles.len(), "low": grid.low, "step": grid.step })
-    };
+    let of = |(mesh, grid): (&Mesh, &mesh::Grid)| json!({ "points": mesh.points.len(), "triangles": mesh.triangles.len(), "low": grid.low, "step": grid.step });
     let header = json!({
         "meshes": meshes.iter().zip(&grids).map(of).collect::<Vec<_>>(),
         "shown": shown,

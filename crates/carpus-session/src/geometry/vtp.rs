@@ -70,9 +70,9 @@ fn read_piece(document: &Document, piece: ElementId, format: &Format, mesh: &mut
         let mut from = 0;
         for end in offsets {
             let end = end as usize;
-            let cell = connectivity.get(from..end).ok_or_else(|| {
-                format!("a cell ends at {end}, but there are {} corners", connectivity.len())
-            })?;
+            let cell = connectivity
+                .get(from..end)
+                .ok_or_else(|| format!("a cell ends at {end}, but there are {} corners", connectivity.len()))?;
             let corners: Vec<u32> = cell.iter().map(|i| first.saturating_add(*i as u32)).collect();
             if is_strip {
                 let turned = |(k, t): (usize, &[u32])| if k % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] };
