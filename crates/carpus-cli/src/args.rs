@@ -231,10 +231,10 @@ pub struct ViewArgs {
     /// Open the page in the browser
     #[arg(long)]
     pub open: bool,
-    /// Folder with bone geometry, looked through first; may be repeated
+    /// Folder with bone geometry, looked through first; may be given several times
     #[arg(long, value_name = "DIR")]
     pub geometry: Vec<PathBuf>,
-    /// Value of a coordinate that the page begins with; may be repeated
+    /// Value of a coordinate that the page begins with; may be given several times
     #[arg(long, value_name = "COORDINATE=VALUE")]
     pub set: Vec<Assignment>,
 }
