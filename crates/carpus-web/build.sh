@@ -40,7 +40,7 @@ cargo rustc --locked --package carpus-web --target wasm32-unknown-unknown --prof
 [ "${1:-}" = --compile ] && exit 0
 cargo run --quiet --locked --manifest-path crates/carpus-web/bindings/Cargo.toml --target-dir target/tools -- \
   $built/carpus_web.wasm $built/bindings
-[ -d $page/node_modules ] || (cd $page && npm ci --no-audit --no-fund)
+[ -d $page/node_modules/three ] || (cd $page && npm ci --no-audit --no-fund)
 tools=$page/node_modules/.bin
 mkdir -p $assets
 gzip -9 -n -c $built/bindings/carpus_web_bg.wasm >$assets/carpus_web.wasm.gz
@@ -48,6 +48,11 @@ esbuild() { $tools/esbuild "$@" --minify --charset=utf8 --log-level=warning; }
 bindings=./$built/bindings/carpus_web.js
 esbuild $page/src/worker.js --bundle --format=iife --alias:carpus-web=$bindings --outfile=$assets/worker.js
 esbuild $page/src/main.js --bundle --format=iife --outfile=$assets/page.js
+esbuild $page/src/model/main.js --bundle --format=iife --outfile=$assets/model.js
+# What draws in three dimensions: three.js, of it what is used, with its licence.
+esbuild $page/src/scene/index.js --bundle --format=iife --global-name=carpusScene --legal-comments=none \
+  --banner:js="/*! three.js: $(tr '\n' ' ' <$page/node_modules/three/LICENSE) */" --outfile=$built/scene.js
+gzip -9 -n -c $built/scene.js >$assets/scene.js.gz
 esbuild $page/src/live.css --outfile=$assets/live.css
 echo "$hash" >$assets/SOURCES.sha256
 wc -c $assets/*

@@ -124,6 +124,7 @@ COMMANDS: dict[str, tuple[Callable[[Path], None] | None, Words]] = {
     "demo": (None, lambda f: ["demo", "--out", str(f / "demo")]),
     "info": (None, lambda f: ["info", WRIST]),
     "paths": (None, lambda f: ["paths", WRIST, "--sweep", "flexion=-60:60:20deg"]),
+    "view": (None, lambda f: ["view", WRIST, "-o", str(f / "view.html")]),
     "equilibrium": (None, lambda f: ["equilibrium", WRIST, "--set", "flexion=10deg"]),
     "effects": (None, lambda f: ["effects"]),
     "effects check": (None, lambda f: ["effects", "check", COGGING, "--study", DEMO]),

@@ -29,13 +29,13 @@ fn seen_in_browser(report: &Path, plan: &Value) -> Value {
 }
 
 /// Nothing was asked of any network, nothing went wrong, no name was run.
-fn assert_calm(seen: &Value) {
+pub fn assert_calm(seen: &Value) {
     assert_eq!(seen["requests"], json!([]));
     assert_eq!(seen["complaints"], json!([]));
     assert_eq!(seen["executed"], false);
 }
 
-fn downloaded(seen: &Value, name: &str) -> Vec<u8> {
+pub fn downloaded(seen: &Value, name: &str) -> Vec<u8> {
     let text = seen["downloads"][name].as_str().unwrap_or_else(|| panic!("{name} was not saved"));
     let value =
         |c: u8| b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/".iter().position(|x| *x == c);
@@ -84,7 +84,9 @@ fn verif_a_slider_gives_the_curve_and_the_file_of_the_program() {
         command.assert().success();
     };
     compare(None, "compared");
-    let plan = json!({ "fields": [["ECRB", 1, 0.0601], ["FCU", 2, 0.2402], ["FCR", 0, 512.5]] });
+    let plan = json!({
+        "fields": [["ECRB", 1, 0.0601], ["FCU", 2, 0.2402], ["FCR", 0, 512.5]], "motion": true,
+    });
     let seen = seen_in_browser(&path("compared/P01/report.html"), &plan);
     assert_calm(&seen);
 
@@ -107,6 +109,37 @@ fn verif_a_slider_gives_the_curve_and_the_file_of_the_program() {
         let differ = (seen[errors]["train"].as_f64().unwrap() / training_error(&path(out)) - 1.0).abs();
         assert!(differ < SAME, "{errors}: {differ:.1e}");
     }
+    assert_the_model_moves(&seen, &path("changed/P01/series"));
+}
+
+/// The model in the chosen trial plays, follows the pointer, and its muscles do what those of the program do.
+///
+/// - `series`: of the program with the same parameters
+fn assert_the_model_moves(seen: &Value, series: &Path) {
+    /// Moments and forces are as accurate as a fit needs them, relative to the largest.
+    const AS_FITTED: f64 = 2e-3;
+    let motion = &seen["motion"];
+    let sample = |which: &str| motion[which].as_u64().unwrap();
+    assert!(sample("after") > sample("before") && sample("pointed") < sample("before"), "{motion}");
+    assert_eq!(motion["lit"], json!([1, 1]), "its curve and its sliders");
+    let trial = motion["trial"].as_str().unwrap().split(',').next().unwrap();
+    let bytes = downloaded(seen, &format!("{trial}_muscles.csv"));
+    let mut reader = csv::Reader::from_reader(&bytes[..]);
+    let heads: Vec<String> = reader.headers().unwrap().iter().map(String::from).collect();
+    let rows: Vec<Vec<f64>> =
+        reader.records().map(|r| r.unwrap().iter().map(|v| v.parse().unwrap()).collect()).collect();
+    for (at, head) in heads.iter().enumerate().skip(1) {
+        let name = head.replace("_force_n", "_tendon_force_n");
+        let of_program = column(series.join(format!("{trial}.csv")), &name);
+        let largest = of_program.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        assert_eq!(of_program.len(), rows.len());
+        let differ = rows.iter().zip(&of_program).fold(0.0f64, |m, (row, v)| m.max((row[at] - v).abs()));
+        assert!(differ < AS_FITTED * largest, "{head}: {differ:.1e} of {largest:.1e}");
+    }
+    let starts = |file: String, start: &str| String::from_utf8_lossy(&downloaded(seen, &file)).starts_with(start);
+    assert!(starts(format!("{trial}_muscles.svg"), "<svg") && starts(format!("{trial}_muscles.png"), "\u{fffd}PNG"));
+    assert!(downloaded(seen, &format!("{trial}.png")).len() > 5_000, "a picture");
+    assert_eq!(seen["nameless"], json!([]), "controls without a name");
 }
 
 #[test]

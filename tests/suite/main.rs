@@ -41,4 +41,5 @@ mod tools;
 mod user_loop;
 mod user_path;
 mod validation;
+mod view;
 mod writing;

@@ -90,6 +90,8 @@ pub enum Command {
     Audit(AuditArgs),
     /// Muscle lengths and moment arms over a coordinate
     Paths(PathsArgs),
+    /// A model in three dimensions, to drag: one HTML page
+    View(ViewArgs),
     /// Fibre lengths, forces and moments at rest in a posture
     Equilibrium(EquilibriumArgs),
     /// The catalogue of physical effects that a model may lack
@@ -267,6 +269,31 @@ pub struct AuditArgs {
     /// List every note
     #[arg(long)]
     pub all: bool,
+}
+
+/// `carpus view`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus view wrist.osim --open\n  carpus view MOBL_ARMS_41.osim -o mobl.html --geometry \
+                  ~/OpenSim/Geometry\n\nThe page needs no network. Bone geometry (.vtp, .stl, .obj) is looked for beside \
+                  the model and in Geometry there."
+)]
+pub struct ViewArgs {
+    /// Model and strictness.
+    #[command(flatten)]
+    pub model: ModelArgs,
+    /// The page
+    #[arg(long, short, value_name = "FILE.html", default_value = "view.html")]
+    pub out: PathBuf,
+    /// Open the page in the browser
+    #[arg(long)]
+    pub open: bool,
+    /// Folder with bone geometry, looked through first; may be given several times
+    #[arg(long, value_name = "DIR")]
+    pub geometry: Vec<PathBuf>,
+    /// Value of a coordinate that the page begins with; may be given several times
+    #[arg(long, value_name = "COORDINATE=VALUE")]
+    pub set: Vec<Assignment>,
 }
 
 /// `carpus paths`

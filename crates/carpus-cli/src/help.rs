@@ -16,7 +16,7 @@ pub const GROUPS: [(&str, &[&str]); 6] = [
     ("A study", &["compare", "personalize", "identify", "diagnose", "effect", "plan", "simulate", "study", "synth"]),
     (
         "A model",
-        &["info", "audit", "paths", "equilibrium", "effects", "scale", "strength-scale", "upgrade", "run-tool"],
+        &["info", "audit", "view", "paths", "equilibrium", "effects", "scale", "strength-scale", "upgrade", "run-tool"],
     ),
     ("Recordings", &["dynamometer", "dynamometer-drag", "emg", "c3d"]),
     ("Statistics", &["evaluate", "sensitivity", "ultrasound", "priors", "power"]),

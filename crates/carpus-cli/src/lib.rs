@@ -97,6 +97,7 @@ fn execute(cli: &Cli) -> Result<(), Failure> {
         Command::Info(args) => commands::info::run(args, global),
         Command::Audit(args) => commands::audit::run(args, global),
         Command::Paths(args) => commands::paths::run(args, global),
+        Command::View(args) => commands::view::run(args, global),
         Command::Equilibrium(args) => commands::equilibrium::run(args, global),
         Command::Simulate(args) => commands::simulate::run(args, global),
         Command::Compare(args) => commands::compare::run(args, global),

@@ -13,6 +13,7 @@ pub mod identifiability;
 pub mod intervals;
 pub mod ledger;
 pub mod live;
+pub mod model_page;
 pub mod moments;
 mod number;
 mod page;

@@ -40,7 +40,7 @@ struct StoryPage<'a> {
 /// The report of a results file: one self-contained HTML page.
 pub fn render_report(results: &Results) -> String {
     let live = Live::of(results);
-    let policy = live.as_ref().map_or_else(content_security_policy, Live::content_security_policy);
+    let policy = live.as_ref().map_or_else(content_security_policy, |live| live.embedded.content_security_policy());
     if let Some(story) = Story::new(results) {
         let page = StoryPage { policy, style: STYLE, script: SCRIPT, view: story, results, live };
         return finished(&page);

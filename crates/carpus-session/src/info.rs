@@ -134,10 +134,11 @@ impl Info {
 fn coordinates(spec: &ModelSpec, model: Option<&Model>) -> Vec<CoordinateInfo> {
     let info = |(i, c): (usize, &carpus_osim::osim::spec::CoordinateSpec)| {
         let index = CoordinateIndex(i);
-        let (motion_type, unit) = match c.motion_type {
-            MotionType::Rotational => ("rotational", "deg"),
-            MotionType::Translational => ("translational", "m"),
-            MotionType::Coupled => ("coupled", coupled_unit(spec, index)),
+        let unit = unit_of(spec, index);
+        let motion_type = match c.motion_type {
+            MotionType::Rotational => "rotational",
+            MotionType::Translational => "translational",
+            MotionType::Coupled => "coupled",
         };
         let shown = |v: f64| if unit == "deg" { v.to_degrees() } else { v };
         let follows = model.filter(|m| m.is_dependent(index)).map(|m| m.names_of_roots(index, ""));
@@ -156,10 +157,16 @@ fn coordinates(spec: &ModelSpec, model: Option<&Model>) -> Vec<CoordinateInfo> {
     spec.coordinates.iter().enumerate().map(info).collect()
 }
 
-/// Unit of a coordinate of which OpenSim says only that it is coupled: what turns its joint, wholly or among other
-/// things,
-/// is an angle. One that no axis uses may be either.
-pub(super) fn coupled_unit(spec: &ModelSpec, index: CoordinateIndex) -> &'static str {
+/// Unit in which people read a coordinate: `deg`, `m` or `rad or m`.
+///
+/// Of a coordinate OpenSim may say only that it is coupled: what turns its joint, wholly or among other things, is an
+/// angle. One that no axis uses may be either.
+pub(super) fn unit_of(spec: &ModelSpec, index: CoordinateIndex) -> &'static str {
+    match spec.coordinates[index.0].motion_type {
+        MotionType::Rotational => return "deg",
+        MotionType::Translational => return "m",
+        MotionType::Coupled => {}
+    }
     let JointKind::Custom(axes) = &spec.joints[spec.coordinates[index.0].joint.0].kind else { return "rad or m" };
     match axes.iter().position(|axis| axis.coordinates.contains(&index)) {
         Some(0..3) => "deg",

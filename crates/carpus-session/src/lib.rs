@@ -38,6 +38,7 @@
 //! | [`scale`] | [`scale::ScaleModel`], [`scale::ScaleStudy`] | models scaled by factors, or to participants |
 //! | [`strength`] | [`strength::StrengthScale`] | forces scaled to the maximum voluntary moments |
 //! | [`sweep`] | [`sweep::SweepPaths`] | muscle lengths and moment arms over a coordinate |
+//! | [`view`] | [`view::ViewModel`] | a page that shows a model in three dimensions |
 //! | [`equilibrium`] | [`equilibrium::Equilibrium`] | fibre lengths and forces at rest in a posture |
 //! | [`audit`] | [`audit::AuditModel`] | what no body has, over the ranges of a model's coordinates |
 //! | [`info`] | [`info::Info`] | what is in a model |
@@ -67,6 +68,7 @@ pub mod equilibrium;
 pub mod errors;
 pub mod evaluate;
 pub mod evaluation_report;
+pub mod geometry;
 pub mod identify;
 pub mod identify_files;
 pub mod info;
@@ -108,4 +110,5 @@ pub mod synth;
 pub mod ultrasound;
 pub mod units;
 pub mod upgrade;
+pub mod view;
 pub mod whole_study;

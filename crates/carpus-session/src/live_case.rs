@@ -18,6 +18,9 @@ use carpus_web::case::{
 };
 use carpus_web::fitting::intervals;
 
+/// Triangles of a bone that a report carries at most: all bones of an arm are some hundred kilobytes.
+const TRIANGLES: usize = 1500;
+
 impl Session<'_> {
     /// The case of this participant as results carry it; `None` where trials are too long for fits.
     ///
@@ -42,6 +45,7 @@ impl Session<'_> {
         let (run, settings) = (&self.data, &self.study.tables.settings);
         let model = run.loaded.file.document.bytes().to_vec();
         let side_car = SideCar { coordinate: settings.dynamometer.coordinate.clone(), effects: run.given.clone() };
+        let geometry = run.loaded.geometry(&[], TRIANGLES, &mut Vec::new()).bytes;
         let images = images(self.study, run)?.into_iter().map(|image| ImageOfCase {
             muscle: image.muscle,
             path_length: image.path_length,
@@ -54,6 +58,7 @@ impl Session<'_> {
             study: settings.name.clone(),
             participant: run.participant.name.clone(),
             model_bytes: model.len(),
+            geometry_bytes: geometry.len(),
             setup: SetupOfCase::of(run.model.setup()),
             bounds: settings.bounds,
             mvc: largest_moment(run),
@@ -66,7 +71,7 @@ impl Session<'_> {
             trials: run.trials.iter().map(TrialOfCase::of).collect(),
             states,
         };
-        Ok(Case { header, model, trials: run.trials.clone() })
+        Ok(Case { header, model, trials: run.trials.clone(), geometry })
     }
 }
 

@@ -4,8 +4,11 @@
 use wasm_bindgen::prelude::*;
 
 use super::case::EffectOfCase;
+use super::scene::{Scene, twelve};
 use super::workbench::{Exported, Simulated, Workbench};
 use carpus_diagnosis::forward_model::Setting;
+use carpus_osim::osim::OsimFile;
+use carpus_osim::osim::spec::CoordinateIndex;
 use carpus_simulation::simulation::MuscleParameters;
 
 #[wasm_bindgen]
@@ -102,9 +105,89 @@ impl Page {
         self.exported.as_ref()?.side_car.clone()
     }
 
+    /// What every active muscle does in a trial, one after the other: activation, force [N], moment [N·m] of the first, then
+    /// of the next.
+    pub fn muscles_of_trial(&self, trial: usize, muscles: &[f64], effects: &str) -> Result<Vec<f64>, JsError> {
+        let (muscles, effects) = self.read(muscles, effects)?;
+        let found = self.bench.muscles_of_trial(trial, &muscles, &effects).map_err(thrown)?;
+        Ok(found.into_iter().flat_map(|m| [m.activation, m.force, m.moment].concat()).collect())
+    }
+
+    /// The model, to be drawn.
+    pub fn stage(&self) -> Result<Stage, JsError> {
+        Ok(Stage { scene: self.bench.scene().map_err(thrown)? })
+    }
+
+    /// Bone geometry of the model; empty: there is none.
+    pub fn geometry(&self) -> Vec<u8> {
+        self.bench.geometry.clone()
+    }
+
+    /// All coordinates at a sample of a trial [rad or m].
+    pub fn coordinates_at(&self, trial: usize, sample: usize) -> Vec<f64> {
+        self.bench.coordinates_at(trial, sample)
+    }
+
     fn read(&self, muscles: &[f64], effects: &str) -> Result<(Vec<MuscleParameters>, Vec<Setting>), JsError> {
         let three: Vec<[f64; 3]> = muscles.chunks_exact(3).map(|m| [m[0], m[1], m[2]]).collect();
         let effects: Vec<EffectOfCase> = serde_json::from_str(effects).map_err(thrown)?;
         Ok((self.bench.parameters(&three).map_err(thrown)?, self.bench.settings(&effects).map_err(thrown)?))
+    }
+}
+
+/// A model that is drawn.
+#[wasm_bindgen]
+pub struct Stage {
+    scene: Scene,
+}
+
+#[wasm_bindgen]
+impl Stage {
+    /// Opens the bytes of a model file.
+    #[wasm_bindgen(constructor)]
+    pub fn new(model: &[u8]) -> Result<Stage, JsError> {
+        let file = OsimFile::parse(model, "model.osim").map_err(thrown)?;
+        Ok(Stage { scene: Scene::of(&file).map_err(thrown)? })
+    }
+
+    /// Coordinates, bodies, muscles, wrapping surfaces, as JSON.
+    pub fn description(&mut self) -> String {
+        self.scene.description().to_string()
+    }
+
+    /// The model with these coordinates [rad or m]: all coordinates; twelve numbers of ground and of every body; length,
+    /// number of points and points of every muscle.
+    pub fn posture(&mut self, q: &[f64]) -> Vec<f64> {
+        let posture = self.scene.posture(q);
+        let mut out = posture.q;
+        out.extend(posture.X_GB.iter().flat_map(twelve));
+        for muscle in posture.muscles {
+            out.extend([muscle.length, muscle.points.len() as f64]);
+            out.extend(muscle.points.iter().flat_map(|p| [p.x, p.y, p.z]));
+        }
+        out
+    }
+
+    /// Moment arm of every muscle about a coordinate.
+    pub fn moment_arms(&mut self, q: &[f64], about: usize) -> Vec<f64> {
+        self.coordinate(about).map(|about| self.scene.moment_arms(q, about)).unwrap_or_default()
+    }
+
+    /// Lengths, then moment arms, of the first of some muscles over values of a coordinate, then of the next.
+    pub fn sweep(&mut self, q: &[f64], about: usize, values: &[f64], muscles: &[usize]) -> Vec<f64> {
+        let swept = self.coordinate(about).map(|about| self.scene.sweep(q, about, values, muscles));
+        swept.unwrap_or_default().into_iter().flat_map(|m| [m.length, m.moment_arm].concat()).collect()
+    }
+
+    /// A moment arm as it is drawn: direction of the axis, its point, the line's point, both ends of the piece that pulls;
+    /// nothing where the coordinate turns nothing that the muscle pulls on.
+    pub fn lever(&mut self, q: &[f64], about: usize, muscle: usize) -> Vec<f64> {
+        let lever = self.coordinate(about).and_then(|about| self.scene.lever(q, about, muscle));
+        let five = lever.map(|l| [l.axis, l.on_axis, l.on_line, l.piece[0], l.piece[1]]);
+        five.into_iter().flatten().flat_map(|p| [p.x, p.y, p.z]).collect()
+    }
+
+    fn coordinate(&self, index: usize) -> Option<CoordinateIndex> {
+        (index < self.scene.model.n_coordinates()).then_some(CoordinateIndex(index))
     }
 }

@@ -1,7 +1,7 @@
 //! What a page carries: the model file, the trials as fits see them, and what was fitted already.
 //!
 //! As bytes: length of the header (four bytes, the lowest first), the header (JSON), the model file, the columns of
-//! every trial.
+//! every trial, bone geometry.
 
 use serde::{Deserialize, Serialize};
 
@@ -22,6 +22,8 @@ pub struct Case {
     pub model: Vec<u8>,
     /// The trials, in the order of recording.
     pub trials: Vec<Trial>,
+    /// Bone geometry for drawing; empty: there is none.
+    pub geometry: Vec<u8>,
 }
 
 /// A case without model file and samples.
@@ -35,6 +37,9 @@ pub struct Header {
     pub participant: String,
     /// Bytes of the model file.
     pub model_bytes: usize,
+    /// Bytes of bone geometry.
+    #[serde(default)]
+    pub geometry_bytes: usize,
     /// What of the model is simulated.
     pub setup: SetupOfCase,
     /// Bounds of the muscles' parameters.
@@ -157,6 +162,7 @@ impl Case {
             let own = [&trial.time, &trial.angle, &trial.moment];
             own.into_iter().chain(&trial.excitation).for_each(|column| columns::write(column, &mut out));
         }
+        out.extend(&self.geometry);
         out
     }
 
@@ -184,7 +190,8 @@ impl Case {
             trial.moment_samples = of_case.moment_samples.clone();
             trials.push(trial);
         }
-        Ok(Case { model: model.to_vec(), trials, header })
+        let geometry = rest.get(..header.geometry_bytes).ok_or(CaseError::Damaged("geometry"))?.to_vec();
+        Ok(Case { model: model.to_vec(), trials, geometry, header })
     }
 }
 

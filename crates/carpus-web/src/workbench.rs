@@ -30,6 +30,8 @@ pub struct Workbench {
     pub trials: Vec<Trial>,
     /// The trials prepared.
     pub forward: ForwardModel,
+    /// Bone geometry for drawing; empty: there is none.
+    pub geometry: Vec<u8>,
     pub(crate) given: Vec<Setting>,
     /// The trials as they are simulated without effects; `None`: as with effects.
     plain: Option<Vec<PreparedTrial>>,
@@ -134,7 +136,7 @@ impl Workbench {
     /// # Errors
     /// [`WorkbenchError`].
     pub fn open(bytes: &[u8]) -> Result<Workbench, WorkbenchError> {
-        let Case { header, model, trials } = Case::parse(bytes)?;
+        let Case { header, model, trials, geometry } = Case::parse(bytes)?;
         for text in &header.own_effects {
             let definition = Definition::parse(text, Path::new("effect.toml"))
                 .map_err(|problems| WorkbenchError::OwnEffect(format!("{:?}", problems.first().map(|p| &p.fault))))?;
@@ -149,7 +151,7 @@ impl Workbench {
         let forward = ForwardModel::new(&file.spec, &model, &trials)?.with_given(given.clone());
         let is_plain = header.plain && given.is_empty();
         let plain = is_plain.then(|| prepared(&model, &trials)).transpose()?;
-        Ok(Workbench { header, file, model, trials, forward, given, plain })
+        Ok(Workbench { header, file, model, trials, forward, geometry, given, plain })
     }
 
     /// Parameters of all active muscles from three of each ([`super::case::three`]).

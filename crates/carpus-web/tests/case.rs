@@ -29,6 +29,7 @@ fn case() -> Case {
         study: "a \u{202e} study".to_owned(),
         participant: "P01".to_owned(),
         model_bytes: model.len(),
+        geometry_bytes: 3,
         setup: SetupOfCase::of(&setup),
         bounds: ParameterBounds::default(),
         mvc: 10.0,
@@ -41,14 +42,14 @@ fn case() -> Case {
         trials: trials.iter().map(TrialOfCase::of).collect(),
         states: Vec::new(),
     };
-    Case { header, model, trials }
+    Case { header, model, trials, geometry: vec![1, 2, 3] }
 }
 
 #[test]
 fn verif_a_case_comes_back_to_the_last_bit() {
     let given = case();
     let read = Case::parse(&given.to_bytes()).unwrap();
-    assert_eq!((&read.header, &read.model), (&given.header, &given.model));
+    assert_eq!((&read.header, &read.model, &read.geometry), (&given.header, &given.model, &given.geometry));
     for (a, b) in read.trials.iter().zip(&given.trials) {
         assert_eq!((&a.time, &a.angle, &a.moment, &a.excitation), (&b.time, &b.angle, &b.moment, &b.excitation));
         assert_eq!((a.info.usage, a.info.place, &a.info.name), (b.info.usage, b.info.place, &b.info.name));

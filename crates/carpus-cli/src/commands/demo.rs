@@ -39,10 +39,10 @@ pub fn run(args: &DemoArgs, global: &Global) -> Result<(), Failure> {
     let report = args.out.join("report.html");
     let mut text = personalize::readable(&outcomes);
     text.push_str(&format!(
-        "\n\nreport              {}   (open it and drag)\npersonalized model  {}\nthe study           {}\n",
-        report.display(),
+        "\n\npersonalized model  {}\nthe study           {}\n\nopen {} and drag\n",
         args.out.join("model.osim").display(),
-        args.out.join("study").display()
+        args.out.join("study").display(),
+        report.display()
     ));
     print_result(&text)
 }

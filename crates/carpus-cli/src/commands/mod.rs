@@ -33,3 +33,4 @@ pub mod study;
 pub mod synth;
 pub mod ultrasound;
 pub mod upgrade;
+pub mod view;

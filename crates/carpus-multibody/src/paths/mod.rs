@@ -30,6 +30,7 @@
 //! on which the search for a closest point fails falls back to the point of the previous evaluation; here, as in a
 //! fresh OpenSim model, it is then left unwrapped.
 
+mod drawing;
 mod error;
 mod geometry;
 mod motion;

@@ -139,6 +139,14 @@ impl Path {
             || self.direct_coordinates().into_iter().any(|own| model.are_coupled(own, c))
     }
 
+    /// Points that do not move in their body: what they are fixed to, and where in it [m].
+    pub fn fixed_points(&self) -> impl Iterator<Item = (BaseIndex, Vector3<f64>)> + '_ {
+        self.points.iter().filter_map(|point| match &point.kind {
+            PointKind::Fixed { p_BS } | PointKind::Conditional { p_BS, .. } => Some((point.base, *p_BS)),
+            PointKind::Moving(_) => None,
+        })
+    }
+
     /// Wrap objects of the path, in the order of its wraps.
     pub fn wrap_objects(&self) -> impl Iterator<Item = WrapObjectIndex> + '_ {
         self.wraps.iter().map(|wrap| wrap.object)

@@ -1,6 +1,6 @@
 //! Ranges of coordinates, and couplers against them.
 
-use super::super::info::coupled_unit;
+use super::super::info::unit_of;
 use super::super::model::LoadedModel;
 use super::finding::{Check, Finding, Level, shown};
 use carpus_numerics::plausible::JOINT_ANGLE;
@@ -29,7 +29,7 @@ fn widths(loaded: &LoadedModel) -> Vec<Finding> {
     let mut findings = Vec::new();
     for (i, coordinate) in loaded.file.spec.coordinates.iter().enumerate() {
         let motion_type = loaded.model.coordinates[i].motion_type;
-        let turns = motion_type == MotionType::Coupled && coupled_unit(&loaded.file.spec, CoordinateIndex(i)) == "deg";
+        let turns = motion_type == MotionType::Coupled && unit_of(&loaded.file.spec, CoordinateIndex(i)) == "deg";
         if !(motion_type == MotionType::Rotational || turns)
             || coordinate.locked
             || loaded.model.is_dependent(CoordinateIndex(i))

@@ -1,43 +1,7 @@
 // The page's side of the workers: one simulates, another fits, so that curves still move while a fit runs.
 
-/** Bytes of a compressed data block of the page (gzip, base64). */
-async function block(id) {
-  const text = document.getElementById(id).textContent.trim();
-  const compressed = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-  const stream = new Blob([compressed]).stream().pipeThrough(new DecompressionStream("gzip"));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
-}
-
-class Remote {
-  constructor(url) {
-    this.waiting = new Map();
-    this.next = 0;
-    this.worker = new Worker(url);
-    this.worker.onmessage = ({ data }) => {
-      const waiting = this.waiting.get(data.id);
-      if (data.step) return waiting?.onStep?.(data.step);
-      this.waiting.delete(data.id);
-      if ("error" in data) waiting.reject(new Error(data.error));
-      else waiting.resolve(data.result);
-    };
-    // A fault of the program itself, out of memory among them.
-    this.worker.onerror = (event) => this.end(new Error(event.message || "the computation stopped"));
-  }
-
-  call(call, message = {}, onStep = null) {
-    const id = this.next++;
-    return new Promise((resolve, reject) => {
-      this.waiting.set(id, { resolve, reject, onStep });
-      this.worker.postMessage({ id, call, ...message });
-    });
-  }
-
-  end(reason) {
-    this.worker.terminate();
-    for (const { reject } of this.waiting.values()) reject(reason);
-    this.waiting.clear();
-  }
-}
+import { Remote } from "./remote.js";
+import { block } from "./unpack.js";
 
 export class Cancelled extends Error {}
 

@@ -17,10 +17,10 @@ const extent = (arrays) => {
 
 export class Figure {
   /**
-   * - `x`, `y`: { name, unit }; `small`: without axis titles and readings
+   * - `x`, `y`: { name, unit }; `small`: without axis titles and readings; `zero`: whether the axis holds zero
    */
-  constructor({ label, x, y, width, height, small = false }) {
-    Object.assign(this, { x, y, width, height, small, curves: [] });
+  constructor({ label, x, y, width, height, small = false, zero = true }) {
+    Object.assign(this, { x, y, width, height, small, zero, curves: [], lit: null });
     this.frame = small ? { left: 26, right: 4, top: 4, bottom: 14 } : { left: 52, right: 10, top: 8, bottom: 36 };
     this.root = drawn("svg", {
       class: "figure live-figure",
@@ -34,10 +34,12 @@ export class Figure {
     new ResizeObserver(() => this.resize()).observe(this.root);
     if (!small) this.root.addEventListener("pointermove", (event) => this.point(event));
     if (!small) this.root.addEventListener("pointerleave", () => this.leave());
+    if (!small) this.root.addEventListener("pointerdown", (event) => this.press(event));
   }
 
   /**
-   * Draws curves: { name, class, x, y }, and an area between two ends where there is `low` and `high`.
+   * Draws curves: { name, class, x, y }, and an area between two ends where there is `low` and `high`; `color` where no class
+   * has it, `key` where a curve is lit ([`light`]).
    * Axes hold all of them, and stay as they are while they do.
    */
   draw(curves, { keep = false } = {}) {
@@ -46,8 +48,9 @@ export class Figure {
       x: extent(curves.map((c) => c.x)),
       y: extent(curves.flatMap((c) => (c.low ? [c.y, c.low, c.high] : [c.y]))),
     };
-    const y = [Math.min(found.y[0], 0), Math.max(found.y[1], 0)];
-    const fits = keep && this.range && y[0] >= this.range.y[0] && y[1] <= this.range.y[1];
+    const y = this.zero ? [Math.min(found.y[0], 0), Math.max(found.y[1], 0)] : found.y;
+    const within = (now, ends) => now[0] >= ends[0] && now[1] <= ends[1];
+    const fits = keep && this.range && within(y, this.range.y) && within(found.x, this.range.x);
     if (!fits) {
       const margin = 0.04 * (y[1] - y[0]) || 1;
       this.range = { x: found.x, y: [y[0] - margin, y[1] + margin] };
@@ -60,9 +63,42 @@ export class Figure {
     this.lines.replaceChildren(
       ...this.curves.flatMap((curve) => [
         ...(curve.low ? [drawn("path", { class: `band ${curve.class}`, d: this.area(curve) })] : []),
-        drawn("path", { class: `curve ${curve.class}`, d: this.path(curve) }),
+        this.line(curve),
       ]),
     );
+    this.drawMark();
+  }
+
+  line(curve) {
+    const isDim = this.lit !== null && curve.key !== undefined && curve.key !== this.lit;
+    const state = isDim ? "dim" : curve.key !== undefined && curve.key === this.lit ? "lit" : "";
+    const made = drawn("path", { class: `curve ${curve.class} ${state}`, d: this.path(curve) });
+    if (curve.color) made.style.setProperty("stroke", curve.color);
+    return made;
+  }
+
+  /** Lets the curve of this key stand out; null: none. */
+  light(key) {
+    if (this.lit === key) return;
+    this.lit = key;
+    if (this.range) this.drawLines();
+  }
+
+  /** Draws a line at a value of the axis; null: none. */
+  mark(value) {
+    this.marked = value;
+    this.drawMark();
+  }
+
+  drawMark() {
+    this.markLine?.remove();
+    this.markLine = null;
+    if (this.marked === null || this.marked === undefined || !this.range) return;
+    const [low, high] = this.range.x;
+    if (!(this.marked >= low && this.marked <= high)) return;
+    const at = this.px(this.marked);
+    const ends = { x1: at, x2: at, y1: this.frame.top, y2: this.height - this.frame.bottom };
+    this.markLine = this.lines.appendChild(drawn("line", { class: "live-mark", ...ends }));
   }
 
   resize() {
@@ -129,13 +165,31 @@ export class Figure {
     this.axes.replaceChildren(...marks);
   }
 
+  /** Value of the axis at the pointer, and where it is drawn. */
+  value(event) {
+    const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(this.root.getScreenCTM().inverse());
+    const [low, high] = this.range.x;
+    const part = (at.x - this.frame.left) / (this.width - this.frame.left - this.frame.right);
+    return { value: low + part * (high - low), at };
+  }
+
+  press(event) {
+    if (!this.onDrag || !this.curves.length) return;
+    const { value } = this.value(event);
+    const [low, high] = this.range.x;
+    if (value < low || value > high) return;
+    this.onDrag(value);
+    this.root.setPointerCapture(event.pointerId);
+  }
+
   /** Values of all curves at the pointer. */
   point(event) {
     if (!this.curves.length) return;
-    const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(this.root.getScreenCTM().inverse());
+    const { value, at } = this.value(event);
     const [low, high] = this.range.x;
-    const value = low + ((at.x - this.frame.left) / (this.width - this.frame.left - this.frame.right)) * (high - low);
+    if (this.onDrag && event.buttons & 1) this.onDrag(Math.min(Math.max(value, low), high));
     if (value < low || value > high) return this.leave();
+    this.onPoint?.(value, this.nearestCurve(value, at.y));
     this.cross ??= this.root.insertBefore(drawn("line", { class: "cross" }), this.root.firstChild);
     for (const [name, v] of [
       ["x1", this.px(value)],
@@ -164,7 +218,22 @@ export class Figure {
     this.tip.style.setProperty("top", `${box.top - around.top + 10}px`);
   }
 
+  /** Key of the curve that is nearest to a place; null where none is near. */
+  nearestCurve(value, y) {
+    const NEAR = 14;
+    let [best, found] = [NEAR, null];
+    for (const { x, y: values, key } of this.curves) {
+      if (key === undefined) continue;
+      let i = 0;
+      while (i + 1 < x.length && x[i + 1] <= value) i += 1;
+      const away = Math.abs(this.py(values[i]) - y);
+      if (away < best) [best, found] = [away, key];
+    }
+    return found;
+  }
+
   leave() {
+    this.onPoint?.(null, null);
     this.cross?.remove();
     this.tip?.remove();
     this.cross = this.tip = null;

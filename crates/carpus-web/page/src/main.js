@@ -1,6 +1,7 @@
 // The part of a report that computes: opened from disk, without a network.
 import { effectControls, muscleControls } from "./controls.js";
 import { Engine } from "./engine.js";
+import { Motion } from "./motion.js";
 import { Residuals } from "./residuals.js";
 import { State } from "./state.js";
 import { Summary } from "./summary.js";
@@ -30,14 +31,17 @@ async function start() {
   const [residuals, waterfall] = [new Residuals(trials.trials), new Waterfall(engine)];
   const given = await engine.remote.call("simulate", { ...state.message(), anew: true });
 
+  const muscles = muscleControls(state);
+  const motion = new Motion({ engine, state, trials, tell, fieldsets: [...muscles.children] });
   at("live-controls").append(
     toolbar({ engine, state, trials, tell }),
     tabs(state, [
-      [() => "Muscles", muscleControls(state)],
+      [() => "Muscles", muscles],
       [() => (state.effects.length ? `Effects (${state.effects.length} on)` : "Effects"), effectControls(state)],
     ]),
   );
-  const ofOne = [trials.focus, trials.grid];
+  const ofOne = [trials.focus, motion.root, trials.grid];
+  trials.onChoose = () => motion.renew();
   at("live-figures").append(summary.cards, summary.conditions, waterfall.root, ...ofOne, residuals.root);
 
   const show = (now, settled) =>
@@ -51,6 +55,7 @@ async function start() {
   let [calm, changes] = [0, 0];
   engine.onSimulated = (now, message) => {
     show(now, false);
+    motion.renew();
     clearTimeout(calm);
     const anew = async () => {
       const found = await engine.remote.call("simulate", { ...message, anew: true });

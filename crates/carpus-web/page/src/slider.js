@@ -7,18 +7,21 @@ let count = 0;
 
 /**
  * - `range`: ends; `toShown`, `toValue`: between values and what people read
+ * - `decimals`: of the number that is read; null: six significant digits
+ * - `note`: why it cannot be moved, in place of its ends; null: it can
  */
 export class Slider {
-  constructor({ label, title, unit, range, mark, onChange, toShown = (v) => v, toValue = (v) => v }) {
-    Object.assign(this, { range, toShown, toValue, onChange });
+  constructor({ label, title, unit, range, mark, onChange, toShown = (v) => v, toValue = (v) => v, note = null, decimals = null }) {
+    Object.assign(this, { range, toShown, toValue, onChange, decimals });
     const id = `live-slider-${count++}`;
     const [low, high] = range;
     this.input = element("input", { type: "range", id, min: 0, max: STEPS, step: 1 });
     this.field = element("input", { type: "number", class: "field", step: "any" });
-    this.field.setAttribute("aria-label", `${title} [${unit}]`);
+    this.field.setAttribute("aria-label", unit ? `${title} [${unit}]` : title);
     this.band = element("span", { class: "live-interval", hidden: true });
     this.given = element("span", { class: "live-given", hidden: true });
-    const ends = element("span", { class: "live-ends" }, `${shown(toShown(low), 4)} … ${shown(toShown(high), 4)}`);
+    const ends = element("span", { class: "live-ends" }, note ?? `${shown(toShown(low), 4)} … ${shown(toShown(high), 4)}`);
+    this.input.disabled = this.field.disabled = note !== null;
     const name = element("label", { htmlFor: id, title }, label);
     const track = element("span", { class: "live-track" }, this.band, this.given, this.input);
     this.root = element(
@@ -49,7 +52,10 @@ export class Slider {
     this.value = value;
     this.input.value = Math.round(((value - low) / (high - low)) * STEPS);
     this.input.setAttribute("aria-valuetext", shown(this.toShown(value), 4));
-    this.field.value = Number(this.toShown(value).toPrecision(6));
+    // Values that couplers compute may be no numbers.
+    const now = this.toShown(value);
+    const rounded = Number(this.decimals === null ? now.toPrecision(6) : now.toFixed(this.decimals));
+    this.field.value = Number.isFinite(now) ? rounded + 0 : "";
   }
 
   /** Draws an interval on the track; none: nothing is drawn. */

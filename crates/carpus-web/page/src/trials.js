@@ -76,6 +76,7 @@ export class Trials {
     this.chosen = i;
     this.panels.forEach((p, k) => p.root.setAttribute("aria-pressed", k === i));
     this.drawFocus(false);
+    this.onChoose?.();
   }
 
   /** - `given`, `now`: what the engine answered */

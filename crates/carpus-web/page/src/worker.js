@@ -1,9 +1,10 @@
 // The side of the page that computes: the program itself, compiled to WebAssembly, in a worker.
 //
 // In: { id, call, ... }. Out: { id, result } or { id, error }; on the way { id, step }.
-import init, { Page } from "carpus-web";
+import init, { Page, Stage } from "carpus-web";
 
 let page = null;
+let stage = null;
 
 const calls = {
   async open({ module, bytes }) {
@@ -22,6 +23,39 @@ const calls = {
     let done = 0;
     const step = () => postMessage({ id, step: { done: (done += 1) } });
     return [JSON.parse(page.fit(JSON.stringify(effects), { step })), []];
+  },
+  async openModel({ module, bytes }) {
+    await init({ module_or_path: module });
+    stage = new Stage(new Uint8Array(bytes));
+    return [JSON.parse(stage.description()), []];
+  },
+  openStage() {
+    stage ??= page.stage();
+    const geometry = page.geometry();
+    return [{ description: JSON.parse(stage.description()), geometry }, [geometry.buffer]];
+  },
+  posture({ q }) {
+    const flat = stage.posture(Float64Array.from(q));
+    return [flat, [flat.buffer]];
+  },
+  momentArms({ q, about }) {
+    const arms = stage.moment_arms(Float64Array.from(q), about);
+    return [arms, [arms.buffer]];
+  },
+  sweep({ q, about, values, muscles }) {
+    const flat = stage.sweep(Float64Array.from(q), about, Float64Array.from(values), Uint32Array.from(muscles));
+    return [flat, [flat.buffer]];
+  },
+  lever({ q, about, muscle }) {
+    return [stage.lever(Float64Array.from(q), about, muscle), []];
+  },
+  postureAt({ trial, sample }) {
+    const flat = stage.posture(page.coordinates_at(trial, sample));
+    return [flat, [flat.buffer]];
+  },
+  musclesOfTrial({ trial, muscles, effects }) {
+    const flat = page.muscles_of_trial(trial, Float64Array.from(muscles.flat()), JSON.stringify(effects));
+    return [flat, [flat.buffer]];
   },
   export({ muscles, effects }) {
     const model = page.export(Float64Array.from(muscles.flat()), JSON.stringify(effects));

@@ -4,48 +4,14 @@
 //
 // A plan: { "fields": [[muscle, property, value]], "effect": id or null, "values": [..],
 // "model": label or null, "last": the last of its effects or null, "fit": true or false,
-// "screenshots": folder or null }.
-import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
-import { tmpdir } from "node:os";
+// "motion": true or false, "screenshots": folder or null }.
+import { readFileSync, writeFileSync } from "node:fs";
 import path from "node:path";
-import { pathToFileURL } from "node:url";
-import { chromium } from "playwright-core";
+import { looks, withPage } from "./chromium.mjs";
 
 const [report, planFile, seenFile] = process.argv.slice(2);
 const plan = JSON.parse(readFileSync(planFile, "utf8"));
-const executablePath = process.env.CARPUS_CHROMIUM ?? "/usr/bin/chromium";
-const profile = mkdtempSync(path.join(tmpdir(), "carpus-browser-"));
-const args = [
-  "--no-sandbox",
-  "--disable-gpu",
-  "--no-first-run",
-  "--disable-background-networking",
-  "--disable-component-update",
-  "--disable-sync",
-];
-// Looked at now and then: a look at every frame would keep the browser drawing while the page computes.
-const looks = { timeout: 300_000, polling: 50 };
-const context = await chromium.launchPersistentContext(profile, {
-  executablePath,
-  args,
-  headless: true,
-  acceptDownloads: true,
-  viewport: { width: 1366, height: 768 },
-  colorScheme: plan.theme ?? "light",
-});
-const seen = { requests: [], complaints: [], downloads: {} };
-try {
-  const page = await context.newPage();
-  const own = pathToFileURL(path.resolve(report)).href;
-  const note = (request) => {
-    if (request.url().split("#")[0] !== own && !/^(blob:|data:)/.test(request.url())) seen.requests.push(request.url());
-  };
-  context.on("request", note);
-  page.on("console", (message) => {
-    if (message.type() === "error") seen.complaints.push(message.text());
-  });
-  page.on("pageerror", (error) => seen.complaints.push(String(error)));
-  await page.goto(own);
+const seen = await withPage(report, { colorScheme: plan.theme ?? "light" }, async (page, seen, downloads) => {
   await page.waitForFunction(() => document.getElementById("live").dataset.renewed, null, looks);
   const data = () => page.evaluate(() => ({ ...document.getElementById("live").dataset }));
   seen.startedMs = Number((await data()).started);
@@ -78,17 +44,7 @@ try {
   };
   const download = async (name, count = 1) => {
     await settled();
-    const files = [];
-    const all = new Promise((resolve) =>
-      page.on("download", (d) => {
-        files.push(d);
-        if (files.length === count) resolve();
-      }),
-    );
-    await page.getByRole("button", { name, exact: true }).click();
-    await all;
-    for (const file of files)
-      seen.downloads[file.suggestedFilename()] = readFileSync(await file.path()).toString("base64");
+    await downloads(() => page.getByRole("button", { name, exact: true }).click(), count);
   };
   const shoot = async (name) => {
     if (plan.screenshots) await page.screenshot({ path: path.join(plan.screenshots, `${name}.png`) });
@@ -162,10 +118,40 @@ try {
     await download("Save parameters");
     await shoot("fitted");
   }
-  seen.executed = await page.evaluate(() => Boolean(window.executed));
+  if (plan.motion) await motion(page, seen, download, shoot);
   seen.text = await live.innerText();
-} finally {
-  await context.close();
-  rmSync(profile, { recursive: true, force: true });
-}
+});
 writeFileSync(seenFile, JSON.stringify(seen));
+
+/** The model in the chosen trial: it is drawn, plays, and a muscle that is pointed at stands out. */
+async function motion(page, seen, download, shoot) {
+  const panel = page.locator(".live-motion");
+  await panel.scrollIntoViewIfNeeded();
+  await page.waitForFunction(() => document.querySelector(".live-motion").dataset.sample, null, looks);
+  await page.waitForFunction(() => document.querySelectorAll(".live-motion .curve.series").length > 0, null, looks);
+  const sample = async () => Number(await panel.getAttribute("data-sample"));
+  seen.motion = { trial: await page.locator(".live-focus h3 small").innerText(), before: await sample() };
+  await panel.getByRole("button", { name: "Play", exact: true }).click();
+  await page.waitForFunction(
+    (before) => Number(document.querySelector(".live-motion").dataset.sample) > before + 10,
+    seen.motion.before,
+    looks,
+  );
+  await panel.getByRole("button", { name: "Pause", exact: true }).click();
+  seen.motion.after = await sample();
+  await shoot("motion");
+  // The time of a curve that is pointed at is that of the model.
+  const box = await page.locator(".live-focus .live-figure").first().boundingBox();
+  await page.mouse.move(box.x + 60, box.y + 60);
+  await page.waitForTimeout(300);
+  seen.motion.pointed = await sample();
+  await panel.locator(".live-name").first().focus();
+  seen.motion.lit = await page.evaluate(() => [
+    document.querySelectorAll(".live-motion .curve.lit").length,
+    document.querySelectorAll("#live fieldset.lit").length,
+  ]);
+  await download("Save numbers of: Moment of every muscle in the chosen trial");
+  await download("Save as SVG: Moment of every muscle in the chosen trial");
+  await download("Save as PNG: Moment of every muscle in the chosen trial");
+  await download("Save a picture of the model (PNG)");
+}

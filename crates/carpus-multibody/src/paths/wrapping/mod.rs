@@ -12,7 +12,7 @@
 //! ellipsoid's intermediate point `c1`, used only if the search for a closest point on the ellipsoid fails: there
 //! we start, as a fresh OpenSim model does, from NaN.
 //!
-//! Deliberately not here: the points that OpenSim samples along the curve for drawing.
+//! Deliberately not here: points along the curve for drawing (see [`Path::drawn_points`](super::Path::drawn_points)).
 
 pub mod cylinder;
 pub mod ellipsoid;

@@ -3,6 +3,7 @@
 use super::Writer;
 use super::xml::numbers;
 use crate::osim::document::ElementId;
+use crate::osim::meshes::{MeshSpec, of_visible_object};
 use crate::osim::spec::{FrameIndex, Quadrant, WrapShape};
 
 impl Writer<'_> {
@@ -97,45 +98,24 @@ impl Writer<'_> {
     /// Meshes of a body of an old file that stand where the body does; others are listed.
     fn meshes(&mut self, body: Option<ElementId>, path: &str) {
         let document = &self.file.document;
-        let Some(visible) = body.and_then(|body| document.child(body, "VisibleObject")) else { return };
-        let read = |element: ElementId, tag: &str, default: &[f64]| -> Vec<f64> {
-            let text = document.child(element, tag).map(|child| document.text(child)).unwrap_or_default();
-            let values: Vec<f64> = text.split_ascii_whitespace().filter_map(|word| word.parse().ok()).collect();
-            if values.len() == default.len() { values } else { default.to_vec() }
-        };
-        let outer = read(visible, "scale_factors", &[1.0; 3]);
-        let moved = |element: ElementId| read(element, "transform", &[0.0; 6]).iter().any(|x| *x != 0.0);
-        let set = document.child(visible, "GeometrySet").and_then(|set| document.child(set, "objects"));
-        let mut meshes = Vec::new();
-        for &geometry in set.map_or(&[][..], |set| document.children(set)) {
-            let Some(file) = document.child(geometry, "geometry_file").map(|file| document.text(file)) else {
-                continue;
-            };
-            if moved(geometry) || moved(visible) {
-                let text = format!("{path}: geometry {file}, which has a transform of its own");
-                self.left_out.push((document.line(geometry), text));
-                continue;
-            }
-            let own = read(geometry, "scale_factors", &[1.0; 3]);
-            let scale: Vec<f64> = own.iter().zip(&outer).map(|(a, b)| a * b).collect();
-            meshes.push((file, scale, read(geometry, "color", &[1.0; 3])));
-        }
-        if let Some(files) = document.child(visible, "geometry_files") {
-            let files = document.text(files);
-            meshes.extend(files.split_ascii_whitespace().map(|file| (file.to_owned(), outer.clone(), vec![1.0; 3])));
-        }
+        let Some(body) = body else { return };
+        let (meshes, moved): (Vec<_>, Vec<_>) = of_visible_object(document, body, FrameIndex(0))
+            .into_iter()
+            .partition(|mesh| mesh.transform.iter().all(|x| *x == 0.0));
+        let text = |mesh: MeshSpec| format!("{path}: geometry {}, which has a transform of its own", mesh.file);
+        self.left_out.extend(moved.into_iter().map(|mesh| (mesh.line, text(mesh))));
         if meshes.is_empty() {
             return;
         }
         self.xml.open("attached_geometry", &[]);
-        for (i, (file, scale, color)) in meshes.iter().enumerate() {
+        for (i, mesh) in meshes.iter().enumerate() {
             self.xml.open("Mesh", &[("name", &format!("geometry_{}", i + 1))]);
             self.xml.text("socket_frame", "..");
-            self.xml.text("scale_factors", &numbers(scale));
+            self.xml.text("scale_factors", &numbers(mesh.scale_factors.as_slice()));
             self.xml.open("Appearance", &[]);
-            self.xml.text("color", &numbers(color));
+            self.xml.text("color", &numbers(&mesh.color));
             self.xml.close();
-            self.xml.text("mesh_file", file);
+            self.xml.text("mesh_file", &mesh.file);
             self.xml.close();
         }
         self.xml.close();
