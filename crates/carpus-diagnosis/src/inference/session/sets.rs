@@ -72,7 +72,7 @@ impl Session<'_> {
                 let in_place = probability / state.sets.of_effect(effect).max(f64::MIN_POSITIVE);
                 let is_likely =
                     is_likely(group, probability) || is_likely_by_simulation(group, behind, in_place.max(1.0));
-                if !is_likely || (behind < 0.0 && !self.takes_what_is_left(&state, &without)) {
+                if (!is_likely || behind < 0.0) && !self.takes_what_is_left(&state, &without) {
                     let sizes = self.sizes(&without).clone();
                     self.weigh(&mut without, &rest, &sizes, &candidates, &[]);
                     (state, has_minima) = (without, false);
