@@ -118,8 +118,8 @@ pub struct Outcome {
 
 /// What a diagnosis does, in this order.
 pub const PHASES: [&str; 5] = [
-    "searching for sets of effects",
     "fitting the muscles alone",
+    "searching for sets of effects",
     "leaving out each effect",
     "dividing the error",
     "testing what is left",
@@ -141,9 +141,10 @@ pub fn diagnose(request: &Request, at: &dyn Fn(usize)) -> Result<Outcome, Simula
         at(phase);
     };
     begins(0);
-    let found = session.estimate(&[], false, &report)?;
-    begins(1);
     let muscles = request.muscles()?;
+    session.starting_from(&muscles);
+    begins(1);
+    let found = session.estimate(&[], false, &report)?;
     // Beside effects the noise is smaller, and tests of what is left see more.
     let alone = session.taken_up(&muscles, &report)?;
     begins(2);

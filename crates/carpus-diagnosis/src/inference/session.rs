@@ -137,6 +137,8 @@ pub struct Session<'a> {
     images: Vec<RestingFiber>,
     /// Mean and standard deviation of the logarithm of every muscle parameter's factor before the data; empty: those of the bounds.
     muscle_priors: Vec<[f64; 2]>,
+    /// Where the search starts from beside the model as given: the muscles alone.
+    further_start: Option<Point>,
 }
 
 /// What is handed over to the user.
@@ -222,7 +224,13 @@ impl<'a> Session<'a> {
             noise_is_final: false,
             images: Vec::new(),
             muscle_priors: Vec::new(),
+            further_start: None,
         }
+    }
+
+    /// The session, its search starting also from where the muscles alone of the same trials are.
+    pub fn starting_from(&mut self, muscles: &super::muscles::Muscles) {
+        self.further_start = Some(muscles.state.point.clone());
     }
 
     /// The session in which only some effects may be named.
@@ -484,7 +492,11 @@ impl<'a> Session<'a> {
             ));
         }
         reached.truncate(STARTS);
-        Ok(reached.into_iter().map(|r| r.start(levels)).collect())
+        let mut starts: Vec<Start> = reached.into_iter().map(|r| r.start(levels)).collect();
+        if let Some(point) = self.further_start.clone() {
+            starts.push(Start { point, levels, set: none, sizes, directions });
+        }
+        Ok(starts)
     }
 
     /// Noise, linear model and sets at a point.
