@@ -161,7 +161,7 @@ impl Noise {
 
 /// Biodex beside Delsys, started by one trigger.
 fn biodex_delsys(out: &Path, trials: &[Trial]) -> io::Result<()> {
-    const RATE: f64 = 1259.259_259;
+    const RATE: f64 = 1_259.259_259;
     const MOTION_RATE: f64 = 148.148_148;
     let folders = [out.join("S01/Biodex"), out.join("S01/EMG")];
     folders.iter().try_for_each(fs::create_dir_all)?;
