@@ -86,7 +86,7 @@ pub enum Command {
     Synth(SynthArgs),
     /// What is in a model, and what is not supported, by line
     Info(InfoArgs),
-    /// What no body has: jumps, slack tendons, wrong units and signs, over the ranges of a model
+    /// What no body has: jumps, slack tendons, wrong units or signs
     Audit(AuditArgs),
     /// Muscle lengths and moment arms over a coordinate
     Paths(PathsArgs),

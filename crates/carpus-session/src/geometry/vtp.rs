@@ -246,7 +246,7 @@ mod tests {
         let points = "format=\"ascii\">0 0 0 1 0 0";
         let said = |c: &str, o: &str| read(file("", points, c, o, "")).and_then(Mesh::checked).unwrap_err();
         assert!(said("format=\"ascii\">0 1 2", "format=\"ascii\">9").contains("ends at 9"));
-        assert!(said("format=\"ascii\">0 1 x", "format=\"ascii\">3").contains("line 6"));
+        assert!(said("format=\"ascii\">0 1 x", "format=\"ascii\">3").contains("line 5"));
         assert!(said("format=\"ascii\">0 1 2", "format=\"ascii\">3").contains("the point 2"));
         assert!(said("format=\"binary\">////////", "format=\"ascii\">3").contains("letters"));
         assert!(read(b"<VTKFile type=\"ImageData\"/>".to_vec()).is_err());
