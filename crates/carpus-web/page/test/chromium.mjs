@@ -34,6 +34,7 @@ export async function withPage(file, options, act) {
   const seen = { requests: [], complaints: [], downloads: {} };
   try {
     const page = await context.newPage();
+    page.setDefaultTimeout(120_000);
     const own = pathToFileURL(path.resolve(file)).href;
     context.on("request", (request) => {
       const is = request.url().split("#")[0];

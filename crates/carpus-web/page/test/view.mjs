@@ -92,8 +92,12 @@ async function keyboard(page, seen, renewed) {
   for (const key of ["ArrowLeft", "+", "Home"]) {
     const before = await picture();
     await page.keyboard.press(key);
-    await page.waitForTimeout(250);
-    seen.turned.push((await picture()) !== before);
+    let turned = false;
+    for (let i = 0; i < 80 && !turned; i += 1) {
+      await page.waitForTimeout(250);
+      turned = (await picture()) !== before;
+    }
+    seen.turned.push(turned);
   }
 }
 
