@@ -141,9 +141,14 @@ async function motion(page, seen, download, shoot) {
   seen.motion.after = await sample();
   await shoot("motion");
   // The time of a curve that is pointed at is that of the model.
-  const box = await page.locator(".live-focus .live-figure").first().boundingBox();
-  await page.mouse.move(box.x + 60, box.y + 60);
-  await page.waitForTimeout(300);
+  const figure = page.locator(".live-focus .live-figure").first();
+  await figure.scrollIntoViewIfNeeded();
+  await figure.hover({ position: { x: 60, y: 60 } });
+  await page.waitForFunction(
+    (before) => Number(document.querySelector(".live-motion").dataset.sample) < before,
+    seen.motion.before,
+    looks,
+  );
   seen.motion.pointed = await sample();
   await panel.locator(".live-name").first().focus();
   seen.motion.lit = await page.evaluate(() => [
