@@ -118,8 +118,8 @@ pub struct Outcome {
 
 /// What a diagnosis does, in this order.
 pub const PHASES: [&str; 5] = [
-    "searching for sets of effects",
     "fitting the muscles alone",
+    "searching for sets of effects",
     "leaving out each effect",
     "dividing the error",
     "testing what is left",
@@ -141,9 +141,10 @@ pub fn diagnose(request: &Request, at: &dyn Fn(usize)) -> Result<Outcome, Simula
         at(phase);
     };
     begins(0);
-    let found = session.estimate(&[], false, &report)?;
-    begins(1);
     let muscles = request.muscles()?;
+    session.starting_from(&muscles);
+    begins(1);
+    let found = session.estimate(&[], false, &report)?;
     // Beside effects the noise is smaller, and tests of what is left see more.
     let alone = session.taken_up(&muscles, &report)?;
     begins(2);
@@ -170,7 +171,7 @@ pub fn diagnose(request: &Request, at: &dyn Fn(usize)) -> Result<Outcome, Simula
     let left = test(&session.analysis, &session.as_fit(&state), &not_testable)?;
     let something_is_left = left.p_value < LEVEL;
     let judge = Judge { request, session: &session, null: &null, not_testable: &not_testable };
-    let refit_error = judge.rmse_at(&alone)?.max(f64::MIN_POSITIVE);
+    let refit_error = judge.rmse_of(&recalibrated)?.unwrap_or(0.0).max(f64::MIN_POSITIVE);
     let mut explanations = match effects.len() {
         1 | 2 if !something_is_left => judge.explanations(&state, refit_error)?,
         _ => Vec::new(),
@@ -179,7 +180,7 @@ pub fn diagnose(request: &Request, at: &dyn Fn(usize)) -> Result<Outcome, Simula
     if !implausible {
         explanations.retain(|e| e.plausible);
     }
-    let fall = 1.0 - judge.rmse_at(&state)? / refit_error;
+    let fall = 1.0 - judge.rmse_of(&handed_over)?.unwrap_or(0.0) / refit_error;
     let dominant = effects.iter().filter(|e| e.dominant).count();
     let verdict = match explanations.as_slice() {
         [] if effects.is_empty() && something_is_left => Verdict::Unknown,
@@ -309,11 +310,6 @@ impl Judge<'_> {
         self.error(&model.parameters, &model.effects, TrialUse::Train)
     }
 
-    /// The same at a state's joint mode.
-    fn rmse_at(&self, state: &State) -> Result<f64, SimulationError> {
-        Ok(self.error(&state.point.parameters, &state.point.effects, TrialUse::Train)?.unwrap_or(0.0))
-    }
-
     /// RMSE of the trials of a use / session MVC moment.
     fn error(
         &self,
@@ -351,7 +347,7 @@ impl Judge<'_> {
     /// The sets of effects that leave nothing: that of a state, and those with another effect in the place of one of them that are not
     /// much less probable.
     ///
-    /// - `refit_error`: training error at the joint mode of the muscles alone
+    /// - `refit_error`: training error of the refitted muscles alone
     fn explanations(&self, state: &State, refit_error: f64) -> Result<Vec<Explanation>, SimulationError> {
         let session = self.session;
         let set = session.places(&state.point.effects);
@@ -377,7 +373,7 @@ impl Judge<'_> {
                 effects: state.point.effects.iter().map(|s| s.effect.description().id).collect(),
                 p_value: left.p_value,
                 deviance_behind: behind - least,
-                error_fall: 1.0 - self.rmse_at(state)? / refit_error,
+                error_fall: 1.0 - self.rmse_of(&model)?.unwrap_or(0.0) / refit_error,
                 held_out_error: self.error(&model.parameters, &model.effects, TrialUse::Test)?,
                 plausible: estimates.values().all(ParameterEstimate::reaches_plausible),
                 parameters: estimates,

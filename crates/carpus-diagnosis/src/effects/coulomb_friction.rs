@@ -68,6 +68,22 @@ impl Effect for CoulombFriction {
         }
     }
 
+    fn moment_derivative(&self, values: &[f64], parameter: usize, joint: &JointState) -> Option<Vec<f64>> {
+        let [friction, ratio, given] = *values else { return None };
+        let transition = given.max(LEAST_TRANSITION_SPEED);
+        let by = |speed: &f64| {
+            let (excess, slide) = ((-(speed / BREAKAWAY_SPEED).powi(2)).exp(), (speed / transition).tanh());
+            let breakaway = 1.0 + (ratio - 1.0) * excess;
+            match parameter {
+                0 => -breakaway * slide,
+                1 => -friction * excess * slide,
+                _ if given < LEAST_TRANSITION_SPEED => 0.0,
+                _ => friction * breakaway * (1.0 - slide * slide) * speed / (transition * transition),
+            }
+        };
+        Some(joint.speed.iter().map(by).collect())
+    }
+
     fn native_form(&self, values: &[f64], _: f64) -> Option<NativeForm> {
         let [friction, ratio, transition] = *values else { return None };
         let (excess, transition) = (ratio - 1.0, transition.max(LEAST_TRANSITION_SPEED));

@@ -51,6 +51,15 @@ impl Effect for UnmodelledMuscles {
         (!silent_muscles.names.is_empty()).then_some(MEMORY)
     }
 
+    fn moment_derivative(&self, _: &[f64], parameter: usize, joint: &JointState) -> Option<Vec<f64>> {
+        // In proportion to both.
+        let mut unit = [0.0; 2];
+        *unit.get_mut(parameter)? = 1.0;
+        let mut by = vec![0.0; joint.angle.len()];
+        self.add_moment(&unit, joint, &mut by);
+        Some(by)
+    }
+
     fn add_moment(&self, values: &[f64], joint: &JointState, moment: &mut [f64]) {
         let [increasing, decreasing] = *values else { return };
         let trial = joint.trial;

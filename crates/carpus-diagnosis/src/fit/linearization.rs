@@ -48,6 +48,13 @@ impl Analysis<'_> {
         self.linearized(point, noise, &variants)
     }
 
+    /// The same near a point with the same effects: derivatives by their parameters stay as they were there.
+    pub(crate) fn linearize_beside(&self, point: &Point, before: &[Linear]) -> Result<Vec<Linear>, SimulationError> {
+        let linear = self.linearized(point, &[], &[])?;
+        let with_effects = |(linear, before): (Linear, &Linear)| Linear { effects: before.effects.clone(), ..linear };
+        Ok(linear.into_iter().zip(before).map(with_effects).collect())
+    }
+
     /// - `variants`: of every effect of which derivatives are asked for, those of the point in their order
     fn linearized(
         &self,

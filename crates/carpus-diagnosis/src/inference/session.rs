@@ -29,6 +29,7 @@ use crate::noise::{self, NoiseLevels, TrialNoise};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 use carpus_study::study::ParameterBounds;
 pub use other_minima::OtherMinimum;
+use steps::profiled;
 
 /// Prior scale of κ: what a laboratory has of every effect, as a share of what is plausible, equation (5).
 const EVERYTHING: f64 = 0.15;
@@ -49,12 +50,16 @@ const ALONE: usize = 16;
 const FIRST_STEPS: usize = 4;
 /// Rounds of search, simulation of other sets, noise and relinearization, at most.
 const ROUNDS: usize = 6;
+/// Times that a descent goes on with the directions and the noise where it came to, at most.
+const PASSES: usize = 2;
 /// Share of the sizes' scales that is as good as nothing.
 const NOTHING_ELSE: f64 = 0.02;
 /// Gauss–Newton steps with a set of effects.
 const STEPS: usize = 5;
 /// Most probable sets beside the best that are tried by simulation in a round …
 const OTHERS: usize = 3;
+/// … effects that are tried beside those of the point …
+const ADDITIONS: usize = 3;
 /// … and sets in which an effect gives way to a rival.
 const RIVALS: usize = 6;
 /// Largest expected error of the logarithm of the EMG.
@@ -63,10 +68,14 @@ const LARGEST_NOISE: f64 = 0.7;
 const CORRECTIONS: usize = 4;
 /// … and one that lowers −2 log posterior by less is the last.
 const SETTLED_EMG: f64 = 1.0;
+/// Share of a correction that is tried where the whole would raise −2 log posterior.
+const SHORTENED: f64 = 0.3;
 /// An effect may stand in another's place where the set with it has more than this share of the probability, equation (22).
 const STANDS_IN: f64 = 0.1;
-/// Of the sets that were tried in a round, those first whose noise is estimated anew.
+/// Of the sets that were tried in a round, so many at a time have their noise estimated anew, until one is ahead …
 const ASSESSED: usize = 2;
+/// … and so many at most.
+const ASSESSED_IN_A_ROUND: usize = 6;
 /// The estimate has settled when a round lowers −2 log posterior, equation (20), by less than this.
 const SETTLED: f64 = 3.0;
 
@@ -128,6 +137,8 @@ pub struct Session<'a> {
     images: Vec<RestingFiber>,
     /// Mean and standard deviation of the logarithm of every muscle parameter's factor before the data; empty: those of the bounds.
     muscle_priors: Vec<[f64; 2]>,
+    /// Where the search starts from beside the model as given: the muscles alone.
+    further_start: Option<Point>,
 }
 
 /// What is handed over to the user.
@@ -144,6 +155,7 @@ pub struct HandedOver {
 }
 
 /// Where a round begins.
+#[derive(Clone)]
 struct Start {
     point: Point,
     levels: NoiseLevels,
@@ -212,7 +224,13 @@ impl<'a> Session<'a> {
             noise_is_final: false,
             images: Vec::new(),
             muscle_priors: Vec::new(),
+            further_start: None,
         }
+    }
+
+    /// The session, its search starting also from where the muscles alone of the same trials are.
+    pub fn starting_from(&mut self, muscles: &super::muscles::Muscles) {
+        self.further_start = Some(muscles.state.point.clone());
     }
 
     /// The session in which only some effects may be named.
@@ -280,7 +298,8 @@ impl<'a> Session<'a> {
         report(&format!("{} starts, {:.1?}", starts.len(), clock.elapsed()));
         let mut followed: Vec<State> = Vec::new();
         for start in starts {
-            let Ok(mut state) = self.assessed(start, &candidates, &always) else { continue };
+            let Ok(mut state) = self.with_noise(start.clone()) else { continue };
+            self.weigh(&mut state, &start.set, &start.sizes, &candidates, &always);
             let next = self.advanced(&state, None)?.into_iter().next();
             if let Some(Ok(next)) = next.map(|start| self.assessed(start, &candidates, &always)) {
                 state = if self.behind(&next, &state) < 0.0 { next } else { state };
@@ -312,20 +331,32 @@ impl<'a> Session<'a> {
     pub fn settle(&self, begun: Begun, report: &dyn Fn(&str)) -> Result<State, SimulationError> {
         let (candidates, always) = (begun.candidates.clone(), begun.always.clone());
         let state = self.rounds(begun, report)?;
-        let others = self.other_minima(&state)?;
+        // Where effects are still to be left out, other minima are looked for afterwards.
+        if candidates.is_empty() { Ok(self.beside_minima(state, &[], &always, report)?.0) } else { Ok(state) }
+    }
+
+    /// The state beside other minima with the same effects; rounds go on from one that is ahead. And whether one was.
+    fn beside_minima(
+        &self,
+        state: State,
+        candidates: &[usize],
+        always: &[usize],
+        report: &dyn Fn(&str),
+    ) -> Result<(State, bool), SimulationError> {
+        let mut others = self.other_minima(&state)?;
         let behind: Vec<f64> = others.iter().map(|other| self.behind(other, &state)).collect();
         report(&format!("other minima {behind:.1?} behind"));
         let ahead = (0..others.len()).min_by(|a, b| behind[*a].total_cmp(&behind[*b]));
         let Some(ahead) = ahead.filter(|i| behind[*i] < -SETTLED) else {
-            return Ok(self.beside_others(state, &others));
+            return Ok((self.beside_others(state, &others), false));
         };
-        let mut others = others;
         let mut next = std::mem::replace(&mut others[ahead], state);
         let (set, sizes) = (self.places(&next.point.effects), self.sizes(&next).clone());
-        self.weigh(&mut next, &set, &sizes, &candidates, &always);
+        self.weigh(&mut next, &set, &sizes, candidates, always);
+        let (candidates, always) = (candidates.to_vec(), always.to_vec());
         let state = self.rounds(Begun { state: next, candidates, always }, report)?;
         let others = if self.places(&state.point.effects) == set { others } else { self.other_minima(&state)? };
-        Ok(self.beside_others(state, &others))
+        Ok((self.beside_others(state, &others), true))
     }
 
     /// Rounds from where an estimate has begun.
@@ -333,13 +364,19 @@ impl<'a> Session<'a> {
         let Begun { state: mut best, candidates, always } = begun;
         let clock = Instant::now();
         for _ in 0..ROUNDS {
-            let next = self
-                .advanced(&best, Some((&candidates, &always)))?
-                .into_iter()
-                .filter_map(|start| self.assessed(start, &candidates, &always).ok());
-            let next = self.most_probable(next);
-            let Some(next) = next else { break };
-            let fall = self.behind(&best, &next);
+            let sets = self.advanced(&best, Some((&candidates, &always)))?;
+            let (mut next, mut fall) = (None, 0.0);
+            for some in sets.chunks(ASSESSED) {
+                let tried = some.iter().filter_map(|start| self.assessed(start.clone(), &[], &start.set).ok());
+                next = self.most_probable(next.into_iter().chain(tried));
+                fall = next.as_ref().map_or(0.0, |next| self.behind(&best, next));
+                if fall >= SETTLED {
+                    break;
+                }
+            }
+            let Some(mut next) = next else { break };
+            let (set, sizes) = (self.places(&next.point.effects), self.sizes(&next).clone());
+            self.weigh(&mut next, &set, &sizes, &candidates, &always);
             report(&format!("round {} {:.1?}, lower by {fall:.1}", self.in_words(&next), clock.elapsed()));
             if fall > 0.0 {
                 best = next;
@@ -455,13 +492,18 @@ impl<'a> Session<'a> {
             ));
         }
         reached.truncate(STARTS);
-        Ok(reached.into_iter().map(|r| r.start(levels)).collect())
+        let mut starts: Vec<Start> = reached.into_iter().map(|r| r.start(levels)).collect();
+        if let Some(point) = self.further_start.clone() {
+            starts.push(Start { point, levels, set: none, sizes, directions });
+        }
+        Ok(starts)
     }
 
     /// Noise, linear model and sets at a point.
     fn assessed(&self, start: Start, candidates: &[usize], always: &[usize]) -> Result<State, SimulationError> {
         let (set, sizes) = (start.set.clone(), start.sizes.clone());
-        let mut state = self.with_noise(start)?;
+        let state = self.with_noise(start)?;
+        let mut state = self.at_rest(state, &set, &sizes)?;
         self.weigh(&mut state, &set, &sizes, candidates, always);
         if !state.sets.best().deviance.is_finite() {
             return Err(SimulationError::NoiseCovariance);
@@ -469,25 +511,64 @@ impl<'a> Session<'a> {
         Ok(state)
     }
 
+    /// The state moved on until directions and noise at its point are those that it is a minimum with, equation (21).
+    fn at_rest(&self, mut state: State, set: &[usize], sizes: &Sizes) -> Result<State, SimulationError> {
+        for _ in 0..PASSES {
+            let own = self.columns_of_point(&state.point);
+            let promised = profiled(&state.model, own, set, sizes) - state.model.posterior(set, sizes).squares;
+            if promised < SETTLED_EMG || self.places(&state.point.effects) != set {
+                break;
+            }
+            let from = Around {
+                point: &state.point,
+                model: &state.model,
+                sizes,
+                noise: &state.noise,
+                factors: &state.factors,
+                directions: &state.directions,
+            };
+            let reached = self.reach_from(&from, state.point.clone(), set, STEPS)?;
+            let mut next = self.with_noise(reached.start(state.levels))?;
+            for state in [&mut state, &mut next] {
+                self.weigh(state, set, sizes, &[], set);
+            }
+            if self.behind(&next, &state) > 0.0 {
+                break;
+            }
+            state = next;
+        }
+        Ok(state)
+    }
+
     /// Noise and linear model at a point.
     fn with_noise(&self, start: Start) -> Result<State, SimulationError> {
         let Start { mut point, levels, set, sizes, directions } = start;
-        let mut before = f64::INFINITY;
-        let mut corrections = 0;
-        let (linear, noise) = loop {
-            let mut linear = self.analysis.linearize(&point, &[])?;
-            let noise = self.structure(&mut linear, &point);
+        let mut linear = self.analysis.linearize(&point, &[])?;
+        let mut noise = self.structure(&mut linear, &point);
+        let mut part = 1.0;
+        for _ in 0..CORRECTIONS {
             let columns = self.all_columns(&point, &linear, &directions);
             let passing = factors(&noise, &levels)?;
             let model = self.model(&point, &columns, &passing);
             let posterior = model.posterior(&set, &sizes);
-            if corrections > 0 && (before - posterior.deviance < SETTLED_EMG || corrections == CORRECTIONS) {
-                break (linear, noise);
+            let step = &posterior.mean - &model.offset;
+            let mut corrected = point.clone();
+            self.follow_emg(&mut corrected, &noise, &weighted(&columns, &step, &passing), &levels, part)?;
+            // Muscles and effects stay: the EMG's corrections hardly change what effects do.
+            let mut there = self.analysis.linearize_beside(&corrected, &linear)?;
+            let passes = self.structure(&mut there, &corrected);
+            let columns = self.all_columns(&corrected, &there, &directions);
+            let model = self.model(&corrected, &columns, &factors(&passes, &levels)?);
+            let fall = posterior.deviance - model.posterior(&set, &sizes).deviance;
+            if fall > 0.0 {
+                (point, linear, noise) = (corrected, there, passes);
+            } else {
+                part *= SHORTENED;
             }
-            (before, corrections) = (posterior.deviance, corrections + 1);
-            let step = posterior.mean - &model.offset;
-            self.follow_emg(&mut point, &noise, &weighted(&columns, &step, &passing), &levels)?;
-        };
+            if (0.0..SETTLED_EMG).contains(&fall) {
+                break;
+            }
+        }
         let directions = self.analysis.calc_directions(&linear, &point)?.0;
         let columns = self.all_columns(&point, &linear, &directions);
         let model = self.model(&point, &columns, &factors(&noise, &levels)?);

@@ -121,8 +121,11 @@ impl Session<'_> {
         let center = means.iter().fold(DVector::zeros(own), |sum, m| sum + m) / n.max(1.0);
         let spread = means.iter().fold(DVector::zeros(own), |sum, m| sum + (m - &center).map(|d| d * d));
         let over_sets = |j: usize| if weights[j] > 0.0 { squares[j] / weights[j] } else { 0.0 };
-        let total: f64 = 1.0 + state.others.iter().map(|other| other.odds).sum::<f64>();
-        let over_minima = |j: usize| state.others.iter().map(|o| o.odds / total * o.away[j].powi(2)).sum::<f64>();
+        let over_minima = |j: usize| {
+            let having = || state.others.iter().filter(|other| other.away[j].is_finite());
+            let total: f64 = 1.0 + having().map(|other| other.odds).sum::<f64>();
+            having().map(|other| other.odds / total * other.away[j].powi(2)).sum::<f64>()
+        };
         let of_mode = |j: usize| over_sets(j).max(spread[j] * (n - 1.0) / n.max(1.0)).max(0.0);
         DVector::from_fn(own, |j, _| (of_mode(j) + over_minima(j)).sqrt())
     }

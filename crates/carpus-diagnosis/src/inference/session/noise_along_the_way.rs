@@ -30,18 +30,21 @@ impl Session<'_> {
 
     /// Takes the excitations that are expected of recorded EMG and moment together, equation (10).
     ///
-    /// - `linear`, `noise`: at the point; `left`: what the linear model leaves of the residual, the noise's factors applied
+    /// - `noise`: at the point; `weighted`: what the linear model leaves of the residual, the noise's factors applied; `part`: of the
+    ///   way that is taken
     pub(super) fn follow_emg(
         &self,
         point: &mut Point,
         noise: &[TrialNoise],
         weighted: &[DVector<f64>],
         levels: &NoiseLevels,
+        part: f64,
     ) -> Result<(), SimulationError> {
         let clamped = |w: DVector<f64>| w.map(|w| w.clamp(-LARGEST_NOISE, LARGEST_NOISE));
         let of = |(position, (noise, weighted)): (usize, (&TrialNoise, &DVector<f64>))| {
-            let correction: Vec<DVector<f64>> =
-                noise.expected_noise(levels, weighted).into_iter().map(clamped).collect();
+            let expected = noise.expected_noise(levels, weighted).into_iter().map(clamped);
+            let from = expected.zip(&point.correction[position]);
+            let correction: Vec<DVector<f64>> = from.map(|(w, before)| before + (w - before) * part).collect();
             let g = self.analysis.train[position];
             let record = &self.forward().trials[g];
             let excitation = corrected(&record.time, &record.excitation, &correction);
@@ -67,8 +70,18 @@ impl Session<'_> {
     }
 
     /// Linearized at a point, noise passing as it does.
-    pub(super) fn linearized(&self, point: &Point, noise: &[TrialNoise]) -> Result<Vec<Linear>, SimulationError> {
-        let mut linear = self.analysis.linearize(point, &[])?;
+    ///
+    /// - `near`: derivatives by parameters of effects that are near enough
+    pub(super) fn linearized(
+        &self,
+        point: &Point,
+        noise: &[TrialNoise],
+        near: Option<&[Linear]>,
+    ) -> Result<Vec<Linear>, SimulationError> {
+        let mut linear = match near {
+            Some(near) => self.analysis.linearize_beside(point, near)?,
+            None => self.analysis.linearize(point, &[])?,
+        };
         self.attach(&mut linear, point, noise);
         Ok(linear)
     }

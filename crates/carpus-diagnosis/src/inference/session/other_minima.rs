@@ -10,21 +10,22 @@ use super::super::muscles::COLUMNS;
 use super::super::search::NEGLIGIBLE;
 use super::{Around, ODDS, Reached, Session, State};
 use crate::fit::Point;
-use crate::forward_model::FITTED_PER_MUSCLE;
+use crate::forward_model::{FITTED_PER_MUSCLE, Setting};
 use crate::score_test::normal;
 use carpus_simulation::simulation::SimulationError;
 
 /// Pairs of opposite draws from the muscles' prior.
-const PAIRS: usize = 3;
+const PAIRS: usize = 2;
 /// Their standard deviation, over that of the prior.
 const WIDTH: f64 = 0.5;
 /// Gauss–Newton steps from a draw.
 const STEPS: usize = 10;
 
-/// Another local minimum.
+/// Another local minimum, with the same effects or others.
 #[derive(Clone, Debug)]
 pub struct OtherMinimum {
-    /// Muscles, baselines and parameters of effects, in the units of their columns, less those of the state.
+    /// Muscles, baselines and parameters of the state's effects, in the units of their columns, less those of the state; NaN for an
+    /// effect that it does not have.
     pub away: DVector<f64>,
     /// Its probability over the state's.
     pub odds: f64,
@@ -55,14 +56,31 @@ impl Session<'_> {
 
     /// The state with the other minima, each as probable as equation (20) says.
     pub(super) fn beside_others(&self, mut state: State, others: &[State]) -> State {
-        let own = self.columns_of_point(&state.point);
-        let here = self.own_values(&state.point);
-        let of = |other: &State| OtherMinimum {
-            away: (self.own_values(&other.point) - &here).rows(0, own).into_owned(),
-            odds: (-0.5 * self.behind(other, &state).max(0.0)).exp(),
-        };
-        state.others = others.iter().map(of).collect();
+        state.others = others.iter().map(|other| self.other(other, &state, self.behind(other, &state))).collect();
         state
+    }
+
+    /// A minimum beside a state.
+    ///
+    /// - `behind`: by how much, equation (20)
+    pub(super) fn other(&self, other: &State, state: &State, behind: f64) -> OtherMinimum {
+        let [there, here] = [other, state].map(|s| self.own_values(&s.point));
+        let first = self.analysis.n_nuisance();
+        let mut away = DVector::from_element(self.columns_of_point(&state.point), f64::NAN);
+        away.rows_mut(0, first).copy_from(&(there.rows(0, first) - here.rows(0, first)));
+        let mut own = first;
+        for setting in &state.point.effects {
+            let id = setting.effect.description().id;
+            let is_it = |s: &&Setting| s.effect.description().id == id;
+            if other.point.effects.iter().any(|s| is_it(&s)) {
+                let before = other.point.effects.iter().take_while(|s| !is_it(s));
+                let at = first + before.map(|s| s.values.len()).sum::<usize>();
+                let count = setting.values.len();
+                away.rows_mut(own, count).copy_from(&(there.rows(at, count) - here.rows(own, count)));
+            }
+            own += setting.values.len();
+        }
+        OtherMinimum { away, odds: (-0.5 * behind.max(0.0)).exp() }
     }
 
     /// A point, its muscles as drawn: pairs of opposite draws about the prior's mean.

@@ -10,7 +10,7 @@ use super::super::linear_model::{Prior, Sizes};
 use super::super::muscles::Muscles;
 use super::super::search::{Budget, NEGLIGIBLE};
 use super::steps::profiled;
-use super::{Around, Begun, ODDS, STANDS_IN, STEPS, Session, Start, State};
+use super::{Around, Begun, ODDS, OtherMinimum, STANDS_IN, STEPS, Session, Start, State};
 use crate::ONE_BY_ONE;
 use crate::addition::unidentifiable;
 use crate::diagnose::LEVEL;
@@ -55,7 +55,7 @@ impl Session<'_> {
         report: &dyn Fn(&str),
     ) -> Result<(State, Vec<(usize, f64)>), SimulationError> {
         let candidates = self.testable();
-        let mut fewer = false;
+        let mut has_minima = false;
         let (mut evidence, mut state) = 'again: loop {
             let of = |effect: usize| {
                 let (group, probability) = self.group(&state, effect);
@@ -63,30 +63,38 @@ impl Session<'_> {
             };
             let mut set: Vec<(f64, usize, usize)> = self.places(&state.point.effects).into_iter().map(of).collect();
             set.sort_by(|a, b| is_likely(a.1, a.0).cmp(&is_likely(b.1, b.0)).then(a.0.total_cmp(&b.0)));
-            let mut evidence = Vec::new();
+            let (mut evidence, mut others) = (Vec::new(), Vec::new());
             for (probability, group, effect) in set {
                 let rest: Vec<usize> = self.places(&state.point.effects).into_iter().filter(|e| *e != effect).collect();
-                let without = self.with_set(&state, &rest, &candidates)?;
+                let mut without = self.with_set(&state, &rest, &[])?;
                 let behind = self.behind(&without, &state);
                 report(&format!("without {:?} ({probability:.2}) {behind:.1} behind", self.ids(&[effect])));
                 let in_place = probability / state.sets.of_effect(effect).max(f64::MIN_POSITIVE);
                 let is_likely =
                     is_likely(group, probability) || is_likely_by_simulation(group, behind, in_place.max(1.0));
-                if !is_likely || (behind < 0.0 && !self.takes_what_is_left(&state, &without)) {
-                    (state, fewer) = (without, true);
+                if (!is_likely || behind < 0.0) && !self.takes_what_is_left(&state, &without) {
+                    let sizes = self.sizes(&without).clone();
+                    self.weigh(&mut without, &rest, &sizes, &candidates, &[]);
+                    (state, has_minima) = (without, false);
                     continue 'again;
                 }
+                others.push(self.other(&without, &state, behind));
                 evidence.push((effect, behind));
             }
-            break (evidence, state);
+            let mut goes_on = false;
+            if !has_minima {
+                (state, goes_on) = self.beside_minima(state, &candidates, &[], report)?;
+                has_minima = true;
+            }
+            if !goes_on {
+                state.others.extend(others);
+                break (evidence, state);
+            }
         };
         evidence.sort_by(|a, b| b.1.total_cmp(&a.1));
-        if fewer {
-            // The others were of another set.
-            let others = self.other_minima(&state)?;
-            state = self.beside_others(state, &others);
-        }
-        state.stand_ins = self.stand_ins(&state, &candidates);
+        let (stand_ins, others) = self.stand_ins(&state, &candidates);
+        state.stand_ins = stand_ins;
+        state.others.extend(others);
         Ok((state, evidence))
     }
 
@@ -125,7 +133,7 @@ impl Session<'_> {
 
     /// Rivals of a state's effects that may stand in their place: with one of them instead, everything else estimated anew, −2 log posterior is
     /// larger by no more than the least probability of a group says.
-    fn stand_ins(&self, state: &State, candidates: &[usize]) -> BTreeMap<usize, Vec<usize>> {
+    fn stand_ins(&self, state: &State, candidates: &[usize]) -> (BTreeMap<usize, Vec<usize>>, Vec<OtherMinimum>) {
         let set = self.places(&state.point.effects);
         let rivals = |effect: usize| {
             let names = self.analysis.candidates[effect].description().rivals;
@@ -139,21 +147,22 @@ impl Session<'_> {
             let mut exchanged: Vec<usize> = set.iter().copied().filter(|e| e != effect).chain([*rival]).collect();
             exchanged.sort_unstable();
             if state.model.posterior(&exchanged, sizes).deviance - here > NEGLIGIBLE {
-                return Ok(false);
+                return None;
             }
-            let other = self.with_set(state, &exchanged, &[]);
-            other.map(|other| self.behind(&other, state) < -2.0 * STANDS_IN.ln())
-        };
-        let found: Vec<Result<bool, SimulationError>> =
-            pairs.par_iter().with_max_len(ONE_BY_ONE).map(stands_in).collect();
-        let mut out: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-        for ((effect, rival), found) in pairs.into_iter().zip(found) {
             // One that cannot be simulated in its place does not stand there.
-            if found.unwrap_or(false) {
-                out.entry(effect).or_default().push(rival);
-            }
+            let other = self.with_set(state, &exchanged, &[]).ok()?;
+            let behind = self.behind(&other, state);
+            (behind < -2.0 * STANDS_IN.ln()).then(|| self.other(&other, state, behind))
+        };
+        let found: Vec<Option<OtherMinimum>> = pairs.par_iter().with_max_len(ONE_BY_ONE).map(stands_in).collect();
+        let mut out: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        let mut others = Vec::new();
+        for ((effect, rival), other) in pairs.into_iter().zip(found) {
+            let Some(other) = other else { continue };
+            out.entry(effect).or_default().push(rival);
+            others.push(other);
         }
-        out
+        (out, others)
     }
 
     /// The state with these effects and no others: muscles, effects and noise estimated anew.
@@ -216,7 +225,7 @@ impl Session<'_> {
         let set: Vec<usize> = (0..self.analysis.candidates.len()).collect();
         let sizes = Sizes { everything: 0.0, discrepancy: vec![0.0; self.analysis.n_muscles() + 1] };
         let mut point = start;
-        let mut linear = self.linearized(&point, &at.noise)?;
+        let mut linear = self.linearized(&point, &at.noise, None)?;
         let amplitudes: usize = self.analysis.candidates.iter().map(|e| e.description().amplitudes().count()).sum();
         let directions: Vec<DMatrix<f64>> =
             linear.iter().map(|l| DMatrix::zeros(l.residual.len(), amplitudes)).collect();

@@ -6,7 +6,10 @@ use rayon::prelude::*;
 
 use super::super::linear_model::{LinearModel, Posterior, Sizes};
 use super::super::search::{NEGLIGIBLE, Sets};
-use super::{ASSESSED, Around, ODDS, OTHERS, RIVALS, Reached, STEPS, Session, Start, State, WhitenedDirections};
+use super::{
+    ADDITIONS, ASSESSED_IN_A_ROUND, Around, ODDS, OTHERS, RIVALS, Reached, STEPS, Session, Start, State,
+    WhitenedDirections,
+};
 use crate::fit::{Linear, Point, product, whiten};
 use crate::noise::TrialNoise;
 use carpus_numerics::numerics::cholesky;
@@ -34,11 +37,13 @@ impl Session<'_> {
         let mut sets = vec![best.effects.clone()];
         if let Some((candidates, always)) = among {
             sets.extend(self.alternatives(&best.effects, &state.model, &state.sets, candidates, always));
+            let additions = self.additions(state, candidates);
+            sets.extend(additions.into_iter().filter(|set| !sets.contains(set)).collect::<Vec<_>>());
         }
         let found: Vec<_> = sets.par_iter().with_max_len(1).map(|set| self.reach(&from, set, STEPS)).collect();
         let mut reached: Vec<Reached> = found.into_iter().flatten().collect();
         reached.sort_by(|a, b| a.deviance.total_cmp(&b.deviance));
-        reached.truncate(ASSESSED);
+        reached.truncate(ASSESSED_IN_A_ROUND);
         let start = |r: Reached| r.start(state.levels);
         Ok(reached.into_iter().map(start).collect())
     }
@@ -117,6 +122,22 @@ impl Session<'_> {
         out
     }
 
+    /// The effects of the point and one more, for each that the linear model asks for beside them: the most probable first. Where the
+    /// linear model would rather do without an effect of the point, simulation decides.
+    fn additions(&self, state: &State, candidates: &[usize]) -> Vec<Vec<usize>> {
+        let set = self.places(&state.point.effects);
+        let (sizes, here) = state.model.sizes_for(&set, self.sizes(state));
+        let with = |e: &usize| {
+            let mut more = [&set[..], &[*e]].concat();
+            more.sort_unstable();
+            (state.model.posterior(&more, &sizes).deviance + 2.0 * ODDS.ln() - here, more)
+        };
+        let absent = candidates.iter().filter(|e| !set.contains(e));
+        let mut found: Vec<(f64, Vec<usize>)> = absent.map(with).filter(|(behind, _)| *behind < 0.0).collect();
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        found.into_iter().take(ADDITIONS).map(|(_, set)| set).collect()
+    }
+
     /// Where the descent comes to with a set of effects, the noise held.
     pub(super) fn reach(&self, from: &Around, set: &[usize], steps: usize) -> Result<Reached, SimulationError> {
         let posterior = from.model.posterior(set, from.sizes);
@@ -132,7 +153,7 @@ impl Session<'_> {
         set: &[usize],
         steps: usize,
     ) -> Result<Reached, SimulationError> {
-        let mut linear = self.linearized(&point, from.noise)?;
+        let mut linear = self.linearized(&point, from.noise, None)?;
         let mut directions = self.directions_without(from.directions, &point);
         let is_on = |id: &str| set.iter().any(|e| self.analysis.candidates[*e].description().id == id);
         let was_on = |id: &str| from.point.effects.iter().any(|s| s.effect.description().id == id);
@@ -177,7 +198,7 @@ impl Session<'_> {
             .collect();
         let mut model = self.model_beside(point, linear, &whitened, factors);
         let mut radius = 1.0_f64;
-        for _ in 0..steps {
+        for step in 0..steps {
             let own = self.analysis.n_nuisance() + point.effects.iter().map(|s| s.values.len()).sum::<usize>();
             let posterior = model.posterior(set, sizes);
             let here = profiled(&model, own, set, sizes);
@@ -185,9 +206,11 @@ impl Session<'_> {
             if promised < SETTLED_DESCENT {
                 break;
             }
-            let step = (&posterior.mean - &model.offset).rows(0, own) * radius;
-            let moved = self.analysis.moved(point, &step.into_owned());
-            let next = self.linearized(&moved, noise).ok().map(|linear| {
+            let by = (&posterior.mean - &model.offset).rows(0, own) * radius;
+            let moved = self.analysis.moved(point, &by.into_owned());
+            // Derivatives by parameters of effects are computed anew at every other point.
+            let near = if step % 2 == 0 { Some(&linear[..]) } else { None };
+            let next = self.linearized(&moved, noise, near).ok().map(|linear| {
                 let model = self.model_beside(&moved, &linear, &whitened, factors);
                 (profiled(&model, own, set, sizes), linear, model)
             });
