@@ -2,6 +2,7 @@
 //! (`docs/src/theory/many-small-errors.md`, equation (20)).
 
 mod columns;
+mod expected_residual;
 mod further_trials;
 mod generic_discrepancy;
 mod handing_over;
@@ -29,6 +30,7 @@ use crate::noise::{self, NoiseLevels, TrialNoise};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 use carpus_study::study::ParameterBounds;
 pub use other_minima::OtherMinimum;
+use expected_residual::ExpectedResidual;
 use steps::profiled;
 
 /// Prior scale of κ: what a laboratory has of every effect, as a share of what is plausible, equation (5).
@@ -191,6 +193,8 @@ pub struct State {
     pub model: LinearModel,
     /// Sets of effects.
     pub sets: Sets,
+    /// Of every trial: what is left where the linear model expects everything.
+    expected: Vec<ExpectedResidual>,
     /// Of effects: rivals that may stand in their place, everything else estimated anew.
     pub stand_ins: BTreeMap<usize, Vec<usize>>,
     /// Other local minima with the same effects, once looked for.
@@ -579,6 +583,7 @@ impl<'a> Session<'a> {
             model: self.model(&point, &columns, &factors),
             factors,
             sets: Sets::none(),
+            expected: Vec::new(),
             stand_ins: BTreeMap::new(),
             others: Vec::new(),
             point,
@@ -593,6 +598,7 @@ impl<'a> Session<'a> {
     fn weigh(&self, state: &mut State, set: &[usize], sizes: &Sizes, candidates: &[usize], always: &[usize]) {
         let starts = [set.to_vec(), self.places(&state.point.effects)];
         state.sets = search(&state.model, candidates, always, 2.0 * ODDS.ln(), &starts, sizes, self.budget);
+        state.expected = self.expected_residuals(state);
     }
 
     /// How much larger −2 log posterior is at one state than at another, each with its point's effects, equation (20): both at the
@@ -605,7 +611,10 @@ impl<'a> Session<'a> {
             let set = self.places(&state.point.effects);
             let of = |factors: Vec<_>| self.model(&state.point, &columns, &factors).posterior(&set, self.sizes(state));
             let cost = 2.0 * ODDS.ln() * set.len() as f64;
-            factors(&state.noise, &levels).map_or(f64::INFINITY, |factors| of(factors).deviance + cost)
+            factors(&state.noise, &levels).map_or(f64::INFINITY, |factors| {
+                let beyond = expected_residual::beyond_the_linear_model(&state.expected, &factors);
+                of(factors).deviance + beyond + cost
+            })
         };
         let difference = deviance(a) - deviance(b);
         let scatter = noise::scatter_of_all(&a.noise, &b.noise, &levels).unwrap_or(0.0).max(0.0);

@@ -1,0 +1,67 @@
+//! What the linear model expects, by simulation: a state is as probable as its simulation is near the recorded moment
+//! (`docs/src/theory/many-small-errors.md`, equation (20)).
+
+use nalgebra::{Cholesky, DVector, Dyn};
+use rayon::prelude::*;
+
+use super::{Session, State};
+use crate::fit::Linear;
+
+/// Shares of the way to what is expected: the first that can be simulated counts.
+const PARTS: [f64; 3] = [1.0, 0.5, 0.25];
+
+/// What is left of a trial's moment with muscles, baselines, all effects and the discrepancy where the linear model expects them,
+/// averaged over blocks [N·m].
+pub(super) struct ExpectedResidual {
+    simulated: DVector<f64>,
+    linear: DVector<f64>,
+}
+
+impl Session<'_> {
+    /// What is left of every trial where the linear model of a state expects everything; empty where nothing of it can be simulated.
+    pub(super) fn expected_residuals(&self, state: &State) -> Vec<ExpectedResidual> {
+        let (set, model) = (self.places(&state.point.effects), &state.model);
+        let posterior = model.posterior(&set, self.sizes(state));
+        let own = self.columns_of_point(&state.point);
+        let step = &posterior.mean - &model.offset;
+        let columns = self.all_columns(&state.point, &state.linear, &state.directions);
+        let joint = &self.forward().joint;
+        let linear = |part: f64| {
+            let mut point = self.analysis.moved(&state.point, &(step.rows(0, own) * part).into_owned());
+            let mut simulated: Vec<usize> = (0..own).collect();
+            for (place, of_effect) in self.amplitude_columns(model).into_iter().enumerate() {
+                if set.contains(&place) || of_effect.amplitudes.iter().all(|column| step[*column] == 0.0) {
+                    continue;
+                }
+                let mut setting = joint.absent(self.analysis.candidates[place]);
+                let description = setting.effect.description();
+                for (i, column) in description.amplitudes().zip(&of_effect.amplitudes) {
+                    setting.values[i] += part * step[*column] * joint.scale(&description.parameters[i]);
+                }
+                simulated.extend(of_effect.amplitudes);
+                point.effects.push(setting);
+            }
+            let linear = self.linearized(&point, &state.noise, Some(&state.linear)).ok()?;
+            Some((linear, simulated, part))
+        };
+        let Some((linear, is_simulated, part)) = PARTS.into_iter().find_map(linear) else { return Vec::new() };
+        let of_trial = |(there, columns): (&Linear, &nalgebra::DMatrix<f64>)| {
+            let p = model.len();
+            let mut weights = step.clone();
+            is_simulated.iter().for_each(|column| weights[*column] *= part);
+            let linear = columns.column(p) - columns.columns(0, p) * &weights;
+            is_simulated.iter().for_each(|column| weights[*column] = 0.0);
+            let simulated = &there.residual - columns.columns(0, p) * &weights;
+            ExpectedResidual { simulated, linear }
+        };
+        linear.par_iter().zip(&columns).map(of_trial).collect()
+    }
+}
+
+/// By how much −2 log likelihood is larger by simulation than the linear model expects.
+pub(super) fn beyond_the_linear_model(expected: &[ExpectedResidual], factors: &[Cholesky<f64, Dyn>]) -> f64 {
+    let square = |v: &DVector<f64>, factor: &Cholesky<f64, Dyn>| {
+        factor.l_dirty().solve_lower_triangular(v).map_or(f64::INFINITY, |w| w.norm_squared())
+    };
+    expected.iter().zip(factors).map(|(e, factor)| square(&e.simulated, factor) - square(&e.linear, factor)).sum()
+}
