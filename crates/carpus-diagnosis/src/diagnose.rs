@@ -43,7 +43,7 @@ pub const RULED_OUT: f64 = 0.01;
 const BEHIND: f64 = 4.6;
 /// z that an effect needs to be found with a probability of about 80 % among all others.
 const DETECTABLE_Z: f64 = 4.2;
-/// Effects that lower the training error by less than this share are negligible.
+/// Effects that lower neither the training error of the joint mode nor that of left-out trials by this share are negligible.
 const NEGLIGIBLE: f64 = 0.02;
 /// Candidates that are held against each other.
 const CONFUSED: usize = 6;
@@ -180,7 +180,9 @@ pub fn diagnose(request: &Request, at: &dyn Fn(usize)) -> Result<Outcome, Simula
     if !implausible {
         explanations.retain(|e| e.plausible);
     }
-    let fall = 1.0 - judge.rmse_of(&handed_over)?.unwrap_or(0.0) / refit_error;
+    let at_joint_mode = judge.rmse_at(&state)? / judge.rmse_at(&alone)?.max(f64::MIN_POSITIVE);
+    let left_out = handed_over.left_out_ratio / recalibrated.left_out_ratio.max(f64::MIN_POSITIVE);
+    let fall = 1.0 - at_joint_mode.min(left_out);
     let dominant = effects.iter().filter(|e| e.dominant).count();
     let verdict = match explanations.as_slice() {
         [] if effects.is_empty() && something_is_left => Verdict::Unknown,
@@ -308,6 +310,11 @@ impl Judge<'_> {
     /// RMSE of the training trials / session MVC moment.
     fn rmse_of(&self, model: &HandedOver) -> Result<Option<f64>, SimulationError> {
         self.error(&model.parameters, &model.effects, TrialUse::Train)
+    }
+
+    /// The same at a state's joint mode.
+    fn rmse_at(&self, state: &State) -> Result<f64, SimulationError> {
+        Ok(self.error(&state.point.parameters, &state.point.effects, TrialUse::Train)?.unwrap_or(0.0))
     }
 
     /// RMSE of the trials of a use / session MVC moment.
