@@ -68,10 +68,8 @@ const RIVALS: usize = 6;
 const LARGEST_NOISE: f64 = 0.7;
 /// Corrections of the EMG at a point, at most: each passes through the muscles anew, equation (10) …
 const CORRECTIONS: usize = 4;
-/// … and one that lowers −2 log posterior by less is the last.
+/// … and one that changes −2 log posterior by less is the last.
 const SETTLED_EMG: f64 = 1.0;
-/// Share of a correction that is tried where the whole would raise −2 log posterior.
-const SHORTENED: f64 = 0.3;
 /// An effect may stand in another's place where the set with it has more than this share of the probability, equation (22).
 const STANDS_IN: f64 = 0.1;
 /// Of the sets that were tried in a round, so many at a time have their noise estimated anew, until one is ahead …
@@ -549,7 +547,6 @@ impl<'a> Session<'a> {
         let Start { mut point, levels, set, sizes, directions } = start;
         let mut linear = self.analysis.linearize(&point, &[])?;
         let mut noise = self.structure(&mut linear, &point);
-        let mut part = 1.0;
         for _ in 0..CORRECTIONS {
             let columns = self.all_columns(&point, &linear, &directions);
             let passing = factors(&noise, &levels)?;
@@ -557,19 +554,15 @@ impl<'a> Session<'a> {
             let posterior = model.posterior(&set, &sizes);
             let step = &posterior.mean - &model.offset;
             let mut corrected = point.clone();
-            self.follow_emg(&mut corrected, &noise, &weighted(&columns, &step, &passing), &levels, part)?;
+            self.follow_emg(&mut corrected, &noise, &weighted(&columns, &step, &passing), &levels, 1.0)?;
             // Muscles and effects stay: the EMG's corrections hardly change what effects do.
             let mut there = self.analysis.linearize_beside(&corrected, &linear)?;
             let passes = self.structure(&mut there, &corrected);
             let columns = self.all_columns(&corrected, &there, &directions);
             let model = self.model(&corrected, &columns, &factors(&passes, &levels)?);
-            let fall = posterior.deviance - model.posterior(&set, &sizes).deviance;
-            if fall > 0.0 {
-                (point, linear, noise) = (corrected, there, passes);
-            } else {
-                part *= SHORTENED;
-            }
-            if (0.0..SETTLED_EMG).contains(&fall) {
+            let change = model.posterior(&set, &sizes).deviance - posterior.deviance;
+            (point, linear, noise) = (corrected, there, passes);
+            if change.abs() < SETTLED_EMG {
                 break;
             }
         }

@@ -4,7 +4,7 @@
 use nalgebra::{Cholesky, DVector, Dyn};
 use rayon::prelude::*;
 
-use super::{Session, State};
+use super::{Session, State, weighted};
 use crate::fit::Linear;
 
 /// Shares of the way to what is expected: the first that can be simulated counts.
@@ -26,8 +26,10 @@ impl Session<'_> {
         let step = &posterior.mean - &model.offset;
         let columns = self.all_columns(&state.point, &state.linear, &state.directions);
         let joint = &self.forward().joint;
+        let of_emg = weighted(&columns, &step, &state.factors);
         let linear = |part: f64| {
             let mut point = self.analysis.moved(&state.point, &(step.rows(0, own) * part).into_owned());
+            self.follow_emg(&mut point, &state.noise, &of_emg, &state.levels, part).ok()?;
             let mut simulated: Vec<usize> = (0..own).collect();
             for (place, of_effect) in self.amplitude_columns(model).into_iter().enumerate() {
                 if set.contains(&place) || of_effect.amplitudes.iter().all(|column| step[*column] == 0.0) {
