@@ -13,6 +13,7 @@ use carpus::diagnosis::inference::session::Session;
 use carpus::diagnosis::separability::separability;
 use carpus::diagnosis::separation::Laboratory;
 use carpus::osim::OsimFile;
+use carpus::osim::spec::{ForceKind, ModelSpec};
 use carpus::signals::{Band, Butterworth, sample_rate};
 use carpus::simulation::{MusculoskeletalModel, Setup};
 use carpus::study::{Study, Trial, TrialUse};
@@ -86,7 +87,7 @@ fn asked_of<T>(
     let mut spec = OsimFile::read(root.join("models/wrist.osim")).unwrap().spec;
     study.settings.dynamometer.damping *= strength;
     trials.iter_mut().for_each(change);
-    spec.muscles.iter_mut().for_each(|m| m.max_isometric_force *= strength);
+    strengthen(&mut spec, strength);
     let model = MusculoskeletalModel::compile(&spec, &Setup::from_settings(&study.settings)).unwrap();
     let forward = ForwardModel::for_diagnosis(&spec, &model, &trials).unwrap();
     let known = |id: &&str| CATALOGUE.iter().copied().find(|e| e.description().id == *id).unwrap();
@@ -101,6 +102,25 @@ fn asked_of<T>(
         seed: 1,
     };
     ask(&request)
+}
+
+/// A model so many times as strong, in muscles and in what holds the joint.
+fn strengthen(spec: &mut ModelSpec, times: f64) {
+    spec.muscles.iter_mut().for_each(|m| m.max_isometric_force *= times);
+    for force in &mut spec.forces {
+        match &mut force.kind {
+            ForceKind::SpringGeneralized { stiffness, viscosity, .. } => {
+                *stiffness *= times;
+                *viscosity *= times;
+            }
+            ForceKind::CoordinateLimit { upper_stiffness, lower_stiffness, damping, .. } => {
+                for of_limit in [upper_stiffness, lower_stiffness, damping] {
+                    *of_limit *= times;
+                }
+            }
+            other => panic!("{other:?}"),
+        }
+    }
 }
 
 /// Every candidate is in one list, what is ruled out has a small p-value, and experiments are there where they are
