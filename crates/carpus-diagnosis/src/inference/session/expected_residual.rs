@@ -8,7 +8,7 @@ use super::{Session, State, weighted};
 use crate::fit::Linear;
 
 /// Shares of the way to what is expected: the first that can be simulated counts.
-const PARTS: [f64; 3] = [1.0, 0.5, 0.25];
+const PARTS: [f64; 4] = [1.0, 0.5, 0.25, 0.0];
 
 /// What is left of a trial's moment with muscles, baselines, all effects and the discrepancy where the linear model expects them,
 /// averaged over blocks [N·m].
@@ -18,7 +18,7 @@ pub(super) struct ExpectedResidual {
 }
 
 impl Session<'_> {
-    /// What is left of every trial where the linear model of a state expects everything; empty where nothing of it can be simulated.
+    /// What is left of every trial where the linear model of a state expects everything; empty where not even its point can be simulated.
     pub(super) fn expected_residuals(&self, state: &State) -> Vec<ExpectedResidual> {
         let (set, model) = (self.places(&state.point.effects), &state.model);
         let posterior = model.posterior(&set, self.sizes(state));

@@ -43,6 +43,8 @@ impl Session<'_> {
         let found: Vec<_> = sets.par_iter().with_max_len(1).map(|set| self.reach(&from, set, STEPS)).collect();
         let mut reached: Vec<Reached> = found.into_iter().flatten().collect();
         reached.sort_by(|a, b| a.deviance.total_cmp(&b.deviance));
+        let least = reached.first().map_or(0.0, |r| r.deviance);
+        reached.retain(|r| r.deviance < least + NEGLIGIBLE);
         reached.truncate(ASSESSED_IN_A_ROUND);
         let start = |r: Reached| r.start(state.levels);
         Ok(reached.into_iter().map(start).collect())
