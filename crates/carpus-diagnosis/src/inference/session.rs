@@ -29,8 +29,8 @@ use crate::forward_model::{FITTED_PER_MUSCLE, ForwardModel, Setting};
 use crate::noise::{self, NoiseLevels, TrialNoise};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 use carpus_study::study::ParameterBounds;
-pub use other_minima::OtherMinimum;
 use expected_residual::ExpectedResidual;
+pub use other_minima::OtherMinimum;
 use steps::profiled;
 
 /// Prior scale of κ: what a laboratory has of every effect, as a share of what is plausible, equation (5).
