@@ -515,6 +515,7 @@ impl<'a> Session<'a> {
 
     /// The state moved on until directions and noise at its point are those that it is a minimum with, equation (21).
     fn at_rest(&self, mut state: State, set: &[usize], sizes: &Sizes) -> Result<State, SimulationError> {
+        self.weigh(&mut state, set, sizes, &[], set);
         for _ in 0..PASSES {
             let own = self.columns_of_point(&state.point);
             let promised = profiled(&state.model, own, set, sizes) - state.model.posterior(set, sizes).squares;
@@ -531,9 +532,7 @@ impl<'a> Session<'a> {
             };
             let reached = self.reach_from(&from, state.point.clone(), set, STEPS)?;
             let mut next = self.with_noise(reached.start(state.levels))?;
-            for state in [&mut state, &mut next] {
-                self.weigh(state, set, sizes, &[], set);
-            }
+            self.weigh(&mut next, set, sizes, &[], set);
             if self.behind(&next, &state) > 0.0 {
                 break;
             }
@@ -590,8 +589,11 @@ impl<'a> Session<'a> {
     /// The linear model with the noise as it is, its sets and deviance.
     fn weigh(&self, state: &mut State, set: &[usize], sizes: &Sizes, candidates: &[usize], always: &[usize]) {
         let starts = [set.to_vec(), self.places(&state.point.effects)];
+        let before = (!state.expected.is_empty()).then(|| self.sizes(state).clone());
         state.sets = search(&state.model, candidates, always, 2.0 * ODDS.ln(), &starts, sizes, self.budget);
-        state.expected = self.expected_residuals(state);
+        if before.as_ref() != Some(self.sizes(state)) {
+            state.expected = self.expected_residuals(state);
+        }
     }
 
     /// How much larger −2 log posterior is at one state than at another, each with its point's effects, equation (20): both at the

@@ -1,11 +1,10 @@
 //! What the linear model expects, by simulation: a state is as probable as its simulation is near the recorded moment
 //! (`docs/src/theory/many-small-errors.md`, equation (20)).
 
-use nalgebra::{Cholesky, DVector, Dyn};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use super::{Session, State, weighted};
-use crate::fit::Linear;
 
 /// Shares of the way to what is expected: the first that can be simulated counts.
 const PARTS: [f64; 4] = [1.0, 0.5, 0.25, 0.0];
@@ -27,10 +26,10 @@ impl Session<'_> {
         let columns = self.all_columns(&state.point, &state.linear, &state.directions);
         let joint = &self.forward().joint;
         let of_emg = weighted(&columns, &step, &state.factors);
-        let linear = |part: f64| {
+        let simulated = |part: f64| {
             let mut point = self.analysis.moved(&state.point, &(step.rows(0, own) * part).into_owned());
             self.follow_emg(&mut point, &state.noise, &of_emg, &state.levels, part).ok()?;
-            let mut simulated: Vec<usize> = (0..own).collect();
+            let mut is_simulated: Vec<usize> = (0..own).collect();
             for (place, of_effect) in self.amplitude_columns(model).into_iter().enumerate() {
                 if set.contains(&place) || of_effect.amplitudes.iter().all(|column| step[*column] == 0.0) {
                     continue;
@@ -40,23 +39,23 @@ impl Session<'_> {
                 for (i, column) in description.amplitudes().zip(&of_effect.amplitudes) {
                     setting.values[i] += part * step[*column] * joint.scale(&description.parameters[i]);
                 }
-                simulated.extend(of_effect.amplitudes);
+                is_simulated.extend(of_effect.amplitudes);
                 point.effects.push(setting);
             }
-            let linear = self.linearized(&point, &state.noise, Some(&state.linear)).ok()?;
-            Some((linear, simulated, part))
+            let residuals = self.analysis.residuals(&point, &state.noise).ok()?;
+            Some((residuals, is_simulated, part))
         };
-        let Some((linear, is_simulated, part)) = PARTS.into_iter().find_map(linear) else { return Vec::new() };
-        let of_trial = |(there, columns): (&Linear, &nalgebra::DMatrix<f64>)| {
+        let Some((residuals, is_simulated, part)) = PARTS.into_iter().find_map(simulated) else { return Vec::new() };
+        let of_trial = |(there, columns): (&DVector<f64>, &DMatrix<f64>)| {
             let p = model.len();
             let mut weights = step.clone();
             is_simulated.iter().for_each(|column| weights[*column] *= part);
             let linear = columns.column(p) - columns.columns(0, p) * &weights;
             is_simulated.iter().for_each(|column| weights[*column] = 0.0);
-            let simulated = &there.residual - columns.columns(0, p) * &weights;
+            let simulated = there - columns.columns(0, p) * &weights;
             ExpectedResidual { simulated, linear }
         };
-        linear.par_iter().zip(&columns).map(of_trial).collect()
+        residuals.par_iter().zip(&columns).map(of_trial).collect()
     }
 }
 
