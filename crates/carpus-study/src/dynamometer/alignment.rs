@@ -1,6 +1,7 @@
 //! The delay between two recorders that recorded the same quantity.
 
-use rayon::prelude::*;
+use rustfft::FftPlanner;
+use rustfft::num_complex::Complex;
 
 use carpus_numerics::signals::{SignalError, interpolate_linear};
 
@@ -13,6 +14,8 @@ const MIN_OVERLAP: usize = 32;
 const AMBIGUOUS: f64 = 0.95;
 /// A correlation below this says that two channels hardly show the same quantity.
 const WEAK: f64 = 0.8;
+/// A variance below this share of the squares is none.
+const FLAT: f64 = 1e-12;
 /// Accuracy of the delay, in steps of the finer recorder.
 const ACCURACY: f64 = 1e-6;
 
@@ -66,8 +69,8 @@ pub enum AlignmentError {
 /// The shift of the second recorder's clock that makes two recordings of one quantity agree best.
 ///
 /// Both are brought to the finer recorder's steps by linear interpolation; every whole-step lag is tried, with the mean
-/// and scale of the common samples removed, and the best is refined between steps by golden-section search of the
-/// correlation itself, the second signal by cubics between its samples.
+/// and scale of the common samples removed (sums of products by a fast Fourier transform), and the best is refined between
+/// steps by golden-section search of the correlation itself, the second signal by cubics between its samples.
 ///
 /// - `first`, `second`: time \[s\] and values; units may differ, signs may not
 /// - `max_lag`: largest shift looked at \[s\]
@@ -85,8 +88,7 @@ pub fn align(first: (&[f64], &[f64]), second: (&[f64], &[f64]), max_lag: f64) ->
     // Recordings that are farther apart than both are long have nothing in common.
     let apart = (x.start - y.start).abs() / step + (x.values.len() + y.values.len()) as f64;
     let lags = (max_lag / step).floor().clamp(1.0, apart) as i64;
-    let at = |lag: i64| x.correlation(&y, x.start, lag as f64 * step);
-    let correlations: Vec<Option<f64>> = (-lags..=lags).into_par_iter().map(at).collect();
+    let correlations = x.correlations(&y, lags);
     let best = (0..correlations.len())
         .filter(|i| correlations[*i].is_some())
         .max_by(|a, b| correlations[*a].unwrap_or(-2.0).total_cmp(&correlations[*b].unwrap_or(-2.0)));
@@ -134,6 +136,54 @@ fn step(time: &[f64]) -> Result<f64, SignalError> {
     carpus_numerics::signals::sample_rate(time).map(|rate| 1.0 / rate)
 }
 
+/// A signal about its mean, and its sums.
+struct Sums {
+    values: Vec<f64>,
+    /// Of the values and of their squares, before each sample and after the last.
+    before: Vec<[f64; 2]>,
+}
+
+impl Sums {
+    fn new(signal: &[f64]) -> Sums {
+        let mean = signal.iter().sum::<f64>() / signal.len().max(1) as f64;
+        let values: Vec<f64> = signal.iter().map(|v| v - mean).collect();
+        let mut before = vec![[0.0; 2]];
+        let mut sum = [0.0; 2];
+        for v in &values {
+            sum = [sum[0] + v, sum[1] + v * v];
+            before.push(sum);
+        }
+        Sums { values, before }
+    }
+
+    /// Sums of the values and of their squares from one sample to before another.
+    fn between(&self, first: i64, end: i64) -> [f64; 2] {
+        let (from, to) = (self.before[first as usize], self.before[end as usize]);
+        [to[0] - from[0], to[1] - from[1]]
+    }
+
+    fn square(&self) -> f64 {
+        self.before[self.values.len()][1]
+    }
+}
+
+/// Σ x_i y_{i + d} at place d, negative d from the end.
+fn sums_of_products(x: &[f64], y: &[f64]) -> Vec<f64> {
+    let length = (x.len() + y.len()).next_power_of_two();
+    let mut planner = FftPlanner::new();
+    let (forward, back) = (planner.plan_fft_forward(length), planner.plan_fft_inverse(length));
+    let transformed = |signal: &[f64]| {
+        let mut out: Vec<Complex<f64>> = signal.iter().map(|v| Complex::new(*v, 0.0)).collect();
+        out.resize(length, Complex::new(0.0, 0.0));
+        forward.process(&mut out);
+        out
+    };
+    let mut both: Vec<Complex<f64>> =
+        transformed(x).into_iter().zip(transformed(y)).map(|(x, y)| x.conj() * y).collect();
+    back.process(&mut both);
+    both.into_iter().map(|v| v.re / length as f64).collect()
+}
+
 /// A recording with equal steps.
 struct Regular {
     start: f64,
@@ -159,6 +209,33 @@ impl Regular {
         b + 0.5 * u * (c - a + u * (2.0 * a - 5.0 * b + 4.0 * c - d + u * (3.0 * (b - c) + d - a)))
     }
 
+    /// Correlations with another recording whose clock is shifted by whole steps, from −`lags` to `lags`; `None` where there are not
+    /// enough common samples, or no variation.
+    fn correlations(&self, other: &Regular, lags: i64) -> Vec<Option<f64>> {
+        let offset = (self.start - other.start) / self.step;
+        let (whole, between) = (offset.floor() as i64, offset - offset.floor());
+        let common = ((other.values.len() - 1) as f64 - between).floor().max(-1.0) as usize + 1;
+        let theirs: Vec<f64> = (0..common).map(|j| other.at(j as f64 + between)).collect();
+        let (x, y) = (Sums::new(&self.values), Sums::new(&theirs));
+        let products = sums_of_products(&x.values, &y.values);
+        let of = |lag: i64| {
+            // Sample i of this recording is at sample i + ahead of the other.
+            let ahead = whole - lag;
+            let first = (-ahead).max(0);
+            let end = (x.values.len() as i64).min(y.values.len() as i64 - ahead);
+            if end < first + MIN_OVERLAP as i64 {
+                return None;
+            }
+            let n = (end - first) as f64;
+            let ([sx, sxx], [sy, syy]) = (x.between(first, end), y.between(first + ahead, end + ahead));
+            let sxy = products[ahead.rem_euclid(products.len() as i64) as usize];
+            let (vx, vy) = (sxx - sx * sx / n, syy - sy * sy / n);
+            let is_flat = vx <= FLAT * x.square() || vy <= FLAT * y.square();
+            (!is_flat).then(|| (sxy - sx * sy / n) / (vx * vy).sqrt())
+        };
+        (-lags..=lags).map(of).collect()
+    }
+
     /// Correlation with another recording whose clock is shifted; `None` without enough common samples or variation.
     fn correlation(&self, other: &Regular, origin: f64, shift: f64) -> Option<f64> {
         let position = |i: usize| (origin + i as f64 * self.step - other.start - shift) / self.step;
@@ -180,7 +257,32 @@ impl Regular {
             sxy += x * y;
         }
         let (vx, vy) = (sxx - sx * sx / n, syy - sy * sy / n);
-        let is_flat = vx <= 1e-12 * sxx.max(1e-300) || vy <= 1e-12 * syy.max(1e-300);
+        let is_flat = vx <= FLAT * sxx.max(1e-300) || vy <= FLAT * syy.max(1e-300);
         (!is_flat).then(|| (sxy - sx * sy / n) / (vx * vy).sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn verif_correlations_of_all_lags_are_those_of_the_sums_themselves() {
+        let time = |start: f64, n: usize| -> Vec<f64> { (0..n).map(|i| start + 0.01 * i as f64).collect() };
+        // Apart by other than whole steps, with a mean, and at rest for a while.
+        let signal = |t: &[f64]| -> Vec<f64> { t.iter().map(|t| 5.0 + (1.3 * t * t).sin().max(0.0)).collect() };
+        let (first, second) = (time(0.0, 300), time(0.5037, 220));
+        let x = Regular::new((&first, &signal(&first)), 0.01).unwrap();
+        let y = Regular::new((&second, &signal(&second)), 0.01).unwrap();
+        let lags = 260;
+        let mut compared = 0;
+        for (lag, found) in (-lags..=lags).zip(x.correlations(&y, lags)) {
+            let expected = x.correlation(&y, x.start, lag as f64 * 0.01);
+            assert_eq!(found.is_some(), expected.is_some(), "lag {lag}");
+            let (Some(found), Some(expected)) = (found, expected) else { continue };
+            compared += 1;
+            assert!((found - expected).abs() < 1e-9, "lag {lag}: {found} and {expected}");
+        }
+        assert!(compared > 400, "{compared}");
     }
 }
