@@ -59,7 +59,8 @@ static ACTIONS: [Actions; 3] = [
         coordinates: &["elbow_flex", "r_elbow_flex", "l_elbow_flex"],
         words: ["an elbow flexor", "an elbow extensor"],
         muscles: &[("bic", 1), ("bra", 1), ("brd", 1), ("brachialis", 1), ("tri", -1), ("anc", -1)],
-        source: "Murray, Delp & Buchanan 1995, doi:10.1016/0021-9290(94)00114-J; Ettema et al. 1998, Hum Mov Sci 17:201",
+        source: "Murray, Delp & Buchanan 1995, doi:10.1016/0021-9290(94)00114-J; Ettema et al. 1998, \
+                 Hum Mov Sci 17:201",
     },
 ];
 

@@ -8,8 +8,8 @@ use carpus_osim::osim::spec::{MuscleSpec, PathPointKind};
 
 /// Normalized fibre lengths over which fibres exert active force: nominally 0.5 to 1.5 (Zajac & Gordon 1989).
 const USEFUL: [f64; 2] = [0.5, 1.5];
-/// Fibres that are longer everywhere never exert active force: the filaments of man overlap up to 1.6 optimal lengths, by
-/// thick filaments of 1.6 µm and I segments of 2.64 µm (Walker & Schrodt 1974, doi:10.1002/ar.1091780107).
+/// Fibres that are longer everywhere never exert active force: the filaments of man overlap up to 1.6 optimal lengths,
+/// by thick filaments of 1.6 µm and I segments of 2.64 µm (Walker & Schrodt 1974, doi:10.1002/ar.1091780107).
 const BEYOND_OVERLAP: f64 = 2.0;
 
 /// Findings about every muscle.
