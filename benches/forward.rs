@@ -1,7 +1,8 @@
 //! How long forward simulation of a whole model takes: a fall under gravity, muscles at constant excitation.
 //!
 //! ```text
-//! cargo bench --bench forward -- --model MODEL.osim [--seconds S] [--rest E] [--accuracy A]… [--reference REF.json] [--repeat N] [--json]
+//! cargo bench --bench forward -- --model MODEL.osim [--seconds S] [--rest E] [--accuracy A]… [--reference REF.json] \
+//!     [--repeat N] [--json]
 //! ```
 //! From the default pose, muscles in equilibrium at the excitation E (0.02). `REF.json` is a trajectory of
 //! `fixtures/scripts/forward.py`, which then gives seconds, rows and excitation. Processor seconds of one thread, the

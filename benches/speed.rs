@@ -1,7 +1,8 @@
 //! How long loading, the first simulation and every further parameter set take.
 //!
 //! ```text
-//! cargo bench --bench speed -- [--model MODEL.osim --motion TABLE.csv] [--posture elbow_flexion=90]… [--repeat N] [--json]
+//! cargo bench --bench speed -- [--model MODEL.osim --motion TABLE.csv] [--posture elbow_flexion=90]… [--repeat N] \
+//!     [--json]
 //! ```
 //! `TABLE.csv` is a table of `fixtures/scripts/prescribed_motion.py`: its angle and excitations are the trial, its
 //! tendon forces (OpenSim at accuracy 1e-7) say how accurate the timed simulation is. Without arguments the bundled

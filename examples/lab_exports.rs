@@ -10,7 +10,7 @@
 //!
 //! | folder | dynamometer | EMG | clocks |
 //! |---|---|---|---|
-//! | `biodex_delsys` | Biodex: columns of equal width, ms | Delsys: a time column a channel, acceleration | one trigger |
+//! | `biodex_delsys` | Biodex: equal column widths, ms | Delsys: a time column a channel, acceleration | one trigger |
 //! | `humac_noraxon` | HUMAC: foot-pounds, reversed | Noraxon: names with commas, µV | torque as a voltage of the EMG |
 //! | `one_file` | semicolons, decimal commas, units below, German | in the same file, mV | one |
 

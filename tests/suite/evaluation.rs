@@ -184,7 +184,9 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn verif_dimensionless_measures_do_not_depend_on_the_unit((exp, sim) in moments(), power in -20..20i32, sign: bool) {
+    fn verif_dimensionless_measures_do_not_depend_on_the_unit(
+        (exp, sim) in moments(), power in -20..20i32, sign: bool
+    ) {
         // A power of two scales without rounding, so that equality is exact.
         let factor = 2f64.powi(power) * if sign { 1.0 } else { -1.0 };
         let scaled = |v: &[f64]| v.iter().map(|x| factor * x).collect::<Vec<_>>();

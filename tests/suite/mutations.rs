@@ -204,11 +204,14 @@ const SCALING: &str = "<OpenSimDocument Version=\"40000\">
 <MarkerPairSet><objects><MarkerPair><markers>M3 M4</markers></MarkerPair></objects></MarkerPairSet>
 <BodyScaleSet><objects><BodyScale name=\"lower\"><axes>X Y Z</axes></BodyScale></objects></BodyScaleSet>
 </Measurement></objects></MeasurementSet>
-<ScaleSet><objects><Scale><scales>1.1 1.2 0.9</scales><segment>upper</segment><apply>true</apply></Scale></objects></ScaleSet>
+<ScaleSet><objects><Scale><scales>1.1 1.2 0.9</scales><segment>upper</segment><apply>true</apply></Scale>\
+</objects></ScaleSet>
 <marker_file>markers.trc</marker_file><time_range>0 0.1</time_range>
-<preserve_mass_distribution>true</preserve_mass_distribution><output_model_file>scaled.osim</output_model_file></ModelScaler>
+<preserve_mass_distribution>true</preserve_mass_distribution>\
+<output_model_file>scaled.osim</output_model_file></ModelScaler>
 <MarkerPlacer><apply>true</apply><IKTaskSet><objects><IKMarkerTask name=\"M1\"><weight>1</weight></IKMarkerTask>
-<IKCoordinateTask name=\"q2\"><weight>2</weight><value_type>manual_value</value_type><value>0.3</value></IKCoordinateTask>
+<IKCoordinateTask name=\"q2\"><weight>2</weight><value_type>manual_value</value_type>\
+<value>0.3</value></IKCoordinateTask>
 </objects></IKTaskSet><marker_file>markers.trc</marker_file><time_range>0 0.1</time_range>
 <output_model_file>placed.osim</output_model_file></MarkerPlacer></ScaleTool></OpenSimDocument>";
 

@@ -220,9 +220,10 @@ fn verif_inconsistent_results_are_refused() {
     let mut results = example();
     results.trials[1].series.measured_n_m.pop();
     let error = Results::parse(&results.to_json()).unwrap_err();
-    assert!(
-        matches!(&error, ResultsError::SeriesLength { column, expected: 200, found: 199, .. } if column == "measured_n_m")
-    );
+    assert!(matches!(
+        &error,
+        ResultsError::SeriesLength { column, expected: 200, found: 199, .. } if column == "measured_n_m"
+    ));
 
     let mut results = example();
     results.trials[0].errors.insert("other".into(), errors(0.1));

@@ -249,9 +249,10 @@ fn verif_failed_runs_are_halved_counted_and_listed() {
 
     let never = |_: &[f64]| Err::<f64, _>("no equilibrium");
     let error = sample.screen(&parameters, never, 100, 2);
-    assert!(
-        matches!(error, Err(SensitivityError::NothingLeft { failed: 150, runs: 150, ref first }) if first == "no equilibrium")
-    );
+    assert!(matches!(
+        error,
+        Err(SensitivityError::NothingLeft { failed: 150, runs: 150, ref first }) if first == "no equilibrium"
+    ));
     let nan = |_: &[f64]| Ok::<_, Infallible>(f64::NAN);
     assert!(matches!(sample.screen(&parameters, nan, 100, 2), Err(SensitivityError::NothingLeft { .. })));
 

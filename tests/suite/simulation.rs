@@ -508,7 +508,10 @@ fn verif_bad_recordings_and_setups_are_refused_with_their_place() {
     outside[20] = 2.5;
     let error = refuse(&time, &outside, &excitation);
     assert!(
-        matches!(&error, SimulationError::AngleOutOfRange { recording, time, .. } if recording == "trial.csv" && *time == 0.2),
+        matches!(
+            &error,
+            SimulationError::AngleOutOfRange { recording, time, .. } if recording == "trial.csv" && *time == 0.2
+        ),
         "{error}"
     );
     assert!(error.hint().is_some());

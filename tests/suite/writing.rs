@@ -1,5 +1,5 @@
-//! Files are written completely or not at all, by way of a temporary file that takes the place of the old one: results by
-//! one function (`OutputFolder::put_with`), and a model by itself by another (`OsimFile::write`).
+//! Files are written completely or not at all, by way of a temporary file that takes the place of the old one: results
+//! by one function (`OutputFolder::put_with`), and a model by itself by another (`OsimFile::write`).
 
 use std::path::{Path, PathBuf};
 

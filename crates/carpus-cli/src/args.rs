@@ -177,12 +177,12 @@ pub struct DemoArgs {
 /// `carpus init`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus init exports --model wrist.osim\n  carpus init exports --model wrist.osim --out study \
-                  --yes --json\n\nLooks at all text files below FOLDER (.csv, .txt, .tsv, …), however they are laid \
-                  out: columns by name, unit and behaviour, recorders by their files, trials by the names of files and \
-                  folders. Writes DIR/{study.toml,participants.csv,trials.csv}, which refer to the files where they \
-                  are, and prints what was understood, assumed, and could not be told. No file of the folder is \
-                  changed or moved."
+    after_help = "Example:\n  carpus init exports --model wrist.osim\n  carpus init exports --model wrist.osim --out \
+                  study --yes --json\n\nLooks at all text files below FOLDER (.csv, .txt, .tsv, …), however they are \
+                  laid out: columns by name, unit and behaviour, recorders by their files, trials by the names of \
+                  files and folders. Writes DIR/{study.toml,participants.csv,trials.csv}, which refer to the files \
+                  where they are, and prints what was understood, assumed, and could not be told. No file of the \
+                  folder is changed or moved."
 )]
 pub struct InitArgs {
     /// The folder of the exported files
@@ -208,9 +208,9 @@ pub struct InitArgs {
 /// `carpus check`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  carpus check study/study.toml\n\nMakes all checks that other commands make when they read \
-                  a study, and prints trials by condition and findings by subject: green, amber, red. The exit code is \
-                  1 if one is red."
+    after_help = "Example:\n  carpus check study/study.toml\n\nMakes all checks that other commands make when they \
+                  read a study, and prints trials by condition and findings by subject: green, amber, red. The exit \
+                  code is 1 if one is red."
 )]
 pub struct CheckArgs {
     /// The study: its study.toml or the folder it is in
@@ -275,8 +275,8 @@ pub struct AuditArgs {
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example:\n  carpus view wrist.osim --open\n  carpus view MOBL_ARMS_41.osim -o mobl.html --geometry \
-                  ~/OpenSim/Geometry\n\nThe page needs no network. Bone geometry (.vtp, .stl, .obj) is looked for beside \
-                  the model and in Geometry there."
+                  ~/OpenSim/Geometry\n\nThe page needs no network. Bone geometry (.vtp, .stl, .obj) is looked for \
+                  beside the model and in Geometry there."
 )]
 pub struct ViewArgs {
     /// Model and strictness.
@@ -419,7 +419,8 @@ pub struct PersonalizeArgs {
                   study/study.toml --models personalized --models other_fit --out evaluated\n\nReads DIR/P01/NAME.osim \
                   for every participant and evaluates every NAME on the trials with use = test; the control `linear` \
                   is NAME = linear or, without it, the study's own model. Writes \
-                  DIR/{report.html,evaluation_errors.csv,evaluation_means.csv,evaluation_anova.csv,evaluation_pairwise.csv}."
+                  DIR/{report.html,evaluation_errors.csv,evaluation_means.csv,evaluation_anova.csv,\
+                  evaluation_pairwise.csv}."
 )]
 pub struct EvaluateArgs {
     /// The study.
@@ -461,16 +462,36 @@ pub struct WholeStudyArgs {
     #[arg(long, value_name = "STEP,…", value_delimiter = ',')]
     pub steps: Vec<String>,
     /// Starts r of the Morris screening
-    #[arg(long, value_name = "R", default_value_t = DEFAULT_STARTS as u32, value_parser = clap::value_parser!(u32).range(2..=100_000))]
+    #[arg(
+        long,
+        value_name = "R",
+        default_value_t = DEFAULT_STARTS as u32,
+        value_parser = clap::value_parser!(u32).range(2..=100_000)
+    )]
     pub starts: u32,
     /// Rows N of the Sobol' analysis: N (m + 2) runs per condition; 0 for none
-    #[arg(long, value_name = "N", default_value_t = DEFAULT_SOBOL as u32, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = DEFAULT_SOBOL as u32,
+        value_parser = clap::value_parser!(u32).range(0..=1_000_000)
+    )]
     pub sobol: u32,
     /// Evaluations of each Bayesian optimization
-    #[arg(long, value_name = "N", default_value_t = DEFAULT_BAYESIAN_EVALUATIONS as u32, value_parser = clap::value_parser!(u32).range(11..=100_000))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = DEFAULT_BAYESIAN_EVALUATIONS as u32,
+        value_parser = clap::value_parser!(u32).range(11..=100_000)
+    )]
     pub bayesian_evaluations: u32,
     /// Iterations of each sequential quadratic programming
-    #[arg(long, value_name = "N", default_value_t = DEFAULT_SQP_ITERATIONS as u32, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = DEFAULT_SQP_ITERATIONS as u32,
+        value_parser = clap::value_parser!(u32).range(1..=100_000)
+    )]
     pub sqp_iterations: u32,
     /// What is asked about the parameters' intervals.
     #[command(flatten)]
@@ -482,7 +503,8 @@ pub struct WholeStudyArgs {
 #[command(
     after_help = "Example:\n  carpus identify study/study.toml --out identified\n  carpus identify study/study.toml \
                   --priors literature.csv --out identified\n\nWrites \
-                  DIR/P01/{identifiability.json,intervals.csv,combinations.csv,correlations.csv,next_trials.csv,draws.csv,report.html}. Held-out trials (use = test) are not used."
+                  DIR/P01/{identifiability.json,intervals.csv,combinations.csv,correlations.csv,next_trials.csv,\
+                  draws.csv,report.html}. Held-out trials (use = test) are not used."
 )]
 pub struct IdentifyArgs {
     /// The study.
@@ -511,7 +533,12 @@ pub struct IdentifyOptions {
     #[arg(long, value_name = "P", default_value_t = INTERVAL_LEVEL, value_parser = level)]
     pub level: f64,
     /// Draws from the posterior
-    #[arg(long, value_name = "N", default_value_t = DEFAULT_DRAWS as u32, value_parser = clap::value_parser!(u32).range(40..=1_000_000))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = DEFAULT_DRAWS as u32,
+        value_parser = clap::value_parser!(u32).range(40..=1_000_000)
+    )]
     pub draws: u32,
 }
 
@@ -567,13 +594,23 @@ pub struct SensitivityArgs {
     #[command(flatten)]
     pub study: StudyArgs,
     /// Starts r of the screening: r (m + 1) runs per condition for m parameters
-    #[arg(long, value_name = "R", default_value_t = DEFAULT_STARTS as u32, value_parser = clap::value_parser!(u32).range(2..=100_000))]
+    #[arg(
+        long,
+        value_name = "R",
+        default_value_t = DEFAULT_STARTS as u32,
+        value_parser = clap::value_parser!(u32).range(2..=100_000)
+    )]
     pub starts: u32,
     /// Also Sobol' indices, from a Sobol' sequence and N (m + 2) runs per condition; best a power of two
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
     pub sobol: Option<u32>,
     /// Resamples of the bootstrap behind the intervals
-    #[arg(long, value_name = "N", default_value_t = DEFAULT_RESAMPLES as u32, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = DEFAULT_RESAMPLES as u32,
+        value_parser = clap::value_parser!(u32).range(0..=1_000_000)
+    )]
     pub resamples: u32,
 }
 

@@ -268,7 +268,13 @@ pub struct PlanArgs {
     pub candidates: Vec<String>,
     /// Say instead how far an effect of this size would be, in the trials at hand, from none and from every other
     /// effect; parameters in the units of `carpus effects ID`
-    #[arg(long, value_name = "ID[:NAME=VALUE,…]", value_parser = effect_size, allow_hyphen_values = true, conflicts_with = "candidates")]
+    #[arg(
+        long,
+        value_name = "ID[:NAME=VALUE,…]",
+        value_parser = effect_size,
+        allow_hyphen_values = true,
+        conflicts_with = "candidates"
+    )]
     pub effect: Option<EffectSize>,
     /// Effects beside the model.
     #[command(flatten)]

@@ -152,7 +152,8 @@ fn start_threads(global: &Global) -> Result<(), Failure> {
 fn defect(what: &str) -> String {
     let command = provenance::command_line();
     format!(
-        "internal error: {what}\n  This is a defect of carpus {}, not of your files. Please report it with the command:\n  {command}",
+        "internal error: {what}\n  This is a defect of carpus {}, not of your files. Please report it with the \
+         command:\n  {command}",
         env!("CARGO_PKG_VERSION")
     )
 }

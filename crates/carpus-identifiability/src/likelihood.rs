@@ -103,7 +103,8 @@ impl Problem {
     /// within them.
     ///
     /// ```text
-    /// c = tr(A⁻¹ Σ s_t s_tᵀ) / tr(A⁻¹ Σ (A_t − A_t A⁻¹ A_t)),   s_t = X_tᵀ V⁻¹ r_t,  A_t = X_tᵀ V⁻¹ X_t,  A = Σ A_t + prior
+    /// c = tr(A⁻¹ Σ s_t s_tᵀ) / tr(A⁻¹ Σ (A_t − A_t A⁻¹ A_t))
+    /// s_t = X_tᵀ V⁻¹ r_t,  A_t = X_tᵀ V⁻¹ X_t,  A = Σ A_t + prior
     /// ```
     /// A fit takes part of the scatter away, which the denominator accounts for.
     ///

@@ -214,7 +214,8 @@ pub static WRAP_SIZE: Plausible = Plausible {
     quantity: "size of a wrapping surface",
     unit: "m",
     range: [0.0, 2.0],
-    source: "Seth et al. 2019 (ellipsoid of the rib cage, 0.25 m) and cylinders that are longer than the body they lie in",
+    source: "Seth et al. 2019 (ellipsoid of the rib cage, 0.25 m) and cylinders that are longer than the body they lie \
+             in",
     slips: &[MILLIMETRES, CENTIMETRES],
 };
 

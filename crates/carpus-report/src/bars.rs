@@ -55,7 +55,8 @@ impl BarFigure {
                 let title = format!("{}, {name}: {mean:.3} ± {sd:.3}", self.series[s]);
                 let _ = write!(
                     w,
-                    r#"<rect class="column c{}" x="{x:.1}" y="{:.1}" width="{:.1}" height="{:.1}"><title>{}</title></rect>"#,
+                    "<rect class=\"column c{}\" x=\"{x:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\">\
+                     <title>{}</title></rect>",
                     s % COLOURS,
                     a.min(b),
                     bar * 0.9,
@@ -119,7 +120,8 @@ pub fn heat_map(description: &str, names: &[String], p: &[Vec<Option<f64>>]) -> 
             let (x, y) = (left + cell * j as f64, 18.0 + cell * i as f64);
             let _ = write!(
                 w,
-                r#"<rect class="{class}" x="{x:.1}" y="{y:.1}" width="{:.1}" height="{:.1}"><title>{} – {}: p = {value:.4}</title></rect>"#,
+                "<rect class=\"{class}\" x=\"{x:.1}\" y=\"{y:.1}\" width=\"{:.1}\" height=\"{:.1}\">\
+                 <title>{} – {}: p = {value:.4}</title></rect>",
                 cell - 2.0,
                 cell - 2.0,
                 escape(name),

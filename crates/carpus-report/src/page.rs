@@ -74,7 +74,8 @@ pub(super) fn policy(styles: &[&str], scripts: &[&str], scripts_may: &str) -> St
         texts.iter().map(hash).collect::<String>()
     };
     format!(
-        "default-src 'none'; style-src{}; script-src{}{scripts_may}; img-src data:; base-uri 'none'; form-action 'none'",
+        "default-src 'none'; style-src{}; script-src{}{scripts_may}; img-src data:; base-uri 'none'; form-action \
+         'none'",
         hashes(styles),
         hashes(scripts)
     )

@@ -148,7 +148,8 @@ impl CurveFigure<'_> {
         let [y0, y1] = y.data;
         let _ = write!(
             w,
-            r#"<svg class="figure" viewBox="0 0 {width} {height}" role="img" aria-label="{}" data-x="{x0} {x1} {} {}" data-y="{y0} {y1} {} {}" data-x-name="{}" data-x-unit="{}" data-unit="{}">"#,
+            "<svg class=\"figure\" viewBox=\"0 0 {width} {height}\" role=\"img\" aria-label=\"{}\" data-x=\"{x0} {x1} \
+             {} {}\" data-y=\"{y0} {y1} {} {}\" data-x-name=\"{}\" data-x-unit=\"{}\" data-unit=\"{}\">",
             escape(&self.description),
             x.drawn[0],
             x.drawn[1],
@@ -223,7 +224,8 @@ impl CurveFigure<'_> {
         }
         let _ = write!(
             w,
-            r#"<polyline class="curve angle" data-name="{name}" data-unit="°" data-y="{} {} {} {}" points="{points}"/>"#,
+            "<polyline class=\"curve angle\" data-name=\"{name}\" data-unit=\"°\" data-y=\"{} {} {} {}\" \
+             points=\"{points}\"/>",
             y.data[0], y.data[1], y.drawn[0], y.drawn[1]
         );
     }
@@ -331,7 +333,8 @@ pub fn bounds_bar(before: f64, after: f64, at_bound: bool) -> String {
         concat!(
             r#"<svg class="row" viewBox="0 0 {width} {height}" aria-hidden="true">"#,
             r#"<line class="track" x1="{low}" x2="{high}" y1="{middle}" y2="{middle}"/>"#,
-            r#"<line class="end" x1="{low}" x2="{low}" y1="5" y2="17"/><line class="end" x1="{high}" x2="{high}" y1="5" y2="17"/>"#,
+            r#"<line class="end" x1="{low}" x2="{low}" y1="5" y2="17"/>"#,
+            r#"<line class="end" x1="{high}" x2="{high}" y1="5" y2="17"/>"#,
             r#"<line class="link fell" x1="{a:.1}" x2="{b:.1}" y1="{middle}" y2="{middle}"/>"#,
             r#"<line class="start" x1="{a:.1}" x2="{a:.1}" y1="5" y2="17"/>"#,
             r#"<circle class="{class}" cx="{b:.1}" cy="{middle}" r="5"/></svg>"#

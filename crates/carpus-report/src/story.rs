@@ -280,8 +280,9 @@ fn proposed(diagnosis: &DiagnosisResult) -> Option<String> {
     let others =
         if others.is_empty() { String::new() } else { format!(" Nearly as much takes {}.", others.join(" or ")) };
     Some(format!(
-        "What remains looks like a moment of {} N·m, which takes {} of its mean square in trials that were left out.{others} \
-         The files proposal_1.toml and so on beside this page hold each as an effect of your own, to be added with --own-effect.",
+        "What remains looks like a moment of {} N·m, which takes {} of its mean square in trials that were left \
+         out.{others} The files proposal_1.toml and so on beside this page hold each as an effect of your own, to be \
+         added with --own-effect.",
         first.formula,
         percent(first.share_of_error)
     ))
@@ -353,23 +354,47 @@ fn told(
         _ => "Something is missing that none of the effects that were considered explains".to_owned(),
     };
     let leaves = "nothing systematic is left";
+    let planned = !diagnosis.separating_experiments.is_empty();
+    let teller = if planned { "The table of further trials says" } else { "`carpus plan` says" };
     let mut lead = vec![match diagnosis.verdict.as_str() {
         "identified" => format!(
-            "With {} fitted together with the muscles, {leaves} in the training trials. {} An effect outside the catalogue that acts alike cannot be told from it.",
+            "With {} fitted together with the muscles, {leaves} in the training trials. {} An effect outside the \
+             catalogue that acts alike cannot be told from it.",
             sets.join(""),
             runners_up(diagnosis)
         ),
-        "two_effects" => format!("Whatever single effect was fitted together with the muscles, something systematic is left; with {} {leaves}.", sets.join("")),
+        "two_effects" => format!(
+            "Whatever single effect was fitted together with the muscles, something systematic is left; with {} \
+             {leaves}.",
+            sets.join("")
+        ),
         "cannot_tell" => format!(
             "With each of these fitted together with the muscles {leaves}: {}. {} what would tell.",
             sets.join("; "),
-            if diagnosis.separating_experiments.is_empty() { "`carpus plan` says" } else { "The table of further trials says" }
+            teller
         ),
-        "nothing_detectable" => "With the muscles' strengths and lengths fitted, what is left looks like noise of EMG, angle and moment. An effect smaller than the sizes listed below would have gone unnoticed.".to_owned(),
-        "negligible" => format!("The trials are consistent with {}, but the error falls by very little.", sets.join("; or with ")),
-        "implausible" => format!("With {} {leaves}, but at a size outside of what is plausible: a cause that is not in the catalogue, or a fault of the recordings, is more likely.", sets.join(" or ")),
-        "dominant" | "several" => "As in most laboratories, no single effect leaves nothing. Muscles, EMG errors, every effect of the catalogue and a smooth discrepancy of each muscle's moment were estimated together; the effects below are larger than the little that a laboratory has of everything.".to_owned(),
-        _ => "Whatever effect was fitted together with the muscles, something systematic is left. The figures below show what it depends on.".to_owned(),
+        "nothing_detectable" => {
+            "With the muscles' strengths and lengths fitted, what is left looks like noise of EMG, angle and moment. \
+             An effect smaller than the sizes listed below would have gone unnoticed."
+                .to_owned()
+        }
+        "negligible" => {
+            format!("The trials are consistent with {}, but the error falls by very little.", sets.join("; or with "))
+        }
+        "implausible" => format!(
+            "With {} {leaves}, but at a size outside of what is plausible: a cause that is not in the catalogue, or a \
+             fault of the recordings, is more likely.",
+            sets.join(" or ")
+        ),
+        "dominant" | "several" => {
+            "As in most laboratories, no single effect leaves nothing. Muscles, EMG errors, every effect of the \
+             catalogue and a smooth discrepancy of each muscle's moment were estimated together; the effects below are \
+             larger than the little that a laboratory has of everything."
+                .to_owned()
+        }
+        _ => "Whatever effect was fitted together with the muscles, something systematic is left. The figures below \
+              show what it depends on."
+            .to_owned(),
     }];
     lead.extend(proposed(diagnosis));
     if let (Some(first), Some(last)) = (steps.first(), steps.last()) {

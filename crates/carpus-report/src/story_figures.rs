@@ -114,13 +114,21 @@ fn lines(label: &str) -> Vec<String> {
 }
 
 /// Styles of a figure that stands alone, in light and dark.
-const ALONE: &str = "text{font:13px system-ui,sans-serif;fill:#1b1f24}.tick,.value{font-size:12px;fill:#5c6670}.current{font-weight:650}.grid{stroke:#e2e5e8}.train{fill:#8a949e}.held{fill:#6b4fb3}.ghost{opacity:.18}.floor{stroke:#1a7f4b;stroke-width:1.5;stroke-dasharray:4 3}.floor-text{fill:#1a7f4b;font-size:12px}@media(prefers-color-scheme:dark){text{fill:#e8ebee}.tick,.value{fill:#a5aeb7}.grid{stroke:#2e343a}.train{fill:#78828c}.held{fill:#b9a5f2}.floor{stroke:#58c48d}.floor-text{fill:#58c48d}}";
+const ALONE: &str = "text{font:13px system-ui,sans-serif;fill:#1b1f24}.tick,.value{font-size:12px;fill:#5c6670}\
+                     .current{font-weight:650}.grid{stroke:#e2e5e8}.train{fill:#8a949e}.held{fill:#6b4fb3}\
+                     .ghost{opacity:.18}.floor{stroke:#1a7f4b;stroke-width:1.5;stroke-dasharray:4 3}\
+                     .floor-text{fill:#1a7f4b;font-size:12px}\
+                     @media(prefers-color-scheme:dark){text{fill:#e8ebee}.tick,.value{fill:#a5aeb7}\
+                     .grid{stroke:#2e343a}.train{fill:#78828c}.held{fill:#b9a5f2}.floor{stroke:#58c48d}\
+                     .floor-text{fill:#58c48d}}";
 
 /// A figure of a page as a file of its own, with what its bars mean.
 pub fn standing_alone(svg: &str) -> String {
     let legend = concat!(
-        r#"<rect class="train" x="0" y="4" width="14" height="10"/><text class="tick" x="19" y="13">training trials</text>"#,
-        r#"<rect class="held" x="112" y="4" width="14" height="10"/><text class="tick" x="131" y="13">held-out trials</text>"#
+        r#"<rect class="train" x="0" y="4" width="14" height="10"/>"#,
+        r#"<text class="tick" x="19" y="13">training trials</text>"#,
+        r#"<rect class="held" x="112" y="4" width="14" height="10"/>"#,
+        r#"<text class="tick" x="131" y="13">held-out trials</text>"#
     );
     let styled = svg.replacen("<svg ", r#"<svg xmlns="http://www.w3.org/2000/svg" "#, 1);
     match styled.split_once('>') {

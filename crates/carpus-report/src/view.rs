@@ -266,7 +266,10 @@ fn headline(results: &Results, pair: &Pair) -> String {
 fn lead(results: &Results, pair: &Pair) -> String {
     let mut text = String::new();
     if pair.judged().is_some() {
-        text.push_str("Error: mean distance between measured and simulated moment, in percent of the largest measured moment of the trial (NRMSE).");
+        text.push_str(
+            "Error: mean distance between measured and simulated moment, in percent of the largest measured moment of \
+             the trial (NRMSE).",
+        );
         if pair.errors(Use::HeldOut).1.is_some() && results.kind == Kind::Personalization {
             text.push_str(" Held-out trials were never seen by the fit.");
         } else if results.kind == Kind::Personalization {

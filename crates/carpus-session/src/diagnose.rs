@@ -145,7 +145,8 @@ impl Session<'_> {
             return Ok(known);
         }
         if file.exists() {
-            let text = "is of other files, another seed or another version, or leaves effects out: the data are diagnosed anew";
+            let text = "is of other files, another seed or another version, or leaves effects out: the data are \
+                        diagnosed anew";
             self.progress()?.warning(&Diagnostic::warning(text).in_file(&file));
         }
         let made = self.diagnosed(forward, &Diagnose { seed, ..Diagnose::default() })?;

@@ -30,7 +30,8 @@ pub fn parameter(p: &Parameter) -> String {
         Role::Amplitude => "the effect is absent at 0".to_string(),
         Role::Shape if p.neutral != NeutralShift::None => {
             format!(
-                "shape, usually {}, both from the joint's neutral angle (0, or the middle of a range that lies to one side of it)",
+                "shape, usually {}, both from the joint's neutral angle (0, or the middle of a range that lies to one \
+                 side of it)",
                 p.start
             )
         }

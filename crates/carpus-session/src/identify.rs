@@ -24,8 +24,8 @@ use carpus_study::study::{FurtherMoment, PriorKnowledge, PriorUnit, TrialUse, re
 
 /// Said in every report that gives intervals of strength, until these hold the truth as often as their level says
 /// (`fixtures/identifiability`).
-const TOO_NARROW: &str = "intervals of max_isometric_force are somewhat too narrow: in 24 simulated studies of known truth, 90 % \
-                          intervals held it in 85 % of cases (those of lengths in 92 to 96 %)";
+const TOO_NARROW: &str = "intervals of max_isometric_force are somewhat too narrow: in 24 simulated studies of known \
+                          truth, 90 % intervals held it in 85 % of cases (those of lengths in 92 to 96 %)";
 
 /// Draws from the posterior where no other number is asked for.
 pub const DEFAULT_DRAWS: usize = 2000;

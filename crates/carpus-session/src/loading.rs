@@ -99,13 +99,15 @@ pub fn require_memory(
     let longest = trained().max_by(|a, b| a.duration().total_cmp(&b.duration()));
     let Some(longest) = longest.filter(|_| needed > MOST_MEMORY) else { return Ok(()) };
     let text = format!(
-        "participant {}: the noise of the trials with use = train would take {:.0} GB of memory; at most {:.0} GB are taken",
+        "participant {}: the noise of the trials with use = train would take {:.0} GB of memory; at most {:.0} GB are \
+         taken",
         longest.info.participant,
         (needed / 1e9).ceil(),
         MOST_MEMORY / 1e9
     );
     let hint = format!(
-        "memory grows with the square of a trial's duration, and {} lasts {:.0} s: cut it into trials of a minute or less",
+        "memory grows with the square of a trial's duration, and {} lasts {:.0} s: cut it into trials of a minute or \
+         less",
         longest.info.file.display(),
         longest.duration()
     );

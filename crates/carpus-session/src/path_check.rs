@@ -158,8 +158,9 @@ pub fn over_range(
     Ok(warnings)
 }
 
-/// A fibre is overstretched where path less tendon is more than this multiple of its optimal length: passive fibres
-/// tear before they reach twice their optimal length (Noonan et al. 1993), and no joint takes them there.
+/// A fibre is overstretched where path less tendon is more than this multiple of its optimal length: muscles of the
+/// rabbit rupture when they are stretched by 0.7 to 2.3 resting fibre lengths, tendon included (Garrett et al. 1988,
+/// doi:10.1177/036354658801600102), and no joint takes them there.
 const LONGEST_FIBER: f64 = 3.0;
 
 /// Below this multiple of their optimal length fibres exert no active force (Millard et al. 2013: 0.44).

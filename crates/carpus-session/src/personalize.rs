@@ -175,8 +175,8 @@ pub(super) fn images(study: &Study, run: &LoadedParticipant) -> Result<Vec<Resti
             .map_err(|e| at(format!("{} {}: {e}", run.participant.name, image.muscle)))?;
         let millard = Millard2012::from_spec(spec).map_err(|e| match spec.is_computed() {
             true => at(format!(
-                "{}: fascicle lengths inform the fit of a Millard2012EquilibriumMuscle only, not of a {}; with `fascicles \
-                 = \"check\"` in [ultrasound] of study.toml they are compared with the model afterwards",
+                "{}: fascicle lengths inform the fit of a Millard2012EquilibriumMuscle only, not of a {}; with \
+                 `fascicles = \"check\"` in [ultrasound] of study.toml they are compared with the model afterwards",
                 image.muscle,
                 spec.class()
             )),

@@ -167,7 +167,12 @@ impl Separability {
 
 /// An experiment as it is written.
 fn short(s: &Separation) -> Value {
-    json!({ "trials": s.trials, "separates": s.separates, "z_now": rounded(s.z_now, 3), "z_then": rounded(s.z_then, 3) })
+    json!({
+        "trials": s.trials,
+        "separates": s.separates,
+        "z_now": rounded(s.z_now, 3),
+        "z_then": rounded(s.z_then, 3),
+    })
 }
 
 /// The effects to tell apart: those of the explanations, and the strongest others where these are fewer than two.

@@ -271,7 +271,9 @@ mod tests {
     #[test]
     fn verif_other_sections_are_copied_however_they_are_written() {
         // A table above the first header, a text that looks like a header, a quoted name, keys with dots.
-        let odd = "posture_deg = { elbow_flexion = 90 }\nstudy.name = \"\"\"\n[emg]\n\"\"\"\nprocessing.filter_hz = 6\n                   muscles.active = [\"A\"]\n[\"columns\"]\nignore = [\n  \"a\",\n  \"b\",\n]\n";
+        let odd = "posture_deg = { elbow_flexion = 90 }\nstudy.name = \"\"\"\n[emg]\n\"\"\"\n\
+                   processing.filter_hz = 6\n                   muscles.active = [\"A\"]\n[\"columns\"]\n\
+                   ignore = [\n  \"a\",\n  \"b\",\n]\n";
         let text = written(odd);
         let copied: toml::Table = text.parse().unwrap();
         let mut sections: Vec<&str> = copied.keys().map(String::as_str).collect();

@@ -84,7 +84,8 @@ fn add_markers(path: &std::path::Path, file: &mut OsimFile) -> Result<usize, Too
             _ => format!("<socket_parent_frame>/bodyset/{body}</socket_parent_frame>"),
         };
         added.push(format!(
-            "<Marker name=\"{name}\">\n\t{socket}\n\t<location>{location}</location>\n\t<fixed>{fixed}</fixed>\n</Marker>"
+            "<Marker name=\"{name}\">\n\t{socket}\n\t<location>{location}</location>\n\t<fixed>{fixed}</fixed>\n\
+             </Marker>"
         ));
     }
     let moved: Vec<_> = moved.iter().map(|(path, property, text)| (path.as_str(), *property, text.clone())).collect();

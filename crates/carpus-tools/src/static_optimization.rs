@@ -284,12 +284,16 @@ fn control_set(storage: &Storage) -> String {
         let _ = write!(
             text,
             "\t\t\t<ControlLinear \
-             name=\"{label}\">\n\t\t\t\t<is_model_control>true</is_model_control>\n\t\t\t\t<extrapolate>true</extrapolate>\n\t\t\t\t<default_min>0.02</default_min>\n\t\t\t\t<default_max>1</default_max>\n\t\t\t\t<filter_on>false</filter_on>\n\t\t\t\t<use_steps>false</use_steps>\n\t\t\t\t<x_nodes>\n"
+             name=\"{label}\">\n\t\t\t\t<is_model_control>true</is_model_control>\n\t\t\t\t\
+             <extrapolate>true</extrapolate>\n\t\t\t\t<default_min>0.02</default_min>\n\t\t\t\t\
+             <default_max>1</default_max>\n\t\t\t\t<filter_on>false</filter_on>\n\t\t\t\t\
+             <use_steps>false</use_steps>\n\t\t\t\t<x_nodes>\n"
         );
         for (time, row) in storage.time.iter().zip(&storage.rows) {
             let _ = write!(
                 text,
-                "\t\t\t\t\t<ControlLinearNode>\n\t\t\t\t\t\t<t>{time}</t>\n\t\t\t\t\t\t<value>{}</value>\n\t\t\t\t\t</ControlLinearNode>\n",
+                "\t\t\t\t\t<ControlLinearNode>\n\t\t\t\t\t\t<t>{time}</t>\n\t\t\t\t\t\t\
+                 <value>{}</value>\n\t\t\t\t\t</ControlLinearNode>\n",
                 row[i]
             );
         }

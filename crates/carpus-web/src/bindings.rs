@@ -33,8 +33,8 @@ const TO_OPEN: usize = 64 << 20;
 /// Memory that a fit takes for every trial [bytes], about.
 const TO_FIT_A_TRIAL: usize = 8 << 20;
 
-/// Has the page's memory grown at once by what will be needed: it is never given back, and a browser takes a millisecond for every
-/// step by which it grows. A browser that has not so much lets it grow step by step.
+/// Has the page's memory grown at once by what will be needed: it is never given back, and a browser takes a
+/// millisecond for every step by which it grows. A browser that has not so much lets it grow step by step.
 fn grow(bytes: usize) {
     let mut room: Vec<u8> = Vec::new();
     std::hint::black_box(room.try_reserve_exact(bytes).is_ok());
@@ -105,8 +105,8 @@ impl Page {
         self.exported.as_ref()?.side_car.clone()
     }
 
-    /// What every active muscle does in a trial, one after the other: activation, force [N], moment [N·m] of the first, then
-    /// of the next.
+    /// What every active muscle does in a trial, one after the other: activation, force [N], moment [N·m] of the first,
+    /// then of the next.
     pub fn muscles_of_trial(&self, trial: usize, muscles: &[f64], effects: &str) -> Result<Vec<f64>, JsError> {
         let (muscles, effects) = self.read(muscles, effects)?;
         let found = self.bench.muscles_of_trial(trial, &muscles, &effects).map_err(thrown)?;
@@ -155,8 +155,8 @@ impl Stage {
         self.scene.description().to_string()
     }
 
-    /// The model with these coordinates [rad or m]: all coordinates; twelve numbers of ground and of every body; length,
-    /// number of points and points of every muscle.
+    /// The model with these coordinates [rad or m]: all coordinates; twelve numbers of ground and of every body;
+    /// length, number of points and points of every muscle.
     pub fn posture(&mut self, q: &[f64]) -> Vec<f64> {
         let posture = self.scene.posture(q);
         let mut out = posture.q;
@@ -179,8 +179,8 @@ impl Stage {
         swept.unwrap_or_default().into_iter().flat_map(|m| [m.length, m.moment_arm].concat()).collect()
     }
 
-    /// A moment arm as it is drawn: direction of the axis, its point, the line's point, both ends of the piece that pulls;
-    /// nothing where the coordinate turns nothing that the muscle pulls on.
+    /// A moment arm as it is drawn: direction of the axis, its point, the line's point, both ends of the piece that
+    /// pulls; nothing where the coordinate turns nothing that the muscle pulls on.
     pub fn lever(&mut self, q: &[f64], about: usize, muscle: usize) -> Vec<f64> {
         let lever = self.coordinate(about).and_then(|about| self.scene.lever(q, about, muscle));
         let five = lever.map(|l| [l.axis, l.on_axis, l.on_line, l.piece[0], l.piece[1]]);

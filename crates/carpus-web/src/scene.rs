@@ -67,8 +67,8 @@ pub struct SweptMuscle {
 /// A moment arm as it can be drawn: from the axis about which the coordinate turns the two bodies between which the
 /// muscle pulls most, to the line along which it pulls. In ground [m].
 ///
-/// Where the muscle turns the coordinate through this one piece about this one axis, the distance between the two points
-/// times the sine between axis and line is the moment arm.
+/// Where the muscle turns the coordinate through this one piece about this one axis, the distance between the two
+/// points times the sine between axis and line is the moment arm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lever {
     /// A unit vector along the axis.

@@ -92,8 +92,8 @@ impl Scene {
     }
 }
 
-/// The far end of a body that carries no other: as far behind its mass centre as that is from its joint, or the point of
-/// a muscle that is farthest from it.
+/// The far end of a body that carries no other: as far behind its mass centre as that is from its joint, or the point
+/// of a muscle that is farthest from it.
 fn tip(scene: &Scene, body: usize, from: Vector3<f64>) -> Vector3<f64> {
     let base = BaseIndex(body + 1);
     let behind = (scene.model.bodies[body].mass_center - from) * 2.0;

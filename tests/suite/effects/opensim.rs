@@ -186,7 +186,10 @@ fn opensim(cases: &[Case], states: &[State], folder: &Path, python: &Path) -> Va
         .map(|(k, s)| {
             let fibers: Vec<_> = cases.iter().map(|case| case.outcomes[k].fiber_length.clone()).collect();
             json!({
-                "coordinates": { "elbow_flexion": std::f64::consts::FRAC_PI_2, "pro_sup": 0.0, "flexion": s.angle, "deviation": 0.0 },
+                "coordinates": {
+                    "elbow_flexion": std::f64::consts::FRAC_PI_2, "pro_sup": 0.0,
+                    "flexion": s.angle, "deviation": 0.0,
+                },
                 "speed": s.speed, "acceleration": s.acceleration,
                 "activation": s.activation, "excitation": s.excitation, "fiber_length": fibers,
             })

@@ -343,7 +343,10 @@ proptest! {
                 let _ = file.set_muscle_property("BRD", "optimal_fiber_length", 0.2);
                 let _ = file.set_muscle_property("BRD", "max_control", 0.5);
             }
-            Err(error) => prop_assert!(!error.to_string().is_empty() && error.hint().is_none_or(|hint| !hint.is_empty())),
+            Err(error) => {
+                let has_text = !error.to_string().is_empty();
+                prop_assert!(has_text && error.hint().is_none_or(|hint| !hint.is_empty()));
+            }
         }
     }
 }

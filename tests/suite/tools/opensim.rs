@@ -197,7 +197,8 @@ fn is_deprecated(muscle: &MuscleSpec) -> bool {
 pub(super) fn setup(class: &str, model: &Path, inner: &str) -> String {
     format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\" ?>\n<OpenSimDocument Version=\"40000\">\n<{class} \
-         name=\"run\">\n<model_file>{}</model_file>\n<results_directory>RESULTS</results_directory>\n{inner}\n</{class}>\n</OpenSimDocument>\n",
+         name=\"run\">\n<model_file>{}</model_file>\n<results_directory>RESULTS</results_directory>\n{inner}\n\
+         </{class}>\n</OpenSimDocument>\n",
         model.display()
     )
 }

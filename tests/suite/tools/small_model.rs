@@ -67,7 +67,8 @@ pub fn model(muscles: &str) -> String {
 pub fn setup(class: &str, inner: &str) -> String {
     format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\" ?>\n<OpenSimDocument Version=\"40500\">\n<{class} \
-         name=\"run\">\n<model_file>small.osim</model_file>\n<results_directory>RESULTS</results_directory>\n{inner}\n</{class}>\n</OpenSimDocument>\n"
+         name=\"run\">\n<model_file>small.osim</model_file>\n<results_directory>RESULTS</results_directory>\n{inner}\n\
+         </{class}>\n</OpenSimDocument>\n"
     )
 }
 

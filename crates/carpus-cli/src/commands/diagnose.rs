@@ -163,8 +163,8 @@ fn readable(diagnosis: &Diagnosis) -> String {
     text.push_str(&table(&["trials", "as given", "muscles refitted", "with effect", "noise floor"], 1, rows));
     if matches!(diagnosis.verdict, Verdict::Dominant | Verdict::Several) {
         text.push_str(
-            "\n\nMissing effects: probability, share of the model's mean squared error that each takes, and the part of it \
-             that nothing else takes\n",
+            "\n\nMissing effects: probability, share of the model's mean squared error that each takes, and the part \
+             of it that nothing else takes\n",
         );
         let header = ["effect", "probability", "training %", "unique %", "held out %", "parameters, 95 % intervals"];
         text.push_str(&table(&header, 5, several_rows(diagnosis)));

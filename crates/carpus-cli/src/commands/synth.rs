@@ -30,7 +30,11 @@ pub fn run(args: &SynthArgs, global: &Global) -> Result<(), Failure> {
     let made = study.study.synthesize(&request, &study.out, &Bars::new(global))?;
     study.close("synth")?;
     if global.json {
-        let text = json!({ "schema": "carpus.synth/1", "study": study.out.path().join("study.toml"), "participants": made.iter().map(|m| m.truth.clone()).collect::<Vec<_>>() });
+        let text = json!({
+            "schema": "carpus.synth/1",
+            "study": study.out.path().join("study.toml"),
+            "participants": made.iter().map(|m| m.truth.clone()).collect::<Vec<_>>(),
+        });
         return print_result(&text.to_string());
     }
     print_result(&readable(study.out.path(), &made))

@@ -109,12 +109,16 @@ pub(super) fn compile_couplers(spec: &ModelSpec) -> Result<Vec<Coupler>, Compile
     let mut couplers: Vec<(usize, Coupler)> = Vec::new();
     let mut driven_by: Vec<Option<usize>> = vec![None; spec.coordinates.len()];
     for (number, constraint) in spec.constraints.iter().enumerate().filter(|(_, c)| c.is_enforced) {
-        let ConstraintKind::CoordinateCoupler { independent_coordinates, dependent_coordinate, function, scale_factor } =
-            &constraint.kind
+        let ConstraintKind::CoordinateCoupler {
+            independent_coordinates: arguments,
+            dependent_coordinate,
+            function,
+            scale_factor,
+        } = &constraint.kind
         else {
             continue; // listed in Model::unsupported_constraints
         };
-        let function = match independent_coordinates.len() {
+        let function = match arguments.len() {
             0 => {
                 return Err(CompileError::ArgumentCount {
                     at: constraint.at.clone(),
@@ -130,7 +134,7 @@ pub(super) fn compile_couplers(spec: &ModelSpec) -> Result<Vec<Coupler>, Compile
             property: "coupled_coordinates_function".into(),
             source,
         })?;
-        let independent = independent_coordinates
+        let independent = arguments
             .iter()
             .map(|&independent| coordinate_in(spec, independent, &constraint.at))
             .collect::<Result<_, _>>()?;

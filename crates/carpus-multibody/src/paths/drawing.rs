@@ -17,9 +17,9 @@ impl Path {
     /// Appends the points that a drawing of the path joins by straight lines, in ground [m]: the points of
     /// [`PathGeometry::points`], and others on the surfaces between them.
     ///
-    /// A curve over an ellipsoid or a sphere lies in the plane of its ends and the point before it; over a cylinder it is
-    /// a spiral; over a torus a spiral over the cylinder that OpenSim puts in its place. Of the two ways round a surface
-    /// it is the one whose length is nearer to that of the wrap.
+    /// A curve over an ellipsoid or a sphere lies in the plane of its ends and the point before it; over a cylinder it
+    /// is a spiral; over a torus a spiral over the cylinder that OpenSim puts in its place. Of the two ways round a
+    /// surface it is the one whose length is nearer to that of the wrap.
     ///
     /// - `geometry`: after [`Path::update`]
     pub fn drawn_points(&self, geometry: &PathGeometry, out: &mut Vec<Vector3<f64>>) {

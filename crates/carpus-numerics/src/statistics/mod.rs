@@ -7,7 +7,7 @@
 //!
 //! | question | module |
 //! |---|---|
-//! | do conditions differ? | [`RepeatedMeasures`]: analysis of variance, Mauchly's test, Greenhouse–Geisser and Huynh–Feldt |
+//! | do conditions differ? | [`RepeatedMeasures`]: ANOVA, Mauchly's test, Greenhouse–Geisser and Huynh–Feldt |
 //! | which conditions differ? | [`paired_t_test`], [`pairwise_comparisons`] with Bonferroni's correction |
 //! | do two quantities go together? | [`pearson`], [`linear_regression`] |
 //! | do two methods agree? | [`bland_altman`] |

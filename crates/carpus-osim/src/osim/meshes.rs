@@ -26,8 +26,8 @@ pub struct MeshSpec {
 }
 
 impl OsimFile {
-    /// Files of geometry that ground, bodies and offset frames show (`Mesh` in `attached_geometry`, `DisplayGeometry` in
-    /// `VisibleObject`), in the order of frames; those that the model hides are left out.
+    /// Files of geometry that ground, bodies and offset frames show (`Mesh` in `attached_geometry`, `DisplayGeometry`
+    /// in `VisibleObject`), in the order of frames; those that the model hides are left out.
     pub fn meshes(&self) -> Vec<MeshSpec> {
         let of = |(i, frame): (usize, &super::spec::FrameSpec)| {
             let at = match frame.kind {
@@ -74,8 +74,8 @@ fn attached(document: &Document, element: ElementId, frame: FrameIndex) -> Vec<M
         .collect()
 }
 
-/// Of a body of a file before 4.0. The factors of the whole apply to every mesh; a transform of the whole is added to its
-/// own where that is zero.
+/// Of a body of a file before 4.0. The factors of the whole apply to every mesh; a transform of the whole is added to
+/// its own where that is zero.
 pub(in crate::osim) fn of_visible_object(document: &Document, element: ElementId, frame: FrameIndex) -> Vec<MeshSpec> {
     let Some(visible) = document.child(element, "VisibleObject") else { return Vec::new() };
     let outer = Vector3::from(numbers(document, visible, "scale_factors", [1.0; 3]));

@@ -7,12 +7,12 @@
 //! | component | scaled | by the factors of |
 //! |---|---|---|
 //! | `Body` | mass centre, mass, inertia, attached geometry | the body |
-//! | `PhysicalOffsetFrame` | translation, attached geometry | the body that its parent is fixed to |
+//! | `PhysicalOffsetFrame` | translation, attached geometry | the body its parent is fixed to |
 //! | `CustomJoint` | functions of the translations | the body of the parent frame, weighted by the axis |
-//! | path points, markers | location, functions of a moving point that follows a coordinate | the body that it is fixed to |
-//! | wrap objects | translation and size, in the directions of the surface's own axes | the body that it is fixed to |
+//! | path points, markers | location, functions of a moving point that follows a coordinate | the body it is fixed to |
+//! | wrap objects | translation and size, in the directions of the surface's own axes | the body it is fixed to |
 //! | `CoordinateCouplerConstraint` | `scale_factor`, if a translation follows | the body of that joint's parent frame |
-//! | muscles, `Ligament`, `PathSpring` | optimal fibre, tendon slack and resting lengths | ratio of the path's lengths |
+//! | muscles, `Ligament`, `PathSpring` | optimal fibre, tendon slack and resting lengths | ratio of path lengths |
 //!
 //! All other forces, contact geometry, point constraints and default values of coordinates stay, as in OpenSim.
 

@@ -6,7 +6,7 @@
 //! | question | method | runs |
 //! |---|---|---|
 //! | which parameters matter at all? | [`MorrisSample`]: μ, μ*, σ of elementary effects | r (m + 1) |
-//! | what share of the variance is theirs, alone and with others? | [`SobolSample`]: first and total order | n (m + 2) |
+//! | what share of variance is theirs, alone and with others? | [`SobolSample`]: first and total order | n (m + 2) |
 //!
 //! Both come in two steps, so that runs can be made elsewhere and resumed: a sample gives the points, the values at
 //! the points give the indices. [`MuscleScreening`] makes a study's trials such a response;

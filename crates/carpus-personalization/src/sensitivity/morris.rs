@@ -68,7 +68,7 @@ impl MorrisSample {
     /// ```text
     /// EE_i = (Y(x + Δ e_i) − Y(x)) / Δ                          (2.5), x in the unit cube: Δ a fraction of the range
     /// μ_i = Σ EE_i / r     μ*_i = Σ |EE_i| / r                  (2.7, 2.8)
-    /// σ_i = √(Σ (EE_i − μ_i)² / (r − 1))                        (2.9, with the root that makes it a standard deviation)
+    /// σ_i = √(Σ (EE_i − μ_i)² / (r − 1))                        (2.9, whose root makes it a standard deviation)
     /// ```
     /// A run may fail. If one end of a step failed, the response is tried with half the step from the other end, then
     /// with a quarter and an eighth; the effect is that of the first that succeeds. Else the effect is left out. Both

@@ -17,8 +17,8 @@ struct Published {
 /// The five prime movers of the wrist.
 ///
 /// # References
-/// Lieber, Fazeli & Botte 1990, J Hand Surg 15A:244; fibre lengths as normalized by Holzbaur, Murray & Delp 2005,
-/// doi:10.1007/s10439-005-3320-7
+/// Areas: Lieber, Fazeli & Botte 1990, J Hand Surg 15A:244. Optimal fibre lengths: Holzbaur, Murray & Delp 2005,
+/// doi:10.1007/s10439-005-3320-7.
 static PUBLISHED: [Published; 5] = [
     Published { name: "ECRL", area: 1.46, optimal_fiber_length: 0.081 },
     Published { name: "ECRB", area: 2.73, optimal_fiber_length: 0.0585 },
@@ -28,8 +28,9 @@ static PUBLISHED: [Published; 5] = [
 ];
 /// Where the areas and lengths are from.
 const SOURCE: &str = "Lieber et al. 1990, Holzbaur et al. 2005";
-/// Force per published area that a model may have [N/cm²]: muscle has 15 to 100; areas are those of aged cadavers, and
-/// models let one muscle stand for several.
+/// Force per published area that a model may have [N/cm²]: 2 to 73 are reported of human muscle (Persad et al. 2024,
+/// doi:10.1152/japplphysiol.00296.2024), but areas are those of cadavers and models are stronger: 74 to 231 in
+/// MoBL-ARMS (Saul et al. 2015, doi:10.1080/10255842.2014.916698).
 const TENSION: [f64; 2] = [10.0, 300.0];
 /// Optimal fibre length over the published one: persons differ by 0.7 to 1.4, monkeys and children by half.
 const LENGTH_RATIO: [f64; 2] = [0.4, 1.8];

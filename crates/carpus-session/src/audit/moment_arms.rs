@@ -47,19 +47,20 @@ static ACTIONS: [Actions; 3] = [
             ("extcarp", -1),
             ("extdigit", -1),
         ],
-        source: "Loren et al. 1996, doi:10.1016/0021-9290(95)00055-0; Brand & Hollister 1999",
+        source: "Loren et al. 1996, J Biomech 29:331; Brand & Hollister 1999, Clinical Mechanics of the Hand",
     },
     Actions {
         coordinates: &["deviation", "wrist_dev"],
         words: ["an ulnar deviator", "a radial deviator"],
         muscles: &[("fcu", 1), ("ecu", 1), ("ecrl", -1), ("ecrb", -1), ("fcr", -1), ("apl", -1), ("epb", -1)],
-        source: "Loren et al. 1996, doi:10.1016/0021-9290(95)00055-0; Brand & Hollister 1999",
+        source: "Loren et al. 1996, J Biomech 29:331; Brand & Hollister 1999, Clinical Mechanics of the Hand",
     },
     Actions {
         coordinates: &["elbow_flex", "r_elbow_flex", "l_elbow_flex"],
         words: ["an elbow flexor", "an elbow extensor"],
         muscles: &[("bic", 1), ("bra", 1), ("brd", 1), ("brachialis", 1), ("tri", -1), ("anc", -1)],
-        source: "Murray, Delp & Buchanan 1995, doi:10.1016/0021-9290(94)00114-J",
+        source: "Murray, Delp & Buchanan 1995, doi:10.1016/0021-9290(94)00114-J; Ettema et al. 1998, \
+                 Hum Mov Sci 17:201",
     },
 ];
 

@@ -6,11 +6,11 @@ use super::finding::{Check, Finding, Level, shown};
 use super::poses::{Poses, Swept, of_muscle};
 use carpus_osim::osim::spec::{MuscleSpec, PathPointKind};
 
-/// Normalized fibre lengths over which fibres of man exert active force (Gordon et al. 1966, Walker & Schrodt 1974).
+/// Normalized fibre lengths over which fibres exert active force: nominally 0.5 to 1.5 (Zajac & Gordon 1989).
 const USEFUL: [f64; 2] = [0.5, 1.5];
-/// Fibres that are longer everywhere are torn: passive fibres tear before twice their optimal length (Noonan et al.
-/// 1993).
-const TORN: f64 = 2.0;
+/// Fibres that are longer everywhere never exert active force: the filaments of man overlap up to 1.6 optimal lengths,
+/// by thick filaments of 1.6 µm and I segments of 2.64 µm (Walker & Schrodt 1974, doi:10.1002/ar.1091780107).
+const BEYOND_OVERLAP: f64 = 2.0;
 
 /// Findings about every muscle.
 pub(super) fn findings(loaded: &LoadedModel, poses: &Poses, swept: &[Swept]) -> Vec<Finding> {
@@ -51,7 +51,7 @@ fn of_one<'s>(
         let hint = "shorten the tendon (tendon_slack_length), or check the path's points and the unit of lengths";
         return finding(Level::Error, Check::SlackTendon, text, hint, longest);
     }
-    if shortest > TORN {
+    if shortest > BEYOND_OVERLAP {
         let cause = far_point(loaded, poses, muscle);
         let text = format!(
             "the fibres of {} are {shortest:.2} to {longest:.2} times their optimal length in all poses{}",

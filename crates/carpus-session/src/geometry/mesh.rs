@@ -136,8 +136,8 @@ pub(super) fn read_obj(bytes: &[u8]) -> Result<Mesh, String> {
 mod tests {
     use super::*;
 
-    const TRIANGLE: &str = "solid t\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\n\
-                            endfacet\nendsolid t\n";
+    const TRIANGLE: &str = "solid t\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n\
+                            endloop\nendfacet\nendsolid t\n";
 
     #[test]
     fn verif_text_and_bytes_of_stl_are_the_same_triangle() {

@@ -28,8 +28,8 @@ const FOLDERS: [&str; 2] = ["Geometry", "geometry"];
 /// Geometry for a page.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PackedGeometry {
-    /// Length of the header (four bytes, the lowest first), the header (JSON), then of every mesh its points (three numbers
-    /// of two bytes each) and its triangles (three numbers of four bytes each). Empty where no file was found.
+    /// Length of the header (four bytes, the lowest first), the header (JSON), then of every mesh its points (three
+    /// numbers of two bytes each) and its triangles (three numbers of four bytes each). Empty where no file was found.
     pub bytes: Vec<u8>,
     /// Files that are shown.
     pub found: Vec<String>,
@@ -96,8 +96,8 @@ impl LoadedModel {
     }
 }
 
-/// The file of that name in the first folder that has it. Names lead nowhere else: of a path from a root or upwards only
-/// the last part counts.
+/// The file of that name in the first folder that has it. Names lead nowhere else: of a path from a root or upwards
+/// only the last part counts.
 fn find(name: &str, folders: &[PathBuf]) -> Option<PathBuf> {
     let name = name.replace('\\', "/");
     let path = Path::new(&name);
@@ -125,7 +125,14 @@ fn read(path: &Path) -> Result<Mesh, String> {
 
 fn pack(meshes: &[Mesh], shown: &[serde_json::Value]) -> Vec<u8> {
     let grids: Vec<_> = meshes.iter().map(Mesh::on_grid).collect();
-    let of = |(mesh, grid): (&Mesh, &mesh::Grid)| json!({ "points": mesh.points.len(), "triangles": mesh.triangles.len(), "low": grid.low, "step": grid.step });
+    let of = |(mesh, grid): (&Mesh, &mesh::Grid)| {
+        json!({
+            "points": mesh.points.len(),
+            "triangles": mesh.triangles.len(),
+            "low": grid.low,
+            "step": grid.step,
+        })
+    };
     let header = json!({
         "meshes": meshes.iter().zip(&grids).map(of).collect::<Vec<_>>(),
         "shown": shown,

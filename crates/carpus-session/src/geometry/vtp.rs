@@ -190,7 +190,8 @@ mod tests {
 
     fn file(attributes: &str, points: &str, connectivity: &str, offsets: &str, behind: &str) -> Vec<u8> {
         format!(
-            "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"0.1\" byte_order=\"LittleEndian\"{attributes}>\n\
+            "<?xml version=\"1.0\"?>\n\
+             <VTKFile type=\"PolyData\" version=\"0.1\" byte_order=\"LittleEndian\"{attributes}>\n\
              <PolyData><Piece NumberOfPoints=\"4\" NumberOfPolys=\"1\"><Points>\n\
              <DataArray type=\"Float32\" NumberOfComponents=\"3\" {points}</DataArray></Points><Polys>\n\
              <DataArray type=\"Int32\" Name=\"connectivity\" {connectivity}</DataArray>\n\

@@ -274,9 +274,8 @@ impl SimulationError {
             | SimulationError::InvalidParameter { muscle, .. }
             | SimulationError::NoBalance { muscle, .. }
             | SimulationError::LawNotSimulated { muscle, .. }
-            | SimulationError::Muscle(MuscleError::NotComputed { muscle, .. } | MuscleError::InMuscle { muscle, .. }) => {
-                Some(muscle)
-            }
+            | SimulationError::Muscle(MuscleError::NotComputed { muscle, .. })
+            | SimulationError::Muscle(MuscleError::InMuscle { muscle, .. }) => Some(muscle),
             _ => None,
         }
     }

@@ -8,7 +8,9 @@
 //!
 //! | file | what is in it | optional keys beyond the essential ones |
 //! |---|---|---|
-//! | `study.toml` | `[study]`, `[dynamometer]`, `[posture_deg]`, `[muscles]`, `[emg]`, `[columns]`, `[personalization]`, `[ultrasound]` | `[columns] ignore = [..]`: columns that are there and not used; `[columns] angle_unit = "rad"`; `[checks] max_gap_s`; `[processing]`, `[scaling]` and `[strength_scaling]` |
+//! | `study.toml` | `[study]`, `[dynamometer]`, `[posture_deg]` | `[columns] ignore = [..]`: columns left unused |
+//! | | `[muscles]`, `[emg]`, `[columns]` | `[columns] angle_unit = "rad"`; `[checks] max_gap_s` |
+//! | | `[personalization]`, `[ultrasound]` | `[processing]`, `[scaling]` and `[strength_scaling]` |
 //! | | | `[dynamometer] further_moments = { deviation = "column" }`: moments measured about coordinates that are held |
 //! | | | `[ultrasound]`: [`ImagingSettings`] |
 //! | | | `[effects] own = ["my_effect.toml"]`: effects beside the catalogue (`carpus::diagnosis::own_effect`) |

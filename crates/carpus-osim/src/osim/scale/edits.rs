@@ -167,7 +167,8 @@ impl Edits {
         let name = name.map(|name| format!(" name=\"{name}\"")).unwrap_or_default();
         let open = format!("<MultiplierFunction{name}>{newline}{outer}{unit}<function>{newline}{outer}{unit}{unit}");
         let close = format!(
-            "{newline}{outer}{unit}</function>{newline}{outer}{unit}<scale>{}</scale>{newline}{outer}</MultiplierFunction>",
+            "{newline}{outer}{unit}</function>\
+             {newline}{outer}{unit}<scale>{}</scale>{newline}{outer}</MultiplierFunction>",
             format_number(factor)
         );
         self.splices.push((range.start..range.start, open));

@@ -91,7 +91,8 @@ impl Fiber {
                     let by_x = (drive.activation * multiplier * active.1 + passive.1) * cosine
                         + fiber * self.sine * self.sine / (x * x * y);
                     let (of_fiber, of_tendon) = (by_x * cosine / self.optimal, tendon_slope / self.slack);
-                    if norm_tendon > 1.0 && of_fiber + of_tendon != 0.0 { of_tendon / (of_fiber + of_tendon) } else { 0.0 }
+                    let of_both = of_fiber + of_tendon;
+                    if norm_tendon > 1.0 && of_both != 0.0 { of_tendon / of_both } else { 0.0 }
                 }
             };
             let u = share * speed * cosine / (self.optimal * c.max_velocity);
