@@ -152,7 +152,7 @@ fn verif_an_effect_switched_on_lowers_the_error_as_the_ledger_says() {
     let label = &results.ledger.as_ref().unwrap().steps[3].label;
     let plan = json!({
         "fields": [], "effect": "joint_stiffness", "values": [stiffness], "model": label, "files": 2,
-        "last": "time_shift", "fit": true,
+        "last": "torque_drift", "fit": true,
     });
     let seen = seen_in_browser(&report, &plan);
     assert_calm(&seen);

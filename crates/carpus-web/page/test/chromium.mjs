@@ -47,11 +47,13 @@ export async function withPage(file, options, act) {
     await page.goto(own);
     const downloads = async (click, count = 1) => {
       const files = [];
-      const all = new Promise((resolve) => {
+      const all = new Promise((resolve, reject) => {
         page.on("download", (d) => {
           files.push(d);
           if (files.length === count) resolve();
         });
+        const late = () => reject(new Error(`${files.length} of ${count} files were saved`));
+        setTimeout(late, 60_000).unref();
       });
       await click();
       await all;
