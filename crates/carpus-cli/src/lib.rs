@@ -10,6 +10,7 @@ mod book;
 mod commands;
 mod failure;
 mod help;
+mod next_steps;
 mod own_effects;
 mod provenance;
 mod residuals;

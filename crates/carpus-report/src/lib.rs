@@ -15,6 +15,7 @@ pub mod ledger;
 pub mod live;
 pub mod model_page;
 pub mod moments;
+pub mod next_steps;
 mod number;
 mod page;
 mod plot;

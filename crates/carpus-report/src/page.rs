@@ -4,6 +4,7 @@ use askama::Template;
 use sha2::{Digest, Sha256};
 
 use super::live::{Live, base64};
+use super::next_steps::{NextStep, next_steps};
 use super::results::Results;
 use super::story::Story;
 use super::story_figures::standing_alone;
@@ -24,6 +25,7 @@ struct Page<'a> {
     view: View,
     results: &'a Results,
     live: Option<Live<'a>>,
+    next: Vec<NextStep>,
 }
 
 #[derive(Template)]
@@ -35,17 +37,19 @@ struct StoryPage<'a> {
     view: Story,
     results: &'a Results,
     live: Option<Live<'a>>,
+    next: Vec<NextStep>,
 }
 
 /// The report of a results file: one self-contained HTML page.
 pub fn render_report(results: &Results) -> String {
     let live = Live::of(results);
     let policy = live.as_ref().map_or_else(content_security_policy, |live| live.embedded.content_security_policy());
+    let next = next_steps(results, "");
     if let Some(story) = Story::new(results) {
-        let page = StoryPage { policy, style: STYLE, script: SCRIPT, view: story, results, live };
+        let page = StoryPage { policy, style: STYLE, script: SCRIPT, view: story, results, live, next };
         return finished(&page);
     }
-    let page = Page { policy, style: STYLE, script: SCRIPT, view: View::new(results), results, live };
+    let page = Page { policy, style: STYLE, script: SCRIPT, view: View::new(results), results, live, next };
     finished(&page)
 }
 

@@ -163,7 +163,7 @@ fn names(ids: &[String]) -> String {
     ids.iter().map(|id| name(id)).collect::<Vec<_>>().join(" + ")
 }
 
-fn named_in_sentence(ids: &[String]) -> String {
+pub(super) fn named_in_sentence(ids: &[String]) -> String {
     ids.iter().map(|id| in_sentence(id)).collect::<Vec<_>>().join(" and ")
 }
 

@@ -5,6 +5,7 @@ use std::path::Path;
 use crate::args::{CompareArgs, Global};
 use crate::bars::Bars;
 use crate::failure::{self, Failure};
+use crate::next_steps;
 use crate::residuals::where_it_fails;
 use crate::study_run::StudyRun;
 use crate::table::{fixed, table};
@@ -42,6 +43,7 @@ pub fn run(args: &CompareArgs, global: &Global) -> Result<(), Failure> {
         let report = study.out.path().join(&results.participant.id).join("report.html");
         text.push_str(&format!("{}\n", report.display()));
     }
+    let text = text.trim_end().to_owned() + &next_steps::in_words(done, study.out.path());
     study.print("compare", &text, outcomes.failed)
 }
 

@@ -7,6 +7,7 @@ use super::plan::as_table;
 use crate::args::{DiagnoseArgs, Global};
 use crate::bars::Bars;
 use crate::failure::{self, Failure};
+use crate::next_steps;
 use crate::study_run::StudyRun;
 use crate::table::{fixed, table};
 use carpus_diagnosis::catalogue::{effect, with_own};
@@ -37,15 +38,20 @@ pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
         failure::print(&session.data.warnings);
         let diagnosed = session.diagnosed(&forward_model(&session.data)?, &request)?;
         diagnosed.write_to(&study.out, Path::new(&participant.about().name))?;
-        Ok((diagnosed.diagnosis, diagnosed.known.value))
+        Ok((diagnosed.diagnosis, diagnosed.known.value, diagnosed.results))
     })?;
     if global.json {
-        let text = serde_json::Value::Array(outcomes.done.iter().map(|(_, value)| value.clone()).collect()).to_string();
+        let text =
+            serde_json::Value::Array(outcomes.done.iter().map(|(_, value, _)| value.clone()).collect()).to_string();
         return study.print("diagnose", &text, outcomes.failed);
     }
     let page = |d: &Diagnosis| study.out.path().join(&d.participant).join("report.html").display().to_string();
-    let shown = |(d, _): &(Diagnosis, serde_json::Value)| format!("{}\n\n{}", readable(d), page(d));
-    let text = outcomes.done.iter().map(shown).collect::<Vec<_>>().join("\n\n");
+    let mut text: Vec<String> = outcomes.done.iter().map(|(d, ..)| format!("{}\n\n{}", readable(d), page(d))).collect();
+    let results = outcomes.done.iter().map(|(.., results)| results);
+    if let Some(last) = text.last_mut() {
+        last.push_str(&next_steps::in_words(results, study.out.path()));
+    }
+    let text = text.join("\n\n");
     study.print("diagnose", &text, outcomes.failed)
 }
 
@@ -168,7 +174,6 @@ fn readable(diagnosis: &Diagnosis) -> String {
         );
         let header = ["effect", "probability", "training %", "unique %", "held out %", "parameters, 95 % intervals"];
         text.push_str(&table(&header, 5, several_rows(diagnosis)));
-        text.push_str("\n`carpus effect auto STUDY` adds them, one after the other");
     } else if !diagnosis.explanations.is_empty() {
         text.push_str("\n\nExplanations that leave nothing\n");
         let rows = diagnosis.explanations.iter().flat_map(|e| estimate_rows(&e.parameters, &fixed(e.p_value, 3)));
@@ -201,7 +206,6 @@ fn readable(diagnosis: &Diagnosis) -> String {
         };
         let rows = diagnosis.proposals.iter().enumerate().map(row);
         text.push_str(&table(&["formula", "%", "as an effect of your own"], 1, rows));
-        text.push_str("\n`carpus effect add STUDY proposal_1 --own-effect …/proposal_1.toml --i-choose` adds one");
     }
     if !diagnosis.not_testable.is_empty() {
         text.push_str(&format!("\n\nNot testable with these trials: {}", diagnosis.not_testable.join(", ")));

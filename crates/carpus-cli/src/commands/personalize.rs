@@ -6,6 +6,7 @@ use super::compare::error_table;
 use crate::args::{Global, PersonalizeArgs};
 use crate::bars::Bars;
 use crate::failure::{self, Failure};
+use crate::next_steps;
 use crate::study_run::StudyRun;
 use carpus_report::intervals::{NOT_VALID, holds};
 use carpus_report::results::Results;
@@ -39,6 +40,7 @@ pub fn run(args: &PersonalizeArgs, global: &Global) -> Result<(), Failure> {
         let folder = study.out.path().join(&results.participant.id);
         text.push_str(&format!("{}\n{}\n", folder.join("model.osim").display(), folder.join("report.html").display()));
     }
+    let text = text.trim_end().to_owned() + &next_steps::in_words(done, study.out.path());
     study.print("personalize", &text, outcomes.failed)
 }
 

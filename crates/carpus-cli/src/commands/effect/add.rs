@@ -7,6 +7,7 @@ use crate::args::Global;
 use crate::args_diagnosis::EffectAddArgs;
 use crate::bars::Bars;
 use crate::failure::{self, Failure, Severity};
+use crate::next_steps;
 use crate::study_run::StudyRun;
 use carpus_report::results::Results;
 use carpus_session::diagnose::forward_model;
@@ -69,5 +70,6 @@ pub fn print(study: &StudyRun, outcomes: Outcomes<Results>, global: &Global) -> 
         let (report, back) = (folder.join("report.html"), folder.display());
         text.push_str(&format!("report   {}\na step back: carpus effect remove {back}\n\n", report.display()));
     }
-    study.print("effect", text.trim_end(), outcomes.failed)
+    let text = text.trim_end().to_owned() + &next_steps::in_words(&outcomes.done, study.out.path());
+    study.print("effect", &text, outcomes.failed)
 }
