@@ -107,8 +107,10 @@ fn several_rows(diagnosis: &Diagnosis) -> Vec<Vec<String>> {
                 if p.unit == "1" { "" } else { p.unit }
             )
         });
-        let percent =
-            |[value, low, high]: [f64; 3]| format!("{:.0} [{:.0}, {:.0}]", 100.0 * value, 100.0 * low, 100.0 * high);
+        let percent = |shares: [f64; 3]| {
+            let [value, low, high] = shares.map(|share| fixed(100.0 * share, 0));
+            format!("{value} [{low}, {high}]")
+        };
         vec![
             e.effect.to_owned(),
             fixed(e.probability, 2),
