@@ -199,6 +199,14 @@ pub struct State {
     pub others: Vec<OtherMinimum>,
 }
 
+impl State {
+    /// Descents start from here.
+    fn around<'s>(&'s self, sizes: &'s Sizes) -> Around<'s> {
+        let State { point, model, noise, factors, directions, .. } = self;
+        Around { point, model, sizes, noise, factors, directions }
+    }
+}
+
 impl<'a> Session<'a> {
     /// A session of training trials.
     pub fn new(
@@ -522,14 +530,7 @@ impl<'a> Session<'a> {
             if promised < SETTLED_EMG || self.places(&state.point.effects) != set {
                 break;
             }
-            let from = Around {
-                point: &state.point,
-                model: &state.model,
-                sizes,
-                noise: &state.noise,
-                factors: &state.factors,
-                directions: &state.directions,
-            };
+            let from = state.around(sizes);
             let reached = self.reach_from(&from, state.point.clone(), set, STEPS)?;
             let mut next = self.with_noise(reached.start(state.levels))?;
             self.weigh(&mut next, set, sizes, &[], set);

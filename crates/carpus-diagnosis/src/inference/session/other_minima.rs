@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::super::muscles::COLUMNS;
 use super::super::search::NEGLIGIBLE;
-use super::{Around, ODDS, Reached, Session, State};
+use super::{ODDS, Reached, Session, State};
 use crate::fit::Point;
 use crate::forward_model::{FITTED_PER_MUSCLE, Setting};
 use crate::score_test::normal;
@@ -36,14 +36,7 @@ impl Session<'_> {
     pub(super) fn other_minima(&self, state: &State) -> Result<Vec<State>, SimulationError> {
         let set = self.places(&state.point.effects);
         let sizes = self.sizes(state);
-        let from = Around {
-            point: &state.point,
-            model: &state.model,
-            sizes,
-            noise: &state.noise,
-            factors: &state.factors,
-            directions: &state.directions,
-        };
+        let from = state.around(sizes);
         // With the state's noise, as those that are reached.
         let here = state.model.sizes_for(&set, sizes).1 + 2.0 * ODDS.ln() * set.len() as f64;
         let points = self.drawn_points(&state.point);

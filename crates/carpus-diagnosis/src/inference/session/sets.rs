@@ -10,7 +10,7 @@ use super::super::linear_model::{Prior, Sizes};
 use super::super::muscles::Muscles;
 use super::super::search::{Budget, NEGLIGIBLE};
 use super::steps::profiled;
-use super::{Around, Begun, ODDS, OtherMinimum, STANDS_IN, STEPS, Session, Start, State};
+use super::{Begun, ODDS, OtherMinimum, STANDS_IN, STEPS, Session, Start, State};
 use crate::ONE_BY_ONE;
 use crate::addition::unidentifiable;
 use crate::diagnose::LEVEL;
@@ -172,14 +172,7 @@ impl Session<'_> {
     /// # Errors
     /// A trial that cannot be simulated.
     pub fn with_set(&self, state: &State, set: &[usize], others: &[usize]) -> Result<State, SimulationError> {
-        let from = Around {
-            point: &state.point,
-            model: &state.model,
-            sizes: self.sizes(state),
-            noise: &state.noise,
-            factors: &state.factors,
-            directions: &state.directions,
-        };
+        let from = state.around(self.sizes(state));
         let reached = self.reach(&from, set, STEPS)?;
         self.assessed(reached.start(state.levels), others, if others.is_empty() { set } else { &[] })
     }

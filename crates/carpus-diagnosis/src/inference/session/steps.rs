@@ -26,14 +26,7 @@ impl Session<'_> {
         among: Option<(&[usize], &[usize])>,
     ) -> Result<Vec<Start>, SimulationError> {
         let best = state.sets.best();
-        let from = Around {
-            point: &state.point,
-            model: &state.model,
-            sizes: &best.sizes,
-            noise: &state.noise,
-            factors: &state.factors,
-            directions: &state.directions,
-        };
+        let from = state.around(&best.sizes);
         let mut sets = vec![best.effects.clone()];
         if let Some((candidates, always)) = among {
             sets.extend(self.alternatives(&best.effects, &state.model, &state.sets, candidates, always));
