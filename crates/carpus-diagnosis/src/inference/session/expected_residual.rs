@@ -43,13 +43,12 @@ impl Session<'_> {
                 point.effects.push(setting);
             }
             let residuals = self.analysis.residuals(&point, &state.noise).ok()?;
-            Some((residuals, is_simulated, part))
+            Some((residuals, is_simulated))
         };
-        let Some((residuals, is_simulated, part)) = PARTS.into_iter().find_map(simulated) else { return Vec::new() };
+        let Some((residuals, is_simulated)) = PARTS.into_iter().find_map(simulated) else { return Vec::new() };
         let of_trial = |(there, columns): (&DVector<f64>, &DMatrix<f64>)| {
             let p = model.len();
             let mut weights = step.clone();
-            is_simulated.iter().for_each(|column| weights[*column] *= part);
             let linear = columns.column(p) - columns.columns(0, p) * &weights;
             is_simulated.iter().for_each(|column| weights[*column] = 0.0);
             let simulated = there - columns.columns(0, p) * &weights;
