@@ -139,19 +139,6 @@ impl Response {
         *rows = if rows.start == rows.end { block..block + 1 } else { rows.start.min(block)..rows.end.max(block + 1) };
     }
 
-    /// G K; with `factors` on the knots G D K.
-    ///
-    /// - `by_step`: correlations over knots
-    fn smoothed(&self, by_step: &[f64], factors: Option<&DVector<f64>>) -> DMatrix<f64> {
-        let mut out = DMatrix::zeros(self.by_knots.nrows(), self.by_knots.ncols());
-        for (row, mut to) in self.by_knots.row_iter().zip(out.row_iter_mut()) {
-            let row = row.transpose();
-            let row = factors.map_or_else(|| row.clone(), |f| row.component_mul(f));
-            to.copy_from(&correlated(by_step, &row).transpose());
-        }
-        out
-    }
-
     /// Adds G K Gᵀ to the lower triangle of `covariance`; with `factors` on the knots G D K D Gᵀ.
     ///
     /// - `by_step`: correlations over knots
@@ -165,26 +152,57 @@ impl Response {
             return;
         }
         let mut spread = vec![0.0; n];
-        for (knot, rows) in self.rows.iter().enumerate() {
-            if rows.is_empty() {
-                continue;
-            }
-            // Column `knot` of G D K, and where it ends.
-            spread.fill(0.0);
-            let mut end = 0;
-            for other in knot.saturating_sub(by_step.len() - 1)..(knot + by_step.len()).min(knots) {
-                let weight = by_step[knot.abs_diff(other)] * factor(other);
-                let column = &self.by_knots.as_slice()[other * n..(other + 1) * n];
-                let shown = self.rows[other].clone();
-                end = end.max(shown.end);
-                spread[shown.clone()].iter_mut().zip(&column[shown]).for_each(|(s, g)| *s += weight * g);
-            }
+        for (knot, rows) in self.rows.iter().enumerate().filter(|(_, rows)| !rows.is_empty()) {
+            let end = self.spread(by_step, factor, knot, &mut spread).end;
             for row in rows.clone() {
                 let weight = self.by_knots[(row, knot)] * factor(knot);
                 let to = &mut covariance.as_mut_slice()[row * n..(row + 1) * n];
                 to[row..end].iter_mut().zip(&spread[row..end]).for_each(|(to, from)| *to += weight * from);
             }
         }
+    }
+
+    /// Adds G K Gᵀ to `covariance`, the second G being that of another model; with `factors` on the knots of both G D K D Gᵀ.
+    ///
+    /// - `by_step`: correlations over knots
+    fn add_covariance_with(
+        &self,
+        other: &Response,
+        by_step: &[f64],
+        factors: Option<[&DVector<f64>; 2]>,
+        covariance: &mut DMatrix<f64>,
+    ) {
+        let factor = |side: usize, knot: usize| factors.map_or(1.0, |f| f[side][knot]);
+        let n = self.by_knots.nrows();
+        let mut spread = vec![0.0; n];
+        for (knot, rows) in other.rows.iter().enumerate().filter(|(_, rows)| !rows.is_empty()) {
+            let shown = self.spread(by_step, |knot| factor(0, knot), knot, &mut spread);
+            for row in rows.clone() {
+                let weight = other.by_knots[(row, knot)] * factor(1, knot);
+                let to = &mut covariance.as_mut_slice()[row * n..(row + 1) * n][shown.clone()];
+                to.iter_mut().zip(&spread[shown.clone()]).for_each(|(to, from)| *to += weight * from);
+            }
+        }
+    }
+
+    /// A column of G K, of factors on the knots G D K, and the blocks in which it shows.
+    ///
+    /// - `knot`: which column; `out`: per block, overwritten
+    fn spread(&self, by_step: &[f64], factor: impl Fn(usize) -> f64, knot: usize, out: &mut [f64]) -> Range<usize> {
+        let (n, knots) = self.by_knots.shape();
+        out.fill(0.0);
+        let (mut start, mut end) = (n, 0);
+        for other in knot.saturating_sub(by_step.len() - 1)..(knot + by_step.len()).min(knots) {
+            let weight = by_step[knot.abs_diff(other)] * factor(other);
+            let shown = self.rows[other].clone();
+            if shown.is_empty() {
+                continue;
+            }
+            let column = &self.by_knots.as_slice()[other * n..(other + 1) * n];
+            (start, end) = (start.min(shown.start), end.max(shown.end));
+            out[shown.clone()].iter_mut().zip(&column[shown]).for_each(|(s, g)| *s += weight * g);
+        }
+        start.min(end)..end
     }
 }
 
@@ -338,13 +356,14 @@ impl TrialNoise {
         let [white, slow, ..] = self.levels(levels);
         let [envelope, gain, floor] = levels.of_emg();
         let mut v = &self.times.slow * slow + &self.whole * other.whole.transpose() * gain;
+        let n = self.times.white.len();
+        let (mut of_envelope, mut of_floor) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
         let responses = self.response.iter().zip(&other.response);
         for ((own, others), (d, of_other)) in responses.zip(self.reciprocal.iter().zip(&other.reciprocal)) {
-            v += own.smoothed(&self.by_step, None) * others.by_knots.transpose() * envelope;
-            let mut others = others.by_knots.clone();
-            others.column_iter_mut().zip(of_other.iter()).for_each(|(mut column, d)| column *= *d);
-            v += own.smoothed(&self.by_step, Some(d)) * others.transpose() * floor;
+            own.add_covariance_with(others, &self.by_step, None, &mut of_envelope);
+            own.add_covariance_with(others, &self.by_step, Some([d, of_other]), &mut of_floor);
         }
+        v += of_envelope * envelope + of_floor * floor;
         for (k, w) in self.times.white.iter().enumerate() {
             v[(k, k)] += white * w;
         }

@@ -5,7 +5,8 @@ use std::sync::{Arc, PoisonError};
 
 use super::super::effect::{JointState, MuscleState, Stage, TrialContext};
 use super::{
-    Core, FEEDBACK_ROUNDS, ForwardModel, Setting, TrialInput, change_at, in_order, muscle_change, shown_effects,
+    Core, FEEDBACK_ROUNDS, ForwardModel, Setting, TrialInput, add_moments, change_at, in_order, joint_state,
+    muscle_change, shown_effects,
 };
 use carpus_simulation::simulation::{
     AngleResponse, ExcitationTangent, ForceChange, MuscleParameters, MusculoskeletalModel, PreparedTrial,
@@ -94,12 +95,24 @@ impl ForwardModel {
             let sensing: Vec<&Setting> = in_order(&acting).into_iter().filter(|s| senses(s)).collect();
             return self.sensed_changes(trial, core, &sensing, changes);
         }
-        let base = self.recorded(trial, core, core.moment.clone(), core.shown(), effects, false);
+        // What other effects add stays as it is.
+        let ordered = in_order(&acting);
+        let showing: Vec<&Setting> = ordered
+            .iter()
+            .copied()
+            .filter(|s| s.effect.description().needs_moment() || s.effect.description().stage >= Stage::Sensor)
+            .collect();
+        let recorded = |mut moment: Vec<f64>, shown: &[f64]| {
+            let context = self.context(trial, &core.excitation, shown);
+            joint_state(core, &context, |joint| add_moments(&showing, joint, &mut moment));
+            showing.iter().for_each(|s| s.effect.sense(&s.values, &context, &mut moment));
+            moment
+        };
+        let base = recorded(core.moment.clone(), core.shown());
         let add =
             |to: &[f64], by: &[f64], step: f64| -> Vec<f64> { to.iter().zip(by).map(|(m, d)| m + step * d).collect() };
-        let feeding_back: Vec<&Setting> =
-            in_order(&acting).into_iter().filter(|s| s.effect.description().feeds_back()).collect();
-        let recorded = |by: Change<'c>| {
+        let feeding_back: Vec<&Setting> = ordered.into_iter().filter(|s| s.effect.description().feeds_back()).collect();
+        let changed = |by: Change<'c>| {
             let by = &*self.fed_back(trial, core, &feeding_back, by);
             let largest = by.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
             if largest == 0.0 {
@@ -108,10 +121,10 @@ impl ForwardModel {
             // Small, because the direction of a moment may matter, and its share of the largest.
             let step = SMALL_MOMENT / largest;
             let shown = add(core.shown(), by, step);
-            let moved = self.recorded(trial, core, add(&core.moment, by, step), &shown, effects, false);
+            let moved = recorded(add(&core.moment, by, step), &shown);
             moved.iter().zip(&base).map(|(a, b)| (a - b) / step).collect()
         };
-        changes.into_iter().map(recorded).collect()
+        changes.into_iter().map(changed).collect()
     }
 
     /// Changes of the recorded moment when the joint's moment changes: a sensor's moment is affine in it.

@@ -30,6 +30,7 @@ use crate::noise::{self, NoiseLevels, TrialNoise};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 use carpus_study::study::ParameterBounds;
 use expected_residual::ExpectedResidual;
+use noise_along_the_way::Relaxed;
 pub use other_minima::OtherMinimum;
 use steps::profiled;
 
@@ -547,22 +548,26 @@ impl<'a> Session<'a> {
         let Start { mut point, levels, set, sizes, directions } = start;
         let mut linear = self.analysis.linearize(&point, &[])?;
         let mut noise = self.structure(&mut linear, &point);
+        let mut relaxed: Vec<Relaxed> = linear.iter().map(|_| Relaxed::new()).collect();
+        let mut columns = self.all_columns(&point, &linear, &directions);
+        let mut passing = factors(&noise, &levels)?;
+        let mut model = self.model(&point, &columns, &passing);
+        let mut posterior = model.posterior(&set, &sizes);
         for _ in 0..CORRECTIONS {
-            let columns = self.all_columns(&point, &linear, &directions);
-            let passing = factors(&noise, &levels)?;
-            let model = self.model(&point, &columns, &passing);
-            let posterior = model.posterior(&set, &sizes);
             let step = &posterior.mean - &model.offset;
-            let mut corrected = point.clone();
-            self.follow_emg(&mut corrected, &noise, &weighted(&columns, &step, &passing), &levels, 1.0)?;
+            let expected = self.expected_emg(&noise, &weighted(&columns, &step, &passing), &levels);
+            let of_trial = |(r, (here, to)): (&mut Relaxed, (&Vec<DVector<f64>>, &Vec<DVector<f64>>))| r.next(here, to);
+            let correction = relaxed.iter_mut().zip(point.correction.iter().zip(&expected)).map(of_trial).collect();
+            point = self.with_emg(&point, correction)?;
             // Muscles and effects stay: the EMG's corrections hardly change what effects do.
-            let mut there = self.analysis.linearize_beside(&corrected, &linear)?;
-            let passes = self.structure(&mut there, &corrected);
-            let columns = self.all_columns(&corrected, &there, &directions);
-            let model = self.model(&corrected, &columns, &factors(&passes, &levels)?);
-            let change = model.posterior(&set, &sizes).deviance - posterior.deviance;
-            (point, linear, noise) = (corrected, there, passes);
-            if change.abs() < SETTLED_EMG {
+            linear = self.analysis.linearize_beside(&point, &linear)?;
+            noise = self.structure(&mut linear, &point);
+            columns = self.all_columns(&point, &linear, &directions);
+            passing = factors(&noise, &levels)?;
+            model = self.model(&point, &columns, &passing);
+            let before = posterior.deviance;
+            posterior = model.posterior(&set, &sizes);
+            if (posterior.deviance - before).abs() < SETTLED_EMG {
                 break;
             }
         }

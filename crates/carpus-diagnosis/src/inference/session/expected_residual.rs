@@ -25,10 +25,14 @@ impl Session<'_> {
         let step = &posterior.mean - &model.offset;
         let columns = self.all_columns(&state.point, &state.linear, &state.directions);
         let joint = &self.forward().joint;
-        let of_emg = weighted(&columns, &step, &state.factors);
+        let emg = self.expected_emg(&state.noise, &weighted(&columns, &step, &state.factors), &state.levels);
         let simulated = |part: f64| {
             let mut point = self.analysis.moved(&state.point, &(step.rows(0, own) * part).into_owned());
-            self.follow_emg(&mut point, &state.noise, &of_emg, &state.levels, part).ok()?;
+            let towards = |here: &Vec<DVector<f64>>, to: &Vec<DVector<f64>>| {
+                here.iter().zip(to).map(|(here, to)| here + (to - here) * part).collect()
+            };
+            let correction = point.correction.iter().zip(&emg).map(|(here, to)| towards(here, to)).collect();
+            point = self.with_emg(&point, correction).ok()?;
             let mut is_simulated: Vec<usize> = (0..own).collect();
             for (place, of_effect) in self.amplitude_columns(model).into_iter().enumerate() {
                 if set.contains(&place) || of_effect.amplitudes.iter().all(|column| step[*column] == 0.0) {
