@@ -9,6 +9,7 @@ use web_time::Instant;
 
 use super::baselines::Ingredients;
 use super::catalogue::with_own;
+use super::cohort::ParticipantEvidence;
 use super::effect::{Effect, Role};
 use super::fit::{Analysis, Fit};
 use super::forward_model::{ForwardModel, Setting};
@@ -114,6 +115,8 @@ pub struct Outcome {
     pub handed_over: HandedOver,
     /// What baselines need.
     pub ingredients: Ingredients,
+    /// What a cohort is pooled from.
+    pub evidence: ParticipantEvidence,
 }
 
 /// What a diagnosis does, in this order.
@@ -245,8 +248,9 @@ pub fn diagnose(request: &Request, at: &dyn Fn(usize)) -> Result<Outcome, Simula
         effects,
     };
     let ingredients = Ingredients::of(&session.analysis, &null);
+    let evidence = session.amplitude_evidence(&state, &request.participant);
     report(&format!("{:.1?}: done", clock.elapsed()));
-    Ok(Outcome { diagnosis, recalibrated, muscles: muscles.parameters, handed_over, ingredients })
+    Ok(Outcome { diagnosis, recalibrated, muscles: muscles.parameters, handed_over, ingredients, evidence })
 }
 
 /// Measured minus simulated moments [N·m].

@@ -5,6 +5,7 @@ pub mod addition;
 pub mod angle_noise;
 pub mod baselines;
 pub mod catalogue;
+pub mod cohort;
 pub mod conformance;
 pub mod denoising;
 pub mod diagnose;

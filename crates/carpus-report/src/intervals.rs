@@ -37,11 +37,18 @@ pub struct IntervalRow {
 
 /// Intervals of one quantity, a row each, with a line at 1: factors of a model's value.
 pub fn intervals(description: &str, rows: &[IntervalRow]) -> String {
+    intervals_about(1.0, description, rows)
+}
+
+/// Intervals of one quantity, a row each.
+///
+/// - `line`: value at which a line is drawn
+pub fn intervals_about(line: f64, description: &str, rows: &[IntervalRow]) -> String {
     const ROW: f64 = 15.0;
     let (width, left, right, top) = (300.0, 44.0, 8.0, 6.0);
     let bottom = top + ROW * rows.len() as f64;
     let height = bottom + 20.0;
-    let all = rows.iter().flat_map(|r| [r.interval[0], r.interval[1], r.value]).chain([1.0]);
+    let all = rows.iter().flat_map(|r| [r.interval[0], r.interval[1], r.value]).chain([line]);
     let x = Scale { data: extent(all).unwrap_or([0.0, 2.0]), drawn: [left + 4.0, width - right] };
     let mut w = format!(
         r#"<svg class="figure" viewBox="0 0 {width} {height}" role="img" aria-label="{}">"#,
@@ -56,7 +63,7 @@ pub fn intervals(description: &str, rows: &[IntervalRow]) -> String {
         let _ =
             write!(w, r#"<text class="tick" text-anchor="middle" x="{at:.1}" y="{:.1}">{text}</text>"#, bottom + 14.0);
     }
-    let one = x.at(1.0);
+    let one = x.at(line);
     let _ = write!(w, r#"<line class="zero" x1="{one:.1}" x2="{one:.1}" y1="{top}" y2="{bottom}"/>"#);
     for (i, row) in rows.iter().enumerate() {
         let y = top + ROW * (i as f64 + 0.5);

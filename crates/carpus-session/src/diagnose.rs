@@ -7,6 +7,7 @@ use serde_json::Value;
 
 use super::account::ModelRun;
 use super::candidates::{candidates, without_property};
+use super::cohort_diagnosis::text;
 use super::diagnosis_file::{self, KnownDiagnosis, definitions, proposal_file};
 use super::diagnostic::{Diagnostic, Failure};
 use super::live_case::state;
@@ -19,6 +20,7 @@ use super::provenance::DEFAULT_SEED;
 use super::residuals::residual_result;
 use super::result_files::{account, write_results};
 use carpus_diagnosis::baselines::Ingredients;
+use carpus_diagnosis::cohort::ParticipantEvidence;
 use carpus_diagnosis::diagnose::{Diagnosis, Outcome, PHASES, Request, diagnose};
 use carpus_diagnosis::effect::Effect;
 use carpus_diagnosis::forward_model::{ForwardModel, Setting};
@@ -55,6 +57,8 @@ pub struct Diagnosed<'a> {
     pub known: KnownDiagnosis,
     /// What is written as `results.json`: the model as given, with its muscles refitted, and with the best explanation.
     pub results: Results,
+    /// What is written as `evidence.json`: a cohort is pooled from it.
+    pub evidence: ParticipantEvidence,
     baselines: Option<Ingredients>,
 }
 
@@ -96,7 +100,8 @@ impl Session<'_> {
         let results = with_models(self, request, forward, &outcome, &value)?;
         let known = KnownDiagnosis { result: diagnosis_file::result(&value)?, value };
         let baselines = request.baselines.then_some(outcome.ingredients);
-        Ok(Diagnosed { session: self, diagnosis: outcome.diagnosis, known, results, baselines })
+        let Outcome { diagnosis, evidence, .. } = outcome;
+        Ok(Diagnosed { session: self, diagnosis, known, results, evidence, baselines })
     }
 
     /// What is asked of the one estimator.
@@ -136,7 +141,7 @@ impl Session<'_> {
         let folder = Path::new(&self.data.participant.name);
         let file = out.path().join(folder).join("diagnosis.json");
         if let Some(known) = diagnosis_file::read(&file, &self.data.inputs, seed) {
-            for file in ["diagnosis.json", "results.json", "report.html", "error.svg"] {
+            for file in ["diagnosis.json", "evidence.json", "results.json", "report.html", "error.svg"] {
                 out.keep(folder.join(file));
             }
             for (i, _) in definitions(&known.value).enumerate() {
@@ -158,11 +163,11 @@ impl Session<'_> {
 impl Diagnosed<'_> {
     /// The same diagnosis, as a result of the session that it was asked of.
     fn of<'t>(self, session: &'t Session<'t>) -> Diagnosed<'t> {
-        let Diagnosed { diagnosis, known, results, baselines, .. } = self;
-        Diagnosed { session, diagnosis, known, results, baselines }
+        let Diagnosed { diagnosis, known, results, evidence, baselines, .. } = self;
+        Diagnosed { session, diagnosis, known, results, evidence, baselines }
     }
 
-    /// Writes `diagnosis.json`, proposed formulas as effects' files, `results.json` and its report.
+    /// Writes `diagnosis.json`, proposed formulas as effects' files, `evidence.json`, `results.json` and its report.
     ///
     /// - `folder`: the participant's, in the folder of the results
     ///
@@ -175,6 +180,7 @@ impl Diagnosed<'_> {
             }
             None => diagnosis_file::write(out, folder, &self.known.value)?,
         }
+        out.write(folder.join("evidence.json"), text(&self.evidence)?.as_bytes())?;
         write_results(out, folder, &self.results)
     }
 

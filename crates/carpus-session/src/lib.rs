@@ -53,6 +53,7 @@ pub mod candidates;
 pub mod catalogue_pages;
 pub mod check;
 pub mod check_effect;
+pub mod cohort_diagnosis;
 pub mod cohort_intervals;
 pub mod compare;
 pub mod diagnose;

@@ -17,9 +17,11 @@ use carpus_diagnosis::separation::{SEPARABLE_Z, Separation};
 use carpus_diagnosis::what_remains::ProposedFormula;
 use carpus_report::intervals::with_validity;
 use carpus_session::candidates::{candidates, names_of};
+use carpus_session::cohort_diagnosis::Cohort;
 use carpus_session::diagnose::{Diagnose, forward_model};
 use carpus_session::diagnosis_file::proposal_file;
 use carpus_session::loading::Purpose;
+use carpus_session::output::OutputFolder;
 
 /// Effects of a group that are listed.
 const IN_GROUP: usize = 3;
@@ -33,13 +35,20 @@ pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
     let study = StudyRun::prepare_with(&args.study, args.effects.file(), "diagnose")?;
     let request = Diagnose { seed: global.seed, candidates: args.candidates.clone(), baselines: args.baselines };
     let bars = Bars::new(global);
+    let (mut evidence, mut inputs) = (Vec::new(), Vec::new());
     let outcomes = study.each("diagnosing", &bars, |participant| {
         let session = participant.load_for(Purpose::Diagnosis)?.with_progress(&bars);
         failure::print(&session.data.warnings);
         let diagnosed = session.diagnosed(&forward_model(&session.data)?, &request)?;
         diagnosed.write_to(&study.out, Path::new(&participant.about().name))?;
+        inputs.extend(session.data.inputs.clone());
+        evidence.push(diagnosed.evidence);
         Ok((diagnosed.diagnosis, diagnosed.known.value, diagnosed.results))
     })?;
+    let cohort = study.study.cohort(&evidence, &request, inputs);
+    if let Some(cohort) = &cohort {
+        cohort.write_to(&study.out)?;
+    }
     if global.json {
         let text =
             serde_json::Value::Array(outcomes.done.iter().map(|(_, value, _)| value.clone()).collect()).to_string();
@@ -51,8 +60,19 @@ pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
     if let Some(last) = text.last_mut() {
         last.push_str(&next_steps::in_words(results, study.out.path()));
     }
+    text.extend(cohort.map(|cohort| together(&cohort, &study.out)));
     let text = text.join("\n\n");
     study.print("diagnose", &text, outcomes.failed)
+}
+
+/// What the participants say together.
+fn together(cohort: &Cohort, out: &OutputFolder) -> String {
+    let (header, words) = Cohort::HEADER;
+    let mut text = format!("{}\n", cohort.in_words());
+    if !cohort.diagnosis.effects.is_empty() {
+        text.push_str(&format!("\n{}\n", table(&header, words, cohort.rows())));
+    }
+    text + &format!("\n{}", out.path().join("cohort.html").display())
 }
 
 /// A verdict in words.

@@ -239,6 +239,12 @@ impl LinearModel {
         (b + moved, squares)
     }
 
+    /// Zᵀ Z and Zᵀ r₀, the residual being that of the priors' means.
+    pub fn about_prior_mean(&self) -> (DMatrix<f64>, DVector<f64>) {
+        let p = self.len();
+        (self.products.view((0, 0), (p, p)).into_owned(), self.about_mean(&self.products).0)
+    }
+
     /// The posterior for a set of effects and sizes.
     pub fn posterior(&self, set: &[usize], sizes: &Sizes) -> Posterior {
         self.posterior_of(&self.products, set, sizes)

@@ -1,6 +1,7 @@
 //! The joint mode of a session: point, noise, discrepancy and the sets of effects that the data call for
 //! (`docs/src/theory/many-small-errors.md`, equation (20)).
 
+mod amplitudes;
 mod columns;
 mod expected_residual;
 mod further_trials;
