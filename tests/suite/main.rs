@@ -3,6 +3,7 @@
 mod audit;
 mod book;
 mod cohort;
+mod cohort_diagnosis;
 mod diagnosis;
 mod diagnosis_hidden;
 mod dynamics;

@@ -81,7 +81,7 @@ impl ParticipantEvidence {
         (0..self.amplitudes.len()).filter(|i| self.amplitudes[*i].effect == effect).collect()
     }
 
-    /// The likelihood of an effect's amplitudes, those of other effects integrated out.
+    /// The likelihood of an effect's amplitudes, equation (C1), those of other effects integrated out.
     ///
     /// - `wide`: effects that may have any plausible size
     fn likelihood(&self, effect: &str, wide: &[&str]) -> Option<Likelihood> {

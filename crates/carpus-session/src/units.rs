@@ -225,6 +225,14 @@ impl<'o> UnitStore<'o> {
     }
 }
 
+/// Whether a file is a unit of this version as it was stored.
+pub(super) fn is_whole(file: &std::path::Path) -> bool {
+    let bytes = carpus_numerics::regular_file::read(file).unwrap_or_default();
+    let Ok(stored) = serde_json::from_slice::<Value>(&bytes) else { return false };
+    let text_of = |name: &str| stored.get(name).and_then(Value::as_str);
+    text_of("schema") == Some(SCHEMA) && stored.get("value").map(checksum).as_deref() == text_of("sha256")
+}
+
 /// A lock whose holder panicked holds whole values all the same.
 fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)

@@ -13,6 +13,7 @@ mod personalize;
 mod power;
 mod scale;
 mod sensitivity;
+mod task;
 mod ultrasound;
 
 use std::path::{Path, PathBuf};
@@ -34,6 +35,8 @@ use carpus_report::render_article;
 use carpus_report::results::InputFile;
 
 use dynamometer::Processed;
+pub use task::{SharedWork, StepUnits, Task, TaskRecord, TaskState};
+use task::Recorder;
 
 /// Rows N of the Sobol' analysis where none are asked for: N (m + 2) runs per condition of m parameters.
 pub const DEFAULT_SOBOL: usize = 64;
@@ -204,49 +207,7 @@ impl Study {
         let (study, out, processing) = dynamometer::prepare(self, request, path, progress)?;
         let store = UnitStore::new(&out)?;
         let context = Context { study: &study, out: &out, request, store: &store, processing };
-        let all = study.chosen().len() * steps.len();
-        let (mut inputs, mut warnings): (Vec<InputFile>, Vec<Diagnostic>) = Default::default();
-        let mut printed: Vec<(&str, Vec<Diagnostic>)> = Vec::new();
-        let mut failures = context.processing.as_ref().map(|p| p.failures.clone()).unwrap_or_default();
-        for (i, participant) in study.chosen().iter().enumerate() {
-            go_on(progress)?;
-            progress.at(&format!("{}: reading", participant.name), i * steps.len(), all);
-            let run = match study.load(participant, Purpose::Simulation) {
-                Ok(run) => run,
-                Err(Failure::Input(messages)) => {
-                    failures.extend(messages);
-                    continue;
-                }
-                Err(other) => return Err(other),
-            };
-            add_new(&mut warnings, &run.warnings);
-            printed.push((participant.name.as_str(), run.warnings.clone()));
-            add_new(&mut inputs, &run.inputs);
-            let hashes: Vec<&str> = run.inputs.iter().map(|i| i.sha256.as_str()).collect();
-            for (k, step) in steps.iter().enumerate() {
-                let units = match step.units(&context, &run) {
-                    Ok(units) => units,
-                    Err(Failure::Input(messages)) => {
-                        failures.extend(messages);
-                        continue;
-                    }
-                    Err(other) => return Err(other),
-                };
-                let said = store.run(&units, &hashes.join(" "), progress, [i * steps.len() + k, all])?;
-                let (damaged, not_done): (Vec<_>, Vec<_>) =
-                    said.into_iter().partition(|message| message.severity == Severity::Warning);
-                // Said now, and not in the report, which does not depend on what lay in the folder.
-                progress.warnings(&damaged);
-                failures.extend(not_done);
-                step.write(&context, &run)?;
-            }
-        }
-        progress.finished();
-        for (participant, own) in &printed {
-            progress.about(Some(participant));
-            progress.warnings(own);
-        }
-        progress.about(None);
+        let Work { inputs, warnings, failures } = context.work(&steps, None, progress)?;
         let told = steps.iter().map(|s| Ok((*s, s.section(&context)?))).collect::<Result<Vec<_>, Failure>>()?;
         let article = article(&context, &told, &warnings, &failures, inputs);
         let result = |(step, told): (&dyn Step, Told)| StepResult { id: step.id(), title: step.title(), told };
@@ -259,6 +220,120 @@ impl Study {
         let [units_found_finished, units_computed] = store.counts();
         let report = out.path().join("report.html");
         Ok(StudyReport { report, steps, units_found_finished, units_computed, failed: failures })
+    }
+}
+
+impl Study {
+    /// Does the units of a task: those of some participants. There is no report; [`Study::whole_study`] with the same
+    /// request and folder finds them finished.
+    ///
+    /// - `arguments`: what is asked, without the task, as the command has it
+    ///
+    /// # Errors
+    /// As there.
+    pub fn study_task(
+        self,
+        request: &WholeStudy,
+        task: Task,
+        arguments: &[String],
+        path: &Path,
+        progress: &dyn Progress,
+    ) -> Result<TaskDone, Failure> {
+        let steps = chosen(&request.steps)?;
+        let (study, out, processing) = dynamometer::prepare(self, request, path, progress)?;
+        let store = UnitStore::new(&out)?;
+        let context = Context { study: &study, out: &out, request, store: &store, processing };
+        let mut recorder = Recorder::begin(&out, task, arguments)?;
+        let work = context.work(&steps, Some((task, &mut recorder)), progress)?;
+        let record = recorder.end(&work.failures)?;
+        let [units_found_finished, units_computed] = store.counts();
+        Ok(TaskDone { record, units_found_finished, units_computed, failed: work.failures })
+    }
+}
+
+/// What came of a task.
+#[derive(Clone, Debug)]
+pub struct TaskDone {
+    /// As it stands in the folder.
+    pub record: TaskRecord,
+    /// Units that an earlier run had finished.
+    pub units_found_finished: usize,
+    /// Units that were computed.
+    pub units_computed: usize,
+    /// What could not be done.
+    pub failed: Vec<Diagnostic>,
+}
+
+/// What came of the participants' units.
+#[derive(Default)]
+struct Work {
+    inputs: Vec<InputFile>,
+    warnings: Vec<Diagnostic>,
+    failures: Vec<Diagnostic>,
+}
+
+impl Context<'_> {
+    /// Does the units of all participants, or of those of a task, and writes what is not part of the report.
+    fn work(
+        &self,
+        steps: &[&dyn Step],
+        mut task: Option<(Task, &mut Recorder)>,
+        progress: &dyn Progress,
+    ) -> Result<Work, Failure> {
+        let Context { study, store, .. } = self;
+        let failures = self.processing.as_ref().map(|p| p.failures.clone()).unwrap_or_default();
+        let mut work = Work { failures, ..Work::default() };
+        let mut printed: Vec<(&str, Vec<Diagnostic>)> = Vec::new();
+        let all = study.chosen().len() * steps.len();
+        for (i, participant) in study.chosen().iter().enumerate() {
+            if task.as_ref().is_some_and(|(task, _)| !task.has(i)) {
+                continue;
+            }
+            go_on(progress)?;
+            progress.at(&format!("{}: reading", participant.name), i * steps.len(), all);
+            let run = match study.load(participant, Purpose::Simulation) {
+                Ok(run) => run,
+                Err(Failure::Input(messages)) => {
+                    work.failures.extend(messages);
+                    continue;
+                }
+                Err(other) => return Err(other),
+            };
+            add_new(&mut work.warnings, &run.warnings);
+            printed.push((participant.name.as_str(), run.warnings.clone()));
+            add_new(&mut work.inputs, &run.inputs);
+            let hashes: Vec<&str> = run.inputs.iter().map(|i| i.sha256.as_str()).collect();
+            for (k, step) in steps.iter().enumerate() {
+                let units = match step.units(self, &run) {
+                    Ok(units) => units,
+                    Err(Failure::Input(messages)) => {
+                        work.failures.extend(messages);
+                        continue;
+                    }
+                    Err(other) => return Err(other),
+                };
+                if let Some((_, recorder)) = &mut task {
+                    recorder.plan(units.iter().map(|u| u.place.as_str()))?;
+                }
+                let said = store.run(&units, &hashes.join(" "), progress, [i * steps.len() + k, all])?;
+                let (damaged, not_done): (Vec<_>, Vec<_>) =
+                    said.into_iter().partition(|message| message.severity == Severity::Warning);
+                // Said now, and not in the report, which does not depend on what lay in the folder.
+                progress.warnings(&damaged);
+                work.failures.extend(not_done);
+                // Results are written where the report is: by one run.
+                if task.is_none() {
+                    step.write(self, &run)?;
+                }
+            }
+        }
+        progress.finished();
+        for (participant, own) in &printed {
+            progress.about(Some(participant));
+            progress.warnings(own);
+        }
+        progress.about(None);
+        Ok(work)
     }
 }
 
