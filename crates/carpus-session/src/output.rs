@@ -57,6 +57,11 @@ pub enum Leftovers {
     Name,
 }
 
+/// Paths as they are shown.
+pub fn shown(files: &[PathBuf]) -> Vec<String> {
+    files.iter().map(|file| file.display().to_string()).collect()
+}
+
 impl OutputFolder {
     /// Makes the folder if it is missing and tries to write into it.
     ///

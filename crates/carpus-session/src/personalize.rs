@@ -20,6 +20,7 @@ use carpus_personalization::personalization::{
     MuscleEstimate, MuscleProblem, Personalization, PersonalizationError, Progress as FitProgress, Property,
     RestingFiber, Stage, WriteBackError, personalize, write_parameters,
 };
+use carpus_report::intervals::{NOT_VALID, holds};
 use carpus_report::results::{IntervalResult, Kind, ParameterResult, Results, StageResult, rounded};
 use carpus_simulation::imaging::path_length;
 use carpus_simulation::simulation::TrialSimulation;
@@ -221,6 +222,31 @@ pub(super) fn parameters(
     };
     let of = |property: Property| estimates.iter().filter(move |p| p.property == property).map(result);
     Property::ALL.into_iter().flat_map(of).collect()
+}
+
+/// What a person should know of fitted parameters: how far the fit was gone, values on a bound, intervals that do not
+/// hold, and what the trials do not determine. A line for each.
+pub fn remarks(results: &Results) -> Vec<String> {
+    let of = |what: &str, is_so: &dyn Fn(&ParameterResult) -> bool| {
+        let names = results.parameters.iter().filter(|p| is_so(p)).map(|p| format!("{} {}", p.muscle, p.property));
+        let names: Vec<String> = names.collect();
+        (!names.is_empty()).then(|| format!("{what}: {}", names.join(", ")))
+    };
+    let part = results.part_of_the_way.filter(|part| *part < 1.0).map(|part| {
+        let percent = 100.0 * part;
+        format!(
+            "{percent:.0} % of the way from the given model to the fit, as left-out training trials are predicted best"
+        )
+    });
+    let is_open = |p: &ParameterResult| p.interval.as_ref().is_some_and(|i| !i.is_determined());
+    let is_invalid = |p: &ParameterResult| p.interval.as_ref().is_some_and(|i| !holds([i.lower, i.upper], p.after));
+    let remarks = [
+        part,
+        of("on a bound", &ParameterResult::at_bound),
+        of(&format!("interval {NOT_VALID}"), &is_invalid),
+        of("not determined by these trials", &is_open),
+    ];
+    remarks.into_iter().flatten().map(|remark| format!("{}: {remark}", results.participant.id)).collect()
 }
 
 fn stage(stage: &Stage) -> StageResult {

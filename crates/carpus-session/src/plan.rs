@@ -131,6 +131,11 @@ impl Session<'_> {
 }
 
 impl Planned {
+    /// For programs.
+    pub fn value(&self) -> Value {
+        json!({ "participant": self.participant, "separating_experiments": self.separations })
+    }
+
     /// Writes `plan.json`, and the most useful experiments into `diagnosis.json` and its report.
     ///
     /// - `folder`: the participant's, in the folder of the results
