@@ -4,8 +4,8 @@ use std::path::Path;
 use std::str::FromStr;
 
 use super::diagnostic::{Diagnostic, Failure};
-use super::identify::active_specs;
 use super::loading::LoadedParticipant;
+use super::prepared::active_specs;
 use carpus_diagnosis::catalogue::{effect, with_own};
 use carpus_diagnosis::effect::{Effect, lacks_property};
 use carpus_diagnosis::forward_model::Setting;

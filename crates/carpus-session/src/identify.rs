@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use super::account::warning_result;
-use super::diagnose::laboratory;
 use super::diagnostic::{Diagnostic, Failure};
 use super::identify_files;
+use super::images::images;
 use super::loading::{LoadedParticipant, Purpose, require_memory};
 use super::output::OutputFolder;
 use super::participant::Session;
-use super::personalize::{INTERVAL_LEVEL, images};
-use super::prepared::forward_model_of;
+use super::personalize::INTERVAL_LEVEL;
+use super::prepared::{active_specs, forward_model_of, laboratory};
 use super::provenance::{DEFAULT_SEED, input_file};
 use super::study::{Study, simulation_message};
 use carpus_identifiability::{
@@ -300,11 +300,6 @@ fn owners(specs: &[MuscleSpec], tie: &[TiedMuscles]) -> Result<Vec<(String, Vec<
     let alone = specs.iter().enumerate().filter(|(m, _)| !tied.contains(m));
     owners.extend(alone.map(|(m, s)| (s.name.clone(), vec![m])));
     Ok(owners)
-}
-
-pub(super) fn active_specs(run: &LoadedParticipant) -> Vec<MuscleSpec> {
-    let spec = &run.loaded.file.spec;
-    run.model.muscle_names().filter_map(|name| spec.muscles.iter().find(|m| m.name == name)).cloned().collect()
 }
 
 /// Lengths and forces by the model of a session that every command shares.

@@ -71,6 +71,7 @@ pub mod evaluation_report;
 pub mod geometry;
 pub mod identify;
 pub mod identify_files;
+mod images;
 pub mod info;
 pub mod init;
 pub mod json;

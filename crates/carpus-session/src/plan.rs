@@ -6,11 +6,11 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::candidates::{EffectSize, at_size, candidates, known};
-use super::diagnose::laboratory;
 use super::diagnosis_file::{self, KnownDiagnosis};
 use super::diagnostic::{Diagnostic, Failure};
 use super::output::OutputFolder;
 use super::participant::Session;
+use super::prepared::laboratory;
 use super::provenance::DEFAULT_SEED;
 use super::result_files::write_results;
 use carpus_diagnosis::forward_model::ForwardModel;

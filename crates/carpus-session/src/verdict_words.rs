@@ -2,8 +2,7 @@
 
 use super::candidates::names_of;
 use carpus_diagnosis::catalogue::with_own;
-use carpus_diagnosis::diagnose::{Diagnosis, Verdict};
-use carpus_diagnosis::named::NamedEffect;
+use carpus_diagnosis::diagnose::{Diagnosis, NamedEffect, Verdict};
 
 /// Effects of a group that are listed.
 const IN_GROUP: usize = 3;

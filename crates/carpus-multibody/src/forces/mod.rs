@@ -30,8 +30,7 @@ pub use points::{PointToPointSpring, PrescribedForce};
 pub use spring::SpringGeneralizedForce;
 
 use crate::multibody::{Cache, Model};
-use carpus_osim::functions::{ExpressionError, FunctionError};
-use carpus_osim::osim::spec::{BodyIndex, CoordinateIndex, ForceKind, Location, ModelSpec, PathSpec};
+use carpus_osim::osim::spec::{BodyIndex, CoordinateIndex, ForceKind, ModelSpec, PathSpec};
 
 /// A force law that needs only coordinates and poses.
 #[derive(Clone, Debug)]

@@ -16,7 +16,7 @@ pub use force_velocity::{force_velocity, force_velocity_inverse};
 pub use properties::CurveError;
 pub use tendon_force_length::{TendonForceLengthInUse, tendon_force_length};
 
-use carpus_numerics::numerics::{CornerError, SmoothSegmentedFunction};
+use carpus_numerics::numerics::SmoothSegmentedFunction;
 use carpus_osim::osim::spec::{ActiveForceLengthSpec, ForceVelocitySpec, Millard2012Spec};
 
 /// The curves of one muscle, in the shape that the equilibrium model uses.

@@ -7,7 +7,7 @@ use crate::study::dialect::is_time_name;
 use crate::study::fault::Fault;
 use crate::study::problem::{Problem, StudyErrors};
 use crate::study::table::{Row, csv_problem, is_of_a_study, missing_column, open_recording};
-use crate::study::trial_checks::{implausible_time, median};
+use crate::study::times::{implausible_time, median};
 use carpus_numerics::plausible::{Measured, unit_in_name};
 
 /// Most samples of a recording as it is: an hour at 2 kHz. It is not simulated; a sample takes about 8 bytes a column
