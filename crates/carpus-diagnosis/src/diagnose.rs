@@ -39,12 +39,13 @@ pub const LEVEL: f64 = 0.02;
 const TESTABLE: f64 = 0.01;
 /// An effect that is missing with a smaller probability is ruled out.
 pub const RULED_OUT: f64 = 0.01;
-/// Another effect may stand in the place of one that is named if −2 log posterior is larger by less than this: with a tenth of its
-/// probability.
+/// Another effect may stand in the place of one that is named if −2 log posterior is larger by less than this: with a
+/// tenth of its probability.
 const BEHIND: f64 = 4.6;
 /// z that an effect needs to be found with a probability of about 80 % among all others.
 const DETECTABLE_Z: f64 = 4.2;
-/// Effects that lower neither the training error of the joint mode nor that of left-out trials by this share are negligible.
+/// Effects that lower neither the training error of the joint mode nor that of left-out trials by this share are
+/// negligible.
 const NEGLIGIBLE: f64 = 0.02;
 /// Candidates that are held against each other.
 const CONFUSED: usize = 6;
@@ -149,7 +150,8 @@ pub fn diagnose(request: &Request, at: &dyn Fn(usize)) -> Result<Outcome, Simula
     let kept: Vec<&'static str> =
         explanations.iter().flat_map(|e| e.effects.clone()).chain(effects.iter().map(|e| e.effect)).collect();
     let separating_experiments = match verdict {
-        // Trials that nobody recorded must not cost the diagnosis: where one cannot be simulated, `carpus plan` says why.
+        // Trials that nobody recorded must not cost the diagnosis: where one cannot be simulated, `carpus plan` says
+        // why.
         Verdict::CannotTell => judge.experiments(&explanations).unwrap_or_default(),
         _ => Vec::new(),
     };
@@ -170,7 +172,8 @@ pub fn diagnose(request: &Request, at: &dyn Fn(usize)) -> Result<Outcome, Simula
         list.push(c.effect);
     }
     let left_by_all = judge.rmse_of(&handed_over)?.unwrap_or(f64::INFINITY);
-    // Noise of the EMG passes through the muscles: where they are far off, its estimate is too large. It is no more than what is left.
+    // Noise of the EMG passes through the muscles: where they are far off, its estimate is too large. It is no more
+    // than what is left.
     let noise_floor = (session.noise_floor(&state) / request.mvc).min(left_by_all);
     account.push(AccountStep { step: "noise".to_owned(), train: noise_floor, held_out: None });
     let diagnosis = Diagnosis {
@@ -302,8 +305,8 @@ impl Judge<'_> {
         })
     }
 
-    /// The sets of effects that leave nothing: that of a state, and those with another effect in the place of one of them that are not
-    /// much less probable.
+    /// The sets of effects that leave nothing: that of a state, and those with another effect in the place of one of
+    /// them that are not much less probable.
     ///
     /// - `refit_error`: training error of the refitted muscles alone
     fn explanations(&self, state: &State, refit_error: f64) -> Result<Vec<Explanation>, SimulationError> {

@@ -1,4 +1,5 @@
-//! What to do next: one to three actions that follow from verdict, intervals and experiments, for pages and terminals alike.
+//! What to do next: one to three actions that follow from verdict, intervals and experiments, for pages and terminals
+//! alike.
 
 use std::path::Path;
 

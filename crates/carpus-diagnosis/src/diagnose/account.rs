@@ -101,8 +101,8 @@ pub struct Candidate {
     pub score: f64,
     /// Share of its signature that fitting the muscles leaves.
     pub kept: f64,
-    /// Smallest size that would be found, per amplitude, in the parameter's unit: how far from its value in the model without the
-    /// effect.
+    /// Smallest size that would be found, per amplitude, in the parameter's unit: how far from its value in the model
+    /// without the effect.
     pub detectable_size: BTreeMap<&'static str, f64>,
     /// What is plausible of its parameters.
     pub plausible: BTreeMap<&'static str, [f64; 2]>,
@@ -179,8 +179,8 @@ pub struct Diagnosis {
     pub effects: Vec<NamedEffect>,
     /// The error, step by step.
     pub account: Vec<AccountStep>,
-    /// How far what is handed over is from the model as given (0) to the joint mode (1), as trials left out one at a time
-    /// are predicted best.
+    /// How far what is handed over is from the model as given (0) to the joint mode (1), as trials left out one at a
+    /// time are predicted best.
     pub part_of_the_way: f64,
     /// Formulas for what remains, where no effect of the catalogue explains it all.
     pub proposals: Vec<ProposedFormula>,
@@ -195,12 +195,13 @@ pub struct Diagnosis {
     pub candidates: Vec<Candidate>,
     /// Pairwise separability of the explanations' effects and of the leading candidates.
     pub confusion: Vec<Confusion>,
-    /// Where the data cannot tell: further trials that would tell the effects of the first explanations apart, the most useful
-    /// of every pair.
+    /// Where the data cannot tell: further trials that would tell the effects of the first explanations apart, the most
+    /// useful of every pair.
     pub separating_experiments: Vec<Separation>,
     /// Residual of the refitted model along every axis.
     pub where_it_fails: Vec<AxisResult>,
-    /// Standard deviations of the noise: white and slow moment [N·m], EMG envelope, gain per trial (relative), baseline.
+    /// Standard deviations of the noise: white and slow moment [N·m], EMG envelope, gain per trial (relative),
+    /// baseline.
     pub noise: BTreeMap<&'static str, f64>,
     /// How noise of the EMG's envelope and of the moment goes with itself in time.
     pub noise_correlation: Kernels,
