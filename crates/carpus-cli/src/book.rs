@@ -7,7 +7,7 @@ use clap::{Arg, Command, CommandFactory};
 
 use super::args::Cli;
 use super::help;
-use carpus_session::catalogue_pages::{self, MADE, prose};
+use carpus_session::catalogue_pages::{self, MADE, explanation, prose};
 
 /// All pages: path below the book's sources, and text.
 pub fn pages() -> Vec<(String, String)> {
@@ -48,7 +48,7 @@ fn command_section(text: &mut String, command: &Command) {
         .collect();
     arguments(text, &own);
     if let Some(after) = command.get_after_help() {
-        explanation(text, &after.to_string());
+        text.push_str(&explanation(&after.to_string()));
     }
     command.get_subcommands().filter(|c| c.get_name() != "help").for_each(|sub| command_section(text, sub));
 }
@@ -81,24 +81,4 @@ fn arguments(text: &mut String, arguments: &[&Arg]) {
         let _ = writeln!(text, "| `{}` | {} |", word.trim().replace('|', "\\|"), prose(&what).replace('|', "\\|"));
     }
     text.push('\n');
-}
-
-/// The explanation below a command's options: indented lines are code, the others paragraphs.
-fn explanation(text: &mut String, after: &str) {
-    let mut is_code = false;
-    for line in after.lines() {
-        let indented = line.starts_with("  ");
-        if indented && !is_code {
-            text.push_str("\n```text\n");
-        } else if !indented && is_code {
-            text.push_str("```\n\n");
-        }
-        is_code = indented;
-        match line.strip_prefix("  ") {
-            Some(code) => text.push_str(code),
-            None => text.push_str(&prose(line)),
-        }
-        text.push('\n');
-    }
-    text.push_str(if is_code { "```\n\n" } else { "\n" });
 }

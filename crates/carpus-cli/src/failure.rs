@@ -5,9 +5,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 
-use super::said::Said;
 use carpus_numerics::printable::{visible, visible_lines};
 pub use carpus_session::diagnostic::{Diagnostic, Failure, Severity};
+use carpus_session::said::Said;
 
 /// The message as it is printed: `error: file:line: text`, the line it is about, and the hint.
 fn rendered(diagnostic: &Diagnostic, renderer: &Renderer) -> String {

@@ -4,17 +4,18 @@
 //! fault, 2 carpus is at fault.
 
 mod args;
-mod args_diagnosis;
 mod bars;
 mod book;
 mod commands;
+mod errors;
 mod failure;
 mod help;
 mod next_steps;
 mod own_effects;
 mod provenance;
 mod residuals;
-mod said;
+mod separations;
+mod stdout;
 mod study_run;
 mod table;
 
@@ -28,7 +29,6 @@ use clap::FromArgMatches;
 use clap::error::ErrorKind;
 
 use args::{Cli, Command, Global};
-use carpus_numerics::printable;
 use failure::{Diagnostic, Failure};
 
 /// Exit code for faults of the input.
@@ -168,20 +168,4 @@ fn report_panic(panic: &std::panic::PanicHookInfo<'_>) {
         .unwrap_or_else(|| "no message".to_string());
     let at = panic.location().map(|l| format!(" ({}:{})", l.file(), l.line())).unwrap_or_default();
     failure::say(&defect(&format!("{text}{at}")));
-}
-
-/// Prints a result to stdout, names with characters that would do something to the terminal written out. Whoever reads
-/// it (`| head`) may have had enough: the work is done all the same.
-fn print_result(text: &str) -> Result<(), Failure> {
-    let is_json = text.starts_with(['{', '[']);
-    let text = if is_json { printable::visible_json(text) } else { printable::visible_lines(text) };
-    let mut stdout = std::io::stdout().lock();
-    let written = stdout
-        .write_all(text.as_bytes())
-        .and_then(|()| if text.ends_with('\n') { Ok(()) } else { stdout.write_all(b"\n") });
-    match written.and_then(|()| stdout.flush()) {
-        Ok(()) => Ok(()),
-        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-        Err(error) => Err(Diagnostic::error(format!("cannot write to standard output: {error}")).into()),
-    }
 }

@@ -1,7 +1,6 @@
 //! Residuals of a model along axes, for a terminal.
 
 use super::table::{fixed, table};
-use carpus_report::residuals::AxisCurve;
 use carpus_report::results::Results;
 
 /// Axes that a terminal shows.
@@ -10,11 +9,8 @@ const SHOWN_AXES: usize = 6;
 /// The axes along which the model fails most, and the noise that repetitions show, for a terminal.
 pub fn where_it_fails(results: &Results) -> String {
     let Some(found) = results.residuals.last() else { return String::new() };
-    let mut axes: Vec<&AxisCurve> = found.axes.iter().collect();
-    axes.sort_by(|a, b| b.share_of_error.total_cmp(&a.share_of_error));
-    let rows = axes.iter().take(SHOWN_AXES).map(|a| {
-        let largest = a.curve.iter().max_by(|x, y| x.1.abs().total_cmp(&y.1.abs()));
-        let (at, mean, interval) = largest.copied().unwrap_or((0.0, 0.0, None));
+    let rows = found.axes_by_share().into_iter().take(SHOWN_AXES).map(|a| {
+        let (at, mean, interval) = a.largest();
         let band = interval.map_or(String::new(), |[low, high]| format!(" [{}, {}]", fixed(low, 2), fixed(high, 2)));
         vec![
             carpus_report::axis_name(&a.axis),

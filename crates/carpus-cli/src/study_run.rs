@@ -2,13 +2,15 @@
 
 use std::path::Path;
 
-use super::args::StudyArgs;
+use super::args::{EffectsFile, StudyArgs, StudyInput};
 use super::bars::Bars;
 use super::failure::{self, Diagnostic, Failure};
-use super::{print_result, provenance};
+use super::provenance;
+use super::stdout::print_result;
+use carpus_session::loading::Purpose;
 use carpus_session::outcomes::Outcomes;
 use carpus_session::output::OutputFolder;
-use carpus_session::participant::StudyParticipant;
+use carpus_session::participant::Session;
 use carpus_session::study::{Opening, Study};
 
 /// A study that was opened, and the folder that its results go to.
@@ -28,32 +30,48 @@ impl StudyRun {
     /// # Errors
     /// The study; an unknown participant; the output folder.
     pub fn prepare(args: &StudyArgs, command: &str) -> Result<StudyRun, Failure> {
-        StudyRun::prepare_with(args, None, command)
+        StudyRun::opened(args, None, command)
     }
 
-    /// As [`StudyRun::prepare`]; the model has the effects of a side-car.
+    /// As [`StudyRun::prepare`]; the model may have effects beside its file.
     ///
     /// # Errors
-    /// The study; the side-car; an unknown participant; the output folder.
-    pub fn prepare_with(args: &StudyArgs, effects: Option<&Path>, command: &str) -> Result<StudyRun, Failure> {
-        let study = Study::open_with(&args.study, opening(args, effects))?;
+    /// As there; the file of the effects.
+    pub fn prepare_with(args: &StudyArgs, effects: &EffectsFile, command: &str) -> Result<StudyRun, Failure> {
+        StudyRun::opened(args, effects.file(), command)
+    }
+
+    fn opened(args: &StudyArgs, effects: Option<&Path>, command: &str) -> Result<StudyRun, Failure> {
+        let study = Study::open_with(&args.input.study, opening(args, effects))?;
         let out = study.output_folder(&args.out, command)?;
         Ok(StudyRun { study, out })
     }
 
-    /// Does the work for every participant; one that cannot be done does not keep the others from being done.
+    /// Does the work for every participant, whose folder of results it is told; one that cannot be done does not keep
+    /// the others from being done.
     ///
     /// - `what`: is done, for the bar
+    /// - `purpose`: of the work
     ///
     /// # Errors
     /// A fault of this program; no participant that could be done.
-    pub fn each<'s, T>(
-        &'s self,
+    pub fn each<T>(
+        &self,
         what: &str,
+        purpose: Purpose,
         bars: &Bars,
-        work: impl FnMut(StudyParticipant<'s>) -> Result<T, Failure>,
+        mut work: impl FnMut(&Session<'_>, &Path) -> Result<T, Failure>,
     ) -> Result<Outcomes<T>, Failure> {
-        self.study.each(what, bars, work)
+        self.study.each(what, bars, |participant| {
+            let session = participant.load_for(purpose)?.with_progress(bars);
+            failure::print(&session.data.warnings);
+            work(&session, Path::new(&participant.about().name))
+        })
+    }
+
+    /// Where the report of a participant is.
+    pub fn report_of(&self, participant: &str) -> String {
+        self.out.path().join(participant).join("report.html").display().to_string()
     }
 
     /// Closes the output folder, prints the result of those participants that could be done, then fails with the
@@ -82,11 +100,14 @@ impl StudyRun {
 /// How a command opens a study.
 pub fn opening(args: &StudyArgs, effects: Option<&Path>) -> Opening {
     Opening {
-        participants: args.participant.clone(),
-        model: args.model.clone(),
         effects: effects.map(Path::to_owned),
-        allow_unsupported: args.allow_unsupported,
         command: Some(provenance::command_line()),
-        ..Opening::default()
+        ..reading(&args.input, args.allow_unsupported)
     }
+}
+
+/// What of a study is read.
+pub fn reading(args: &StudyInput, allow_unsupported: bool) -> Opening {
+    let (participants, model) = (args.participant.clone(), args.model.clone());
+    Opening { participants, model, allow_unsupported, ..Opening::default() }
 }

@@ -1,50 +1,52 @@
 //! The diagnosis of one participant: which effects the model misses, how sure that is, and what is left beside them.
 
 mod account;
+mod named;
+mod request;
+mod simulated;
 
 use std::collections::BTreeMap;
 
-use rayon::prelude::*;
 use web_time::Instant;
 
 use super::baselines::Ingredients;
-use super::catalogue::with_own;
 use super::cohort::ParticipantEvidence;
 use super::effect::{Effect, Role};
 use super::fit::{Analysis, Fit};
 use super::forward_model::{ForwardModel, Setting};
-use super::inference::muscles::{MuscleEstimate, Muscles};
-use super::inference::resting_fiber::RestingFiber;
-use super::inference::search::Budget;
+use super::inference::muscles::MuscleEstimate;
 use super::inference::session::{HandedOver, Session, State};
-use super::named::{AccountStep, named};
 use super::noise::NoiseLevels;
 use super::score_test::{BlockScore, Omnibus};
-use super::separation::{Laboratory, Separation, most_useful, separations};
+use super::separation::{Separation, most_useful, separations};
 use super::what_remains::formulas;
 use super::where_it_fails::along_axes;
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
-use carpus_study::study::{Direction, ParameterBounds, TrialUse};
+use carpus_study::study::{Direction, TrialUse};
+
+use named::named;
+pub use request::Request;
+pub use simulated::{rmse, simulate};
 
 pub use account::{
-    Candidate, Confusion, Diagnosis, Errors, Explanation, Left, NotListed, ParameterEstimate, Steps, Verdict,
-    is_determined,
+    AccountStep, Candidate, Confusion, Diagnosis, Errors, Explanation, Left, NamedEffect, NotListed, ParameterEstimate,
+    Shares, Steps, Verdict, is_determined,
 };
 
 /// Something is left beside a model if the family-wise p-value of all directions is smaller than this.
 pub const LEVEL: f64 = 0.02;
-/// Sets whose neighbours are looked at in a round.
-const EXPANSIONS: usize = 12;
+
 /// An effect whose signature keeps less than this share once muscle parameters are fitted cannot be tested.
 const TESTABLE: f64 = 0.01;
 /// An effect that is missing with a smaller probability is ruled out.
 pub const RULED_OUT: f64 = 0.01;
-/// Another effect may stand in the place of one that is named if −2 log posterior is larger by less than this: with a tenth of its
-/// probability.
+/// Another effect may stand in the place of one that is named if −2 log posterior is larger by less than this: with a
+/// tenth of its probability.
 const BEHIND: f64 = 4.6;
 /// z that an effect needs to be found with a probability of about 80 % among all others.
 const DETECTABLE_Z: f64 = 4.2;
-/// Effects that lower neither the training error of the joint mode nor that of left-out trials by this share are negligible.
+/// Effects that lower neither the training error of the joint mode nor that of left-out trials by this share are
+/// negligible.
 const NEGLIGIBLE: f64 = 0.02;
 /// Candidates that are held against each other.
 const CONFUSED: usize = 6;
@@ -52,56 +54,6 @@ const CONFUSED: usize = 6;
 const TOLD_APART: usize = 4;
 /// Directions that are reported as left over.
 const SHOWN: usize = 3;
-
-/// What to diagnose.
-pub struct Request<'a> {
-    /// Name of the participant.
-    pub participant: String,
-    /// Model and trials.
-    pub forward: &'a ForwardModel,
-    /// What further trials are simulated with, where these cannot tell explanations apart; without it none are.
-    pub laboratory: Option<Laboratory<'a>>,
-    /// Bounds of the muscle parameters: priors.
-    pub bounds: ParameterBounds,
-    /// Fascicle lengths of images that are data.
-    pub images: Vec<RestingFiber>,
-    /// Effects that may be named; empty: all. The others stay of the size that everything has in a laboratory.
-    pub candidates: Vec<&'static dyn Effect>,
-    /// Largest moment of the session [N·m].
-    pub mvc: f64,
-    /// Seed of random draws.
-    pub seed: u64,
-}
-
-impl<'a> Request<'a> {
-    /// The participant's training trials, to be estimated.
-    pub(super) fn session(&self) -> Session<'a> {
-        let train = self.forward.trials_for(TrialUse::Train);
-        let mut effects = with_own();
-        let is_new =
-            |effect: &&&'static dyn Effect| effects.iter().all(|e| e.description().id != effect.description().id);
-        let new: Vec<&'static dyn Effect> = self.candidates.iter().filter(is_new).copied().collect();
-        effects.extend(new);
-        let session =
-            Session::new(self.forward, train, effects, &self.bounds, Budget { expansions: EXPANSIONS }, self.seed)
-                .with_images(self.images.clone());
-        match self.candidates.as_slice() {
-            [] => session,
-            some => session.naming(some),
-        }
-    }
-
-    /// The muscles alone, as every command reports them.
-    pub(super) fn muscles(&self) -> Result<Muscles<'a>, SimulationError> {
-        let found = Muscles::of(self.session(), &self.report(), &|| true)?;
-        found.ok_or(SimulationError::NoiseCovariance)
-    }
-
-    /// Tells the log how far an estimate is.
-    pub(super) fn report(&self) -> impl Fn(&str) + '_ {
-        |text: &str| log::debug!("{}: {text}", self.participant)
-    }
-}
 
 /// A diagnosis and what is handed over.
 pub struct Outcome {
@@ -201,7 +153,8 @@ pub fn diagnose(request: &Request, at: &dyn Fn(usize)) -> Result<Outcome, Simula
     let kept: Vec<&'static str> =
         explanations.iter().flat_map(|e| e.effects.clone()).chain(effects.iter().map(|e| e.effect)).collect();
     let separating_experiments = match verdict {
-        // Trials that nobody recorded must not cost the diagnosis: where one cannot be simulated, `carpus plan` says why.
+        // Trials that nobody recorded must not cost the diagnosis: where one cannot be simulated, `carpus plan` says
+        // why.
         Verdict::CannotTell => judge.experiments(&explanations).unwrap_or_default(),
         _ => Vec::new(),
     };
@@ -222,7 +175,8 @@ pub fn diagnose(request: &Request, at: &dyn Fn(usize)) -> Result<Outcome, Simula
         list.push(c.effect);
     }
     let left_by_all = judge.rmse_of(&handed_over)?.unwrap_or(f64::INFINITY);
-    // Noise of the EMG passes through the muscles: where they are far off, its estimate is too large. It is no more than what is left.
+    // Noise of the EMG passes through the muscles: where they are far off, its estimate is too large. It is no more
+    // than what is left.
     let noise_floor = (session.noise_floor(&state) / request.mvc).min(left_by_all);
     account.push(AccountStep { step: "noise".to_owned(), train: noise_floor, held_out: None });
     let diagnosis = Diagnosis {
@@ -355,8 +309,8 @@ impl Judge<'_> {
         })
     }
 
-    /// The sets of effects that leave nothing: that of a state, and those with another effect in the place of one of them that are not
-    /// much less probable.
+    /// The sets of effects that leave nothing: that of a state, and those with another effect in the place of one of
+    /// them that are not much less probable.
     ///
     /// - `refit_error`: training error of the refitted muscles alone
     fn explanations(&self, state: &State, refit_error: f64) -> Result<Vec<Explanation>, SimulationError> {
@@ -487,37 +441,6 @@ impl Judge<'_> {
         }
         out
     }
-}
-
-/// Simulated moments [N·m] of the trials of a use, from the EMG as recorded.
-///
-/// # Errors
-/// A muscle whose forces cannot be balanced.
-pub fn simulate(
-    forward: &ForwardModel,
-    parameters: &[MuscleParameters],
-    effects: &[Setting],
-    usage: TrialUse,
-) -> Result<Vec<(usize, Vec<f64>)>, SimulationError> {
-    let variant = forward.variant(effects)?;
-    forward
-        .trials_for(usage)
-        .into_par_iter()
-        .map(|g| {
-            let core = forward.core(&variant, g, &forward.recorded_input(g), parameters, effects, false)?;
-            Ok((g, forward.recorded_moment(g, &core, effects)))
-        })
-        .collect::<Vec<_>>()
-        .into_iter()
-        .collect()
-}
-
-/// Root mean square of measured minus simulated moment over trials [N·m].
-pub fn rmse(forward: &ForwardModel, simulated: &[(usize, Vec<f64>)]) -> Option<f64> {
-    let squares =
-        simulated.iter().flat_map(|(g, s)| forward.trials[*g].moment.iter().zip(s).map(|(y, s)| (y - s).powi(2)));
-    let (sum, count) = squares.fold((0.0, 0usize), |(sum, n), s| (sum + s, n + 1));
-    (count > 0).then(|| (sum / count as f64).sqrt())
 }
 
 /// Whether a setting has an amplitude that is not 0: for messages.

@@ -239,8 +239,8 @@ pub(crate) fn scale_property(muscles: &mut [MuscleSpec], r: f64, property: Muscl
     changed
 }
 
-/// Mean of a property over the muscles that have it, multiplied by eʳ; the factor alone where none has it, so that what is
-/// plausible of the effect stays finite.
+/// Mean of a property over the muscles that have it, multiplied by eʳ; the factor alone where none has it, so that what
+/// is plausible of the effect stays finite.
 pub(crate) fn scaled_mean(muscles: &[MuscleSpec], r: f64, property: MuscleProperty) -> f64 {
     let known: Vec<f64> = muscles.iter().filter_map(|muscle| property.of(muscle)).collect();
     match known.len() {
@@ -269,8 +269,8 @@ mod tests {
     use crate::catalogue::CATALOGUE;
     use carpus_osim::osim::OsimFile;
 
-    /// A prior is made of what is reported of an effect that is absent: it has to be a positive, usual number for muscles of
-    /// every class.
+    /// A prior is made of what is reported of an effect that is absent: it has to be a positive, usual number for
+    /// muscles of every class.
     #[test]
     fn verif_what_is_reported_of_muscles_without_the_property_is_a_factor() {
         let root = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));

@@ -20,7 +20,6 @@ pub mod inference;
 pub mod joint_traits;
 pub mod kernel;
 pub mod moments;
-pub mod named;
 pub mod noise;
 pub mod own_effect;
 pub mod plan;

@@ -16,72 +16,25 @@
 //! (2016), doi:10.1073/pnas.1517384113 (sparse regression on a library of terms).
 
 mod library;
+mod proposal;
 mod search;
+mod trial_table;
 
-use nalgebra::DMatrix;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use library::{library, variables};
-use search::Search;
+pub use proposal::{Proposal, ProposedTerm};
+use search::{MOST_TERMS, Search, WORTH_A_TERM};
+pub use trial_table::TrialTable;
 
 /// Formulas, at most.
 const MOST_PROPOSALS: usize = 3;
-/// Terms of a formula, at most: more are no short formula.
-const MOST_TERMS: usize = 3;
-/// A further term must explain this much more of the mean square in left-out trials.
-const WORTH_A_TERM: f64 = 0.02;
+
 /// Another formula must explain at least this part of what the best one explains.
 const COMPARABLE: f64 = 0.5;
 /// Trials that are needed: fewer cannot be halved.
 const LEAST_TRIALS: usize = 4;
-
-/// A trial: its residual and what was recorded.
-#[derive(Clone, Copy, Debug)]
-pub struct TrialTable<'a> {
-    /// Recorded moment minus simulated [N·m].
-    pub residual: &'a [f64],
-    /// Time in the trial [s].
-    pub time: &'a [f64],
-    /// Place in the session, 0 to 1.
-    pub session: f64,
-    /// Angle [rad].
-    pub angle: &'a [f64],
-    /// Speed [rad/s].
-    pub speed: &'a [f64],
-    /// Acceleration [rad/s²].
-    pub acceleration: &'a [f64],
-    /// Activation of each active muscle.
-    pub activation: &'a [Vec<f64>],
-    /// Columns that are fitted beside every formula, the noise whitened: what muscle parameters do.
-    pub beside: Option<&'a DMatrix<f64>>,
-}
-
-/// A term of a formula.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ProposedTerm {
-    /// The term, `k` its shape.
-    pub term: String,
-    /// Its coefficient.
-    pub coefficient: f64,
-    /// Unit of the coefficient.
-    pub unit: String,
-    /// The shape and its unit, if there is one.
-    pub shape: Option<(f64, &'static str)>,
-}
-
-/// A formula for what remains.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Proposal {
-    /// As people read it: `0.41*sin(14*q)`.
-    pub formula: String,
-    /// Share of the mean square that it explains in trials that were left out, equation (2).
-    pub share: f64,
-    /// Least share of the halves of the trials in which one of its terms was selected.
-    pub stability: f64,
-    /// Its terms.
-    pub terms: Vec<ProposedTerm>,
-}
 
 /// At most three formulas for what remains in these trials; none where it is like noise.
 ///
@@ -125,56 +78,6 @@ pub fn propose(
     }
     found.sort_by(|a, b| b.share.total_cmp(&a.share));
     found
-}
-
-impl Proposal {
-    /// The text of a `my_effect.toml`.
-    ///
-    /// - `id`: small letters, digits and _
-    pub fn to_toml(&self, id: &str) -> String {
-        let mut parameters = String::new();
-        let mut parts = Vec::new();
-        let source = format!("proposed from residuals, where {} of the mean square is explained", short(self.share));
-        for (i, term) in self.terms.iter().enumerate() {
-            let size = if self.terms.len() == 1 { "A".to_owned() } else { format!("A{}", i + 1) };
-            let shape = if self.terms.len() == 1 { "k".to_owned() } else { format!("k{}", i + 1) };
-            let c = term.coefficient;
-            let reach = rounded(3.0 * c.abs());
-            parameters.push_str(&format!(
-                "\n[parameters.{size}]\nunit = \"{}\"\nrole = \"amplitude\"\nplausible = [-{reach:?}, \
-                 {reach:?}]\ntypical = {:?}\n\
-                 source = \"{source}: {}\"\n",
-                term.unit,
-                rounded(c.abs()),
-                short(c)
-            ));
-            if let Some((k, unit)) = term.shape {
-                let [low, high] = [rounded(0.7 * k), rounded(1.3 * k)];
-                parameters.push_str(&format!(
-                    "\n[parameters.{shape}]\nunit = \"{unit}\"\nrole = \"shape\"\nstart = {:?}\nplausible = [{low:?}, \
-                     {high:?}]\n\
-                     source = \"{source}\"\n",
-                    rounded(k)
-                ));
-            }
-            parts.push(format!("{size}*{}", term.term.replace("k*", &format!("{shape}*"))));
-        }
-        format!(
-            "# Proposed: {}\n[effect]\nid = \"{id}\"\nname = \"{}\"\nstage = \"joint\"\nformula = \"{}\"\n{parameters}",
-            self.formula,
-            self.formula,
-            parts.join(" + ")
-        )
-    }
-}
-
-/// A number of three digits.
-fn rounded(value: f64) -> f64 {
-    format!("{value:.2e}").parse().unwrap_or(value)
-}
-
-fn short(value: f64) -> String {
-    format!("{}", rounded(value))
 }
 
 #[cfg(test)]

@@ -98,6 +98,17 @@ pub fn separations(
     Ok(found)
 }
 
+/// The most useful experiment of every pair, of those in which the most useful come first.
+pub fn best_of_pairs(separations: &[Separation]) -> Vec<&Separation> {
+    let mut best: Vec<&Separation> = Vec::new();
+    for s in separations {
+        if best.iter().all(|b| b.separates != s.separates) {
+            best.push(s);
+        }
+    }
+    best
+}
+
 /// The most useful experiments of every pair; the pair that is worst off first.
 ///
 /// - `separations`: the most useful first

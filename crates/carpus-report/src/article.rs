@@ -2,8 +2,9 @@
 
 use askama::Template;
 
-use super::page::{SCRIPT, STYLE, content_security_policy, finished};
+use super::page::finished;
 pub use super::plot::escape;
+use super::policy::{SCRIPT, STYLE, content_security_policy};
 use super::results::Provenance;
 
 /// A page.

@@ -8,8 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use super::intervals::{NOT_VALID, holds, with_validity};
 use super::number::significant;
-use super::page::{SCRIPT, STYLE, content_security_policy, finished};
+use super::page::finished;
 use super::plot::{Scale, escape};
+use super::policy::{SCRIPT, STYLE, content_security_policy};
 use super::results::{Provenance, WarningResult};
 
 /// Name and version of the schema.

@@ -19,6 +19,7 @@ pub mod next_steps;
 mod number;
 mod page;
 mod plot;
+mod policy;
 pub mod residuals;
 pub mod results;
 mod sentence;

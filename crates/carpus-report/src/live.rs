@@ -9,7 +9,7 @@ use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
 
-use super::page::{SCRIPT, STYLE, policy};
+use super::policy::{SCRIPT, STYLE, base64, policy};
 use super::results::Results;
 
 /// The program, compressed.
@@ -85,23 +85,10 @@ pub(super) fn is_base64(text: &str) -> bool {
     text.bytes().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'+' | b'/' | b'='))
 }
 
-/// Base64 with padding (RFC 4648, section 4), as content security policies write hashes.
-pub(super) fn base64(bytes: &[u8]) -> String {
-    const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let word = chunk.iter().fold(0u32, |w, b| w << 8 | u32::from(*b)) << (8 * (3 - chunk.len()));
-        for i in 0..4 {
-            let symbol = ALPHABET[(word >> (18 - 6 * i) & 63) as usize] as char;
-            out.push(if i <= chunk.len() { symbol } else { '=' });
-        }
-    }
-    out
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{base64, is_base64};
+    use super::super::policy::base64;
+    use super::is_base64;
 
     #[test]
     fn verif_base64_rfc4648_vectors() {

@@ -3,7 +3,8 @@
 use askama::Template;
 
 use super::live::{Embedded, is_base64};
-use super::page::{SCRIPT, STYLE, finished};
+use super::page::finished;
+use super::policy::{SCRIPT, STYLE};
 use super::results::{Provenance, WarningResult};
 use super::warnings::{self, WarningGroup};
 

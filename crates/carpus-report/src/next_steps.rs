@@ -1,4 +1,7 @@
-//! What to do next: one to three actions that follow from verdict, intervals and experiments, for pages and terminals alike.
+//! What to do next: one to three actions that follow from verdict, intervals and experiments, for pages and terminals
+//! alike.
+
+use std::path::Path;
 
 use super::diagnosis::DiagnosisResult;
 use super::results::{Kind, ParameterResult, Results};
@@ -31,6 +34,23 @@ pub fn next_steps(results: &Results, folder: &str) -> Vec<NextStep> {
         ],
         (None, _) => vec![command("Compare with the measured moments.", format!("carpus compare {study}"))],
     };
+    steps.truncate(MOST);
+    steps
+}
+
+/// What to do after a command for all its participants, each action once; at most three.
+///
+/// - `out`: the command's folder of results
+pub fn next_steps_of_all<'r>(all: impl IntoIterator<Item = &'r Results>, out: &Path) -> Vec<NextStep> {
+    let mut steps: Vec<NextStep> = Vec::new();
+    for results in all {
+        let folder = format!("{}{}", out.join(&results.participant.id).display(), std::path::MAIN_SEPARATOR);
+        for step in next_steps(results, &folder) {
+            if !steps.contains(&step) {
+                steps.push(step);
+            }
+        }
+    }
     steps.truncate(MOST);
     steps
 }

@@ -1,20 +1,15 @@
 //! The report page: template, styles and script put together under a content security policy.
 
 use askama::Template;
-use sha2::{Digest, Sha256};
 
-use super::live::{Live, base64};
+use super::live::Live;
 use super::next_steps::{NextStep, next_steps};
+use super::policy::{SCRIPT, STYLE, content_security_policy};
 use super::results::Results;
 use super::story::Story;
 use super::story_figures::standing_alone;
 use super::view::View;
 use carpus_numerics::printable::visible_lines;
-
-/// Styles of every page.
-pub(super) const STYLE: &str = include_str!("assets/report.css");
-/// Pointing at figures, and the switch between light and dark.
-pub(super) const SCRIPT: &str = include_str!("assets/report.js");
 
 #[derive(Template)]
 #[template(path = "report.html")]
@@ -62,25 +57,4 @@ pub(super) fn finished(page: &impl Template) -> String {
 /// The fall of the error as a figure of its own (SVG); `None` for results that have no diagnosis.
 pub fn render_waterfall(results: &Results) -> Option<String> {
     Story::new(results).map(|story| standing_alone(&story.waterfall))
-}
-
-/// Nothing may be loaded from anywhere; only the two inline blocks, named by their hash, are in force.
-pub(super) fn content_security_policy() -> String {
-    policy(&[STYLE], &[SCRIPT], "")
-}
-
-/// Nothing may be loaded from anywhere; only inline blocks, named by their hash, are in force.
-///
-/// - `scripts_may`: what scripts may do besides
-pub(super) fn policy(styles: &[&str], scripts: &[&str], scripts_may: &str) -> String {
-    let hashes = |texts: &[&str]| {
-        let hash = |text: &&str| format!(" 'sha256-{}'", base64(&Sha256::digest(text.as_bytes())));
-        texts.iter().map(hash).collect::<String>()
-    };
-    format!(
-        "default-src 'none'; style-src{}; script-src{}{scripts_may}; img-src data:; base-uri 'none'; form-action \
-         'none'",
-        hashes(styles),
-        hashes(scripts)
-    )
 }

@@ -51,7 +51,22 @@ pub struct FrequencyBand {
     pub interval: Option<[f64; 2]>,
 }
 
+impl AxisCurve {
+    /// The place on the axis whose mean residual is the largest, the residual, and its interval.
+    pub fn largest(&self) -> (f64, f64, Option<[f64; 2]>) {
+        let largest = self.curve.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+        largest.copied().unwrap_or((0.0, 0.0, None))
+    }
+}
+
 impl ResidualResult {
+    /// The axes, those that explain most of the error first.
+    pub fn axes_by_share(&self) -> Vec<&AxisCurve> {
+        let mut axes: Vec<&AxisCurve> = self.axes.iter().collect();
+        axes.sort_by(|a, b| b.share_of_error.total_cmp(&a.share_of_error));
+        axes
+    }
+
     /// The curve along an axis.
     pub fn axis(&self, axis: &str) -> Option<&AxisCurve> {
         self.axes.iter().find(|a| a.axis == axis)

@@ -2,8 +2,9 @@
 
 use askama::Template;
 
-use super::page::{SCRIPT, STYLE, content_security_policy, finished};
+use super::page::finished;
 use super::plot::{self, Curve, CurveFigure};
+use super::policy::{SCRIPT, STYLE, content_security_policy};
 use super::results::{Provenance, WarningResult};
 use super::warnings::{self, WarningGroup};
 

@@ -1,10 +1,11 @@
 //! Effects by their identifiers, and of a size.
 
 use std::path::Path;
+use std::str::FromStr;
 
 use super::diagnostic::{Diagnostic, Failure};
-use super::identify::active_specs;
 use super::loading::LoadedParticipant;
+use super::prepared::active_specs;
 use carpus_diagnosis::catalogue::{effect, with_own};
 use carpus_diagnosis::effect::{Effect, lacks_property};
 use carpus_diagnosis::forward_model::Setting;
@@ -19,6 +20,24 @@ pub struct EffectSize {
     pub id: String,
     /// Names and values, in the units of the catalogue.
     pub values: Vec<(String, f64)>,
+}
+
+impl FromStr for EffectSize {
+    type Err = String;
+
+    /// As typed: `joint_stiffness:stiffness=1.2,rest_angle=0.1`.
+    fn from_str(text: &str) -> Result<EffectSize, String> {
+        let (id, listed) = text.split_once(':').unwrap_or((text, ""));
+        let value = |item: &str| {
+            let (name, value) = item.split_once('=').ok_or_else(|| format!("expected NAME=VALUE, found `{item}`"))?;
+            match value.trim().parse::<f64>() {
+                Ok(number) if number.is_finite() => Ok((name.trim().to_owned(), number)),
+                _ => Err(format!("{}: expected a number, found `{value}`", name.trim())),
+            }
+        };
+        let values = listed.split(',').filter(|item| !item.trim().is_empty()).map(value).collect::<Result<_, _>>()?;
+        Ok(EffectSize { id: id.trim().to_owned(), values })
+    }
 }
 
 /// The effects of these identifiers; `all` or nothing: the whole catalogue and the laboratory's own.

@@ -95,3 +95,25 @@ fn capital(text: &str) -> String {
     let first: String = characters.next().into_iter().flat_map(char::to_uppercase).collect();
     prose(&format!("{first}{}", characters.as_str()))
 }
+
+/// The explanation below a command's options: indented lines are code, the others paragraphs.
+pub fn explanation(after: &str) -> String {
+    let mut text = String::new();
+    let mut is_code = false;
+    for line in after.lines() {
+        let indented = line.starts_with("  ");
+        if indented && !is_code {
+            text.push_str("\n```text\n");
+        } else if !indented && is_code {
+            text.push_str("```\n\n");
+        }
+        is_code = indented;
+        match line.strip_prefix("  ") {
+            Some(code) => text.push_str(code),
+            None => text.push_str(&prose(line)),
+        }
+        text.push('\n');
+    }
+    text.push_str(if is_code { "```\n\n" } else { "\n" });
+    text
+}

@@ -168,6 +168,13 @@ pub struct Check {
     pub opening: Opening,
 }
 
+impl Checked {
+    /// How many findings keep commands from working.
+    pub fn red(&self) -> usize {
+        self.findings.iter().filter(|f| f.level == Level::Red).count()
+    }
+}
+
 impl Check {
     /// Checks a study.
     ///

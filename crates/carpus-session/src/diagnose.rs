@@ -10,12 +10,12 @@ use super::candidates::{candidates, without_property};
 use super::cohort_diagnosis::text;
 use super::diagnosis_file::{self, KnownDiagnosis, definitions, proposal_file};
 use super::diagnostic::{Diagnostic, Failure};
+use super::images::images;
 use super::live_case::state;
 use super::loading::{LoadedParticipant, Purpose};
 use super::output::OutputFolder;
 use super::participant::Session;
-use super::personalize::images;
-use super::prepared::forward_model_of;
+use super::prepared::{forward_model_of, laboratory, largest_moment};
 use super::provenance::DEFAULT_SEED;
 use super::residuals::residual_result;
 use super::result_files::{account, write_results};
@@ -25,7 +25,6 @@ use carpus_diagnosis::diagnose::{Diagnosis, Outcome, PHASES, Request, diagnose};
 use carpus_diagnosis::effect::Effect;
 use carpus_diagnosis::forward_model::{ForwardModel, Setting};
 use carpus_diagnosis::moments::simulate_all;
-use carpus_diagnosis::separation::Laboratory;
 use carpus_report::results::{Kind, Results, rounded};
 use carpus_simulation::simulation::MuscleParameters;
 use carpus_study::study::TrialUse;
@@ -260,16 +259,4 @@ pub fn forward_model(run: &LoadedParticipant) -> Result<ForwardModel, Failure> {
         return Err(message.hint("a diagnosis compares trials with each other").into());
     }
     Ok(forward)
-}
-
-/// What experiments are simulated with.
-pub fn laboratory(run: &LoadedParticipant) -> Laboratory<'_> {
-    Laboratory { spec: &run.loaded.file.spec, model: &run.model }
-}
-
-/// The session's MVC moment [N·m]: as the study states it, else the largest that was recorded.
-pub(super) fn largest_moment(run: &LoadedParticipant) -> f64 {
-    let p = &run.participant;
-    let stated = [p.mvc_flexion, p.mvc_extension].into_iter().flatten().fold(0.0, f64::max);
-    if stated > 0.0 { stated } else { run.trials.iter().map(|t| t.max_abs_moment()).fold(0.0, f64::max) }
 }

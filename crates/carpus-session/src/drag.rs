@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use super::diagnostic::{Diagnostic, Failure};
 use super::provenance::{DEFAULT_SEED, input_file, made_by};
+use carpus_report::results::rounded;
 use carpus_study::dynamometer::{DragError, DragEstimate, MachineRun, estimate_drag};
 use carpus_study::study::{AngleUnit, Conversion, Conversions, Recorded, Study, named_file};
 
@@ -67,6 +68,12 @@ impl MachineDrag {
 }
 
 impl FoundDrag {
+    /// What a study.toml says of the drag; `None` where it is negative: the sign of moment or angle is turned.
+    pub fn for_study(&self) -> Option<String> {
+        let damping = rounded(self.drag.damping * 1f64.to_radians(), 4);
+        (!(damping < 0.0)).then(|| format!("[dynamometer]\ndamping_n_m_s_per_deg = {damping}\n"))
+    }
+
     /// The estimate, for programs.
     ///
     /// # Errors

@@ -1,6 +1,24 @@
 //! Descriptions of effects in words.
 
+use serde::Serialize;
+
 use carpus_diagnosis::effect::{Description, NeutralShift, OsimForm, Parameter, Role, Stage};
+
+/// Effects of the catalogue, for programs.
+#[derive(Debug, Serialize)]
+pub struct Catalogue<'a> {
+    /// Name and version of the form.
+    pub schema: &'static str,
+    /// The effects.
+    pub effects: &'a [&'static Description],
+}
+
+impl<'a> Catalogue<'a> {
+    /// Of these effects.
+    pub fn of(effects: &'a [&'static Description]) -> Catalogue<'a> {
+        Catalogue { schema: "carpus.catalogue/1", effects }
+    }
+}
 
 /// Where an effect acts, in a word.
 pub fn stage(stage: Stage) -> &'static str {

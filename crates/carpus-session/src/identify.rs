@@ -1,16 +1,17 @@
 //! Intervals of muscle parameters, what the data leave open, and which trial would narrow it down.
 
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use super::account::warning_result;
-use super::diagnose::laboratory;
 use super::diagnostic::{Diagnostic, Failure};
 use super::identify_files;
+use super::images::images;
 use super::loading::{LoadedParticipant, Purpose, require_memory};
 use super::output::OutputFolder;
 use super::participant::Session;
-use super::personalize::{INTERVAL_LEVEL, images};
-use super::prepared::forward_model_of;
+use super::personalize::INTERVAL_LEVEL;
+use super::prepared::{active_specs, forward_model_of, laboratory};
 use super::provenance::{DEFAULT_SEED, input_file};
 use super::study::{Study, simulation_message};
 use carpus_identifiability::{
@@ -37,6 +38,21 @@ pub struct TiedMuscles {
     pub name: String,
     /// Its muscles.
     pub muscles: Vec<String>,
+}
+
+impl FromStr for TiedMuscles {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<TiedMuscles, String> {
+        let expected = || "expected GROUP=MUSCLE,MUSCLE, as in flexors=FCR,FCU".to_string();
+        let (name, muscles) = text.split_once('=').ok_or_else(expected)?;
+        let muscles: Vec<String> = muscles.split(',').map(|m| m.trim().to_string()).filter(|m| !m.is_empty()).collect();
+        if name.is_empty() || muscles.is_empty() {
+            Err(expected())
+        } else {
+            Ok(TiedMuscles { name: name.to_string(), muscles })
+        }
+    }
 }
 
 /// Prior knowledge of muscle parameters, as a table has it.
@@ -138,6 +154,28 @@ impl Identified<'_> {
     pub fn write(&self, path: impl AsRef<Path>) -> Result<Vec<Diagnostic>, Failure> {
         self.session.write_results(path.as_ref(), "identify", |out, folder| self.write_to(out, folder))
     }
+}
+
+/// Properties by OpenSim's names; without names those usually in question.
+///
+/// # Errors
+/// An unknown name.
+pub fn properties_named(names: &[String]) -> Result<Vec<MuscleProperty>, Failure> {
+    if names.is_empty() {
+        return Ok(MuscleProperty::USUAL.to_vec());
+    }
+    let known = |name: &String| {
+        MuscleProperty::from_name(name).ok_or_else(|| {
+            let message = Diagnostic::error(format!("--properties: there is no property `{name}`"));
+            let known = MuscleProperty::ALL.map(MuscleProperty::name);
+            let hint = match carpus_study::study::nearest(name, known) {
+                Some(nearest) => format!("did you mean `{nearest}`?"),
+                None => format!("there are: {}", known.join(", ")),
+            };
+            message.hint(hint).into()
+        })
+    };
+    names.iter().map(known).collect()
 }
 
 impl Identify {
@@ -262,11 +300,6 @@ fn owners(specs: &[MuscleSpec], tie: &[TiedMuscles]) -> Result<Vec<(String, Vec<
     let alone = specs.iter().enumerate().filter(|(m, _)| !tied.contains(m));
     owners.extend(alone.map(|(m, s)| (s.name.clone(), vec![m])));
     Ok(owners)
-}
-
-pub(super) fn active_specs(run: &LoadedParticipant) -> Vec<MuscleSpec> {
-    let spec = &run.loaded.file.spec;
-    run.model.muscle_names().filter_map(|name| spec.muscles.iter().find(|m| m.name == name)).cloned().collect()
 }
 
 /// Lengths and forces by the model of a session that every command shares.

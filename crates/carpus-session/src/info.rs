@@ -58,6 +58,34 @@ pub struct MuscleInfo {
     pub applies_force: bool,
 }
 
+impl CoordinateInfo {
+    /// Whether the range is one that stands for none: a hundred turns or a kilometre both ways, as OpenSim writes for
+    /// followers.
+    pub fn is_unlimited(&self) -> bool {
+        let far = if self.unit == "deg" { 36_000.0 } else { 1000.0 };
+        self.range[0] <= -far && self.range[1] >= far
+    }
+
+    /// What is unusual about it.
+    pub fn notes(&self) -> String {
+        let mut notes = Vec::new();
+        notes.extend(self.locked.then(|| "locked".to_string()));
+        notes.extend((!self.clamped).then(|| "not clamped".to_string()));
+        notes.extend(self.follows.as_ref().map(|f| format!("follows {f}")));
+        notes.join(", ")
+    }
+}
+
+impl MuscleInfo {
+    /// What is unusual about it.
+    pub fn notes(&self) -> String {
+        let mut notes = Vec::new();
+        notes.extend((self.class != "Millard2012EquilibriumMuscle").then(|| self.class.clone()));
+        notes.extend((!self.applies_force).then(|| "applies no force".to_string()));
+        notes.join(", ")
+    }
+}
+
 /// What is in a model.
 #[derive(Debug, Serialize)]
 pub struct Info {
@@ -129,6 +157,16 @@ impl Info {
         });
         (info, reason)
     }
+}
+
+/// How many components were understood, and of which classes, the most frequent first.
+pub fn understood(diagnostics: &Diagnostics) -> String {
+    let count: usize = diagnostics.understood.values().sum();
+    let mut classes: Vec<_> = diagnostics.understood.iter().collect();
+    classes.sort_by(|a, b| b.1.cmp(a.1).then(a.0.cmp(b.0)));
+    let listed: Vec<_> = classes.iter().map(|(class, n)| format!("{n} {class}")).collect();
+    let listed = if listed.is_empty() { String::new() } else { format!(" ({})", listed.join(", ")) };
+    format!("{count} components{listed}")
 }
 
 fn coordinates(spec: &ModelSpec, model: Option<&Model>) -> Vec<CoordinateInfo> {

@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use super::diagnose::largest_moment;
 use super::diagnostic::Failure;
+use super::images::images;
 use super::participant::Session;
-use super::personalize::images;
+use super::prepared::largest_moment;
 use carpus_diagnosis::diagnose::ParameterEstimate;
 use carpus_diagnosis::export::SideCar;
 use carpus_diagnosis::forward_model::Setting;

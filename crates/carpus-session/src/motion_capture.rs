@@ -2,9 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use serde_json::{Value, json};
+
 use super::account::csv_text;
 use super::diagnostic::{Diagnostic, Failure};
-use super::output::OutputFolder;
+use super::output::{OutputFolder, shown};
 use super::progress::Progress;
 use carpus_osim::storage::{MotionCapture, StorageError};
 
@@ -22,6 +24,26 @@ pub struct ConvertedMotionCapture {
     pub found: MotionCapture,
     /// The files that were written.
     pub files: Vec<PathBuf>,
+}
+
+impl ConvertedMotionCapture {
+    /// Samples of the channels in a second; `None` where there are fewer than two.
+    pub fn sample_rate(&self) -> Option<f64> {
+        let time = &self.found.analog.time;
+        time.get(1).map(|second| 1.0 / (second - time[0]))
+    }
+
+    /// For programs.
+    pub fn value(&self) -> Value {
+        let MotionCapture { markers, analog, units, .. } = &self.found;
+        let channel = |(label, unit): (&String, &String)| json!({ "label": label, "unit": unit });
+        json!({
+            "schema": "carpus.c3d/1", "files": shown(&self.files),
+            "markers": markers.names, "frames": markers.time.len(), "frame_rate_hz": markers.data_rate,
+            "channels": analog.labels.iter().zip(units).map(channel).collect::<Vec<_>>(),
+            "samples": analog.len(), "sample_rate_hz": self.sample_rate(),
+        })
+    }
 }
 
 impl ConvertMotionCapture {

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::diagnostic::{Diagnostic, Failure};
 use super::errors::ErrorOverview;
+use super::images::images;
 use super::live_case::state;
 use super::loading::{LoadedParticipant, Purpose};
 use super::output::OutputFolder;
@@ -13,17 +14,14 @@ use super::prepared::forward_model_of;
 use super::progress::go_on;
 use super::provenance::DEFAULT_SEED;
 use super::result_files::{account, write_errors, write_results, write_series};
-use super::study::Study;
-use carpus_multibody::muscles::Millard2012;
 use carpus_osim::osim::OsimFile;
 use carpus_personalization::personalization::{
-    MuscleEstimate, MuscleProblem, Personalization, PersonalizationError, Progress as FitProgress, Property,
-    RestingFiber, Stage, WriteBackError, personalize, write_parameters,
+    MuscleEstimate, MuscleProblem, Personalization, PersonalizationError, Progress as FitProgress, Property, Stage,
+    WriteBackError, personalize, write_parameters,
 };
+use carpus_report::intervals::{NOT_VALID, holds};
 use carpus_report::results::{IntervalResult, Kind, ParameterResult, Results, StageResult, rounded};
-use carpus_simulation::imaging::path_length;
 use carpus_simulation::simulation::TrialSimulation;
-use carpus_study::study::FascicleUse;
 
 /// Level of the intervals of fitted values.
 pub const INTERVAL_LEVEL: f64 = 0.9;
@@ -158,42 +156,6 @@ pub fn writing_failure(error: &WriteBackError, model: &Path) -> Failure {
     }
 }
 
-/// Fascicle lengths of the participant's images, if the study says that they inform the fit.
-pub(super) fn images(study: &Study, run: &LoadedParticipant) -> Result<Vec<RestingFiber>, Failure> {
-    let imaging = &study.tables.settings.imaging;
-    if imaging.fascicles == FascicleUse::Check {
-        return Ok(Vec::new());
-    }
-    let table = study.tables.folder.join("ultrasound.csv");
-    let of_participant = study.tables.ultrasound.iter().filter(|m| m.participant == run.participant.name);
-    let mut fibers = Vec::new();
-    for (image, measured) in of_participant.filter_map(|m| Some((m, m.fascicle_length?))) {
-        // A muscle that is not active has nothing to fit.
-        let Some(muscle) = run.model.muscle_names().position(|name| name == image.muscle) else { continue };
-        let at = |e: String| Failure::from(Diagnostic::error(e).in_file(&table).at_line(image.line));
-        let (spec, path_length) = path_length(&run.loaded.file.spec, &run.loaded.model, &study.tables, image)
-            .map_err(|e| at(format!("{} {}: {e}", run.participant.name, image.muscle)))?;
-        let millard = Millard2012::from_spec(spec).map_err(|e| match spec.is_computed() {
-            true => at(format!(
-                "{}: fascicle lengths inform the fit of a Millard2012EquilibriumMuscle only, not of a {}; with \
-                 `fascicles = \"check\"` in [ultrasound] of study.toml they are compared with the model afterwards",
-                image.muscle,
-                spec.class()
-            )),
-            false => at(e.to_string()),
-        })?;
-        fibers.push(RestingFiber {
-            muscle,
-            millard,
-            path_length,
-            activation: imaging.activation,
-            measured,
-            standard_deviation: imaging.fascicle_error * measured,
-        });
-    }
-    Ok(fibers)
-}
-
 /// Muscle parameters, property by property.
 ///
 /// - `estimates`: muscle by muscle
@@ -223,6 +185,31 @@ pub(super) fn parameters(
     Property::ALL.into_iter().flat_map(of).collect()
 }
 
+/// What a person should know of fitted parameters: how far the fit was gone, values on a bound, intervals that do not
+/// hold, and what the trials do not determine. A line for each.
+pub fn remarks(results: &Results) -> Vec<String> {
+    let of = |what: &str, is_so: &dyn Fn(&ParameterResult) -> bool| {
+        let names = results.parameters.iter().filter(|p| is_so(p)).map(|p| format!("{} {}", p.muscle, p.property));
+        let names: Vec<String> = names.collect();
+        (!names.is_empty()).then(|| format!("{what}: {}", names.join(", ")))
+    };
+    let part = results.part_of_the_way.filter(|part| *part < 1.0).map(|part| {
+        let percent = 100.0 * part;
+        format!(
+            "{percent:.0} % of the way from the given model to the fit, as left-out training trials are predicted best"
+        )
+    });
+    let is_open = |p: &ParameterResult| p.interval.as_ref().is_some_and(|i| !i.is_determined());
+    let is_invalid = |p: &ParameterResult| p.interval.as_ref().is_some_and(|i| !holds([i.lower, i.upper], p.after));
+    let remarks = [
+        part,
+        of("on a bound", &ParameterResult::at_bound),
+        of(&format!("interval {NOT_VALID}"), &is_invalid),
+        of("not determined by these trials", &is_open),
+    ];
+    remarks.into_iter().flatten().map(|remark| format!("{}: {remark}", results.participant.id)).collect()
+}
+
 fn stage(stage: &Stage) -> StageResult {
     StageResult {
         name: stage.name.to_string(),
@@ -238,6 +225,7 @@ mod tests {
 
     use super::*;
     use crate::progress::Progress;
+    use crate::study::Study;
 
     /// Lets work go on until it was asked a number of times.
     struct Impatient {

@@ -6,11 +6,11 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::candidates::{EffectSize, at_size, candidates, known};
-use super::diagnose::laboratory;
 use super::diagnosis_file::{self, KnownDiagnosis};
 use super::diagnostic::{Diagnostic, Failure};
 use super::output::OutputFolder;
 use super::participant::Session;
+use super::prepared::laboratory;
 use super::provenance::DEFAULT_SEED;
 use super::result_files::write_results;
 use carpus_diagnosis::forward_model::ForwardModel;
@@ -131,6 +131,11 @@ impl Session<'_> {
 }
 
 impl Planned {
+    /// For programs.
+    pub fn value(&self) -> Value {
+        json!({ "participant": self.participant, "separating_experiments": self.separations })
+    }
+
     /// Writes `plan.json`, and the most useful experiments into `diagnosis.json` and its report.
     ///
     /// - `folder`: the participant's, in the folder of the results

@@ -167,6 +167,14 @@ impl Published {
     }
 }
 
+/// The dissertation's power analyses, each with what its tests give, for programs.
+///
+/// - `analyses`: each with [`Published::recomputed`]
+pub fn published_value(analyses: &[(&Published, Vec<Recomputed>)]) -> Value {
+    let values: Vec<Value> = analyses.iter().map(|(published, tests)| published.value(tests)).collect();
+    json!({ "schema": "carpus.power_published/1", "analyses": values })
+}
+
 fn refused(error: StatisticsError) -> Failure {
     Diagnostic::error(error.to_string()).into()
 }

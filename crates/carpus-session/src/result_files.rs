@@ -97,6 +97,14 @@ pub fn write_errors(out: &OutputFolder, folder: &Path, results: &[&Results]) -> 
     Ok(())
 }
 
+/// Writes both tables of errors of several participants; of one they stand with its results.
+///
+/// # Errors
+/// The disk.
+pub fn write_errors_of_all(out: &OutputFolder, all: &[Results]) -> Result<(), Failure> {
+    if all.len() > 1 { write_errors(out, Path::new(""), &all.iter().collect::<Vec<_>>()) } else { Ok(()) }
+}
+
 /// A results file without its series and inputs.
 pub fn summary(results: &Results) -> serde_json::Value {
     serde_json::json!({
@@ -110,4 +118,19 @@ pub fn summary(results: &Results) -> serde_json::Value {
         "part_of_the_way": results.part_of_the_way,
         "warnings": results.warnings,
     })
+}
+
+/// [`summary`] of every participant, in JSON.
+pub fn summaries(all: &[Results]) -> String {
+    serde_json::Value::Array(all.iter().map(summary).collect()).to_string()
+}
+
+/// As [`summaries`], with the ledgers of effects.
+pub fn summaries_with_ledgers(all: &[Results]) -> String {
+    let one = |results: &Results| {
+        let mut value = summary(results);
+        value["ledger"] = serde_json::to_value(&results.ledger).unwrap_or_default();
+        value
+    };
+    serde_json::Value::Array(all.iter().map(one).collect()).to_string()
 }

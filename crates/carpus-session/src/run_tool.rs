@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 
 use super::diagnostic::{Diagnostic, Failure};
 use super::model;
-use super::output::{Leftovers, OutputFolder};
+use super::output::{Leftovers, OutputFolder, shown};
 use super::progress::{Progress, go_on};
 use carpus_tools::{Outcome, ToolError, ToolProblem, run_tool};
 use serde::Serialize;
+use serde_json::{Value, json};
 
 /// A run of a setup file; paths in it are relative to its folder.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -29,6 +30,13 @@ pub struct ToolRun {
     pub files: Vec<PathBuf>,
     /// What it did, in lines.
     pub summary: Vec<String>,
+}
+
+impl ToolRun {
+    /// For programs.
+    pub fn value(&self) -> Value {
+        json!({ "files": shown(&self.files), "summary": self.summary })
+    }
 }
 
 impl RunTool {

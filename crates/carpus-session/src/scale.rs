@@ -1,6 +1,7 @@
 //! Linear scaling of a model, by factors or to the participants of a study.
 
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -34,6 +35,32 @@ pub struct ScaleModel {
     pub seed: u64,
     /// Words that results give as what made them; without them the request itself.
     pub command: Option<String>,
+}
+
+/// A body and its scale factors, as typed: `hand=1.05`, `radius=1,1.08,1`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodyFactor {
+    /// The body.
+    pub body: String,
+    /// Factors along x, y, z.
+    pub factors: [f64; 3],
+}
+
+impl FromStr for BodyFactor {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<BodyFactor, String> {
+        let expected = || "expected BODY=FACTOR or BODY=X,Y,Z with positive numbers, e.g. hand=1.05".to_string();
+        let (body, numbers) = text.rsplit_once('=').ok_or_else(expected)?;
+        let positive = |word: &str| word.trim().parse().ok().filter(|factor: &f64| *factor > 0.0 && factor.is_finite());
+        let numbers: Vec<f64> = numbers.split(',').map(positive).collect::<Option<_>>().ok_or_else(expected)?;
+        let factors = match numbers[..] {
+            [all] => [all; 3],
+            [x, y, z] => [x, y, z],
+            _ => return Err(expected()),
+        };
+        if body.is_empty() { Err(expected()) } else { Ok(BodyFactor { body: body.to_string(), factors }) }
+    }
 }
 
 /// A scaling of the models of a study to its participants, as `[scaling]` says.

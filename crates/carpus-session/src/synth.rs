@@ -1,6 +1,7 @@
 //! A study with a hidden effect.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use serde_json::json;
 
@@ -97,6 +98,17 @@ impl Study {
         write_study(self, &made, request, out)?;
         Ok(made)
     }
+}
+
+/// What was made, for programs.
+///
+/// - `study`: the study.toml that was written
+pub fn made_value(study: &Path, made: &[Made]) -> serde_json::Value {
+    json!({
+        "schema": "carpus.synth/1",
+        "study": study,
+        "participants": made.iter().map(|m| m.truth.clone()).collect::<Vec<_>>(),
+    })
 }
 
 fn make(

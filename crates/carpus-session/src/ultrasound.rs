@@ -1,6 +1,7 @@
 //! Resting muscles of models beside ultrasound images.
 
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use super::account::{csv_text, warning_result};
 use super::diagnostic::{Diagnostic, Failure};
@@ -31,6 +32,19 @@ pub struct ModelCase {
     pub name: String,
     /// Path in which `{participant}` stands for the participant's name.
     pub path: String,
+}
+
+impl FromStr for ModelCase {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<ModelCase, String> {
+        match text.split_once('=') {
+            Some((name, path)) if !name.is_empty() && !path.is_empty() => {
+                Ok(ModelCase { name: name.to_string(), path: path.to_string() })
+            }
+            _ => Err("expected NAME=PATH, as in personalized=results/{participant}/model.osim".to_string()),
+        }
+    }
 }
 
 /// A comparison of models with `ultrasound.csv` of a study; ratios and tension stand in `[ultrasound]` of study.toml.

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
+use serde_json::{Value, json};
 
 use super::diagnostic::{Diagnostic, Failure};
 use super::model;
@@ -28,6 +29,17 @@ pub struct Upgraded {
     pub file: PathBuf,
     /// What was left out: line and component.
     pub left_out: Vec<(usize, String)>,
+}
+
+impl Upgraded {
+    /// For programs.
+    pub fn value(&self) -> Value {
+        let left = self.left_out.iter().map(|(line, what)| json!({ "line": line, "what": what }));
+        json!({
+            "schema": "carpus.upgrade/1", "from": self.from, "to": self.to, "file": self.file.display().to_string(),
+            "left_out": left.collect::<Vec<_>>(),
+        })
+    }
 }
 
 impl Upgrade {

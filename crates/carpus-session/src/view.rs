@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use serde_json::{Value, json};
+
 use super::account::warning_result;
 use super::diagnostic::{Diagnostic, Failure};
 use super::geometry::PackedGeometry;
@@ -103,6 +105,17 @@ impl ViewModel {
 }
 
 impl ViewedModel {
+    /// For programs.
+    ///
+    /// - `page`: the file that the page was written to
+    pub fn value(&self, page: &Path) -> Value {
+        let (found, missing) = (&self.geometry.found, &self.geometry.missing);
+        json!({
+            "schema": "carpus.view/1", "file": page.display().to_string(), "muscles": self.muscles,
+            "geometry": { "found": found, "missing": missing },
+        })
+    }
+
     /// Writes the page, whose path comes back.
     ///
     /// # Errors

@@ -3,10 +3,11 @@
 use crate::args::{AuditArgs, Global};
 use crate::bars::Bars;
 use crate::failure::{self, Failure};
-use crate::print_result;
 use crate::provenance::command_line;
+use crate::stdout::print_result;
 use carpus_session::audit::{Audit, AuditModel, Check, Finding, Level};
 use carpus_session::diagnostic::Diagnostic;
+use carpus_session::json;
 
 /// Notes of one kind that are written out before the rest is only counted.
 const LISTED: usize = 3;
@@ -24,12 +25,7 @@ pub fn run(args: &AuditArgs, global: &Global) -> Result<(), Failure> {
     };
     let (audit, messages) = request.run(&Bars::new(global))?;
     failure::print(&messages);
-    if global.json {
-        let text = serde_json::to_string_pretty(&audit).map_err(|e| Failure::Internal(e.to_string()))?;
-        print_result(&text)?;
-    } else {
-        print_result(&readable(&audit, args.all))?;
-    }
+    print_result(&if global.json { json::readable(&audit)? } else { readable(&audit, args.all) })?;
     match audit.of(Level::Error).count() {
         0 => Ok(()),
         n => {

@@ -1,8 +1,9 @@
 //! `carpus book`: the pages of the book that are made from the program.
 
 use crate::args::BookArgs;
+use crate::book;
 use crate::failure::Failure;
-use crate::{book, print_result};
+use crate::stdout::print_result;
 use carpus_session::output::OutputFolder;
 
 /// Runs the command.

@@ -3,27 +3,21 @@
 use crate::args::{CheckArgs, Global};
 use crate::bars::Bars;
 use crate::failure::{Diagnostic, Failure};
-use crate::print_result;
+use crate::stdout::print_result;
+use crate::study_run::reading;
 use crate::table::{fixed, table};
 use carpus_session::check::{Check, Checked, Level};
-use carpus_session::study::Opening;
+use carpus_session::json;
 
 /// Runs the command.
 ///
 /// # Errors
 /// A study with a red finding.
 pub fn run(args: &CheckArgs, global: &Global) -> Result<(), Failure> {
-    let opening = Opening {
-        participants: args.participant.clone(),
-        model: args.model.clone(),
-        allow_unsupported: args.allow_unsupported,
-        ..Opening::default()
-    };
-    let checked = Check { opening }.run(&args.study, &Bars::new(global))?;
-    let json = || serde_json::to_string(&checked).map_err(|e| Failure::Internal(e.to_string()));
-    print_result(&if global.json { json()? } else { readable(&checked) })?;
-    let red = checked.findings.iter().filter(|f| f.level == Level::Red).count();
-    match red {
+    let opening = reading(&args.study, args.allow_unsupported);
+    let checked = Check { opening }.run(&args.study.study, &Bars::new(global))?;
+    print_result(&if global.json { json::line(&checked)? } else { readable(&checked) })?;
+    match checked.red() {
         0 => Ok(()),
         n => Err(Diagnostic::error(format!("{n} red finding{}", if n == 1 { "" } else { "s" })).into()),
     }

@@ -2,7 +2,8 @@
 
 use crate::args::CompletionsArgs;
 use crate::failure::Failure;
-use crate::{help, print_result};
+use crate::help;
+use crate::stdout::print_result;
 
 /// Runs the command.
 ///

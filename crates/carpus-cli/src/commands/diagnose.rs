@@ -1,30 +1,27 @@
 //! `carpus diagnose`: where the model fails, and which physical effect is missing.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
-use super::plan::as_table;
 use crate::args::{DiagnoseArgs, Global};
 use crate::bars::Bars;
-use crate::failure::{self, Failure};
+use crate::failure::Failure;
 use crate::next_steps;
+use crate::separations::separation_table;
 use crate::study_run::StudyRun;
 use crate::table::{fixed, table};
-use carpus_diagnosis::catalogue::{effect, with_own};
-use carpus_diagnosis::diagnose::{Diagnosis, ParameterEstimate, Verdict, is_determined};
-use carpus_diagnosis::named::NamedEffect;
-use carpus_diagnosis::separation::{SEPARABLE_Z, Separation};
+use carpus_diagnosis::catalogue::effect;
+use carpus_diagnosis::diagnose::{Diagnosis, NamedEffect, ParameterEstimate, Verdict, is_determined};
+use carpus_diagnosis::separation::{SEPARABLE_Z, best_of_pairs};
 use carpus_diagnosis::what_remains::ProposedFormula;
 use carpus_report::intervals::with_validity;
-use carpus_session::candidates::{candidates, names_of};
+use carpus_session::candidates::candidates;
 use carpus_session::cohort_diagnosis::Cohort;
 use carpus_session::diagnose::{Diagnose, forward_model};
 use carpus_session::diagnosis_file::proposal_file;
+use carpus_session::json;
 use carpus_session::loading::Purpose;
 use carpus_session::output::OutputFolder;
-
-/// Effects of a group that are listed.
-const IN_GROUP: usize = 3;
+use carpus_session::verdict_words::in_words;
 
 /// Runs the command.
 ///
@@ -32,15 +29,12 @@ const IN_GROUP: usize = 3;
 /// The study, its models and trials, the candidates, or the output folder.
 pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
     candidates(&args.candidates)?;
-    let study = StudyRun::prepare_with(&args.study, args.effects.file(), "diagnose")?;
+    let study = StudyRun::prepare_with(&args.study, &args.effects, "diagnose")?;
     let request = Diagnose { seed: global.seed, candidates: args.candidates.clone(), baselines: args.baselines };
-    let bars = Bars::new(global);
     let (mut evidence, mut inputs) = (Vec::new(), Vec::new());
-    let outcomes = study.each("diagnosing", &bars, |participant| {
-        let session = participant.load_for(Purpose::Diagnosis)?.with_progress(&bars);
-        failure::print(&session.data.warnings);
+    let outcomes = study.each("diagnosing", Purpose::Diagnosis, &Bars::new(global), |session, folder| {
         let diagnosed = session.diagnosed(&forward_model(&session.data)?, &request)?;
-        diagnosed.write_to(&study.out, Path::new(&participant.about().name))?;
+        diagnosed.write_to(&study.out, folder)?;
         inputs.extend(session.data.inputs.clone());
         evidence.push(diagnosed.evidence);
         Ok((diagnosed.diagnosis, diagnosed.known.value, diagnosed.results))
@@ -50,11 +44,10 @@ pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
         cohort.write_to(&study.out)?;
     }
     if global.json {
-        let text =
-            serde_json::Value::Array(outcomes.done.iter().map(|(_, value, _)| value.clone()).collect()).to_string();
+        let text = json::line(&outcomes.done.iter().map(|(_, value, _)| value).collect::<Vec<_>>())?;
         return study.print("diagnose", &text, outcomes.failed);
     }
-    let page = |d: &Diagnosis| study.out.path().join(&d.participant).join("report.html").display().to_string();
+    let page = |d: &Diagnosis| study.report_of(&d.participant);
     let mut text: Vec<String> = outcomes.done.iter().map(|(d, ..)| format!("{}\n\n{}", readable(d), page(d))).collect();
     let results = outcomes.done.iter().map(|(.., results)| results);
     if let Some(last) = text.last_mut() {
@@ -73,46 +66,6 @@ fn together(cohort: &Cohort, out: &OutputFolder) -> String {
         text.push_str(&format!("\n{}\n", table(&header, words, cohort.rows())));
     }
     text + &format!("\n{}", out.path().join("cohort.html").display())
-}
-
-/// A verdict in words.
-pub fn in_words(diagnosis: &Diagnosis) -> String {
-    let sets: Vec<String> = diagnosis.explanations.iter().map(|e| names_of(&e.effects)).collect();
-    match diagnosis.verdict {
-        Verdict::Identified => format!("consistent with one missing effect: {}", sets.join("")),
-        Verdict::TwoEffects => format!("no single effect explains the data; consistent with {}", sets.join("")),
-        Verdict::CannotTell => format!("cannot tell; consistent with any of: {}", sets.join("; ")),
-        Verdict::NothingDetectable => "nothing detectable beyond muscle parameters and noise".to_string(),
-        Verdict::Negligible => format!("detectable but negligible; consistent with {}", sets.join("; ")),
-        Verdict::Unknown if diagnosis.candidates.len() < with_own().len() => {
-            "something is missing, and no effect that was considered explains it".to_string()
-        }
-        Verdict::Unknown => "something is missing, and no effect of the catalogue explains it".to_string(),
-        Verdict::Implausible => format!("only implausible sizes explain the data: {}", sets.join("; ")),
-        Verdict::Dominant => format!("many things are a little wrong; missing beyond that: {}", groups(diagnosis)),
-        Verdict::Several if diagnosis.effects.iter().all(|e| !e.dominant) => {
-            format!("many things are a little wrong, and none stands out; the largest first: {}", groups(diagnosis))
-        }
-        Verdict::Several => {
-            format!("many things are a little wrong; missing beyond that, the largest first: {}", groups(diagnosis))
-        }
-    }
-}
-
-/// Effects that are missing where many things are a little wrong, each with those that cannot be told from it.
-fn groups(diagnosis: &Diagnosis) -> String {
-    let name = |e: &NamedEffect| match e.group.as_slice() {
-        [_] => names_of(&[e.effect]),
-        group => {
-            let listed: Vec<String> = group.iter().take(IN_GROUP).map(|id| names_of(&[*id])).collect();
-            let more = match group.len().saturating_sub(IN_GROUP) {
-                0 => String::new(),
-                more => format!(" and {more} more"),
-            };
-            format!("one of {}{more}", listed.join(" / "))
-        }
-    };
-    diagnosis.effects.iter().map(name).collect::<Vec<_>>().join("; ")
 }
 
 /// A row per effect that is missing where many things are a little wrong: probability, share of the error, parameters.
@@ -160,17 +113,6 @@ fn estimate_rows(parameters: &BTreeMap<String, ParameterEstimate>, last: &str) -
     parameters.iter().map(row).collect()
 }
 
-/// The most useful experiment of every pair.
-fn best_of_pairs(separations: &[Separation]) -> Vec<&Separation> {
-    let mut best: Vec<&Separation> = Vec::new();
-    for s in separations {
-        if best.iter().all(|b| b.separates != s.separates) {
-            best.push(s);
-        }
-    }
-    best
-}
-
 fn readable(diagnosis: &Diagnosis) -> String {
     let mut text = format!("{}: {}\n", diagnosis.participant, in_words(diagnosis));
     let percent = |v: Option<f64>| v.map_or("–".to_string(), |v| fixed(100.0 * v, 2));
@@ -203,7 +145,7 @@ fn readable(diagnosis: &Diagnosis) -> String {
         if !diagnosis.separating_experiments.is_empty() {
             text.push_str(&format!(
                 "\n\nFurther trials that would tell (z: standard deviations; told apart from {SEPARABLE_Z})\n{}",
-                as_table(best_of_pairs(&diagnosis.separating_experiments))
+                separation_table(best_of_pairs(&diagnosis.separating_experiments))
             ));
         }
     } else if diagnosis.verdict == Verdict::NothingDetectable {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::args::{DynamometerArgs, Global};
+use crate::args::{Global, StudyArgs};
 use crate::bars::Bars;
 use crate::failure::Failure;
 use crate::study_run::StudyRun;
@@ -13,8 +13,8 @@ use carpus_session::dynamometer::{COLUMNS, ParticipantProcessing, Processing, ro
 ///
 /// # Errors
 /// The study, its recordings, or the output folder.
-pub fn run(args: &DynamometerArgs, global: &Global) -> Result<(), Failure> {
-    let study = StudyRun::prepare(&args.study, "dynamometer")?;
+pub fn run(args: &StudyArgs, global: &Global) -> Result<(), Failure> {
+    let study = StudyRun::prepare(args, "dynamometer")?;
     let request = Processing { seed: global.seed };
     let done = study.study.process_recordings(&request, &study.out, &Bars::new(global))?;
     let text = if global.json { done.value.to_string() } else { readable(&done.participants, study.out.path()) };

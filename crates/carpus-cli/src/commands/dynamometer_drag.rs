@@ -1,16 +1,12 @@
 //! `carpus dynamometer-drag`: the machine's own damping from runs at constant velocity without a participant.
 
-use std::path::PathBuf;
-
 use crate::args::{DynamometerDragArgs, Global};
 use crate::failure::Failure;
-use crate::print_result;
 use crate::provenance::command_line;
+use crate::stdout::print_result;
 use crate::table::{fixed, table};
-use carpus_report::results::rounded;
 use carpus_report::significant;
-use carpus_session::drag::MachineDrag;
-use carpus_study::dynamometer::DragEstimate;
+use carpus_session::drag::{FoundDrag, MachineDrag};
 
 /// Runs the command.
 ///
@@ -22,10 +18,11 @@ pub fn run(args: &DynamometerDragArgs, global: &Global) -> Result<(), Failure> {
     if global.json {
         return print_result(&found.value()?.to_string());
     }
-    print_result(&readable(&found.drag, &found.files))
+    print_result(&readable(&found))
 }
 
-fn readable(drag: &DragEstimate, files: &[PathBuf]) -> String {
+fn readable(found: &FoundDrag) -> String {
+    let (drag, files) = (&found.drag, &found.files);
     let header = ["run", "from s", "to s", "velocity °/s", "mean moment N·m"];
     let rows = drag.phases.iter().map(|p| {
         let name = files[p.run].file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -45,12 +42,6 @@ fn readable(drag: &DragEstimate, files: &[PathBuf]) -> String {
         None => text.push_str("Coulomb friction   counted as drag: the runs have one speed or one direction\n"),
     }
     text.push_str(&format!("viscous drag       95 %: {low} to {high} N·m·s/deg\n\nfor study.toml:\n"));
-    let damping = rounded(drag.damping * per_degree, 4);
-    match damping < 0.0 {
-        true => {
-            text.push_str("nothing: the drag is negative, so the sign of moment or angle is turned in these runs\n")
-        }
-        false => text.push_str(&format!("[dynamometer]\ndamping_n_m_s_per_deg = {damping}\n")),
-    }
-    text
+    let negative = "nothing: the drag is negative, so the sign of moment or angle is turned in these runs\n";
+    text + found.for_study().as_deref().unwrap_or(negative)
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::args::{EmgArgs, Global};
+use crate::args::{Global, StudyArgs};
 use crate::bars::Bars;
 use crate::failure::Failure;
 use crate::study_run::StudyRun;
@@ -13,8 +13,8 @@ use carpus_session::emg::{COLUMNS, Emg, ParticipantEmg, rows};
 ///
 /// # Errors
 /// A study whose EMG is normalized already, its trials, or the output folder.
-pub fn run(args: &EmgArgs, global: &Global) -> Result<(), Failure> {
-    let study = StudyRun::prepare(&args.study, "emg")?;
+pub fn run(args: &StudyArgs, global: &Global) -> Result<(), Failure> {
+    let study = StudyRun::prepare(args, "emg")?;
     let done = study.study.emg(&Emg { seed: global.seed }, &study.out, &Bars::new(global))?;
     let text = if global.json { done.value.to_string() } else { readable(&done.participants, study.out.path()) };
     study.print("emg", &text, done.failed)

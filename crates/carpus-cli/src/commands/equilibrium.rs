@@ -3,7 +3,7 @@
 use crate::args::{EquilibriumArgs, Global};
 use crate::bars::Bars;
 use crate::failure::{self, Failure};
-use crate::print_result;
+use crate::stdout::print_result;
 use crate::table::{fixed, table};
 use carpus_session::equilibrium::{Equilibrium, MuscleAtRest, csv};
 

@@ -4,13 +4,13 @@ use std::path::Path;
 
 use crate::args::{Global, IdentifyArgs, IdentifyOptions};
 use crate::bars::Bars;
-use crate::failure::{self, Diagnostic, Failure};
+use crate::failure::{self, Failure};
 use crate::study_run::StudyRun;
 use crate::table::{fixed, table};
-use carpus_identifiability::MuscleProperty;
 use carpus_report::identifiability::{CombinationResult, IdentifiabilityResult};
 use carpus_report::intervals::with_validity;
-use carpus_session::identify::{Identify, Priors};
+use carpus_session::identify::{Identify, Priors, properties_named};
+use carpus_session::json;
 use carpus_session::loading::Purpose;
 
 /// Runs the command.
@@ -21,17 +21,16 @@ pub fn run(args: &IdentifyArgs, global: &Global) -> Result<(), Failure> {
     let request = request(&args.options, global.seed)?;
     let study = StudyRun::prepare(&args.study, "identify")?;
     let bars = Bars::new(global);
-    let outcomes = study.each("identifying", &bars, |participant| {
+    let outcomes = study.study.each("identifying", &bars, |participant| {
         let session = participant.load_for(Purpose::Identification)?;
         let identified = session.identify(&request)?;
         failure::print(&identified.warnings);
         identified.write_to(&study.out, Path::new(&participant.about().name))?;
         Ok(identified.result)
     })?;
-    let text = if global.json {
-        serde_json::to_string(&outcomes.done).map_err(|e| Failure::Internal(e.to_string()))?
-    } else {
-        outcomes.done.iter().map(|r| readable(r, &study)).collect::<Vec<_>>().join("\n\n")
+    let text = match global.json {
+        true => json::line(&outcomes.done)?,
+        false => outcomes.done.iter().map(|r| readable(r, &study)).collect::<Vec<_>>().join("\n\n"),
     };
     study.print("identify", &text, outcomes.failed)
 }
@@ -50,29 +49,9 @@ fn request(options: &IdentifyOptions, seed: u64) -> Result<Identify, Failure> {
 /// # Errors
 /// An unknown property.
 pub fn request_without_priors(options: &IdentifyOptions, seed: u64) -> Result<Identify, Failure> {
-    let properties = properties(&options.properties)?;
+    let properties = properties_named(&options.properties)?;
     let (tie, level, draws) = (options.tie.clone(), options.level, options.draws as usize);
     Ok(Identify { seed, properties, tie, priors: None, level, draws })
-}
-
-fn properties(names: &[String]) -> Result<Vec<MuscleProperty>, Failure> {
-    if names.is_empty() {
-        return Ok(MuscleProperty::USUAL.to_vec());
-    }
-    names
-        .iter()
-        .map(|name| {
-            MuscleProperty::from_name(name).ok_or_else(|| {
-                let message = Diagnostic::error(format!("--properties: there is no property `{name}`"));
-                let known = MuscleProperty::ALL.map(MuscleProperty::name);
-                let hint = match carpus_study::study::nearest(name, known) {
-                    Some(nearest) => format!("did you mean `{nearest}`?"),
-                    None => format!("there are: {}", known.join(", ")),
-                };
-                message.hint(hint).into()
-            })
-        })
-        .collect()
 }
 
 fn readable(r: &IdentifiabilityResult, study: &StudyRun) -> String {
@@ -114,6 +93,6 @@ fn readable(r: &IdentifiabilityResult, study: &StudyRun) -> String {
             t.mean_shrinkage_percent, t.trial, t.most, t.most_percent
         ));
     }
-    text.push_str(&format!("\n{}\n", study.out.path().join(&r.participant).join("report.html").display()));
+    text.push_str(&format!("\n{}\n", study.report_of(&r.participant)));
     text
 }

@@ -2,11 +2,11 @@
 
 use crate::args::{Global, InfoArgs};
 use crate::failure::Failure;
-use crate::print_result;
+use crate::stdout::print_result;
 use crate::table::table;
 use carpus_osim::osim::{Diagnostics, Severity as FindingSeverity};
-use carpus_session::info::{CoordinateInfo, Info, MuscleInfo};
-use carpus_session::model;
+use carpus_session::info::{CoordinateInfo, Info, MuscleInfo, understood};
+use carpus_session::{json, model};
 
 /// Runs the command.
 ///
@@ -14,12 +14,7 @@ use carpus_session::model;
 /// The file cannot be read as a model.
 pub fn run(args: &InfoArgs, global: &Global) -> Result<(), Failure> {
     let (info, reason) = Info::read(&args.model)?;
-    if global.json {
-        let text = serde_json::to_string_pretty(&info).map_err(|e| Failure::Internal(e.to_string()))?;
-        print_result(&text)?;
-    } else {
-        print_result(&readable(&info, args.all))?;
-    }
+    print_result(&if global.json { json::readable(&info)? } else { readable(&info, args.all) })?;
     reason.map_or(Ok(()), |reason| Err(reason.into()))
 }
 
@@ -47,26 +42,15 @@ fn readable(info: &Info, all: bool) -> String {
     text
 }
 
-/// Whether a range is one that stands for none: a hundred turns or a kilometre both ways, as OpenSim writes for
-/// followers.
-fn is_unlimited(c: &CoordinateInfo) -> bool {
-    let far = if c.unit == "deg" { 36_000.0 } else { 1000.0 };
-    c.range[0] <= -far && c.range[1] >= far
-}
-
 fn coordinate_table(coordinates: &[CoordinateInfo]) -> String {
     let rows = coordinates.iter().map(|c| {
-        let mut notes = Vec::new();
-        notes.extend(c.locked.then(|| "locked".to_string()));
-        notes.extend((!c.clamped).then(|| "not clamped".to_string()));
-        notes.extend(c.follows.as_ref().map(|f| format!("follows {f}")));
         let number = |v: f64| carpus_report::plain(v).replace('−', "-");
         vec![
             c.name.clone(),
             c.motion_type.to_string(),
-            notes.join(", "),
+            c.notes(),
             number(c.default_value),
-            if is_unlimited(c) {
+            if c.is_unlimited() {
                 "unlimited".to_string()
             } else {
                 format!("{} to {}", number(c.range[0]), number(c.range[1]))
@@ -79,12 +63,9 @@ fn coordinate_table(coordinates: &[CoordinateInfo]) -> String {
 
 fn muscle_table(muscles: &[MuscleInfo]) -> String {
     let rows = muscles.iter().map(|m| {
-        let mut notes = Vec::new();
-        notes.extend((m.class != "Millard2012EquilibriumMuscle").then(|| m.class.clone()));
-        notes.extend((!m.applies_force).then(|| "applies no force".to_string()));
         vec![
             m.name.clone(),
-            notes.join(", "),
+            m.notes(),
             format!("{:.1}", m.max_isometric_force_n),
             format!("{:.2}", 1e3 * m.optimal_fiber_length_m),
             format!("{:.2}", 1e3 * m.tendon_slack_length_m),
@@ -100,16 +81,7 @@ fn muscle_table(muscles: &[MuscleInfo]) -> String {
 const LISTED: usize = 12;
 
 fn findings(diagnostics: &Diagnostics, file: &str, all: bool) -> String {
-    let mut text = String::new();
-    let understood: usize = diagnostics.understood.values().sum();
-    text.push_str(&format!("understood: {understood} components"));
-    let mut classes: Vec<_> = diagnostics.understood.iter().collect();
-    classes.sort_by(|a, b| b.1.cmp(a.1).then(a.0.cmp(b.0)));
-    let listed: Vec<_> = classes.iter().map(|(class, n)| format!("{n} {class}")).collect();
-    if !listed.is_empty() {
-        text.push_str(&format!(" ({})", listed.join(", ")));
-    }
-    text.push('\n');
+    let mut text = format!("understood: {}\n", understood(diagnostics));
     let severities = [
         (FindingSeverity::Unsupported, "unsupported (would change the result in OpenSim)"),
         (FindingSeverity::Approximated, "approximated"),

@@ -4,8 +4,9 @@ use std::io::{BufRead, IsTerminal, stdin};
 
 use crate::args::{Global, InitArgs};
 use crate::failure::{self, Failure};
-use crate::print_result;
+use crate::stdout::print_result;
 use carpus_session::init::{Init, Note, Proposal, Proposed, Questions};
+use carpus_session::json;
 
 /// Runs the command.
 ///
@@ -22,10 +23,7 @@ pub fn run(args: &InitArgs, global: &Global) -> Result<(), Failure> {
     let asks = !args.yes && !global.json && !global.quiet && stdin().is_terminal();
     let questions: &dyn Questions = if asks { &Terminal } else { &Proposed };
     let proposal = request.run(questions)?;
-    if global.json {
-        return print_result(&serde_json::to_string(&proposal).map_err(|e| Failure::Internal(e.to_string()))?);
-    }
-    print_result(&readable(&proposal))
+    print_result(&if global.json { json::line(&proposal)? } else { readable(&proposal) })
 }
 
 /// Asks on the terminal.

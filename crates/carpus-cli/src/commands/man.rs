@@ -4,7 +4,7 @@ use clap::CommandFactory;
 
 use crate::args::{Cli, ManArgs};
 use crate::failure::Failure;
-use crate::print_result;
+use crate::stdout::print_result;
 use carpus_session::output::OutputFolder;
 
 /// Runs the command.

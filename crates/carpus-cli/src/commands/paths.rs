@@ -3,8 +3,8 @@
 use crate::args::{Global, PathsArgs};
 use crate::bars::Bars;
 use crate::failure::{self, Failure};
-use crate::print_result;
 use crate::provenance::command_line;
+use crate::stdout::print_result;
 use carpus_session::sweep::{SweepPaths, csv, value};
 
 /// Runs the command.

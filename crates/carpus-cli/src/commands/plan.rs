@@ -1,19 +1,17 @@
 //! `carpus plan`: which further trials would separate the explanations that survive, and what the trials at hand can
 //! tell.
 
-use std::path::Path;
-
-use serde_json::{Value, json};
-
 use crate::args::{Global, PlanArgs};
 use crate::bars::Bars;
-use crate::failure::{self, Failure};
+use crate::failure::Failure;
+use crate::separations::separation_table;
 use crate::study_run::StudyRun;
 use crate::table::{fixed, table};
 use carpus_diagnosis::separability::Distance;
-use carpus_diagnosis::separation::{SEPARABLE_Z, Separation, most_useful};
+use carpus_diagnosis::separation::{SEPARABLE_Z, most_useful};
 use carpus_session::candidates::{EffectSize, known, names_of};
 use carpus_session::diagnose::forward_model;
+use carpus_session::json;
 use carpus_session::loading::Purpose;
 use carpus_session::plan::{Plan, Planned, Separability};
 
@@ -27,20 +25,16 @@ pub fn run(args: &PlanArgs, global: &Global) -> Result<(), Failure> {
     }
     let request = Plan { seed: global.seed, rivals: args.candidates.clone() };
     request.named()?;
-    let study = StudyRun::prepare_with(&args.study, args.effects.file(), "plan")?;
-    let bars = Bars::new(global);
-    let outcomes = study.each("planning", &bars, |participant| {
-        let session = participant.load_for(Purpose::Diagnosis)?.with_progress(&bars);
-        failure::print(&session.data.warnings);
+    let study = StudyRun::prepare_with(&args.study, &args.effects, "plan")?;
+    let outcomes = study.each("planning", Purpose::Diagnosis, &Bars::new(global), |session, folder| {
         let forward = forward_model(&session.data)?;
         let diagnosis = session.known_or_made(&study.out, &forward, global.seed)?;
         let planned = session.plan(&forward, diagnosis, &request)?;
-        planned.write_to(&study.out, Path::new(&participant.about().name))?;
+        planned.write_to(&study.out, folder)?;
         Ok(planned)
     })?;
     if global.json {
-        let one = |p: &Planned| json!({ "participant": p.participant, "separating_experiments": p.separations });
-        let text = Value::Array(outcomes.done.iter().map(one).collect()).to_string();
+        let text = json::line(&outcomes.done.iter().map(Planned::value).collect::<Vec<_>>())?;
         return study.print("plan", &text, outcomes.failed);
     }
     let text = outcomes.done.iter().map(readable).collect::<Vec<_>>().join("\n\n");
@@ -50,17 +44,14 @@ pub fn run(args: &PlanArgs, global: &Global) -> Result<(), Failure> {
 /// How far an effect of a size would be from none and from every other.
 fn of_effect(asked: &EffectSize, args: &PlanArgs, global: &Global) -> Result<(), Failure> {
     known(&asked.id)?;
-    let study = StudyRun::prepare_with(&args.study, args.effects.file(), "plan")?;
-    let bars = Bars::new(global);
-    let outcomes = study.each("planning", &bars, |participant| {
-        let session = participant.load_for(Purpose::Diagnosis)?.with_progress(&bars);
-        failure::print(&session.data.warnings);
+    let study = StudyRun::prepare_with(&args.study, &args.effects, "plan")?;
+    let outcomes = study.each("planning", Purpose::Diagnosis, &Bars::new(global), |session, folder| {
         let found = session.separability(&forward_model(&session.data)?, asked, global.seed)?;
-        found.write_to(&study.out, Path::new(&participant.about().name))?;
+        found.write_to(&study.out, folder)?;
         Ok(found)
     })?;
     if global.json {
-        let text = Value::Array(outcomes.done.iter().map(|found| found.value.clone()).collect()).to_string();
+        let text = json::line(&outcomes.done.iter().map(|found| &found.value).collect::<Vec<_>>())?;
         return study.print("plan --effect", &text, outcomes.failed);
     }
     let shown = |found: &Separability| {
@@ -84,15 +75,6 @@ fn readable(planned: &Planned) -> String {
     format!(
         "{}: further trials, and how far they would set explanations apart (z; told apart from {SEPARABLE_Z})\n{}",
         planned.participant,
-        as_table(most_useful(&planned.separations))
+        separation_table(most_useful(&planned.separations))
     )
-}
-
-/// A row for every experiment.
-pub fn as_table<'a>(separations: impl IntoIterator<Item = &'a Separation>) -> String {
-    let rows = separations.into_iter().map(|s| {
-        let told = if s.z_then >= SEPARABLE_Z { "yes" } else { "no" };
-        vec![s.separates.join(" | "), s.trials.to_owned(), fixed(s.z_now, 1), fixed(s.z_then, 1), told.to_owned()]
-    });
-    table(&["tell apart", "record", "z now", "z then", "told apart"], 2, rows)
 }

@@ -2,10 +2,10 @@
 
 use crate::args::{Global, PowerArgs, PowerTest};
 use crate::failure::Failure;
-use crate::print_result;
+use crate::stdout::print_result;
 use crate::table::{fixed, table};
 use carpus_numerics::statistics::{PowerAnalysis, Tails, TestDesign};
-use carpus_session::power::{PUBLISHED, Power};
+use carpus_session::power::{PUBLISHED, Power, published_value};
 
 /// Runs the command.
 ///
@@ -36,7 +36,7 @@ pub fn run(args: &PowerArgs, global: &Global) -> Result<(), Failure> {
 
 /// The dissertation's numbers beside what each test gives.
 fn published(args: &PowerArgs, global: &Global) -> Result<(), Failure> {
-    let (mut text, mut json) = (String::new(), Vec::new());
+    let (mut text, mut analyses) = (String::new(), Vec::new());
     for p in &PUBLISHED {
         let tests = p.recomputed(args.alpha, args.power)?;
         let mut rows = vec![vec!["published".to_string(), fixed(p.power, 2), p.needed.to_string()]];
@@ -44,11 +44,10 @@ fn published(args: &PowerArgs, global: &Global) -> Result<(), Failure> {
         let columns = ["test", &format!("power with n = {}", p.n), &format!("n for {}", args.power)];
         let title = format!("Jadelis (2025), chapter {}: effect size {}", p.chapter, p.effect);
         text.push_str(&format!("{title}\n{}\n{}\n\n", table(&columns, 1, rows), p.explanation));
-        json.push(p.value(&tests));
+        analyses.push((p, tests));
     }
     if global.json {
-        let value = serde_json::json!({ "schema": "carpus.power_published/1", "analyses": json });
-        return print_result(&value.to_string());
+        return print_result(&published_value(&analyses).to_string());
     }
     print_result(text.trim_end())
 }

@@ -3,7 +3,7 @@
 use crate::args::{Global, PriorsArgs};
 use crate::bars::Bars;
 use crate::failure::Failure;
-use crate::print_result;
+use crate::stdout::print_result;
 use crate::table::{fixed, table};
 use carpus_session::priors::{Known, LearnPriors};
 

@@ -1,11 +1,10 @@
 //! `carpus run-tool`: a setup file of an OpenSim tool.
 
-use serde_json::json;
-
 use crate::args::{Global, RunToolArgs};
 use crate::bars::Bars;
 use crate::failure::Failure;
-use crate::print_result;
+use crate::stdout::print_result;
+use carpus_session::output::shown;
 use carpus_session::run_tool::RunTool;
 
 /// Runs the command.
@@ -15,13 +14,9 @@ use carpus_session::run_tool::RunTool;
 pub fn run(args: &RunToolArgs, global: &Global) -> Result<(), Failure> {
     let (setup, model) = (args.setup.clone(), args.model.clone());
     let done = RunTool { setup, model, allow_unsupported: args.allow_unsupported }.run(&Bars::new(global))?;
-    let files: Vec<String> = done.files.iter().map(|f| f.display().to_string()).collect();
     if global.json {
-        return print_result(&json!({ "files": files, "summary": done.summary }).to_string());
+        return print_result(&done.value().to_string());
     }
-    let mut text = done.summary.join("\n");
-    for file in &files {
-        text.push_str(&format!("\n{file}"));
-    }
-    print_result(text.trim_start())
+    let lines: Vec<String> = done.summary.iter().cloned().chain(shown(&done.files)).collect();
+    print_result(lines.join("\n").trim_start())
 }

@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use crate::args::{Global, ScaleArgs, StudyArgs};
+use crate::args::{Global, ScaleArgs, StudyArgs, StudyInput};
 use crate::bars::Bars;
 use crate::failure::{self, Diagnostic, Failure};
-use crate::print_result;
 use crate::provenance::command_line;
+use crate::stdout::print_result;
 use crate::study_run::StudyRun;
 use crate::table::{fixed, table};
 use carpus_session::output::OutputFolder;
@@ -51,13 +51,9 @@ fn scale_study(args: &ScaleArgs, global: &Global) -> Result<(), Failure> {
         let text = "--factor, --mass and --preserve-mass-distribution go with a model; a study says it in [scaling]";
         return Err(Diagnostic::error(text).into());
     }
-    let study = StudyArgs {
-        study: args.input.clone(),
-        participant: args.participant.clone(),
-        model: args.model.clone(),
-        out: args.out.clone(),
-        allow_unsupported: args.allow_unsupported,
-    };
+    let input =
+        StudyInput { study: args.input.clone(), participant: args.participant.clone(), model: args.model.clone() };
+    let study = StudyArgs { input, out: args.out.clone(), allow_unsupported: args.allow_unsupported };
     let study = StudyRun::prepare(&study, "scale")?;
     let scaled = study.study.scale(&ScaleStudy { seed: global.seed }, &study.out, &Bars::new(global))?;
     let text = text(&scaled, study.out.path(), global);

@@ -4,7 +4,7 @@ use crate::args::{Global, WholeStudyArgs};
 use crate::bars::Bars;
 use crate::commands::identify;
 use crate::failure::Failure;
-use crate::print_result;
+use crate::stdout::print_result;
 use crate::study_run::opening;
 use crate::table::tables;
 use carpus_session::study::Study;
@@ -26,7 +26,7 @@ pub fn run(args: &WholeStudyArgs, global: &Global) -> Result<(), Failure> {
         seed: global.seed,
     };
     request.check()?;
-    let study = Study::open_with(&args.study.study, opening(&args.study, None))?;
+    let study = Study::open_with(&args.study.input.study, opening(&args.study, None))?;
     let done = study.whole_study(&request, &args.study.out, &Bars::new(global))?;
     if global.json {
         print_result(&done.value().to_string())?;

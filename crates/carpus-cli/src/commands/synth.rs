@@ -2,17 +2,14 @@
 
 use std::path::Path;
 
-use serde_json::json;
-
-use crate::args::{Global, SynthArgs};
-use crate::args_diagnosis::NoiseLevel;
+use crate::args::{Global, NoiseLevel, SynthArgs};
 use crate::bars::Bars;
 use crate::failure::Failure;
-use crate::print_result;
+use crate::stdout::print_result;
 use crate::study_run::StudyRun;
 use crate::table::table;
 use carpus_diagnosis::synthesis::RecordingNoise;
-use carpus_session::synth::{Made, ORIGIN, Synthesize};
+use carpus_session::synth::{Made, ORIGIN, Synthesize, made_value};
 
 /// Runs the command.
 ///
@@ -30,12 +27,7 @@ pub fn run(args: &SynthArgs, global: &Global) -> Result<(), Failure> {
     let made = study.study.synthesize(&request, &study.out, &Bars::new(global))?;
     study.close("synth")?;
     if global.json {
-        let text = json!({
-            "schema": "carpus.synth/1",
-            "study": study.out.path().join("study.toml"),
-            "participants": made.iter().map(|m| m.truth.clone()).collect::<Vec<_>>(),
-        });
-        return print_result(&text.to_string());
+        return print_result(&made_value(&study.out.path().join("study.toml"), &made).to_string());
     }
     print_result(&readable(study.out.path(), &made))
 }

@@ -3,9 +3,10 @@
 use crate::args::{Global, UltrasoundArgs};
 use crate::bars::Bars;
 use crate::failure::{self, Failure};
-use crate::print_result;
 use crate::provenance::command_line;
+use crate::stdout::print_result;
 use crate::table::tables;
+use carpus_session::json;
 use carpus_session::ultrasound::{CompareImages, agreement, write};
 
 /// Runs the command.
@@ -26,7 +27,7 @@ pub fn run(args: &UltrasoundArgs, global: &Global) -> Result<(), Failure> {
     write(&out, &result)?;
     failure::print(&out.close("ultrasound", &[])?);
     if global.json {
-        return print_result(&serde_json::to_string(&result).map_err(|e| Failure::Internal(e.to_string()))?);
+        return print_result(&json::line(&result)?);
     }
     print_result(&format!("{}\n\n{}\n", tables(&[agreement(&result.cases)]), args.out.join("report.html").display()))
 }

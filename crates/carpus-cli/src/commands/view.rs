@@ -1,12 +1,10 @@
 //! `carpus view`: a model in three dimensions.
 
-use serde_json::json;
-
 use crate::args::{Global, ViewArgs};
 use crate::bars::Bars;
 use crate::failure::{self, Diagnostic, Failure};
-use crate::print_result;
 use crate::provenance::command_line;
+use crate::stdout::print_result;
 use carpus_session::view::ViewModel;
 
 /// Runs the command.
@@ -29,12 +27,7 @@ pub fn run(args: &ViewArgs, global: &Global) -> Result<(), Failure> {
         open::that_detached(&page).map_err(|e| message(e).hint("open it in a browser by hand"))?;
     }
     if global.json {
-        let (found, missing) = (&viewed.geometry.found, &viewed.geometry.missing);
-        let value = json!({
-            "schema": "carpus.view/1", "file": page.display().to_string(), "muscles": viewed.muscles,
-            "geometry": { "found": found, "missing": missing },
-        });
-        return print_result(&value.to_string());
+        return print_result(&viewed.value(&page).to_string());
     }
     failure::say(&format!("{} muscles: open the page and drag", viewed.muscles));
     print_result(&page.display().to_string())

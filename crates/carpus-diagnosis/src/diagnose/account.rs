@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::super::named::{AccountStep, NamedEffect};
 use super::super::noise::Kernels;
 use super::super::separation::Separation;
 use super::super::what_remains::ProposedFormula;
@@ -102,8 +101,8 @@ pub struct Candidate {
     pub score: f64,
     /// Share of its signature that fitting the muscles leaves.
     pub kept: f64,
-    /// Smallest size that would be found, per amplitude, in the parameter's unit: how far from its value in the model without the
-    /// effect.
+    /// Smallest size that would be found, per amplitude, in the parameter's unit: how far from its value in the model
+    /// without the effect.
     pub detectable_size: BTreeMap<&'static str, f64>,
     /// What is plausible of its parameters.
     pub plausible: BTreeMap<&'static str, [f64; 2]>,
@@ -180,8 +179,8 @@ pub struct Diagnosis {
     pub effects: Vec<NamedEffect>,
     /// The error, step by step.
     pub account: Vec<AccountStep>,
-    /// How far what is handed over is from the model as given (0) to the joint mode (1), as trials left out one at a time
-    /// are predicted best.
+    /// How far what is handed over is from the model as given (0) to the joint mode (1), as trials left out one at a
+    /// time are predicted best.
     pub part_of_the_way: f64,
     /// Formulas for what remains, where no effect of the catalogue explains it all.
     pub proposals: Vec<ProposedFormula>,
@@ -196,12 +195,13 @@ pub struct Diagnosis {
     pub candidates: Vec<Candidate>,
     /// Pairwise separability of the explanations' effects and of the leading candidates.
     pub confusion: Vec<Confusion>,
-    /// Where the data cannot tell: further trials that would tell the effects of the first explanations apart, the most useful
-    /// of every pair.
+    /// Where the data cannot tell: further trials that would tell the effects of the first explanations apart, the most
+    /// useful of every pair.
     pub separating_experiments: Vec<Separation>,
     /// Residual of the refitted model along every axis.
     pub where_it_fails: Vec<AxisResult>,
-    /// Standard deviations of the noise: white and slow moment [N·m], EMG envelope, gain per trial (relative), baseline.
+    /// Standard deviations of the noise: white and slow moment [N·m], EMG envelope, gain per trial (relative),
+    /// baseline.
     pub noise: BTreeMap<&'static str, f64>,
     /// How noise of the EMG's envelope and of the moment goes with itself in time.
     pub noise_correlation: Kernels,
@@ -211,4 +211,50 @@ pub struct Diagnosis {
 pub fn is_determined(ci95: [f64; 2]) -> bool {
     let [low, high] = ci95;
     !(low > 0.0 && high > 1e3 * low)
+}
+
+/// An effect that is missing.
+#[derive(Clone, Debug, Serialize)]
+pub struct NamedEffect {
+    /// Effect.
+    pub effect: &'static str,
+    /// Effects that these trials cannot tell from it, itself first.
+    pub group: Vec<&'static str>,
+    /// Probability that one of the group is missing: by the linear model or by simulation, whichever is larger,
+    /// equations (23) and (33).
+    pub probability: f64,
+    /// How much larger −2 log posterior is without it, muscles, the other effects and a little of everything making up
+    /// for it as they can.
+    pub evidence: f64,
+    /// Whether it is large and takes a large part of the error that nothing else takes.
+    pub dominant: bool,
+    /// Share of the mean square of the error of the model as given that it takes, the mean over orders in which the
+    /// effects and the fit of the muscles come in, those that are there making up for what is missing as they can:
+    /// value and 95 % interval over trials.
+    pub share_of_error: Shares,
+    /// The part of it that nothing else takes: by how much the error rises when the effect is taken out, and the others
+    /// and the muscles are fitted anew, as a share of the same mean square: value and 95 % interval over trials.
+    pub unique_share: Shares,
+    /// Parameters by name, at the joint mode.
+    pub parameters: BTreeMap<String, ParameterEstimate>,
+}
+
+/// Shares of training and held-out trials.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Shares {
+    /// Training trials.
+    pub train: [f64; 3],
+    /// Held-out trials.
+    pub held_out: Option<[f64; 3]>,
+}
+
+/// A step of the account of the error: RMSE / session MVC moment.
+#[derive(Clone, Debug, Serialize)]
+pub struct AccountStep {
+    /// What the model has: `as_given`, `recalibrated`, an effect, `generic_discrepancy`, or `noise`.
+    pub step: String,
+    /// Training trials.
+    pub train: f64,
+    /// Held-out trials.
+    pub held_out: Option<f64>,
 }

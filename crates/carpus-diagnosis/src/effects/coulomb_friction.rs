@@ -40,7 +40,8 @@ static DESCRIPTION: Description = Description {
             0.04,
             0.02,
             [0.002, 0.1],
-            "over which the step at reversal is smooth; no source: as sharp as recorded speeds show, 0.01 to 0.1 in simulations",
+            "over which the step at reversal is smooth; no source: as sharp as recorded speeds show, 0.01 to 0.1 in \
+             simulations",
         ),
     ],
     signature: "a step where the movement reverses",

@@ -18,7 +18,8 @@ static DESCRIPTION: Description = Description {
         "s",
         0.01,
         [0.0, 0.14],
-        "0 to 70 ms are the bounds of EMG-driven models (PMC3399054); 20 to 140 ms: assumed, no published source; the range takes in both",
+        "0 to 70 ms are the bounds of EMG-driven models (PMC3399054); 20 to 140 ms: assumed, no published source; the \
+         range takes in both",
     )],
     signature: "follows -dτ/dt of the active part",
     experiment: "ballistic pulses",

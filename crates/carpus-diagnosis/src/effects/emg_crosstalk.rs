@@ -13,14 +13,17 @@ static DESCRIPTION: Description = Description {
     stage: Stage::Excitation,
     order: 20,
     behaviour: Behaviour { excitation: ExcitationScope::SampleOfAllMuscles, ..Behaviour::PLAIN },
-    equation: "e_meas = (I + c X) e, X = (1 - w) mean of the other muscles on the same side + w mean of those on the other side",
+    equation: "e_meas = (I + c X) e, X = (1 - w) mean of the other muscles on the same side + w mean of those on the \
+        other side",
     parameters: &[
         amplitude(
             "cross_talk",
             "1",
             0.1,
             [0.0, 0.7],
-            "32 to 50 % of the amplitude in wrist flexors, 11 to 25 % in finger flexors, during grip (Crosstalk effect on surface electromyogram of the forearm flexors during a static grip task, 2010); up to 0.7 is still taken for plausible",
+            "32 to 50 % of the amplitude in wrist flexors, 11 to 25 % in finger flexors, during grip (Crosstalk \
+             effect on surface electromyogram of the forearm flexors during a static grip task, 2010); up to 0.7 is \
+             still taken for plausible",
         ),
         shape(
             "share_of_other_side",

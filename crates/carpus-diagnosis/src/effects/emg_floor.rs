@@ -18,7 +18,8 @@ static DESCRIPTION: Description = Description {
         "1",
         0.005,
         [0.0, 0.04],
-        "0 to 0.03 of maximal EMG (assumed, no published source); up to 0.04 is still taken for plausible. Up to 0.01 every channel may have and explains nothing",
+        "0 to 0.03 of maximal EMG (assumed, no published source); up to 0.04 is still taken for plausible. Up to 0.01 \
+         every channel may have and explains nothing",
     )],
     signature: "moment at rest",
     experiment: "a rest segment",

@@ -12,7 +12,8 @@ static DESCRIPTION: Description = Description {
     stage: Stage::Excitation,
     order: 40,
     behaviour: Behaviour { excitation: ExcitationScope::Sample, ..Behaviour::PLAIN },
-    equation: "e (1 + d s), s = 0 to 1 over the session; the part that follows the angle is moment_arm_slope but for saturation and is left to it",
+    equation: "e (1 + d s), s = 0 to 1 over the session; the part that follows the angle is moment_arm_slope but for \
+        saturation and is left to it",
     parameters: &[amplitude(
         "drift",
         "1 per session",

@@ -17,7 +17,8 @@ static DESCRIPTION: Description = Description {
         "1",
         0.5,
         [-3.0, 0.5],
-        "A from -3 to 0: Buchanan et al. 2004 (neuromusculoskeletal modeling, PMC1357215); up to 0.5 is still taken for plausible",
+        "A from -3 to 0: Buchanan et al. 2004 (neuromusculoskeletal modeling, PMC1357215); up to 0.5 is still taken \
+         for plausible",
     )],
     signature: "curved against activation",
     experiment: "four or more levels of effort",

@@ -12,22 +12,27 @@ static DESCRIPTION: Description = Description {
     stage: Stage::Joint,
     order: 0,
     behaviour: Behaviour::PLAIN,
-    equation: "a1 exp(-b1 (q - qn + 90°)) - a2 exp(b2 (q - qn - 90°)), q positive in flexion, qn the joint's neutral angle: 0, or the middle of the coordinate's range where 0 is not in its middle half",
+    equation: "a1 exp(-b1 (q - qn + 90°)) - a2 exp(b2 (q - qn - 90°)), q positive in flexion, qn the joint's neutral \
+        angle: 0, or the middle of the coordinate's range where 0 is not in its middle half",
     parameters: &[
         amplitude(
             "extension_moment",
             "N·m at 90° extension",
             0.6,
             [0.0, 4.0],
-            "Delp, Grierson and Buchanan 1996: 1.2 N·m on average at 90° extension; 0 to 4 is still taken for plausible, no source",
-        ).of_strength(),
+            "Delp, Grierson and Buchanan 1996: 1.2 N·m on average at 90° extension; 0 to 4 is still taken for \
+             plausible, no source",
+        )
+        .of_strength(),
         amplitude(
             "flexion_moment",
             "N·m at 90° flexion",
             0.6,
             [0.0, 4.0],
-            "Delp, Grierson and Buchanan 1996: 0.5 N·m on average at 90° flexion; 0 to 4 is still taken for plausible, no source",
-        ).of_strength(),
+            "Delp, Grierson and Buchanan 1996: 0.5 N·m on average at 90° flexion; 0 to 4 is still taken for \
+             plausible, no source",
+        )
+        .of_strength(),
         shape(
             "extension_steepness",
             "1/rad",

@@ -18,7 +18,8 @@ static DESCRIPTION: Description = Description {
             "1/min of full excitation",
             0.2,
             [0.0, 2.0],
-            "maximal isometric force halves in about a minute, unverified; up to 2 is still taken for plausible, no source",
+            "maximal isometric force halves in about a minute, unverified; up to 2 is still taken for plausible, no \
+             source",
         ),
         shape(
             "saturation",

@@ -19,15 +19,19 @@ static DESCRIPTION: Description = Description {
             "N·m",
             0.2,
             [-1.2, 1.2],
-            "weight of the hand 0.2 to 0.6 N·m, and the attachment (assumed, no published source); up to 1.2 either way, with a handle, is still taken for plausible",
-        ).of_strength(),
-        amplitude("moment_at_90_deg", "N·m", 0.2, [-1.2, 1.2], "the same, for another direction of gravity").of_strength(),
+            "weight of the hand 0.2 to 0.6 N·m, and the attachment (assumed, no published source); up to 1.2 either \
+             way, with a handle, is still taken for plausible",
+        )
+        .of_strength(),
+        amplitude("moment_at_90_deg", "N·m", 0.2, [-1.2, 1.2], "the same, for another direction of gravity")
+            .of_strength(),
     ],
     signature: "a sinusoid against angle, the same at every activation",
     experiment: "relaxed sweep, forearm turned over (arm = flipped in trials.csv: the other sign)",
     rivals: &["joint_stiffness", "torque_offset"],
     osim_form: OsimForm::Native(
-        "ExpressionBasedCoordinateForce (the direction of gravity in the machine is not in the model, so that a body's mass would not do)",
+        "ExpressionBasedCoordinateForce (the direction of gravity in the machine is not in the model, so that a \
+         body's mass would not do)",
     ),
     unidentifiable: None,
 };

@@ -22,15 +22,21 @@ static DESCRIPTION: Description = Description {
     stage: Stage::Muscle,
     order: 0,
     behaviour: Behaviour::PLAIN,
-    equation: "F (1 - h tanh(s/s0)) after shortening, F + e h F_max tanh(-s/s0) after stretch; s the active shortening (angle travelled × activation; of stretch negative), fading in a time T. A muscle that has shortened is weaker, one that was stretched pulls with a force more that remains when activation ends",
+    equation: "F (1 - h tanh(s/s0)) after shortening, F + e h F_max tanh(-s/s0) after stretch; s the active \
+        shortening (angle travelled × activation; of stretch negative), fading in a time T. A muscle that has \
+        shortened is weaker, one that was stretched pulls with a force more that remains when activation ends",
     parameters: &[
         amplitude(
             "depression",
             "1",
             0.05,
             [0.0, 0.3],
-            "residual enhancement is seen in voluntary contractions of some but not all people (review: Chapman et al. 2018, doi:10.1123/jab.2017-0234); 16 % after 9 mm of stretch of a cat soleus (Herzog & Leonard 2002, doi:10.1242/jeb.205.9.1275), 16 % of the torque of human plantar flexors at long lengths (Fukutani et al. 2017, doi:10.3389/fphys.2017.00234); 0 to 30 % is taken for plausible",
-        ).reaching(REACH_OF_PROPERTY),
+            "residual enhancement is seen in voluntary contractions of some but not all people (review: Chapman et \
+             al. 2018, doi:10.1123/jab.2017-0234); 16 % after 9 mm of stretch of a cat soleus (Herzog & Leonard 2002, \
+             doi:10.1242/jeb.205.9.1275), 16 % of the torque of human plantar flexors at long lengths (Fukutani et \
+             al. 2017, doi:10.3389/fphys.2017.00234); 0 to 30 % is taken for plausible",
+        )
+        .reaching(REACH_OF_PROPERTY),
         shape("enhancement_ratio", "1", 1.0, 0.4, [0.0, 2.0], "of stretch, over that of shortening; no source"),
         shape(
             "memory",
@@ -38,7 +44,8 @@ static DESCRIPTION: Description = Description {
             3.0,
             1.0,
             [0.2, 10.0],
-            "no source: both last for seconds; what a stretch adds to a cat soleus falls by 40 % between 1 and 5 s after it (Herzog & Leonard 2002)",
+            "no source: both last for seconds; what a stretch adds to a cat soleus falls by 40 % between 1 and 5 s \
+             after it (Herzog & Leonard 2002)",
         ),
         shape("travel", "rad", 0.2, 0.06, [0.05, 0.6], "at which it is three quarters complete; no source"),
     ],

@@ -17,8 +17,10 @@ static DESCRIPTION: Description = Description {
         "rad/(N·m)",
         0.01,
         [0.0, 0.06],
-        "0.5 to 3°/(N·m), which is 0.009 to 0.052 (assumed, no published source); 0 to 0.06 is still taken for plausible",
-    ).against_strength()],
+        "0.5 to 3°/(N·m), which is 0.009 to 0.052 (assumed, no published source); 0 to 0.06 is still taken for \
+         plausible",
+    )
+    .against_strength()],
     signature: "loading differs from unloading",
     experiment: "ramps of force at a held angle",
     rivals: &["tendon_compliance", "angle_offset"],

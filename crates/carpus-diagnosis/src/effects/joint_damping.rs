@@ -17,8 +17,10 @@ static DESCRIPTION: Description = Description {
         "N·m·s/rad",
         0.03,
         [0.0, 0.2],
-        "Falzarano et al. 2021 (doi:10.3389/fnhum.2021.726841) measured it; 0.01 to 0.1 (assumed, no published source); 0 to 0.2 is still taken for plausible",
-    ).of_strength()],
+        "Falzarano et al. 2021 (doi:10.3389/fnhum.2021.726841) measured it; 0.01 to 0.1 (assumed, no published \
+         source); 0 to 0.2 is still taken for plausible",
+    )
+    .of_strength()],
     signature: "a line against velocity, nothing in isometric trials",
     experiment: "fast passive sweep",
     rivals: &["max_contraction_velocity", "coulomb_friction", "power_law_damping"],

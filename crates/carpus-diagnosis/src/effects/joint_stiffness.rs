@@ -20,9 +20,20 @@ static DESCRIPTION: Description = Description {
             "N·m/rad",
             0.3,
             [0.0, 3.0],
-            "Delp, Grierson and Buchanan 1996 (maximum isometric moments of the wrist muscles): passive moment near zero over the central 150°; passive stiffness measured by robots: Formica et al. 2012 (The passive stiffness of the wrist and forearm); 0 to 3: assumed, no published source",
-        ).of_strength(),
-        angle("rest_angle", NeutralShift::Along, 0.0, 0.2, [-0.6, 0.6], "no source: within 34° of the joint's neutral angle"),
+            "Delp, Grierson and Buchanan 1996 (maximum isometric moments of the wrist muscles): passive moment near \
+             zero over the central 150°; passive stiffness measured by robots: Formica et al. 2012 (The passive \
+             stiffness of the wrist and forearm); 0 to 3: assumed, no published source",
+        )
+        .of_strength(),
+        angle(
+            "rest_angle",
+            NeutralShift::Along,
+            0.0,
+            0.2,
+            [-0.6, 0.6],
+            "no source: within 34° of the joint's neutral \
+            angle",
+        ),
     ],
     signature: "a line against angle, the same at every activation",
     experiment: "slow sweep of the relaxed joint",

@@ -22,7 +22,8 @@ static DESCRIPTION: Description = Description {
     stage: Stage::Joint,
     order: 0,
     behaviour: Behaviour::PLAIN,
-    equation: "-k s(q - q1) (q - q1) + k s(-q - q2) (-q - q2), s a smooth step from 0 to 1 over 1°, q positive in flexion; on one side only if the other limit is out of reach",
+    equation: "-k s(q - q1) (q - q1) + k s(-q - q2) (-q - q2), s a smooth step from 0 to 1 over 1°, q positive in \
+        flexion; on one side only if the other limit is out of reach",
     parameters: &[
         amplitude(
             "stiffness",

@@ -18,7 +18,8 @@ static DESCRIPTION: Description = Description {
         "optimal fibre lengths/s",
         0.3,
         [4.0, 16.0],
-        "5 to 15 per second (assumed, no published source); OpenSim's default and usual value is 10; 4 to 16 is still taken for plausible",
+        "5 to 15 per second (assumed, no published source); OpenSim's default and usual value is 10; 4 to 16 is still \
+         taken for plausible",
     )],
     signature: "velocity × activation",
     experiment: "two loads and a passive sweep",

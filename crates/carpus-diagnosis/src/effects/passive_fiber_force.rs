@@ -12,7 +12,8 @@ static DESCRIPTION: Description = Description {
     stage: Stage::Muscle,
     order: 0,
     behaviour: Behaviour::PLAIN,
-    equation: "strain of the fibre at which its passive force is F_max; its excess over that at which force begins is scaled, in all muscles together",
+    equation: "strain of the fibre at which its passive force is F_max; its excess over that at which force begins is \
+        scaled, in all muscles together",
     parameters: &[log_ratio(
         "strain_at_one_norm_force",
         "1",

@@ -18,7 +18,9 @@ static DESCRIPTION: Description = Description {
             "1",
             0.1,
             [0.0, 0.4],
-            "voluntary performance 7 to 8 % higher some minutes after a conditioning contraction (doi:10.1101/2022.04.12.22273776); 5 to 20 %: assumed, no published source; 0 to 40 % is still taken for plausible",
+            "voluntary performance 7 to 8 % higher some minutes after a conditioning contraction \
+             (doi:10.1101/2022.04.12.22273776); 5 to 20 %: assumed, no published source; 0 to 40 % is still taken for \
+             plausible",
         ),
         shape("time", "s", 3.0, 1.5, [0.5, 10.0], "no source: of full excitation, within a few seconds"),
     ],

@@ -24,7 +24,8 @@ static DESCRIPTION: Description = Description {
             0.17,
             0.08,
             [0.05, 0.5],
-            "Gielen and Houk 1984 (Nonlinear viscosity of human wrist): mean exponent 0.17 for force; 0.05 to 0.5 is still taken for plausible, no source",
+            "Gielen and Houk 1984 (Nonlinear viscosity of human wrist): mean exponent 0.17 for force; 0.05 to 0.5 is \
+             still taken for plausible, no source",
         ),
         shape(
             "rest_speed",

@@ -18,7 +18,8 @@ static DESCRIPTION: Description = Description {
             "s",
             0.01,
             [0.0, 0.06],
-            "T, by which slow changes come late; low-pass filters of 2 to 50 ms (assumed, no published source); 0 to 60 ms is still taken for plausible",
+            "T, by which slow changes come late; low-pass filters of 2 to 50 ms (assumed, no published source); 0 to \
+             60 ms is still taken for plausible",
         ),
         shape("second_share", "1", 0.15, 0.15, [0.0, 0.5], "r; filters of first and second order"),
     ],

@@ -23,14 +23,16 @@ static DESCRIPTION: Description = Description {
             0.05,
             [0.0, 0.5],
             "no source: 0 to 0.5 is taken for plausible, several times the joint's damping",
-        ).of_strength(),
+        )
+        .of_strength(),
         shape(
             "delay",
             "s",
             0.04,
             0.012,
             [0.02, 0.1],
-            "from stretch to moment: 25 ms to the EMG's short and 50 ms to its long latency (wrist; unverified), and the muscle's own delay unless the EMG is simulated",
+            "from stretch to moment: 25 ms to the EMG's short and 50 ms to its long latency (wrist; unverified), and \
+             the muscle's own delay unless the EMG is simulated",
         ),
         shape(
             "half_moment",
@@ -38,8 +40,10 @@ static DESCRIPTION: Description = Description {
             2.0,
             1.0,
             [0.05, 10.0],
-            "M0, at which it is half of its largest: reflexes grow with the contraction (automatic gain compensation: Matthews 1986, doi:10.1113/jphysiol.1986.sp016066), here up to a largest one; the number has no source",
-        ).of_strength(),
+            "M0, at which it is half of its largest: reflexes grow with the contraction (automatic gain compensation: \
+             Matthews 1986, doi:10.1113/jphysiol.1986.sp016066), here up to a largest one; the number has no source",
+        )
+        .of_strength(),
     ],
     signature: "as damping, delayed and only while active",
     experiment: "perturbations",

@@ -18,7 +18,8 @@ static DESCRIPTION: Description = Description {
         "1",
         0.3,
         [0.015, 0.10],
-        "0.02 to 0.10; Loren and Lieber 1995 (tendon biomechanical properties of wrist muscles) give the lower part, numbers unverified; from 0.015 on is still taken for plausible",
+        "0.02 to 0.10; Loren and Lieber 1995 (tendon biomechanical properties of wrist muscles) give the lower part, \
+         numbers unverified; from 0.015 on is still taken for plausible",
     )],
     signature: "slow rise of the moment, level × angle",
     experiment: "fast ramps",

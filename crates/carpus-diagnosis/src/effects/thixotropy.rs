@@ -18,8 +18,10 @@ static DESCRIPTION: Description = Description {
             "N·m/rad",
             3.0,
             [0.0, 30.0],
-            "Lakie, Walsh and Wright 1984 (J Physiol 353:265): the relaxed wrist is thixotropic, memory 1 to 2 s; 0.05 to 0.5 N·m over 1 to 3°, unverified, is 1 to 29; 0 to 30 is taken for plausible",
-        ).of_strength(),
+            "Lakie, Walsh and Wright 1984 (J Physiol 353:265): the relaxed wrist is thixotropic, memory 1 to 2 s; \
+             0.05 to 0.5 N·m over 1 to 3°, unverified, is 1 to 29; 0 to 30 is taken for plausible",
+        )
+        .of_strength(),
         shape("range", "rad", 0.035, 0.01, [0.0175, 0.0525], "1 to 3° (assumed, no published source)"),
     ],
     signature: "a loop after every reversal",

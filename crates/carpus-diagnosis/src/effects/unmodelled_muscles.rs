@@ -17,7 +17,8 @@ static DESCRIPTION: Description = Description {
     stage: Stage::Joint,
     order: 0,
     behaviour: Behaviour::PLAIN,
-    equation: "κ ā(t) M(q) per direction: M the active isometric moment of the model's silent muscles at full activation, ā the \
+    equation: "κ ā(t) M(q) per direction: M the active isometric moment of the model's silent muscles at full \
+        activation, ā the \
                mean excitation of the recorded muscles of that direction through a low-pass of 40 ms",
     parameters: &[
         amplitude(

@@ -1,15 +1,15 @@
 //! Effects in a model file: as components and properties of stock OpenSim 4.6 where these give exactly the moment that
 //! Carpus computes, in a side-car ([`SideCar`], `effects.toml`) otherwise.
 
+mod error;
 mod native;
 mod side_car;
 
-use thiserror::Error;
-
 use super::effect::{FlippedArm, OsimForm};
 use super::forward_model::Setting;
-use carpus_osim::osim::{EditError, OsimFile};
+use carpus_osim::osim::OsimFile;
 use carpus_simulation::simulation::{MuscleParameters, Property, Setup};
+pub use error::ExportError;
 pub use side_car::{SIDE_CAR_SCHEMA, SideCar, SideCarError};
 
 /// What became of the effects.
@@ -29,38 +29,6 @@ pub struct NativeEffect {
     pub id: &'static str,
     /// Components added and properties changed, as `path: property`.
     pub changes: Vec<String>,
-}
-
-/// Why effects cannot be written.
-#[derive(Debug, Error)]
-pub enum ExportError {
-    /// A value is missing, too many, NaN or infinite.
-    #[error("{effect}: expected {expected} finite values, found {found:?}")]
-    BadValues {
-        /// The effect.
-        effect: &'static str,
-        /// How many parameters it has.
-        expected: usize,
-        /// The values.
-        found: Vec<f64>,
-    },
-    /// The model has no such coordinate.
-    #[error("the model has no coordinate \"{name}\"")]
-    UnknownCoordinate {
-        /// The name.
-        name: String,
-    },
-    /// A muscle of the file could not be changed.
-    #[error(transparent)]
-    Muscle(EditError),
-    /// The file could not be changed.
-    #[error("{effect}: {source}")]
-    Edit {
-        /// The effect.
-        effect: &'static str,
-        /// Why.
-        source: EditError,
-    },
 }
 
 /// Writes muscles and effects into a model file; what comes beside it. Values that are the model's own stay as they are

@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix3;
 
-use super::ExportError;
+use super::error::ExportError;
 use crate::effect::NativeForm;
 use crate::forward_model::Setting;
 use crate::joint_traits::neutral_angle;

@@ -127,7 +127,8 @@ impl SideCarError {
             SideCarError::UnknownEffect { nearest: Some(nearest), .. } => Some(format!("did you mean \"{nearest}\"?")),
             SideCarError::UnknownEffect { .. } => Some("carpus effects lists them".to_owned()),
             SideCarError::PropertyItself { .. } => Some(format!(
-                "value is the natural logarithm of the ratio to what the model's muscles have: for 0.8 times that {{ value = \
+                "value is the natural logarithm of the ratio to what the model's muscles have: for 0.8 times that {{ \
+                 value = \
                  -0.22314, unit = \"{LOG_RATIO}\" }}"
             )),
             SideCarError::BadDefinition { problem, .. } => problem.hint(),
@@ -345,8 +346,9 @@ mod tests {
 
     #[test]
     fn verif_an_effect_of_a_laboratory_brings_its_definition_along() {
-        let definition = "[effect]\nid = \"side_car_spring\"\nname = \"Spring\"\nstage = \"joint\"\nformula = \"-k*q^3\"\n\n\
-                          [parameters.k]\nunit = \"N·m/rad\"\nrole = \"amplitude\"\nplausible = [0, 2]\nsource = \"a guess\"\n";
+        let definition = "[effect]\nid = \"side_car_spring\"\nname = \"Spring\"\nstage = \"joint\"\nformula = \
+                          \"-k*q^3\"\n\n[parameters.k]\nunit = \"N·m/rad\"\nrole = \"amplitude\"\nplausible = [0, \
+                          2]\nsource = \"a guess\"\n";
         let text = format!(
             "{HEAD}[[effect]]\nid = \"side_car_spring\"\nk = {{ value = 0.5, unit = \"N·m/rad\" }}\ndefinition = {}\n",
             lines_quoted(definition)
@@ -377,7 +379,8 @@ mod tests {
             assert!(error.hint().is_some_and(|hint| hint.contains("logarithm of the ratio")), "{error}");
         }
         let nonsense = format!(
-            "{HEAD}[[effect]]\nid = \"max_contraction_velocity\"\nmax_contraction_velocity = {{ value = 8, unit = \"m\" }}\n"
+            "{HEAD}[[effect]]\nid = \"max_contraction_velocity\"\nmax_contraction_velocity = {{ value = 8, unit = \
+             \"m\" }}\n"
         );
         let error = SideCar::parse(&nonsense, Path::new("effects.toml")).unwrap_err();
         assert!(matches!(error, SideCarError::Unexpected { .. }), "{error}");

@@ -1,6 +1,6 @@
 //! The terms of which formulas are made.
 
-use super::TrialTable;
+use super::trial_table::TrialTable;
 use carpus_osim::functions::{Dialect, Expression};
 
 /// Wave numbers of the angle that are scanned [1/rad]: least, largest, step. Over two radians neighbours correlate by

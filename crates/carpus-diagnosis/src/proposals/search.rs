@@ -6,8 +6,13 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
 use super::library::{Term, WAVES};
-use super::{MOST_TERMS, Proposal, ProposedTerm, TrialTable, WORTH_A_TERM, short};
+use super::proposal::{Proposal, ProposedTerm, short};
+use super::trial_table::TrialTable;
 
+/// Terms of a formula, at most: more are no short formula.
+pub(super) const MOST_TERMS: usize = 3;
+/// A further term must explain this much more of the mean square in left-out trials.
+pub(super) const WORTH_A_TERM: f64 = 0.02;
 /// Halves of the trials in which a term is looked for.
 const HALVES: usize = 40;
 /// Share of the halves in which a term, or one that looks like it, must be selected.

@@ -1,6 +1,5 @@
 //! Why constraints cannot be built, equations of motion not be solved, or a model not be simulated forward.
 
-use super::path_jump::PathJump;
 use crate::forces::ForceError;
 use crate::muscles::{EquilibriumError, MuscleError};
 use crate::paths::PathError;
@@ -122,4 +121,26 @@ pub enum PlantError {
 
 fn list(forces: &[(String, String)]) -> String {
     forces.iter().map(|(name, class)| format!("{name} ({class})")).collect::<Vec<_>>().join(", ")
+}
+
+/// A muscle whose length jumps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PathJump {
+    /// The muscle's name.
+    pub muscle: String,
+    /// Length on this side of the jump, and beyond it [m].
+    pub lengths: [f64; 2],
+}
+
+impl std::fmt::Display for PathJump {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let [from, to] = self.lengths;
+        let size = (to - from).abs();
+        write!(
+            f,
+            "; there the length of muscle `{}` jumps by {size:.3} m, from {from:.4} to {to:.4} m: its path in the \
+             model takes another way around a wrapping object or through a conditional point",
+            self.muscle
+        )
+    }
 }

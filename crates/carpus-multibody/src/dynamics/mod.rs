@@ -17,8 +17,7 @@ mod simulate;
 mod solve;
 
 pub use constraints::{ConstraintForce, Constraints};
-pub use error::{ConstraintError, DynamicsError, PlantError};
-pub use path_jump::PathJump;
+pub use error::{ConstraintError, DynamicsError, PathJump, PlantError};
 pub use plant::{DrivenPlant, LaggedActuator, Load, Plant, PlantMuscle, PlantState, Work};
 pub use reduction::{Reduction, Relation};
 pub use simulate::{ForwardOptions, Trajectory, simulate_forward};

@@ -1,6 +1,7 @@
 //! Lengths of muscles that jump where an integration ends: no step is short enough for what is not continuous.
 
-use super::plant::Plant;
+use super::error::PathJump;
+use super::plant::{Plant, PlantMuscle};
 
 /// Times from where the integration ended at which lengths are looked at [s], both ways.
 const TIMES: [f64; 8] = [1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3];
@@ -8,28 +9,6 @@ const TIMES: [f64; 8] = [1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3];
 const SMALLEST: f64 = 1e-3;
 /// Nor is one that a muscle may make at this speed [m/s], some ten times that of the fastest muscles.
 const FASTEST: f64 = 20.0;
-
-/// A muscle whose length jumps.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PathJump {
-    /// The muscle's name.
-    pub muscle: String,
-    /// Length on this side of the jump, and beyond it [m].
-    pub lengths: [f64; 2],
-}
-
-impl std::fmt::Display for PathJump {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let [from, to] = self.lengths;
-        let size = (to - from).abs();
-        write!(
-            f,
-            "; there the length of muscle `{}` jumps by {size:.3} m, from {from:.4} to {to:.4} m: its path in the \
-             model takes another way around a wrapping object or through a conditional point",
-            self.muscle
-        )
-    }
-}
 
 /// The largest jump nearest to a state, along the way that leads through it.
 ///
@@ -42,7 +21,7 @@ pub(super) fn path_jump(plant: &Plant, time: f64, x: &[f64], slope: &[f64]) -> O
         let moved: Vec<f64> = x.iter().zip(slope).map(|(x, rate)| x + after * rate).collect();
         let q = plant.unpack(time + after, &moved, &excitation, &mut work).q;
         plant.model.update_positions(&q, &mut cache);
-        let length = |muscle: &super::plant::PlantMuscle| {
+        let length = |muscle: &PlantMuscle| {
             let mut geometry = muscle.path.new_geometry();
             muscle.path.update(&q, &cache, &mut geometry);
             geometry.length()

@@ -1,6 +1,7 @@
 //! Actuators: forces that follow a control.
 
-use super::{AppliedForces, ForceError, check_finite, check_index};
+use super::applied::AppliedForces;
+use super::error::{ForceError, check_finite, check_index};
 use crate::multibody::{Cache, Model};
 use carpus_numerics::spatial::SpatialForce;
 use carpus_osim::osim::spec::{ActuatorActivation, ActuatorKind, ActuatorSpec, CoordinateIndex, FrameIndex, Location};

@@ -1,6 +1,6 @@
 //! Bushings between two frames: moments and forces by deflections and their rates.
 
-use super::{ForceError, check_finite, check_index};
+use super::error::{ForceError, check_finite, check_index};
 use crate::multibody::{BaseIndex, Cache, Model};
 use carpus_numerics::spatial::{
     SpatialForce, SpatialVelocity, Transform, angular_rate_matrix_body_xyz, body_xyz_angles,

@@ -1,6 +1,6 @@
 //! A force on a coordinate, given by a formula.
 
-use super::{ForceError, check_index};
+use super::error::{ForceError, check_index};
 use crate::multibody::{Cache, Model};
 use carpus_osim::functions::Expression;
 use carpus_osim::osim::spec::{CoordinateIndex, ForceKind, ForceSpec};

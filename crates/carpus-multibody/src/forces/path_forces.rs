@@ -1,6 +1,6 @@
 //! Tension laws of ligaments and springs along a path.
 
-use super::{ForceError, check_finite};
+use super::error::{ForceError, check_finite};
 use carpus_osim::functions::Function;
 use carpus_osim::osim::spec::{ForceKind, ForceSpec};
 

@@ -1,6 +1,7 @@
 //! Springs between two points, and forces given over time.
 
-use super::{AppliedForces, ForceError, check_finite, check_index};
+use super::applied::AppliedForces;
+use super::error::{ForceError, check_finite, check_index};
 use crate::multibody::{BaseIndex, Cache, Model};
 use carpus_numerics::spatial::SpatialForce;
 use carpus_osim::functions::Function;

@@ -1,6 +1,6 @@
 //! A linear spring and damper on a coordinate.
 
-use super::{ForceError, check_finite, check_index};
+use super::error::{ForceError, check_finite, check_index};
 use crate::multibody::{Cache, Model};
 use carpus_osim::osim::spec::{CoordinateIndex, ForceKind, ForceSpec};
 

@@ -4,7 +4,7 @@ use super::dynamics::MuscleDynamics;
 use super::error::MuscleError;
 use super::law::{Balance, Contraction, MuscleLaw, ValueAndSlope, force_of_fiber};
 use carpus_osim::functions::Function;
-use carpus_osim::osim::spec::{DeprecatedMuscleKind, DeprecatedMuscleSpec, FunctionSpec, MuscleSpec};
+use carpus_osim::osim::spec::{DeprecatedMuscleKind, DeprecatedMuscleSpec, MuscleSpec};
 
 /// Constants of OpenSim's search for the equilibrium.
 const EQUILIBRIUM_ITERATIONS: usize = 100;
@@ -61,9 +61,7 @@ pub struct DeprecatedMuscle {
 
 impl DeprecatedMuscle {
     pub(super) fn build(spec: &MuscleSpec, own: &DeprecatedMuscleSpec) -> Result<DeprecatedMuscle, MuscleError> {
-        let curve = |property: &'static str, function: &FunctionSpec| {
-            Function::compile(function).map_err(|source| MuscleError::Function { property, source })
-        };
+        let curve = MuscleError::function;
         let require = MuscleError::require;
         require(spec.optimal_fiber_length > 0.0, "optimal_fiber_length", "above 0 m", spec.optimal_fiber_length)?;
         for (ignored, property) in [

@@ -1,6 +1,8 @@
 //! Why a muscle cannot be built.
 
 use super::curves::CurveError;
+use carpus_osim::functions::Function;
+use carpus_osim::osim::spec::FunctionSpec;
 use thiserror::Error;
 
 /// Why a muscle cannot be built.
@@ -53,5 +55,10 @@ impl MuscleError {
         } else {
             Err(MuscleError::InvalidProperty { property, expected: expected.to_owned(), found })
         }
+    }
+
+    /// The function of a property.
+    pub(super) fn function(property: &'static str, spec: &FunctionSpec) -> Result<Function, MuscleError> {
+        Function::compile(spec).map_err(|source| MuscleError::Function { property, source })
     }
 }

@@ -4,7 +4,7 @@ use super::dynamics::MuscleDynamics;
 use super::error::MuscleError;
 use super::law::{Balance, Contraction, MuscleLaw, RigidTendonRule, ValueAndSlope, balance_of_forces, force_of_fiber};
 use carpus_osim::functions::Function;
-use carpus_osim::osim::spec::{FunctionSpec, MuscleSpec, RigidTendonSpec};
+use carpus_osim::osim::spec::{MuscleSpec, RigidTendonSpec};
 
 /// A muscle whose tendon has its slack length always. Units as [`Millard2012`](super::Millard2012).
 ///
@@ -32,9 +32,7 @@ pub struct RigidTendon {
 
 impl RigidTendon {
     pub(super) fn build(spec: &MuscleSpec, own: &RigidTendonSpec) -> Result<RigidTendon, MuscleError> {
-        let curve = |property: &'static str, function: &FunctionSpec| {
-            Function::compile(function).map_err(|source| MuscleError::Function { property, source })
-        };
+        let curve = MuscleError::function;
         let velocity = spec.max_contraction_velocity;
         MuscleError::require(velocity > 0.0, "max_contraction_velocity", "a number above 0", velocity)?;
         Ok(RigidTendon {

@@ -8,7 +8,8 @@
 mod evaluate;
 mod smoothing;
 
-use super::{FunctionError, check_points, finite};
+use super::error::FunctionError;
+use super::points::{check_points, finite};
 
 /// A natural spline of degree 2m − 1, as polynomials about the left end of each interval.
 #[derive(Clone, Debug)]

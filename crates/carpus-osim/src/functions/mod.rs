@@ -4,110 +4,23 @@
 //! In: a [`FunctionSpec`] as the file states it. Out: a [`Function`] with all coefficients computed, which evaluates
 //! exactly as OpenSim 4.6 does, extrapolation included, without allocating.
 
+mod error;
 mod expression;
 mod gcv_spline;
 mod piecewise;
+mod points;
 mod several;
 mod simm_spline;
 
+pub use error::FunctionError;
 pub use expression::{Dialect, Expression, ExpressionError, function_names};
 pub use several::FunctionOfSeveral;
 
 use crate::osim::spec::FunctionSpec;
 use gcv_spline::GcvSpline;
 use piecewise::{PiecewiseConstant, PiecewiseLinear};
+use points::finite;
 use simm_spline::SimmSpline;
-
-/// Two abscissae closer than this are treated as equal (`ROUNDOFF_ERROR` of OpenSim's `SimmMacros.h`).
-const ROUNDOFF_ERROR: f64 = 2e-13;
-/// Narrowest interval between two points (`TINY_NUMBER` of OpenSim's `SimmMacros.h`).
-const TINY_NUMBER: f64 = 1e-7;
-
-/// Why a function cannot be built.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum FunctionError {
-    /// `x` and `y` differ in length.
-    #[error("{class}: x has {x} values and y has {y}; expected equally many")]
-    LengthMismatch {
-        /// OpenSim class name.
-        class: &'static str,
-        /// Number of abscissae.
-        x: usize,
-        /// Number of ordinates.
-        y: usize,
-    },
-    /// Not enough points for this class of function.
-    #[error("{class}: expected at least {expected} points, found {found}")]
-    TooFewPoints {
-        /// OpenSim class name.
-        class: &'static str,
-        /// Fewest points that define the function.
-        expected: usize,
-        /// Number of points found.
-        found: usize,
-    },
-    /// Abscissae do not increase.
-    #[error("{class}: expected increasing x, found {next} after {previous} (value {index})")]
-    NotIncreasing {
-        /// OpenSim class name.
-        class: &'static str,
-        /// Position of the offending abscissa, counted from 1.
-        index: usize,
-        /// The abscissa before it.
-        previous: f64,
-        /// The offending abscissa.
-        next: f64,
-    },
-    /// A property is NaN or infinite.
-    #[error("{class}: expected a finite {property}, found {found}")]
-    NotFinite {
-        /// OpenSim class name.
-        class: &'static str,
-        /// Property name.
-        property: &'static str,
-        /// The value found.
-        found: f64,
-    },
-    /// Points of which the coefficients are beyond the range of numbers.
-    #[error("{class}: the points are too far apart, too close together or too large for a curve through them")]
-    OutOfRange {
-        /// OpenSim class name.
-        class: &'static str,
-    },
-    /// A `StepFunction` whose transition starts and ends at the same time.
-    #[error("StepFunction: expected different start and end of the transition, both are {at}")]
-    EmptyTransition {
-        /// Start and end.
-        at: f64,
-    },
-    /// A `GCVSpline` whose `half_order` is not 1, 2, 3 or 4.
-    #[error("GCVSpline: expected half_order 1 to 4, found {found}")]
-    HalfOrder {
-        /// The value found.
-        found: usize,
-    },
-    /// A `PolynomialFunction` without coefficients.
-    #[error("PolynomialFunction: expected at least one coefficient, found none")]
-    NoCoefficients,
-    /// A polynomial of several variables with another number of coefficients than its dimension and order ask for.
-    #[error("{class}: expected {expected} coefficients for its dimension and order, found {found}")]
-    CoefficientCount {
-        /// OpenSim class name.
-        class: &'static str,
-        /// Number of terms.
-        expected: usize,
-        /// Number of coefficients found.
-        found: usize,
-    },
-    /// A function of another number of variables.
-    #[error("expected a function of {expected} variables, found one of {found}")]
-    Dimension {
-        /// Number of variables that it is given.
-        expected: usize,
-        /// Number that it takes.
-        found: usize,
-    },
-}
 
 /// A function of one variable, ready to be evaluated.
 ///
@@ -307,47 +220,6 @@ impl Function {
             }
             Kind::Multiplier { scale, function } => scale * function.second_derivative(x),
             Kind::Sine { amplitude, omega, phase, .. } => -amplitude * omega * omega * (omega * x + phase).sin(),
-        }
-    }
-}
-
-/// `value` if it is finite.
-fn finite(class: &'static str, property: &'static str, value: f64) -> Result<f64, FunctionError> {
-    if value.is_finite() { Ok(value) } else { Err(FunctionError::NotFinite { class, property, found: value }) }
-}
-
-/// Checks the points of a tabulated function; `strict` forbids equal neighbours.
-fn check_points(class: &'static str, x: &[f64], y: &[f64], fewest: usize, strict: bool) -> Result<(), FunctionError> {
-    if x.len() != y.len() {
-        return Err(FunctionError::LengthMismatch { class, x: x.len(), y: y.len() });
-    }
-    if x.len() < fewest {
-        return Err(FunctionError::TooFewPoints { class, expected: fewest, found: x.len() });
-    }
-    for (&x, &y) in x.iter().zip(y) {
-        finite(class, "x", x)?;
-        finite(class, "y", y)?;
-    }
-    for (i, pair) in x.windows(2).enumerate() {
-        if pair[1] < pair[0] || (strict && pair[1] == pair[0]) {
-            return Err(FunctionError::NotIncreasing { class, index: i + 2, previous: pair[0], next: pair[1] });
-        }
-    }
-    Ok(())
-}
-
-/// The interval k with `x(k) ≤ at ≤ x(k + 1)`, found by OpenSim's bisection so that a knot falls into the same one
-/// of its two intervals as there. `at` must lie strictly inside the points.
-fn bisect(n: usize, x: impl Fn(usize) -> f64, at: f64) -> usize {
-    let (mut low, mut high) = (0, n);
-    loop {
-        let k = (low + high) / 2;
-        if at < x(k) {
-            high = k;
-        } else if k + 1 < n && at > x(k + 1) {
-            low = k;
-        } else {
-            return k.min(n.saturating_sub(2));
         }
     }
 }

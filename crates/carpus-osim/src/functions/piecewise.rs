@@ -1,6 +1,7 @@
 //! Functions defined piecewise by points: linear and constant.
 
-use super::{FunctionError, ROUNDOFF_ERROR, TINY_NUMBER, bisect, check_points};
+use super::error::FunctionError;
+use super::points::{ROUNDOFF_ERROR, TINY_NUMBER, bisect, check_points};
 
 /// A point and the slope to its right.
 #[derive(Clone, Copy, Debug)]

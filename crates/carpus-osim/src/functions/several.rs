@@ -1,6 +1,7 @@
 //! Polynomials of several variables, with first and second derivatives.
 
-use super::{FunctionError, finite};
+use super::error::FunctionError;
+use super::points::finite;
 use crate::osim::spec::FunctionSpec;
 
 /// A function of several variables: a sum of products of powers of them.

@@ -1,6 +1,7 @@
 //! SIMM's natural cubic spline, OpenSim's `SimmSpline`.
 
-use super::{FunctionError, ROUNDOFF_ERROR, TINY_NUMBER, bisect, check_points};
+use super::error::FunctionError;
+use super::points::{ROUNDOFF_ERROR, TINY_NUMBER, bisect, check_points};
 
 /// A point and the cubic to its right: `y + dx·(b + dx·(c + dx·d))`.
 #[derive(Clone, Copy, Debug, Default)]

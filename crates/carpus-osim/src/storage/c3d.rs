@@ -19,7 +19,7 @@ use nalgebra::Vector3;
 use super::error::{StorageError, StorageProblem};
 use super::words::metres;
 use super::{Markers, Storage};
-use parameters::{Parameters, Processor};
+use parameters::{Parameters, Processor, broken};
 
 /// Bytes of a block, in which places in the file are counted.
 const BLOCK: usize = 512;
@@ -94,10 +94,6 @@ impl MotionCapture {
         }
         Ok(MotionCapture { markers, analog, units, warnings })
     }
-}
-
-fn broken(what: impl Into<String>) -> StorageProblem {
-    StorageProblem::MotionCapture { what: what.into() }
 }
 
 /// What the first block says.

@@ -7,6 +7,7 @@
 
 mod c3d;
 mod error;
+mod marker_files;
 mod process;
 mod read;
 mod trc;

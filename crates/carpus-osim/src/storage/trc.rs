@@ -5,9 +5,9 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
+use super::Storage;
 use super::error::{StorageError, StorageProblem};
-use super::words::{extension, metres, number};
-use super::{MotionCapture, Storage};
+use super::words::{metres, number};
 
 /// Where markers are over time.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -25,30 +25,6 @@ pub struct Markers {
 }
 
 impl Markers {
-    /// Reads a `.trc` or `.c3d` file, or a `.sto` file of vectors.
-    ///
-    /// # Errors
-    /// [`StorageError`] with the line.
-    pub fn read(path: impl AsRef<Path>) -> Result<Markers, StorageError> {
-        let path = path.as_ref();
-        match extension(path).as_str() {
-            "trc" => {
-                let fail = |e| StorageError { file: path.to_owned(), line: 0, problem: StorageProblem::Read(e) };
-                Markers::parse(&carpus_numerics::regular_file::read(path).map_err(fail)?, path)
-            }
-            "sto" => Ok(Markers::from_storage(&Storage::read(path)?)),
-            "c3d" => {
-                let MotionCapture { markers, warnings, .. } = MotionCapture::read(path)?;
-                let none = || StorageError { file: path.to_owned(), line: 0, problem: StorageProblem::NoMarkers };
-                if markers.time.is_empty() { Err(none()) } else { Ok(Markers { warnings, ..markers }) }
-            }
-            found => {
-                let problem = StorageProblem::Extension { expected: ".trc, .c3d or .sto", found: found.to_owned() };
-                Err(StorageError { file: path.to_owned(), line: 0, problem })
-            }
-        }
-    }
-
     /// Reads the text of a `.trc` file; `file` is its name in messages. Empty cells are markers that are not seen.
     ///
     /// # Errors
@@ -143,7 +119,7 @@ impl Markers {
         Storage { labels, time: self.time, rows, ..Storage::default() }
     }
 
-    fn from_storage(storage: &Storage) -> Markers {
+    pub(super) fn from_storage(storage: &Storage) -> Markers {
         let stem = |label: &String| label.rsplit_once('_').map_or(label.clone(), |(stem, _)| stem.to_owned());
         let names = storage.labels.chunks_exact(3).map(|three| stem(&three[0])).collect();
         let places = |row: &Vec<f64>| row.chunks_exact(3).map(|p| Vector3::new(p[0], p[1], p[2])).collect();

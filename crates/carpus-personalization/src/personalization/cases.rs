@@ -3,13 +3,15 @@
 use std::ops::Range;
 
 use super::bayesian::minimize_by_expected_improvement;
+use super::error::PersonalizationError;
 use super::exact::SmoothObjective;
 use super::minimizers::Found;
 use super::minimizers::minimize_by_differences;
 use super::moments::TrainingSet;
 use super::parameters::{FittedParameter, ParameterSpace};
+use super::problem::{FitProblem, TrainingTrial};
+use super::result::Stage;
 use super::search::UNUSABLE;
-use super::{FitProblem, PersonalizationError, Stage, TrainingTrial};
 use carpus_simulation::simulation::MuscleParameters;
 use carpus_study::study::{Contraction, ParameterBounds, TrialInfo, TrialUse};
 

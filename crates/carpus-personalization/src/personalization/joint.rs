@@ -2,9 +2,10 @@
 
 use std::cell::Cell;
 
+use super::error::PersonalizationError;
 use super::objective::objective;
 use super::parameters::ParameterSpace;
-use super::{Personalization, PersonalizationError, Progress, Stage};
+use super::result::{Personalization, Progress, Stage};
 use carpus_diagnosis::diagnose::simulate;
 use carpus_diagnosis::forward_model::ForwardModel;
 use carpus_diagnosis::inference::muscles::MuscleProblem;

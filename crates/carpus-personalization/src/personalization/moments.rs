@@ -2,8 +2,9 @@
 
 use rayon::prelude::*;
 
+use super::error::PersonalizationError;
 use super::objective::objective;
-use super::{FitProblem, PersonalizationError, TrainingTrial};
+use super::problem::{FitProblem, TrainingTrial};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 
 /// Training trials, ready for many evaluations.

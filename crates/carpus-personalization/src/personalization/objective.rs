@@ -1,7 +1,7 @@
 //! The objective of the dissertation, equation 3.4, without the other measures that come with it in
 //! [`evaluation`](carpus_simulation::evaluation).
 
-use super::TrainingTrial;
+use super::problem::TrainingTrial;
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 
 /// J of one trial (equations 3.1 to 3.4; see [`ErrorMeasures`](carpus_simulation::evaluation::ErrorMeasures)). The

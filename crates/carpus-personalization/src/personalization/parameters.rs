@@ -1,6 +1,7 @@
 //! The parameters that are fitted, as factors of the model's own values.
 
-use super::{FitProblem, PersonalizationError};
+use super::error::PersonalizationError;
+use super::problem::FitProblem;
 use carpus_diagnosis::inference::muscles::MuscleEstimate;
 use carpus_simulation::simulation::{MuscleParameters, Property};
 use carpus_study::study::{ParameterBounds, RelativeBounds};

@@ -2,10 +2,67 @@
 
 use rayon::prelude::*;
 
+use super::error::PersonalizationError;
 use super::minimizers::{Found, minimize_in_unit_box};
-use super::moments::UnitMoments;
+use super::moments::{TrainingSet, UnitMoments};
+use super::parameters::ParameterSpace;
+use super::problem::{FitOptions, FitProblem};
+use super::result::{Personalization, Progress, Stage};
 use super::search::{UNUSABLE, latin_hypercube};
-use super::{PersonalizationError, Run, Stage};
+
+/// Fits lengths, then forces, as in chapter 3 of the dissertation, whatever that makes of trials that were not fitted.
+///
+/// - `progress`: called now and then, from the calling thread
+/// - `goes_on`: asked between the searches, from the calling thread
+///
+/// # Errors
+/// No trials; measured moments that are zero throughout or of another length; bounds that exclude the model's own
+/// values; a simulation that fails with the model's own parameters; [`PersonalizationError::Stopped`].
+pub fn fit_in_two_stages(
+    problem: &FitProblem,
+    options: &FitOptions,
+    progress: &dyn Fn(Progress),
+    goes_on: &dyn Fn() -> bool,
+) -> Result<Personalization, PersonalizationError> {
+    let space = ParameterSpace::of(problem)?;
+    let set = TrainingSet::new(problem)?;
+    let expected = options.global_points + options.local_evaluations;
+    let (stages, evaluations) = (Vec::new(), 0);
+    let mut run = Run { space: &space, set: &set, options, progress, goes_on, expected, stages, evaluations };
+    let factors = run.two_stages()?;
+    Ok(Personalization {
+        parameters: space.parameters(&factors),
+        fitted: space.fitted(&factors, None),
+        stages: run.stages,
+        evaluations: run.evaluations,
+        part_of_the_way: 1.0,
+    })
+}
+
+/// A fit under way.
+struct Run<'a> {
+    space: &'a ParameterSpace,
+    set: &'a TrainingSet<'a>,
+    options: &'a FitOptions,
+    progress: &'a dyn Fn(Progress),
+    goes_on: &'a dyn Fn() -> bool,
+    expected: usize,
+    stages: Vec<Stage>,
+    evaluations: usize,
+}
+
+impl Run<'_> {
+    /// Fails where the fit is not to go on.
+    fn go_on(&self) -> Result<(), PersonalizationError> {
+        if (self.goes_on)() { Ok(()) } else { Err(PersonalizationError::Stopped) }
+    }
+
+    fn finish_stage(&mut self, stage: Stage) {
+        self.evaluations += stage.evaluations;
+        (self.progress)(Progress { stage: stage.name, done: self.evaluations, expected: self.expected });
+        self.stages.push(stage);
+    }
+}
 
 const LENGTHS_GLOBALLY: &str = "lengths, global search";
 const LENGTHS_LOCALLY: &str = "lengths, local search";

@@ -1,6 +1,6 @@
 //! Writing fitted parameters into the model file.
 
-use super::FittedParameter;
+use super::parameters::FittedParameter;
 use carpus_osim::osim::{EditError, OsimFile};
 
 /// Why fitted parameters are not in the file.

@@ -1,9 +1,10 @@
 //! The coordinate that the dynamometer moves, and the posture of the others.
 
-use super::Note;
-use super::Questions;
+use super::draft::Held;
 use super::muscles::flexes;
 use super::pieces::Found;
+use super::proposal::Note;
+use super::proposal::Questions;
 use crate::diagnostic::Failure;
 use crate::model::LoadedModel;
 use crate::path_check;
@@ -25,19 +26,6 @@ pub struct Chosen {
     pub name: String,
     /// What was assumed of it.
     pub assumed: Option<Note>,
-}
-
-/// A coordinate that is held.
-#[derive(Clone, Debug)]
-pub struct Held {
-    /// Its name.
-    pub name: String,
-    /// Its value [deg].
-    pub value_deg: f64,
-    /// Whether the model's default is left as it is.
-    pub is_default: bool,
-    /// Muscles that cross it.
-    pub muscles: Vec<String>,
 }
 
 /// The coordinate of that name.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::Note;
+use super::proposal::Note;
 use crate::diagnostic::{Diagnostic, Failure};
 
 /// Ends of names of files that may be tables of numbers.

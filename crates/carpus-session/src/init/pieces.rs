@@ -5,74 +5,18 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::columns::{self, Column, EmgKind, Role};
+use super::columns::{self, EmgKind, Role};
+use super::draft::Draft;
 use super::folder::{count, files, note_left, some};
+use super::piece::{Clock, Piece, Pieces};
+use super::proposal::Note;
+use super::read_file::Read;
 use super::recordings::{Recording, pair, recording};
-use super::{Draft, Note, muscles, people};
+use super::{muscles, people};
 use crate::account::fixed;
 use crate::diagnostic::{Diagnostic, Failure};
 use crate::model::LoadedModel;
-use carpus_numerics::plausible::NamedUnit;
 use carpus_study::study::{Exported, Participant};
-
-/// A column of the study: its name in the files, and how its numbers are read.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Piece {
-    /// Its name.
-    pub name: String,
-    /// The unit that the file states.
-    pub unit: Option<&'static NamedUnit>,
-    /// 1 or −1.
-    pub sign: f64,
-    /// Added after conversion, in the study's unit.
-    pub offset: f64,
-}
-
-impl Piece {
-    fn of(column: &Column) -> Piece {
-        Piece { name: column.name.clone(), unit: column.unit, sign: 1.0, offset: 0.0 }
-    }
-}
-
-/// How the clock of the EMG's recorder is set.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Clock {
-    /// One file.
-    Same,
-    /// One trigger.
-    Trigger,
-    /// By the dynamometer's torque, which the EMG's recorder took, too.
-    Shared(String),
-}
-
-/// Which columns the study has.
-#[derive(Clone, Debug)]
-pub struct Pieces {
-    /// Time.
-    pub time: Piece,
-    /// Angle.
-    pub angle: Piece,
-    /// Whether angles are in radians though no unit says so.
-    pub is_radians: bool,
-    /// Speed.
-    pub velocity: Option<Piece>,
-    /// Moment.
-    pub moment: Piece,
-    /// Muscle and column of its EMG.
-    pub emg: Vec<(String, String)>,
-    /// The muscles.
-    pub muscles: Vec<String>,
-    /// How EMG was recorded.
-    pub emg_kind: EmgKind,
-    /// Columns that are there and not used.
-    pub ignore: Vec<String>,
-    /// How the recorders' clocks are set.
-    pub clock: Clock,
-    /// Rates of the dynamometer and the EMG [Hz].
-    pub rates_hz: [f64; 2],
-    /// Whether a participant has maximum contractions for raw EMG.
-    pub has_mvc: bool,
-}
 
 /// What was found in a folder.
 pub struct Found {
@@ -89,49 +33,6 @@ pub struct Found {
     /// What could not be told.
     pub unknown: Vec<Note>,
     understood: Vec<(String, String)>,
-}
-
-/// A file and what its columns are.
-pub struct Read {
-    /// The file.
-    pub path: PathBuf,
-    exported: Exported,
-    columns: Vec<Column>,
-}
-
-impl Read {
-    fn has(&self, role: &Role) -> bool {
-        self.columns.iter().any(|column| column.role == *role)
-    }
-
-    fn has_emg(&self) -> bool {
-        self.columns.iter().any(|column| matches!(column.role, Role::Emg(_)))
-    }
-
-    fn piece(&self, role: &Role) -> Option<Piece> {
-        self.columns.iter().find(|column| column.role == *role).map(Piece::of)
-    }
-
-    /// Numbers of the column of a role.
-    pub fn samples(&self, role: &Role) -> Vec<f64> {
-        let place = self.columns.iter().position(|column| column.role == *role);
-        let samples = place.map(|i| self.exported.columns[i].as_slice()).unwrap_or_default();
-        samples.iter().copied().filter(|x| x.is_finite()).collect()
-    }
-
-    /// Samples a second of a column [Hz].
-    fn rate_hz(&self, column: usize) -> f64 {
-        let Some(clock) = self.exported.clock_of(column) else { return f64::NAN };
-        let times: Vec<f64> = self.exported.columns[clock].iter().copied().filter(|t| t.is_finite()).collect();
-        let factor = self.columns[clock].unit.map_or(1.0, |unit| unit.factor);
-        let span = times.last().zip(times.first()).map_or(f64::NAN, |(last, first)| last - first);
-        (times.len() as f64 - 1.0) / (factor * span)
-    }
-
-    fn layout(&self) -> Vec<(&str, bool)> {
-        let is_used = |column: &Column| !matches!(column.role, Role::Other | Role::OtherEmg);
-        self.columns.iter().map(|column| (column.name.as_str(), is_used(column))).collect()
-    }
 }
 
 impl Found {

@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use super::Note;
 use super::columns::Role;
 use super::conditions::{self, Named};
 use super::folder::{count, some, within};
-use super::pieces::Read;
+use super::proposal::Note;
+use super::read_file::Read;
 use carpus_study::study::{Participant, nearest};
 
 /// Words of names that say which recorder a file is of.

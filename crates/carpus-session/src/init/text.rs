@@ -3,8 +3,9 @@
 use std::fmt::Write;
 
 use super::columns::EmgKind;
-use super::pieces::{Clock, Piece};
-use super::{Draft, ProposedTrial};
+use super::draft::Draft;
+use super::piece::{Clock, Piece};
+use super::proposal::ProposedTrial;
 use crate::account::csv_text;
 use crate::diagnostic::Failure;
 use crate::output::OutputFolder;

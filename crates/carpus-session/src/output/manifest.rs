@@ -6,6 +6,13 @@ use std::path::{Component, Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 const SCHEMA: &str = "carpus.output/1";
+/// The file that says who made the others.
+pub(super) const MANIFEST: &str = "carpus-output.json";
+/// Stands for the command in the manifest where a run ended early: the next run of any command removes what it does not
+/// write.
+pub(super) const UNFINISHED: &str = "unfinished run";
+/// Files that a message names before it counts the rest.
+const NAMED: usize = 5;
 
 /// Who made the files of a folder.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -66,4 +73,13 @@ pub(super) fn is_same_command(a: &str, b: &str) -> bool {
 pub(super) fn name_of(relative: &Path) -> String {
     let parts = relative.components().filter(|part| *part != Component::CurDir);
     parts.map(|part| part.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/")
+}
+
+/// Files in a message.
+pub(super) fn listed(files: &[String]) -> String {
+    let named = files.iter().take(NAMED).map(String::as_str).collect::<Vec<_>>().join(", ");
+    match files.len().saturating_sub(NAMED) {
+        0 => named,
+        rest => format!("{named} and {rest} more"),
+    }
 }

@@ -1,7 +1,8 @@
 //! What the dissertation concluded, beside what this study shows: every verdict is computed from the steps before.
 
 use super::scale::STRENGTH;
-use super::{Context, Step, Told, evaluate, ultrasound};
+use super::step::{Context, Step, Told};
+use super::{evaluate, ultrasound};
 use crate::account::{csv_text, fixed};
 use crate::diagnostic::Failure;
 use crate::evaluate::LINEAR;

@@ -1,9 +1,10 @@
 //! Recordings filtered, corrected, cut and aligned before they are the study's trials.
 
-use super::{Context, Step, Told, WholeStudy};
-use crate::diagnostic::{Diagnostic, Failure};
+use super::request::WholeStudy;
+use super::step::{Context, Processed, Step, Told};
+use crate::diagnostic::Failure;
 use crate::drag;
-use crate::dynamometer::{COLUMNS, ParticipantProcessing, Processing, constants, process, rows, trials_csv};
+use crate::dynamometer::{COLUMNS, Processing, constants, process, rows, trials_csv};
 use crate::loading::LoadedParticipant;
 use crate::outcomes::Outcomes;
 use crate::output::OutputFolder;
@@ -22,18 +23,6 @@ const FOLDER: &str = "processed";
 
 /// The step.
 pub(super) struct Dynamometer;
-
-/// What was done to the recordings.
-pub(super) struct Processed {
-    constants: Vec<(String, String)>,
-    outcomes: Vec<ParticipantProcessing>,
-    /// Drag of the machine, from recordings of it alone.
-    drag: Option<DragEstimate>,
-    /// Drag that was reckoned with [N·m·s/rad].
-    damping: f64,
-    /// Why some participants' recordings could not be processed.
-    pub failures: Vec<Diagnostic>,
-}
 
 /// The study that all other steps work on, with the folder of its results: the one given, or what its `[processing]`
 /// makes of it.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Context, Step, Told};
+use super::step::{Context, Step, Told};
 use crate::account::csv_text;
 use crate::diagnostic::Failure;
 use crate::emg::{COLUMNS, Emg as Request, ParticipantEmg, constants, findings, processed, rows};

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::personalize::files;
 use super::scale::{STRENGTH, strong};
-use super::{Context, Step, Told};
+use super::step::{Context, Step, Told};
 use crate::diagnostic::Failure;
 use crate::evaluate::LINEAR;
 use crate::evaluation_report::{self, ModelName, Representative};

@@ -1,6 +1,6 @@
 //! Intervals of the muscle parameters, what the data leave open, and which trial would narrow it down.
 
-use super::{Context, Step, Told};
+use super::step::{Context, Step, Told};
 use crate::account::{csv_text, warning_result};
 use crate::cohort_intervals;
 use crate::diagnostic::Failure;

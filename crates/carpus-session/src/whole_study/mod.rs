@@ -11,8 +11,10 @@ mod evaluate;
 mod identify;
 mod personalize;
 mod power;
+mod request;
 mod scale;
 mod sensitivity;
+mod step;
 mod task;
 mod ultrasound;
 
@@ -22,28 +24,21 @@ use serde_json::{Value, json};
 
 use crate::diagnostic::{Diagnostic, Failure, Severity};
 use crate::identify::{Identify, Priors};
-use crate::loading::{LoadedParticipant, Purpose};
+use crate::loading::Purpose;
 use crate::output::OutputFolder;
 use crate::progress::{Progress, go_on};
-use crate::provenance::DEFAULT_SEED;
 use crate::report_parts::ReportParts;
-use crate::screening::DEFAULT_STARTS;
 use crate::study::Study;
-use crate::units::{Unit, UnitStore};
+use crate::units::UnitStore;
 use carpus_report::article::{Article, Block, Section};
 use carpus_report::render_article;
 use carpus_report::results::InputFile;
 
-use dynamometer::Processed;
-pub use task::{SharedWork, StepUnits, Task, TaskRecord, TaskState};
+pub use request::{DEFAULT_BAYESIAN_EVALUATIONS, DEFAULT_SOBOL, DEFAULT_SQP_ITERATIONS, WholeStudy};
+pub use step::Told;
+use step::{Context, Step};
 use task::Recorder;
-
-/// Rows N of the Sobol' analysis where none are asked for: N (m + 2) runs per condition of m parameters.
-pub const DEFAULT_SOBOL: usize = 64;
-/// Evaluations of each Bayesian optimization where none are asked for.
-pub const DEFAULT_BAYESIAN_EVALUATIONS: usize = 150;
-/// Iterations of each sequential quadratic programming where none are asked for.
-pub const DEFAULT_SQP_ITERATIONS: u64 = 100;
+pub use task::{SharedWork, StepUnits, Task, TaskRecord, TaskState};
 
 /// The steps, in the order in which they are done.
 const STEPS: [&dyn Step; 10] = [
@@ -58,42 +53,6 @@ const STEPS: [&dyn Step; 10] = [
     &power::Power,
     &conclusions::Conclusions,
 ];
-
-/// How hard to work on a study. The default is what the command does without options.
-#[derive(Clone, Debug, PartialEq)]
-pub struct WholeStudy {
-    /// Steps, by name; none: all.
-    pub steps: Vec<String>,
-    /// Starts r of the Morris screening.
-    pub starts: usize,
-    /// Rows N of the Sobol' analysis; 0 for none.
-    pub sobol: usize,
-    /// Evaluations of each Bayesian optimization.
-    pub bayesian_evaluations: usize,
-    /// Iterations of each sequential quadratic programming.
-    pub sqp_iterations: u64,
-    /// What is asked about the parameters' intervals.
-    pub identify: Identify,
-    /// A table of prior knowledge, read when the step comes to it.
-    pub priors: Option<PathBuf>,
-    /// Seed of everything random.
-    pub seed: u64,
-}
-
-impl Default for WholeStudy {
-    fn default() -> Self {
-        WholeStudy {
-            steps: Vec::new(),
-            starts: DEFAULT_STARTS,
-            sobol: DEFAULT_SOBOL,
-            bayesian_evaluations: DEFAULT_BAYESIAN_EVALUATIONS,
-            sqp_iterations: DEFAULT_SQP_ITERATIONS,
-            identify: Identify::default(),
-            priors: None,
-            seed: DEFAULT_SEED,
-        }
-    }
-}
 
 /// What came of a study.
 #[derive(Clone, Debug)]
@@ -119,58 +78,6 @@ pub struct StepResult {
     pub title: &'static str,
     /// Its section, or why there is none.
     pub told: Told,
-}
-
-/// What a step has to tell when all participants are done.
-#[derive(Clone, Debug)]
-pub enum Told {
-    /// Its section.
-    Parts(ReportParts),
-    /// Why there is none.
-    NotRun(String),
-}
-
-/// What all steps work with.
-struct Context<'a> {
-    /// The study.
-    pub study: &'a Study,
-    /// Where results go.
-    pub out: &'a OutputFolder,
-    /// How hard to work.
-    pub request: &'a WholeStudy,
-    /// Finished units.
-    pub store: &'a UnitStore<'a>,
-    /// What was done to the dynamometer's recordings before they became this study; `None` where nothing was asked for.
-    pub processing: Option<Processed>,
-}
-
-/// A step of a study.
-trait Step: Sync {
-    /// Key: the first part of its units' places, its section's anchor, and its name on the command line.
-    fn id(&self) -> &'static str;
-
-    /// Heading of its section.
-    fn title(&self) -> &'static str;
-
-    /// A participant's units; none where the study has nothing for this step.
-    ///
-    /// # Errors
-    /// Why the participant's part cannot be done.
-    fn units<'a>(&self, context: &'a Context, run: &'a LoadedParticipant) -> Result<Vec<Unit<'a>>, Failure>;
-
-    /// Writes what is not part of the report, such as models.
-    ///
-    /// # Errors
-    /// The disk.
-    fn write(&self, _context: &Context, _run: &LoadedParticipant) -> Result<(), Failure> {
-        Ok(())
-    }
-
-    /// The section, from the units of all participants; or why there is none.
-    ///
-    /// # Errors
-    /// A fault of this program.
-    fn section(&self, context: &Context) -> Result<Told, Failure>;
 }
 
 impl WholeStudy {

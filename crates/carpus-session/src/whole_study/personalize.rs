@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Context, Step, Told};
+use super::step::{Context, Step, Told};
 use crate::account::{csv_text, digits, fixed};
 use crate::diagnostic::{Diagnostic, Failure};
 use crate::loading::LoadedParticipant;

@@ -1,6 +1,7 @@
 //! Could this many participants have shown it? The power analysis of chapter 3, on the study's own effect.
 
-use super::{Context, Step, Told, evaluate};
+use super::evaluate;
+use super::step::{Context, Step, Told};
 use crate::account::{csv_text, digits, fixed};
 use crate::diagnostic::Failure;
 use crate::evaluate::LINEAR;

@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Context, Step, Told};
+use super::step::{Context, Step, Told};
 use crate::account::{csv_text, digits, fixed};
 use crate::diagnostic::Failure;
 use crate::evaluate::LINEAR;

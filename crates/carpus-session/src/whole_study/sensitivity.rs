@@ -1,6 +1,6 @@
 //! Morris screening and Sobol' indices of every condition.
 
-use super::{Context, Step, Told};
+use super::step::{Context, Step, Told};
 use crate::diagnostic::Failure;
 use crate::loading::LoadedParticipant;
 use crate::screening::{

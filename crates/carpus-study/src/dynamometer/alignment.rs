@@ -69,8 +69,8 @@ pub enum AlignmentError {
 /// The shift of the second recorder's clock that makes two recordings of one quantity agree best.
 ///
 /// Both are brought to the finer recorder's steps by linear interpolation; every whole-step lag is tried, with the mean
-/// and scale of the common samples removed (sums of products by a fast Fourier transform), and the best is refined between
-/// steps by golden-section search of the correlation itself, the second signal by cubics between its samples.
+/// and scale of the common samples removed (sums of products by a fast Fourier transform), and the best is refined
+/// between steps by golden-section search of the correlation itself, the second signal by cubics between its samples.
 ///
 /// - `first`, `second`: time \[s\] and values; units may differ, signs may not
 /// - `max_lag`: largest shift looked at \[s\]
@@ -209,8 +209,8 @@ impl Regular {
         b + 0.5 * u * (c - a + u * (2.0 * a - 5.0 * b + 4.0 * c - d + u * (3.0 * (b - c) + d - a)))
     }
 
-    /// Correlations with another recording whose clock is shifted by whole steps, from −`lags` to `lags`; `None` where there are not
-    /// enough common samples, or no variation.
+    /// Correlations with another recording whose clock is shifted by whole steps, from −`lags` to `lags`; `None` where
+    /// there are not enough common samples, or no variation.
     fn correlations(&self, other: &Regular, lags: i64) -> Vec<Option<f64>> {
         let offset = (self.start - other.start) / self.step;
         let (whole, between) = (offset.floor() as i64, offset - offset.floor());

@@ -6,13 +6,20 @@ use super::columns::{AngleUnit, Columns, Conversion, Conversions};
 use super::fault::Fault;
 use super::problem::Problem;
 use super::raw_emg::EmgSignal;
-use super::settings::Settings;
 use super::toml_section::{Sections, TomlSection};
 use carpus_numerics::plausible::{Measured, NAMED_UNITS, unit_in_name};
 
 /// Warns of columns whose names state other units than their numbers are taken in.
-pub(super) fn warn_of_units(settings: &Settings, lines: &ColumnLines, file: &Path, problems: &mut Vec<Problem>) {
-    let columns = &settings.columns;
+///
+/// - `recorder_time`: the time column of a recorder of its own that the EMG is from
+pub(super) fn warn_of_units(
+    columns: &Columns,
+    emg: &EmgSignal,
+    recorder_time: Option<&str>,
+    lines: &ColumnLines,
+    file: &Path,
+    problems: &mut Vec<Problem>,
+) {
     let (angle, velocity) = match columns.angle_unit {
         AngleUnit::Degrees => ("deg", "deg/s"),
         AngleUnit::Radians => ("rad", "rad/s"),
@@ -48,10 +55,10 @@ pub(super) fn warn_of_units(settings: &Settings, lines: &ColumnLines, file: &Pat
     for further in &columns.further_moments {
         warn(&further.column, Measured::Moment, "N·m", further.line);
     }
-    if let Some(time) = settings.emg_recorder.as_ref().and_then(|recorder| recorder.time.as_ref()) {
+    if let Some(time) = recorder_time {
         warn(time, Measured::Time, "s", 0);
     }
-    let (holds, taken_as) = match settings.emg {
+    let (holds, taken_as) = match emg {
         EmgSignal::Normalized => (Measured::Part, "parts of 1"),
         EmgSignal::Raw(_) => (Measured::Voltage, "raw EMG"),
     };

@@ -6,14 +6,16 @@
 //! moment
 //! that is reversed in one trial is that trial's fault; reversed in all, it is the recording's.
 
+use std::path::Path;
+
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
+use super::Participant;
 use super::fault::Fault;
 use super::problem::Problem;
 use super::settings::Settings;
 use super::trial::Trial;
 use super::trial_list::{Contraction, Direction, TrialInfo};
-use super::{Participant, Study};
 
 /// Travel of the angle above which the moment of the relaxed limb changes along a trial \[rad\]: 2°.
 const LEAST_TRAVEL: f64 = 2.0 * std::f64::consts::PI / 180.0;
@@ -137,10 +139,17 @@ pub(super) fn regression(sums: &SMatrix<f64, 5, 5>, on: &[usize]) -> Option<(f64
 /// What the trials of all participants given say together.
 ///
 /// - `efforts`: of trials that could be read, each participant's in the order of recording
-pub(crate) fn check(study: &Study, efforts: &[Effort]) -> Vec<Problem> {
+/// - `file`, `folder`: the study.toml, and the folder it is in
+pub(crate) fn check(
+    efforts: &[Effort],
+    participants: &[Participant],
+    settings: &Settings,
+    file: &Path,
+    folder: &Path,
+) -> Vec<Problem> {
     let mut problems = Vec::new();
     let (mut reversed, mut trials) = (Vec::new(), 0);
-    for participant in &study.participants {
+    for participant in participants {
         let own: Vec<&Effort> = efforts.iter().filter(|e| e.info.participant == participant.name).collect();
         let judged: Vec<&&Effort> = own.iter().filter(|e| e.moment.is_some()).collect();
         let against: Vec<&&&Effort> = judged.iter().filter(|e| e.is_reversed()).collect();
@@ -150,12 +159,12 @@ pub(crate) fn check(study: &Study, efforts: &[Effort]) -> Vec<Problem> {
         } else {
             problems.extend(against.iter().map(|e| trial_reversed(e)));
         }
-        problems.extend(check_mvc(study, participant, &own));
+        problems.extend(check_mvc(folder, participant, &own));
     }
     if !reversed.is_empty() {
-        let column = study.settings.columns.moment.clone();
+        let column = settings.columns.moment.clone();
         let fault = Fault::MomentReversed { column, trials, participants: reversed };
-        problems.insert(0, Problem::error(&study.file, study.settings.dynamometer.coordinate_line, fault));
+        problems.insert(0, Problem::error(file, settings.dynamometer.coordinate_line, fault));
     }
     problems
 }
@@ -167,12 +176,12 @@ fn trial_reversed(effort: &Effort) -> Problem {
 }
 
 /// Compares the stated maximum voluntary moments with the MVC trials.
-fn check_mvc(study: &Study, participant: &Participant, efforts: &[&Effort]) -> Vec<Problem> {
+fn check_mvc(folder: &Path, participant: &Participant, efforts: &[&Effort]) -> Vec<Problem> {
     let stated = [
         ("mvc_flexion_n_m", Direction::Flexion, participant.mvc_flexion),
         ("mvc_extension_n_m", Direction::Extension, participant.mvc_extension),
     ];
-    let table = study.folder.join("participants.csv");
+    let table = folder.join("participants.csv");
     let mut problems = Vec::new();
     for (column, direction, stated) in stated {
         let of_direction = efforts.iter().filter(|e| e.info.is_mvc() && e.info.direction == direction);

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::dialect::Dialect;
 use super::problem::{Problem, StudyErrors};
-use super::table::{csv_problem, open_recording};
+use super::table::{next_row, open_recording};
 use super::{Fault, MIN_SAMPLES};
 
 /// The columns of a file, in the file's units.
@@ -36,16 +36,7 @@ impl Exported {
         let (mut reader, names, dialect) = open_recording(path, "recording", None, None, problems)?;
         let mut columns: Vec<Vec<f64>> = vec![Vec::new(); names.len()];
         let mut record = csv::StringRecord::new();
-        loop {
-            match reader.read_record(&mut record) {
-                Ok(false) => break,
-                Ok(true) if record.iter().all(str::is_empty) => continue,
-                Ok(true) => {}
-                Err(error) => {
-                    problems.push(csv_problem(path, &error));
-                    return None;
-                }
-            }
+        while next_row(&mut reader, &mut record, path, problems)? {
             for (i, samples) in columns.iter_mut().enumerate() {
                 samples.push(record.get(i).and_then(|text| dialect.number(text)).unwrap_or(f64::NAN));
             }

@@ -87,6 +87,13 @@ impl TrialInfo {
             emg_file: None,
         }
     }
+
+    /// A trial of nothing in particular, for tests.
+    #[doc(hidden)]
+    pub fn example(contraction: Contraction, direction: Direction, usage: TrialUse) -> TrialInfo {
+        let (file, file_as_written) = ("trial.csv".into(), "trial.csv".to_owned());
+        TrialInfo { line: 2, file, file_as_written, ..TrialInfo::new("P01", "trial", contraction, direction, usage) }
+    }
 }
 
 impl Study {

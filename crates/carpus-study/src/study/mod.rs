@@ -45,6 +45,7 @@ mod raw_emg;
 mod scaling;
 mod settings;
 mod table;
+mod times;
 mod toml_section;
 mod trial;
 mod trial_checks;
@@ -280,7 +281,13 @@ impl Study {
         let infos: Vec<&TrialInfo> = self.trials_of(participant).collect();
         let mut trials = gather(infos.into_par_iter().map(|info| self.trial_with(info, levels.as_deref())).collect())?;
         let efforts: Vec<Effort> = trials.iter().map(|trial| Effort::of(trial, &self.settings)).collect();
-        let doubtful = StudyErrors::settle(efforts::check(self, &efforts))?;
+        let doubtful = StudyErrors::settle(efforts::check(
+            &efforts,
+            &self.participants,
+            &self.settings,
+            &self.file,
+            &self.folder,
+        ))?;
         for problem in doubtful {
             // What concerns no trial's file is said with the first trial.
             let place = trials.iter().position(|trial| trial.info.file == problem.file).unwrap_or(0);
@@ -316,7 +323,13 @@ impl Study {
         };
         let (findings, efforts): (Vec<Vec<Problem>>, Vec<Option<Effort>>) = infos.par_iter().map(check).unzip();
         let efforts: Vec<Effort> = efforts.into_iter().flatten().collect();
-        for problem in findings.into_iter().flatten().chain(efforts::check(self, &efforts)) {
+        for problem in findings.into_iter().flatten().chain(efforts::check(
+            &efforts,
+            &self.participants,
+            &self.settings,
+            &self.file,
+            &self.folder,
+        )) {
             // A bad MVC file was read twice.
             if self.settings.emg == EmgSignal::Normalized || !problems.contains(&problem) {
                 problems.push(problem);

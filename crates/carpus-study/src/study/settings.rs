@@ -191,7 +191,8 @@ impl Settings {
             own_effects: own.into_iter().map(PathBuf::from).collect(),
             own_effects_line,
         };
-        warn_of_units(&settings, &lines, file, problems);
+        let recorder_time = settings.emg_recorder.as_ref().and_then(|recorder| recorder.time.as_deref());
+        warn_of_units(&settings.columns, &settings.emg, recorder_time, &lines, file, problems);
         Some((settings, columns_sound))
     }
 }

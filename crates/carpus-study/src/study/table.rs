@@ -168,6 +168,26 @@ pub fn file_fault(error: &std::io::Error, what: &'static str, named_at: Option<&
     }
 }
 
+/// Reads the next row; rows of separators alone, as spreadsheets leave them at the end, are passed over. `false` behind
+/// the last one; `None` where it cannot be read.
+pub(crate) fn next_row<R: std::io::Read>(
+    reader: &mut csv::Reader<R>,
+    record: &mut csv::StringRecord,
+    file: &Path,
+    problems: &mut Vec<Problem>,
+) -> Option<bool> {
+    loop {
+        match reader.read_record(record) {
+            Ok(true) if record.iter().all(str::is_empty) => {}
+            Ok(is_row) => return Some(is_row),
+            Err(error) => {
+                problems.push(csv_problem(file, &error));
+                return None;
+            }
+        }
+    }
+}
+
 /// The problem for a record that could not be read.
 pub(crate) fn csv_problem(path: &Path, error: &csv::Error) -> Problem {
     let line = error.position().map(|p| p.line() as usize);

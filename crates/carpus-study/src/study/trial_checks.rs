@@ -2,14 +2,12 @@
 
 use super::columns::AngleUnit;
 use super::fault::Fault;
-use super::limits::{
-    EMG_NOISE_ABOVE, EMG_NOISE_BELOW, GAP_IN_MEDIAN_STEPS, LONGEST_STEP, LONGEST_TRIAL, MAX_SAMPLES, MIN_SAMPLES,
-    SHORTEST_STEP,
-};
+use super::limits::{EMG_NOISE_ABOVE, EMG_NOISE_BELOW, GAP_IN_MEDIAN_STEPS, MAX_SAMPLES, MIN_SAMPLES};
 use super::problem::Problem;
 use super::raw_emg::{EmgSignal, emg_rate_hz};
 use super::settings::Settings;
 use super::table::is_of_a_study;
+use super::times::{implausible_time, median};
 use super::trial::Trial;
 use carpus_numerics::signals::{Resampled, own_samples};
 
@@ -123,26 +121,6 @@ pub(super) fn check_time(trial: &Trial, max_gap: Option<f64>, problems: &mut Vec
 }
 
 /// What is wrong with times of which the unit cannot be seconds. The work that a trial makes grows with its duration;
-/// after this check it grows
-/// with the number of its samples.
-///
-/// - `median_step_s`: median step \[s\]
-pub(crate) fn implausible_time(time: &[f64], median_step_s: f64) -> Option<Fault> {
-    let (first, last) = (*time.first()?, *time.last()?);
-    let duration_s = last - first;
-    let mean_step_s = duration_s / (time.len().max(2) - 1) as f64;
-    let plausible = (SHORTEST_STEP..=LONGEST_STEP).contains(&median_step_s)
-        && mean_step_s <= LONGEST_STEP
-        && duration_s <= LONGEST_TRIAL;
-    (!plausible).then_some(Fault::ImplausibleTime { median_step_s, duration_s })
-}
-
-/// Median; the upper one of two middle values.
-pub(crate) fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
-}
 
 /// Reports excitations outside 0..1, once per column, and clamps those that are noise.
 pub(super) fn check_excitation(trial: &mut Trial, settings: &Settings, problems: &mut Vec<Problem>) {

@@ -9,7 +9,7 @@ use super::nearest::nearest;
 use super::problem::{Problem, Severity, StudyErrors};
 use super::raw_emg::{self, EmgSignal};
 use super::settings::Settings;
-use super::table::{csv_problem, is_of_a_study, missing_column, open_recording};
+use super::table::{is_of_a_study, missing_column, next_row, open_recording};
 use super::trial::Trial;
 use super::trial_checks::{check_arrays, check_excitation, check_time, note_resampled};
 use super::trial_list::TrialInfo;
@@ -180,18 +180,7 @@ fn read_samples(
     let mut ragged: Option<(usize, usize, usize)> = None;
     let is_plain = dialect.is_plain();
     let mut record = csv::StringRecord::new();
-    loop {
-        match reader.read_record(&mut record) {
-            Ok(false) => break,
-            Ok(true) => {}
-            Err(error) => {
-                problems.push(csv_problem(file, &error));
-                return None;
-            }
-        }
-        if record.iter().all(str::is_empty) {
-            continue; // a row of separators, as spreadsheets leave at the end
-        }
+    while next_row(&mut reader, &mut record, file, problems)? {
         let line = record.position().map_or(0, |p| p.line() as usize);
         if record.len() != header.len() {
             let first = ragged.get_or_insert((line, record.len(), 0));

@@ -82,29 +82,6 @@ impl TrialInfo {
     pub fn arm_word(&self) -> &'static str {
         word_of(&ARM_WORDS, self.arm_flipped)
     }
-
-    /// A trial of nothing in particular, for tests.
-    #[doc(hidden)]
-    pub fn example(contraction: Contraction, direction: Direction, usage: TrialUse) -> TrialInfo {
-        TrialInfo {
-            index: 0,
-            place: 0,
-            line: 2,
-            name: "trial".to_owned(),
-            participant: "P01".to_owned(),
-            file: "trial.csv".into(),
-            file_as_written: "trial.csv".to_owned(),
-            contraction,
-            effort_percent: None,
-            direction,
-            posture: None,
-            repetition: None,
-            usage,
-            start_time: None,
-            arm_flipped: false,
-            emg_file: None,
-        }
-    }
 }
 
 /// Kind of contraction.

@@ -1,43 +1,70 @@
-//! `carpus effect add`: effects that a person names, if the diagnosis supports them or the person insists.
+//! `carpus effect add`: effects that a person names, if the diagnosis supports them or the person insists; `carpus
+//! effect auto`: those that the data identify.
 
-use std::path::Path;
-
-use super::readable;
-use crate::args::Global;
-use crate::args_diagnosis::EffectAddArgs;
+use super::ledger::readable;
+use crate::args::{EffectAddArgs, EffectsFile, Global, StudyArgs, StudyWithEffects};
 use crate::bars::Bars;
-use crate::failure::{self, Failure, Severity};
+use crate::failure::{self, Diagnostic, Failure, Severity};
 use crate::next_steps;
 use crate::study_run::StudyRun;
+use carpus_diagnosis::effect::Effect;
 use carpus_report::results::Results;
 use carpus_session::diagnose::forward_model;
-use carpus_session::effect_choice::{chosen, objections};
+use carpus_session::diagnosis_file::KnownDiagnosis;
+use carpus_session::effect_choice::{chosen, decide, objections};
 use carpus_session::effect_steps::AddEffects;
 use carpus_session::loading::Purpose;
 use carpus_session::outcomes::Outcomes;
-use carpus_session::result_files::summary;
+use carpus_session::result_files::summaries_with_ledgers;
 
-/// Runs the command.
+/// Effects to add, and what a person should know of the choice.
+type Choice = (Vec<&'static dyn Effect>, Vec<Diagnostic>);
+
+/// Runs `carpus effect add`.
 ///
 /// # Errors
 /// The study, its models and trials, the effects, a diagnosis that does not support them, or the output folder.
 pub fn run(args: &EffectAddArgs, global: &Global) -> Result<(), Failure> {
     let effects = chosen(&args.chosen)?;
-    let study = StudyRun::prepare_with(&args.study, args.effects.file(), "effect")?;
     let request = AddEffects { seed: global.seed, i_choose: args.i_choose };
-    let bars = Bars::new(global);
-    let outcomes = study.each("adding effects", &bars, |participant| {
-        let session = participant.load_for(Purpose::Diagnosis)?.with_progress(&bars);
-        failure::print(&session.data.warnings);
-        let (name, forward) = (&participant.about().name, forward_model(&session.data)?);
-        let diagnosis = session.known_or_made(&study.out, &forward, global.seed)?;
-        let messages = objections(name, &diagnosis, &args.chosen, args.i_choose);
-        if messages.iter().any(|m| m.severity == Severity::Error) {
-            return Err(messages.into());
+    add(&args.study, &args.effects, &request, global, |name, diagnosis| {
+        let messages = objections(name, diagnosis, &args.chosen, args.i_choose);
+        match messages.iter().any(|m| m.severity == Severity::Error) {
+            true => Err(messages.into()),
+            false => Ok((effects.clone(), messages)),
         }
+    })
+}
+
+/// Runs `carpus effect auto`.
+///
+/// # Errors
+/// The study, its models and trials, or the output folder.
+pub fn run_auto(args: &StudyWithEffects, global: &Global) -> Result<(), Failure> {
+    let request = AddEffects { seed: global.seed, ..AddEffects::default() };
+    add(&args.study, &args.effects, &request, global, |name, diagnosis| {
+        let (effects, why) = decide(&diagnosis.result)?;
+        let warning = |why| Diagnostic::warning(format!("participant {name}: {why}"));
+        Ok((effects, why.into_iter().map(warning).collect()))
+    })
+}
+
+/// Adds the effects that are chosen by each participant's diagnosis.
+fn add(
+    study: &StudyArgs,
+    beside: &EffectsFile,
+    request: &AddEffects,
+    global: &Global,
+    choice: impl Fn(&str, &KnownDiagnosis) -> Result<Choice, Failure>,
+) -> Result<(), Failure> {
+    let study = StudyRun::prepare_with(study, beside, "effect")?;
+    let outcomes = study.each("adding effects", Purpose::Diagnosis, &Bars::new(global), |session, folder| {
+        let forward = forward_model(&session.data)?;
+        let diagnosis = session.known_or_made(&study.out, &forward, global.seed)?;
+        let (effects, messages) = choice(&session.data.participant.name, &diagnosis)?;
         failure::print(&messages);
-        let added = session.add_effects(study.out.path(), &forward, &effects, &diagnosis, &request)?;
-        added.write_to(&study.out, Path::new(name))?;
+        let added = session.add_effects(study.out.path(), &forward, &effects, &diagnosis, request)?;
+        added.write_to(&study.out, folder)?;
         Ok(added.results)
     })?;
     print(&study, outcomes, global)
@@ -47,15 +74,9 @@ pub fn run(args: &EffectAddArgs, global: &Global) -> Result<(), Failure> {
 ///
 /// # Errors
 /// Participants that could not be done.
-pub fn print(study: &StudyRun, outcomes: Outcomes<Results>, global: &Global) -> Result<(), Failure> {
+fn print(study: &StudyRun, outcomes: Outcomes<Results>, global: &Global) -> Result<(), Failure> {
     if global.json {
-        let one = |r: &Results| {
-            let mut value = summary(r);
-            value["ledger"] = serde_json::to_value(&r.ledger).unwrap_or_default();
-            value
-        };
-        let text = serde_json::Value::Array(outcomes.done.iter().map(one).collect()).to_string();
-        return study.print("effect", &text, outcomes.failed);
+        return study.print("effect", &summaries_with_ledgers(&outcomes.done), outcomes.failed);
     }
     let mut text = String::new();
     for results in &outcomes.done {

@@ -1,10 +1,9 @@
 //! `carpus effect remove`: a step back in the ledger.
 
-use super::readable;
-use crate::args::Global;
-use crate::args_diagnosis::EffectRemoveArgs;
+use super::ledger::readable;
+use crate::args::{EffectRemoveArgs, Global};
 use crate::failure::Failure;
-use crate::print_result;
+use crate::stdout::print_result;
 use carpus_session::remove_effects::{RemoveEffects, text_of};
 
 /// Runs the command.

@@ -1,11 +1,10 @@
 //! `carpus effects check`: an effect of a laboratory's own, checked as those of the catalogue are, and shown.
 
-use super::details;
-use crate::args::Global;
-use crate::args_diagnosis::EffectsCheckArgs;
+use super::description::details;
+use crate::args::{EffectsCheckArgs, Global};
 use crate::bars::Bars;
 use crate::failure::Failure;
-use crate::print_result;
+use crate::stdout::print_result;
 use crate::table::table;
 use carpus_diagnosis::conformance::Check;
 use carpus_diagnosis::effect::Effect;

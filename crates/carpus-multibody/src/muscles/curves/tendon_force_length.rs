@@ -1,6 +1,6 @@
 //! `TendonForceLengthCurve`.
 
-use super::{CurveError, require, scale_curviness};
+use super::properties::{CurveError, require, scale_curviness};
 use carpus_numerics::numerics::{QuinticCorner, SmoothSegmentedFunction};
 use carpus_osim::osim::spec::TendonForceLengthSpec;
 

@@ -1,6 +1,7 @@
 //! Wrapping over a cylinder along z, centred at the origin (OpenSim's `WrapCylinder::wrapLine`).
 
-use super::{Attempt, ConstrainedHalf, Effort, ROUNDOFF_ERROR, Wrap, WrapAction, WrapPath, normalize_or_zero, sign};
+use super::rounding::{ROUNDOFF_ERROR, normalize_or_zero, sign};
+use super::wrap::{Attempt, ConstrainedHalf, Effort, Wrap, WrapAction, WrapPath};
 use nalgebra::{Vector2, Vector3};
 
 /// Largest angle between the straight and the curved part at a tangent point that is accepted as tangency is

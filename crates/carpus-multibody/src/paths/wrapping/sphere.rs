@@ -1,6 +1,7 @@
 //! Wrapping over a sphere centred at the origin (OpenSim's `WrapSphere::wrapLine`).
 
-use super::{ConstrainedHalf, Wrap, WrapAction, WrapPath, normalize_or_zero, sign};
+use super::rounding::{normalize_or_zero, sign};
+use super::wrap::{ConstrainedHalf, Wrap, WrapAction, WrapPath};
 use nalgebra::Vector3;
 
 /// A segment whose line passes the centre closer than this (sine of an angle) is not wrapped: the wrapping plane is

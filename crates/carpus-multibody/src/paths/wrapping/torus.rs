@@ -5,7 +5,9 @@
 //! tolerances (1e-4) and finite-difference step (1e-5 m) show in OpenSim's path lengths; therefore the same iteration
 //! is done here.
 
-use super::{Attempt, ConstrainedHalf, Effort, Wrap, WrapAction, WrapPath, cylinder, normalize_or_zero};
+use super::cylinder;
+use super::rounding::normalize_or_zero;
+use super::wrap::{Attempt, ConstrainedHalf, Effort, Wrap, WrapAction, WrapPath};
 use nalgebra::Vector3;
 
 /// Length of the replacing cylinder [m].

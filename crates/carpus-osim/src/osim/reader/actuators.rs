@@ -3,8 +3,9 @@
 use nalgebra::Vector3;
 
 use super::functions::is_function;
+use super::object::{Names, Object};
 use super::properties::Bound;
-use super::{Names, Object, Reader};
+use super::state::Reader;
 use crate::osim::error::ProblemKind;
 use crate::osim::spec::{
     ActuatorActivation, ActuatorKind, ActuatorSpec, ForceKind, FrameIndex, FunctionSpec, PrescribedForceSpec,

@@ -2,10 +2,11 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::object::{COMPONENT_SET, FreeComponents, Names, Object};
+use super::pending::UnresolvedOffset;
 use super::properties::Bound;
-use super::sockets::UnresolvedOffset;
+use super::state::Reader;
 use super::upgrade::six_significant_digits;
-use super::{COMPONENT_SET, FreeComponents, Names, Object, Reader};
 use crate::osim::diagnostics::Severity;
 use crate::osim::document::ElementId;
 use crate::osim::error::ProblemKind;

@@ -1,8 +1,9 @@
 //! Constraints.
 
 use super::functions::is_function;
+use super::object::{FreeComponents, Names, Object};
 use super::properties::Bound;
-use super::{FreeComponents, Names, Object, Reader};
+use super::state::Reader;
 use crate::osim::diagnostics::Severity;
 use crate::osim::error::ProblemKind;
 use crate::osim::spec::{ConstraintKind, ConstraintSpec, CoordinateIndex, FrameIndex};

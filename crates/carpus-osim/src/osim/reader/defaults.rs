@@ -7,10 +7,10 @@
 use std::collections::BTreeMap;
 
 use super::force_sets::force_set_element;
+use super::format::{OLDEST_FORCE_SET, format_version, model_element};
 use super::muscles::is_muscle;
 use super::properties::is_true;
 use super::upgrade::{Version, present_class};
-use super::{OLDEST_FORCE_SET, format_version, model_element};
 use crate::osim::document::{Document, ElementId, escape};
 use crate::osim::error::{DocumentError, OsimError};
 

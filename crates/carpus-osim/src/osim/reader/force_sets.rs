@@ -2,7 +2,10 @@
 
 use std::collections::HashSet;
 
-use super::{Names, OLDEST_FORCE_SET, Reader, Version, format_version};
+use super::format::{OLDEST_FORCE_SET, format_version};
+use super::object::Names;
+use super::state::Reader;
+use super::upgrade::Version;
 use crate::osim::diagnostics::{Diagnostics, Severity};
 use crate::osim::document::{Document, ElementId};
 use crate::osim::error::OsimError;

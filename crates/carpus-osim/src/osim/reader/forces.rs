@@ -4,10 +4,11 @@ use nalgebra::Vector3;
 
 use super::functions::is_function;
 use super::muscles::is_muscle;
+use super::object::{FreeComponents, Names, Object};
+use super::pending::UnresolvedOffset;
 use super::properties::Bound;
-use super::sockets::UnresolvedOffset;
+use super::state::Reader;
 use super::upgrade::present_class;
-use super::{FreeComponents, Names, Object, Reader};
 use crate::osim::diagnostics::Severity;
 use crate::osim::document::ElementId;
 use crate::osim::error::ProblemKind;

@@ -1,7 +1,8 @@
 //! OpenSim's functions of one variable.
 
+use super::object::Object;
 use super::properties::Bound;
-use super::{Object, Reader};
+use super::state::Reader;
 use crate::osim::document::ElementId;
 use crate::osim::error::ProblemKind;
 use crate::osim::spec::FunctionSpec;

@@ -3,10 +3,11 @@
 use nalgebra::Vector3;
 
 use super::functions::is_function;
+use super::object::{FreeComponents, Names, Object};
+use super::pending::{PendingJoint, UnresolvedOffset};
 use super::properties::Bound;
-use super::sockets::UnresolvedOffset;
+use super::state::Reader;
 use super::upgrade::six_significant_digits;
-use super::{FreeComponents, Names, Object, Reader};
 use crate::osim::diagnostics::{Diagnostic, Severity};
 use crate::osim::document::ElementId;
 use crate::osim::error::ProblemKind;
@@ -25,13 +26,6 @@ const AXES: [(&str, [f64; 3]); 6] = [
     ("translation2", [0.0, 1.0, 0.0]),
     ("translation3", [0.0, 0.0, 1.0]),
 ];
-
-/// A joint whose frames are not resolved yet.
-pub(super) struct PendingJoint {
-    object: Object,
-    /// In formats that nest joints in bodies: the child body.
-    child: Option<String>,
-}
 
 /// An axis before coordinate names are resolved.
 struct RawAxis {

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::Reader;
+use super::state::Reader;
 use crate::osim::diagnostics::{Diagnostic, Severity};
 use crate::osim::document::ElementId;
 use crate::osim::error::nearest;

@@ -1,7 +1,8 @@
 //! Muscles and their curves. Default values are those of the constructors in OpenSim 4.6.
 
+use super::object::Object;
 use super::properties::Bound;
-use super::{Object, Reader};
+use super::state::Reader;
 use crate::osim::diagnostics::Severity;
 use crate::osim::document::ElementId;
 use crate::osim::spec::{

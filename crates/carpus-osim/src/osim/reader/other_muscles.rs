@@ -2,9 +2,10 @@
 
 use super::functions::is_function;
 use super::muscles::FRACTION;
+use super::object::Object;
 use super::properties::Bound;
+use super::state::Reader;
 use super::upgrade::present_class;
-use super::{Object, Reader};
 use crate::osim::diagnostics::Severity;
 use crate::osim::document::ElementId;
 use crate::osim::error::ProblemKind;

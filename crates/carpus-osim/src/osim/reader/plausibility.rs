@@ -3,7 +3,7 @@
 //! Each is a warning; the number is used as it stands. What is doubtful in the same way at several places is one
 //! warning.
 
-use super::Reader;
+use super::state::Reader;
 use crate::osim::diagnostics::{Diagnostic, Severity};
 use crate::osim::document::ElementId;
 use crate::osim::spec::{

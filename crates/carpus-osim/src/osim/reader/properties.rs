@@ -9,7 +9,8 @@ use std::str::FromStr;
 
 use nalgebra::Vector3;
 
-use super::{Object, Reader};
+use super::object::Object;
+use super::state::Reader;
 use crate::osim::diagnostics::Severity;
 use crate::osim::document::ElementId;
 use crate::osim::error::ProblemKind;

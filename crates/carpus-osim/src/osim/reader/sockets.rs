@@ -1,18 +1,11 @@
 //! Connections between components: sockets by path, bare names of old files.
 
-use super::{Object, Reader};
+use super::object::Object;
+use super::pending::UnresolvedOffset;
+use super::state::Reader;
 use crate::osim::document::ElementId;
 use crate::osim::error::{ProblemKind, nearest};
 use crate::osim::spec::{CoordinateIndex, FrameIndex, FrameKind};
-
-/// An offset frame whose parent is known by name only.
-#[derive(Clone, Debug)]
-pub(super) struct UnresolvedOffset {
-    pub frame: FrameIndex,
-    pub object: Object,
-    /// Element and text of the socket; `None` if there is none.
-    pub parent: Option<(Option<ElementId>, String)>,
-}
 
 /// The absolute path that `text` means to the component at `owner`.
 pub(super) fn absolute(owner: &str, text: &str) -> String {

@@ -4,8 +4,11 @@ use std::collections::HashMap;
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::object::{Names, Object};
+use super::pending::PendingStationFrame;
 use super::sockets::absolute;
-use super::{Names, Object, Reader};
+use super::state::Reader;
+use crate::osim::diagnostics::Severity;
 use crate::osim::document::ElementId;
 use crate::osim::error::{ProblemKind, nearest};
 use crate::osim::spec::{FrameIndex, FrameKind, Location};
@@ -13,12 +16,6 @@ use carpus_numerics::spatial::{Transform, body_xyz_angles};
 
 /// Sockets of the frame, in the order in which they are used.
 const POINTS: [&str; 4] = ["point_a", "point_b", "point_c", "origin_point"];
-
-/// A frame whose stations are not resolved yet.
-pub(super) struct PendingStationFrame {
-    frame: FrameIndex,
-    object: Object,
-}
 
 /// An axis of the frame with a sign.
 type Direction = (usize, f64);
@@ -175,7 +172,7 @@ impl Reader<'_> {
                 Some(axis) => (axis, sign),
                 None => {
                     let message = format!("{property} is \"{text}\", expected +x, -x, … or -z; taken as in OpenSim");
-                    self.diagnose(super::Severity::Warning, element, &object.path, message, None);
+                    self.diagnose(Severity::Warning, element, &object.path, message, None);
                     default
                 }
             }

@@ -2,7 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::{CoordinateIndex, FrameIndex, FunctionSpec, Location};
+use super::FunctionSpec;
+use super::location::{CoordinateIndex, FrameIndex, Location};
 
 /// A constraint.
 #[derive(Clone, Debug)]

@@ -2,7 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::{CoordinateIndex, FrameIndex, FunctionSpec, Location, PathSpec};
+use super::location::{CoordinateIndex, FrameIndex, Location};
+use super::{FunctionSpec, PathSpec};
 
 /// A force that is not a muscle.
 #[derive(Clone, Debug)]

@@ -2,7 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::{CoordinateIndex, FrameIndex, FunctionSpec, JointIndex, Location};
+use super::FunctionSpec;
+use super::location::{CoordinateIndex, FrameIndex, JointIndex, Location};
 
 /// A joint between two frames.
 #[derive(Clone, Debug)]

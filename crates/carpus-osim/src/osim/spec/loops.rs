@@ -1,6 +1,7 @@
 //! Joints that close loops, as OpenSim finds them.
 
-use super::{BodyIndex, FrameIndex, FrameKind, JointIndex, JointKind, ModelSpec};
+use super::location::{BodyIndex, FrameIndex, JointIndex};
+use super::{FrameKind, JointKind, ModelSpec};
 
 /// A joint between two bodies, ground being 0 and a body its index + 1.
 #[derive(Clone, Copy)]

@@ -1,6 +1,7 @@
 //! Muscles and their curves.
 
-use super::{FunctionSpec, Location, PathSpec};
+use super::location::Location;
+use super::{FunctionSpec, PathSpec};
 
 /// A muscle.
 #[derive(Clone, Debug)]

@@ -2,7 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::{CoordinateIndex, FrameIndex, FunctionSpec, Location, WrapObjectIndex};
+use super::FunctionSpec;
+use super::location::{CoordinateIndex, FrameIndex, Location, WrapObjectIndex};
 
 /// A surface that paths can wrap over.
 #[derive(Clone, Debug)]

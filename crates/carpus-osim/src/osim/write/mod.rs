@@ -5,6 +5,7 @@
 
 mod bodies;
 mod forces;
+mod format;
 mod functions;
 mod joints;
 mod muscles;
@@ -12,11 +13,11 @@ mod recent;
 mod xml;
 
 use super::spec::{FrameIndex, FrameKind, ModelSpec};
-use super::{Document, DocumentError, OsimError, OsimFile, Severity};
+use super::{Document, OsimError, OsimFile, Severity};
+pub use format::CURRENT_FORMAT;
+use format::own;
 use xml::Xml;
 
-/// The format that is written, that of OpenSim 4.6.
-pub const CURRENT_FORMAT: u32 = 40600;
 /// Formats from here on keep their text.
 const RECENT: u32 = 40000;
 
@@ -166,16 +167,6 @@ impl Writer<'_> {
         }
         self.xml.close();
     }
-}
-
-/// The error of a text made here.
-fn own(error: DocumentError) -> OsimError {
-    OsimError::from(error)
-}
-
-/// The document after splices.
-fn spliced(document: &Document, edits: Vec<(std::ops::Range<usize>, String)>) -> Result<OsimFile, OsimError> {
-    OsimFile::from_document(document.spliced(edits).map_err(own)?)
 }
 
 #[cfg(test)]

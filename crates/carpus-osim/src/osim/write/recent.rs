@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{CURRENT_FORMAT, spliced};
+use super::format::{CURRENT_FORMAT, spliced};
 use crate::osim::document::{ElementId, escape};
 use crate::osim::{OsimError, OsimFile};
 

@@ -4,7 +4,7 @@
 //! stay
 //! where they are in the file until they are asked for.
 
-use super::{StorageProblem, broken};
+use super::super::error::StorageProblem;
 
 /// The processor whose numbers a file has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -227,6 +227,10 @@ fn whole(number: f64, group: &str, name: &str) -> Result<usize, StorageProblem> 
     let is_count = number >= 0.0 && number <= f64::from(u32::MAX) && number.fract() == 0.0;
     let wrong = || broken(format!("expected {group}:{name} to be a count, found {number}"));
     if is_count { Ok(number as usize) } else { Err(wrong()) }
+}
+
+pub(super) fn broken(what: impl Into<String>) -> StorageProblem {
+    StorageProblem::MotionCapture { what: what.into() }
 }
 
 #[cfg(test)]

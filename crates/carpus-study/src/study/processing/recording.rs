@@ -6,8 +6,8 @@ use crate::study::columns::Conversion;
 use crate::study::dialect::is_time_name;
 use crate::study::fault::Fault;
 use crate::study::problem::{Problem, StudyErrors};
-use crate::study::table::{Row, csv_problem, is_of_a_study, missing_column, open_recording};
-use crate::study::trial_checks::{implausible_time, median};
+use crate::study::table::{Row, is_of_a_study, missing_column, next_row, open_recording};
+use crate::study::times::{implausible_time, median};
 use carpus_numerics::plausible::{Measured, unit_in_name};
 
 /// Most samples of a recording as it is: an hour at 2 kHz. It is not simulated; a sample takes about 8 bytes a column
@@ -75,18 +75,7 @@ impl Recorded {
         }
         let before = problems.len();
         let mut record = csv::StringRecord::new();
-        loop {
-            match reader.read_record(&mut record) {
-                Ok(false) => break,
-                Ok(true) => {}
-                Err(error) => {
-                    problems.push(csv_problem(path, &error));
-                    return None;
-                }
-            }
-            if record.iter().all(str::is_empty) {
-                continue; // a row of separators, as spreadsheets leave at the end
-            }
+        while next_row(&mut reader, &mut record, path, problems)? {
             let line = record.position().map_or(0, |p| p.line() as usize);
             let row = Row { file: path, header: &header, line, record: &record };
             if record.len() != header.len() {

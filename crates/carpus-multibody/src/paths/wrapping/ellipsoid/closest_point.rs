@@ -1,7 +1,7 @@
 //! Closest point on an ellipsoid or ellipse (Hart, "Distance to an ellipsoid", Graphics Gems IV, 1994), as in
 //! OpenSim's `WrapEllipsoid::findClosestPoint` and `closestPointToEllipse`.
 
-use super::super::is_zero_within_roundoff;
+use super::super::rounding::is_zero_within_roundoff;
 use nalgebra::Vector3;
 
 const MAX_ITERATIONS: usize = 64;

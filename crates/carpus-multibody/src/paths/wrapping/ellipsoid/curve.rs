@@ -1,8 +1,8 @@
 //! The curve in which the wrapping plane cuts the ellipsoid, as a sum of straight pieces (OpenSim's
 //! `WrapEllipsoid::CalcDistanceOnEllipsoid`).
 
-use super::super::normalize_or_zero;
-use super::{Segment, WrappingPlane};
+use super::super::rounding::normalize_or_zero;
+use super::segment::{Segment, WrappingPlane};
 use nalgebra::Vector3;
 
 /// Length of a piece, measured on the chord [m].

@@ -1,8 +1,9 @@
 //! The point `c1` of the surface that, with both ends, spans the plane of the curve.
 
-use super::super::{ConstrainedHalf, normalize_or_zero, sign};
-use super::Segment;
+use super::super::rounding::{normalize_or_zero, sign};
+use super::super::wrap::ConstrainedHalf;
 use super::closest_point;
+use super::segment::Segment;
 use carpus_osim::osim::spec::WrapMethod;
 use nalgebra::Vector3;
 

@@ -1,8 +1,8 @@
 //! The point of an ellipse in the wrapping plane whose tangent passes through an end of the segment (OpenSim's
 //! `WrapEllipsoid::calcTangentPoint`).
 
-use super::super::normalize_or_zero;
-use super::WrappingPlane;
+use super::super::rounding::normalize_or_zero;
+use super::segment::WrappingPlane;
 use nalgebra::{Matrix4, Vector3, Vector4};
 
 /// The iteration ends when the sum of the four squared residuals is below this.

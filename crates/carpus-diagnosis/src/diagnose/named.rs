@@ -4,12 +4,13 @@
 use std::collections::BTreeMap;
 
 use rayon::prelude::*;
-use serde::Serialize;
 
-use super::ONE_BY_ONE;
-use super::diagnose::{ParameterEstimate, Request, simulate};
-use super::forward_model::{ForwardModel, Setting};
-use super::inference::session::{HandedOver, Session, State};
+use super::account::{AccountStep, NamedEffect, ParameterEstimate, Shares};
+use super::request::Request;
+use super::simulated::simulate;
+use crate::ONE_BY_ONE;
+use crate::forward_model::{ForwardModel, Setting};
+use crate::inference::session::{HandedOver, Session, State};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 use carpus_study::study::TrialUse;
 
@@ -18,52 +19,6 @@ const LARGE: f64 = 1.0 / 3.0;
 /// … and if nothing else takes what it does of at least this share of the mean square of the error that the refitted
 /// muscles leave.
 const DOMINANT: f64 = 0.2;
-
-/// An effect that is missing.
-#[derive(Clone, Debug, Serialize)]
-pub struct NamedEffect {
-    /// Effect.
-    pub effect: &'static str,
-    /// Effects that these trials cannot tell from it, itself first.
-    pub group: Vec<&'static str>,
-    /// Probability that one of the group is missing: by the linear model or by simulation, whichever is larger,
-    /// equations (23) and (33).
-    pub probability: f64,
-    /// How much larger −2 log posterior is without it, muscles, the other effects and a little of everything making up
-    /// for it as they can.
-    pub evidence: f64,
-    /// Whether it is large and takes a large part of the error that nothing else takes.
-    pub dominant: bool,
-    /// Share of the mean square of the error of the model as given that it takes, the mean over orders in which the
-    /// effects and the fit of the muscles come in, those that are there making up for what is missing as they can:
-    /// value and 95 % interval over trials.
-    pub share_of_error: Shares,
-    /// The part of it that nothing else takes: by how much the error rises when the effect is taken out, and the others
-    /// and the muscles are fitted anew, as a share of the same mean square: value and 95 % interval over trials.
-    pub unique_share: Shares,
-    /// Parameters by name, at the joint mode.
-    pub parameters: BTreeMap<String, ParameterEstimate>,
-}
-
-/// Shares of training and held-out trials.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct Shares {
-    /// Training trials.
-    pub train: [f64; 3],
-    /// Held-out trials.
-    pub held_out: Option<[f64; 3]>,
-}
-
-/// A step of the account of the error: RMSE / session MVC moment.
-#[derive(Clone, Debug, Serialize)]
-pub struct AccountStep {
-    /// What the model has: `as_given`, `recalibrated`, an effect, `generic_discrepancy`, or `noise`.
-    pub step: String,
-    /// Training trials.
-    pub train: f64,
-    /// Held-out trials.
-    pub held_out: Option<f64>,
-}
 
 /// Mean squares of the residuals of every trial of a use [(N·m)²], weighted by samples.
 fn squares(

@@ -1,6 +1,6 @@
 //! Warnings that were said already: what holds for several participants is said once, and then for whom else.
 
-use carpus_session::diagnostic::Diagnostic;
+use super::diagnostic::Diagnostic;
 
 /// Stands for a participant's name in warnings that differ in it alone.
 const NAME: &str = "\u{0}";
