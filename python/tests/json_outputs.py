@@ -115,6 +115,9 @@ COMMANDS: dict[str, tuple[Callable[[Path], None] | None, Words]] = {
     "plan --effect": (None, out("plan", "separable", "--effect", "coulomb_friction")),
     "synth": (None, out("synth", "synthetic", "--effect", "gravity")),
     "study": (None, out("study", "studied", "--steps", "evaluate,ultrasound")),
+    "study --task": (None, out("study", "shared", "--steps", "evaluate,ultrasound", "--task", "1/1")),
+    "units": (None, lambda f: ["units", str(f / "shared")]),
+    "merge": (None, lambda f: ["merge", str(f / "shared")]),
     "evaluate": (
         None,
         lambda f: ["evaluate", DEMO, "--models", str(f / "personalized"), "--out", str(f / "evaluated")],
@@ -178,7 +181,7 @@ def output(command: str, folder: Path) -> Any:
 
 
 # Objects whose keys are names: of muscles, parameters, classes, steps of processing.
-BY_NAME = ("parameters", "muscles", "understood", "processing", "detectable_size", "plausible", "size", "values")
+BY_NAME = ("parameters", "units", "muscles", "understood", "processing", "detectable_size", "plausible", "size", "values")
 
 
 def by_name(schema: Any) -> Any:

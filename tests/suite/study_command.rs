@@ -187,3 +187,66 @@ fn verif_unknown_steps_and_missing_arguments_are_refused() {
     let mut command = Command::cargo_bin("carpus").unwrap();
     command.args(["evaluate", "study.toml", "--out", "x"]).assert().code(1).stderr(contains("--models"));
 }
+
+/// A node that is killed, a damaged unit, tasks of other options, and the bytes of one machine.
+#[test]
+fn verif_tasks_of_several_machines_are_merged_to_the_bytes_of_one() {
+    let study = small_study();
+    let [whole, shared] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    let file = study.path().join("study.toml").display().to_string();
+    let words = |more: &[&str]| -> Vec<String> {
+        let some = ["study", file.as_str(), "--out", "done", "--steps", "sensitivity,evaluate,ultrasound"];
+        some.into_iter().chain(["--starts", "2"]).chain(more.iter().copied()).map(str::to_owned).collect()
+    };
+    let run = |folder: &Path, words: &[String]| {
+        let mut command = Command::cargo_bin("carpus").unwrap();
+        command.current_dir(folder).args(words).assert()
+    };
+    let text = |words: &[&str]| words.iter().map(|w| (*w).to_owned()).collect::<Vec<String>>();
+    run(whole.path(), &words(&[])).success();
+
+    run(shared.path(), &words(&["--task", "3/2"])).failure().stderr(contains("expected I/N"));
+    run(shared.path(), &text(&["units", "done"])).failure().stderr(contains("no units of a study and no tasks"));
+    run(shared.path(), &words(&["--task", "2/2", "--threads", "1"])).success().stdout(contains("carpus merge done"));
+    assert!(!shared.path().join("done/report.html").exists());
+    // A record without an end, of a process that is not there any more.
+    let record = shared.path().join("done/tasks/2-of-2.json");
+    let ended = std::fs::read_to_string(&record).unwrap();
+    let mut killed: serde_json::Value = serde_json::from_str(&ended).unwrap();
+    (killed["task"], killed["state"], killed["process"]) = ("1/2".into(), "begun".into(), 4_000_000_000_u32.into());
+    let units: Vec<String> = serde_json::from_value(killed["units"].clone()).unwrap();
+    killed["units"] = units.iter().map(|u| u.replace("P02", "P01")).collect::<Vec<_>>().into();
+    std::fs::write(record.with_file_name("1-of-2.json"), killed.to_string()).unwrap();
+    let unit = shared.path().join("done/units").join(format!("{}.json", units[0]));
+    std::fs::write(&unit, "{").unwrap();
+    let shown = run(shared.path(), &text(&["units", "done", "--json"])).success();
+    let shown: serde_json::Value = serde_json::from_slice(&shown.get_output().stdout).unwrap();
+    let states: Vec<(&str, bool)> =
+        shown["tasks"].as_array().unwrap().iter().map(|t| (t["state"].as_str().unwrap(), t["gone"] == true)).collect();
+    assert_eq!(states, [("begun", cfg!(target_os = "linux")), ("finished", false)]);
+    let sum = |participant: &str, key: &str| -> u64 {
+        let steps = shown["units"].as_object().unwrap().values();
+        steps.filter_map(|s| s[participant][key].as_u64()).sum()
+    };
+    assert_eq!((sum("P01", "missing"), sum("P02", "damaged")), (units.len() as u64, 1), "{shown}");
+    assert_eq!(sum("P02", "finished"), units.len() as u64 - 1);
+
+    // What is missing or damaged is computed; all else is found.
+    let merged = run(shared.path(), &text(&["merge", "done"])).success().stderr(contains("computed again"));
+    let said = String::from_utf8(merged.get_output().stdout.clone()).unwrap();
+    assert!(said.contains(&format!("{} units were finished before", units.len() - 1)), "{said}");
+    let of = |folder: &Path| {
+        let mut found = contents(&folder.join("done"));
+        found.retain(|name, _| !name.starts_with("tasks"));
+        found
+    };
+    let (one, other) = (of(whole.path()), of(shared.path()));
+    assert_eq!(one.keys().collect::<Vec<_>>(), other.keys().collect::<Vec<_>>());
+    for (name, bytes) in &one {
+        assert!(other[name] == *bytes, "{}", name.display());
+    }
+
+    // Tasks that were asked something else are no parts of it.
+    run(shared.path(), &[words(&["--task", "1/2"]), text(&["--seed", "9"])].concat()).success();
+    run(shared.path(), &text(&["merge", "done"])).failure().stderr(contains("asked different things"));
+}

@@ -13,7 +13,22 @@ const ABOUT: usize = 20;
 /// The groups and their commands, in the order in which they are shown.
 pub const GROUPS: [(&str, &[&str]); 6] = [
     ("Start here", &["demo", "init", "check"]),
-    ("A study", &["compare", "personalize", "identify", "diagnose", "effect", "plan", "simulate", "study", "synth"]),
+    (
+        "A study",
+        &[
+            "compare",
+            "personalize",
+            "identify",
+            "diagnose",
+            "effect",
+            "plan",
+            "simulate",
+            "study",
+            "units",
+            "merge",
+            "synth",
+        ],
+    ),
     (
         "A model",
         &["info", "audit", "view", "paths", "equilibrium", "effects", "scale", "strength-scale", "upgrade", "run-tool"],

@@ -21,7 +21,7 @@ pub use recordings::{C3dArgs, DynamometerDragArgs};
 pub use statistics::{EvaluateArgs, PowerArgs, PowerTest, PriorsArgs, SensitivityArgs, UltrasoundArgs};
 pub use study::{
     CheckArgs, DemoArgs, DiagnoseArgs, EffectAddArgs, EffectArgs, EffectCommand, EffectRemoveArgs, IdentifyArgs,
-    InitArgs, NoiseLevel, PersonalizeArgs, PlanArgs, SynthArgs, WholeStudyArgs,
+    InitArgs, MergeArgs, NoiseLevel, PersonalizeArgs, PlanArgs, SynthArgs, UnitsArgs, WholeStudyArgs,
 };
 
 use carpus_session::provenance::DEFAULT_SEED;
@@ -97,6 +97,10 @@ pub enum Command {
     Simulate(StudyWithEffects),
     /// All steps of a study and one report; resumable
     Study(WholeStudyArgs),
+    /// Which parts of a study several machines have done
+    Units(UnitsArgs),
+    /// One report of the parts that several machines have done
+    Merge(MergeArgs),
     /// A study with a hidden effect, made by Carpus, to learn on
     Synth(SynthArgs),
     /// What is in a model, and what is not supported, by line

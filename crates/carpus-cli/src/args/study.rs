@@ -9,7 +9,7 @@ use super::parts::{
 };
 use carpus_session::candidates::EffectSize;
 use carpus_session::screening::DEFAULT_STARTS;
-use carpus_session::whole_study::{DEFAULT_BAYESIAN_EVALUATIONS, DEFAULT_SOBOL, DEFAULT_SQP_ITERATIONS};
+use carpus_session::whole_study::{DEFAULT_BAYESIAN_EVALUATIONS, DEFAULT_SOBOL, DEFAULT_SQP_ITERATIONS, Task};
 
 /// `carpus demo`
 #[derive(Debug, Args)]
@@ -213,6 +213,9 @@ pub struct WholeStudyArgs {
     /// Only these steps (comma-separated; default: all)
     #[arg(long, value_name = "STEP,…", value_delimiter = ',')]
     pub steps: Vec<String>,
+    /// Only the I-th of N parts of the participants, without a report; `carpus merge` then makes it
+    #[arg(long, value_name = "I/N")]
+    pub task: Option<Task>,
     /// Starts r of the Morris screening
     #[arg(long, value_name = "R", default_value_t = DEFAULT_STARTS as u32, value_parser = count(2..=100_000))]
     pub starts: u32,
@@ -262,4 +265,31 @@ pub enum NoiseLevel {
     Small,
     /// None
     None,
+}
+
+/// `carpus units`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus study study/study.toml --out done --task 1/2\n  carpus units done\n\nShows the \
+                  tasks that share the folder, and per step and participant which units are finished, missing or \
+                  damaged."
+)]
+pub struct UnitsArgs {
+    /// The folder that `carpus study --out` writes to
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+}
+
+/// `carpus merge`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  carpus study study/study.toml --out done --task 1/2\n  carpus study study/study.toml \
+                  --out done --task 2/2\n  carpus merge done\n\nRuns the command that the tasks were parts of: \
+                  finished units are found, missing ones are computed, and the report is written. Its files are \
+                  those of one machine, byte for byte."
+)]
+pub struct MergeArgs {
+    /// The folder that the tasks share
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
 }

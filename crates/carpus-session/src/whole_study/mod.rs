@@ -38,7 +38,7 @@ pub use request::{DEFAULT_BAYESIAN_EVALUATIONS, DEFAULT_SOBOL, DEFAULT_SQP_ITERA
 pub use step::Told;
 use step::{Context, Step};
 use task::Recorder;
-pub use task::{SharedWork, StepUnits, Task, TaskRecord, TaskState};
+pub use task::{SharedWork, StepUnits, Task, TaskRecord, TaskShown, TaskState};
 
 /// The steps, in the order in which they are done.
 const STEPS: [&dyn Step; 10] = [

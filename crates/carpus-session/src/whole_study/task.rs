@@ -76,6 +76,8 @@ pub struct TaskRecord {
     pub process: u32,
     /// What was asked, without the task: the command whose results these are.
     pub arguments: Vec<String>,
+    /// The folder that paths among these are relative to.
+    pub directory: PathBuf,
     /// How far it is.
     pub state: TaskState,
     /// Places of its units, as far as they are known.
@@ -103,6 +105,7 @@ impl<'o> Recorder<'o> {
             host: host(),
             process: std::process::id(),
             arguments: arguments.to_vec(),
+            directory: std::env::current_dir().unwrap_or_default(),
             state: TaskState::Begun,
             units: Vec::new(),
             failed: Vec::new(),
@@ -157,13 +160,23 @@ pub struct StepUnits {
     pub damaged: usize,
 }
 
+/// A task and its process.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct TaskShown {
+    /// What it says of itself.
+    #[serde(flatten)]
+    pub record: TaskRecord,
+    /// Whether its process has gone from this machine without an end.
+    pub gone: bool,
+}
+
 /// What lies in a folder of results that tasks share.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct SharedWork {
     /// `carpus.units/1`.
     pub schema: &'static str,
-    /// The tasks, each with whether its process has gone from this machine without an end.
-    pub tasks: Vec<(TaskRecord, bool)>,
+    /// The tasks.
+    pub tasks: Vec<TaskShown>,
     /// Per step and participant.
     pub units: BTreeMap<String, BTreeMap<String, StepUnits>>,
 }
@@ -214,29 +227,26 @@ impl SharedWork {
         planned.iter().filter(is_found).for_each(|place| count(place, |u| u.missing += 1));
         let here = host();
         let gone = |r: &TaskRecord| r.state == TaskState::Begun && r.host == here && !is_alive(r.process);
-        let tasks = records.iter().map(|r| (r.clone(), gone(r))).collect();
+        let tasks = records.iter().map(|r| TaskShown { record: r.clone(), gone: gone(r) }).collect();
         Ok(SharedWork { schema: "carpus.units/1", tasks, units })
     }
 
-    /// What was asked of the tasks, without the task; `None` where there are none.
+    /// A record of what was asked of all tasks; `None` where there are none.
     ///
     /// # Errors
     /// They were asked different things.
-    pub fn arguments(&self, folder: &Path) -> Result<Option<&[String]>, Failure> {
-        let Some((first, _)) = self.tasks.first() else { return Ok(None) };
-        match self.tasks.iter().find(|(other, _)| other.arguments != first.arguments) {
-            Some((other, _)) => {
-                let text = format!(
-                    "tasks {} and {} were asked different things: `{}` and `{}`",
-                    first.task,
-                    other.task,
-                    first.arguments.join(" "),
-                    other.arguments.join(" ")
-                );
+    pub fn asked(&self, folder: &Path) -> Result<Option<&TaskRecord>, Failure> {
+        let mut records = self.tasks.iter().map(|t| &t.record);
+        let Some(first) = records.next() else { return Ok(None) };
+        match records.find(|other| other.arguments != first.arguments) {
+            Some(other) => {
+                let [one, two] = [first, other].map(|r| r.arguments.join(" "));
+                let text =
+                    format!("tasks {} and {} were asked different things: `{one}`, `{two}`", first.task, other.task);
                 let hint = "run the tasks with the same options, or delete the records of those that do not count";
                 Err(Diagnostic::error(text).in_file(&folder.join(FOLDER)).hint(hint).into())
             }
-            None => Ok(Some(&first.arguments)),
+            None => Ok(Some(first)),
         }
     }
 }
