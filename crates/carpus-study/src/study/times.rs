@@ -3,8 +3,8 @@
 use super::fault::Fault;
 use super::limits::{LONGEST_STEP, LONGEST_TRIAL, SHORTEST_STEP};
 
-/// after this check it grows
-/// with the number of its samples.
+/// What is wrong with times of which the unit cannot be seconds. The work that a trial makes grows with its duration;
+/// after this check it grows with the number of its samples.
 ///
 /// - `median_step_s`: median step \[s\]
 pub(crate) fn implausible_time(time: &[f64], median_step_s: f64) -> Option<Fault> {

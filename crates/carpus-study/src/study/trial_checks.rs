@@ -120,8 +120,6 @@ pub(super) fn check_time(trial: &Trial, max_gap: Option<f64>, problems: &mut Vec
     }
 }
 
-/// What is wrong with times of which the unit cannot be seconds. The work that a trial makes grows with its duration;
-
 /// Reports excitations outside 0..1, once per column, and clamps those that are noise.
 pub(super) fn check_excitation(trial: &mut Trial, settings: &Settings, problems: &mut Vec<Problem>) {
     let lines = &trial.lines;
