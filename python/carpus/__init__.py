@@ -17,6 +17,7 @@ from .effects import Amplitude, Shape, define_effect, effects, forget_effect
 from .errors import CarpusError, CarpusWarning, Diagnostic, InputError, InternalError
 from .model import Body, Component, Components, Coordinate, ForwardMotion, Model, Muscle, Paths
 from .results import (
+    CohortDiagnosis,
     Comparison,
     Diagnosis,
     Evaluation,
@@ -42,6 +43,7 @@ __all__ = [
     "Body",
     "CarpusError",
     "CarpusWarning",
+    "CohortDiagnosis",
     "Comparison",
     "Component",
     "Components",

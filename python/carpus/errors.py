@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from dataclasses import dataclass
+from typing import Any
 
 __all__ = ["CarpusError", "CarpusWarning", "Diagnostic", "InputError", "InternalError"]
 
@@ -63,6 +64,12 @@ class InternalError(CarpusError, RuntimeError):
 
 class CarpusWarning(UserWarning):
     """Something that a person should know before trusting results."""
+
+
+def of_shape(name: str, expected: str, found: Any) -> InputError:
+    """What is raised for an array of another shape."""
+    text = f"{name}: expected shape {expected}, found {found.shape}"
+    return InputError([Diagnostic("error", None, None, text, None)])
 
 
 def warn(diagnostic: Diagnostic) -> None:

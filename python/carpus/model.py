@@ -6,13 +6,18 @@ import json
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _carpus
+from ._arrays import Arrays
 from ._html import table
+from .errors import of_shape
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["Body", "Component", "Components", "Coordinate", "ForwardMotion", "Model", "Muscle", "Paths"]
 
@@ -28,6 +33,14 @@ def _text(value: Any) -> str:
     return " ".join(repr(float(v)) for v in value)
 
 
+def _postures(q: ArrayLike) -> np.ndarray:
+    """Postures, shape (n, c)."""
+    q = np.ascontiguousarray(q, float)
+    if q.ndim not in (1, 2):
+        raise of_shape("q", "(n, c) or (c,)", q)
+    return np.atleast_2d(q)
+
+
 class Component:
     """A component of a model. Its properties have OpenSim's names and units; setting one edits the file.
 
@@ -37,6 +50,9 @@ class Component:
 
     _model: Model
     _kind: str
+    name: str
+    path: str
+    line: int
 
     def __init__(self, model: Model, kind: str, name: str) -> None:
         object.__setattr__(self, "_model", model)
@@ -60,6 +76,9 @@ class Component:
 
     def __setattr__(self, name: str, value: Any) -> None:
         self.set(name, value)
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self._known()]
 
     def get(self, property: str) -> str | None:
         """The text of a property as the file has it; ``None``: the file does not give it."""
@@ -91,9 +110,21 @@ class Component:
 class Body(Component):
     """A rigid body: ``mass`` [kg], ``mass_center`` [m], ``inertia`` (xx, yy, zz, xy, xz, yz) [kg·m²]."""
 
+    mass: float
+    mass_center: np.ndarray
+    inertia: np.ndarray
+
 
 class Coordinate(Component):
     """A coordinate: ``default_value`` [rad or m], ``range``, ``clamped``, ``locked``, ``motion_type``, ``joint``."""
+
+    default_value: float
+    default_speed_value: float
+    range: np.ndarray
+    clamped: bool
+    locked: bool
+    motion_type: str
+    joint: str
 
 
 class Muscle(Component):
@@ -101,6 +132,12 @@ class Muscle(Component):
     ``pennation_angle_at_optimal`` [rad], ``max_contraction_velocity`` [optimal fibre lengths/s], ``class``, and what
     else its class has.
     """
+
+    max_isometric_force: float
+    optimal_fiber_length: float
+    tendon_slack_length: float
+    pennation_angle_at_optimal: float
+    max_contraction_velocity: float
 
     def set(self, property: str, value: Any) -> None:
         if isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool):
@@ -110,13 +147,16 @@ class Muscle(Component):
             super().set(property, value)
 
 
-class Components(Mapping[str, Any]):
+Kind = TypeVar("Kind", bound=Component)
+
+
+class Components(Mapping[str, Kind]):
     """The components of a kind, by name, in the order of the file."""
 
-    def __init__(self, model: Model, kind: str, of: type[Component]) -> None:
+    def __init__(self, model: Model, kind: str, of: type[Kind]) -> None:
         self._model, self._kind, self._of = model, kind, of
 
-    def __getitem__(self, name: str) -> Any:
+    def __getitem__(self, name: str) -> Kind:
         self._model._component(self._kind, name)
         return self._of(self._model, self._kind, name)
 
@@ -126,18 +166,19 @@ class Components(Mapping[str, Any]):
     def __len__(self) -> int:
         return len(self._model._components(self._kind))
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> pd.DataFrame:
         """A data frame with a row per component."""
         import pandas as pd
 
-        return pd.DataFrame(self._model._components(self._kind)).set_index("name")
+        rows = self._model._components(self._kind)
+        return pd.DataFrame(rows, columns=None if rows else ["name"]).set_index("name")
 
     def __repr__(self) -> str:
         return f"<{len(self)} {self._kind}: {', '.join(self)}>"
 
 
 @dataclass(frozen=True)
-class Paths:
+class Paths(Arrays):
     """Paths of muscles in postures."""
 
     muscles: list[str]
@@ -147,7 +188,7 @@ class Paths:
     moment_arm: np.ndarray | None
     """Moment arms [m] about the coordinate asked for, positive where tension increases it, shape (n, m)."""
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> pd.DataFrame:
         """A data frame with a row per posture; columns ``length`` and ``moment_arm`` of every muscle."""
         import pandas as pd
 
@@ -158,7 +199,7 @@ class Paths:
 
 
 @dataclass(frozen=True)
-class ForwardMotion:
+class ForwardMotion(Arrays):
     """A motion from forces."""
 
     time: np.ndarray
@@ -176,7 +217,7 @@ class ForwardMotion:
     fiber_length: np.ndarray
     """Fibre lengths [m], shape (n, m); not a number for muscles with a rigid tendon."""
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> pd.DataFrame:
         """A data frame with the time as index and OpenSim's names of states as columns."""
         import pandas as pd
 
@@ -263,37 +304,37 @@ class Model:
         return self.info()["model"]
 
     @property
-    def bodies(self) -> Components:
+    def bodies(self) -> Components[Body]:
         """The bodies, by name."""
         return Components(self, "bodies", Body)
 
     @property
-    def coordinates(self) -> Components:
+    def coordinates(self) -> Components[Coordinate]:
         """The coordinates, by name."""
         return Components(self, "coordinates", Coordinate)
 
     @property
-    def joints(self) -> Components:
+    def joints(self) -> Components[Component]:
         """The joints, by name."""
         return Components(self, "joints", Component)
 
     @property
-    def muscles(self) -> Components:
+    def muscles(self) -> Components[Muscle]:
         """The muscles, by name."""
         return Components(self, "muscles", Muscle)
 
     @property
-    def forces(self) -> Components:
+    def forces(self) -> Components[Component]:
         """Forces that are no muscles, by name."""
         return Components(self, "forces", Component)
 
     @property
-    def constraints(self) -> Components:
+    def constraints(self) -> Components[Component]:
         """The constraints, by name."""
         return Components(self, "constraints", Component)
 
     @property
-    def markers(self) -> Components:
+    def markers(self) -> Components[Component]:
         """The markers, by name."""
         return Components(self, "markers", Component)
 
@@ -395,7 +436,7 @@ class Model:
             q: Postures [rad or m], shape (n, c) or (c,); `posture` and `postures` make them.
             about: The coordinate about which moment arms are wanted.
         """
-        q = np.atleast_2d(np.ascontiguousarray(q, float))
+        q = _postures(q)
         length, moment_arm = self._file.paths(q, about)
         return Paths(self.muscle_names, length, moment_arm)
 
@@ -408,7 +449,7 @@ class Model:
         Returns:
             Homogeneous transforms X_GB, shape (n, bodies, 4, 4), bodies in the order of `bodies`.
         """
-        return self._file.poses(np.atleast_2d(np.ascontiguousarray(q, float)))
+        return self._file.poses(_postures(q))
 
     def equilibrium(
         self,
@@ -418,7 +459,7 @@ class Model:
         muscles: list[str] | None = None,
         allow_unsupported: bool = False,
         **set: float,
-    ) -> Any:
+    ) -> pd.DataFrame:
         """Muscles at rest in a posture, as ``carpus equilibrium`` does it.
 
         Args:
@@ -471,11 +512,18 @@ class Model:
             InputError: A force that is not computed; a motion that cannot be integrated.
         """
         time = np.ascontiguousarray(time, float)
+        if time.ndim != 1:
+            raise of_shape("time", "(n,)", time)
         start = self.posture() if q is None else np.ascontiguousarray(q, float)
         speed = np.zeros_like(start) if u is None else np.ascontiguousarray(u, float)
-        excitation = np.ascontiguousarray(
-            np.broadcast_to(np.asarray(excitation, float), (len(time), len(self.muscle_names)))
-        )
+        for name, values in (("q", start), ("u", speed)):
+            if values.shape != (len(self.coordinate_names),):
+                raise of_shape(name, f"({len(self.coordinate_names)},)", values)
+        given, shape = np.asarray(excitation, float), (time.size, len(self.muscle_names))
+        try:
+            excitation = np.ascontiguousarray(np.broadcast_to(given, shape))
+        except ValueError:
+            raise of_shape("excitation", f"a number, {shape[1:]} or {shape}", given) from None
         found = self._file.forward(time, start, speed, activation, excitation, accuracy, allow_unsupported)
         return ForwardMotion(time=time, coordinates=self.coordinate_names, **found)
 

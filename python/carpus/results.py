@@ -9,15 +9,20 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import _carpus
+from ._arrays import Arrays, over_time
 from ._html import moments, table
 from .model import Model
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 __all__ = [
+    "CohortDiagnosis",
     "Comparison",
     "Diagnosis",
     "Evaluation",
@@ -50,7 +55,7 @@ class Result:
         """The content of the result's JSON file; the book describes its keys."""
         return self._dict
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> pd.DataFrame:
         """The result's main table as a data frame; its ``to_csv`` and ``to_parquet`` write it."""
         raise NotImplementedError
 
@@ -84,7 +89,7 @@ class Result:
 
 
 @dataclass(frozen=True)
-class SimulatedTrial:
+class SimulatedTrial(Arrays):
     """A simulated trial; n samples, m muscles."""
 
     time: np.ndarray
@@ -99,6 +104,18 @@ class SimulatedTrial:
     """[N], shape (m, n)."""
     muscle_moment: np.ndarray
     """Moment of every muscle [N·m], shape (m, n)."""
+    muscles: list[str]
+    """Names of the muscles (m)."""
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A data frame with the time [s] as index: the moment, then every series of every muscle, as
+        ``FCR/tendon_force``.
+        """
+        columns = {"moment": self.moment}
+        for i, muscle in enumerate(self.muscles):
+            for name in ("fiber_length", "fiber_velocity", "tendon_force", "muscle_moment"):
+                columns[f"{muscle}/{name}"] = getattr(self, name)[i]
+        return over_time(self.time, columns)
 
 
 class _OfModels(Result):
@@ -119,7 +136,7 @@ class _OfModels(Result):
         return self._results["warnings"]
 
     @property
-    def errors(self) -> Any:
+    def errors(self) -> pd.DataFrame:
         """Mean errors of every model for each use of the trials, as a data frame: NRMSE and largest error [1, of the
         measured range], XCORR and sum [1] (equations 3.1 to 3.4 of the book), RMSE [N·m], Pearson's r, R².
         """
@@ -132,10 +149,11 @@ class _OfModels(Result):
             for e in model["errors"]
             if e["use"] == use
         ]
-        return pd.DataFrame(rows).set_index(["use", "model"])
+        columns = None if rows else ["use", "model", "trials"]
+        return pd.DataFrame(rows, columns=columns).set_index(["use", "model"])
 
     @property
-    def trial_errors(self) -> Any:
+    def trial_errors(self) -> pd.DataFrame:
         """Errors of every model in every trial, as a data frame."""
         import pandas as pd
 
@@ -144,13 +162,15 @@ class _OfModels(Result):
             for t in self._results["trials"]
             for model, errors in t["errors"].items()
         ]
-        return pd.DataFrame(rows).set_index(["trial", "model"])
+        return pd.DataFrame(rows, columns=None if rows else ["trial", "model", "use"]).set_index(["trial", "model"])
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> pd.DataFrame:
         return self.errors
 
-    def moments(self, trial: str) -> Any:
-        """Measured and simulated moments [N·m] of a trial, as a data frame with the time [s] as index."""
+    def moments(self, trial: str) -> pd.DataFrame:
+        """Measured and simulated moments [N·m] of a trial as ``results.json`` has them, as a data frame with the time
+        [s] as index.
+        """
         import pandas as pd
 
         for t in self._results["trials"]:
@@ -215,27 +235,45 @@ class _OfModels(Result):
                 ),
             ]
         )
-        return f"{self.errors._repr_html_()}<p>{legend}</p><div>{''.join(figures)}</div>"
+        errors = self.errors
+        head = "" if errors.empty else errors._repr_html_()
+        return f"{head}<p>{legend}</p><div>{''.join(figures)}</div>"
 
 
 class Simulation(_OfModels):
-    """Simulated trials, by name: ``simulation["trial"]``."""
+    """Simulated trials, by name: ``simulation["trial"]``. It has moments and no errors: these are a comparison's."""
 
-    def __init__(self, answer: _carpus.Answer, names: list[str]) -> None:
+    def __init__(self, answer: _carpus.Answer, names: list[str], muscles: list[str]) -> None:
         super().__init__(answer)
         self._names = names
+        self._muscles = muscles
 
     def __getitem__(self, trial: str) -> SimulatedTrial:
         found = self._answer.trial(self._names.index(trial)) if trial in self._names else None
         if found is None:
             raise KeyError(f"there is no trial {trial}: {', '.join(self._names)}")
-        return SimulatedTrial(**found)
+        return SimulatedTrial(**found, muscles=list(self._muscles))
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)
 
     def __len__(self) -> int:
         return len(self._names)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Errors as `errors`; of a simulation measured and simulated moments [N·m] of all trials as `moments`, with
+        trial and time [s] as index.
+        """
+        import pandas as pd
+
+        if type(self) is not Simulation:
+            return self.errors
+        return pd.concat({name: self.moments(name) for name in self}, names=["trial"])
+
+    def __repr__(self) -> str:
+        if type(self) is not Simulation:
+            return super().__repr__()
+        return f"<Simulation of {self.participant}: {len(self)} trials>"
 
 
 class Comparison(Simulation):
@@ -258,7 +296,7 @@ class Personalization(Simulation):
         return Model(found)
 
     @property
-    def parameters(self) -> Any:
+    def parameters(self) -> pd.DataFrame:
         """Fitted values as a data frame: before, after, bounds, standard deviation of the logarithm, share that the
         data contribute, 90 % interval; in the unit of the column ``unit``.
         """
@@ -296,7 +334,7 @@ class Diagnosis(_OfModels):
         return named or list(dict.fromkeys(id for e in self.explanations for id in e))
 
     @property
-    def candidates(self) -> Any:
+    def candidates(self) -> pd.DataFrame:
         """Every effect that was considered, as a data frame, the most probable first: probability, score, p-values,
         held-out error."""
         import pandas as pd
@@ -306,7 +344,7 @@ class Diagnosis(_OfModels):
         return frame.set_index("effect").sort_values("probability", ascending=False, na_position="last")
 
     @property
-    def parameters(self) -> Any:
+    def parameters(self) -> pd.DataFrame:
         """Sizes of the effects of the explanations, as a data frame: value, 95 % interval, unit, plausible range."""
         import pandas as pd
 
@@ -328,7 +366,7 @@ class Diagnosis(_OfModels):
         columns = ["effects", "parameter", "value", "lower", "upper", "unit"]
         return pd.DataFrame(rows, columns=columns).set_index(["effects", "parameter"])
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> pd.DataFrame:
         return self.candidates
 
     def __repr__(self) -> str:
@@ -339,6 +377,97 @@ class Diagnosis(_OfModels):
         named = f": {', '.join(map(escape, self.effects))}" if self.effects else ""
         sizes = self.parameters._repr_html_() if self.effects else ""
         return f"<p><b>{self.verdict}</b>{named}</p>{sizes}{super()._repr_html_()}"
+
+
+class CohortDiagnosis(Result):
+    """What several participants' diagnoses say together: effects that they share, in other sizes. Those of the
+    participants by name: ``found["P01"]``.
+    """
+
+    def __init__(self, answer: _carpus.Answer, diagnoses: dict[str, Diagnosis]) -> None:
+        super().__init__(answer)
+        self.diagnoses = diagnoses
+        """By participant, in the study's order."""
+
+    def __getitem__(self, participant: str) -> Diagnosis:
+        return self.diagnoses[participant]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.diagnoses)
+
+    def __len__(self) -> int:
+        return len(self.diagnoses)
+
+    @property
+    def effects(self) -> list[str]:
+        """Effects that the cohort has, by identifier, the most certain first."""
+        return [e["effect"] for e in self._dict["effects"]]
+
+    @property
+    def others(self) -> pd.Series:
+        """Probability of every other effect, beside those, as a series, the most probable first."""
+        import pandas as pd
+
+        series = pd.Series(self._dict["others"], name="probability", dtype=float)
+        return series.rename_axis("effect").sort_values(ascending=False)
+
+    @property
+    def participants(self) -> pd.DataFrame:
+        """Every participant and effect of the cohort as a data frame: probability that the participant has it; size by
+        its own trials alone and with the others as prior knowledge, with 95 % intervals; deviation from the
+        population's mean [standard deviations].
+        """
+        import pandas as pd
+
+        rows = [
+            {
+                "effect": e["effect"],
+                "parameter": name,
+                "participant": m["participant"],
+                "probability": m["probability"],
+                "deviation": m["deviation"],
+                **_interval("alone", size["alone"]),
+                **_interval("pooled", size["pooled"]),
+                "unit": e["parameters"][name]["unit"],
+            }
+            for e in self._dict["effects"]
+            for m in e["participants"]
+            for name, size in m["parameters"].items()
+        ]
+        columns = ["probability", "deviation", *_interval("alone"), *_interval("pooled"), "unit"]
+        keys = ["effect", "parameter", "participant"]
+        return pd.DataFrame(rows, columns=keys + columns).set_index(keys)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Effects that the participants share, as a data frame with a row per amplitude: probability, share of the
+        population that has the effect, mean and spread over those that have it, 95 % intervals.
+        """
+        import pandas as pd
+
+        rows = [
+            {
+                "effect": e["effect"],
+                "parameter": name,
+                "probability": e["probability"],
+                **_interval("prevalence", e["prevalence"]),
+                **_interval("mean", size["mean"]),
+                **_interval("spread", size["spread"]),
+                "unit": size["unit"],
+            }
+            for e in self._dict["effects"]
+            for name, size in e["parameters"].items()
+        ]
+        columns = ["probability", *_interval("prevalence"), *_interval("mean"), *_interval("spread"), "unit"]
+        keys = ["effect", "parameter"]
+        return pd.DataFrame(rows, columns=keys + columns).set_index(keys)
+
+    def __repr__(self) -> str:
+        return f"<CohortDiagnosis of {', '.join(self.diagnoses)}: {', '.join(self.effects) or 'nothing shared'}>"
+
+    def _repr_html_(self) -> str:
+        verdicts = [[name, d.verdict, ", ".join(d.effects)] for name, d in self.diagnoses.items()]
+        shared = self.to_pandas()._repr_html_() if self.effects else "<p>no effect that they share</p>"
+        return f"{shared}{table(['participant', 'alone', 'effects'], verdicts)}"
 
 
 class ModelWithEffects(_OfModels):
@@ -356,7 +485,7 @@ class ModelWithEffects(_OfModels):
         assert found is not None
         return Model(found)
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> pd.DataFrame:
         """The steps as a data frame: error [share of the MVC moment] on training and held-out trials."""
         import pandas as pd
 
@@ -371,7 +500,7 @@ class Identification(Result):
     """What the trials say about muscle parameters."""
 
     @property
-    def parameters(self) -> Any:
+    def parameters(self) -> pd.DataFrame:
         """Every parameter as a data frame: most likely value, interval, median, and whether the data determine it."""
         import pandas as pd
 
@@ -387,7 +516,7 @@ class Identification(Result):
         return pd.DataFrame(rows)
 
     @property
-    def draws(self) -> Any:
+    def draws(self) -> pd.DataFrame:
         """Draws from the posterior as a data frame: natural logarithms of the factors of the model's values, a column
         per parameter."""
         import pandas as pd
@@ -402,14 +531,14 @@ class Identification(Result):
         """Candidates for the next trial, the most informative first."""
         return self._dict.get("next_trials", [])
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> pd.DataFrame:
         return self.parameters
 
 
 class Plan(Result):
     """What further trials would do."""
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> pd.DataFrame:
         """Every experiment as a data frame: how far apart explanations are now and then [standard deviations]."""
         import pandas as pd
 
@@ -419,7 +548,7 @@ class Plan(Result):
 class Evaluation(Result):
     """Errors of models in held-out conditions, over participants."""
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> pd.DataFrame:
         """Errors of every model in every condition of every participant, as a data frame."""
         import pandas as pd
 
@@ -434,7 +563,7 @@ class Evaluation(Result):
 class Sensitivity(Result):
     """Which muscle parameters the trials respond to."""
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> pd.DataFrame:
         """Morris' indices as a data frame: participant, condition, muscle, property, μ*, σ."""
         import pandas as pd
 
@@ -465,7 +594,7 @@ class StudyReport:
         """As a dictionary."""
         return vars(self)
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> pd.DataFrame:
         """The steps as a data frame."""
         import pandas as pd
 
@@ -476,7 +605,13 @@ class StudyReport:
         return f"<p>{escape(self.report)}</p>{table(['step', 'title', ''], rows)}"
 
 
-def _parameters(rows: list[dict[str, Any]]) -> Any:
+def _interval(name: str, of: dict[str, Any] | None = None) -> dict[str, Any]:
+    """A value and the ends of its 95 % interval, as columns."""
+    low, high = (None, None) if of is None else of["ci95"]
+    return {name: None if of is None else of["value"], f"{name}_lower": low, f"{name}_upper": high}
+
+
+def _parameters(rows: list[dict[str, Any]]) -> pd.DataFrame:
     import pandas as pd
 
     flat = []

@@ -7,16 +7,18 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _carpus
+from ._arrays import Arrays, over_time
 from ._html import table
-from .errors import Diagnostic, warn
+from .errors import Diagnostic, InputError, of_shape, warn
 from .model import Model
 from .results import (
+    CohortDiagnosis,
     Comparison,
     Diagnosis,
     Evaluation,
@@ -29,6 +31,9 @@ from .results import (
     StudyReport,
 )
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 __all__ = ["Batch", "Participant", "Recorded", "Session", "Study", "Trial", "demo"]
 
 PARAMETERS = ("max_isometric_force", "optimal_fiber_length", "tendon_slack_length", "pennation_angle_at_optimal")
@@ -38,6 +43,26 @@ PARAMETERS = ("max_isometric_force", "optimal_fiber_length", "tendon_slack_lengt
 def _known(value: float | None) -> float | None:
     """A number, or ``None`` where a data frame has none."""
     return None if value is None or np.isnan(value) else float(value)
+
+
+def _priors(
+    given: str | os.PathLike[str] | pd.DataFrame | None,
+) -> str | list[tuple[str, str, float, float, bool]] | None:
+    """Prior knowledge: the file, or the rows of a data frame."""
+    if given is None:
+        return None
+    if isinstance(given, (str, os.PathLike)):
+        return os.fspath(given)
+    missing = [c for c in ("muscle", "property", "mean", "sd") if c not in given]
+    units = list(given["unit"]) if "unit" in given else ["file"] * len(given)
+    wrong = [u for u in units if u not in ("file", "model")]
+    if missing or wrong:
+        text = f"priors: expected the columns muscle, property, mean, sd; missing: {', '.join(missing)}"
+        if wrong:
+            text = f"priors: expected the unit file or model, found {wrong[0]}"
+        raise InputError([Diagnostic("error", None, None, text, None)])
+    rows = zip(given["muscle"], given["property"], given["mean"], given["sd"], units, strict=True)
+    return [(m, p, float(mean), float(sd), unit == "model") for m, p, mean, sd, unit in rows]
 
 
 @dataclass(frozen=True)
@@ -154,7 +179,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Recorded:
+class Recorded(Arrays):
     """A trial as it was recorded, and what of it does not depend on muscle parameters; n samples, m muscles."""
 
     time: np.ndarray
@@ -171,10 +196,22 @@ class Recorded:
     """[m], shape (m, n)."""
     moment_arm: np.ndarray
     """[m], positive where tension increases the coordinate, shape (m, n)."""
+    muscles: list[str]
+    """Names of the muscles (m)."""
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A data frame with the time [s] as index: angle, moment, then every series of every muscle, as
+        ``FCR/activation``.
+        """
+        columns = {"angle": self.angle, "moment": self.moment}
+        for i, muscle in enumerate(self.muscles):
+            for name in ("excitation", "activation", "path_length", "moment_arm"):
+                columns[f"{muscle}/{name}"] = getattr(self, name)[i]
+        return over_time(self.time, columns)
 
 
 @dataclass(frozen=True)
-class Batch:
+class Batch(Arrays):
     """Moments of many sets of muscle parameters."""
 
     moment: np.ndarray
@@ -192,6 +229,12 @@ class Batch:
         """Root mean square error [N·m] of every set in every trial, shape (sets, trials)."""
         squared = (self.moment - self.measured) ** 2
         return np.sqrt(np.stack([squared[:, s].mean(axis=1) for s in self.trials.values()], axis=1))
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Root mean square errors [N·m] as a data frame: a row per set, a column per trial."""
+        import pandas as pd
+
+        return pd.DataFrame(self.rmse(), columns=list(self.trials)).rename_axis("set")
 
 
 class Session:
@@ -230,7 +273,7 @@ class Session:
         """Names of the trials, in the order of recording."""
         return list(self._names)
 
-    def trials(self) -> Any:
+    def trials(self) -> pd.DataFrame:
         """A data frame with a row per trial: contraction, direction, use, effort, posture, samples."""
         import pandas as pd
 
@@ -240,7 +283,7 @@ class Session:
         """A trial's series."""
         found = self._session.recorded(self._place(trial))
         assert found is not None
-        return Recorded(**found)
+        return Recorded(**found, muscles=self.muscles)
 
     def _place(self, trial: str) -> int:
         if trial not in self._names:
@@ -251,7 +294,7 @@ class Session:
 
     def compare(self, *, seed: int = 1) -> Comparison:
         """Errors of the model as it is, as ``carpus compare``."""
-        return Comparison(self._session.compare(seed), self._names)
+        return Comparison(self._session.compare(seed), self._names, self.muscles)
 
     def personalize(self, *, intervals: bool = True, seed: int = 1) -> Personalization:
         """Fits the active muscles' parameters to the trials with use = train, as ``carpus personalize``.
@@ -264,14 +307,14 @@ class Session:
             InputError: The trials do not suit the model.
             KeyboardInterrupt: Ctrl-C.
         """
-        return Personalization(self._session.personalize(seed, intervals), self._names)
+        return Personalization(self._session.personalize(seed, intervals), self._names, self.muscles)
 
     def identify(
         self,
         *,
         properties: Sequence[str] | None = None,
         tie: Mapping[str, Sequence[str]] | None = None,
-        priors: str | os.PathLike[str] | None = None,
+        priors: str | os.PathLike[str] | pd.DataFrame | None = None,
         level: float = 0.9,
         draws: int = 2000,
         seed: int = 1,
@@ -281,15 +324,15 @@ class Session:
         Args:
             properties: OpenSim's names; without any lengths and forces.
             tie: Muscles that have one factor, by the name of the group.
-            priors: A table of prior knowledge (CSV).
+            priors: A table of prior knowledge: a CSV file, or a data frame with the columns muscle, property, mean, sd
+                (in the model file's unit; with unit = model, multiples of the model's value).
             level: Of the intervals.
             draws: From the posterior.
             seed: Of the draws.
         """
         tied = [(name, list(muscles)) for name, muscles in (tie or {}).items()]
-        prior_table: tuple[str, list[Any]] | None = None if priors is None else (os.fspath(priors), [])
         wanted = None if properties is None else list(properties)
-        return Identification(self._session.identify(wanted, tied, prior_table, level, draws, seed))
+        return Identification(self._session.identify(wanted, tied, _priors(priors), level, draws, seed))
 
     def diagnose(self, candidates: Sequence[str] = (), *, baselines: bool = False, seed: int = 1) -> Diagnosis:
         """Which physical effects are missing from the model, as ``carpus diagnose``.
@@ -349,7 +392,18 @@ class Session:
 
     def _sets(self, parameters: ArrayLike) -> tuple[np.ndarray, bool]:
         sets = np.ascontiguousarray(parameters, float)
+        shape = (len(self.muscles), len(PARAMETERS))
+        if sets.ndim not in (2, 3) or sets.shape[-2:] != shape:
+            raise of_shape("parameters", f"{shape} or (sets, {shape[0]}, {shape[1]})", sets)
         return (sets[None], True) if sets.ndim == 2 else (sets, False)
+
+    @overload
+    def simulate(self, parameters: None = None, *, seed: int = 1) -> Simulation: ...
+
+    @overload
+    def simulate(
+        self, parameters: ArrayLike, *, trials: Sequence[str] | None = None, use: str | None = None, seed: int = 1
+    ) -> Batch: ...
 
     def simulate(
         self,
@@ -373,7 +427,11 @@ class Session:
             InputError: Another shape; a muscle whose forces cannot be balanced.
         """
         if parameters is None:
-            return Simulation(self._session.simulate(seed), self._names)
+            if trials is not None or use is not None:
+                text = "trials and use choose among the trials of a batch: expected parameters with them, found none"
+                hint = "session.simulate(session.parameters, use=…) simulates some trials with the model's own values"
+                raise InputError([Diagnostic("error", None, None, text, hint)])
+            return Simulation(self._session.simulate(seed), self._names, self.muscles)
         sets, _ = self._sets(parameters)
         places = self._chosen(trials, use)
         slices, first = {}, 0
@@ -399,8 +457,10 @@ class Session:
         Returns:
             Moments [N·m], shape (samples,); derivatives, shape (samples, muscles, 4).
         """
-        values = self.parameters if parameters is None else np.ascontiguousarray(parameters, float)
-        return self._session.jacobian(values, self._chosen(trials, use))
+        sets, is_one = self._sets(self.parameters if parameters is None else parameters)
+        if not is_one:
+            raise of_shape("parameters", f"{sets.shape[1:]}", sets)
+        return self._session.jacobian(sets[0], self._chosen(trials, use))
 
     def loss(
         self, parameters: ArrayLike, *, trials: Sequence[str] | None = None, use: str | None = "train"
@@ -509,6 +569,9 @@ class Study:
         Raises:
             InputError: All problems, together.
         """
+        if not trials:
+            text, hint = "trials: expected at least one, found none", "carpus.Trial(…) makes one of arrays"
+            raise InputError([Diagnostic("error", None, None, text, hint)])
         if participants is None:
             participants = [Participant(p) for p in dict.fromkeys(t.participant for t in trials)]
         settings = {
@@ -584,6 +647,35 @@ class Study:
             session = Session(self, self._study.load(name))
             found.update((str(w), w) for w in session.warnings)
         return list(found.values())
+
+    def diagnose(self, candidates: Sequence[str] = (), *, baselines: bool = False, seed: int = 1) -> CohortDiagnosis:
+        """Which physical effects are missing for every participant, and which of them the participants share, as
+        ``carpus diagnose`` of a study with several participants.
+
+        A participant that cannot be diagnosed is left out, with a warning.
+
+        Args:
+            candidates, baselines, seed: As `Session.diagnose`.
+
+        Raises:
+            InputError: Fewer than two participants could be diagnosed.
+        """
+        chosen, diagnoses, failed = list(candidates), {}, []
+        if len(self.participants) < 2:
+            text = f"expected at least two participants, found {', '.join(self.participants)}"
+            hint = "one participant is diagnosed by study.load().diagnose()"
+            raise InputError([Diagnostic("error", None, None, text, hint)])
+        for name in self.participants:
+            try:
+                diagnoses[name] = self.load(name).diagnose(chosen, baselines=baselines, seed=seed)
+            except InputError as error:
+                failed += [d for d in error.diagnostics if d not in failed]
+        answer = self._study.cohort([d._answer for d in diagnoses.values()], chosen, baselines, seed)
+        if answer is None:
+            raise InputError(failed)
+        for diagnostic in failed:
+            warn(diagnostic)
+        return CohortDiagnosis(answer, diagnoses)
 
     def evaluate(self, models: Sequence[str | os.PathLike[str]] = (), *, seed: int = 1) -> Evaluation:
         """Models on held-out trials, over participants, as ``carpus evaluate``.

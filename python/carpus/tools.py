@@ -8,10 +8,13 @@ import subprocess
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from . import _carpus
 from .errors import Diagnostic, InputError, InternalError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["ToolRun", "command", "run_tool"]
 
@@ -25,7 +28,7 @@ class ToolRun:
     summary: list[str] = field(default_factory=list)
     """What it did, in lines."""
 
-    def table(self, name: str) -> Any:
+    def table(self, name: str) -> pd.DataFrame:
         """A storage file that it wrote, as a data frame with the column ``time`` as index.
 
         Args:
@@ -37,7 +40,7 @@ class ToolRun:
         return read_storage(found[0])
 
 
-def read_storage(path: str | os.PathLike[str]) -> Any:
+def read_storage(path: str | os.PathLike[str]) -> pd.DataFrame:
     """A ``.sto`` or ``.mot`` file as a data frame with the column ``time`` as index."""
     import pandas as pd
 
@@ -79,7 +82,7 @@ def command(*words: str | os.PathLike[str]) -> Any:
     words_of = [sys.executable, "-m", "carpus", *[os.fspath(w) for w in words], "--json"]
     done = subprocess.run(words_of, capture_output=True, text=True)
     if done.returncode == 1:
-        raise InputError([Diagnostic("error", None, None, done.stderr.strip(), None)])
+        raise InputError([Diagnostic("error", None, None, done.stderr.strip().removeprefix("error: "), None)])
     if done.returncode != 0:
         raise InternalError(done.stderr.strip())
     return json.loads(done.stdout) if done.stdout.strip() else None

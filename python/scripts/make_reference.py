@@ -24,6 +24,7 @@ GROUPS: dict[str, list[Any]] = {
         carpus.Personalization,
         carpus.Identification,
         carpus.Diagnosis,
+        carpus.CohortDiagnosis,
         carpus.ModelWithEffects,
         carpus.Plan,
         carpus.Evaluation,

@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 
 import jupytext
+import nbformat
 from nbclient import NotebookClient
 from nbconvert import MarkdownExporter
 
@@ -38,6 +39,8 @@ def rendered(name: str, notebook) -> None:
         if cell.cell_type != "code":
             cell.pop("outputs", None)
     text, resources = MarkdownExporter().from_notebook_node(notebook)
+    for old in (PAGES / "images").glob(f"{name}_output_*"):
+        old.unlink()
     for file, data in resources["outputs"].items():
         (PAGES / "images").mkdir(parents=True, exist_ok=True)
         (PAGES / "images" / f"{name}_{file}").write_bytes(data)
@@ -52,6 +55,8 @@ def rendered(name: str, notebook) -> None:
 def main() -> int:
     check = "--check" in sys.argv
     chosen = [a for a in sys.argv[1:] if not a.startswith("--")] or list(NAMES)
+    # Tables are as wide as the book's pages.
+    wide = nbformat.v4.new_code_cell("__import__('pandas').set_option('display.width', 120)")
     for name in chosen:
         missing = [p for p in NAMES[name] if importlib.util.find_spec(p) is None]
         if missing:
@@ -59,9 +64,11 @@ def main() -> int:
             continue
         notebook = jupytext.read(HERE / f"{name}.py")
         notebook.metadata["kernelspec"] = {"name": "python3", "display_name": "Python 3", "language": "python"}
+        notebook.cells.insert(0, wide)
         NotebookClient(
             notebook, timeout=600, kernel_name="python3", resources={"metadata": {"path": str(HERE)}}
         ).execute()
+        notebook.cells.pop(0)
         if not check:
             rendered(name, notebook)
         print(f"ok {name}")

@@ -11,6 +11,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::answers::DiagnosisCell;
 use crate::failure::OrRaise;
 use crate::job::warn;
 use crate::model::Model;
@@ -46,6 +47,11 @@ pub trait Result_: Send + Sync + 'static {
 
     /// The diagnosis that it is.
     fn diagnosis(&self) -> Option<KnownDiagnosis> {
+        None
+    }
+
+    /// The diagnosis of one participant that it is, with its files.
+    fn diagnosed(&self) -> Option<&DiagnosisCell> {
         None
     }
 

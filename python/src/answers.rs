@@ -6,8 +6,9 @@ use std::sync::Arc;
 use carpus::osim::OsimFile;
 use carpus::report::results::Results;
 use carpus::report::{render_article, render_report};
+use carpus::session::cohort_diagnosis::Cohort;
 use carpus::session::compare::Comparison;
-use carpus::session::diagnose::Diagnosed;
+use carpus::session::diagnose::{Diagnose, Diagnosed};
 use carpus::session::diagnosis_file::{self, KnownDiagnosis};
 use carpus::session::diagnostic::{Diagnostic, Failure};
 use carpus::session::effect_steps::WithEffects;
@@ -147,6 +148,47 @@ impl Result_ for DiagnosisCell {
 
     fn diagnosis(&self) -> Option<KnownDiagnosis> {
         Some(self.borrow_dependent().known.clone())
+    }
+
+    fn diagnosed(&self) -> Option<&DiagnosisCell> {
+        Some(self)
+    }
+}
+
+/// What several participants' diagnoses say together, with these.
+pub struct CohortAnswer {
+    /// The study.
+    pub study: Arc<Opened>,
+    /// Diagnoses of the participants, in the study's order.
+    pub diagnoses: Vec<Arc<dyn Result_>>,
+    /// What they say together.
+    pub cohort: Cohort,
+}
+
+impl CohortAnswer {
+    /// Of several diagnoses; `None` of fewer than two.
+    pub fn of(study: Arc<Opened>, diagnoses: Vec<Arc<dyn Result_>>, request: &Diagnose) -> Option<CohortAnswer> {
+        let cells = || diagnoses.iter().filter_map(|d| d.diagnosed());
+        let evidence: Vec<_> = cells().map(|d| d.borrow_dependent().evidence.clone()).collect();
+        let inputs = cells().flat_map(|d| d.borrow_owner().borrow_dependent().data.inputs.clone()).collect();
+        let cohort = study.study.cohort(&evidence, request, inputs)?;
+        Some(CohortAnswer { study, diagnoses, cohort })
+    }
+}
+
+impl Result_ for CohortAnswer {
+    fn json(&self) -> Result<String, Failure> {
+        pretty(&self.cohort.value()?)
+    }
+
+    fn write(&self, path: &Path) -> Result<Vec<Diagnostic>, Failure> {
+        let diagnosed: Vec<_> =
+            self.diagnoses.iter().filter_map(|d| d.diagnosed()).map(DiagnosisCell::borrow_dependent).collect();
+        self.study.study.write_cohort(&self.cohort, &diagnosed, path)
+    }
+
+    fn report(&self) -> Option<String> {
+        Some(self.cohort.report())
     }
 }
 

@@ -14,6 +14,7 @@ use pyo3::prelude::*;
 use rayon::prelude::*;
 
 use crate::failure::{OrRaise, refused};
+use crate::job::watched;
 use crate::session::Session;
 
 /// Parameters per muscle.
@@ -170,12 +171,14 @@ impl Session {
         let mut writable = out.readwrite();
         let rows = writable.as_slice_mut()?;
         let stride = (chosen.muscles * PARAMETERS).max(1);
-        let done = py.detach(|| {
-            rows.par_chunks_mut(samples.max(1))
-                .zip(sets.par_chunks(stride))
-                .try_for_each(|(row, set)| chosen.moments(set, row))
-        });
-        done.map_err(|e| self.failed(&e)).or_raise(py)?;
+        watched(py, |watch| {
+            let rows = rows.par_chunks_mut(samples.max(1)).zip(sets.par_chunks(stride));
+            let one = |(row, set): (&mut [f64], &[f64])| -> Result<_, Failure> {
+                watch.go_on()?;
+                chosen.moments(set, row).map_err(|e| self.failed(&e))
+            };
+            rows.try_for_each(one)
+        })?;
         drop(writable);
         Ok(out)
     }
@@ -192,10 +195,11 @@ impl Session {
         let view = parameters.as_array();
         let set = numbers(parameters.as_slice(), view.iter());
         let stride = chosen.muscles * PARAMETERS;
-        let found = py.detach(|| {
-            let each: Result<Vec<(Vec<f64>, Vec<f64>)>, SimulationError> = (0..chosen.trials.len())
+        let (moment, by) = watched(py, |watch| {
+            let each: Result<Vec<(Vec<f64>, Vec<f64>)>, Failure> = (0..chosen.trials.len())
                 .into_par_iter()
                 .map(|i| {
+                    watch.go_on()?;
                     let one = Chosen {
                         trials: vec![chosen.trials[i]],
                         measured: vec![chosen.measured[i]],
@@ -214,16 +218,14 @@ impl Session {
                                 force * unit.by_pennation_angle[k],
                             ]);
                         }
-                    })?;
+                    })
+                    .map_err(|e| self.failed(&e))?;
                     Ok((moment, by))
                 })
                 .collect();
-            each.map(|each| {
-                let (moments, by): (Vec<_>, Vec<_>) = each.into_iter().unzip();
-                (moments.concat(), by.concat())
-            })
-        });
-        let (moment, by) = found.map_err(|e| self.failed(&e)).or_raise(py)?;
+            let (moments, by): (Vec<_>, Vec<_>) = each?.into_iter().unzip();
+            Ok((moments.concat(), by.concat()))
+        })?;
         let shape = [moment.len(), chosen.muscles, PARAMETERS];
         Ok((moment.into_pyarray(py), by.into_pyarray(py).reshape(shape)?))
     }
@@ -244,11 +246,14 @@ impl Session {
         let sets = numbers(parameters.as_slice(), view.iter());
         let (n, stride) = (parameters.shape()[0], chosen.muscles * PARAMETERS);
         let mut gradient = vec![0.0; n * stride];
-        let losses: Result<Vec<f64>, SimulationError> = py.detach(|| {
+        let losses: Vec<f64> = watched(py, |watch| {
             let rows = gradient.par_chunks_mut(stride.max(1)).zip(sets.par_chunks(stride.max(1)));
-            rows.map(|(row, set)| chosen.loss(set, row)).collect()
-        });
-        let losses = losses.map_err(|e| self.failed(&e)).or_raise(py)?;
+            let one = |(row, set): (&mut [f64], &[f64])| -> Result<_, Failure> {
+                watch.go_on()?;
+                chosen.loss(set, row).map_err(|e| self.failed(&e))
+            };
+            rows.map(one).collect()
+        })?;
         Ok((losses.into_pyarray(py), gradient.into_pyarray(py).reshape([n, chosen.muscles, PARAMETERS])?))
     }
 }

@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::failure::{OrRaise, refused};
+use crate::job::{Watch, watched};
 use crate::kinematics::{Compiled, rows};
 use crate::model::Model;
 
@@ -26,7 +27,7 @@ struct Asked {
 const STABILIZATION: f64 = 50.0;
 
 /// Integrates the equations of motion. Returns the muscles' names and a state per time.
-fn simulated(compiled: &Compiled, asked: &Asked) -> Result<(Vec<String>, Vec<PlantState>), Failure> {
+fn simulated(compiled: &Compiled, asked: &Asked, watch: &Watch) -> Result<(Vec<String>, Vec<PlantState>), Failure> {
     let loaded = &compiled.loaded;
     let at_model = |text: String| Failure::from(Diagnostic::error(text).in_file(&loaded.path));
     let mut plant = Plant::compile(&loaded.file.spec, &loaded.model, asked.allow_unsupported)
@@ -46,6 +47,7 @@ fn simulated(compiled: &Compiled, asked: &Asked) -> Result<(Vec<String>, Vec<Pla
         .map_err(|e| at_model(e.to_string()))?;
     let mut after = 1;
     let excite = |time: f64, values: &mut [f64]| {
+        watch.look();
         let last = asked.times.len() - 1;
         while after < last && asked.times[after] < time {
             after += 1;
@@ -84,7 +86,7 @@ impl Model {
     /// muscles).
     #[pyo3(signature = (times, q, u, activation, excitation, accuracy, allow_unsupported))]
     fn forward<'py>(
-        &mut self,
+        this: &Bound<'py, Self>,
         py: Python<'py>,
         times: PyReadonlyArray1<'py, f64>,
         q: PyReadonlyArray1<'py, f64>,
@@ -94,7 +96,7 @@ impl Model {
         accuracy: f64,
         allow_unsupported: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let compiled = self.compiled(py)?;
+        let compiled = this.borrow_mut().compiled(py)?;
         let n_q = compiled.loaded.model.n_coordinates();
         let list = |array: &PyReadonlyArray1<'_, f64>| array.as_array().iter().copied().collect::<Vec<f64>>();
         let asked = Asked {
@@ -116,7 +118,7 @@ impl Model {
         if let Some(fault) = fault {
             return Err(refused(fault)).or_raise(py);
         }
-        let (names, states) = py.detach(|| simulated(&compiled, &asked)).or_raise(py)?;
+        let (names, states) = watched(py, |watch| simulated(&compiled, &asked, watch))?;
         let result = PyDict::new(py);
         let n_t = states.len();
         for (name, of) in [("q", (|s| &s.q) as fn(&PlantState) -> &Vec<f64>), ("u", |s| &s.u)] {

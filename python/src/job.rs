@@ -140,6 +140,64 @@ pub fn long<T: Send + 'static>(
     }
 }
 
+/// Whether work that borrows arrays of the caller is to stop.
+#[derive(Default)]
+pub struct Watch(AtomicBool);
+
+impl Watch {
+    /// Whether the work goes on.
+    ///
+    /// # Errors
+    /// It is to stop.
+    pub fn go_on(&self) -> Result<(), Failure> {
+        if self.0.load(Ordering::Relaxed) { Err(Failure::Cancelled) } else { Ok(()) }
+    }
+
+    /// Leaves the work where it is to stop, at a place that cannot return a failure.
+    pub fn look(&self) {
+        if self.0.load(Ordering::Relaxed) {
+            resume_unwind(Box::new(Stopped));
+        }
+    }
+}
+
+/// Does work on arrays that the caller holds, and returns what came of it. It is waited for at Ctrl-C.
+///
+/// - `work`: looks at its [`Watch`] again and again
+///
+/// # Errors
+/// The exception for its failure; `KeyboardInterrupt`.
+pub fn watched<T: Send>(py: Python<'_>, work: impl FnOnce(&Watch) -> Result<T, Failure> + Send) -> PyResult<T> {
+    let watch = Watch::default();
+    let end = py.detach(|| {
+        std::thread::scope(|scope| {
+            let (send, receive) = channel();
+            let watch = &watch;
+            scope.spawn(move || {
+                // Nobody waits where the caller left.
+                let _ = send.send(catch_unwind(AssertUnwindSafe(|| work(watch))));
+            });
+            loop {
+                match receive.recv_timeout(LOOKS) {
+                    Ok(end) => return Ok(end),
+                    Err(RecvTimeoutError::Disconnected) => {
+                        return Ok(Err(Box::new("the thread of the work ended without a result")));
+                    }
+                    Err(RecvTimeoutError::Timeout) => {}
+                }
+                if let Err(interrupt) = Python::attach(|py| py.check_signals()) {
+                    watch.0.store(true, Ordering::Relaxed);
+                    return Err(interrupt);
+                }
+            }
+        })
+    })?;
+    match end {
+        Ok(result) => result.or_raise(py),
+        Err(payload) => Err(unwound(py, payload)),
+    }
+}
+
 /// Waits for the end, shows progress on the way.
 fn wait<T: Send>(
     py: Python<'_>,

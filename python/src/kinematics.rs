@@ -15,7 +15,7 @@ use pyo3::prelude::*;
 use rayon::prelude::*;
 
 use crate::failure::{OrRaise, refused};
-use crate::job::warn;
+use crate::job::{Watch, warn, watched};
 use crate::model::Model;
 
 /// A compiled model with the paths of all its muscles.
@@ -71,35 +71,43 @@ impl Compiled {
     }
 
     /// Lengths of all paths in many postures, and moment arms about a coordinate.
-    fn paths(&self, q: &[f64], about: Option<CoordinateIndex>) -> [Vec<f64>; 2] {
+    ///
+    /// # Errors
+    /// It is to stop.
+    fn paths(&self, q: &[f64], about: Option<CoordinateIndex>, watch: &Watch) -> Result<[Vec<f64>; 2], Failure> {
         let (n_q, n_m) = (self.n_coordinates(), self.paths.len());
         let n = q.len() / n_q.max(1);
         let mut lengths = vec![0.0; n * n_m];
         let mut arms = vec![0.0; if about.is_some() { n * n_m } else { 0 }];
         if n_m == 0 {
-            return [lengths, arms];
+            return Ok([lengths, arms]);
         }
-        let one = |buffers: &mut Buffers, (k, lengths): (usize, &mut [f64]), arms: Option<&mut [f64]>| {
+        let one = |buffers: &mut Buffers,
+                   (k, lengths): (usize, &mut [f64]),
+                   arms: Option<&mut [f64]>|
+         -> Result<(), Failure> {
+            watch.go_on()?;
             self.pose(&q[k * n_q..(k + 1) * n_q], buffers);
             let Buffers { q, cache, geometries } = buffers;
             for ((path, geometry), length) in self.paths.iter().zip(geometries.iter_mut()).zip(lengths) {
                 path.update(q, cache, geometry);
                 *length = geometry.length();
             }
-            let (Some(about), Some(arms)) = (about, arms) else { return };
+            let (Some(about), Some(arms)) = (about, arms) else { return Ok(()) };
             self.loaded.model.update_unit_motion(q, about, cache);
             for ((path, geometry), arm) in self.paths.iter().zip(geometries.iter()).zip(arms) {
                 *arm = path.moment_arm(q, cache, geometry);
             }
+            Ok(())
         };
         let rows = lengths.par_chunks_mut(n_m).enumerate();
         if about.is_some() {
             let rows = rows.zip(arms.par_chunks_mut(n_m));
-            rows.for_each_init(|| self.buffers(), |buffers, (row, arms)| one(buffers, row, Some(arms)));
+            rows.try_for_each_init(|| self.buffers(), |buffers, (row, arms)| one(buffers, row, Some(arms)))?;
         } else {
-            rows.for_each_init(|| self.buffers(), |buffers, row| one(buffers, row, None));
+            rows.try_for_each_init(|| self.buffers(), |buffers, row| one(buffers, row, None))?;
         }
-        [lengths, arms]
+        Ok([lengths, arms])
     }
 }
 
@@ -144,30 +152,35 @@ impl Model {
     /// Path lengths [m] of all muscles in postures (n, coordinates), and moment arms about a coordinate.
     #[pyo3(signature = (q, about))]
     fn paths<'py>(
-        &mut self,
+        this: &Bound<'py, Self>,
         py: Python<'py>,
         q: PyReadonlyArray2<'py, f64>,
         about: Option<&str>,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray2<f64>>>)> {
-        let compiled = self.compiled(py)?;
+        let compiled = this.borrow_mut().compiled(py)?;
         let about = about.map(|name| compiled.loaded.coordinate(name)).transpose().or_raise(py)?;
         let samples = rows(&q, compiled.n_coordinates(), "q").or_raise(py)?;
-        let [lengths, arms] = py.detach(|| compiled.paths(&samples, about));
+        let [lengths, arms] = watched(py, |watch| compiled.paths(&samples, about, watch))?;
         let shape = [q.shape()[0], compiled.paths.len()];
         let arms = about.map(|_| arms.into_pyarray(py).reshape(shape)).transpose()?;
         Ok((lengths.into_pyarray(py).reshape(shape)?, arms))
     }
 
     /// Poses of all bodies in ground: (n, bodies, 4, 4).
-    fn poses<'py>(&mut self, py: Python<'py>, q: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray4<f64>>> {
-        let compiled = self.compiled(py)?;
+    fn poses<'py>(
+        this: &Bound<'py, Self>,
+        py: Python<'py>,
+        q: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray4<f64>>> {
+        let compiled = this.borrow_mut().compiled(py)?;
         let samples = rows(&q, compiled.n_coordinates(), "q").or_raise(py)?;
-        let bodies = self.file.spec.bodies.len();
+        let bodies = compiled.loaded.file.spec.bodies.len();
         let n = q.shape()[0];
-        let poses = py.detach(|| {
+        let poses = watched(py, |watch| {
             let mut buffers = compiled.buffers();
             let mut poses = Vec::with_capacity(n * bodies * 16);
             for q in samples.chunks(compiled.n_coordinates().max(1)) {
+                watch.go_on()?;
                 compiled.pose(q, &mut buffers);
                 for body in 0..bodies {
                     let X_GB = buffers.cache.X_GB(carpus::osim::spec::BodyIndex(body));
@@ -178,15 +191,15 @@ impl Model {
                     poses.extend([0.0, 0.0, 0.0, 1.0]);
                 }
             }
-            poses
-        });
+            Ok(poses)
+        })?;
         poses.into_pyarray(py).reshape([n, bodies, 4, 4])
     }
 
     /// Muscles at rest in a posture, as JSON: what `carpus equilibrium --json` prints.
     #[pyo3(signature = (activation, set, about, muscles, allow_unsupported))]
     fn equilibrium(
-        &mut self,
+        this: &Bound<'_, Self>,
         py: Python<'_>,
         activation: f64,
         set: Vec<(String, f64)>,
@@ -197,9 +210,9 @@ impl Model {
         if !(0.0..=1.0).contains(&activation) {
             return Err(refused(format!("activation: expected 0 to 1, found {activation}"))).or_raise(py);
         }
-        let compiled = self.compiled(py)?;
+        let compiled = this.borrow_mut().compiled(py)?;
         let set = assignments(&compiled.loaded, &set).or_raise(py)?;
-        let path: PathBuf = self.path.clone();
+        let path: PathBuf = this.borrow().path.clone();
         let asked = Equilibrium { model: path, set, activation, moment_about: about, muscles, allow_unsupported };
         let found = py.detach(|| asked.of_loaded(&compiled.loaded, Vec::new())).or_raise(py)?;
         warn(py, &found.warnings)?;

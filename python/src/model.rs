@@ -56,7 +56,15 @@ impl Model {
 
 /// Why a model was not edited.
 fn edit_failure(error: &EditError, path: &Path) -> Failure {
-    let message = Diagnostic::error(error.to_string()).in_file(path);
+    // The error names the file and perhaps the line before the text.
+    let said = error.to_string();
+    let (place, text) = match said.split_once(": ") {
+        Some((place, text)) if place.starts_with(&*path.to_string_lossy()) => (place, text),
+        _ => ("", said.as_str()),
+    };
+    let message = Diagnostic::error(text).in_file(path);
+    let line: Option<usize> = place.rsplit_once(':').and_then(|(_, line)| line.parse().ok());
+    let message = line.into_iter().fold(message, Diagnostic::at_line);
     error.hint().into_iter().fold(message, Diagnostic::hint).into()
 }
 

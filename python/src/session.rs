@@ -1,6 +1,6 @@
 //! A participant's model and trials in memory, and every use case on them.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use carpus::identifiability::MuscleProperty;
@@ -64,8 +64,16 @@ impl Session {
     }
 }
 
-/// What is known of a parameter, as Python gives it: muscle, property, mean, standard deviation.
-type GivenPrior = (String, String, f64, f64);
+/// What is known of a parameter, as Python gives it: muscle, property, mean, standard deviation, and whether both are
+/// multiples of the model's value.
+type GivenPrior = (String, String, f64, f64, bool);
+
+/// Prior knowledge as Python gives it: a table's file, or its rows.
+#[derive(FromPyObject)]
+enum GivenPriors {
+    Rows(Vec<GivenPrior>),
+    File(PathBuf),
+}
 
 #[pymethods]
 impl Session {
@@ -154,7 +162,7 @@ impl Session {
         py: Python<'_>,
         properties: Option<Vec<String>>,
         tie: Vec<(String, Vec<String>)>,
-        priors: Option<(std::path::PathBuf, Vec<GivenPrior>)>,
+        priors: Option<GivenPriors>,
         level: f64,
         draws: usize,
         seed: u64,
@@ -247,7 +255,7 @@ impl Session {
 fn identification(
     properties: Option<Vec<String>>,
     tie: Vec<(String, Vec<String>)>,
-    priors: Option<(std::path::PathBuf, Vec<GivenPrior>)>,
+    priors: Option<GivenPriors>,
     level: f64,
     draws: usize,
     seed: u64,
@@ -262,18 +270,19 @@ fn identification(
             refused(format!("properties: expected some of {names}, found `{name}`"))
         })
     };
-    let prior = |(muscle, property, mean, sd): GivenPrior| PriorKnowledge {
-        muscle,
-        property,
-        mean,
-        sd,
-        unit: PriorUnit::File,
-        source: None,
-        line: 0,
+    let prior = |(muscle, property, mean, sd, of_model): GivenPrior| {
+        if !(mean > 0.0 && mean.is_finite() && sd > 0.0 && sd.is_finite()) {
+            let text = format!("priors: {muscle}.{property}: expected a mean and an sd above 0, found {mean} and {sd}");
+            return Err(refused(text));
+        }
+        let unit = if of_model { PriorUnit::Model } else { PriorUnit::File };
+        Ok(PriorKnowledge { muscle, property, mean, sd, unit, source: None, line: 0 })
     };
-    let priors = priors.map(|(file, values)| match values.is_empty() {
-        true => Priors::read(&file),
-        false => Ok(Priors { file, values: values.into_iter().map(prior).collect() }),
+    let priors = priors.map(|given| match given {
+        GivenPriors::File(file) => Priors::read(&file),
+        GivenPriors::Rows(rows) => {
+            Ok(Priors { file: None, values: rows.into_iter().map(prior).collect::<Result<_, _>>()? })
+        }
     });
     let known = Identify::default();
     Ok(Identify {

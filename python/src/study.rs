@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use carpus::session::bundled;
+use carpus::session::diagnose::Diagnose;
 use carpus::session::diagnostic::{Diagnostic, Failure};
 use carpus::session::evaluate::Evaluate;
 use carpus::session::loading::Purpose;
@@ -22,7 +23,7 @@ use serde_json::json;
 use tempfile::TempDir;
 
 use crate::answer::Answer;
-use crate::answers::{EvaluationCell, SensitivityCell};
+use crate::answers::{CohortAnswer, EvaluationCell, SensitivityCell};
 use crate::failure::{OrRaise, diagnostics, refused};
 use crate::job::{Relay, long, warn};
 use crate::model::Model;
@@ -259,6 +260,22 @@ impl Study {
         let opened = Arc::clone(&self.opened);
         let session = long(py, &self.opened.relay, move || opened.load(&participant, Purpose::Simulation))?;
         Ok(Session { cell: session })
+    }
+
+    /// What diagnoses of several participants say together; `None` of fewer than two.
+    ///
+    /// - `diagnoses`: in the study's order; `candidates`, `baselines`, `seed`: as they were asked for
+    fn cohort(
+        &self,
+        py: Python<'_>,
+        diagnoses: Vec<PyRef<'_, Answer>>,
+        candidates: Vec<String>,
+        baselines: bool,
+        seed: u64,
+    ) -> PyResult<Option<Answer>> {
+        let diagnoses = diagnoses.iter().map(|answer| Arc::clone(&answer.inner)).collect();
+        let (opened, request) = (Arc::clone(&self.opened), Diagnose { seed, candidates, baselines });
+        long(py, &self.opened.relay, move || Ok(CohortAnswer::of(opened, diagnoses, &request).map(Answer::of)))
     }
 
     /// Models on held-out trials.

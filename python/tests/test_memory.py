@@ -86,3 +86,8 @@ def test_verif_arrays_get_the_checks_of_files(change: dict, said: str) -> None:
         carpus.Study.from_memory(
             carpus.Model.bundled(), [carpus.Trial("a", **{**arrays, **change})], coordinate="flexion", muscles=MUSCLES
         )
+
+
+def test_verif_a_study_without_trials_is_told() -> None:
+    with pytest.raises(carpus.InputError, match="trials: expected at least one"):
+        carpus.Study.from_memory(carpus.Model.bundled(), [], coordinate="flexion", muscles=MUSCLES)

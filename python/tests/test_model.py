@@ -49,6 +49,7 @@ def test_verif_properties_have_the_names_of_opensim(model: carpus.Model) -> None
     assert ecrl.optimal_fiber_length == 0.081
     with pytest.raises(KeyError, match="ECRL"):
         _ = model.muscles["ECRX"]
+    assert len(model.markers.to_pandas()) == len(model.markers)
     assert len(model.muscles.to_pandas()) == 5 and "ECRL" in model._repr_html_()
 
 
@@ -97,6 +98,12 @@ def test_verif_motion_from_forces(model: carpus.Model) -> None:
     assert np.quantile(np.abs(rate - frame["flexion/speed"].iloc[1:-1]), 0.99) < 0.05
     with pytest.raises(carpus.InputError, match="ascending"):
         model.forward(t[::-1])
+    with pytest.raises(carpus.InputError, match=r"excitation: expected shape a number, \(5,\)"):
+        model.forward(t, np.ones(9))
+    with pytest.raises(carpus.InputError, match=r"q: expected shape \(4,\), found \(2,\)"):
+        model.forward(t, q=[0.0, 0.1])
+    with pytest.raises(carpus.InputError, match=r"q: expected shape"):
+        model.paths(np.zeros((2, 2, 4)))
 
 
 def test_verif_a_file_that_is_no_model_is_told(tmp_path: Path) -> None:

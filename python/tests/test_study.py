@@ -71,6 +71,15 @@ def test_verif_results_show_themselves(fit: carpus.Personalization, diagnosis: c
     assert len(diagnosis.candidates) == 36 and diagnosis.effects == []
 
 
+def test_verif_a_simulation_shows_itself(session: carpus.Session) -> None:
+    simulation = session.simulate()
+    frame = simulation.to_pandas()
+    assert list(frame.columns) == ["measured", "model"] and frame.index.names == ["trial", "time_s"]
+    assert frame.index.get_level_values("trial").nunique() == 28 and frame.notna().all(axis=None)
+    assert "<svg" in simulation._repr_html_() and "28 trials" in repr(simulation)
+    assert simulation.errors.empty and simulation.trial_errors.empty
+
+
 def test_verif_frames_go_to_parquet_and_back(fit: carpus.Personalization, tmp_path: Path) -> None:
     pd = pytest.importorskip("pandas")
     pytest.importorskip("pyarrow")
@@ -131,6 +140,63 @@ def test_verif_ctrl_c_stops_long_work(use_case: str, session: carpus.Session) ->
     assert session.compare().errors.loc[("held out", "Simulated"), "nrmse"] > 0.1
 
 
+def test_verif_ctrl_c_stops_work_on_arrays(session: carpus.Session) -> None:
+    sets = np.repeat(session.parameters[None], 4000, axis=0)
+    model = carpus.Model.bundled()
+    t = np.linspace(0, 1000, 1001)
+    q = np.tile(model.posture(), (1_000_000, 1))
+    for work in [
+        lambda: session.simulate(sets),
+        lambda: session.loss(sets),
+        lambda: model.forward(t),
+        lambda: model.paths(q, about="flexion"),
+    ]:
+        timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+        begun = time.monotonic()
+        timer.start()
+        with pytest.raises(KeyboardInterrupt):
+            work()
+            timer.cancel()
+            pytest.fail("the work ended before it could be stopped")
+        assert time.monotonic() - begun < 3
+    assert np.isfinite(session.loss(session.parameters)[0])
+
+
+def test_verif_threads_share_a_model() -> None:
+    model = carpus.Model.bundled()
+    q = np.tile(model.posture(), (100_000, 1))
+    found: list[object] = []
+    threads = [threading.Thread(target=lambda: found.append(model.paths(q).length[-1])) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(found) == 3 and all(np.array_equal(f, found[0]) for f in found)
+
+
+@pytest.mark.parametrize("shape", [(4,), (3, 4), (2, 3, 4), (2, 2, 5, 4)])
+def test_verif_parameters_of_another_shape_are_told(shape: tuple[int, ...], session: carpus.Session) -> None:
+    for work in (session.simulate, session.loss, session.jacobian):
+        with pytest.raises(carpus.InputError, match=r"parameters: expected shape \(5, 4\)"):
+            work(np.ones(shape))
+
+
+def test_verif_arrays_show_themselves(session: carpus.Session) -> None:
+    name = session.trial_names[2]
+    model = carpus.Model.bundled()
+    for of, columns in [
+        (session.recorded(name), 2 + 4 * 5),
+        (session.simulate()[name], 1 + 4 * 5),
+        (session.simulate(session.parameters), 28),
+        (model.paths(model.posture(), about="flexion"), 2 * 5),
+        (model.forward([0, 0.01]), 2 * 4 + 2 * 5),
+    ]:
+        assert of.to_pandas().shape[1] == columns and "<table" in of._repr_html_()
+        assert next(iter(of.to_dict().values())) is next(iter(vars(of).values()))
+    with pytest.raises(carpus.InputError, match="expected parameters"):
+        session.simulate(use="train")  # type: ignore[call-overload]
+
+
 def test_verif_progress_is_shown_where_it_is_wanted(
     session: carpus.Session, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -159,6 +225,26 @@ def test_verif_identify_and_evaluate(session: carpus.Session, tmp_path: Path) ->
     assert (tmp_path / "identified/P01/draws.csv").is_file()
     errors = carpus.demo().evaluate().to_pandas()
     assert len(errors) > 3
+
+
+def test_verif_priors_of_a_frame_are_those_of_a_table(session: carpus.Session, tmp_path: Path) -> None:
+    pd = pytest.importorskip("pandas")
+    rows = [("FCR", "max_isometric_force", 1.1, 0.05, "model"), ("ECU", "optimal_fiber_length", 0.062, 0.001, "file")]
+    frame = pd.DataFrame(rows, columns=["muscle", "property", "mean", "sd", "unit"])
+    frame.to_csv(tmp_path / "priors.csv", index=False)
+    a = session.identify(priors=frame, draws=50).parameters.set_index(["muscle", "property"])
+    b = session.identify(priors=tmp_path / "priors.csv", draws=50).parameters.set_index(["muscle", "property"])
+    numbers = a.select_dtypes("number").columns
+    pd.testing.assert_frame_equal(a[numbers], b[numbers])
+    free = session.identify(draws=50).parameters.set_index(["muscle", "property"])
+    row = ("ECU", "optimal_fiber_length")
+    assert a.loc[row, "interval_upper"] - a.loc[row, "interval_lower"] < 0.8 * (
+        free.loc[row, "interval_upper"] - free.loc[row, "interval_lower"]
+    )
+    with pytest.raises(carpus.InputError, match="sd above 0"):
+        session.identify(priors=frame.assign(sd=0.0))
+    with pytest.raises(carpus.InputError, match="missing: sd"):
+        session.identify(priors=frame.drop(columns="sd"))
 
 
 def test_verif_one_command_in_a_process_of_its_own(tmp_path: Path) -> None:

@@ -1,13 +1,16 @@
 //! What several participants' diagnoses say together: `cohort.json` and `cohort.html`.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use serde::Serialize;
+use serde_json::Value;
 
 use super::account::fixed;
 use super::candidates::names_of;
-use super::diagnose::Diagnose;
-use super::diagnostic::Failure;
+use super::diagnose::{Diagnose, Diagnosed};
+use super::diagnostic::{Diagnostic, Failure};
+use super::json;
 use super::output::OutputFolder;
 use super::study::Study;
 use carpus_diagnosis::cohort::{CohortDiagnosis, CohortEffect, Member, ParticipantEvidence, WithInterval, pooled};
@@ -55,21 +58,52 @@ impl Study {
             title: self.tables.settings.name.clone(),
         })
     }
+
+    /// Writes the files of `carpus diagnose` of several participants into a folder of results. Returns what a person
+    /// should know about files of earlier runs.
+    ///
+    /// - `diagnosed`: of every participant, in the study's order
+    ///
+    /// # Errors
+    /// The folder cannot be written to, or holds what is not of this study and command.
+    pub fn write_cohort(
+        &self,
+        cohort: &Cohort,
+        diagnosed: &[&Diagnosed<'_>],
+        path: &Path,
+    ) -> Result<Vec<Diagnostic>, Failure> {
+        self.write_results(path, "diagnose", |out| {
+            for d in diagnosed {
+                d.write_to(out, Path::new(&d.diagnosis.participant))?;
+            }
+            cohort.write_to(out)
+        })
+    }
 }
 
 impl Cohort {
+    /// The content of `cohort.json`.
+    ///
+    /// # Errors
+    /// None that input can cause.
+    pub fn value(&self) -> Result<Value, Failure> {
+        let mut value = json::value(&self.diagnosis)?;
+        value["provenance"] = json::value(&self.provenance)?;
+        Ok(value)
+    }
+
+    /// The page of HTML.
+    pub fn report(&self) -> String {
+        render_article(&self.article())
+    }
+
     /// Writes `cohort.json` and `cohort.html` at the top of the folder of results.
     ///
     /// # Errors
     /// The disk.
     pub fn write_to(&self, out: &OutputFolder) -> Result<(), Failure> {
-        let internal = |e: serde_json::Error| Failure::Internal(e.to_string());
-        let mut value = serde_json::to_value(&self.diagnosis).map_err(internal)?;
-        if let Some(map) = value.as_object_mut() {
-            map.insert("provenance".to_owned(), serde_json::to_value(&self.provenance).map_err(internal)?);
-        }
-        out.write("cohort.json", text(&value)?.as_bytes())?;
-        out.write("cohort.html", render_article(&self.article()).as_bytes())?;
+        out.write("cohort.json", text(&self.value()?)?.as_bytes())?;
+        out.write("cohort.html", self.report().as_bytes())?;
         Ok(())
     }
 

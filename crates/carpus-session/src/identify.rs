@@ -58,8 +58,8 @@ impl FromStr for TiedMuscles {
 /// Prior knowledge of muscle parameters, as a table has it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Priors {
-    /// The table.
-    pub file: PathBuf,
+    /// The table; `None`: in memory.
+    pub file: Option<PathBuf>,
     /// Its rows.
     pub values: Vec<PriorKnowledge>,
 }
@@ -70,7 +70,7 @@ impl Priors {
     /// # Errors
     /// All problems of the table, together.
     pub fn read(file: &Path) -> Result<Priors, Failure> {
-        Ok(Priors { file: file.to_owned(), values: read_priors(file)? })
+        Ok(Priors { file: Some(file.to_owned()), values: read_priors(file)? })
     }
 }
 
@@ -125,8 +125,8 @@ impl Session<'_> {
         let warnings: Vec<Diagnostic> = run.warnings.iter().cloned().chain(more).collect();
         result.warnings = warnings.iter().map(warning_result).collect();
         result.provenance = self.study.provenance(request, request.seed, run.inputs.clone());
-        if let Some(priors) = &request.priors {
-            result.provenance.inputs.push(input_file(&priors.file, &priors.file.display().to_string(), "priors")?);
+        if let Some(file) = request.priors.as_ref().and_then(|priors| priors.file.as_ref()) {
+            result.provenance.inputs.push(input_file(file, &file.display().to_string(), "priors")?);
         }
         Ok(Identified { session: self, result, found, warnings })
     }
@@ -238,7 +238,10 @@ fn parameters(
     }
     let Some(Priors { file, values }) = &request.priors else { return Ok(free) };
     for prior in values {
-        let at = |message: Diagnostic| message.in_file(file).at_line(prior.line);
+        let at = |message: Diagnostic| match file {
+            Some(file) => message.in_file(file).at_line(prior.line),
+            None => message,
+        };
         if MuscleProperty::from_name(&prior.property).is_none() {
             let known = MuscleProperty::ALL.map(MuscleProperty::name);
             let message = at(Diagnostic::error(format!("there is no property `{}`", prior.property)));
@@ -266,7 +269,10 @@ fn parameters(
                 .hint("is the mean in the unit of the model file, or in multiples of its value with unit = model?")
                 .into());
         }
-        let source = prior.source.clone().unwrap_or_else(|| file.display().to_string());
+        let source = prior.source.clone().unwrap_or_else(|| match file {
+            Some(file) => file.display().to_string(),
+            None => "prior knowledge in memory".to_owned(),
+        });
         let log_sd = (1.0 + (prior.sd / prior.mean).powi(2)).ln().sqrt();
         parameter.prior = Prior { factor, log_sd, source: Some(source) };
     }
