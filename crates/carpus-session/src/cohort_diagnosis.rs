@@ -216,11 +216,11 @@ fn section(effect: &CohortEffect) -> Section {
         title: names(&effect.group),
         blocks: vec![
             Block::Figures {
-                title: "Every participant".to_owned(),
+                title: "Sizes".to_owned(),
                 note: "Line: mean of the population. Rose: more probably without the effect; the pooled size is then \
                        what it would be with it."
                     .to_owned(),
-                columns: 2,
+                columns: 4,
                 figures,
             },
             Block::Table(TextTable {
