@@ -72,13 +72,13 @@ arms, of_opensim = fastest(arms_of_opensim)
 print(f"largest difference {np.abs(arms - paths.moment_arm).max():.1e} m; {of_opensim / of_carpus:.0f} times faster")
 
 # %%
-plt.figure(figsize=(6, 3))
+plt.figure(figsize=(6, 3), layout="constrained")
 plt.plot(np.rad2deg(angles), 1e3 * paths.moment_arm, label=paths.muscles)
 plt.plot(np.rad2deg(angles[::20]), 1e3 * arms[::20], "k.", markersize=4)
 plt.xlabel("flexion [deg]")
 plt.ylabel("moment arm [mm]")
 plt.title("lines: Carpus, dots: OpenSim")
-plt.legend(fontsize=8)
+plt.legend(fontsize=8, loc="center left", bbox_to_anchor=(1, 0.5))
 plt.show()
 # %% [markdown]
 # ## Muscles at rest
