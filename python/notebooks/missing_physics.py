@@ -72,6 +72,7 @@ steps
 # %%
 axis = steps[["train", "held_out"]].mul(100).set_axis(steps["label"]).plot.barh(figsize=(7, 2.4))
 axis.invert_yaxis()
+axis.set_ylabel("")
 axis.set_xlabel("RMSE [% of the MVC moment]")
 axis.figure.tight_layout()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -39,6 +40,8 @@ def opensim():
 @pytest.fixture(autouse=True)
 def quiet() -> None:
     carpus.show_progress(False)
+    # Programs that run in the background of a shell ignore Ctrl-C.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture
