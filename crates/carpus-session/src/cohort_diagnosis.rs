@@ -39,7 +39,7 @@ pub struct Cohort {
 /// # Errors
 /// None that input can cause.
 pub(super) fn text(value: &impl Serialize) -> Result<String, Failure> {
-    Ok(serde_json::to_string_pretty(value).map_err(|e| Failure::Internal(e.to_string()))? + "\n")
+    Ok(json::readable(value)? + "\n")
 }
 
 impl Study {
