@@ -181,7 +181,17 @@ def output(command: str, folder: Path) -> Any:
 
 
 # Objects whose keys are names: of muscles, parameters, classes, steps of processing.
-BY_NAME = ("parameters", "units", "muscles", "understood", "processing", "detectable_size", "plausible", "size", "values")
+BY_NAME = (
+    "parameters",
+    "units",
+    "muscles",
+    "understood",
+    "processing",
+    "detectable_size",
+    "plausible",
+    "size",
+    "values",
+)
 
 
 def by_name(schema: Any) -> Any:
