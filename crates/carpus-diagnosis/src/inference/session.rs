@@ -31,6 +31,7 @@ use crate::noise::{self, NoiseLevels, TrialNoise};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 use carpus_study::study::ParameterBounds;
 use expected_residual::ExpectedResidual;
+use noise_along_the_way::Relaxed;
 pub use other_minima::OtherMinimum;
 use steps::profiled;
 
@@ -548,6 +549,7 @@ impl<'a> Session<'a> {
         let Start { mut point, levels, set, sizes, directions } = start;
         let mut linear = self.analysis.linearize(&point, &[])?;
         let mut noise = self.structure(&mut linear, &point);
+        let mut relaxed: Vec<Relaxed> = linear.iter().map(|_| Relaxed::new()).collect();
         let mut columns = self.all_columns(&point, &linear, &directions);
         let mut passing = factors(&noise, &levels)?;
         let mut model = self.model(&point, &columns, &passing);
@@ -555,7 +557,9 @@ impl<'a> Session<'a> {
         for _ in 0..CORRECTIONS {
             let step = &posterior.mean - &model.offset;
             let expected = self.expected_emg(&noise, &weighted(&columns, &step, &passing), &levels);
-            point = self.with_emg(&point, expected)?;
+            let of_trial = |(r, (here, to)): (&mut Relaxed, (&Vec<DVector<f64>>, &Vec<DVector<f64>>))| r.next(here, to);
+            let correction = relaxed.iter_mut().zip(point.correction.iter().zip(&expected)).map(of_trial).collect();
+            point = self.with_emg(&point, correction)?;
             // Muscles and effects stay: the EMG's corrections hardly change what effects do.
             linear = self.analysis.linearize_beside(&point, &linear)?;
             noise = self.structure(&mut linear, &point);

@@ -10,7 +10,7 @@ use super::super::linear_model::{Prior, Sizes};
 use super::super::muscles::Muscles;
 use super::super::search::{Budget, NEGLIGIBLE};
 use super::steps::profiled;
-use super::{Begun, ODDS, OtherMinimum, STANDS_IN, STEPS, Session, Start, State};
+use super::{Begun, ODDS, OtherMinimum, ROUNDS, SETTLED, STANDS_IN, STEPS, Session, Start, State};
 use crate::ONE_BY_ONE;
 use crate::addition::unidentifiable;
 use crate::diagnose::LEVEL;
@@ -42,10 +42,21 @@ fn least_odds(group: usize) -> f64 {
     ODDS * ((1.0 + 1.0 / ODDS).powi(i32::try_from(group).unwrap_or(i32::MAX)) - 1.0)
 }
 
+/// What rivals do in the place of a state's effects.
+struct StandIns {
+    /// Of effects: rivals that may stand in their place.
+    of_effects: BTreeMap<usize, Vec<usize>>,
+    /// Where they are.
+    minima: Vec<OtherMinimum>,
+    /// The most probable state of these, if it is ahead of that of the effects by more than rounds settle for.
+    ahead: Option<State>,
+}
+
 impl Session<'_> {
     /// The state with the effects that are more likely missing than not, and no others (the median probability model; Barbieri &
     /// Berger 2004, doi:10.1214/009053604000000238), less those without which a state is ahead. And for each of the others, the strongest
-    /// first, by how much −2 log posterior is larger where it is taken out and everything else is fitted anew.
+    /// first, by how much −2 log posterior is larger where it is taken out and everything else is fitted anew. Where a rival in the place of
+    /// one is ahead, rounds go on from there.
     ///
     /// # Errors
     /// A trial that cannot be simulated.
@@ -55,8 +66,8 @@ impl Session<'_> {
         report: &dyn Fn(&str),
     ) -> Result<(State, Vec<(usize, f64)>), SimulationError> {
         let candidates = self.testable();
-        let mut has_minima = false;
-        let (mut evidence, mut state) = 'again: loop {
+        let (mut has_minima, mut exchanges) = (false, 0);
+        let (mut evidence, stand_ins) = 'again: loop {
             let of = |effect: usize| {
                 let (group, probability) = self.group(&state, effect);
                 (probability, group.len(), effect)
@@ -86,15 +97,24 @@ impl Session<'_> {
                 (state, goes_on) = self.beside_minima(state, &candidates, &[], report)?;
                 has_minima = true;
             }
-            if !goes_on {
-                state.others.extend(others);
-                break (evidence, state);
+            if goes_on {
+                continue;
             }
+            state.others.extend(others);
+            let mut stand_ins = self.stand_ins(&state, &candidates);
+            let Some(mut ahead) = stand_ins.ahead.take().filter(|_| exchanges < ROUNDS) else {
+                break (evidence, stand_ins);
+            };
+            report(&format!("exchanged for {:?}", self.ids(&self.places(&ahead.point.effects))));
+            let (set, sizes) = (self.places(&ahead.point.effects), self.sizes(&ahead).clone());
+            self.weigh(&mut ahead, &set, &sizes, &candidates, &[]);
+            let begun = Begun { state: ahead, candidates: candidates.clone(), always: Vec::new() };
+            state = self.rounds(begun, report)?;
+            (has_minima, exchanges) = (false, exchanges + 1);
         };
         evidence.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let (stand_ins, others) = self.stand_ins(&state, &candidates);
-        state.stand_ins = stand_ins;
-        state.others.extend(others);
+        state.stand_ins = stand_ins.of_effects;
+        state.others.extend(stand_ins.minima);
         Ok((state, evidence))
     }
 
@@ -133,7 +153,7 @@ impl Session<'_> {
 
     /// Rivals of a state's effects that may stand in their place: with one of them instead, everything else estimated anew, −2 log posterior is
     /// larger by no more than the least probability of a group says.
-    fn stand_ins(&self, state: &State, candidates: &[usize]) -> (BTreeMap<usize, Vec<usize>>, Vec<OtherMinimum>) {
+    fn stand_ins(&self, state: &State, candidates: &[usize]) -> StandIns {
         let set = self.places(&state.point.effects);
         let rivals = |effect: usize| {
             let names = self.analysis.candidates[effect].description().rivals;
@@ -152,17 +172,22 @@ impl Session<'_> {
             // One that cannot be simulated in its place does not stand there.
             let other = self.with_set(state, &exchanged, &[]).ok()?;
             let behind = self.behind(&other, state);
-            (behind < -2.0 * STANDS_IN.ln()).then(|| self.other(&other, state, behind))
+            let minimum = (behind < -2.0 * STANDS_IN.ln()).then(|| self.other(&other, state, behind))?;
+            Some((minimum, (behind < -SETTLED).then_some((behind, other))))
         };
-        let found: Vec<Option<OtherMinimum>> = pairs.par_iter().with_max_len(ONE_BY_ONE).map(stands_in).collect();
-        let mut out: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-        let mut others = Vec::new();
-        for ((effect, rival), other) in pairs.into_iter().zip(found) {
-            let Some(other) = other else { continue };
-            out.entry(effect).or_default().push(rival);
-            others.push(other);
+        let found: Vec<Option<(OtherMinimum, Option<(f64, State)>)>> =
+            pairs.par_iter().with_max_len(ONE_BY_ONE).map(stands_in).collect();
+        let mut out = StandIns { of_effects: BTreeMap::new(), minima: Vec::new(), ahead: None };
+        let mut least = 0.0;
+        for ((effect, rival), found) in pairs.into_iter().zip(found) {
+            let Some((minimum, ahead)) = found else { continue };
+            out.of_effects.entry(effect).or_default().push(rival);
+            out.minima.push(minimum);
+            if let Some((behind, state)) = ahead.filter(|(behind, _)| *behind < least) {
+                (least, out.ahead) = (behind, Some(state));
+            }
         }
-        (out, others)
+        out
     }
 
     /// The state with these effects and no others: muscles, effects and noise estimated anew.
