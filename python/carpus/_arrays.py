@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import os
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from .errors import Diagnostic, InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -19,6 +23,30 @@ class Arrays:
     def to_pandas(self) -> pd.DataFrame:
         """As a data frame; its ``to_csv`` and ``to_parquet`` write it."""
         raise NotImplementedError
+
+    def write(self, folder: str | os.PathLike[str], *, name: str | None = None) -> Path:
+        """Writes its data frame as a CSV file, with every digit.
+
+        Args:
+            folder: The folder; it is made where it is missing.
+            name: Of the file; without one that of the class: ``recorded.csv``, ``batch.csv``.
+
+        Returns:
+            The file.
+
+        Raises:
+            InputError: There is such a file.
+        """
+        path = Path(folder) / (name or f"{type(self).__name__.lower()}.csv")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        frame = self.to_pandas()
+        try:
+            with path.open("x", encoding="utf-8", newline="") as file:
+                frame.to_csv(file)
+        except FileExistsError:
+            text, hint = "there is such a file", "name= gives another one"
+            raise InputError([Diagnostic("error", str(path), None, text, hint)]) from None
+        return path
 
     def _repr_html_(self) -> str:
         return self.to_pandas()._repr_html_()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import os
 import warnings
 from dataclasses import dataclass
@@ -64,6 +65,22 @@ class InternalError(CarpusError, RuntimeError):
 
 class CarpusWarning(UserWarning):
     """Something that a person should know before trusting results."""
+
+
+def whole(name: str, value: Any, least: int = 0) -> int:
+    """A whole number that a caller gave.
+
+    Raises:
+        InputError: Another value, one below ``least``, or one of more than 64 bits.
+    """
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = None
+    if number is None or not least <= number < 2**64:
+        text = f"{name}: expected a whole number from {least} on, found {value!r}"
+        raise InputError([Diagnostic("error", None, None, text, None)])
+    return number
 
 
 def of_shape(name: str, expected: str, found: Any) -> InputError:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from . import _carpus
 from ._arrays import Arrays, over_time
 from ._html import table
-from .errors import Diagnostic, InputError, of_shape, warn
+from .errors import Diagnostic, InputError, of_shape, warn, whole
 from .model import Model
 from .results import (
     CohortDiagnosis,
@@ -43,6 +43,11 @@ PARAMETERS = ("max_isometric_force", "optimal_fiber_length", "tendon_slack_lengt
 def _known(value: float | None) -> float | None:
     """A number, or ``None`` where a data frame has none."""
     return None if value is None or np.isnan(value) else float(value)
+
+
+def _count(name: str, value: int | None) -> int | None:
+    """A whole number that may be left out."""
+    return None if value is None else whole(name, value)
 
 
 def _priors(
@@ -294,7 +299,7 @@ class Session:
 
     def compare(self, *, seed: int = 1) -> Comparison:
         """Errors of the model as it is, as ``carpus compare``."""
-        return Comparison(self._session.compare(seed), self._names, self.muscles)
+        return Comparison(self._session.compare(whole("seed", seed)), self._names, self.muscles)
 
     def personalize(self, *, intervals: bool = True, seed: int = 1) -> Personalization:
         """Fits the active muscles' parameters to the trials with use = train, as ``carpus personalize``.
@@ -307,7 +312,7 @@ class Session:
             InputError: The trials do not suit the model.
             KeyboardInterrupt: Ctrl-C.
         """
-        return Personalization(self._session.personalize(seed, intervals), self._names, self.muscles)
+        return Personalization(self._session.personalize(whole("seed", seed), intervals), self._names, self.muscles)
 
     def identify(
         self,
@@ -332,6 +337,7 @@ class Session:
         """
         tied = [(name, list(muscles)) for name, muscles in (tie or {}).items()]
         wanted = None if properties is None else list(properties)
+        draws, seed = whole("draws", draws, 2), whole("seed", seed)
         return Identification(self._session.identify(wanted, tied, _priors(priors), level, draws, seed))
 
     def diagnose(self, candidates: Sequence[str] = (), *, baselines: bool = False, seed: int = 1) -> Diagnosis:
@@ -343,7 +349,7 @@ class Session:
             baselines: Whether what simpler methods need to compare themselves is written, too.
             seed: Of everything random.
         """
-        return Diagnosis(self._session.diagnose(list(candidates), baselines, seed))
+        return Diagnosis(self._session.diagnose(list(candidates), baselines, whole("seed", seed)))
 
     def add_effects(
         self,
@@ -363,7 +369,7 @@ class Session:
         """
         known = None if diagnosis is None else diagnosis._answer
         chosen = None if effects is None else list(effects)
-        return ModelWithEffects(self._session.add_effects(chosen, known, i_choose, seed))
+        return ModelWithEffects(self._session.add_effects(chosen, known, i_choose, whole("seed", seed)))
 
     def plan(self, rivals: Sequence[str] = (), *, diagnosis: Diagnosis | None = None, seed: int = 1) -> Plan:
         """Which further trials would tell explanations apart, as ``carpus plan``.
@@ -373,7 +379,8 @@ class Session:
             diagnosis: Of this session; without one it is made.
             seed: Of everything random.
         """
-        return Plan(self._session.plan(list(rivals), None if diagnosis is None else diagnosis._answer, seed))
+        known = None if diagnosis is None else diagnosis._answer
+        return Plan(self._session.plan(list(rivals), known, whole("seed", seed)))
 
     # Arrays of parameters
 
@@ -431,7 +438,7 @@ class Session:
                 text = "trials and use choose among the trials of a batch: expected parameters with them, found none"
                 hint = "session.simulate(session.parameters, use=…) simulates some trials with the model's own values"
                 raise InputError([Diagnostic("error", None, None, text, hint)])
-            return Simulation(self._session.simulate(seed), self._names, self.muscles)
+            return Simulation(self._session.simulate(whole("seed", seed)), self._names, self.muscles)
         sets, _ = self._sets(parameters)
         places = self._chosen(trials, use)
         slices, first = {}, 0
@@ -661,6 +668,7 @@ class Study:
             InputError: Fewer than two participants could be diagnosed.
         """
         chosen, diagnoses, failed = list(candidates), {}, []
+        seed = whole("seed", seed)
         if len(self.participants) < 2:
             text = f"expected at least two participants, found {', '.join(self.participants)}"
             hint = "one participant is diagnosed by study.load().diagnose()"
@@ -684,7 +692,7 @@ class Study:
             models: Folders of models: ``DIR/P01/NAME.osim``; without any the study's own models alone.
             seed: Written into the results; nothing in it is random.
         """
-        return Evaluation(self._study.evaluate([os.fspath(m) for m in models], seed))
+        return Evaluation(self._study.evaluate([os.fspath(m) for m in models], whole("seed", seed)))
 
     def sensitivity(
         self, *, starts: int = 25, sobol: int | None = None, resamples: int = 1000, seed: int = 1
@@ -697,7 +705,8 @@ class Study:
             resamples: Of the bootstrap.
             seed: Of everything random.
         """
-        return Sensitivity(self._study.sensitivity(starts, sobol, resamples, seed))
+        starts, resamples, seed = whole("starts", starts, 1), whole("resamples", resamples), whole("seed", seed)
+        return Sensitivity(self._study.sensitivity(starts, _count("sobol", sobol), resamples, seed))
 
     def study(
         self,
@@ -722,7 +731,14 @@ class Study:
         """
         table = None if priors is None else os.fspath(priors)
         said = self._study.whole_study(
-            os.fspath(out), list(steps), starts, sobol, bayesian_evaluations, sqp_iterations, table, seed
+            os.fspath(out),
+            list(steps),
+            _count("starts", starts),
+            _count("sobol", sobol),
+            _count("bayesian_evaluations", bayesian_evaluations),
+            _count("sqp_iterations", sqp_iterations),
+            table,
+            whole("seed", seed),
         )
         return StudyReport(**json.loads(said))
 

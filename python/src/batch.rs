@@ -171,7 +171,7 @@ impl Session {
         let mut writable = out.readwrite();
         let rows = writable.as_slice_mut()?;
         let stride = (chosen.muscles * PARAMETERS).max(1);
-        watched(py, |watch| {
+        watched(py, "simulating sets of parameters", n, |watch| {
             let rows = rows.par_chunks_mut(samples.max(1)).zip(sets.par_chunks(stride));
             let one = |(row, set): (&mut [f64], &[f64])| -> Result<_, Failure> {
                 watch.go_on()?;
@@ -195,7 +195,7 @@ impl Session {
         let view = parameters.as_array();
         let set = numbers(parameters.as_slice(), view.iter());
         let stride = chosen.muscles * PARAMETERS;
-        let (moment, by) = watched(py, |watch| {
+        let (moment, by) = watched(py, "derivatives", chosen.trials.len(), |watch| {
             let each: Result<Vec<(Vec<f64>, Vec<f64>)>, Failure> = (0..chosen.trials.len())
                 .into_par_iter()
                 .map(|i| {
@@ -246,7 +246,7 @@ impl Session {
         let sets = numbers(parameters.as_slice(), view.iter());
         let (n, stride) = (parameters.shape()[0], chosen.muscles * PARAMETERS);
         let mut gradient = vec![0.0; n * stride];
-        let losses: Vec<f64> = watched(py, |watch| {
+        let losses: Vec<f64> = watched(py, "errors of sets of parameters", n, |watch| {
             let rows = gradient.par_chunks_mut(stride.max(1)).zip(sets.par_chunks(stride.max(1)));
             let one = |(row, set): (&mut [f64], &[f64])| -> Result<_, Failure> {
                 watch.go_on()?;

@@ -47,7 +47,7 @@ fn simulated(compiled: &Compiled, asked: &Asked, watch: &Watch) -> Result<(Vec<S
         .map_err(|e| at_model(e.to_string()))?;
     let mut after = 1;
     let excite = |time: f64, values: &mut [f64]| {
-        watch.look();
+        watch.look(after);
         let last = asked.times.len() - 1;
         while after < last && asked.times[after] < time {
             after += 1;
@@ -118,7 +118,8 @@ impl Model {
         if let Some(fault) = fault {
             return Err(refused(fault)).or_raise(py);
         }
-        let (names, states) = watched(py, |watch| simulated(&compiled, &asked, watch))?;
+        let (names, states) =
+            watched(py, "forward dynamics", asked.times.len(), |watch| simulated(&compiled, &asked, watch))?;
         let result = PyDict::new(py);
         let n_t = states.len();
         for (name, of) in [("q", (|s| &s.q) as fn(&PlantState) -> &Vec<f64>), ("u", |s| &s.u)] {

@@ -7,7 +7,7 @@
 use std::any::Any;
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -140,22 +140,29 @@ pub fn long<T: Send + 'static>(
     }
 }
 
-/// Whether work that borrows arrays of the caller is to stop.
+/// How far work that borrows arrays of the caller is, and whether it is to stop.
 #[derive(Default)]
-pub struct Watch(AtomicBool);
+pub struct Watch {
+    is_cancelled: AtomicBool,
+    done: AtomicUsize,
+}
 
 impl Watch {
-    /// Whether the work goes on.
+    /// Whether the work goes on with its next step.
     ///
     /// # Errors
     /// It is to stop.
     pub fn go_on(&self) -> Result<(), Failure> {
-        if self.0.load(Ordering::Relaxed) { Err(Failure::Cancelled) } else { Ok(()) }
+        self.done.fetch_add(1, Ordering::Relaxed);
+        if self.is_cancelled.load(Ordering::Relaxed) { Err(Failure::Cancelled) } else { Ok(()) }
     }
 
     /// Leaves the work where it is to stop, at a place that cannot return a failure.
-    pub fn look(&self) {
-        if self.0.load(Ordering::Relaxed) {
+    ///
+    /// - `done`: steps so far
+    pub fn look(&self, done: usize) {
+        self.done.store(done, Ordering::Relaxed);
+        if self.is_cancelled.load(Ordering::Relaxed) {
             resume_unwind(Box::new(Stopped));
         }
     }
@@ -163,12 +170,19 @@ impl Watch {
 
 /// Does work on arrays that the caller holds, and returns what came of it. It is waited for at Ctrl-C.
 ///
+/// - `what`: is done, in `steps` steps
 /// - `work`: looks at its [`Watch`] again and again
 ///
 /// # Errors
 /// The exception for its failure; `KeyboardInterrupt`.
-pub fn watched<T: Send>(py: Python<'_>, work: impl FnOnce(&Watch) -> Result<T, Failure> + Send) -> PyResult<T> {
+pub fn watched<T: Send>(
+    py: Python<'_>,
+    what: &str,
+    steps: usize,
+    work: impl FnOnce(&Watch) -> Result<T, Failure> + Send,
+) -> PyResult<T> {
     let watch = Watch::default();
+    let bar = py.import("carpus._progress")?.call_method0("bar")?.unbind();
     let end = py.detach(|| {
         std::thread::scope(|scope| {
             let (send, receive) = channel();
@@ -185,13 +199,21 @@ pub fn watched<T: Send>(py: Python<'_>, work: impl FnOnce(&Watch) -> Result<T, F
                     }
                     Err(RecvTimeoutError::Timeout) => {}
                 }
-                if let Err(interrupt) = Python::attach(|py| py.check_signals()) {
-                    watch.0.store(true, Ordering::Relaxed);
+                let done = watch.done.load(Ordering::Relaxed).min(steps);
+                let looked = Python::attach(|py| {
+                    py.check_signals()?;
+                    bar.call_method1(py, "at", (what, done, steps))
+                });
+                if let Err(interrupt) = looked {
+                    watch.is_cancelled.store(true, Ordering::Relaxed);
                     return Err(interrupt);
                 }
             }
         })
-    })?;
+    });
+    let closed = bar.call_method0(py, "close");
+    let end = end?;
+    closed?;
     match end {
         Ok(result) => result.or_raise(py),
         Err(payload) => Err(unwound(py, payload)),

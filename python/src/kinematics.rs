@@ -160,7 +160,8 @@ impl Model {
         let compiled = this.borrow_mut().compiled(py)?;
         let about = about.map(|name| compiled.loaded.coordinate(name)).transpose().or_raise(py)?;
         let samples = rows(&q, compiled.n_coordinates(), "q").or_raise(py)?;
-        let [lengths, arms] = watched(py, |watch| compiled.paths(&samples, about, watch))?;
+        let [lengths, arms] =
+            watched(py, "muscle paths", q.shape()[0], |watch| compiled.paths(&samples, about, watch))?;
         let shape = [q.shape()[0], compiled.paths.len()];
         let arms = about.map(|_| arms.into_pyarray(py).reshape(shape)).transpose()?;
         Ok((lengths.into_pyarray(py).reshape(shape)?, arms))
@@ -176,7 +177,7 @@ impl Model {
         let samples = rows(&q, compiled.n_coordinates(), "q").or_raise(py)?;
         let bodies = compiled.loaded.file.spec.bodies.len();
         let n = q.shape()[0];
-        let poses = watched(py, |watch| {
+        let poses = watched(py, "poses", n, |watch| {
             let mut buffers = compiled.buffers();
             let mut poses = Vec::with_capacity(n * bodies * 16);
             for q in samples.chunks(compiled.n_coordinates().max(1)) {

@@ -181,7 +181,8 @@ def test_verif_parameters_of_another_shape_are_told(shape: tuple[int, ...], sess
             work(np.ones(shape))
 
 
-def test_verif_arrays_show_themselves(session: carpus.Session) -> None:
+def test_verif_arrays_show_and_write_themselves(session: carpus.Session, tmp_path: Path) -> None:
+    pd = pytest.importorskip("pandas")
     name = session.trial_names[2]
     model = carpus.Model.bundled()
     for of, columns in [
@@ -193,6 +194,11 @@ def test_verif_arrays_show_themselves(session: carpus.Session) -> None:
     ]:
         assert of.to_pandas().shape[1] == columns and "<table" in of._repr_html_()
         assert next(iter(of.to_dict().values())) is next(iter(vars(of).values()))
+        file = of.write(tmp_path / "arrays")
+        read = pd.read_csv(file, index_col=0, float_precision="round_trip")
+        assert np.array_equal(read.to_numpy(), of.to_pandas().to_numpy())
+        with pytest.raises(carpus.InputError, match="there is such a file"):
+            of.write(tmp_path / "arrays")
     with pytest.raises(carpus.InputError, match="expected parameters"):
         session.simulate(use="train")  # type: ignore[call-overload]
 
@@ -201,9 +207,29 @@ def test_verif_progress_is_shown_where_it_is_wanted(
     session: carpus.Session, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("tqdm")
+    sets = np.repeat(session.parameters[None], 1000, axis=0)
+    study = session.study
     carpus.show_progress(True)
-    session.personalize(intervals=False)
-    assert "fitting P01" in capsys.readouterr().err
+    try:
+        for said, work in {
+            "fitting P01": lambda: session.personalize(intervals=False),
+            "identifying P01": lambda: session.identify(draws=10),
+            "simulating sets of parameters": lambda: session.simulate(sets),
+            "errors of sets of parameters": lambda: session.loss(sets),
+            "screening P01, isometric": lambda: study.sensitivity(starts=10, resamples=10),
+            "forward dynamics": lambda: carpus.Model.bundled().forward(np.linspace(0, 20, 2001)),
+        }.items():
+            work()
+            assert said in capsys.readouterr().err
+    finally:
+        carpus.show_progress(None)
+
+
+@pytest.mark.parametrize("seed", [-1, 2**64, 1.5, "1"])
+def test_verif_a_seed_is_a_whole_number(seed: object, session: carpus.Session) -> None:
+    for work in (session.compare, session.personalize, session.identify, session.study.sensitivity):
+        with pytest.raises(carpus.InputError, match="seed: expected a whole number from 0 on, found"):
+            work(seed=seed)  # type: ignore[operator]
 
 
 def test_verif_effects_by_name(session: carpus.Session, diagnosis: carpus.Diagnosis, tmp_path: Path) -> None:

@@ -100,6 +100,9 @@ pub enum IdentifiabilityError {
     /// A session estimates lengths and forces alone.
     #[error("a property that is not among those that every fit estimates")]
     NotFitted,
+    /// It was not to go on.
+    #[error("stopped")]
+    Stopped,
     /// A trial cannot be simulated.
     #[error(transparent)]
     Simulation(#[from] SimulationError),

@@ -1,6 +1,8 @@
 //! Lengths and forces of muscles by the one model of a session ([`carpus_diagnosis::inference`]): the estimate that
 //! personalization hands over and a diagnosis reports, what it leaves open, and which trial would narrow it down.
 
+use std::cell::Cell;
+
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -9,11 +11,10 @@ use super::next_trial::RankedTrial;
 use super::parameters::{FreeParameter, fitted};
 use super::{BoundHit, Identifiability, IdentifiabilityError, Knowledge, directions};
 use carpus_diagnosis::forward_model::ForwardModel;
-use carpus_diagnosis::inference::muscles::{MuscleEstimate, MusclePrior, MuscleProblem, Muscles};
+use carpus_diagnosis::inference::muscles::{MuscleEstimate, MusclePrior, MuscleProblem, Muscles, USUAL_REPORTS};
 use carpus_diagnosis::inference::resting_fiber::RestingFiber;
 use carpus_diagnosis::separation::{Laboratory, after_session};
 use carpus_numerics::statistics::normal_of_uniform;
-use carpus_simulation::simulation::SimulationError;
 use carpus_study::study::{ParameterBounds, Trial, TrialUse};
 
 /// What is asked of a session.
@@ -41,9 +42,16 @@ pub struct SessionRequest<'a> {
 
 /// What the training trials of a session say about muscle parameters.
 ///
+/// - `progress`: told how many steps of about how many are done, from the calling thread
+/// - `goes_on`: asked between the searches, from the calling thread
+///
 /// # Errors
 /// [`IdentifiabilityError`].
-pub fn identify_session(request: &SessionRequest) -> Result<Identifiability, IdentifiabilityError> {
+pub fn identify_session(
+    request: &SessionRequest,
+    progress: &dyn Fn(usize, usize),
+    goes_on: &dyn Fn() -> bool,
+) -> Result<Identifiability, IdentifiabilityError> {
     super::check(&request.parameters)?;
     let forward = request.forward;
     if forward.trials_for(TrialUse::Train).is_empty() {
@@ -56,7 +64,12 @@ pub fn identify_session(request: &SessionRequest) -> Result<Identifiability, Ide
         priors: request.parameters.iter().filter_map(known).collect(),
         seed: request.seed,
     };
-    let muscles = problem.estimate(&|_| (), &|| true)?.ok_or(SimulationError::NoiseCovariance)?;
+    let done = Cell::new(0);
+    let report = |_: &str| {
+        done.set(done.get() + 1);
+        progress(done.get(), USUAL_REPORTS.max(done.get()));
+    };
+    let muscles = problem.estimate(&report, goes_on)?.ok_or(IdentifiabilityError::Stopped)?;
     let free = &request.parameters;
     let columns: Vec<usize> = free.iter().filter_map(column).collect();
     let covariance = muscles.log_covariance().select_rows(&columns).select_columns(&columns);

@@ -12,6 +12,7 @@ use super::output::OutputFolder;
 use super::participant::Session;
 use super::personalize::INTERVAL_LEVEL;
 use super::prepared::{active_specs, forward_model_of, laboratory};
+use super::progress::Progress;
 use super::provenance::{DEFAULT_SEED, input_file};
 use super::study::{Study, simulation_message};
 use carpus_identifiability::{
@@ -117,11 +118,11 @@ impl Session<'_> {
     /// # Errors
     /// A prior or group that does not suit the model; trials that are too long; a trial that cannot be simulated.
     pub fn identify(&self, request: &Identify) -> Result<Identified<'_>, Failure> {
-        self.progress()?;
+        let progress = self.progress()?;
         let again = self.read_for(Purpose::Identification)?;
         let run = &self.data;
         let (mut result, found, more) =
-            request.answered(self.study, again.as_ref().map_or(run, |session| &session.data))?;
+            request.answered(self.study, again.as_ref().map_or(run, |session| &session.data), progress)?;
         let warnings: Vec<Diagnostic> = run.warnings.iter().cloned().chain(more).collect();
         result.warnings = warnings.iter().map(warning_result).collect();
         result.provenance = self.study.provenance(request, request.seed, run.inputs.clone());
@@ -185,25 +186,31 @@ impl Identify {
     /// - `run`: read for [`Purpose::Identification`]
     ///
     /// # Errors
-    /// A prior or group that does not suit the model; a trial that cannot be simulated.
+    /// A prior or group that does not suit the model; a trial that cannot be simulated; a request to stop.
     pub fn answered(
         &self,
         study: &Study,
         run: &LoadedParticipant,
+        progress: &dyn Progress,
     ) -> Result<(IdentifiabilityResult, Identifiability, Vec<Diagnostic>), Failure> {
         let mut warnings = Vec::new();
         // What cannot be simulated has no intervals: better said at once.
         run.simulate(&run.model.nominal_parameters())?;
         let free = parameters(study, run, self, &mut warnings)?;
         let further = &study.tables.settings.columns.further_moments;
+        let what = format!("identifying {}", run.participant.name);
+        progress.at(&what, 0, 0);
+        let tell = |done: usize, steps: usize| progress.at(&what, done, steps);
         let found = if further.is_empty() && free.iter().all(|p| fitted(p.property).is_some()) {
-            by_session(study, run, free, self)?
+            by_session(study, run, free, self, (&tell, &|| !progress.is_cancelled()))
         } else {
             if free.iter().any(|p| p.property == MuscleProperty::MaxIsometricForce) {
                 warnings.push(Diagnostic::warning(TOO_NARROW));
             }
-            identified(run, further, free, self)?
+            identified(run, further, free, self)
         };
+        progress.finished();
+        let found = found?;
         Ok((identify_files::result(study, run, &found, self.level), found, warnings))
     }
 }
@@ -314,6 +321,7 @@ fn by_session(
     run: &LoadedParticipant,
     parameters: Vec<FreeParameter>,
     asked: &Identify,
+    (progress, goes_on): (&dyn Fn(usize, usize), &dyn Fn() -> bool),
 ) -> Result<Identifiability, Failure> {
     let forward = forward_model_of(run)?;
     let request = SessionRequest {
@@ -327,7 +335,7 @@ fn by_session(
         draws: asked.draws,
         candidates: usual_recordings(&run.model, &run.trials),
     };
-    identify_session(&request).map_err(|e| failed(run, e))
+    identify_session(&request, progress, goes_on).map_err(|e| failed(run, e))
 }
 
 fn identified(
@@ -352,6 +360,7 @@ fn identified(
 
 fn failed(run: &LoadedParticipant, error: IdentifiabilityError) -> Failure {
     match error {
+        IdentifiabilityError::Stopped => Failure::Cancelled,
         IdentifiabilityError::Simulation(error) => simulation_message(&error, &run.loaded).into(),
         other => Diagnostic::error(other.to_string()).in_file(&run.loaded.path).into(),
     }

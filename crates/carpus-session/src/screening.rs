@@ -1,9 +1,12 @@
 //! Screening of a participant's trials, condition by condition.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use serde::{Deserialize, Serialize};
 
 use super::diagnostic::{Diagnostic, Failure};
 use super::loading::LoadedParticipant;
+use super::progress::{Progress, go_on};
 use super::provenance::DEFAULT_SEED;
 use carpus_personalization::sensitivity::{
     CohortIndex, FirstOrderEstimator, MorrisConvergence, MorrisResult, MorrisSample, MuscleScreening, Parameter,
@@ -35,6 +38,13 @@ pub struct ScreeningOptions {
 impl Default for ScreeningOptions {
     fn default() -> Self {
         ScreeningOptions { starts: DEFAULT_STARTS, sobol: None, resamples: DEFAULT_RESAMPLES, seed: DEFAULT_SEED }
+    }
+}
+
+impl ScreeningOptions {
+    /// Simulations of so many parameters, without those with halved steps.
+    fn runs(&self, parameters: usize) -> usize {
+        self.starts * (parameters + 1) + self.sobol.map_or(0, |rows| rows * (parameters + 2))
     }
 }
 
@@ -133,11 +143,12 @@ pub fn conditions(run: &LoadedParticipant) -> Result<Vec<Condition>, Failure> {
 /// Screens one condition.
 ///
 /// # Errors
-/// A screening of which every run fails.
+/// A screening of which every run fails; a request to stop.
 pub fn screened(
     run: &LoadedParticipant,
     (contraction, effort_percent): Condition,
     options: &ScreeningOptions,
+    progress: &dyn Progress,
 ) -> Result<ConditionSensitivity, Failure> {
     let muscles: Vec<&str> = run.model.muscle_names().collect();
     let parameters = MuscleScreening::parameters(&muscles).map_err(refused)?;
@@ -150,7 +161,20 @@ pub fn screened(
         .collect();
     let trials = chosen.iter().map(|&i| (&run.prepared[i], run.trials[i].moment.as_slice())).collect();
     let screening = MuscleScreening::new(trials, &nominal).map_err(refused)?;
-    let (morris, sobol) = analyzed(&screening, &parameters, options).map_err(|error| {
+    let what = format!("screening {}, {}", run.participant.name, condition_name((contraction, effort_percent)));
+    let (done, runs) = (AtomicUsize::new(0), options.runs(parameters.len()));
+    let respond = |fractions: &[f64]| {
+        if progress.is_cancelled() {
+            return Err("stopped".to_owned());
+        }
+        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+        progress.at(&what, done, runs.max(done));
+        screening.response(fractions).map_err(|e| e.to_string())
+    };
+    let analyzed = analyzed(respond, &parameters, options);
+    progress.finished();
+    go_on(progress)?;
+    let (morris, sobol) = analyzed.map_err(|error| {
         let condition = condition_name((contraction, effort_percent));
         Failure::from(Diagnostic::error(format!("participant {}, {condition}: {error}", run.participant.name)))
     })?;
@@ -166,17 +190,16 @@ pub fn screened(
 }
 
 fn analyzed(
-    screening: &MuscleScreening,
+    response: impl Fn(&[f64]) -> Result<f64, String> + Sync,
     parameters: &[Parameter],
     options: &ScreeningOptions,
 ) -> Result<(MorrisResult, Option<SobolResult>), SensitivityError> {
-    let response = |fractions: &[f64]| screening.response(fractions);
     let m = parameters.len();
     let sample = MorrisSample::radial(m, options.starts, options.seed)?;
-    let morris = sample.screen(parameters, response, options.resamples, options.seed)?;
+    let morris = sample.screen(parameters, &response, options.resamples, options.seed)?;
     let sobol = options.sobol.map(|n| {
         let sample = SobolSample::sobol_sequence(m, n, options.seed)?;
-        sample.run(parameters, response, FirstOrderEstimator::Saltelli, options.resamples, options.seed)
+        sample.run(parameters, &response, FirstOrderEstimator::Saltelli, options.resamples, options.seed)
     });
     Ok((morris, sobol.transpose()?))
 }

@@ -46,7 +46,7 @@ impl Study {
             progress.warnings(&run.warnings);
             let of = |condition| {
                 go_on(progress)?;
-                screened(&run, condition, request)
+                screened(&run, condition, request, progress)
             };
             let found: Result<Vec<_>, Failure> = conditions(&run)?.into_iter().map(of).collect();
             inputs.extend(run.inputs.iter().filter(|file| !inputs.contains(file)).cloned().collect::<Vec<_>>());

@@ -136,6 +136,9 @@ impl<'a> MuscleProblem<'a> {
     }
 }
 
+/// About how many things an estimate reports: starts, their noise, its autocorrelation, rounds.
+pub const USUAL_REPORTS: usize = 8;
+
 impl<'a> Muscles<'a> {
     /// Covariance of the logarithms of all muscle parameters given the trials, in the order of columns: equation (16), what the gains of
     /// the recordings leave open of forces, and the distance of other minima, equation (34).

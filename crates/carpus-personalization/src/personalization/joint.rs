@@ -8,13 +8,11 @@ use super::parameters::ParameterSpace;
 use super::result::{Personalization, Progress, Stage};
 use carpus_diagnosis::diagnose::simulate;
 use carpus_diagnosis::forward_model::ForwardModel;
-use carpus_diagnosis::inference::muscles::MuscleProblem;
+use carpus_diagnosis::inference::muscles::{MuscleProblem, USUAL_REPORTS};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 use carpus_study::study::TrialUse;
 
 const STAGE: &str = "all parameters, joint mode";
-/// About how many steps an estimate tells of: starts, their noise, its autocorrelation, rounds.
-const EXPECTED_STEPS: usize = 8;
 
 /// Fits the parameters of the active muscles to the training trials: the values that are handed over, and what the
 /// trials say of each.
@@ -40,7 +38,7 @@ pub fn personalize(
     let report = |text: &str| {
         log::debug!("{text}");
         steps.set(steps.get() + 1);
-        progress(Progress { stage: STAGE, done: steps.get(), expected: EXPECTED_STEPS.max(steps.get()) });
+        progress(Progress { stage: STAGE, done: steps.get(), expected: USUAL_REPORTS.max(steps.get()) });
     };
     let found = problem.estimate(&report, goes_on)?.ok_or(PersonalizationError::Stopped)?;
     let parameters = found.handed_over.parameters;

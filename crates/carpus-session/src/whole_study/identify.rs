@@ -6,6 +6,7 @@ use crate::cohort_intervals;
 use crate::diagnostic::Failure;
 use crate::identify_files::write;
 use crate::loading::{LoadedParticipant, Purpose};
+use crate::progress::Silent;
 use crate::provenance::input_file;
 use crate::report_parts::ReportParts;
 use crate::units::{Unit, value};
@@ -33,7 +34,7 @@ impl Step for Identify {
         let depends_on = format!("{:?} {priors:?}", context.request.identify);
         let work = move || {
             let run = context.study.load(&run.participant, Purpose::Identification)?;
-            let (mut result, _, warnings) = request.answered(context.study, &run)?;
+            let (mut result, _, warnings) = request.answered(context.study, &run, &Silent)?;
             result.warnings = warnings.iter().map(warning_result).collect();
             value(&result)
         };

@@ -3,6 +3,7 @@
 use super::step::{Context, Step, Told};
 use crate::diagnostic::Failure;
 use crate::loading::LoadedParticipant;
+use crate::progress::Silent;
 use crate::screening::{
     ConditionSensitivity, DEFAULT_RESAMPLES, ScreeningOptions, condition_name, conditions, screened,
 };
@@ -33,7 +34,7 @@ impl Step for Sensitivity {
             Unit {
                 place: format!("{}/{}/{name}", self.id(), run.participant.name),
                 depends_on: format!("{options:?}"),
-                work: Box::new(move || value(&screened(run, condition, &options)?)),
+                work: Box::new(move || value(&screened(run, condition, &options, &Silent)?)),
             }
         };
         Ok(conditions(run)?.into_iter().map(unit).collect())
