@@ -1,6 +1,8 @@
 //! A participant's trials, simulated with any set of effects.
 
-mod derivatives;
+mod effect_derivatives;
+mod effects_in_order;
+pub mod recorded_changes;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -8,15 +10,15 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use super::angle_noise::{AngleNoise, Disturbance, moving};
+use super::covered::Covered;
 use super::denoising::{Denoised, denoised};
-use super::effect::{ExcitationScope, JointState, MuscleState, Role, Stage, TrialContext};
+use super::effect::{ExcitationScope, JointState, Role, Stage, TrialContext};
 use super::holds::steadied_trials;
 use super::joint_traits::JointTraits;
 pub use super::setting::Setting;
 use super::silent_muscles::SilentMuscles;
 use super::trial_record::{TrialRecord, records};
-use super::where_it_fails::Covered;
-pub use derivatives::{Change, ExcitationChange};
+use effects_in_order::{MuscleChange, add_moments, changes_excitation, in_order, muscle_change, scope, shown_effects};
 use nalgebra::DMatrix;
 
 use carpus_osim::osim::spec::{ModelSpec, MuscleSpec};
@@ -560,69 +562,6 @@ fn joint_state(core: &Core, context: &TrialContext, mut see: impl FnMut(&JointSt
         acceleration: &kinematics.acceleration,
         muscles: &kinematics.muscles,
     });
-}
-
-fn add_moments(ordered: &[&Setting], joint: &JointState, moment: &mut [f64]) {
-    for setting in ordered {
-        setting.effect.add_moment(&setting.values, joint, moment);
-    }
-}
-
-/// What effects change in the moment of a muscle, per sample: maximum isometric force · factor · moment arm · (tendon force + force).
-struct MuscleChange {
-    factor: Vec<f64>,
-    /// Share of the maximum isometric force.
-    force: Vec<f64>,
-}
-
-fn muscle_change(
-    ordered: &[&Setting],
-    trial: &TrialContext,
-    prepared: &PreparedTrial,
-    muscle: usize,
-    angle: &[f64],
-) -> MuscleChange {
-    let path = &prepared.kinematics().muscles[muscle];
-    let arm = &path.moment_arm;
-    change_at(ordered, &MuscleState { trial, muscle, angle, moment_arm: arm, activation: &path.activation })
-}
-
-fn change_at(ordered: &[&Setting], state: &MuscleState) -> MuscleChange {
-    let n = state.angle.len();
-    let mut change = MuscleChange { factor: vec![1.0; n], force: vec![0.0; n] };
-    for setting in ordered {
-        setting.effect.scale_muscle(&setting.values, state, &mut change.factor);
-        setting.effect.add_muscle_force(&setting.values, state, &mut change.force);
-    }
-    change
-}
-
-/// The effects with which the trial is simulated whose moment these effects are shown, and the rounds of feedback left: those
-/// that do not ask for it, and for as many rounds as there are those that feed back on themselves.
-fn shown_effects(effects: &[Setting], rounds: usize) -> (Vec<Setting>, usize) {
-    let stays =
-        |s: &&Setting| !s.effect.description().needs_moment() || (rounds > 0 && s.effect.description().feeds_back());
-    (effects.iter().filter(stays).cloned().collect(), rounds.saturating_sub(1))
-}
-
-fn changes_excitation(setting: &Setting) -> bool {
-    setting.effect.description().stage == Stage::Excitation && !setting.is_absent()
-}
-
-/// What an effect on excitations reads.
-fn scope(setting: &Setting) -> ExcitationScope {
-    setting.effect.description().behaviour.excitation
-}
-
-/// Effects in the order in which they act. Where that does not matter it is that of their identifiers, so that sums are the same to the
-/// last bit.
-fn in_order(effects: &[Setting]) -> Vec<&Setting> {
-    let mut ordered: Vec<&Setting> = effects.iter().collect();
-    ordered.sort_by_key(|s| {
-        let d = s.effect.description();
-        (d.stage, d.order, d.id)
-    });
-    ordered
 }
 
 /// Whether a parameter can matter at these values: shapes do not while the effect is absent.

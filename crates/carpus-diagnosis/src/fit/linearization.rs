@@ -9,7 +9,8 @@ use rayon::prelude::*;
 
 use super::super::ONE_BY_ONE;
 use super::super::effect::Effect;
-use super::super::forward_model::{Change, Core, ExcitationChange, FITTED_PER_MUSCLE, Setting, matters};
+use super::super::forward_model::recorded_changes::{Change, ExcitationChange};
+use super::super::forward_model::{Core, FITTED_PER_MUSCLE, Setting, matters};
 use super::super::noise::{BASELINE_SD, KNOT_SPACING, Response, TrialNoise};
 use super::super::score_test::Block;
 use super::super::series::interpolate;
@@ -374,7 +375,7 @@ mod tests {
     use super::*;
     use crate::catalogue::effect;
     use crate::forward_model::ForwardModel;
-    use crate::silent_muscles::with_two_silent_muscles;
+    use crate::two_silent_muscles::with_two_silent_muscles;
     use carpus_study::study::ParameterBounds;
 
     /// What silent muscles add to the response to the EMG's noise, and to the difference of whole simulations.
