@@ -14,7 +14,7 @@
 
 mod grid;
 mod information;
-mod linearization;
+pub(crate) mod linearization;
 mod noise_estimate;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -35,7 +35,6 @@ use carpus_study::study::ParameterBounds;
 pub use grid::memory_of_noise;
 pub use grid::{block_means, block_starts};
 pub(crate) use grid::{corrected, knot_count};
-pub(crate) use linearization::Linear;
 
 /// Where a fit stands.
 #[derive(Clone)]
@@ -187,23 +186,6 @@ impl<'a> Analysis<'a> {
             }
         }
         (precision, offset)
-    }
-
-    /// Whitened columns [nuisance | effects | residual] of every trial.
-    pub(crate) fn whitened(&self, linear: &[Linear], factors: &[Cholesky<f64, Dyn>]) -> Vec<DMatrix<f64>> {
-        linear
-            .par_iter()
-            .with_max_len(ONE_BY_ONE)
-            .zip(factors)
-            .map(|(l, factor)| {
-                let (n, e) = (l.nuisance.ncols(), l.effects.ncols());
-                let mut all = DMatrix::zeros(l.residual.len(), n + e + 1);
-                all.columns_mut(0, n).copy_from(&l.nuisance);
-                all.columns_mut(n, e).copy_from(&l.effects);
-                all.set_column(n + e, &l.residual);
-                whiten(factor, &all)
-            })
-            .collect()
     }
 
     /// A point moved by a step, as a whole shortened to what the linearization may be trusted for.

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use super::super::ONE_BY_ONE;
@@ -15,8 +15,8 @@ use super::super::noise::{BASELINE_SD, KNOT_SPACING, Response, TrialNoise};
 use super::super::score_test::Block;
 use super::super::series::interpolate;
 use super::super::where_it_fails;
-use super::grid::slope_of_bounded;
-use super::{Analysis, Point, block_means, block_starts, knot_count};
+use super::grid::{block_means, block_starts, knot_count, slope_of_bounded};
+use super::{Analysis, Point, whiten};
 use carpus_simulation::simulation::{ExcitationResponse, MusculoskeletalModel, SimulationError};
 
 /// Moments per unit of log excitation below this are nothing [N·m].
@@ -292,6 +292,23 @@ impl Analysis<'_> {
         TrialNoise::correlated(&self.times[position], responses, &at_knots, &self.kernels.emg).with_angle(of_angle)
     }
 
+    /// Whitened columns [nuisance | effects | residual] of every trial.
+    pub(crate) fn whitened(&self, linear: &[Linear], factors: &[Cholesky<f64, Dyn>]) -> Vec<DMatrix<f64>> {
+        linear
+            .par_iter()
+            .with_max_len(ONE_BY_ONE)
+            .zip(factors)
+            .map(|(l, factor)| {
+                let (n, e) = (l.nuisance.ncols(), l.effects.ncols());
+                let mut all = DMatrix::zeros(l.residual.len(), n + e + 1);
+                all.columns_mut(0, n).copy_from(&l.nuisance);
+                all.columns_mut(n, e).copy_from(&l.effects);
+                all.set_column(n + e, &l.residual);
+                whiten(factor, &all)
+            })
+            .collect()
+    }
+
     /// Directions of all candidates' amplitudes and of lack of fit, in units of their scales, and the blocks that they form;
     /// 0 for an effect that is on.
     pub(crate) fn calc_directions(
@@ -371,7 +388,7 @@ fn hat(time: &[f64], excitation: &[f64], knot: usize) -> (usize, Vec<f64>) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::corrected;
+    use super::super::grid::corrected;
     use super::*;
     use crate::catalogue::effect;
     use crate::forward_model::ForwardModel;

@@ -31,7 +31,7 @@ impl ForwardModel {
     /// What the muscles' dynamics make of the effect is the exact derivative of the simulation
     /// ([`PreparedTrial::force_derivative`]); closed formulas before and after them are differentiated by central
     /// differences of a ten-thousandth of the scale, which at a kink give the mean of both sides, unless the effect knows its
-    /// derivative itself ([`Effect::moment_derivative`]). Noise of the recorded angle matters to what effects on the joint add themselves,
+    /// derivative itself ([`crate::effect::Effect::moment_derivative`]). Noise of the recorded angle matters to what effects on the joint add themselves,
     /// and hardly to how other effects change it: there it is left out.
     ///
     /// - `effects`: the effects that are on, the one in question at position `which`

@@ -7,7 +7,8 @@ use super::super::discrepancy;
 use super::super::linear_model::{LinearModel, Prior, SizePriors};
 use super::{EVERYTHING, EffectColumns, OF_MOMENT, OF_MUSCLES, Session, WhitenedDirections};
 use crate::effect::{Effect, Role};
-use crate::fit::{Linear, Point, block_means, block_starts, product, whiten};
+use crate::fit::linearization::Linear;
+use crate::fit::{Point, block_means, block_starts, product, whiten};
 use crate::forward_model::FITTED_PER_MUSCLE;
 use crate::forward_model::recorded_changes::Change;
 

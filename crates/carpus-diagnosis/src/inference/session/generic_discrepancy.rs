@@ -6,7 +6,8 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use super::{HandedOver, Session, State};
-use crate::fit::{Analysis, Linear, Point, block_means, block_starts, trial_times};
+use crate::fit::linearization::Linear;
+use crate::fit::{Analysis, Point, block_means, block_starts, trial_times};
 use crate::series::interpolate;
 use carpus_simulation::simulation::SimulationError;
 use carpus_study::study::TrialUse;

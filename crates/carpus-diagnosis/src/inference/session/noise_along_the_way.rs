@@ -8,7 +8,8 @@ use rayon::prelude::*;
 
 use super::super::linear_model::Sizes;
 use super::{LARGEST_NOISE, Session, State};
-use crate::fit::{Linear, Point, corrected, trial_times};
+use crate::fit::linearization::Linear;
+use crate::fit::{Point, corrected, trial_times};
 use crate::kernel::{FAMILIES, Kernel};
 use crate::noise::{self, NoiseLevels, TrialNoise};
 use carpus_simulation::simulation::SimulationError;

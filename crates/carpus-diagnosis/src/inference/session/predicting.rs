@@ -8,7 +8,8 @@ use rayon::prelude::*;
 
 use super::super::linear_model::Prior;
 use super::{Session, State};
-use crate::fit::{Linear, Point, block_means, block_starts};
+use crate::fit::linearization::Linear;
+use crate::fit::{Point, block_means, block_starts};
 use crate::forward_model::{FITTED_PER_MUSCLE, Setting};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 

@@ -10,7 +10,8 @@ use super::{
     ADDITIONS, ASSESSED_IN_A_ROUND, Around, ODDS, OTHERS, RIVALS, Reached, STEPS, Session, Start, State,
     WhitenedDirections,
 };
-use crate::fit::{Linear, Point, product, whiten};
+use crate::fit::linearization::Linear;
+use crate::fit::{Point, product, whiten};
 use crate::noise::TrialNoise;
 use carpus_numerics::numerics::cholesky;
 use carpus_simulation::simulation::SimulationError;
