@@ -7,7 +7,8 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::{COMPONENTS, EMG, NoiseLevels, SLOW, TrialNoise, factor};
+use super::levels::{COMPONENTS, EMG, NoiseLevels, SLOW};
+use super::trial_noise::{TrialNoise, factor};
 use crate::ONE_BY_ONE;
 use crate::kernel::{Family, Kernel};
 use carpus_numerics::numerics::cholesky;
