@@ -19,6 +19,8 @@
 
 pub mod discrepancy;
 pub mod linear_model;
+mod muscle_columns;
+mod muscle_prior;
 pub mod muscles;
 pub mod resting_fiber;
 pub mod search;

@@ -9,6 +9,8 @@ use nalgebra::DMatrix;
 use super::super::catalogue::with_own;
 use super::super::effect::Effect;
 use super::super::forward_model::{FITTED_PER_MUSCLE, ForwardModel};
+use super::muscle_columns::{FORCE, place};
+pub use super::muscle_prior::MusclePrior;
 use super::resting_fiber::RestingFiber;
 use super::search::Budget;
 use super::session::{HandedOver, Session, State};
@@ -61,26 +63,6 @@ impl MuscleEstimate {
     pub fn end_from_data(&self, level: f64) -> [bool; 2] {
         let [low, high] = self.interval(level);
         [low > self.bounds[0], high < self.bounds[1]].map(|inside| inside && self.share_from_data() >= DETERMINED)
-    }
-}
-
-/// Prior knowledge of a muscle's parameter beside the bounds, or of several muscles that have one factor of a property.
-#[derive(Clone, Debug, PartialEq)]
-pub struct MusclePrior {
-    /// Positions of the muscles among the active ones.
-    pub muscles: Vec<usize>,
-    /// The property.
-    pub property: Property,
-    /// Logarithm of the most probable factor of the model's value.
-    pub log_mean: f64,
-    /// Standard deviation of the logarithm.
-    pub log_sd: f64,
-}
-
-impl MusclePrior {
-    /// Columns of the muscles' parameters in the linear model.
-    pub fn columns(&self) -> impl Iterator<Item = usize> + '_ {
-        self.muscles.iter().map(|m| m * FITTED_PER_MUSCLE + place(self.property))
     }
 }
 
@@ -180,6 +162,11 @@ impl<'a> Muscles<'a> {
 }
 
 impl Session<'_> {
+    /// The session, its search starting also from where the muscles alone of the same trials are.
+    pub fn starting_from(&mut self, muscles: &Muscles) {
+        self.further_start = Some(muscles.state.point.clone());
+    }
+
     /// Standard deviation of the logarithm of a maximum force that no trial can tell from a gain of the recordings, equation (32): of every
     /// effect that is the same as another maximum force, what is plausible.
     pub(crate) fn gain_log_sd(&self) -> f64 {
@@ -217,16 +204,4 @@ impl Session<'_> {
         };
         (0..given.len()).flat_map(|muscle| Property::ALL.map(|property| of(muscle, property))).collect()
     }
-}
-
-/// Columns of every muscle, in their order.
-pub(crate) const COLUMNS: [Property; FITTED_PER_MUSCLE] =
-    [Property::MaxIsometricForce, Property::OptimalFiberLength, Property::TendonSlackLength];
-
-/// Place of the maximum force among the columns of a muscle.
-const FORCE: usize = 0;
-
-/// Place of a property among the columns of a muscle.
-pub(crate) fn place(property: Property) -> usize {
-    COLUMNS.iter().position(|p| *p == property).unwrap_or(0)
 }

@@ -6,7 +6,7 @@
 
 use nalgebra::DVector;
 
-use super::muscles::place;
+use super::muscle_columns::place;
 use crate::forward_model::FITTED_PER_MUSCLE;
 use carpus_multibody::muscles::{EquilibriumError, Millard2012, Millard2012Parameters};
 use carpus_numerics::numerics::{Dual, Scalar};

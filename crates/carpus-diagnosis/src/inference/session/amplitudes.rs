@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{Session, State};
+use super::state::{Session, State};
 use crate::cohort::{Amplitude, ParticipantEvidence};
 use carpus_numerics::numerics::cholesky;
 

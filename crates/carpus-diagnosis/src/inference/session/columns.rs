@@ -5,12 +5,31 @@ use rayon::prelude::*;
 
 use super::super::discrepancy;
 use super::super::linear_model::{LinearModel, Prior, SizePriors};
-use super::{EVERYTHING, EffectColumns, OF_MOMENT, OF_MUSCLES, Session, WhitenedDirections};
+use super::state::Session;
 use crate::effect::{Effect, Role};
 use crate::fit::linearization::Linear;
 use crate::fit::{Point, block_means, block_starts, product, whiten};
 use crate::forward_model::FITTED_PER_MUSCLE;
 use crate::forward_model::recorded_changes::Change;
+
+/// Prior scale of κ: what a laboratory has of every effect, as a share of what is plausible, equation (5).
+const EVERYTHING: f64 = 0.15;
+/// Prior scale of the relative error of a muscle's moment, equations (5) and (6).
+const OF_MUSCLES: f64 = 0.08;
+/// Prior scale of the moment that is left beside the muscles, in tenths of a newton metre at a wrist, equations (5) and
+/// (7).
+const OF_MOMENT: f64 = 0.5;
+
+/// Directions of a trial with the noise whitened, and their products.
+pub(super) struct WhitenedDirections {
+    pub(super) columns: DMatrix<f64>,
+    pub(super) products: DMatrix<f64>,
+}
+
+/// An effect's columns in the linear model.
+pub(super) struct EffectColumns {
+    pub(super) amplitudes: Vec<usize>,
+}
 
 impl Session<'_> {
     /// Places of the effects that may be named and of which the data can speak.

@@ -4,7 +4,8 @@ use std::sync::atomic::AtomicUsize;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{Session, State, factors};
+use super::noise_along_the_way::factors;
+use super::state::{Session, State};
 use crate::fit::{Analysis, Point, trial_times};
 use crate::forward_model::{FITTED_PER_MUSCLE, ForwardModel};
 use carpus_simulation::simulation::SimulationError;

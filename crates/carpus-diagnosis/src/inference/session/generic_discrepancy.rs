@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicUsize;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
-use super::{HandedOver, Session, State};
+use super::state::{HandedOver, Session, State};
 use crate::fit::linearization::Linear;
 use crate::fit::{Analysis, Point, block_means, block_starts, trial_times};
 use crate::series::interpolate;

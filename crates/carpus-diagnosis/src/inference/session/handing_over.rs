@@ -7,10 +7,10 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::super::linear_model::{Posterior, Prior};
-use super::super::muscles::COLUMNS;
+use super::super::muscle_columns::COLUMNS;
 use super::super::search::Candidate;
 use super::predicting::{End, PRIOR_WEIGHTS};
-use super::{HandedOver, STANDS_IN, Session, State};
+use super::state::{HandedOver, Session, State};
 use crate::diagnose::ParameterEstimate;
 use crate::fit::{Point, whiten};
 use crate::forward_model::{FITTED_PER_MUSCLE, Setting};
@@ -20,6 +20,8 @@ use carpus_simulation::simulation::{MuscleParameters, Property, SimulationError}
 const LEAST_PROBABILITY: f64 = 0.001;
 /// Parts of the way that are simulated, equation (26).
 const PARTS: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
+/// An effect may stand in another's place where the set with it has more than this share of the probability, equation (22).
+pub(super) const STANDS_IN: f64 = 0.1;
 
 impl Session<'_> {
     /// What is handed over: muscles and effects, of those on the ways from the model as given to the joint mode and to the least error the

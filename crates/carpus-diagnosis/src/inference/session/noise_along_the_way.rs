@@ -3,17 +3,19 @@
 
 use std::sync::Arc;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use super::super::linear_model::Sizes;
-use super::{LARGEST_NOISE, Session, State};
+use super::state::{Session, State};
 use crate::fit::linearization::Linear;
 use crate::fit::{Point, corrected, trial_times};
 use crate::kernel::{FAMILIES, Kernel};
 use crate::noise::{self, NoiseLevels, TrialNoise};
 use carpus_simulation::simulation::SimulationError;
 
+/// Largest expected error of the logarithm of the EMG.
+const LARGEST_NOISE: f64 = 0.7;
 /// Least share of a correction of the EMG that is taken.
 const LEAST_SHARE: f64 = 0.1;
 
@@ -159,6 +161,31 @@ impl Session<'_> {
         let time = |g: &usize| trial_times(&self.forward().trials[*g], &self.analysis.kernels.moment);
         self.analysis.times = self.analysis.train.iter().map(time).collect();
     }
+}
+
+/// V⁻¹ times what a step of all columns leaves of the residual, per trial.
+pub(super) fn weighted(
+    columns: &[DMatrix<f64>],
+    step: &DVector<f64>,
+    factors: &[Cholesky<f64, Dyn>],
+) -> Vec<DVector<f64>> {
+    let p = step.len();
+    let of =
+        |(all, factor): (&DMatrix<f64>, &Cholesky<f64, Dyn>)| factor.solve(&(all.column(p) - all.columns(0, p) * step));
+    columns.par_iter().zip(factors).map(of).collect()
+}
+
+/// Factors of V of all trials.
+///
+/// # Errors
+/// A covariance that is not positive definite.
+pub(super) fn factors(noise: &[TrialNoise], levels: &NoiseLevels) -> Result<Vec<Cholesky<f64, Dyn>>, SimulationError> {
+    noise
+        .par_iter()
+        .map(|n| noise::factor(n, levels).ok_or(SimulationError::NoiseCovariance))
+        .collect::<Vec<_>>()
+        .into_iter()
+        .collect()
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::super::linear_model::Prior;
-use super::{Session, State};
+use super::state::{Session, State};
 use crate::fit::linearization::Linear;
 use crate::fit::{Point, block_means, block_starts};
 use crate::forward_model::{FITTED_PER_MUSCLE, Setting};

@@ -6,16 +6,24 @@ use rayon::prelude::*;
 
 use super::super::linear_model::{LinearModel, Posterior, Sizes};
 use super::super::search::{NEGLIGIBLE, Sets};
-use super::{
-    ADDITIONS, ASSESSED_IN_A_ROUND, Around, ODDS, OTHERS, RIVALS, Reached, STEPS, Session, Start, State,
-    WhitenedDirections,
-};
+use super::columns::WhitenedDirections;
+use super::state::{Around, ODDS, Reached, Session, Start, State};
 use crate::fit::linearization::Linear;
 use crate::fit::{Point, product, whiten};
 use crate::noise::TrialNoise;
 use carpus_numerics::numerics::cholesky;
 use carpus_simulation::simulation::SimulationError;
 
+/// Gauss–Newton steps with a set of effects.
+pub(super) const STEPS: usize = 5;
+/// Most probable sets beside the best that are tried by simulation in a round …
+const OTHERS: usize = 3;
+/// … effects that are tried beside those of the point …
+const ADDITIONS: usize = 3;
+/// … and sets in which an effect gives way to a rival.
+const RIVALS: usize = 6;
+/// Sets that were tried in a round and have their noise estimated anew, at most.
+const ASSESSED_IN_A_ROUND: usize = 6;
 /// A descent ends where the next step would lower Ψ by less: parameters are then within a quarter of a standard deviation.
 const SETTLED_DESCENT: f64 = 0.05;
 
