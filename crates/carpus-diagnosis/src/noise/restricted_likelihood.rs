@@ -296,7 +296,9 @@ mod tests {
 
     use super::*;
     use crate::kernel::{FAMILIES, Family};
-    use crate::noise::{Kernels, Response, TrialTimes};
+    use crate::noise::levels::Kernels;
+    use crate::noise::response::Response;
+    use crate::noise::trial_noise::TrialTimes;
     use crate::score_test::normal;
     use carpus_study::study::Direction;
 
