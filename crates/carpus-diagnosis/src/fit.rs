@@ -1,13 +1,14 @@
 //! A participant's training trials around a point of muscle parameters, effects and excitations.
 //!
-//! The true excitation is the recorded one times exp(w), w unknown. Around the present estimate ŵ the moment is linear in
-//! w, so that with G = ∂τ/∂w
+//! The true excitation is the recorded one times exp(w), w unknown. Around the present estimate ŵ the moment
+//! is linear in w, so that with G = ∂τ/∂w
 //!
 //! ```text
 //! r = y − τ(θ, φ, ŵ) + G ŵ ~ N(0, V),   ŵ ← E[w | data] = K Gᵀ V⁻¹ r
 //! ```
-//! (first-order conditional linearization). Sensitivities taken at ŵ are, to first order, independent of the residual: EMG noise that is
-//! in both would otherwise make time constants, delays and nonlinearities look significant.
+//! (first-order conditional linearization). Sensitivities taken at ŵ are, to first order, independent of the
+//! residual: EMG noise that is in both would otherwise make time constants, delays and nonlinearities look
+//! significant.
 //!
 //! # References
 //! Lindstrom & Bates (1990), Nonlinear mixed effects models for repeated measures data, doi:10.2307/2532087.
@@ -279,7 +280,8 @@ impl<'a> Analysis<'a> {
 /// Prior precision of amplitudes in units of their scale: 20 scales are one standard deviation.
 pub(crate) const AMPLITUDE_PRECISION: f64 = 1.0 / 400.0;
 
-/// Rows that are solved for at a time: what is below them takes them as a product of matrices, which is several times as fast.
+/// Rows that are solved for at a time: what is below them takes them as a product of matrices, which is
+/// several times as fast.
 const ROWS: usize = 24;
 
 /// L⁻¹ times columns, V = L Lᵀ.

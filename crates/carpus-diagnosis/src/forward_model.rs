@@ -62,8 +62,8 @@ pub struct ForwardModel {
     by_motion: Vec<ByMotion>,
 }
 
-/// Derivatives of the joint's moment by parameters of absent effects that follow the recorded motion alone, of one trial, once asked
-/// for: by identifier and place of the parameter.
+/// Derivatives of the joint's moment by parameters of absent effects that follow the recorded motion alone,
+/// of one trial, once asked for: by identifier and place of the parameter.
 #[derive(Default)]
 struct ByMotion(Mutex<BTreeMap<(&'static str, usize), Arc<Vec<f64>>>>);
 
@@ -94,12 +94,13 @@ pub struct Core {
     muscle_moment: Vec<f64>,
     /// What effects multiply the moment of every muscle by, per sample.
     pub factors: Vec<Vec<f64>>,
-    /// Derivatives of the moment by log F_max, log l_opt and log l_slack of every muscle, in this order; empty unless asked for.
+    /// Derivatives of the moment by log F_max, log l_opt and log l_slack of every muscle, in this order;
+    /// empty unless asked for.
     pub by_parameters: Vec<Vec<f64>>,
     /// Of every muscle; empty unless derivatives were asked for.
     pub solutions: Vec<MuscleSolution>,
-    /// The trial whose moment effects are shown ([`shown_effects`]), where one of them changes what drives the muscles; `None`:
-    /// they are shown this one's.
+    /// The trial whose moment effects are shown ([`shown_effects`]), where one of them changes what drives
+    /// the muscles; `None`: they are shown this one's.
     without: Option<Box<Core>>,
     /// Of every muscle, once asked for ([`Core::tangents`]).
     tangents: OnceLock<Option<Vec<ExcitationTangent>>>,
@@ -111,8 +112,8 @@ pub struct Core {
 /// Accuracy that a diagnosis needs: moments within about 10⁻³ N·m, far below any sensor's noise, in half the time.
 pub const DIAGNOSIS_ACCURACY: FiberAccuracy = FiberAccuracy { tolerance: 5e-5, max_step: 0.04 };
 
-/// Times that the moment of the muscles is computed anew where it acts back on the joint's angle: what is missing is then 1 to
-/// 2 % of the effect at the most compliant joint, and would be 10 to 15 % without.
+/// Times that the moment of the muscles is computed anew where it acts back on the joint's angle: what is
+/// missing is then 1 to 2 % of the effect at the most compliant joint, and would be 10 to 15 % without.
 const FEEDBACK_ROUNDS: usize = 1;
 
 /// Muscle parameters whose logarithms are fitted, per muscle.
@@ -195,8 +196,8 @@ impl ForwardModel {
         })
     }
 
-    /// Prepares trials for a diagnosis: the joint is still where the machine holds it, and elsewhere its recorded angle is
-    /// taken to be noisy.
+    /// Prepares trials for a diagnosis: the joint is still where the machine holds it, and elsewhere its
+    /// recorded angle is taken to be noisy.
     ///
     /// # Errors
     /// As there.
@@ -502,8 +503,8 @@ impl ForwardModel {
         draws[trial].iter().map(drawn).collect()
     }
 
-    /// Covariance of the recorded moment that the angle's noise causes through effects on the joint, and through the machine's drag where
-    /// that is noticeable [(N·m)²]; `None` if none.
+    /// Covariance of the recorded moment that the angle's noise causes through effects on the joint, and
+    /// through the machine's drag where that is noticeable [(N·m)²]; `None` if none.
     ///
     /// - `average`: of a series over blocks of samples; `times`: of the blocks [s]
     pub fn angle_covariance(
@@ -549,7 +550,8 @@ fn add_where_it_moves(draws: &mut [Disturbance], more: &[Disturbance], time: &[f
     }
 }
 
-/// The machine's drag upon the angle's noise is left out of the noise of moments where it is smaller than this, of a wrist [N·m].
+/// The machine's drag upon the angle's noise is left out of the noise of moments where it is smaller than
+/// this, of a wrist [N·m].
 const NOTICEABLE_DRAG: f64 = 0.005;
 
 /// Shows a trial's joint as recorded.

@@ -108,8 +108,8 @@ impl Analysis<'_> {
             .collect()
     }
 
-    /// Measured minus simulated moment of every trial at a point, expected EMG noise and baselines taken into account, averaged over
-    /// blocks [N·m].
+    /// Measured minus simulated moment of every trial at a point, expected EMG noise and baselines taken into
+    /// account, averaged over blocks [N·m].
     ///
     /// - `noise`: how it passes
     pub(crate) fn residuals(&self, point: &Point, noise: &[TrialNoise]) -> Result<Vec<DVector<f64>>, SimulationError> {
@@ -130,10 +130,11 @@ impl Analysis<'_> {
         (0..self.train.len()).into_par_iter().with_max_len(ONE_BY_ONE).map(of).collect::<Vec<_>>().into_iter().collect()
     }
 
-    /// Derivatives of a trial's recorded moment by the parameters of an effect, averaged over blocks [N·m per unit of their
-    /// scales]; 0 for those that do not matter.
+    /// Derivatives of a trial's recorded moment by the parameters of an effect, averaged over blocks [N·m per
+    /// unit of their scales]; 0 for those that do not matter.
     ///
-    /// - `effects`: those of the point, or one more that is absent; `which` of them is asked for, `variants` are its own
+    /// - `effects`: those of the point, or one more that is absent; `which` of them is asked for, `variants`
+    ///   are its own
     fn by_effect(
         &self,
         position: usize,
@@ -309,8 +310,8 @@ impl Analysis<'_> {
             .collect()
     }
 
-    /// Directions of all candidates' amplitudes and of lack of fit, in units of their scales, and the blocks that they form;
-    /// 0 for an effect that is on.
+    /// Directions of all candidates' amplitudes and of lack of fit, in units of their scales, and the blocks
+    /// that they form; 0 for an effect that is on.
     pub(crate) fn calc_directions(
         &self,
         linear: &[Linear],

@@ -13,8 +13,8 @@ use carpus_simulation::simulation::{
 };
 
 impl Core {
-    /// How forces follow changes of excitation and of time constants of activation; `None` where these change the joint's angle too,
-    /// where a tendon is rigid, and for a core without derivatives.
+    /// How forces follow changes of excitation and of time constants of activation; `None` where these change
+    /// the joint's angle too, where a tendon is rigid, and for a core without derivatives.
     fn tangents(&self) -> Option<&[ExcitationTangent]> {
         let calc = || {
             let of = |(i, solution)| self.prepared.excitation_tangent(i, solution);
@@ -29,10 +29,11 @@ impl ForwardModel {
     /// Derivative of the recorded moment by a parameter of an effect [N·m per unit of the parameter's scale].
     ///
     /// What the muscles' dynamics make of the effect is the exact derivative of the simulation
-    /// ([`PreparedTrial::force_derivative`]); closed formulas before and after them are differentiated by central
-    /// differences of a ten-thousandth of the scale, which at a kink give the mean of both sides, unless the effect knows its
-    /// derivative itself ([`crate::effect::Effect::moment_derivative`]). Noise of the recorded angle matters to what effects on the joint add themselves,
-    /// and hardly to how other effects change it: there it is left out.
+    /// ([`PreparedTrial::force_derivative`]); closed formulas before and after them are differentiated by
+    /// central differences of a ten-thousandth of the scale, which at a kink give the mean of both sides,
+    /// unless the effect knows its derivative itself ([`crate::effect::Effect::moment_derivative`]). Noise of
+    /// the recorded angle matters to what effects on the joint add themselves, and hardly to how other
+    /// effects change it: there it is left out.
     ///
     /// - `effects`: the effects that are on, the one in question at position `which`
     /// - `core`: of the same trial, input, parameters and effects, with derivatives
@@ -88,8 +89,9 @@ impl ForwardModel {
         self.recorded(trial, core, core.moment.clone(), core.shown(), effects, false)
     }
 
-    /// Derivative of the recorded moment by a parameter of an effect on the joint, as expected with noise in the recorded angle
-    /// [N·m per unit of the parameter's scale]. Effects on the joint add their moments: what the others add stays as it is.
+    /// Derivative of the recorded moment by a parameter of an effect on the joint, as expected with noise in
+    /// the recorded angle [N·m per unit of the parameter's scale]. Effects on the joint add their moments:
+    /// what the others add stays as it is.
     fn joint_derivative(
         &self,
         trial: usize,
@@ -107,8 +109,8 @@ impl ForwardModel {
         }
     }
 
-    /// The same of the joint's moment. Of an absent effect that follows the motion alone it is known once it was asked for at the recorded
-    /// motion.
+    /// The same of the joint's moment. Of an absent effect that follows the motion alone it is known once it
+    /// was asked for at the recorded motion.
     fn added_derivative(
         &self,
         trial: usize,
@@ -187,8 +189,8 @@ impl ForwardModel {
         by
     }
 
-    /// Changes of the excitations from one side to the other, and how the muscles that something changes for follow; `None` where more
-    /// changes than their excitations and time constants of activation.
+    /// Changes of the excitations from one side to the other, and how the muscles that something changes for
+    /// follow; `None` where more changes than their excitations and time constants of activation.
     ///
     /// - `stage`: of what differs; `sides`, `variants`, `distance`: as for [`ForwardModel::beside`]
     fn followed(
@@ -373,7 +375,8 @@ mod tests {
         setting
     }
 
-    /// Whole simulations with silent muscles and without them: what they add to a derivative, and to the difference of moments.
+    /// Whole simulations with silent muscles and without them: what they add to a derivative, and to the
+    /// difference of moments.
     #[test]
     fn verif_silent_muscles_follow_what_changes_the_excitation() {
         /// Of the difference, in scales.

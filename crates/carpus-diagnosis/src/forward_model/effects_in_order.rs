@@ -4,8 +4,8 @@ use super::super::effect::{ExcitationScope, JointState, MuscleState, Stage, Tria
 use super::super::setting::Setting;
 use carpus_simulation::simulation::PreparedTrial;
 
-/// Effects in the order in which they act. Where that does not matter it is that of their identifiers, so that sums are the same to the
-/// last bit.
+/// Effects in the order in which they act. Where that does not matter it is that of their identifiers, so
+/// that sums are the same to the last bit.
 pub(super) fn in_order(effects: &[Setting]) -> Vec<&Setting> {
     let mut ordered: Vec<&Setting> = effects.iter().collect();
     ordered.sort_by_key(|s| {
@@ -21,7 +21,8 @@ pub(super) fn add_moments(ordered: &[&Setting], joint: &JointState, moment: &mut
     }
 }
 
-/// What effects change in the moment of a muscle, per sample: maximum isometric force · factor · moment arm · (tendon force + force).
+/// What effects change in the moment of a muscle, per sample: maximum isometric force · factor · moment arm ·
+/// (tendon force + force).
 pub(super) struct MuscleChange {
     pub(super) factor: Vec<f64>,
     /// Share of the maximum isometric force.
@@ -50,8 +51,9 @@ pub(super) fn change_at(ordered: &[&Setting], state: &MuscleState) -> MuscleChan
     change
 }
 
-/// The effects with which the trial is simulated whose moment these effects are shown, and the rounds of feedback left: those
-/// that do not ask for it, and for as many rounds as there are those that feed back on themselves.
+/// The effects with which the trial is simulated whose moment these effects are shown, and the rounds of
+/// feedback left: those that do not ask for it, and for as many rounds as there are those that feed back on
+/// themselves.
 pub(super) fn shown_effects(effects: &[Setting], rounds: usize) -> (Vec<Setting>, usize) {
     let stays =
         |s: &&Setting| !s.effect.description().needs_moment() || (rounds > 0 && s.effect.description().feeds_back());

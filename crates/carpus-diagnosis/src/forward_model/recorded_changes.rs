@@ -56,15 +56,16 @@ impl Core {
 }
 
 impl ForwardModel {
-    /// Whether the recorded moment changes otherwise than the muscles' moment does: through the sensor, or through an effect on
-    /// the joint that depends on the muscles' moment.
+    /// Whether the recorded moment changes otherwise than the muscles' moment does: through the sensor, or
+    /// through an effect on the joint that depends on the muscles' moment.
     pub fn reshapes_moment(&self, effects: &[Setting]) -> bool {
         let reshapes = |s: &Setting| senses(s) || !s.is_absent() && s.effect.description().needs_moment();
         self.acting(effects).iter().any(reshapes)
     }
 
-    /// Changes of the recorded moment when the muscles' moment changes, to first order: through its feedback on the joint's angle
-    /// and through the sensor. The noise of the angle hardly matters to them and is left out.
+    /// Changes of the recorded moment when the muscles' moment changes, to first order: through its feedback
+    /// on the joint's angle and through the sensor. The noise of the angle hardly matters to them and is left
+    /// out.
     ///
     /// - `core`: with derivatives
     pub fn recorded_changes<'c>(
@@ -135,8 +136,8 @@ impl ForwardModel {
         changes.into_iter().map(sensed).collect()
     }
 
-    /// The change of the joint's moment when a change of the muscles' moment turns the joint, in as many rounds as in the
-    /// simulation [N·m per unit of what changes].
+    /// The change of the joint's moment when a change of the muscles' moment turns the joint, in as many
+    /// rounds as in the simulation [N·m per unit of what changes].
     ///
     /// - `feeding_back`: effects through which it does
     fn fed_back<'c>(
@@ -196,8 +197,9 @@ impl ForwardModel {
         self.acting(effects).iter().any(follows)
     }
 
-    /// Change of the recorded moment when excitations change, but for what the active muscles make of it: first sample and values
-    /// [N·m per unit of what changes]; `None` where there is none. The noise of the angle hardly matters to it and is left out.
+    /// Change of the recorded moment when excitations change, but for what the active muscles make of it:
+    /// first sample and values [N·m per unit of what changes]; `None` where there is none. The noise of the
+    /// angle hardly matters to it and is left out.
     pub fn recorded_beside_muscles(
         &self,
         trial: usize,

@@ -1,8 +1,8 @@
 //! Muscles alone: the estimate of muscle parameters, with no effect added, that every command reports
 //! (`docs/src/theory/many-small-errors.md`, equations (16), (25), (26), (31) and (32)).
 //!
-//! In: training trials, bounds, fibre lengths of images. Out: the muscles that are handed over, and of every parameter the value at the joint mode,
-//! its standard deviation and its interval.
+//! In: training trials, bounds, fibre lengths of images. Out: the muscles that are handed over, and of every
+//! parameter the value at the joint mode, its standard deviation and its interval.
 
 use nalgebra::DMatrix;
 
@@ -39,12 +39,13 @@ pub struct MuscleEstimate {
     pub bounds: [f64; 2],
 }
 
-/// A parameter is determined by the trials where they removed at least this share of its prior variance: where they say more of it than
-/// the bounds do.
+/// A parameter is determined by the trials where they removed at least this share of its prior variance:
+/// where they say more of it than the bounds do.
 const DETERMINED: f64 = 0.5;
 
 impl MuscleEstimate {
-    /// The interval of a level, equation (31): about the joint mode, wide enough to hold what is handed over, and within the bounds.
+    /// The interval of a level, equation (31): about the joint mode, wide enough to hold what is handed over,
+    /// and within the bounds.
     ///
     /// - `level`: probability, for example 0.9
     pub fn interval(&self, level: f64) -> [f64; 2] {
@@ -119,8 +120,9 @@ impl<'a> MuscleProblem<'a> {
 }
 
 impl<'a> Muscles<'a> {
-    /// Covariance of the logarithms of all muscle parameters given the trials, in the order of columns: equation (16), what the gains of
-    /// the recordings leave open of forces, and the distance of other minima, equation (34).
+    /// Covariance of the logarithms of all muscle parameters given the trials, in the order of columns:
+    /// equation (16), what the gains of the recordings leave open of forces, and the distance of other
+    /// minima, equation (34).
     pub fn log_covariance(&self) -> DMatrix<f64> {
         let mut out = self.log_covariance_at_mode();
         let of_gains = self.session.gain_log_sd().powi(2);
@@ -167,8 +169,9 @@ impl Session<'_> {
         self.further_start = Some(muscles.state.point.clone());
     }
 
-    /// Standard deviation of the logarithm of a maximum force that no trial can tell from a gain of the recordings, equation (32): of every
-    /// effect that is the same as another maximum force, what is plausible.
+    /// Standard deviation of the logarithm of a maximum force that no trial can tell from a gain of the
+    /// recordings, equation (32): of every effect that is the same as another maximum force, what is
+    /// plausible.
     pub(crate) fn gain_log_sd(&self) -> f64 {
         let gains = self.analysis.candidates.iter().filter(|e| e.description().unidentifiable.is_some());
         let of = |effect: &&'static dyn Effect| {

@@ -104,7 +104,8 @@ impl<'a> Session<'a> {
         Session { images, ..self }
     }
 
-    /// The session with prior knowledge of muscle parameters beside the bounds, and with muscles that have one factor of a property.
+    /// The session with prior knowledge of muscle parameters beside the bounds, and with muscles that have
+    /// one factor of a property.
     pub fn with_muscle_priors(mut self, known: &[MusclePrior]) -> Session<'a> {
         let own = |column: usize| [0.0, self.analysis.prior_sd[column % FITTED_PER_MUSCLE]];
         self.muscle_priors = (0..self.analysis.n_muscles() * FITTED_PER_MUSCLE).map(own).collect();
@@ -182,7 +183,8 @@ impl<'a> Session<'a> {
         Ok(Begun { state, candidates, always })
     }
 
-    /// Rounds of search, simulation of other sets and noise, until nothing more probable is found, not from other muscles either.
+    /// Rounds of search, simulation of other sets and noise, until nothing more probable is found, not from
+    /// other muscles either.
     ///
     /// # Errors
     /// A trial that cannot be simulated.
@@ -292,8 +294,8 @@ impl<'a> Session<'a> {
         )
     }
 
-    /// Where to begin: from the model as given every effect alone, none, and what the linear model at that point calls for, each fitted with
-    /// the same usual noise; the most probable first.
+    /// Where to begin: from the model as given every effect alone, none, and what the linear model at that
+    /// point calls for, each fitted with the same usual noise; the most probable first.
     fn starts(
         &mut self,
         candidates: &[usize],
@@ -301,7 +303,8 @@ impl<'a> Session<'a> {
         report: &dyn Fn(&str),
     ) -> Result<Vec<Start>, SimulationError> {
         let levels = self.levels;
-        // With the EMG as recorded: that expected beside everything at once may have been bent to make up for what is missing.
+        // With the EMG as recorded: that expected beside everything at once may have been bent to make up for
+        // what is missing.
         let point = self.analysis.nominal_point();
         let mut linear = self.analysis.linearize(&point, &[])?;
         let noise = self.structure(&mut linear, &point);
@@ -449,9 +452,10 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// How much larger −2 log posterior is at one state than at another, each with its point's effects, equation (20): both at the
-    /// geometric means of their noise's variances, true excitations being parameters as all others are. That a model lets less of the
-    /// EMG's noise pass is no evidence for it, and where two let different parts of it pass, their difference is in part chance.
+    /// How much larger −2 log posterior is at one state than at another, each with its point's effects,
+    /// equation (20): both at the geometric means of their noise's variances, true excitations being
+    /// parameters as all others are. That a model lets less of the EMG's noise pass is no evidence for it,
+    /// and where two let different parts of it pass, their difference is in part chance.
     pub(crate) fn behind(&self, a: &State, b: &State) -> f64 {
         let levels = a.levels.between(&b.levels);
         let deviance = |state: &State| {

@@ -53,7 +53,8 @@ impl Response {
         }
     }
 
-    /// Adds G K Gᵀ to `covariance`, the second G being that of another model; with `factors` on the knots of both G D K D Gᵀ.
+    /// Adds G K Gᵀ to `covariance`, the second G being that of another model; with `factors` on the knots of
+    /// both G D K D Gᵀ.
     ///
     /// - `by_step`: correlations over knots
     pub(super) fn add_covariance_with(

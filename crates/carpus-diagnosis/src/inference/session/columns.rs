@@ -38,7 +38,8 @@ impl Session<'_> {
         self.nameable.iter().copied().filter(testable).collect()
     }
 
-    /// Standard deviation of what is plausible of an amplitude, in units of its scale, and the sign that it must have: equation (3).
+    /// Standard deviation of what is plausible of an amplitude, in units of its scale, and the sign that it
+    /// must have: equation (3).
     pub(crate) fn plausible(&self, effect: &'static dyn Effect, parameter: usize) -> (f64, Option<f64>) {
         let forward = self.forward();
         let p = &effect.description().parameters[parameter];
@@ -77,7 +78,8 @@ impl Session<'_> {
         DMatrix::from_columns(&columns.iter().map(|c| block_means(c, &starts)).collect::<Vec<_>>())
     }
 
-    /// Priors of the columns [nuisance | effects that are on | directions | muscles' discrepancy] and the point's distance from their means.
+    /// Priors of the columns [nuisance | effects that are on | directions | muscles' discrepancy] and the
+    /// point's distance from their means.
     pub(super) fn priors(&self, point: &Point) -> (Vec<Prior>, DVector<f64>) {
         let mut priors = Vec::new();
         let mut offset = Vec::new();
@@ -227,8 +229,8 @@ impl Session<'_> {
         self.with_image_rows(point, LinearModel::new(priors, offset, by_trial, self.size_priors()))
     }
 
-    /// What the variances of the noise are estimated beside: columns in units of their prior standard deviations, and the residual at the
-    /// priors' means.
+    /// What the variances of the noise are estimated beside: columns in units of their prior standard
+    /// deviations, and the residual at the priors' means.
     pub(super) fn regressors(
         model: &LinearModel,
         columns: &[DMatrix<f64>],

@@ -11,7 +11,8 @@ use super::state::{ExpectedResidual, Session, State};
 const PARTS: [f64; 4] = [1.0, 0.5, 0.25, 0.0];
 
 impl Session<'_> {
-    /// What is left of every trial where the linear model of a state expects everything; empty where not even its point can be simulated.
+    /// What is left of every trial where the linear model of a state expects everything; empty where not even
+    /// its point can be simulated.
     pub(super) fn expected_residuals(&self, state: &State) -> Vec<ExpectedResidual> {
         let (set, model) = (self.places(&state.point.effects), &state.model);
         let posterior = model.posterior(&set, self.sizes(state));

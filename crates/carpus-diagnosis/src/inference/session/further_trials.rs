@@ -11,8 +11,8 @@ use crate::forward_model::{FITTED_PER_MUSCLE, ForwardModel};
 use carpus_simulation::simulation::SimulationError;
 
 impl Session<'_> {
-    /// Standard deviations of the logarithms of muscle parameters if one more trial is recorded, for each of some: to first order at a state,
-    /// with its noise and sizes. What a trial measures does not matter.
+    /// Standard deviations of the logarithms of muscle parameters if one more trial is recorded, for each of
+    /// some: to first order at a state, with its noise and sizes. What a trial measures does not matter.
     ///
     /// - `then`: the trials
     ///

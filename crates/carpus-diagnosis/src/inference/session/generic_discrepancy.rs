@@ -21,9 +21,10 @@ struct There {
 }
 
 impl<'a> Session<'a> {
-    /// Root mean square of the residuals of what is handed over, EMG as recorded, once the discrepancy (6), (7) and the small sizes of all
-    /// effects that are not in it have taken their part [N·m]: of training trials, to which their coefficients are fitted with their
-    /// priors and white noise, and of held-out trials with the same coefficients; `None` without trials.
+    /// Root mean square of the residuals of what is handed over, EMG as recorded, once the discrepancy (6),
+    /// (7) and the small sizes of all effects that are not in it have taken their part [N·m]: of training
+    /// trials, to which their coefficients are fitted with their priors and white noise, and of held-out
+    /// trials with the same coefficients; `None` without trials.
     ///
     /// # Errors
     /// A trial that cannot be simulated.

@@ -19,8 +19,9 @@ const LARGEST_NOISE: f64 = 0.7;
 /// Least share of a correction of the EMG that is taken.
 const LEAST_SHARE: f64 = 0.1;
 
-/// Aitken's relaxation of the fixed point that the corrections of a trial's EMG are (Irons and Tuck 1969, doi:10.1002/nme.1620010306):
-/// as much of each is taken as makes two in succession the last, were the map linear.
+/// Aitken's relaxation of the fixed point that the corrections of a trial's EMG are (Irons and Tuck 1969,
+/// doi:10.1002/nme.1620010306): as much of each is taken as makes two in succession the last, were the map
+/// linear.
 pub(super) struct Relaxed {
     share: f64,
     before: Option<Vec<DVector<f64>>>,
@@ -67,8 +68,8 @@ impl Session<'_> {
         noise::estimate(&trials, &DVector::from_element(count, 1.0), self.analysis.least_white(), start)
     }
 
-    /// Error of the logarithm of every trial's EMG that is expected of recorded EMG and moment together, per muscle on knots,
-    /// equation (10).
+    /// Error of the logarithm of every trial's EMG that is expected of recorded EMG and moment together, per
+    /// muscle on knots, equation (10).
     ///
     /// - `noise`: at the point; `weighted`: what the linear model leaves of the residual, the noise's factors applied
     pub(super) fn expected_emg(

@@ -53,8 +53,8 @@ pub struct Session<'a> {
     pub analysis: Analysis<'a>,
     pub(super) ranges: Ranges,
     pub(super) budget: Budget,
-    /// Variances of the noise that estimates start with: usual ones until they were estimated beside the effects that are missing, because the
-    /// errors of a model that is far off would be taken for noise.
+    /// Variances of the noise that estimates start with: usual ones until they were estimated beside the
+    /// effects that are missing, because the errors of a model that is far off would be taken for noise.
     pub(super) levels: NoiseLevels,
     /// Whether they were, and its autocorrelation chosen.
     pub(super) noise_is_final: bool,
@@ -62,7 +62,8 @@ pub struct Session<'a> {
     pub(super) nameable: Vec<usize>,
     /// Fascicle lengths of images that are data.
     pub(super) images: Vec<RestingFiber>,
-    /// Mean and standard deviation of the logarithm of every muscle parameter's factor before the data; empty: those of the bounds.
+    /// Mean and standard deviation of the logarithm of every muscle parameter's factor before the data;
+    /// empty: those of the bounds.
     pub(super) muscle_priors: Vec<[f64; 2]>,
     /// Where the search starts from beside the model as given: the muscles alone.
     pub(in crate::inference) further_start: Option<Point>,
@@ -134,8 +135,8 @@ impl State {
     }
 }
 
-/// What is left of a trial's moment with muscles, baselines, all effects and the discrepancy where the linear model expects them,
-/// averaged over blocks [N·m].
+/// What is left of a trial's moment with muscles, baselines, all effects and the discrepancy where the linear
+/// model expects them, averaged over blocks [N·m].
 pub(super) struct ExpectedResidual {
     pub(super) simulated: DVector<f64>,
     pub(super) linear: DVector<f64>,
@@ -144,8 +145,8 @@ pub(super) struct ExpectedResidual {
 /// Another local minimum, with the same effects or others.
 #[derive(Clone, Debug)]
 pub struct OtherMinimum {
-    /// Muscles, baselines and parameters of the state's effects, in the units of their columns, less those of the state; NaN for an
-    /// effect that it does not have.
+    /// Muscles, baselines and parameters of the state's effects, in the units of their columns, less those of
+    /// the state; NaN for an effect that it does not have.
     pub away: DVector<f64>,
     /// Its probability over the state's.
     pub odds: f64,

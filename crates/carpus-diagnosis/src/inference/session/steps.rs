@@ -24,11 +24,13 @@ const ADDITIONS: usize = 3;
 const RIVALS: usize = 6;
 /// Sets that were tried in a round and have their noise estimated anew, at most.
 const ASSESSED_IN_A_ROUND: usize = 6;
-/// A descent ends where the next step would lower Ψ by less: parameters are then within a quarter of a standard deviation.
+/// A descent ends where the next step would lower Ψ by less: parameters are then within a quarter of a
+/// standard deviation.
 const SETTLED_DESCENT: f64 = 0.05;
 
 impl Session<'_> {
-    /// Steps on: the best set reached by descent; with `among`, others tried by simulation, too: the most probable, the noise held.
+    /// Steps on: the best set reached by descent; with `among`, others tried by simulation, too: the most
+    /// probable, the noise held.
     pub(super) fn advanced(
         &self,
         state: &State,
@@ -94,8 +96,9 @@ impl Session<'_> {
         Point { effects: set.iter().map(of).collect(), ..point.clone() }
     }
 
-    /// Sets that are tried by simulation beside the best: the most probable others that were looked at, and the most probable of those in
-    /// which an effect gives way to a rival. Sets that are [`NEGLIGIBLE`] are not.
+    /// Sets that are tried by simulation beside the best: the most probable others that were looked at, and
+    /// the most probable of those in which an effect gives way to a rival. Sets that are [`NEGLIGIBLE`] are
+    /// not.
     pub(super) fn alternatives(
         &self,
         set: &[usize],
@@ -126,8 +129,9 @@ impl Session<'_> {
         out
     }
 
-    /// The effects of the point and one more, for each that the linear model asks for beside them: the most probable first. Where the
-    /// linear model would rather do without an effect of the point, simulation decides.
+    /// The effects of the point and one more, for each that the linear model asks for beside them: the most
+    /// probable first. Where the linear model would rather do without an effect of the point, simulation
+    /// decides.
     fn additions(&self, state: &State, candidates: &[usize]) -> Vec<Vec<usize>> {
         let set = self.places(&state.point.effects);
         let (sizes, here) = state.model.sizes_for(&set, self.sizes(state));
