@@ -249,7 +249,11 @@ pub struct PlanAnswer {
 
 impl Result_ for PlanAnswer {
     fn json(&self) -> Result<String, Failure> {
-        let experiment = |s: &carpus::diagnosis::separation::Separation| json!({ "trials": s.trials, "separates": s.separates, "z_now": s.z_now, "z_then": s.z_then });
+        let experiment = |s: &carpus::diagnosis::separation::Separation| {
+            json!({
+                "trials": s.trials, "separates": s.separates, "z_now": s.z_now, "z_then": s.z_then,
+            })
+        };
         let all: Vec<_> = self.planned.separations.iter().map(experiment).collect();
         pretty(&json!({ "participant": self.planned.participant, "experiments": all }))
     }

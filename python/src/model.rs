@@ -232,7 +232,11 @@ impl Model {
             Failure::from(e.hint().into_iter().fold(message, Diagnostic::hint))
         });
         let scaling = scaling.or_raise(py)?;
-        let length = |l: &carpus::scaling::ScaledLength| json!({ "name": l.name, "before_m": l.before, "after_m": l.after, "ratio": l.ratio() });
+        let length = |l: &carpus::scaling::ScaledLength| {
+            json!({
+                "name": l.name, "before_m": l.before, "after_m": l.after, "ratio": l.ratio(),
+            })
+        };
         let said = json!({
             "mass_before_kg": scaling.mass[0],
             "mass_kg": scaling.mass[1],

@@ -106,7 +106,8 @@ impl Session {
             json!({
                 "name": i.name, "contraction": i.contraction, "direction": i.direction, "use": i.usage,
                 "effort_percent": i.effort_percent, "posture_deg": i.posture.map(f64::to_degrees),
-                "repetition": i.repetition, "start_time_s": i.start_time, "samples": t.len(), "duration_s": t.duration(),
+                "repetition": i.repetition, "start_time_s": i.start_time, "samples": t.len(),
+                "duration_s": t.duration(),
             })
         };
         serde_json::Value::Array(self.library().data.trials.iter().map(one).collect()).to_string()

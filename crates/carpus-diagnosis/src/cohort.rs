@@ -18,7 +18,8 @@ use serde::{Deserialize, Serialize};
 use carpus_numerics::numerics::cholesky;
 use population::{Likelihood, Population};
 
-/// Prior odds that a cohort does not have an effect: those of one participant, `theory/many-small-errors.md`, equation (4).
+/// Prior odds that a cohort does not have an effect: those of one participant, `theory/many-small-errors.md`,
+/// equation (4).
 const ODDS: f64 = 20.0;
 /// A cohort has an effect if that is more probable than not, as one participant does …
 const NAMED: f64 = 0.5;

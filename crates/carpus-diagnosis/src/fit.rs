@@ -1,20 +1,21 @@
 //! A participant's training trials around a point of muscle parameters, effects and excitations.
 //!
-//! The true excitation is the recorded one times exp(w), w unknown. Around the present estimate ŵ the moment is linear in
-//! w, so that with G = ∂τ/∂w
+//! The true excitation is the recorded one times exp(w), w unknown. Around the present estimate ŵ the moment
+//! is linear in w, so that with G = ∂τ/∂w
 //!
 //! ```text
 //! r = y − τ(θ, φ, ŵ) + G ŵ ~ N(0, V),   ŵ ← E[w | data] = K Gᵀ V⁻¹ r
 //! ```
-//! (first-order conditional linearization). Sensitivities taken at ŵ are, to first order, independent of the residual: EMG noise that is
-//! in both would otherwise make time constants, delays and nonlinearities look significant.
+//! (first-order conditional linearization). Sensitivities taken at ŵ are, to first order, independent of the
+//! residual: EMG noise that is in both would otherwise make time constants, delays and nonlinearities look
+//! significant.
 //!
 //! # References
 //! Lindstrom & Bates (1990), Nonlinear mixed effects models for repeated measures data, doi:10.2307/2532087.
 
 mod grid;
 mod information;
-mod linearization;
+pub(crate) mod linearization;
 mod noise_estimate;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -35,7 +36,6 @@ use carpus_study::study::ParameterBounds;
 pub use grid::memory_of_noise;
 pub use grid::{block_means, block_starts};
 pub(crate) use grid::{corrected, knot_count};
-pub(crate) use linearization::Linear;
 
 /// Where a fit stands.
 #[derive(Clone)]
@@ -189,23 +189,6 @@ impl<'a> Analysis<'a> {
         (precision, offset)
     }
 
-    /// Whitened columns [nuisance | effects | residual] of every trial.
-    pub(crate) fn whitened(&self, linear: &[Linear], factors: &[Cholesky<f64, Dyn>]) -> Vec<DMatrix<f64>> {
-        linear
-            .par_iter()
-            .with_max_len(ONE_BY_ONE)
-            .zip(factors)
-            .map(|(l, factor)| {
-                let (n, e) = (l.nuisance.ncols(), l.effects.ncols());
-                let mut all = DMatrix::zeros(l.residual.len(), n + e + 1);
-                all.columns_mut(0, n).copy_from(&l.nuisance);
-                all.columns_mut(n, e).copy_from(&l.effects);
-                all.set_column(n + e, &l.residual);
-                whiten(factor, &all)
-            })
-            .collect()
-    }
-
     /// A point moved by a step, as a whole shortened to what the linearization may be trusted for.
     pub(crate) fn moved(&self, point: &Point, step: &DVector<f64>) -> Point {
         let mut point = point.clone();
@@ -297,7 +280,8 @@ impl<'a> Analysis<'a> {
 /// Prior precision of amplitudes in units of their scale: 20 scales are one standard deviation.
 pub(crate) const AMPLITUDE_PRECISION: f64 = 1.0 / 400.0;
 
-/// Rows that are solved for at a time: what is below them takes them as a product of matrices, which is several times as fast.
+/// Rows that are solved for at a time: what is below them takes them as a product of matrices, which is
+/// several times as fast.
 const ROWS: usize = 24;
 
 /// L⁻¹ times columns, V = L Lᵀ.

@@ -1,6 +1,8 @@
 //! A participant's trials, simulated with any set of effects.
 
-mod derivatives;
+mod effect_derivatives;
+mod effects_in_order;
+pub mod recorded_changes;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -8,15 +10,15 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use super::angle_noise::{AngleNoise, Disturbance, moving};
+use super::covered::Covered;
 use super::denoising::{Denoised, denoised};
-use super::effect::{ExcitationScope, JointState, MuscleState, Role, Stage, TrialContext};
+use super::effect::{ExcitationScope, JointState, Role, Stage, TrialContext};
 use super::holds::steadied_trials;
 use super::joint_traits::JointTraits;
 pub use super::setting::Setting;
 use super::silent_muscles::SilentMuscles;
 use super::trial_record::{TrialRecord, records};
-use super::where_it_fails::Covered;
-pub use derivatives::{Change, ExcitationChange};
+use effects_in_order::{MuscleChange, add_moments, changes_excitation, in_order, muscle_change, scope, shown_effects};
 use nalgebra::DMatrix;
 
 use carpus_osim::osim::spec::{ModelSpec, MuscleSpec};
@@ -60,8 +62,8 @@ pub struct ForwardModel {
     by_motion: Vec<ByMotion>,
 }
 
-/// Derivatives of the joint's moment by parameters of absent effects that follow the recorded motion alone, of one trial, once asked
-/// for: by identifier and place of the parameter.
+/// Derivatives of the joint's moment by parameters of absent effects that follow the recorded motion alone,
+/// of one trial, once asked for: by identifier and place of the parameter.
 #[derive(Default)]
 struct ByMotion(Mutex<BTreeMap<(&'static str, usize), Arc<Vec<f64>>>>);
 
@@ -92,12 +94,13 @@ pub struct Core {
     muscle_moment: Vec<f64>,
     /// What effects multiply the moment of every muscle by, per sample.
     pub factors: Vec<Vec<f64>>,
-    /// Derivatives of the moment by log F_max, log l_opt and log l_slack of every muscle, in this order; empty unless asked for.
+    /// Derivatives of the moment by log F_max, log l_opt and log l_slack of every muscle, in this order;
+    /// empty unless asked for.
     pub by_parameters: Vec<Vec<f64>>,
     /// Of every muscle; empty unless derivatives were asked for.
     pub solutions: Vec<MuscleSolution>,
-    /// The trial whose moment effects are shown ([`shown_effects`]), where one of them changes what drives the muscles; `None`:
-    /// they are shown this one's.
+    /// The trial whose moment effects are shown ([`shown_effects`]), where one of them changes what drives
+    /// the muscles; `None`: they are shown this one's.
     without: Option<Box<Core>>,
     /// Of every muscle, once asked for ([`Core::tangents`]).
     tangents: OnceLock<Option<Vec<ExcitationTangent>>>,
@@ -109,8 +112,8 @@ pub struct Core {
 /// Accuracy that a diagnosis needs: moments within about 10⁻³ N·m, far below any sensor's noise, in half the time.
 pub const DIAGNOSIS_ACCURACY: FiberAccuracy = FiberAccuracy { tolerance: 5e-5, max_step: 0.04 };
 
-/// Times that the moment of the muscles is computed anew where it acts back on the joint's angle: what is missing is then 1 to
-/// 2 % of the effect at the most compliant joint, and would be 10 to 15 % without.
+/// Times that the moment of the muscles is computed anew where it acts back on the joint's angle: what is
+/// missing is then 1 to 2 % of the effect at the most compliant joint, and would be 10 to 15 % without.
 const FEEDBACK_ROUNDS: usize = 1;
 
 /// Muscle parameters whose logarithms are fitted, per muscle.
@@ -193,8 +196,8 @@ impl ForwardModel {
         })
     }
 
-    /// Prepares trials for a diagnosis: the joint is still where the machine holds it, and elsewhere its recorded angle is
-    /// taken to be noisy.
+    /// Prepares trials for a diagnosis: the joint is still where the machine holds it, and elsewhere its
+    /// recorded angle is taken to be noisy.
     ///
     /// # Errors
     /// As there.
@@ -500,8 +503,8 @@ impl ForwardModel {
         draws[trial].iter().map(drawn).collect()
     }
 
-    /// Covariance of the recorded moment that the angle's noise causes through effects on the joint, and through the machine's drag where
-    /// that is noticeable [(N·m)²]; `None` if none.
+    /// Covariance of the recorded moment that the angle's noise causes through effects on the joint, and
+    /// through the machine's drag where that is noticeable [(N·m)²]; `None` if none.
     ///
     /// - `average`: of a series over blocks of samples; `times`: of the blocks [s]
     pub fn angle_covariance(
@@ -547,7 +550,8 @@ fn add_where_it_moves(draws: &mut [Disturbance], more: &[Disturbance], time: &[f
     }
 }
 
-/// The machine's drag upon the angle's noise is left out of the noise of moments where it is smaller than this, of a wrist [N·m].
+/// The machine's drag upon the angle's noise is left out of the noise of moments where it is smaller than
+/// this, of a wrist [N·m].
 const NOTICEABLE_DRAG: f64 = 0.005;
 
 /// Shows a trial's joint as recorded.
@@ -560,69 +564,6 @@ fn joint_state(core: &Core, context: &TrialContext, mut see: impl FnMut(&JointSt
         acceleration: &kinematics.acceleration,
         muscles: &kinematics.muscles,
     });
-}
-
-fn add_moments(ordered: &[&Setting], joint: &JointState, moment: &mut [f64]) {
-    for setting in ordered {
-        setting.effect.add_moment(&setting.values, joint, moment);
-    }
-}
-
-/// What effects change in the moment of a muscle, per sample: maximum isometric force · factor · moment arm · (tendon force + force).
-struct MuscleChange {
-    factor: Vec<f64>,
-    /// Share of the maximum isometric force.
-    force: Vec<f64>,
-}
-
-fn muscle_change(
-    ordered: &[&Setting],
-    trial: &TrialContext,
-    prepared: &PreparedTrial,
-    muscle: usize,
-    angle: &[f64],
-) -> MuscleChange {
-    let path = &prepared.kinematics().muscles[muscle];
-    let arm = &path.moment_arm;
-    change_at(ordered, &MuscleState { trial, muscle, angle, moment_arm: arm, activation: &path.activation })
-}
-
-fn change_at(ordered: &[&Setting], state: &MuscleState) -> MuscleChange {
-    let n = state.angle.len();
-    let mut change = MuscleChange { factor: vec![1.0; n], force: vec![0.0; n] };
-    for setting in ordered {
-        setting.effect.scale_muscle(&setting.values, state, &mut change.factor);
-        setting.effect.add_muscle_force(&setting.values, state, &mut change.force);
-    }
-    change
-}
-
-/// The effects with which the trial is simulated whose moment these effects are shown, and the rounds of feedback left: those
-/// that do not ask for it, and for as many rounds as there are those that feed back on themselves.
-fn shown_effects(effects: &[Setting], rounds: usize) -> (Vec<Setting>, usize) {
-    let stays =
-        |s: &&Setting| !s.effect.description().needs_moment() || (rounds > 0 && s.effect.description().feeds_back());
-    (effects.iter().filter(stays).cloned().collect(), rounds.saturating_sub(1))
-}
-
-fn changes_excitation(setting: &Setting) -> bool {
-    setting.effect.description().stage == Stage::Excitation && !setting.is_absent()
-}
-
-/// What an effect on excitations reads.
-fn scope(setting: &Setting) -> ExcitationScope {
-    setting.effect.description().behaviour.excitation
-}
-
-/// Effects in the order in which they act. Where that does not matter it is that of their identifiers, so that sums are the same to the
-/// last bit.
-fn in_order(effects: &[Setting]) -> Vec<&Setting> {
-    let mut ordered: Vec<&Setting> = effects.iter().collect();
-    ordered.sort_by_key(|s| {
-        let d = s.effect.description();
-        (d.stage, d.order, d.id)
-    });
-    ordered
 }
 
 /// Whether a parameter can matter at these values: shapes do not while the effect is absent.

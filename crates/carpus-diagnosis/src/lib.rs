@@ -7,6 +7,7 @@ pub mod baselines;
 pub mod catalogue;
 pub mod cohort;
 pub mod conformance;
+mod covered;
 pub mod denoising;
 pub mod diagnose;
 pub mod effect;
@@ -32,6 +33,8 @@ pub mod setting;
 pub mod silent_muscles;
 pub mod synthesis;
 pub mod trial_record;
+#[cfg(test)]
+mod two_silent_muscles;
 pub mod what_remains;
 pub mod where_it_fails;
 

@@ -7,11 +7,11 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::catalogue::effect;
+use super::covered::Covered;
 use super::experiments::experiments;
 use super::fit::{AMPLITUDE_PRECISION, Analysis, Fit};
 use super::forward_model::ForwardModel;
 use super::trial_record::TrialRecord;
-use super::where_it_fails::Covered;
 use carpus_osim::osim::spec::ModelSpec;
 use carpus_simulation::simulation::{MusculoskeletalModel, SimulationError};
 use carpus_study::study::{ParameterBounds, Trial};
@@ -140,7 +140,7 @@ pub fn after_session(
     let mut then = ForwardModel::new(spec, model, recordings)?.with_given(session.given().to_vec());
     // Columns are in units of scales that go with its strength, and with what it covers.
     then.joint = session.joint;
-    then.covered = Some(Covered::by(session));
+    then.covered = Some(Covered::by(&session.trials, session.joint.strength));
     let used = session.trials.last().map(TrialRecord::exposure_after).unwrap_or_default();
     for trial in &mut then.trials {
         trial.session = 1.0;

@@ -67,32 +67,6 @@ impl SilentMuscles {
     }
 }
 
-/// A held and a moving trial of the bundled study, as were two of its five muscles not recorded.
-#[cfg(test)]
-pub(super) fn with_two_silent_muscles() -> super::forward_model::ForwardModel {
-    const SILENT: [&str; 2] = ["ECRB", "FCU"];
-    const TRIALS: [&str; 2] = ["isometric_50_flexion_+30deg_1", "isotonic_50_extension_1"];
-    let root = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
-    let study = carpus_study::study::Study::read(root.join("fixtures/demo_study/study.toml")).unwrap();
-    let file = carpus_osim::osim::OsimFile::read(root.join("models/wrist.osim")).unwrap();
-    let mut setup = Setup::from_settings(&study.settings);
-    let mut recorded: Vec<bool> = Vec::new();
-    setup.active_muscles.retain(|name| {
-        recorded.push(!SILENT.contains(&name.as_str()));
-        !SILENT.contains(&name.as_str())
-    });
-    let model = MusculoskeletalModel::compile(&file.spec, &setup).unwrap();
-    let chosen = study.trials_of("P01").filter(|info| TRIALS.iter().any(|name| info.file_as_written.contains(name)));
-    let mut trials: Vec<_> = chosen.map(|info| study.trial(info).unwrap()).collect();
-    for trial in &mut trials {
-        let mut kept = recorded.iter();
-        trial.excitation.retain(|_| *kept.next().unwrap());
-    }
-    let forward = super::forward_model::ForwardModel::new(&file.spec, &model, &trials).unwrap();
-    assert_eq!((forward.trials.len(), forward.muscles.len()), (2, 3));
-    forward
-}
-
 /// Moment without and with full excitation; `None` if the muscle cannot be simulated.
 fn moments(spec: &ModelSpec, setup: &Setup, time: &[f64], angle: &[f64]) -> Option<[Vec<f64>; 2]> {
     let model = MusculoskeletalModel::compile(spec, setup).ok()?;

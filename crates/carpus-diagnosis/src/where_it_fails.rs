@@ -2,12 +2,11 @@
 
 use serde::Serialize;
 
+use super::covered::Covered;
 use super::forward_model::ForwardModel;
 use super::score_test::Omnibus;
-use super::trial_record::TrialRecord;
 use carpus_simulation::evaluation::residuals::{Band, Bin, Sample, binned, by_frequency};
 use carpus_simulation::simulation::PreparedTrial;
-use carpus_study::study::TrialUse;
 
 /// The axes, by name.
 pub const AXES: [&str; 11] = [
@@ -99,40 +98,14 @@ fn unit(axis: usize) -> &'static str {
     }
 }
 
-/// Trials that are not held out.
-fn seen(forward: &ForwardModel) -> impl Iterator<Item = &TrialRecord> {
-    forward.trials.iter().filter(|t| t.info.usage != TrialUse::Test)
-}
-
-/// What a session covers: the units of columns along an axis.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Covered {
-    /// Largest moment recorded [N·m], either way.
-    moment: f64,
-    /// Least and largest angle [rad].
-    angle: [f64; 2],
-}
-
-impl Covered {
-    /// By trials that are not held out.
-    pub(crate) fn by(forward: &ForwardModel) -> Covered {
-        let moments = || seen(forward).flat_map(|t| &t.moment);
-        let angles = || seen(forward).flat_map(|t| &t.angle).copied();
-        let largest = moments().fold(0.0_f64, |most, m| most.max(m.abs()));
-        Covered {
-            moment: if largest > 0.0 { largest } else { forward.joint.strength },
-            angle: [angles().fold(f64::INFINITY, f64::min), angles().fold(f64::NEG_INFINITY, f64::max)],
-        }
-    }
-
-    fn of(forward: &ForwardModel) -> Covered {
-        forward.covered.unwrap_or_else(|| Covered::by(forward))
-    }
+/// What the session covers whose columns these are.
+fn covered(forward: &ForwardModel) -> Covered {
+    forward.covered.unwrap_or_else(|| Covered::by(&forward.trials, forward.joint.strength))
 }
 
 /// Bumps along the angle, evenly over what the session covers.
 fn bumps(forward: &ForwardModel, angle: &[f64]) -> Vec<Vec<f64>> {
-    let [low, high] = Covered::of(forward).angle;
+    let [low, high] = covered(forward).angle;
     let spacing = (high - low) / BUMPS as f64;
     let center = |i: usize| low + spacing * (i as f64 + 0.5);
     let bump = |i: usize| -> Vec<f64> {
@@ -162,7 +135,7 @@ pub(crate) fn directions(
         "acceleration" => 10.0,
         "time_in_trial" => 3.0,
         "flexor_activation" | "extensor_activation" => 0.3,
-        EFFORT => Covered::of(forward).moment,
+        EFFORT => covered(forward).moment,
         _ => 1.0,
     };
     let line: Vec<f64> = values.iter().map(|v| v / scale).collect();

@@ -1,4 +1,5 @@
-//! The population of one effect's sizes, by summation over a grid (`docs/src/theory/cohort.md`, equations (C2) to (C5)).
+//! The population of one effect's sizes, by summation over a grid (`docs/src/theory/cohort.md`, equations
+//! (C2) to (C5)).
 
 use nalgebra::{DMatrix, DVector};
 

@@ -83,7 +83,8 @@ pub static CATALOGUE: &[&dyn Effect] = &[
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effect::Stage;
+    use crate::effect::{Stage, lacks_property};
+    use carpus_osim::osim::OsimFile;
 
     #[test]
     fn verif_every_file_here_is_an_effect_of_the_catalogue() {
@@ -107,6 +108,27 @@ mod tests {
             orders.sort_unstable();
             orders.dedup();
             assert_eq!(orders.len(), here().count(), "{stage:?}");
+        }
+    }
+
+    /// A prior is made of what is reported of an effect that is absent: it has to be a positive, usual number for
+    /// muscles of every class.
+    #[test]
+    fn verif_what_is_reported_of_muscles_without_the_property_is_a_factor() {
+        let root = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
+        for class in
+            ["Thelen2003Muscle", "DeGrooteFregly2016Muscle", "RigidTendonMuscle", "Schutte1993Muscle_Deprecated"]
+        {
+            let spec = OsimFile::read(root.join(format!("fixtures/muscle_laws/{class}.osim"))).unwrap().spec;
+            for effect in CATALOGUE.iter().filter(|effect| !effect.muscle_properties().is_empty()) {
+                let d = effect.description();
+                for value in effect.reported(&d.absent(), &spec.muscles) {
+                    assert!(value > 1e-3 && value < 1e2, "{class} {}: {value}", d.id);
+                }
+                let moved = vec![0.1; d.parameters.len()];
+                let lacks = lacks_property(*effect, &spec.muscles).is_some();
+                assert_eq!(effect.change_muscles(&moved, &mut spec.muscles.clone()), !lacks, "{class} {}", d.id);
+            }
         }
     }
 }

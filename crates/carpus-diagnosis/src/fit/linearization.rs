@@ -4,18 +4,19 @@ use std::borrow::Cow;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use super::super::ONE_BY_ONE;
 use super::super::effect::Effect;
-use super::super::forward_model::{Change, Core, ExcitationChange, FITTED_PER_MUSCLE, Setting, matters};
+use super::super::forward_model::recorded_changes::{Change, ExcitationChange};
+use super::super::forward_model::{Core, FITTED_PER_MUSCLE, Setting, matters};
 use super::super::noise::{BASELINE_SD, KNOT_SPACING, Response, TrialNoise};
 use super::super::score_test::Block;
 use super::super::series::interpolate;
 use super::super::where_it_fails;
-use super::grid::slope_of_bounded;
-use super::{Analysis, Point, block_means, block_starts, knot_count};
+use super::grid::{block_means, block_starts, knot_count, slope_of_bounded};
+use super::{Analysis, Point, whiten};
 use carpus_simulation::simulation::{ExcitationResponse, MusculoskeletalModel, SimulationError};
 
 /// Moments per unit of log excitation below this are nothing [N·m].
@@ -107,8 +108,8 @@ impl Analysis<'_> {
             .collect()
     }
 
-    /// Measured minus simulated moment of every trial at a point, expected EMG noise and baselines taken into account, averaged over
-    /// blocks [N·m].
+    /// Measured minus simulated moment of every trial at a point, expected EMG noise and baselines taken into
+    /// account, averaged over blocks [N·m].
     ///
     /// - `noise`: how it passes
     pub(crate) fn residuals(&self, point: &Point, noise: &[TrialNoise]) -> Result<Vec<DVector<f64>>, SimulationError> {
@@ -129,10 +130,11 @@ impl Analysis<'_> {
         (0..self.train.len()).into_par_iter().with_max_len(ONE_BY_ONE).map(of).collect::<Vec<_>>().into_iter().collect()
     }
 
-    /// Derivatives of a trial's recorded moment by the parameters of an effect, averaged over blocks [N·m per unit of their
-    /// scales]; 0 for those that do not matter.
+    /// Derivatives of a trial's recorded moment by the parameters of an effect, averaged over blocks [N·m per
+    /// unit of their scales]; 0 for those that do not matter.
     ///
-    /// - `effects`: those of the point, or one more that is absent; `which` of them is asked for, `variants` are its own
+    /// - `effects`: those of the point, or one more that is absent; `which` of them is asked for, `variants`
+    ///   are its own
     fn by_effect(
         &self,
         position: usize,
@@ -291,8 +293,25 @@ impl Analysis<'_> {
         TrialNoise::correlated(&self.times[position], responses, &at_knots, &self.kernels.emg).with_angle(of_angle)
     }
 
-    /// Directions of all candidates' amplitudes and of lack of fit, in units of their scales, and the blocks that they form;
-    /// 0 for an effect that is on.
+    /// Whitened columns [nuisance | effects | residual] of every trial.
+    pub(crate) fn whitened(&self, linear: &[Linear], factors: &[Cholesky<f64, Dyn>]) -> Vec<DMatrix<f64>> {
+        linear
+            .par_iter()
+            .with_max_len(ONE_BY_ONE)
+            .zip(factors)
+            .map(|(l, factor)| {
+                let (n, e) = (l.nuisance.ncols(), l.effects.ncols());
+                let mut all = DMatrix::zeros(l.residual.len(), n + e + 1);
+                all.columns_mut(0, n).copy_from(&l.nuisance);
+                all.columns_mut(n, e).copy_from(&l.effects);
+                all.set_column(n + e, &l.residual);
+                whiten(factor, &all)
+            })
+            .collect()
+    }
+
+    /// Directions of all candidates' amplitudes and of lack of fit, in units of their scales, and the blocks
+    /// that they form; 0 for an effect that is on.
     pub(crate) fn calc_directions(
         &self,
         linear: &[Linear],
@@ -370,11 +389,11 @@ fn hat(time: &[f64], excitation: &[f64], knot: usize) -> (usize, Vec<f64>) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::corrected;
+    use super::super::grid::corrected;
     use super::*;
     use crate::catalogue::effect;
     use crate::forward_model::ForwardModel;
-    use crate::silent_muscles::with_two_silent_muscles;
+    use crate::two_silent_muscles::with_two_silent_muscles;
     use carpus_study::study::ParameterBounds;
 
     /// What silent muscles add to the response to the EMG's noise, and to the difference of whole simulations.

@@ -4,9 +4,10 @@
 //! ```text
 //! h_m = σ_m Σ_j ω_j c_mj B_j(q, a, v),   c_mj ~ N(0, 1)                                       (6)
 //! ```
-//! B: polynomials of angle, activation and speed up to the second degree, each variable over the range that the session covers: errors of moment
-//! arms and of force–length curves go with the angle, those of the EMG's curvature with activation, those of force–velocity curves with speed. ω falls
-//! with the degree, because such errors are smooth. The constant is the muscle's strength and is not among them.
+//! B: polynomials of angle, activation and speed up to the second degree, each variable over the range that
+//! the session covers: errors of moment arms and of force–length curves go with the angle, those of the EMG's
+//! curvature with activation, those of force–velocity curves with speed. ω falls with the degree, because
+//! such errors are smooth. The constant is the muscle's strength and is not among them.
 //!
 //! # References
 //! Brynjarsdóttir & O'Hagan (2014), Learning about physical parameters: the importance of model discrepancy,

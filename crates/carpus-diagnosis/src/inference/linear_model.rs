@@ -5,11 +5,12 @@
 //! ```text
 //! r = Z δ + ε,   ε ~ N(0, I),   δ_j + o_j ~ N(0, s_j²)                                       (14)
 //! ```
-//! Z: derivatives by muscle parameters and EMG baselines, by the parameters of every effect of the catalogue, and the columns of the
-//! discrepancy; o: distance of the point from the prior's mean; s: prior standard deviations. A set S of effects is *missing* from the
-//! model: their amplitudes have the standard deviation of what is plausible. All others have κ times that: what a laboratory has of everything
-//! (spike and slab, equation (3)). κ and the sizes of the discrepancy are estimated (18). With r₀ = r + Z o, M = I + s ZᵀZ s and
-//! c = s Zᵀ r₀
+//! Z: derivatives by muscle parameters and EMG baselines, by the parameters of every effect of the catalogue,
+//! and the columns of the discrepancy; o: distance of the point from the prior's mean; s: prior standard
+//! deviations. A set S of effects is *missing* from the model: their amplitudes have the standard deviation
+//! of what is plausible. All others have κ times that: what a laboratory has of everything (spike and slab,
+//! equation (3)). κ and the sizes of the discrepancy are estimated (18). With r₀ = r + Z o, M = I + s ZᵀZ s
+//! and c = s Zᵀ r₀
 //!
 //! ```text
 //! −2 log p(r | S, s) = r₀ᵀr₀ − cᵀ M⁻¹ c + log |M| + const                                     (15)
@@ -18,8 +19,8 @@
 //! Everything is computed from the products ZᵀZ, Zᵀr, rᵀr: a set costs one factorization of some hundred columns.
 //!
 //! # References
-//! George & McCulloch (1993), Variable selection via Gibbs sampling, doi:10.1080/01621459.1993.10476353. Kennedy & O'Hagan (2001),
-//! Bayesian calibration of computer models, doi:10.1111/1467-9868.00294.
+//! George & McCulloch (1993), Variable selection via Gibbs sampling, doi:10.1080/01621459.1993.10476353.
+//! Kennedy & O'Hagan (2001), Bayesian calibration of computer models, doi:10.1111/1467-9868.00294.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use statrs::distribution::{ContinuousCDF, Normal};
@@ -280,7 +281,8 @@ impl LinearModel {
         posterior
     }
 
-    /// −2 log of how much of the posterior's mass has the signs that amplitudes must have, over the prior's half, equation (17).
+    /// −2 log of how much of the posterior's mass has the signs that amplitudes must have, over the prior's
+    /// half, equation (17).
     fn of_signs(&self, set: &[usize], posterior: &Posterior) -> f64 {
         let normal = Normal::standard();
         let of = |(j, prior): (usize, &Prior)| match *prior {
@@ -293,7 +295,8 @@ impl LinearModel {
         self.priors.iter().enumerate().map(of).sum()
     }
 
-    /// The sizes that are most probable for a set, starting from others, and the deviance with them: the minimum of equation (18).
+    /// The sizes that are most probable for a set, starting from others, and the deviance with them: the
+    /// minimum of equation (18).
     ///
     /// Fisher scoring in the logarithms of the sizes. With T = I − M⁻¹ and u = M⁻¹ c
     ///
@@ -342,7 +345,8 @@ impl LinearModel {
         (sizes, here.deviance)
     }
 
-    /// Sizes a standard deviation above the most probable ones: each is where −2 log posterior is larger by 1, the others held.
+    /// Sizes a standard deviation above the most probable ones: each is where −2 log posterior is larger by
+    /// 1, the others held.
     pub fn sizes_above(&self, set: &[usize], sizes: &Sizes) -> Sizes {
         let least = self.posterior(set, sizes).deviance;
         let all: Vec<f64> = sizes.all().collect();
@@ -376,7 +380,8 @@ impl LinearModel {
         }
     }
 
-    /// Gradient of the deviance by the logarithms of the sizes, and its expected second derivatives; signs (17) are left out.
+    /// Gradient of the deviance by the logarithms of the sizes, and its expected second derivatives; signs
+    /// (17) are left out.
     fn by_sizes(&self, set: &[usize], here: &Posterior, sizes: &Sizes) -> (DVector<f64>, DMatrix<f64>) {
         let p = self.len();
         let root = whiten(&here.factor, &DMatrix::identity(p, p));

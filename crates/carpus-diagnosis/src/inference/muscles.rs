@@ -1,14 +1,16 @@
 //! Muscles alone: the estimate of muscle parameters, with no effect added, that every command reports
 //! (`docs/src/theory/many-small-errors.md`, equations (16), (25), (26), (31) and (32)).
 //!
-//! In: training trials, bounds, fibre lengths of images. Out: the muscles that are handed over, and of every parameter the value at the joint mode,
-//! its standard deviation and its interval.
+//! In: training trials, bounds, fibre lengths of images. Out: the muscles that are handed over, and of every
+//! parameter the value at the joint mode, its standard deviation and its interval.
 
 use nalgebra::DMatrix;
 
 use super::super::catalogue::with_own;
 use super::super::effect::Effect;
 use super::super::forward_model::{FITTED_PER_MUSCLE, ForwardModel};
+use super::muscle_columns::{FORCE, place};
+pub use super::muscle_prior::MusclePrior;
 use super::resting_fiber::RestingFiber;
 use super::search::Budget;
 use super::session::{HandedOver, Session, State};
@@ -37,12 +39,13 @@ pub struct MuscleEstimate {
     pub bounds: [f64; 2],
 }
 
-/// A parameter is determined by the trials where they removed at least this share of its prior variance: where they say more of it than
-/// the bounds do.
+/// A parameter is determined by the trials where they removed at least this share of its prior variance:
+/// where they say more of it than the bounds do.
 const DETERMINED: f64 = 0.5;
 
 impl MuscleEstimate {
-    /// The interval of a level, equation (31): about the joint mode, wide enough to hold what is handed over, and within the bounds.
+    /// The interval of a level, equation (31): about the joint mode, wide enough to hold what is handed over,
+    /// and within the bounds.
     ///
     /// - `level`: probability, for example 0.9
     pub fn interval(&self, level: f64) -> [f64; 2] {
@@ -61,26 +64,6 @@ impl MuscleEstimate {
     pub fn end_from_data(&self, level: f64) -> [bool; 2] {
         let [low, high] = self.interval(level);
         [low > self.bounds[0], high < self.bounds[1]].map(|inside| inside && self.share_from_data() >= DETERMINED)
-    }
-}
-
-/// Prior knowledge of a muscle's parameter beside the bounds, or of several muscles that have one factor of a property.
-#[derive(Clone, Debug, PartialEq)]
-pub struct MusclePrior {
-    /// Positions of the muscles among the active ones.
-    pub muscles: Vec<usize>,
-    /// The property.
-    pub property: Property,
-    /// Logarithm of the most probable factor of the model's value.
-    pub log_mean: f64,
-    /// Standard deviation of the logarithm.
-    pub log_sd: f64,
-}
-
-impl MusclePrior {
-    /// Columns of the muscles' parameters in the linear model.
-    pub fn columns(&self) -> impl Iterator<Item = usize> + '_ {
-        self.muscles.iter().map(|m| m * FITTED_PER_MUSCLE + place(self.property))
     }
 }
 
@@ -140,8 +123,9 @@ impl<'a> MuscleProblem<'a> {
 pub const USUAL_REPORTS: usize = 8;
 
 impl<'a> Muscles<'a> {
-    /// Covariance of the logarithms of all muscle parameters given the trials, in the order of columns: equation (16), what the gains of
-    /// the recordings leave open of forces, and the distance of other minima, equation (34).
+    /// Covariance of the logarithms of all muscle parameters given the trials, in the order of columns:
+    /// equation (16), what the gains of the recordings leave open of forces, and the distance of other
+    /// minima, equation (34).
     pub fn log_covariance(&self) -> DMatrix<f64> {
         let mut out = self.log_covariance_at_mode();
         let of_gains = self.session.gain_log_sd().powi(2);
@@ -183,8 +167,14 @@ impl<'a> Muscles<'a> {
 }
 
 impl Session<'_> {
-    /// Standard deviation of the logarithm of a maximum force that no trial can tell from a gain of the recordings, equation (32): of every
-    /// effect that is the same as another maximum force, what is plausible.
+    /// The session, its search starting also from where the muscles alone of the same trials are.
+    pub fn starting_from(&mut self, muscles: &Muscles) {
+        self.further_start = Some(muscles.state.point.clone());
+    }
+
+    /// Standard deviation of the logarithm of a maximum force that no trial can tell from a gain of the
+    /// recordings, equation (32): of every effect that is the same as another maximum force, what is
+    /// plausible.
     pub(crate) fn gain_log_sd(&self) -> f64 {
         let gains = self.analysis.candidates.iter().filter(|e| e.description().unidentifiable.is_some());
         let of = |effect: &&'static dyn Effect| {
@@ -220,16 +210,4 @@ impl Session<'_> {
         };
         (0..given.len()).flat_map(|muscle| Property::ALL.map(|property| of(muscle, property))).collect()
     }
-}
-
-/// Columns of every muscle, in their order.
-pub(crate) const COLUMNS: [Property; FITTED_PER_MUSCLE] =
-    [Property::MaxIsometricForce, Property::OptimalFiberLength, Property::TendonSlackLength];
-
-/// Place of the maximum force among the columns of a muscle.
-const FORCE: usize = 0;
-
-/// Place of a property among the columns of a muscle.
-pub(crate) fn place(property: Property) -> usize {
-    COLUMNS.iter().position(|p| *p == property).unwrap_or(0)
 }

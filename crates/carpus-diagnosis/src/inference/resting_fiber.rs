@@ -1,12 +1,14 @@
-//! Fibre lengths that imaging measured at rest, as data of a session (`docs/src/theory/many-small-errors.md`, equation (30)).
+//! Fibre lengths that imaging measured at rest, as data of a session (`docs/src/theory/many-small-errors.md`,
+//! equation (30)).
 //!
 //! ```text
-//! r = (l_measured − l(θ)) / s ~ N(0, 1),   l(θ): fibre length in equilibrium in the posture of the image                       (30)
+//! r = (l_measured − l(θ)) / s ~ N(0, 1)                                                               (30)
+//! l(θ): fibre length in equilibrium in the posture of the image
 //! ```
 
 use nalgebra::DVector;
 
-use super::muscles::place;
+use super::muscle_columns::place;
 use crate::forward_model::FITTED_PER_MUSCLE;
 use carpus_multibody::muscles::{EquilibriumError, Millard2012, Millard2012Parameters};
 use carpus_numerics::numerics::{Dual, Scalar};
@@ -43,7 +45,8 @@ impl RestingFiber {
         Ok(muscle.equilibrium(Dual::constant(self.path_length), Dual::constant(self.activation))?.fiber_length)
     }
 
-    /// Derivatives of its whitened length by the columns of the linear model, and the residual, the last; `None` for a muscle that has no equilibrium.
+    /// Derivatives of its whitened length by the columns of the linear model, and the residual, the last;
+    /// `None` for a muscle that has no equilibrium.
     ///
     /// - `columns`: of the linear model
     pub(crate) fn row(&self, parameters: &[MuscleParameters], columns: usize) -> Option<DVector<f64>> {

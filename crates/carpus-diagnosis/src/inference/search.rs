@@ -1,8 +1,8 @@
 //! Which sets of effects the data call for: best first over all sets, by their posterior probability
 //! (`docs/src/theory/many-small-errors.md`, equations (18) and (19)).
 //!
-//! A set's neighbours have one effect more, one less, or one exchanged. The most probable set whose neighbours are not known yet is
-//! expanded next, until the budget is spent or no set near the best is left.
+//! A set's neighbours have one effect more, one less, or one exchanged. The most probable set whose
+//! neighbours are not known yet is expanded next, until the budget is spent or no set near the best is left.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,8 @@ use rayon::prelude::*;
 
 use super::linear_model::{LinearModel, Sizes};
 
-/// Sets this much less probable than the best (in −2 log) are neither expanded nor reported: together they have less than 1 %.
+/// Sets this much less probable than the best (in −2 log) are neither expanded nor reported: together they
+/// have less than 1 %.
 pub(super) const NEGLIGIBLE: f64 = 14.0;
 /// Neighbours of a set whose own sizes are estimated; the others keep the set's.
 const REFINED: usize = 6;

@@ -11,39 +11,32 @@ mod noise_along_the_way;
 mod other_minima;
 mod predicting;
 mod sets;
+mod state;
 mod steps;
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use web_time::Instant;
 
 use super::discrepancy::Ranges;
-use super::linear_model::{LinearModel, Sizes};
-use super::muscles::MusclePrior;
+use super::linear_model::Sizes;
+use super::muscle_prior::MusclePrior;
 use super::resting_fiber::RestingFiber;
 use super::search::{Budget, Sets, search};
 use crate::effect::Effect;
-use crate::fit::{Analysis, Fit, Linear, Point};
+use crate::fit::{Analysis, Fit};
 use crate::forward_model::{FITTED_PER_MUSCLE, ForwardModel, Setting};
-use crate::noise::{self, NoiseLevels, TrialNoise};
-use carpus_simulation::simulation::{MuscleParameters, SimulationError};
+use crate::noise::{self, NoiseLevels};
+use carpus_simulation::simulation::SimulationError;
 use carpus_study::study::ParameterBounds;
-use expected_residual::ExpectedResidual;
-use noise_along_the_way::Relaxed;
-pub use other_minima::OtherMinimum;
-use steps::profiled;
+use expected_residual::beyond_the_linear_model;
+use noise_along_the_way::{Relaxed, factors, weighted};
+use state::{Around, ODDS, Reached, Start};
+pub use state::{Begun, HandedOver, OtherMinimum, Session, State};
+use steps::{STEPS, profiled};
 
-/// Prior scale of κ: what a laboratory has of every effect, as a share of what is plausible, equation (5).
-const EVERYTHING: f64 = 0.15;
-/// Prior scale of the relative error of a muscle's moment, equations (5) and (6).
-const OF_MUSCLES: f64 = 0.08;
-/// Prior scale of the moment that is left beside the muscles, in tenths of a newton metre at a wrist, equations (5) and
-/// (7).
-const OF_MOMENT: f64 = 0.5;
-/// Prior odds that an effect is not missing, equation (4).
-const ODDS: f64 = 20.0;
 /// Points that are followed from the model as given.
 const STARTS: usize = 3;
 /// Sets whose neighbours are looked at around the model as given.
@@ -58,156 +51,14 @@ const ROUNDS: usize = 6;
 const PASSES: usize = 2;
 /// Share of the sizes' scales that is as good as nothing.
 const NOTHING_ELSE: f64 = 0.02;
-/// Gauss–Newton steps with a set of effects.
-const STEPS: usize = 5;
-/// Most probable sets beside the best that are tried by simulation in a round …
-const OTHERS: usize = 3;
-/// … effects that are tried beside those of the point …
-const ADDITIONS: usize = 3;
-/// … and sets in which an effect gives way to a rival.
-const RIVALS: usize = 6;
-/// Largest expected error of the logarithm of the EMG.
-const LARGEST_NOISE: f64 = 0.7;
 /// Corrections of the EMG at a point, at most: each passes through the muscles anew, equation (10) …
 const CORRECTIONS: usize = 4;
 /// … and one that changes −2 log posterior by less is the last.
 const SETTLED_EMG: f64 = 1.0;
-/// An effect may stand in another's place where the set with it has more than this share of the probability, equation (22).
-const STANDS_IN: f64 = 0.1;
-/// Of the sets that were tried in a round, so many at a time have their noise estimated anew, until one is ahead …
+/// Of the sets that were tried in a round, so many at a time have their noise estimated anew, until one is ahead.
 const ASSESSED: usize = 2;
-/// … and so many at most.
-const ASSESSED_IN_A_ROUND: usize = 6;
 /// The estimate has settled when a round lowers −2 log posterior, equation (20), by less than this.
 const SETTLED: f64 = 3.0;
-
-/// An effect's columns in the linear model.
-struct EffectColumns {
-    amplitudes: Vec<usize>,
-}
-
-/// What descents with several sets of effects start from.
-#[derive(Clone, Copy)]
-struct Around<'s> {
-    point: &'s Point,
-    model: &'s LinearModel,
-    sizes: &'s Sizes,
-    noise: &'s [TrialNoise],
-    factors: &'s [Cholesky<f64, Dyn>],
-    directions: &'s [DMatrix<f64>],
-}
-
-/// Directions of a trial with the noise whitened, and their products.
-struct WhitenedDirections {
-    columns: DMatrix<f64>,
-    products: DMatrix<f64>,
-}
-
-/// Where a descent with a set of effects has come to.
-struct Reached {
-    set: Vec<usize>,
-    point: Point,
-    sizes: Sizes,
-    /// −2 log posterior, the noise held, up to a constant: equation (18).
-    deviance: f64,
-    /// As of where the descent began.
-    directions: Vec<DMatrix<f64>>,
-}
-
-impl Reached {
-    /// A round begins here.
-    fn start(self, levels: NoiseLevels) -> Start {
-        let Reached { set, point, sizes, directions, .. } = self;
-        Start { point, levels, set, sizes, directions }
-    }
-}
-
-/// A session being estimated.
-pub struct Session<'a> {
-    /// Trials, linearization.
-    pub analysis: Analysis<'a>,
-    ranges: Ranges,
-    budget: Budget,
-    /// Variances of the noise that estimates start with: usual ones until they were estimated beside the effects that are missing, because the
-    /// errors of a model that is far off would be taken for noise.
-    levels: NoiseLevels,
-    /// Whether they were, and its autocorrelation chosen.
-    noise_is_final: bool,
-    /// Places of the effects that may be named.
-    nameable: Vec<usize>,
-    /// Fascicle lengths of images that are data.
-    images: Vec<RestingFiber>,
-    /// Mean and standard deviation of the logarithm of every muscle parameter's factor before the data; empty: those of the bounds.
-    muscle_priors: Vec<[f64; 2]>,
-    /// Where the search starts from beside the model as given: the muscles alone.
-    further_start: Option<Point>,
-}
-
-/// What is handed over to the user.
-#[derive(Clone, Debug)]
-pub struct HandedOver {
-    /// Muscles.
-    pub parameters: Vec<MuscleParameters>,
-    /// Effects.
-    pub effects: Vec<Setting>,
-    /// How far it is from the model as given (0) to the joint mode or the least error (1), equation (25).
-    pub part: f64,
-    /// Error of trials that were left out one at a time, over that of the model as given: R of equation (25).
-    pub left_out_ratio: f64,
-}
-
-/// Where a round begins.
-#[derive(Clone)]
-struct Start {
-    point: Point,
-    levels: NoiseLevels,
-    set: Vec<usize>,
-    sizes: Sizes,
-    /// Directions near the point: what is left beside them is noise.
-    directions: Vec<DMatrix<f64>>,
-}
-
-/// An estimate that has begun: at the most probable of many starts.
-pub struct Begun {
-    /// Where it stands.
-    pub state: State,
-    candidates: Vec<usize>,
-    always: Vec<usize>,
-}
-
-/// Where the estimate stands.
-pub struct State {
-    /// Muscles, effects, EMG.
-    pub point: Point,
-    /// Variances of the noise.
-    pub levels: NoiseLevels,
-    /// How noise enters every trial.
-    pub(crate) noise: Vec<TrialNoise>,
-    /// Factors of V.
-    pub factors: Vec<Cholesky<f64, Dyn>>,
-    /// Around the point.
-    pub(crate) linear: Vec<Linear>,
-    /// Directions of effects that are absent, and of the moment's discrepancy.
-    pub directions: Vec<DMatrix<f64>>,
-    /// The linear model.
-    pub model: LinearModel,
-    /// Sets of effects.
-    pub sets: Sets,
-    /// Of every trial: what is left where the linear model expects everything.
-    expected: Vec<ExpectedResidual>,
-    /// Of effects: rivals that may stand in their place, everything else estimated anew.
-    pub stand_ins: BTreeMap<usize, Vec<usize>>,
-    /// Other local minima with the same effects, once looked for.
-    pub others: Vec<OtherMinimum>,
-}
-
-impl State {
-    /// Descents start from here.
-    fn around<'s>(&'s self, sizes: &'s Sizes) -> Around<'s> {
-        let State { point, model, noise, factors, directions, .. } = self;
-        Around { point, model, sizes, noise, factors, directions }
-    }
-}
 
 impl<'a> Session<'a> {
     /// A session of training trials.
@@ -240,11 +91,6 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// The session, its search starting also from where the muscles alone of the same trials are.
-    pub fn starting_from(&mut self, muscles: &super::muscles::Muscles) {
-        self.further_start = Some(muscles.state.point.clone());
-    }
-
     /// The session in which only some effects may be named.
     pub fn naming(mut self, effects: &[&'static dyn Effect]) -> Session<'a> {
         let known = |c: &&'static dyn Effect| effects.iter().any(|e| e.description().id == c.description().id);
@@ -258,7 +104,8 @@ impl<'a> Session<'a> {
         Session { images, ..self }
     }
 
-    /// The session with prior knowledge of muscle parameters beside the bounds, and with muscles that have one factor of a property.
+    /// The session with prior knowledge of muscle parameters beside the bounds, and with muscles that have
+    /// one factor of a property.
     pub fn with_muscle_priors(mut self, known: &[MusclePrior]) -> Session<'a> {
         let own = |column: usize| [0.0, self.analysis.prior_sd[column % FITTED_PER_MUSCLE]];
         self.muscle_priors = (0..self.analysis.n_muscles() * FITTED_PER_MUSCLE).map(own).collect();
@@ -336,7 +183,8 @@ impl<'a> Session<'a> {
         Ok(Begun { state, candidates, always })
     }
 
-    /// Rounds of search, simulation of other sets and noise, until nothing more probable is found, not from other muscles either.
+    /// Rounds of search, simulation of other sets and noise, until nothing more probable is found, not from
+    /// other muscles either.
     ///
     /// # Errors
     /// A trial that cannot be simulated.
@@ -446,8 +294,8 @@ impl<'a> Session<'a> {
         )
     }
 
-    /// Where to begin: from the model as given every effect alone, none, and what the linear model at that point calls for, each fitted with
-    /// the same usual noise; the most probable first.
+    /// Where to begin: from the model as given every effect alone, none, and what the linear model at that
+    /// point calls for, each fitted with the same usual noise; the most probable first.
     fn starts(
         &mut self,
         candidates: &[usize],
@@ -455,7 +303,8 @@ impl<'a> Session<'a> {
         report: &dyn Fn(&str),
     ) -> Result<Vec<Start>, SimulationError> {
         let levels = self.levels;
-        // With the EMG as recorded: that expected beside everything at once may have been bent to make up for what is missing.
+        // With the EMG as recorded: that expected beside everything at once may have been bent to make up for
+        // what is missing.
         let point = self.analysis.nominal_point();
         let mut linear = self.analysis.linearize(&point, &[])?;
         let noise = self.structure(&mut linear, &point);
@@ -603,9 +452,10 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// How much larger −2 log posterior is at one state than at another, each with its point's effects, equation (20): both at the
-    /// geometric means of their noise's variances, true excitations being parameters as all others are. That a model lets less of the
-    /// EMG's noise pass is no evidence for it, and where two let different parts of it pass, their difference is in part chance.
+    /// How much larger −2 log posterior is at one state than at another, each with its point's effects,
+    /// equation (20): both at the geometric means of their noise's variances, true excitations being
+    /// parameters as all others are. That a model lets less of the EMG's noise pass is no evidence for it,
+    /// and where two let different parts of it pass, their difference is in part chance.
     pub(crate) fn behind(&self, a: &State, b: &State) -> f64 {
         let levels = a.levels.between(&b.levels);
         let deviance = |state: &State| {
@@ -614,7 +464,7 @@ impl<'a> Session<'a> {
             let of = |factors: Vec<_>| self.model(&state.point, &columns, &factors).posterior(&set, self.sizes(state));
             let cost = 2.0 * ODDS.ln() * set.len() as f64;
             factors(&state.noise, &levels).map_or(f64::INFINITY, |factors| {
-                let beyond = expected_residual::beyond_the_linear_model(&state.expected, &factors);
+                let beyond = beyond_the_linear_model(&state.expected, &factors);
                 of(factors).deviance + beyond + cost
             })
         };
@@ -637,25 +487,4 @@ impl<'a> Session<'a> {
         out.sort_unstable();
         out
     }
-}
-
-/// V⁻¹ times what a step of all columns leaves of the residual, per trial.
-fn weighted(columns: &[DMatrix<f64>], step: &DVector<f64>, factors: &[Cholesky<f64, Dyn>]) -> Vec<DVector<f64>> {
-    let p = step.len();
-    let of =
-        |(all, factor): (&DMatrix<f64>, &Cholesky<f64, Dyn>)| factor.solve(&(all.column(p) - all.columns(0, p) * step));
-    columns.par_iter().zip(factors).map(of).collect()
-}
-
-/// Factors of V of all trials.
-///
-/// # Errors
-/// A covariance that is not positive definite.
-fn factors(noise: &[TrialNoise], levels: &NoiseLevels) -> Result<Vec<Cholesky<f64, Dyn>>, SimulationError> {
-    noise
-        .par_iter()
-        .map(|n| noise::factor(n, levels).ok_or(SimulationError::NoiseCovariance))
-        .collect::<Vec<_>>()
-        .into_iter()
-        .collect()
 }

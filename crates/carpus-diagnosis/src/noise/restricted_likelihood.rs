@@ -7,7 +7,8 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::{COMPONENTS, EMG, NoiseLevels, SLOW, TrialNoise, factor};
+use super::levels::{COMPONENTS, EMG, NoiseLevels, SLOW};
+use super::trial_noise::{TrialNoise, factor};
 use crate::ONE_BY_ONE;
 use crate::kernel::{Family, Kernel};
 use carpus_numerics::numerics::cholesky;
@@ -295,7 +296,9 @@ mod tests {
 
     use super::*;
     use crate::kernel::{FAMILIES, Family};
-    use crate::noise::{Kernels, Response, TrialTimes};
+    use crate::noise::levels::Kernels;
+    use crate::noise::response::Response;
+    use crate::noise::trial_noise::TrialTimes;
     use crate::score_test::normal;
     use carpus_study::study::Direction;
 

@@ -16,11 +16,9 @@
 //! Like there, the excitation itself is not limited: while e < a_min the state a drifts below a_min, while muscles see
 //! â.
 
-mod tangent;
+pub(crate) mod tangent;
 
 use super::piecewise::{locate, polynomial, quintic};
-
-pub(crate) use tangent::{ActivationTangent, Interpolation};
 
 /// Local error of one step, absolute. Activation errors decay with the time constants, so that the global error stays
 /// near it: far below what moves a force by 1e-6 of its maximum.

@@ -6,7 +6,7 @@
 //! [`PreparedTrial::force_derivative`] gives it, except that between the ends of a step of activation a cubic stands
 //! for the quintic.
 
-use super::activation_trajectory::{ActivationTangent, Interpolation};
+use super::activation_trajectory::tangent::{ActivationTangent, Interpolation};
 use super::fiber::equation::Drive;
 use super::fiber::radau::{NewtonMatrix, STAGES, dot, stage_weights};
 use super::sensitivity::{LinearStep, MuscleSolution};

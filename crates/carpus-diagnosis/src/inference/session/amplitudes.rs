@@ -3,13 +3,13 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{Session, State};
+use super::state::{Session, State};
 use crate::cohort::{Amplitude, ParticipantEvidence};
 use carpus_numerics::numerics::cholesky;
 
 impl Session<'_> {
-    /// The likelihood of the amplitudes of all effects that may be named, to second order at a state: muscles, baselines, shapes and the
-    /// discrepancy have their priors and are integrated out.
+    /// The likelihood of the amplitudes of all effects that may be named, to second order at a state:
+    /// muscles, baselines, shapes and the discrepancy have their priors and are integrated out.
     ///
     /// - `participant`: its name
     /// - returns: in shares of what is plausible of each amplitude

@@ -5,10 +5,31 @@ use rayon::prelude::*;
 
 use super::super::discrepancy;
 use super::super::linear_model::{LinearModel, Prior, SizePriors};
-use super::{EVERYTHING, EffectColumns, OF_MOMENT, OF_MUSCLES, Session, WhitenedDirections};
+use super::state::Session;
 use crate::effect::{Effect, Role};
-use crate::fit::{Linear, Point, block_means, block_starts, product, whiten};
-use crate::forward_model::{Change, FITTED_PER_MUSCLE};
+use crate::fit::linearization::Linear;
+use crate::fit::{Point, block_means, block_starts, product, whiten};
+use crate::forward_model::FITTED_PER_MUSCLE;
+use crate::forward_model::recorded_changes::Change;
+
+/// Prior scale of κ: what a laboratory has of every effect, as a share of what is plausible, equation (5).
+const EVERYTHING: f64 = 0.15;
+/// Prior scale of the relative error of a muscle's moment, equations (5) and (6).
+const OF_MUSCLES: f64 = 0.08;
+/// Prior scale of the moment that is left beside the muscles, in tenths of a newton metre at a wrist, equations (5) and
+/// (7).
+const OF_MOMENT: f64 = 0.5;
+
+/// Directions of a trial with the noise whitened, and their products.
+pub(super) struct WhitenedDirections {
+    pub(super) columns: DMatrix<f64>,
+    pub(super) products: DMatrix<f64>,
+}
+
+/// An effect's columns in the linear model.
+pub(super) struct EffectColumns {
+    pub(super) amplitudes: Vec<usize>,
+}
 
 impl Session<'_> {
     /// Places of the effects that may be named and of which the data can speak.
@@ -17,7 +38,8 @@ impl Session<'_> {
         self.nameable.iter().copied().filter(testable).collect()
     }
 
-    /// Standard deviation of what is plausible of an amplitude, in units of its scale, and the sign that it must have: equation (3).
+    /// Standard deviation of what is plausible of an amplitude, in units of its scale, and the sign that it
+    /// must have: equation (3).
     pub(crate) fn plausible(&self, effect: &'static dyn Effect, parameter: usize) -> (f64, Option<f64>) {
         let forward = self.forward();
         let p = &effect.description().parameters[parameter];
@@ -56,7 +78,8 @@ impl Session<'_> {
         DMatrix::from_columns(&columns.iter().map(|c| block_means(c, &starts)).collect::<Vec<_>>())
     }
 
-    /// Priors of the columns [nuisance | effects that are on | directions | muscles' discrepancy] and the point's distance from their means.
+    /// Priors of the columns [nuisance | effects that are on | directions | muscles' discrepancy] and the
+    /// point's distance from their means.
     pub(super) fn priors(&self, point: &Point) -> (Vec<Prior>, DVector<f64>) {
         let mut priors = Vec::new();
         let mut offset = Vec::new();
@@ -206,8 +229,8 @@ impl Session<'_> {
         self.with_image_rows(point, LinearModel::new(priors, offset, by_trial, self.size_priors()))
     }
 
-    /// What the variances of the noise are estimated beside: columns in units of their prior standard deviations, and the residual at the
-    /// priors' means.
+    /// What the variances of the noise are estimated beside: columns in units of their prior standard
+    /// deviations, and the residual at the priors' means.
     pub(super) fn regressors(
         model: &LinearModel,
         columns: &[DMatrix<f64>],

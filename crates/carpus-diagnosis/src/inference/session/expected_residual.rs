@@ -4,20 +4,15 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
-use super::{Session, State, weighted};
+use super::noise_along_the_way::weighted;
+use super::state::{ExpectedResidual, Session, State};
 
 /// Shares of the way to what is expected: the first that can be simulated counts.
 const PARTS: [f64; 4] = [1.0, 0.5, 0.25, 0.0];
 
-/// What is left of a trial's moment with muscles, baselines, all effects and the discrepancy where the linear model expects them,
-/// averaged over blocks [N·m].
-pub(super) struct ExpectedResidual {
-    simulated: DVector<f64>,
-    linear: DVector<f64>,
-}
-
 impl Session<'_> {
-    /// What is left of every trial where the linear model of a state expects everything; empty where not even its point can be simulated.
+    /// What is left of every trial where the linear model of a state expects everything; empty where not even
+    /// its point can be simulated.
     pub(super) fn expected_residuals(&self, state: &State) -> Vec<ExpectedResidual> {
         let (set, model) = (self.places(&state.point.effects), &state.model);
         let posterior = model.posterior(&set, self.sizes(state));

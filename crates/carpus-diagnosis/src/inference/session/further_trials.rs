@@ -4,14 +4,15 @@ use std::sync::atomic::AtomicUsize;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{Session, State, factors};
+use super::noise_along_the_way::factors;
+use super::state::{Session, State};
 use crate::fit::{Analysis, Point, trial_times};
 use crate::forward_model::{FITTED_PER_MUSCLE, ForwardModel};
 use carpus_simulation::simulation::SimulationError;
 
 impl Session<'_> {
-    /// Standard deviations of the logarithms of muscle parameters if one more trial is recorded, for each of some: to first order at a state,
-    /// with its noise and sizes. What a trial measures does not matter.
+    /// Standard deviations of the logarithms of muscle parameters if one more trial is recorded, for each of
+    /// some: to first order at a state, with its noise and sizes. What a trial measures does not matter.
     ///
     /// - `then`: the trials
     ///

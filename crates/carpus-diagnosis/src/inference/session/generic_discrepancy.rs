@@ -5,8 +5,9 @@ use std::sync::atomic::AtomicUsize;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
-use super::{HandedOver, Session, State};
-use crate::fit::{Analysis, Linear, Point, block_means, block_starts, trial_times};
+use super::state::{HandedOver, Session, State};
+use crate::fit::linearization::Linear;
+use crate::fit::{Analysis, Point, block_means, block_starts, trial_times};
 use crate::series::interpolate;
 use carpus_simulation::simulation::SimulationError;
 use carpus_study::study::TrialUse;
@@ -20,9 +21,10 @@ struct There {
 }
 
 impl<'a> Session<'a> {
-    /// Root mean square of the residuals of what is handed over, EMG as recorded, once the discrepancy (6), (7) and the small sizes of all
-    /// effects that are not in it have taken their part [N·m]: of training trials, to which their coefficients are fitted with their
-    /// priors and white noise, and of held-out trials with the same coefficients; `None` without trials.
+    /// Root mean square of the residuals of what is handed over, EMG as recorded, once the discrepancy (6),
+    /// (7) and the small sizes of all effects that are not in it have taken their part [N·m]: of training
+    /// trials, to which their coefficients are fitted with their priors and white noise, and of held-out
+    /// trials with the same coefficients; `None` without trials.
     ///
     /// # Errors
     /// A trial that cannot be simulated.

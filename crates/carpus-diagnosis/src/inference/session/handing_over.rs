@@ -7,10 +7,10 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::super::linear_model::{Posterior, Prior};
-use super::super::muscles::COLUMNS;
+use super::super::muscle_columns::COLUMNS;
 use super::super::search::Candidate;
 use super::predicting::{End, PRIOR_WEIGHTS};
-use super::{HandedOver, STANDS_IN, Session, State};
+use super::state::{HandedOver, Session, State};
 use crate::diagnose::ParameterEstimate;
 use crate::fit::{Point, whiten};
 use crate::forward_model::{FITTED_PER_MUSCLE, Setting};
@@ -20,10 +20,14 @@ use carpus_simulation::simulation::{MuscleParameters, Property, SimulationError}
 const LEAST_PROBABILITY: f64 = 0.001;
 /// Parts of the way that are simulated, equation (26).
 const PARTS: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
+/// An effect may stand in another's place where the set with it has more than this share of the probability,
+/// equation (22).
+pub(super) const STANDS_IN: f64 = 0.1;
 
 impl Session<'_> {
-    /// What is handed over: muscles and effects, of those on the ways from the model as given to the joint mode and to the least error the
-    /// ones that predict trials left out one at a time best, equations (24) to (26).
+    /// What is handed over: muscles and effects, of those on the ways from the model as given to the joint
+    /// mode and to the least error the ones that predict trials left out one at a time best, equations (24)
+    /// to (26).
     ///
     /// # Errors
     /// A trial that cannot be simulated.
@@ -79,15 +83,17 @@ impl Session<'_> {
         (parameters.collect(), point.effects.iter().map(shortened).collect())
     }
 
-    /// Standard deviations of muscles, baselines and the parameters of effects at the joint mode, in the units of their columns: those of
-    /// the posterior over all sets (16), (19), or of the jackknife over trials where trials differ by more than noise and discrepancy say,
-    /// equation (29), and the distance of other minima, equation (34).
+    /// Standard deviations of muscles, baselines and the parameters of effects at the joint mode, in the
+    /// units of their columns: those of the posterior over all sets (16), (19), or of the jackknife over
+    /// trials where trials differ by more than noise and discrepancy say, equation (29), and the distance of
+    /// other minima, equation (34).
     pub fn deviations(&self, state: &State) -> DVector<f64> {
         let own = self.columns_of_point(&state.point);
         let (set, sizes) = (self.places(&state.point.effects), self.sizes(state));
         let mean_of = |posterior: &Posterior| posterior.mean.rows(0, own).into_owned();
         let at_all = mean_of(&state.model.posterior(&set, sizes));
-        // Sizes are not known either: those a standard deviation above the most probable ones say how far values may be.
+        // Sizes are not known either: those a standard deviation above the most probable ones say how far
+        // values may be.
         let wide = state.model.sizes_above(&set, sizes);
         let of_set = |(found, probability): (&Candidate, &f64)| {
             let posterior = state.model.posterior(&found.effects, &wide);
@@ -130,7 +136,8 @@ impl Session<'_> {
         DVector::from_fn(own, |j, _| (of_mode(j) + over_minima(j)).sqrt())
     }
 
-    /// Puts muscle parameters that are beyond their bounds there, and the others where they are expected then, effects held.
+    /// Puts muscle parameters that are beyond their bounds there, and the others where they are expected
+    /// then, effects held.
     ///
     /// - `effects`: columns of the point's effects
     pub(super) fn put_within_bounds(&self, parameters: &mut [MuscleParameters], posterior: &Posterior, effects: usize) {
@@ -209,7 +216,8 @@ impl Session<'_> {
         out
     }
 
-    /// How large an effect of the point is, in units of the larger end of its plausible range: the largest of its amplitudes.
+    /// How large an effect of the point is, in units of the larger end of its plausible range: the largest of
+    /// its amplitudes.
     ///
     /// - `effect`: its place
     pub fn share_of_plausible(&self, state: &State, effect: usize) -> f64 {
@@ -240,7 +248,8 @@ impl Session<'_> {
         (total / blocks.max(1) as f64).sqrt()
     }
 
-    /// Effects that may stand in an effect's place, equation (22), and the probability that one of them is missing, equation (23).
+    /// Effects that may stand in an effect's place, equation (22), and the probability that one of them is
+    /// missing, equation (23).
     ///
     /// - `effect`: place of one of the point's effects
     pub fn group(&self, state: &State, effect: usize) -> (Vec<usize>, f64) {

@@ -3,21 +3,25 @@
 
 use std::sync::Arc;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use super::super::linear_model::Sizes;
-use super::{LARGEST_NOISE, Session, State};
-use crate::fit::{Linear, Point, corrected, trial_times};
+use super::state::{Session, State};
+use crate::fit::linearization::Linear;
+use crate::fit::{Point, corrected, trial_times};
 use crate::kernel::{FAMILIES, Kernel};
 use crate::noise::{self, NoiseLevels, TrialNoise};
 use carpus_simulation::simulation::SimulationError;
 
+/// Largest expected error of the logarithm of the EMG.
+const LARGEST_NOISE: f64 = 0.7;
 /// Least share of a correction of the EMG that is taken.
 const LEAST_SHARE: f64 = 0.1;
 
-/// Aitken's relaxation of the fixed point that the corrections of a trial's EMG are (Irons and Tuck 1969, doi:10.1002/nme.1620010306):
-/// as much of each is taken as makes two in succession the last, were the map linear.
+/// Aitken's relaxation of the fixed point that the corrections of a trial's EMG are (Irons and Tuck 1969,
+/// doi:10.1002/nme.1620010306): as much of each is taken as makes two in succession the last, were the map
+/// linear.
 pub(super) struct Relaxed {
     share: f64,
     before: Option<Vec<DVector<f64>>>,
@@ -64,8 +68,8 @@ impl Session<'_> {
         noise::estimate(&trials, &DVector::from_element(count, 1.0), self.analysis.least_white(), start)
     }
 
-    /// Error of the logarithm of every trial's EMG that is expected of recorded EMG and moment together, per muscle on knots,
-    /// equation (10).
+    /// Error of the logarithm of every trial's EMG that is expected of recorded EMG and moment together, per
+    /// muscle on knots, equation (10).
     ///
     /// - `noise`: at the point; `weighted`: what the linear model leaves of the residual, the noise's factors applied
     pub(super) fn expected_emg(
@@ -158,6 +162,31 @@ impl Session<'_> {
         let time = |g: &usize| trial_times(&self.forward().trials[*g], &self.analysis.kernels.moment);
         self.analysis.times = self.analysis.train.iter().map(time).collect();
     }
+}
+
+/// V⁻¹ times what a step of all columns leaves of the residual, per trial.
+pub(super) fn weighted(
+    columns: &[DMatrix<f64>],
+    step: &DVector<f64>,
+    factors: &[Cholesky<f64, Dyn>],
+) -> Vec<DVector<f64>> {
+    let p = step.len();
+    let of =
+        |(all, factor): (&DMatrix<f64>, &Cholesky<f64, Dyn>)| factor.solve(&(all.column(p) - all.columns(0, p) * step));
+    columns.par_iter().zip(factors).map(of).collect()
+}
+
+/// Factors of V of all trials.
+///
+/// # Errors
+/// A covariance that is not positive definite.
+pub(super) fn factors(noise: &[TrialNoise], levels: &NoiseLevels) -> Result<Vec<Cholesky<f64, Dyn>>, SimulationError> {
+    noise
+        .par_iter()
+        .map(|n| noise::factor(n, levels).ok_or(SimulationError::NoiseCovariance))
+        .collect::<Vec<_>>()
+        .into_iter()
+        .collect()
 }
 
 #[cfg(test)]

@@ -6,9 +6,9 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::super::muscles::COLUMNS;
+use super::super::muscle_columns::COLUMNS;
 use super::super::search::NEGLIGIBLE;
-use super::{ODDS, Reached, Session, State};
+use super::state::{ODDS, OtherMinimum, Reached, Session, State};
 use crate::fit::Point;
 use crate::forward_model::{FITTED_PER_MUSCLE, Setting};
 use crate::score_test::normal;
@@ -20,16 +20,6 @@ const PAIRS: usize = 2;
 const WIDTH: f64 = 0.5;
 /// Gauss–Newton steps from a draw.
 const STEPS: usize = 10;
-
-/// Another local minimum, with the same effects or others.
-#[derive(Clone, Debug)]
-pub struct OtherMinimum {
-    /// Muscles, baselines and parameters of the state's effects, in the units of their columns, less those of the state; NaN for an
-    /// effect that it does not have.
-    pub away: DVector<f64>,
-    /// Its probability over the state's.
-    pub odds: f64,
-}
 
 impl Session<'_> {
     /// States with a state's effects that descents from other muscles come to, if they are not much less probable.

@@ -7,8 +7,9 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::super::linear_model::Prior;
-use super::{Session, State};
-use crate::fit::{Linear, Point, block_means, block_starts};
+use super::state::{Session, State};
+use crate::fit::linearization::Linear;
+use crate::fit::{Point, block_means, block_starts};
 use crate::forward_model::{FITTED_PER_MUSCLE, Setting};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 
@@ -104,7 +105,8 @@ impl Session<'_> {
         Ok(End { point, left_out })
     }
 
-    /// The least error with some of the effects of a state, and with the muscles as given or fitted: these take all that they can.
+    /// The least error with some of the effects of a state, and with the muscles as given or fitted: these
+    /// take all that they can.
     ///
     /// - `kept`: places of the effects that stay; `part`: of the way that is taken
     ///
@@ -127,7 +129,8 @@ impl Session<'_> {
         Ok(self.part_of_the_way(&found, part))
     }
 
-    /// Muscles and effects with the least squares of the residuals beside their prior, as if nothing else were wrong, equation (24).
+    /// Muscles and effects with the least squares of the residuals beside their prior, as if nothing else
+    /// were wrong, equation (24).
     ///
     /// - `held`: columns of nuisance that stay where they are
     fn least_error_from(
@@ -171,7 +174,8 @@ impl Session<'_> {
         self.priors(point).1.rows(0, self.columns_of_point(point)).into_owned()
     }
 
-    /// Fascicle lengths of images at a point: derivatives by the point's columns and the residual, the last, in standard deviations.
+    /// Fascicle lengths of images at a point: derivatives by the point's columns and the residual, the last,
+    /// in standard deviations.
     fn image_rows(&self, point: &Point) -> Vec<DVector<f64>> {
         let own = self.columns_of_point(point);
         self.images.iter().filter_map(|image| image.row(&point.parameters, own)).collect()
@@ -274,7 +278,8 @@ fn unit(rows: &[Rows]) -> f64 {
 }
 
 impl Products {
-    /// - `further`: rows of data that belong to no trial, in standard deviations, the residual last; `unit`: their weight
+    /// - `further`: rows of data that belong to no trial, in standard deviations, the residual last; `unit`:
+    ///   their weight
     fn of(rows: &[Rows], further: &[DVector<f64>], unit: f64) -> Products {
         let of = |r: &Rows| (r.columns.tr_mul(&r.columns), r.columns.tr_mul(&r.residual));
         let of_trial: Vec<(DMatrix<f64>, DVector<f64>)> = rows.par_iter().map(of).collect();
@@ -295,8 +300,8 @@ impl Bounded {
         displacement.component_mul(displacement).dot(&self.precision)
     }
 
-    /// The displacement d from the prior's mean within the box with the least |r − Z (d − from)|² + unit Σ precision d², coordinate by
-    /// coordinate.
+    /// The displacement d from the prior's mean within the box with the least |r − Z (d − from)|² + unit Σ
+    /// precision d², coordinate by coordinate.
     ///
     /// - `without`: a trial that is left out
     fn least(&self, products: &Products, without: Option<usize>, unit: f64, from: &DVector<f64>) -> DVector<f64> {

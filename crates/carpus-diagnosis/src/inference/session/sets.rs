@@ -9,8 +9,10 @@ use rayon::prelude::*;
 use super::super::linear_model::{Prior, Sizes};
 use super::super::muscles::Muscles;
 use super::super::search::{Budget, NEGLIGIBLE};
-use super::steps::profiled;
-use super::{Begun, ODDS, OtherMinimum, ROUNDS, SETTLED, STANDS_IN, STEPS, Session, Start, State};
+use super::handing_over::STANDS_IN;
+use super::state::{Begun, ODDS, OtherMinimum, Session, Start, State};
+use super::steps::{STEPS, profiled};
+use super::{ROUNDS, SETTLED};
 use crate::ONE_BY_ONE;
 use crate::addition::unidentifiable;
 use crate::diagnose::LEVEL;
@@ -22,8 +24,9 @@ use carpus_simulation::simulation::SimulationError;
 /// Gauss–Newton steps towards moments that another model made.
 const DISTANT_STEPS: usize = 12;
 
-/// Whether it is more likely than not that an effect, or one that may stand in its place, is missing, equation (30): the odds are at least
-/// what the odds of a single effect have to be, times by how much more probable one of several is before the data.
+/// Whether it is more likely than not that an effect, or one that may stand in its place, is missing,
+/// equation (30): the odds are at least what the odds of a single effect have to be, times by how much more
+/// probable one of several is before the data.
 ///
 /// - `group`: how many effects, `probability`: that one of them is missing
 fn is_likely(group: usize, probability: f64) -> bool {
@@ -53,10 +56,11 @@ struct StandIns {
 }
 
 impl Session<'_> {
-    /// The state with the effects that are more likely missing than not, and no others (the median probability model; Barbieri &
-    /// Berger 2004, doi:10.1214/009053604000000238), less those without which a state is ahead. And for each of the others, the strongest
-    /// first, by how much −2 log posterior is larger where it is taken out and everything else is fitted anew. Where a rival in the place of
-    /// one is ahead, rounds go on from there.
+    /// The state with the effects that are more likely missing than not, and no others (the median
+    /// probability model; Barbieri & Berger 2004, doi:10.1214/009053604000000238), less those without which a
+    /// state is ahead. And for each of the others, the strongest first, by how much −2 log posterior is
+    /// larger where it is taken out and everything else is fitted anew. Where a rival in the place of one is
+    /// ahead, rounds go on from there.
     ///
     /// # Errors
     /// A trial that cannot be simulated.
@@ -118,8 +122,8 @@ impl Session<'_> {
         Ok((state, evidence))
     }
 
-    /// The muscles alone, from where a session of the same trials has them, with the noise and the autocorrelations of this one if it has
-    /// estimated them.
+    /// The muscles alone, from where a session of the same trials has them, with the noise and the
+    /// autocorrelations of this one if it has estimated them.
     ///
     /// # Errors
     /// A trial that cannot be simulated.
@@ -151,8 +155,8 @@ impl Session<'_> {
         is_left(without) && !is_left(with)
     }
 
-    /// Rivals of a state's effects that may stand in their place: with one of them instead, everything else estimated anew, −2 log posterior is
-    /// larger by no more than the least probability of a group says.
+    /// Rivals of a state's effects that may stand in their place: with one of them instead, everything else
+    /// estimated anew, −2 log posterior is larger by no more than the least probability of a group says.
     fn stand_ins(&self, state: &State, candidates: &[usize]) -> StandIns {
         let set = self.places(&state.point.effects);
         let rivals = |effect: usize| {
@@ -208,7 +212,8 @@ impl Session<'_> {
         &state.sets.found.iter().find(|s| s.effects == set).unwrap_or(state.sets.best()).sizes
     }
 
-    /// The same trials with other moments, of a model with effects that are on: nothing is estimated but these and the muscles.
+    /// The same trials with other moments, of a model with effects that are on: nothing is estimated but
+    /// these and the muscles.
     ///
     /// - `forward`: the model; `targets`: moments of every training trial [N·m]
     pub fn beside<'b>(
@@ -234,8 +239,9 @@ impl Session<'_> {
         Session::of(analysis, Budget::none())
     }
 
-    /// Least distance of the session's moments from what its model can do: muscles and effects are fitted, the noise is a state's.
-    /// Penalized sum of squares, beyond that of the state's muscles; its root [standard deviations].
+    /// Least distance of the session's moments from what its model can do: muscles and effects are fitted,
+    /// the noise is a state's. Penalized sum of squares, beyond that of the state's muscles; its root
+    /// [standard deviations].
     ///
     /// # Errors
     /// A trial that cannot be simulated.

@@ -6,20 +6,31 @@ use rayon::prelude::*;
 
 use super::super::linear_model::{LinearModel, Posterior, Sizes};
 use super::super::search::{NEGLIGIBLE, Sets};
-use super::{
-    ADDITIONS, ASSESSED_IN_A_ROUND, Around, ODDS, OTHERS, RIVALS, Reached, STEPS, Session, Start, State,
-    WhitenedDirections,
-};
-use crate::fit::{Linear, Point, product, whiten};
+use super::columns::WhitenedDirections;
+use super::state::{Around, ODDS, Reached, Session, Start, State};
+use crate::fit::linearization::Linear;
+use crate::fit::{Point, product, whiten};
 use crate::noise::TrialNoise;
 use carpus_numerics::numerics::cholesky;
 use carpus_simulation::simulation::SimulationError;
 
-/// A descent ends where the next step would lower Ψ by less: parameters are then within a quarter of a standard deviation.
+/// Gauss–Newton steps with a set of effects.
+pub(super) const STEPS: usize = 5;
+/// Most probable sets beside the best that are tried by simulation in a round …
+const OTHERS: usize = 3;
+/// … effects that are tried beside those of the point …
+const ADDITIONS: usize = 3;
+/// … and sets in which an effect gives way to a rival.
+const RIVALS: usize = 6;
+/// Sets that were tried in a round and have their noise estimated anew, at most.
+const ASSESSED_IN_A_ROUND: usize = 6;
+/// A descent ends where the next step would lower Ψ by less: parameters are then within a quarter of a
+/// standard deviation.
 const SETTLED_DESCENT: f64 = 0.05;
 
 impl Session<'_> {
-    /// Steps on: the best set reached by descent; with `among`, others tried by simulation, too: the most probable, the noise held.
+    /// Steps on: the best set reached by descent; with `among`, others tried by simulation, too: the most
+    /// probable, the noise held.
     pub(super) fn advanced(
         &self,
         state: &State,
@@ -85,8 +96,9 @@ impl Session<'_> {
         Point { effects: set.iter().map(of).collect(), ..point.clone() }
     }
 
-    /// Sets that are tried by simulation beside the best: the most probable others that were looked at, and the most probable of those in
-    /// which an effect gives way to a rival. Sets that are [`NEGLIGIBLE`] are not.
+    /// Sets that are tried by simulation beside the best: the most probable others that were looked at, and
+    /// the most probable of those in which an effect gives way to a rival. Sets that are [`NEGLIGIBLE`] are
+    /// not.
     pub(super) fn alternatives(
         &self,
         set: &[usize],
@@ -117,8 +129,9 @@ impl Session<'_> {
         out
     }
 
-    /// The effects of the point and one more, for each that the linear model asks for beside them: the most probable first. Where the
-    /// linear model would rather do without an effect of the point, simulation decides.
+    /// The effects of the point and one more, for each that the linear model asks for beside them: the most
+    /// probable first. Where the linear model would rather do without an effect of the point, simulation
+    /// decides.
     fn additions(&self, state: &State, candidates: &[usize]) -> Vec<Vec<usize>> {
         let set = self.places(&state.point.effects);
         let (sizes, here) = state.model.sizes_for(&set, self.sizes(state));
