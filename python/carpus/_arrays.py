@@ -25,7 +25,7 @@ class Arrays:
         raise NotImplementedError
 
     def write(self, folder: str | os.PathLike[str], *, name: str | None = None) -> Path:
-        """Writes its data frame as a CSV file, with every digit.
+        """Writes its data frame as a CSV file, with every digit; columns with two names as ``length/ECRL``.
 
         Args:
             folder: The folder; it is made where it is missing.
@@ -40,6 +40,8 @@ class Arrays:
         path = Path(folder) / (name or f"{type(self).__name__.lower()}.csv")
         path.parent.mkdir(parents=True, exist_ok=True)
         frame = self.to_pandas()
+        if frame.columns.nlevels > 1:
+            frame.columns = ["/".join(names) for names in frame.columns]
         try:
             with path.open("x", encoding="utf-8", newline="") as file:
                 frame.to_csv(file)
