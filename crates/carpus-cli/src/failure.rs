@@ -23,7 +23,7 @@ fn rendered(diagnostic: &Diagnostic, renderer: &Renderer) -> String {
         Some(place) => format!("{}: {first}", visible(&place)),
         None => first.to_string(),
     };
-    let source = source_line(diagnostic).map(|line| visible(&line).into_owned());
+    let source = diagnostic.source_line().map(|line| visible(&line).into_owned());
     let hint = diagnostic.hint.as_deref().map(visible_lines);
     let mut group =
         level.primary_title(title).elements(lines.map(|l| Level::NOTE.no_name().message(l.trim().to_string())));
@@ -36,20 +36,6 @@ fn rendered(diagnostic: &Diagnostic, renderer: &Renderer) -> String {
         group = group.element(Level::HELP.with_name("hint").message(hint.as_ref()));
     }
     renderer.render(&[group])
-}
-
-/// The line of an `.osim` file that the message is about, if it is short enough to show.
-fn source_line(diagnostic: &Diagnostic) -> Option<String> {
-    const LONGEST_SHOWN: usize = 160;
-    let file = diagnostic.file.as_ref()?;
-    if !file.extension().is_some_and(|e| e.eq_ignore_ascii_case("osim")) {
-        return None;
-    }
-    let text = carpus_numerics::regular_file::read(file).ok()?;
-    let line = text.split(|b| *b == b'\n').nth(diagnostic.line?.checked_sub(1)?)?;
-    let line = String::from_utf8_lossy(line).replace('\t', "  ");
-    let line = line.trim();
-    (!line.is_empty() && line.len() <= LONGEST_SHOWN).then(|| line.to_string())
 }
 
 /// How many messages of a kind are printed before the rest is only counted: a person mends the first few and asks

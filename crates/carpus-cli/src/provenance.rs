@@ -3,6 +3,8 @@
 use std::ffi::OsString;
 use std::sync::{PoisonError, RwLock};
 
+use carpus_session::whole_study::shared_arguments;
+
 static WORDS: RwLock<Option<Vec<OsString>>> = RwLock::new(None);
 
 /// Says what the command was, where it is not what the process was started with.
@@ -28,40 +30,7 @@ pub fn command_line() -> String {
     std::iter::once("carpus".to_string()).chain(words).collect::<Vec<_>>().join(" ")
 }
 
-/// Options that results do not depend on, and whether a value follows.
-const OF_ONE_RUN: [(&str, bool); 5] =
-    [("--task", true), ("--threads", true), ("--json", false), ("--quiet", false), ("-q", false)];
-
 /// What the command was asked, without what is of one task or one run alone.
 pub fn arguments_of_task() -> Vec<String> {
-    let words = words().into_iter().skip(1).map(|w| w.to_string_lossy().into_owned());
-    without_those_of_one_run(words)
-}
-
-fn without_those_of_one_run(words: impl Iterator<Item = String>) -> Vec<String> {
-    let mut out = Vec::new();
-    let mut is_value = false;
-    for word in words {
-        if std::mem::take(&mut is_value) {
-            continue;
-        }
-        match OF_ONE_RUN.iter().find(|(name, _)| word == *name) {
-            Some((_, has_value)) => is_value = *has_value,
-            None if OF_ONE_RUN.iter().any(|(n, v)| *v && word.strip_prefix(n).is_some_and(|w| w.starts_with('='))) => {}
-            None => out.push(word),
-        }
-    }
-    out
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn verif_what_is_of_one_task_alone_is_left_out() {
-        let words = ["study", "s.toml", "--task", "1/2", "--out", "o", "--threads=3", "-q", "--starts", "4", "--json"];
-        let left = without_those_of_one_run(words.into_iter().map(str::to_owned));
-        assert_eq!(left, ["study", "s.toml", "--out", "o", "--starts", "4"]);
-    }
+    shared_arguments(words().into_iter().skip(1).map(|w| w.to_string_lossy().into_owned()))
 }

@@ -71,6 +71,26 @@ pub struct Curve {
     pub values: Vec<f64>,
 }
 
+/// Heights of a curve's points.
+const HEIGHTS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
+
+impl Curve {
+    /// The least and the greatest of its values.
+    pub fn reaches(&self) -> [f64; 2] {
+        self.values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, m], v| [l.min(*v), m.max(*v)])
+    }
+
+    /// The curve in a line of text: a bar for every value.
+    pub fn heights(&self) -> String {
+        let [least, most] = self.reaches();
+        let height = |v: &f64| {
+            let share = if most > least { (v - least) / (most - least) } else { 0.5 };
+            HEIGHTS[(share * (HEIGHTS.len() - 1) as f64).round() as usize]
+        };
+        self.values.iter().map(height).collect()
+    }
+}
+
 impl CheckEffect {
     /// Registers the effect and checks it.
     ///

@@ -7,6 +7,9 @@ use serde::Serialize;
 
 pub use carpus_study::study::Severity;
 
+/// Longest line of a file that is shown with a message.
+const LONGEST_SHOWN: usize = 160;
+
 /// Why work could not be done.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Failure {
@@ -84,6 +87,19 @@ impl Diagnostic {
             Some(line) => format!("{file}:{line}"),
             None => file.to_string(),
         })
+    }
+
+    /// The line of an `.osim` file that the message is about, if it is short enough to show.
+    pub fn source_line(&self) -> Option<String> {
+        let file = self.file.as_ref()?;
+        if !file.extension().is_some_and(|e| e.eq_ignore_ascii_case("osim")) {
+            return None;
+        }
+        let text = carpus_numerics::regular_file::read(file).ok()?;
+        let line = text.split(|b| *b == b'\n').nth(self.line?.checked_sub(1)?)?;
+        let line = String::from_utf8_lossy(line).replace('\t', "  ");
+        let line = line.trim();
+        (!line.is_empty() && line.len() <= LONGEST_SHOWN).then(|| line.to_string())
     }
 }
 

@@ -23,10 +23,7 @@ pub struct InfoArgs {
 
 /// `carpus audit`
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  carpus audit wrist.osim\n  carpus audit arm.osim --coordinate flexion --set \
-                  elbow_flexion=90deg --all\n\nEvery coordinate with a range is moved through it, the others at their \
-                  defaults. An error is what no body has, a warning is probably not meant, a note is true of many good \
-                  models. Ends with 1 where there are errors.")]
+#[command(after_help = text(include_str!("help/audit.txt")))]
 pub struct AuditArgs {
     /// The model
     #[arg(value_name = "MODEL.osim")]
@@ -44,11 +41,7 @@ pub struct AuditArgs {
 
 /// `carpus view`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus view wrist.osim --open\n  carpus view MOBL_ARMS_41.osim -o mobl.html --geometry \
-                  ~/OpenSim/Geometry\n\nThe page needs no network. Bone geometry (.vtp, .stl, .obj) is looked for \
-                  beside the model and in Geometry there."
-)]
+#[command(after_help = text(include_str!("help/view.txt")))]
 pub struct ViewArgs {
     /// Model and strictness.
     #[command(flatten)]
@@ -69,10 +62,7 @@ pub struct ViewArgs {
 
 /// `carpus paths`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus paths wrist.osim --sweep flexion=-70:70:1deg --set elbow_flexion=90deg --out \
-                  sweep\n\nWithout --out the table goes to standard output as CSV."
-)]
+#[command(after_help = text(include_str!("help/paths.txt")))]
 pub struct PathsArgs {
     /// Model and strictness.
     #[command(flatten)]
@@ -93,8 +83,7 @@ pub struct PathsArgs {
 
 /// `carpus equilibrium`
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  carpus equilibrium wrist.osim --set flexion=30deg --activation 0.01\n  carpus \
-                  equilibrium wrist.osim --set flexion=30deg --moment-about flexion,deviation --csv posture.csv")]
+#[command(after_help = text(include_str!("help/equilibrium.txt")))]
 pub struct EquilibriumArgs {
     /// Model and strictness.
     #[command(flatten)]
@@ -201,13 +190,7 @@ pub struct StrengthScaleArgs {
 
 /// `carpus upgrade`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus upgrade arm26_20.osim arm26.osim\n\nReads formats 10901 to 40600 and writes \
-                  40600: OpenSim 4.6 computes the same lengths, moment arms, masses and forces as when it\nloads the \
-                  old file. Files from format 40000 on keep their text but for what changed since. Older ones are \
-                  written anew:\nbodies, joints, constraints, wrap objects, muscles, forces, markers and the meshes of \
-                  bodies; what is left out (controllers,\nprobes, contact, …) is listed with its line."
-)]
+#[command(after_help = text(include_str!("help/upgrade.txt")))]
 pub struct UpgradeArgs {
     /// The old model
     #[arg(value_name = "OLD.osim")]

@@ -4,13 +4,11 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::parts::text;
+
 /// `carpus completions`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus completions bash > ~/.local/share/bash-completion/completions/carpus\n  carpus \
-                  completions zsh > ~/.zfunc/_carpus\n  carpus completions fish > \
-                  ~/.config/fish/completions/carpus.fish"
-)]
+#[command(after_help = text(include_str!("help/completions.txt")))]
 pub struct CompletionsArgs {
     /// The shell
     #[arg(value_name = "SHELL", value_enum)]

@@ -4,21 +4,14 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::parts::{StudyArgs, count};
+use super::parts::{StudyArgs, count, text};
 use carpus_session::power::{DEFAULT_ALPHA, DEFAULT_POWER};
 use carpus_session::screening::{DEFAULT_RESAMPLES, DEFAULT_STARTS};
 use carpus_session::ultrasound::ModelCase;
 
 /// `carpus evaluate`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus evaluate study/study.toml --models done/models --out evaluated\n  carpus evaluate \
-                  study/study.toml --models personalized --models other_fit --out evaluated\n\nReads DIR/P01/NAME.osim \
-                  for every participant and evaluates every NAME on the trials with use = test; the control `linear` \
-                  is NAME = linear or, without it, the study's own model. Writes \
-                  DIR/{report.html,evaluation_errors.csv,evaluation_means.csv,evaluation_anova.csv,\
-                  evaluation_pairwise.csv}."
-)]
+#[command(after_help = text(include_str!("help/evaluate.txt")))]
 pub struct EvaluateArgs {
     /// The study.
     #[command(flatten)]
@@ -30,11 +23,7 @@ pub struct EvaluateArgs {
 
 /// `carpus sensitivity`
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  carpus sensitivity study/study.toml --out sensitivity\n  carpus sensitivity \
-                  study/study.toml --sobol 256 --out sensitivity\n\nWrites \
-                  DIR/{report.html,sensitivity.json,morris.csv,convergence.csv,sensitivity_means.csv}, with --sobol \
-                  sobol.csv, and with two or more participants the tests of tables 2.3 to 2.5 and 2.3b: anova.csv, \
-                  anova_muscles.csv, pairwise.csv, pairwise_muscles.csv. Trials held out (use = test) are not used.")]
+#[command(after_help = text(include_str!("help/sensitivity.txt")))]
 pub struct SensitivityArgs {
     /// The study.
     #[command(flatten)]
@@ -52,12 +41,7 @@ pub struct SensitivityArgs {
 
 /// `carpus ultrasound`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus ultrasound study/study.toml --out imaging\n  carpus ultrasound study/study.toml \
-                  --case personalized=personalized/{participant}/model.osim --out imaging\n\nMeasurements are read \
-                  from ultrasound.csv beside study.toml; ratios and tension from its [ultrasound] section. Writes \
-                  DIR/{ultrasound.json,correlations.csv,agreement.csv,measurements.csv,report.html}."
-)]
+#[command(after_help = text(include_str!("help/ultrasound.txt")))]
 pub struct UltrasoundArgs {
     /// The study: its study.toml or the folder it is in
     #[arg(value_name = "STUDY/study.toml")]
@@ -75,12 +59,7 @@ pub struct UltrasoundArgs {
 
 /// `carpus priors`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus identify earlier/study.toml --out identified\n  carpus priors identified --out \
-                  priors.csv\n  carpus identify new/study.toml --priors priors.csv --out with_priors\n\nMean and \
-                  standard deviation are multiples of the value in each participant's model (unit = model), so that \
-                  models scaled to different persons go together."
-)]
+#[command(after_help = text(include_str!("help/priors.txt")))]
 pub struct PriorsArgs {
     /// Folders of carpus identify or carpus study (searched for identifiability.json), or such files
     #[arg(value_name = "FOLDER", required = true)]
@@ -92,9 +71,7 @@ pub struct PriorsArgs {
 
 /// `carpus power`
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  carpus power paired-t --effect 0.72 --n 10 --tails 2\n  carpus power correlation \
-                  --effect 0.64 --n 5 --tails 1\n  carpus power --published\n\nThe effect is Cohen's d (t-tests) or r \
-                  (correlations); n is the number of participants, of two-sample-t per group.")]
+#[command(after_help = text(include_str!("help/power.txt")))]
 pub struct PowerArgs {
     /// The test
     #[arg(value_name = "TEST", required_unless_present = "published")]

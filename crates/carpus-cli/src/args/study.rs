@@ -46,11 +46,7 @@ pub struct InitArgs {
 
 /// `carpus check`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus check study/study.toml\n\nMakes all checks that other commands make when they \
-                  read a study, and prints trials by condition and findings by subject: green, amber, red. The exit \
-                  code is 1 if one is red."
-)]
+#[command(after_help = text(include_str!("help/check.txt")))]
 pub struct CheckArgs {
     /// The study.
     #[command(flatten)]
@@ -74,12 +70,7 @@ pub struct PersonalizeArgs {
 
 /// `carpus identify`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus identify study/study.toml --out identified\n  carpus identify study/study.toml \
-                  --priors literature.csv --out identified\n\nWrites \
-                  DIR/P01/{identifiability.json,intervals.csv,combinations.csv,correlations.csv,next_trials.csv,\
-                  draws.csv,report.html}. Held-out trials (use = test) are not used."
-)]
+#[command(after_help = text(include_str!("help/identify.txt")))]
 pub struct IdentifyArgs {
     /// The study.
     #[command(flatten)]
@@ -91,12 +82,7 @@ pub struct IdentifyArgs {
 
 /// `carpus diagnose`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus diagnose study/study.toml --out diagnosed\n  carpus diagnose study/study.toml \
-                  --candidates joint_stiffness,gravity --out diagnosed\n\nWrites \
-                  DIR/P01/{diagnosis.json,results.json,report.html,error.svg}. Held-out trials (use = test) are never \
-                  fitted."
-)]
+#[command(after_help = text(include_str!("help/diagnose.txt")))]
 pub struct DiagnoseArgs {
     /// The study.
     #[command(flatten)]
@@ -115,10 +101,7 @@ pub struct DiagnoseArgs {
 
 /// `carpus effect`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus effect add study/study.toml joint_stiffness --out with\n  carpus effect auto \
-                  study/study.toml --out with\n  carpus effect remove with/P01"
-)]
+#[command(after_help = text(include_str!("help/effect.txt")))]
 pub struct EffectArgs {
     /// What to do.
     #[command(subcommand)]
@@ -161,11 +144,7 @@ pub struct EffectAddArgs {
 
 /// `carpus effect remove`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus effect remove with/P01\n  carpus effect remove with/P01 --to 0      # the model \
-                  as it was given\n\nPuts the model of the step before into model.osim (and effects.toml) and writes \
-                  the report again. No step is lost: --to goes forward, too."
-)]
+#[command(after_help = text(include_str!("help/effect-remove.txt")))]
 pub struct EffectRemoveArgs {
     /// A participant's folder of `carpus effect add`
     #[arg(value_name = "DIR/P01")]
@@ -180,13 +159,7 @@ pub struct EffectRemoveArgs {
 
 /// `carpus plan`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus plan study/study.toml --out planned\n  carpus plan study/study.toml --candidates \
-                  joint_stiffness,gravity --out planned\n  carpus plan study/study.toml --effect gravity --out \
-                  told\n\nWrites DIR/P01/plan.json, and the separating experiments into DIR/P01/diagnosis.json; with \
-                  --effect DIR/P01/separability.json alone. A DIR/P01/diagnosis.json of the same files is used; \
-                  without one the data are diagnosed first."
-)]
+#[command(after_help = text(include_str!("help/plan.txt")))]
 pub struct PlanArgs {
     /// The study.
     #[command(flatten)]
@@ -269,11 +242,7 @@ pub enum NoiseLevel {
 
 /// `carpus units`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus study study/study.toml --out done --task 1/2\n  carpus units done\n\nShows the \
-                  tasks that share the folder, and per step and participant which units are finished, missing or \
-                  damaged."
-)]
+#[command(after_help = text(include_str!("help/units.txt")))]
 pub struct UnitsArgs {
     /// The folder that `carpus study --out` writes to
     #[arg(value_name = "DIR")]
@@ -282,12 +251,7 @@ pub struct UnitsArgs {
 
 /// `carpus merge`
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  carpus study study/study.toml --out done --task 1/2\n  carpus study study/study.toml \
-                  --out done --task 2/2\n  carpus merge done\n\nRuns the command that the tasks were parts of: \
-                  finished units are found, missing ones are computed, and the report is written. Its files are \
-                  those of one machine, byte for byte."
-)]
+#[command(after_help = text(include_str!("help/merge.txt")))]
 pub struct MergeArgs {
     /// The folder that the tasks share
     #[arg(value_name = "DIR")]

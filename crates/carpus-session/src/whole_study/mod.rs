@@ -14,6 +14,7 @@ mod power;
 mod request;
 mod scale;
 mod sensitivity;
+mod shared_arguments;
 mod step;
 mod task;
 mod ultrasound;
@@ -35,6 +36,7 @@ use carpus_report::render_article;
 use carpus_report::results::InputFile;
 
 pub use request::{DEFAULT_BAYESIAN_EVALUATIONS, DEFAULT_SOBOL, DEFAULT_SQP_ITERATIONS, WholeStudy};
+pub use shared_arguments::shared_arguments;
 pub use step::Told;
 use step::{Context, Step};
 use task::Recorder;

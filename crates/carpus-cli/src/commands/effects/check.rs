@@ -12,9 +12,6 @@ use carpus_diagnosis::own_effect::OwnEffect;
 use carpus_report::significant;
 use carpus_session::check_effect::{CheckEffect, Curve, shape};
 
-/// Heights of a curve's points.
-const HEIGHTS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
-
 /// Runs the command.
 ///
 /// # Errors
@@ -50,18 +47,12 @@ fn readable(found: &[Check]) -> String {
 fn curves(effect: &OwnEffect) -> String {
     let shape = shape(effect);
     let row = |curve: &Curve| {
-        let range = |v: &[f64]| v.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, m], v| [l.min(*v), m.max(*v)]);
-        let [least, most] = range(&curve.values);
-        let height = |v: &f64| {
-            let share = if most > least { (v - least) / (most - least) } else { 0.5 };
-            HEIGHTS[(share * (HEIGHTS.len() - 1) as f64).round() as usize]
-        };
         let ends = |[low, high]: [f64; 2]| format!("{} to {}", significant(low, 3), significant(high, 3));
         vec![
             curve.variable.clone(),
             ends(curve.range),
-            curve.values.iter().map(height).collect(),
-            format!("{} {}", ends([least, most]), shape.unit),
+            curve.heights(),
+            format!("{} {}", ends(curve.reaches()), shape.unit),
         ]
     };
     let sizes = shape.sizes.iter().map(|(name, size)| format!("{name} = {}", significant(*size, 3)));
