@@ -9,10 +9,15 @@ use carpus_report::results::Results;
 ///
 /// - `out`: the command's output folder
 pub fn in_words<'r>(results: impl IntoIterator<Item = &'r Results>, out: &Path) -> String {
+    listed(&next_steps_of_all(results, out))
+}
+
+/// Actions, below what was printed before; nothing of none.
+pub fn listed(steps: &[NextStep]) -> String {
     let line = |(i, step): (usize, &NextStep)| {
         let command = step.command.as_ref().map(|c| format!("\n   {c}")).unwrap_or_default();
         format!("\n{}. {}{command}", i + 1, step.what)
     };
-    let lines: String = next_steps_of_all(results, out).iter().enumerate().map(line).collect();
+    let lines: String = steps.iter().enumerate().map(line).collect();
     if lines.is_empty() { lines } else { format!("\n\nDo this next{lines}") }
 }

@@ -10,6 +10,7 @@ pub mod bars;
 pub mod convergence;
 pub mod diagnosis;
 pub mod identifiability;
+pub mod identifiability_page;
 pub mod intervals;
 pub mod ledger;
 pub mod live;

@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use super::diagnosis::DiagnosisResult;
+use super::identifiability::IdentifiabilityResult;
 use super::results::{Kind, ParameterResult, Results};
 use super::story::named_in_sentence;
 
@@ -11,7 +12,7 @@ use super::story::named_in_sentence;
 const MOST: usize = 3;
 
 /// An action.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct NextStep {
     /// What to do and why, a sentence.
     pub what: String,
@@ -23,7 +24,7 @@ pub struct NextStep {
 ///
 /// - `folder`: of the participant's files of results, as commands name it
 pub fn next_steps(results: &Results, folder: &str) -> Vec<NextStep> {
-    let study = study_of(results);
+    let study = study_of(&results.provenance.command);
     let mut steps = match (&results.diagnosis, results.kind) {
         (_, Kind::Effects) => after_effects(results, &study, folder),
         (Some(diagnosis), _) => after_diagnosis(diagnosis, &study, folder),
@@ -55,14 +56,53 @@ pub fn next_steps_of_all<'r>(all: impl IntoIterator<Item = &'r Results>, out: &P
     steps
 }
 
-fn command(what: impl Into<String>, command: String) -> NextStep {
+/// What to do after `carpus identify`.
+pub fn after_identification(result: &IdentifiabilityResult) -> Vec<NextStep> {
+    let study = study_of(&result.provenance.command);
+    let open = result.parameters.iter().filter(|p| !p.is_determined()).count();
+    let mut steps = Vec::new();
+    if let Some(best) = result.next_trials.first().filter(|_| open > 0) {
+        let (trial, all) = (&best.trial, result.parameters.len());
+        let what = format!(
+            "Record one more trial: {trial}. {open} of {all} parameters are not determined; it would narrow {} most, by \
+             {:.0} %.",
+            best.most, best.most_percent
+        );
+        steps.push(NextStep { what, command: None });
+    }
+    steps.push(command("Fit the muscles to the trials.", format!("carpus personalize {study}")));
+    steps.push(command("Ask which physical effects the model lacks.", format!("carpus diagnose {study}")));
+    steps
+}
+
+/// What to do after `carpus plan`.
+///
+/// - `line`: of the command; `best`: what to record and what it tells apart, if it does
+pub fn after_plan(line: &str, best: Option<(&str, &[&str])>) -> Vec<NextStep> {
+    let study = study_of(line);
+    match best {
+        Some((trials, separates)) => {
+            let ids: Vec<String> = separates.iter().map(|id| (*id).to_owned()).collect();
+            let what = format!("Record: {trials}. It tells {} apart.", named_in_sentence(&ids));
+            let again = "Add the trials to the study and ask again which effects the model lacks.";
+            vec![NextStep { what, command: None }, command(again, format!("carpus diagnose {study}"))]
+        }
+        None => {
+            let what = "No single experiment tells these explanations apart. Add one of them and compare what is left.";
+            vec![command(what, format!("carpus effect auto {study}"))]
+        }
+    }
+}
+
+/// An action that a command does.
+pub fn command(what: impl Into<String>, command: String) -> NextStep {
     NextStep { what: what.into(), command: Some(command) }
 }
 
 /// The study as the command named it: what comes after the command's own words.
-fn study_of(results: &Results) -> String {
-    const COMMANDS: [&str; 5] = ["simulate", "compare", "personalize", "diagnose", "effect"];
-    let words = words(&results.provenance.command);
+fn study_of(line: &str) -> String {
+    const COMMANDS: [&str; 7] = ["simulate", "compare", "personalize", "diagnose", "identify", "plan", "effect"];
+    let words = words(line);
     let own = words.iter().position(|word| COMMANDS.contains(word));
     let study = own.and_then(|i| words.get(if words[i] == "effect" { i + 2 } else { i + 1 }));
     study.filter(|word| !word.starts_with('-')).map_or("STUDY".to_owned(), |word| (*word).to_owned())
@@ -84,7 +124,7 @@ fn words(line: &str) -> Vec<&str> {
 }
 
 /// A word of a command, quoted for a shell where needed.
-fn quoted(word: &str) -> String {
+pub fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "-_./=:,+%@\\".contains(c);
     if !word.is_empty() && word.chars().all(plain) {
         word.to_owned()

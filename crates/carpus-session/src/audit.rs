@@ -24,6 +24,7 @@ use super::model::{self, LoadedModel, Needs};
 use super::progress::{Progress, go_on};
 use super::provenance::{DEFAULT_SEED, input_file, made_by};
 use super::quantity::Assignment;
+use carpus_report::next_steps::{NextStep, command, quoted};
 use carpus_report::results::Provenance;
 pub use finding::{Check, Finding, Level};
 use poses::Poses;
@@ -110,5 +111,24 @@ impl Audit {
     /// Findings of one level.
     pub fn of(&self, level: Level) -> impl Iterator<Item = &Finding> {
         self.findings.iter().filter(move |finding| finding.level == level)
+    }
+
+    /// What to do next.
+    pub fn next_steps(&self) -> Vec<NextStep> {
+        let file = quoted(&self.file);
+        let look = |finding: &Finding, kind: &str| {
+            let what = format!("See the first {kind} in three dimensions ({}).", finding.path);
+            command(what, format!("carpus view {file} --open"))
+        };
+        let error = self.of(Level::Error).next().map(|finding| look(finding, "error"));
+        let warning = self.of(Level::Warning).next().map(|finding| look(finding, "warning"));
+        let begin = command("Make a study of your recordings.", format!("carpus init FOLDER --model {file}"));
+        match (error, warning) {
+            (Some(error), _) => {
+                let what = "Mend the errors in the model, and look again.";
+                vec![error, command(what, format!("carpus audit {file}"))]
+            }
+            (None, warning) => warning.into_iter().chain([begin]).collect(),
+        }
     }
 }

@@ -4,8 +4,8 @@
 //! ([`Study::check_trials`](carpus_study::study::Study::check_trials),
 //! [`StudyParticipant::load`](super::participant::StudyParticipant::load)); here they are gathered by subject. Beside
 //! them stand what only a person can judge: the lead of the EMG over the moment, the posture, the conditions.
-//!
-//! Which parameters and effects the trials determine is not said here: that takes a fit (`carpus identify`).
+//! Which parameters and effects the trials can determine at all is expected of the model as given with usual noise; what
+//! they do determine takes a fit (`carpus identify`).
 
 use std::collections::BTreeMap;
 use std::mem::{Discriminant, discriminant};
@@ -14,12 +14,14 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::account::fixed;
+use super::determines::Determines;
 use super::diagnostic::{Diagnostic, Failure, Severity};
 use super::init::crossed;
 use super::loading::{LoadedParticipant, strengths};
 use super::participant::Session;
 use super::progress::Progress;
 use super::study::{Opening, Study};
+use carpus_report::next_steps::{NextStep, command, quoted};
 use carpus_study::dynamometer::align;
 use carpus_study::study::{Contraction, Fault, Problem, Trial, TrialUse};
 
@@ -157,8 +159,10 @@ pub struct Checked {
     pub conditions: Vec<Condition>,
     /// The findings, those of a subject together; a subject without any is green.
     pub findings: Vec<Finding>,
+    /// What the trials of every participant can determine at all.
+    pub determines: Vec<Determines>,
     /// What to do next.
-    pub next: String,
+    pub next: Vec<NextStep>,
 }
 
 /// A check of a study.
@@ -184,7 +188,7 @@ impl Check {
     /// A fault of this program; a request to stop. What is wrong with the study is in the result.
     pub fn run(&self, path: &Path, progress: &dyn Progress) -> Result<Checked, Failure> {
         let mut found = Findings::default();
-        let mut conditions = Vec::new();
+        let (mut conditions, mut determines) = (Vec::new(), Vec::new());
         match Study::open_with(path, self.opening.clone()) {
             Ok(study) => {
                 let problems = study
@@ -198,6 +202,11 @@ impl Check {
                             found.add_diagnostics(&session.data.warnings, Subject::Posture);
                             look(&session, &mut found)?;
                             conditions.extend(of_participant(&session.data));
+                            match session.determines() {
+                                Ok(expected) => determines.extend(expected),
+                                Err(Failure::Input(messages)) => found.add_diagnostics(&messages, Subject::Posture),
+                                Err(other) => return Err(other),
+                            }
                         }
                         Err(Failure::Input(messages)) => found.add_diagnostics(&messages, Subject::Posture),
                         Err(other) => return Err(other),
@@ -208,7 +217,7 @@ impl Check {
             Err(Failure::Input(messages)) => found.add_diagnostics(&messages, Subject::Files),
             Err(other) => return Err(other),
         }
-        Ok(found.into_checked(path, conditions))
+        Ok(found.into_checked(path, conditions, determines))
     }
 }
 
@@ -258,7 +267,7 @@ impl Findings {
         }
     }
 
-    fn into_checked(mut self, path: &Path, conditions: Vec<Condition>) -> Checked {
+    fn into_checked(mut self, path: &Path, conditions: Vec<Condition>, determines: Vec<Determines>) -> Checked {
         for subject in Subject::ALL {
             let is_read = !conditions.is_empty();
             if is_read && self.list.iter().all(|f| f.subject != subject || f.level == Level::Green) {
@@ -271,12 +280,29 @@ impl Findings {
         self.list.sort_by(|a, b| (a.subject, b.level).cmp(&(b.subject, a.level)));
         let level = self.list.iter().map(|f| f.level).max().unwrap_or(Level::Green);
         let shown = path.display();
-        let next = match level {
-            Level::Red => "mend what is red, and check again".to_owned(),
-            Level::Amber => format!("look at what is amber, then: carpus personalize {shown} --out personalized"),
-            Level::Green => format!("carpus personalize {shown} --out personalized"),
-        };
-        Checked { schema: "carpus.check/1", study: shown.to_string(), level, conditions, findings: self.list, next }
+        let next = next_steps(level, &quoted(&shown.to_string()));
+        Checked {
+            schema: "carpus.check/1",
+            study: shown.to_string(),
+            level,
+            conditions,
+            findings: self.list,
+            determines,
+            next,
+        }
+    }
+}
+
+/// What to do after a check of a study.
+fn next_steps(level: Level, study: &str) -> Vec<NextStep> {
+    let again = command("Mend what is red, and check again.", format!("carpus check {study}"));
+    let compare = command("See how far the model as given is off.", format!("carpus compare {study} --out compared"));
+    let fit = command("Fit the muscles to the trials.", format!("carpus personalize {study} --out personalized"));
+    let look = "Look at what is amber: it may be right, or a slip of unit, sign or channel.";
+    match level {
+        Level::Red => vec![again],
+        Level::Amber => vec![NextStep { what: look.to_owned(), command: None }, compare, fit],
+        Level::Green => vec![compare, fit],
     }
 }
 

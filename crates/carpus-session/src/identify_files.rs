@@ -11,8 +11,9 @@ use carpus_identifiability::{Identifiability, Knowledge};
 use carpus_personalization::personalization::BoundHit;
 use carpus_report::identifiability::{
     CombinationResult, IDENTIFIABILITY_SCHEMA, IdentifiabilityResult, NextTrialResult, NoiseResult, ParameterKnowledge,
-    SoundnessResult, render_identifiability,
+    SoundnessResult,
 };
+use carpus_report::identifiability_page::render_identifiability;
 use carpus_report::results::{Provenance, rounded};
 use carpus_study::study::TrialUse;
 

@@ -3,8 +3,7 @@
 use super::diagnostic::{Diagnostic, Failure};
 use super::loading::LoadedParticipant;
 use super::study::Study;
-use carpus_multibody::muscles::Millard2012;
-use carpus_personalization::personalization::RestingFiber;
+use carpus_diagnosis::inference::resting_fiber::{ImagedMuscle, RestingFiber};
 use carpus_simulation::imaging::path_length;
 use carpus_study::study::FascicleUse;
 
@@ -23,18 +22,10 @@ pub(super) fn images(study: &Study, run: &LoadedParticipant) -> Result<Vec<Resti
         let at = |e: String| Failure::from(Diagnostic::error(e).in_file(&table).at_line(image.line));
         let (spec, path_length) = path_length(&run.loaded.file.spec, &run.loaded.model, &study.tables, image)
             .map_err(|e| at(format!("{} {}: {e}", run.participant.name, image.muscle)))?;
-        let millard = Millard2012::from_spec(spec).map_err(|e| match spec.is_computed() {
-            true => at(format!(
-                "{}: fascicle lengths inform the fit of a Millard2012EquilibriumMuscle only, not of a {}; with \
-                 `fascicles = \"check\"` in [ultrasound] of study.toml they are compared with the model afterwards",
-                image.muscle,
-                spec.class()
-            )),
-            false => at(e.to_string()),
-        })?;
+        let imaged = ImagedMuscle::from_spec(spec).map_err(|e| at(e.to_string()))?;
         fibers.push(RestingFiber {
             muscle,
-            millard,
+            imaged,
             path_length,
             activation: imaging.activation,
             measured,

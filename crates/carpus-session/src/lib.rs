@@ -56,6 +56,7 @@ pub mod check_effect;
 pub mod cohort_diagnosis;
 pub mod cohort_intervals;
 pub mod compare;
+pub mod determines;
 pub mod diagnose;
 pub mod diagnosis_file;
 pub mod diagnostic;

@@ -3,6 +3,7 @@
 use crate::args::{AuditArgs, Global};
 use crate::bars::Bars;
 use crate::failure::{self, Failure};
+use crate::next_steps::listed;
 use crate::provenance::command_line;
 use crate::stdout::print_result;
 use carpus_session::audit::{Audit, AuditModel, Check, Finding, Level};
@@ -65,5 +66,5 @@ fn readable(audit: &Audit, all: bool) -> String {
             text.extend(hints.iter().map(|hint| format!("      hint: {hint}\n")));
         }
     }
-    text
+    text.trim_end().to_owned() + &listed(&audit.next_steps())
 }

@@ -3,10 +3,12 @@
 use crate::args::{CheckArgs, Global};
 use crate::bars::Bars;
 use crate::failure::{Diagnostic, Failure};
+use crate::next_steps::listed;
 use crate::stdout::print_result;
 use crate::study_run::reading;
 use crate::table::{fixed, table};
 use carpus_session::check::{Check, Checked, Level};
+use carpus_session::determines::Determines;
 use carpus_session::json;
 
 /// Runs the command.
@@ -55,7 +57,22 @@ fn readable(checked: &Checked) -> String {
             text.push_str(&format!("                {remedy}\n"));
         }
     }
-    text.push_str("\nWhich parameters these trials determine takes a fit: carpus identify.\n");
-    text.push_str(&format!("next: {}\n", checked.next));
+    checked.determines.iter().for_each(|expected| text.push_str(&expectation(expected)));
+    text.trim_end().to_owned() + &listed(&checked.next)
+}
+
+/// What trials can determine at all.
+fn expectation(expected: &Determines) -> String {
+    let mut text =
+        format!("\n{}: what these trials can determine, before a fit, with usual noise\n", expected.participant);
+    for (title, determined) in [("determined", true), ("left open", false)] {
+        let of = expected.muscles(determined);
+        let words = of.iter().map(|(property, muscles)| format!("{property} of {}", muscles.join(", ")));
+        let all = words.collect::<Vec<_>>().join("; ");
+        text.push_str(&format!("  {title:<12} {}\n", if all.is_empty() { "nothing".to_owned() } else { all }));
+    }
+    let (hidden, all) = (expected.hidden(), expected.effects_z.len());
+    let not = if hidden.is_empty() { String::new() } else { format!("; not {}", hidden.join(", ")) };
+    text.push_str(&format!("  effects      {} of {all} would show at a plausible size{not}\n", all - hidden.len()));
     text
 }

@@ -5,10 +5,12 @@ use std::path::Path;
 use crate::args::{Global, IdentifyArgs, IdentifyOptions};
 use crate::bars::Bars;
 use crate::failure::{self, Failure};
+use crate::next_steps::listed;
 use crate::study_run::StudyRun;
 use crate::table::{fixed, table};
 use carpus_report::identifiability::{CombinationResult, IdentifiabilityResult};
 use carpus_report::intervals::with_validity;
+use carpus_report::next_steps::after_identification;
 use carpus_session::identify::{Identify, Priors, properties_named};
 use carpus_session::json;
 use carpus_session::loading::Purpose;
@@ -93,6 +95,6 @@ fn readable(r: &IdentifiabilityResult, study: &StudyRun) -> String {
             t.mean_shrinkage_percent, t.trial, t.most, t.most_percent
         ));
     }
-    text.push_str(&format!("\n{}\n", study.report_of(&r.participant)));
-    text
+    text.push_str(&format!("\n{}", study.report_of(&r.participant)));
+    text + &listed(&after_identification(r))
 }

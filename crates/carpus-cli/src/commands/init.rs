@@ -4,7 +4,9 @@ use std::io::{BufRead, IsTerminal, stdin};
 
 use crate::args::{Global, InitArgs};
 use crate::failure::{self, Failure};
+use crate::next_steps::listed;
 use crate::stdout::print_result;
+use carpus_report::next_steps::{command, quoted};
 use carpus_session::init::{Init, Note, Proposal, Proposed, Questions};
 use carpus_session::json;
 
@@ -66,6 +68,8 @@ fn readable(proposal: &Proposal) -> String {
     };
     text.push_str(&notes("Assumed", &proposal.assumed));
     text.push_str(&notes("Could not be told", &proposal.unknown));
-    text.push_str(&format!("\n{0}\nnext: carpus check {0}\n", proposal.study.display()));
-    text
+    let study = proposal.study.display();
+    let what = "Read what was assumed, then check the study.";
+    let next = command(what, format!("carpus check {}", quoted(&study.to_string())));
+    format!("{text}\n{study}{}", listed(&[next]))
 }

@@ -4,11 +4,14 @@
 use crate::args::{Global, PlanArgs};
 use crate::bars::Bars;
 use crate::failure::Failure;
+use crate::next_steps::listed;
+use crate::provenance::command_line;
 use crate::separations::separation_table;
 use crate::study_run::StudyRun;
 use crate::table::{fixed, table};
 use carpus_diagnosis::separability::Distance;
 use carpus_diagnosis::separation::{SEPARABLE_Z, most_useful};
+use carpus_report::next_steps::after_plan;
 use carpus_session::candidates::{EffectSize, known, names_of};
 use carpus_session::diagnose::forward_model;
 use carpus_session::json;
@@ -72,9 +75,12 @@ fn of_effect(asked: &EffectSize, args: &PlanArgs, global: &Global) -> Result<(),
 }
 
 fn readable(planned: &Planned) -> String {
+    let best = most_useful(&planned.separations);
+    let told = best.iter().find(|s| s.z_then >= SEPARABLE_Z).map(|s| (s.trials, &s.separates[..]));
     format!(
-        "{}: further trials, and how far they would set explanations apart (z; told apart from {SEPARABLE_Z})\n{}",
+        "{}: further trials, and how far they would set explanations apart (z; told apart from {SEPARABLE_Z})\n{}{}",
         planned.participant,
-        separation_table(most_useful(&planned.separations))
+        separation_table(best),
+        listed(&after_plan(&command_line(), told))
     )
 }

@@ -13,7 +13,7 @@ use super::muscle_columns::{FORCE, place};
 pub use super::muscle_prior::MusclePrior;
 use super::resting_fiber::RestingFiber;
 use super::search::Budget;
-use super::session::{HandedOver, Session, State};
+use super::session::{Determinable, HandedOver, Session, State};
 use carpus_numerics::statistics::normal_quantile;
 use carpus_simulation::simulation::{Property, SimulationError};
 use carpus_study::study::{ParameterBounds, TrialUse};
@@ -41,7 +41,7 @@ pub struct MuscleEstimate {
 
 /// A parameter is determined by the trials where they removed at least this share of its prior variance:
 /// where they say more of it than the bounds do.
-const DETERMINED: f64 = 0.5;
+pub const DETERMINED: f64 = 0.5;
 
 impl MuscleEstimate {
     /// The interval of a level, equation (31): about the joint mode, wide enough to hold what is handed over,
@@ -101,6 +101,14 @@ impl<'a> MuscleProblem<'a> {
         let session = Session::new(self.forward, train, with_own(), &self.bounds, Budget::none(), self.seed);
         let session = session.with_images(self.images.clone());
         if self.priors.is_empty() { session } else { session.with_muscle_priors(&self.priors) }
+    }
+
+    /// What the training trials can determine at all.
+    ///
+    /// # Errors
+    /// A trial that cannot be simulated.
+    pub fn determinable(&self) -> Result<Determinable, SimulationError> {
+        self.session().determinable()
     }
 
     /// Estimates the muscles; `None` where it is not to go on.

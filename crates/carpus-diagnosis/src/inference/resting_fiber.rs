@@ -10,17 +10,30 @@ use nalgebra::DVector;
 
 use super::muscle_columns::place;
 use crate::forward_model::FITTED_PER_MUSCLE;
-use carpus_multibody::muscles::{EquilibriumError, Millard2012, Millard2012Parameters};
+use carpus_multibody::muscles::{Millard2012, Millard2012Parameters, MuscleError, MuscleModel};
 use carpus_numerics::numerics::{Dual, Scalar};
+use carpus_osim::osim::spec::MuscleSpec;
 use carpus_simulation::simulation::{MuscleParameters, Property};
+
+/// Step of differences of parameters, over their size.
+const STEP: f64 = 1e-4;
+
+/// The muscle of an image, with the model's own values.
+#[derive(Clone, Debug)]
+pub enum ImagedMuscle {
+    /// A `Millard2012EquilibriumMuscle`; derivatives are exact.
+    Millard2012(Box<Millard2012>),
+    /// A muscle of another class that is simulated; derivatives are central differences.
+    Other(Box<MuscleSpec>),
+}
 
 /// A muscle's fascicle length in an image, and where the model has it then.
 #[derive(Clone, Debug)]
 pub struct RestingFiber {
     /// Position among the active muscles.
     pub muscle: usize,
-    /// The muscle, with the model's own values.
-    pub millard: Millard2012,
+    /// The muscle.
+    pub imaged: ImagedMuscle,
     /// Length of its path in the posture of the image [m].
     pub path_length: f64,
     /// Activation while imaged.
@@ -31,18 +44,59 @@ pub struct RestingFiber {
     pub standard_deviation: f64,
 }
 
+impl ImagedMuscle {
+    /// The muscle that a model file specifies.
+    ///
+    /// # Errors
+    /// A class that is not simulated; properties that OpenSim too would refuse.
+    pub fn from_spec(spec: &MuscleSpec) -> Result<ImagedMuscle, MuscleError> {
+        Ok(match MuscleModel::from_spec(spec)? {
+            MuscleModel::Millard2012(muscle) => ImagedMuscle::Millard2012(muscle),
+            _ => ImagedMuscle::Other(Box::new(spec.clone())),
+        })
+    }
+}
+
 impl RestingFiber {
-    /// Fibre length [m] with its derivatives by optimal fibre length and tendon slack length.
-    fn length(&self, p: &MuscleParameters) -> Result<Dual<2>, EquilibriumError> {
+    /// Fibre length [m] with its derivatives by optimal fibre length and tendon slack length; `None` without an
+    /// equilibrium.
+    fn length(&self, p: &MuscleParameters) -> Option<Dual<2>> {
+        match &self.imaged {
+            ImagedMuscle::Millard2012(muscle) => self.millard_length(muscle, p),
+            ImagedMuscle::Other(spec) => self.length_by_differences(spec, p),
+        }
+    }
+
+    fn millard_length(&self, muscle: &Millard2012, p: &MuscleParameters) -> Option<Dual<2>> {
         let parameters = Millard2012Parameters {
             optimal_fiber_length: Dual::variable(p.optimal_fiber_length, 0),
             tendon_slack_length: Dual::variable(p.tendon_slack_length, 1),
             max_isometric_force: Dual::constant(p.max_isometric_force),
-            ..self.millard.parameters().lift::<Dual<2>>()
+            ..muscle.parameters().lift::<Dual<2>>()
         };
         // Values within the bounds of a fit are positive, which is all that is asked of them.
-        let Ok(muscle) = self.millard.with_parameters(parameters) else { return Ok(Dual::constant(self.measured)) };
-        Ok(muscle.equilibrium(Dual::constant(self.path_length), Dual::constant(self.activation))?.fiber_length)
+        let Ok(muscle) = muscle.with_parameters(parameters) else { return Some(Dual::constant(self.measured)) };
+        Some(muscle.equilibrium(Dual::constant(self.path_length), Dual::constant(self.activation)).ok()?.fiber_length)
+    }
+
+    fn length_by_differences(&self, spec: &MuscleSpec, p: &MuscleParameters) -> Option<Dual<2>> {
+        let at = |fiber: f64, slack: f64| {
+            let mut spec = spec.clone();
+            spec.max_isometric_force = p.max_isometric_force;
+            spec.optimal_fiber_length = p.optimal_fiber_length * fiber;
+            spec.tendon_slack_length = p.tendon_slack_length * slack;
+            let muscle = MuscleModel::from_spec(&spec).ok()?;
+            Some(muscle.at_rest(self.path_length, self.activation).ok()?.0.fiber_length)
+        };
+        let [more, less] = [1.0 + STEP, 1.0 - STEP];
+        let slope = |[up, down]: [f64; 2], size: f64| (up - down) / (2.0 * STEP * size);
+        Some(Dual {
+            value: at(1.0, 1.0)?,
+            gradient: [
+                slope([at(more, 1.0)?, at(less, 1.0)?], p.optimal_fiber_length),
+                slope([at(1.0, more)?, at(1.0, less)?], p.tendon_slack_length),
+            ],
+        })
     }
 
     /// Derivatives of its whitened length by the columns of the linear model, and the residual, the last;
@@ -51,7 +105,7 @@ impl RestingFiber {
     /// - `columns`: of the linear model
     pub(crate) fn row(&self, parameters: &[MuscleParameters], columns: usize) -> Option<DVector<f64>> {
         let p = &parameters[self.muscle];
-        let length = self.length(p).ok()?;
+        let length = self.length(p)?;
         let mut row = DVector::zeros(columns + 1);
         let first = self.muscle * FITTED_PER_MUSCLE;
         // By the logarithms of parameters.
@@ -73,18 +127,20 @@ mod tests {
     fn verif_row_is_that_of_differences() {
         let model = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("models/wrist.osim");
         let spec = OsimFile::read(&model).unwrap().spec;
-        let millard = Millard2012::from_spec(&spec.muscles[0]).unwrap();
-        let p = *millard.parameters();
+        let imaged = ImagedMuscle::from_spec(&spec.muscles[0]).unwrap();
+        let p = &spec.muscles[0];
         let parameters = |length: f64, slack: f64| MuscleParameters {
             optimal_fiber_length: p.optimal_fiber_length * length,
             tendon_slack_length: p.tendon_slack_length * slack,
             max_isometric_force: p.max_isometric_force,
             pennation_angle_at_optimal: p.pennation_angle_at_optimal,
         };
+        // Derivatives by differences are those that are exact.
+        let other = ImagedMuscle::Other(Box::new(spec.muscles[0].clone()));
         let path_length = p.tendon_slack_length + 0.9 * p.optimal_fiber_length;
         let fiber = RestingFiber {
             muscle: 0,
-            millard,
+            imaged,
             path_length,
             activation: 0.01,
             measured: 0.05,
@@ -102,6 +158,8 @@ mod tests {
         for (found, expected) in [(row[1], by[0] / 0.002), (row[2], by[1] / 0.002)] {
             assert!((found - expected).abs() < 1e-4 * expected.abs().max(1.0), "{found} {expected}");
         }
+        let by_differences = RestingFiber { imaged: other, ..fiber }.row(&[parameters(1.05, 0.99)], 3).unwrap();
+        assert!((by_differences - &row).norm() < 1e-4 * row.norm(), "{row}");
         assert_eq!(row[0], 0.0);
     }
 }

@@ -2,6 +2,7 @@
 //! (`docs/src/theory/many-small-errors.md`, equation (20)).
 
 mod amplitudes;
+mod before_a_fit;
 mod columns;
 mod expected_residual;
 mod further_trials;
@@ -29,6 +30,7 @@ use crate::effect::Effect;
 use crate::fit::{Analysis, Fit};
 use crate::forward_model::{FITTED_PER_MUSCLE, ForwardModel, Setting};
 use crate::noise::{self, NoiseLevels};
+pub use before_a_fit::Determinable;
 use carpus_simulation::simulation::SimulationError;
 use carpus_study::study::ParameterBounds;
 use expected_residual::beyond_the_linear_model;

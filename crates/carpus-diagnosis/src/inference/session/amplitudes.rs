@@ -42,7 +42,8 @@ impl Session<'_> {
                 tested.push((*column, plausible));
             }
         }
-        let (information, score) = marginal(model.about_prior_mean(), &tested, &model.sds(&set, sizes));
+        let (products, right) = model.about_prior_mean();
+        let (information, score) = marginal((&products, &right), &tested, &model.sds(&set, sizes));
         ParticipantEvidence {
             schema: ParticipantEvidence::SCHEMA.to_owned(),
             participant: participant.to_owned(),
@@ -59,8 +60,8 @@ impl Session<'_> {
 ///
 /// - `(products, right)`: ZᵀZ, Zᵀr₀
 /// - `tested`: columns and the units in which they are wanted; `sd`: prior standard deviations of all columns
-fn marginal(
-    (products, right): (DMatrix<f64>, DVector<f64>),
+pub(super) fn marginal(
+    (products, right): (&DMatrix<f64>, &DVector<f64>),
     tested: &[(usize, f64)],
     sd: &DVector<f64>,
 ) -> (DMatrix<f64>, DVector<f64>) {
@@ -97,7 +98,7 @@ mod tests {
         let z = DMatrix::from_fn(9, 4, |i, j| ((i * 3 + j * 7) as f64 * 0.37).sin());
         let r = DVector::from_fn(9, |i, _| (i as f64 * 0.71).cos());
         let sd = DVector::from_vec(vec![0.5, 2.0, 0.0, 0.7]);
-        let (found, score) = marginal((z.tr_mul(&z), z.tr_mul(&r)), &[(1, 0.5)], &sd);
+        let (found, score) = marginal((&z.tr_mul(&z), &z.tr_mul(&r)), &[(1, 0.5)], &sd);
         // Marginal covariance of r given the tested column.
         let others = [0, 3].map(|j| z.column(j) * sd[j]);
         let v = DMatrix::identity(9, 9) + &others[0] * others[0].transpose() + &others[1] * others[1].transpose();
