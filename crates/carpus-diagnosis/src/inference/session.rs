@@ -34,7 +34,7 @@ pub use before_a_fit::Determinable;
 use carpus_simulation::simulation::SimulationError;
 use carpus_study::study::ParameterBounds;
 use expected_residual::beyond_the_linear_model;
-use noise_along_the_way::{Relaxed, factors, weighted};
+use noise_along_the_way::{factors, weighted};
 use state::{Around, ODDS, Reached, Start};
 pub use state::{Begun, HandedOver, OtherMinimum, Session, State};
 use steps::{STEPS, profiled};
@@ -400,7 +400,6 @@ impl<'a> Session<'a> {
         let Start { mut point, levels, set, sizes, directions } = start;
         let mut linear = self.analysis.linearize(&point, &[])?;
         let mut noise = self.structure(&mut linear, &point);
-        let mut relaxed: Vec<Relaxed> = linear.iter().map(|_| Relaxed::new()).collect();
         let mut columns = self.all_columns(&point, &linear, &directions);
         let mut passing = factors(&noise, &levels)?;
         let mut model = self.model(&point, &columns, &passing);
@@ -408,9 +407,7 @@ impl<'a> Session<'a> {
         for _ in 0..CORRECTIONS {
             let step = &posterior.mean - &model.offset;
             let expected = self.expected_emg(&noise, &weighted(&columns, &step, &passing), &levels);
-            let of_trial = |(r, (here, to)): (&mut Relaxed, (&Vec<DVector<f64>>, &Vec<DVector<f64>>))| r.next(here, to);
-            let correction = relaxed.iter_mut().zip(point.correction.iter().zip(&expected)).map(of_trial).collect();
-            point = self.with_emg(&point, correction)?;
+            point = self.with_emg(&point, expected)?;
             // Muscles and effects stay: the EMG's corrections hardly change what effects do.
             linear = self.analysis.linearize_beside(&point, &linear)?;
             noise = self.structure(&mut linear, &point);

@@ -16,43 +16,6 @@ use carpus_simulation::simulation::SimulationError;
 
 /// Largest expected error of the logarithm of the EMG.
 const LARGEST_NOISE: f64 = 0.7;
-/// Least share of a correction of the EMG that is taken.
-const LEAST_SHARE: f64 = 0.1;
-
-/// Aitken's relaxation of the fixed point that the corrections of a trial's EMG are (Irons and Tuck 1969,
-/// doi:10.1002/nme.1620010306): as much of each is taken as makes two in succession the last, were the map
-/// linear.
-pub(super) struct Relaxed {
-    share: f64,
-    before: Option<Vec<DVector<f64>>>,
-}
-
-impl Relaxed {
-    /// Half of the first correction is taken.
-    pub(super) fn new() -> Relaxed {
-        Relaxed { share: 0.5, before: None }
-    }
-
-    /// The next of a sequence: from `here` on the way to `to`.
-    pub(super) fn next(&mut self, here: &[DVector<f64>], to: &[DVector<f64>]) -> Vec<DVector<f64>> {
-        let way: Vec<DVector<f64>> = to.iter().zip(here).map(|(to, here)| to - here).collect();
-        if let Some(before) = &self.before {
-            let (mut along, mut squares) = (0.0, 0.0);
-            for (now, before) in way.iter().zip(before) {
-                let change = now - before;
-                along += before.dot(&change);
-                squares += change.norm_squared();
-            }
-            if squares > 0.0 {
-                self.share = (-self.share * along / squares).clamp(LEAST_SHARE, 1.0);
-            }
-        }
-        let next = here.iter().zip(&way).map(|(here, way)| here + way * self.share).collect();
-        self.before = Some(way);
-        next
-    }
-}
-
 /// Autocorrelations are compared on so many trials at most, evenly spread over the session.
 const TRIALS_FOR_KERNELS: usize = 12;
 
@@ -187,23 +150,4 @@ pub(super) fn factors(noise: &[TrialNoise], levels: &NoiseLevels) -> Result<Vec<
         .collect::<Vec<_>>()
         .into_iter()
         .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// w → a − b w, with b near 1: taken whole, corrections would alternate for ever.
-    #[test]
-    fn verif_relaxed_corrections_come_to_a_linear_maps_fixed_point() {
-        let map = |w: &DVector<f64>| DVector::from_vec(vec![2.0, -1.0]) - w * 0.95;
-        let fixed = DVector::from_vec(vec![2.0, -1.0]) / 1.95;
-        let mut relaxed = Relaxed::new();
-        let mut here = vec![DVector::zeros(2)];
-        for _ in 0..2 {
-            let to = [map(&here[0])];
-            here = relaxed.next(&here, &to);
-        }
-        assert!((&here[0] - &fixed).norm() < 1e-12, "{here:?}");
-    }
 }
