@@ -7,8 +7,7 @@ use carpus_diagnosis::catalogue::with_own;
 use carpus_diagnosis::diagnose::Request;
 use carpus_diagnosis::forward_model::ForwardModel;
 use carpus_diagnosis::inference::muscles::{MuscleEstimate, MuscleProblem};
-use carpus_diagnosis::inference::resting_fiber::RestingFiber;
-use carpus_multibody::muscles::Millard2012;
+use carpus_diagnosis::inference::resting_fiber::{ImagedMuscle, RestingFiber};
 use carpus_personalization::personalization::personalize;
 use carpus_simulation::simulation::Property;
 use carpus_study::study::TrialUse;
@@ -100,11 +99,11 @@ impl Workbench {
         let of = |image: &super::case::ImageOfCase| {
             let name = self.header.setup.active_muscles.get(image.muscle);
             let spec = self.file.spec.muscles.iter().find(|m| Some(&m.name) == name);
-            let millard = spec.and_then(|spec| Millard2012::from_spec(spec).ok());
-            let millard = millard.ok_or_else(|| WorkbenchError::Fit("an image is of no muscle here".to_owned()))?;
+            let imaged = spec.and_then(|spec| ImagedMuscle::from_spec(spec).ok());
+            let imaged = imaged.ok_or_else(|| WorkbenchError::Fit("an image is of no muscle here".to_owned()))?;
             Ok(RestingFiber {
                 muscle: image.muscle,
-                millard,
+                imaged,
                 path_length: image.path_length,
                 activation: image.activation,
                 measured: image.measured,
