@@ -10,9 +10,9 @@ use thiserror::Error;
 
 use super::document::{Document, ElementId, escape};
 use super::error::{DocumentError, OsimError, nearest};
+use super::file::OsimFile;
 use super::reader;
-use super::spec::{MuscleKind, MuscleSpec, OtherMuscleSpec, PathSpec};
-use super::{Location, OsimFile};
+use super::spec::{Location, MuscleKind, MuscleSpec, OtherMuscleSpec, PathSpec};
 
 /// Properties of every muscle that [`OsimFile::set_muscle_property`] can set.
 const MUSCLE_PROPERTIES: [&str; 7] = [

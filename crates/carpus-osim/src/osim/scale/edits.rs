@@ -4,8 +4,8 @@ use nalgebra::Vector3;
 
 use crate::osim::document::{Document, ElementId};
 use crate::osim::edit::{EditError, Splice, format_number};
-use crate::osim::spec::FunctionSpec;
-use crate::osim::{Location, OsimFile};
+use crate::osim::file::OsimFile;
+use crate::osim::spec::{FunctionSpec, Location};
 
 /// Collected edits of one file. Values that do not change are not touched.
 pub(super) struct Edits {
