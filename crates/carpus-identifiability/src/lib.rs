@@ -13,6 +13,7 @@
 //! |---|---|
 //! | `session.rs` | lengths and forces by the model of a session |
 //! | `parameters.rs` | properties of muscles, ties, bounds, priors |
+//! | `problem.rs` | what is given, and the moments that the model has for it |
 //! | `likelihood.rs` | noise of moment and EMG, the most probable parameters |
 //! | `surrogate.rs` | the likelihood near them as polynomials: microseconds instead of simulations |
 //! | `profile.rs`, `posterior.rs` | intervals, draws |
@@ -36,6 +37,7 @@ mod likelihood;
 mod next_trial;
 mod parameters;
 mod posterior;
+mod problem;
 mod profile;
 mod recorded;
 mod session;
@@ -56,9 +58,10 @@ pub use parameters::{FreeParameter, MuscleProperty, Prior, fitted, usual_bounds}
 pub use recorded::{Channel, RecordedTrial};
 pub use session::{SessionRequest, identify_session};
 
-use likelihood::{Fit, Problem};
+use likelihood::Fit;
 use parameters::{Layout, check};
 use posterior::{Amount, Draws, LogDensity};
+use problem::Problem;
 use surrogate::Surrogate;
 
 /// What is asked.
