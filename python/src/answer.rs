@@ -11,7 +11,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::answers::DiagnosisCell;
+use crate::cells::DiagnosisCell;
 use crate::failure::OrRaise;
 use crate::job::warn;
 use crate::model::Model;

@@ -1,4 +1,4 @@
-//! Results that borrow the session or the study which they are of, held together with it.
+//! Every kind of result: its JSON, its files, its report.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -7,82 +7,21 @@ use carpus::osim::OsimFile;
 use carpus::report::results::Results;
 use carpus::report::{render_article, render_report};
 use carpus::session::cohort_diagnosis::Cohort;
-use carpus::session::compare::Comparison;
-use carpus::session::diagnose::{Diagnose, Diagnosed};
+use carpus::session::diagnose::Diagnose;
 use carpus::session::diagnosis_file::{self, KnownDiagnosis};
 use carpus::session::diagnostic::{Diagnostic, Failure};
 use carpus::session::effect_steps::WithEffects;
-use carpus::session::evaluate::Evaluation;
-use carpus::session::identify::Identified;
 use carpus::session::json::pretty;
-use carpus::session::personalize::Personalized;
 use carpus::session::plan::Planned;
-use carpus::session::sensitivity::Sensitivity;
-use carpus::session::simulate::Simulated;
 use carpus::simulation::TrialSimulation;
-use self_cell::self_cell;
 use serde_json::json;
 
 use crate::answer::Result_;
-use crate::session::LoadedSession;
-use crate::study::Opened;
-
-/// A result and what it borrows.
-macro_rules! cell {
-    ($(#[$doc:meta])* $name:ident, $owner:ty, $dependent:ident) => {
-        self_cell!(
-            $(#[$doc])*
-            pub struct $name {
-                owner: Arc<$owner>,
-                #[covariant]
-                dependent: $dependent,
-            }
-        );
-    };
-}
-
-cell!(
-    /// A simulation.
+use crate::cells::{
+    ComparisonCell, DiagnosisCell, EvaluationCell, IdentificationCell, PersonalizationCell, SensitivityCell,
     SimulationCell,
-    LoadedSession,
-    Simulated
-);
-cell!(
-    /// A comparison.
-    ComparisonCell,
-    LoadedSession,
-    Comparison
-);
-cell!(
-    /// A personalization.
-    PersonalizationCell,
-    LoadedSession,
-    Personalized
-);
-cell!(
-    /// An identification.
-    IdentificationCell,
-    LoadedSession,
-    Identified
-);
-cell!(
-    /// A diagnosis.
-    DiagnosisCell,
-    LoadedSession,
-    Diagnosed
-);
-cell!(
-    /// An evaluation.
-    EvaluationCell,
-    Opened,
-    Evaluation
-);
-cell!(
-    /// A sensitivity analysis.
-    SensitivityCell,
-    Opened,
-    Sensitivity
-);
+};
+use crate::loaded::{LoadedSession, Opened};
 
 /// What results of one participant with series have in common.
 macro_rules! with_results {

@@ -6,9 +6,10 @@ use numpy::{IntoPyArray, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyU
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::compiled::Compiled;
 use crate::failure::{OrRaise, refused};
 use crate::job::{Watch, watched};
-use crate::kinematics::{Compiled, rows};
+use crate::kinematics::rows;
 use crate::model::Model;
 
 /// What a forward simulation is asked for.

@@ -8,9 +8,10 @@
 //! | `job` | long work on a thread of its own: progress, Ctrl-C, panics |
 //! | `failure` | failures as exceptions |
 //! | `study`, `session` | studies and participants; every use case |
-//! | `answer`, `answers` | results with what they borrow |
+//! | `loaded` | what is below them: an open study, a loaded session |
+//! | `answer`, `answers`, `cells` | results; what they have in common; results held with what they borrow |
 //! | `batch` | moments for many sets of parameters, derivatives |
-//! | `model`, `kinematics`, `forward` | models |
+//! | `model`, `compiled`, `kinematics`, `forward` | models |
 //! | `effect` | effects that Python defines |
 //! | `tool`, `program` | OpenSim's tools; the program `carpus` |
 
@@ -20,11 +21,14 @@
 mod answer;
 mod answers;
 mod batch;
+mod cells;
+mod compiled;
 mod effect;
 mod failure;
 mod forward;
 mod job;
 mod kinematics;
+mod loaded;
 mod model;
 mod program;
 mod session;

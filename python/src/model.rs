@@ -13,9 +13,9 @@ use carpus::session::model::osim_failure;
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 
+use crate::compiled::Compiled;
 use crate::failure::OrRaise;
 use crate::job::warn;
-use crate::kinematics::Compiled;
 
 /// A model file in memory.
 #[pyclass(module = "carpus._carpus")]

@@ -20,26 +20,15 @@ use carpus::study::{PriorKnowledge, PriorUnit};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use self_cell::self_cell;
 use serde_json::json;
 
 use crate::answer::Answer;
-use crate::answers::{
-    ComparisonCell, DiagnosisCell, EffectsAnswer, IdentificationCell, PersonalizationCell, PlanAnswer, SimulationCell,
-};
+use crate::answers::{EffectsAnswer, PlanAnswer};
+use crate::cells::{ComparisonCell, DiagnosisCell, IdentificationCell, PersonalizationCell, SimulationCell};
 use crate::failure::{OrRaise, diagnostics, refused};
 use crate::job::long;
+use crate::loaded::LoadedSession;
 use crate::model::Model;
-use crate::study::Opened;
-
-self_cell!(
-    /// A session and the study that it is of.
-    pub struct LoadedSession {
-        owner: Arc<Opened>,
-        #[covariant]
-        dependent: LibrarySession,
-    }
-);
 
 /// A participant's model and trials.
 #[pyclass(module = "carpus._carpus", frozen)]

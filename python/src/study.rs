@@ -23,41 +23,13 @@ use serde_json::json;
 use tempfile::TempDir;
 
 use crate::answer::Answer;
-use crate::answers::{CohortAnswer, EvaluationCell, SensitivityCell};
+use crate::answers::CohortAnswer;
+use crate::cells::{EvaluationCell, SensitivityCell};
 use crate::failure::{OrRaise, diagnostics, refused};
-use crate::job::{Relay, long, warn};
+use crate::job::{long, warn};
+use crate::loaded::Opened;
 use crate::model::Model;
-use crate::session::{LoadedSession, Session};
-
-/// A study that is open, and who is told how far work on it is.
-pub struct Opened {
-    /// The study.
-    pub study: OpenStudy,
-    /// Who is told.
-    pub relay: Arc<Relay>,
-    /// How it was opened; `None`: it is in memory.
-    again: Option<(PathBuf, Opening)>,
-    /// The folder of the bundled study, for as long as the study is open.
-    _folder: Option<TempDir>,
-}
-
-impl Opened {
-    /// The session of a participant.
-    ///
-    /// # Errors
-    /// No such participant; its model and trials.
-    pub fn load(self: &Arc<Opened>, participant: &str, purpose: Purpose) -> Result<Arc<LoadedSession>, Failure> {
-        LoadedSession::try_new(Arc::clone(self), |opened| {
-            let found = opened.study.participants().find(|p| p.about().name == participant).ok_or_else(|| {
-                let names: Vec<&str> = opened.study.chosen().iter().map(|p| p.name.as_str()).collect();
-                let text = format!("there is no participant `{participant}`");
-                Failure::from(Diagnostic::error(text).hint(format!("the study has: {}", names.join(", "))))
-            })?;
-            Ok(found.load_for(purpose)?.with_progress(&*opened.relay))
-        })
-        .map(Arc::new)
-    }
-}
+use crate::session::Session;
 
 /// An open study.
 #[pyclass(module = "carpus._carpus", frozen)]

@@ -2,6 +2,7 @@
 
 mod audit;
 mod book;
+mod circles;
 mod cohort;
 mod cohort_diagnosis;
 mod diagnosis;

@@ -10,7 +10,7 @@ const WRITERS: [&str; 2] = ["crates/carpus-osim/src/osim/document.rs", "crates/c
 const WRITING: [&str; 7] =
     ["fs::write", "File::create", "File::options", "OpenOptions", "fs::rename", "fs::copy", ".persist("];
 
-fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+pub(super) fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         if path.is_dir() {

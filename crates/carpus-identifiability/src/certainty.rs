@@ -12,7 +12,8 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::likelihood::{Fit, Problem};
+use super::likelihood::Fit;
+use super::problem::Problem;
 use carpus_diagnosis::noise::{COMPONENTS, NoiseLevels};
 use carpus_numerics::statistics::t_quantile;
 use carpus_simulation::simulation::SimulationError;

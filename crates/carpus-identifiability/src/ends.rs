@@ -10,8 +10,9 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::likelihood::{Fit, Problem};
+use super::likelihood::Fit;
 use super::parameters::FreeParameter;
+use super::problem::Problem;
 use super::profile::{End, Profiles, constrained};
 use super::surrogate::Surrogate;
 use carpus_simulation::simulation::SimulationError;

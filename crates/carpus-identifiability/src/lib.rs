@@ -13,26 +13,31 @@
 //! |---|---|
 //! | `session.rs` | lengths and forces by the model of a session |
 //! | `parameters.rs` | properties of muscles, ties, bounds, priors |
+//! | `problem.rs` | what is given, and the moments that the model has for it |
 //! | `likelihood.rs` | noise of moment and EMG, the most probable parameters |
 //! | `surrogate.rs` | the likelihood near them as polynomials: microseconds instead of simulations |
 //! | `profile.rs`, `posterior.rs` | intervals, draws |
 //! | `directions.rs` | combinations, in words |
+//! | `answer.rs`, `error.rs` | what is said, and why nothing can be said |
 //! | `candidates.rs`, `next_trial.rs` | trials that could be recorded next, and the information expected of them |
 //!
 //! Not here: reading files, choosing which muscles act, finding missing effects (that is [`carpus_diagnosis`], whose
 //! model of the noise this module shares). Intervals hold if the model's structure is right; a missing effect makes
 //! them wrong.
 
+mod answer;
 mod candidates;
 mod certainty;
 mod descent;
 mod directions;
 mod ends;
+mod error;
 mod held;
 mod likelihood;
 mod next_trial;
 mod parameters;
 mod posterior;
+mod problem;
 mod profile;
 mod recorded;
 mod session;
@@ -40,21 +45,23 @@ mod surrogate;
 
 use nalgebra::{DMatrix, DVector};
 
-use carpus_diagnosis::noise::NoiseLevels;
 use carpus_numerics::statistics::normal_quantile;
 use carpus_osim::osim::spec::MuscleSpec;
-use carpus_simulation::simulation::{MusculoskeletalModel, Options, SimulationError};
+use carpus_simulation::simulation::{MusculoskeletalModel, Options};
 
+pub use answer::{BoundHit, Identifiability, Knowledge, Soundness};
 pub use candidates::{usual_candidates, usual_recordings};
 pub use directions::{Combination, Component};
+pub use error::IdentifiabilityError;
 pub use next_trial::{Candidate, RankedTrial};
 pub use parameters::{FreeParameter, MuscleProperty, Prior, fitted, usual_bounds};
 pub use recorded::{Channel, RecordedTrial};
 pub use session::{SessionRequest, identify_session};
 
-use likelihood::{Fit, Problem};
-use parameters::Layout;
+use likelihood::Fit;
+use parameters::{Layout, check};
 use posterior::{Amount, Draws, LogDensity};
+use problem::Problem;
 use surrogate::Surrogate;
 
 /// What is asked.
@@ -78,39 +85,6 @@ pub struct Request {
     pub candidates: Vec<Candidate>,
 }
 
-/// Why nothing can be said.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum IdentifiabilityError {
-    /// There is nothing to learn from.
-    #[error("no training trials; expected at least one trial with use = train")]
-    NoTrials,
-    /// There is nothing to learn.
-    #[error("no parameters: every one named is 0 or absent in the model")]
-    NoParameters,
-    /// A parameter's bounds exclude every value.
-    #[error("{name}: bounds {lower} to {upper} times the model's value, expected 0 < lower < upper")]
-    Bounds {
-        /// The parameter.
-        name: String,
-        /// Lower bound.
-        lower: f64,
-        /// Upper bound.
-        upper: f64,
-    },
-    /// A session estimates lengths and forces alone.
-    #[error("a property that is not among those that every fit estimates")]
-    NotFitted,
-    /// It was not to go on.
-    #[error("stopped")]
-    Stopped,
-    /// A trial cannot be simulated.
-    #[error(transparent)]
-    Simulation(#[from] SimulationError),
-}
-
-/// A bound that a value stands at.
-pub use carpus_personalization::personalization::BoundHit;
-
 /// A parameter's confidence interval. Values are in the unit of the property.
 #[derive(Clone, Debug)]
 struct ConfidenceInterval {
@@ -128,85 +102,6 @@ struct ConfidenceInterval {
     pub leans_on_bounds: bool,
     /// Of the noise, as far as this interval rests on it: few where few trials tell of it.
     pub degrees_of_freedom: f64,
-}
-
-/// What is known of one parameter. Values are in the unit of the property.
-#[derive(Clone, Debug)]
-pub struct Knowledge {
-    /// The parameter.
-    pub parameter: FreeParameter,
-    /// Value that the data make most likely within the bounds, without prior knowledge.
-    pub most_likely: f64,
-    /// The bound that it stands at.
-    pub at_bound: Option<BoundHit>,
-    /// Confidence interval from the data and the bounds alone.
-    pub interval: [f64; 2],
-    /// Whether the data set each end; `false`: the interval runs to the bound.
-    pub end_from_data: [bool; 2],
-    /// Whether the interval rests on another parameter's bound, too.
-    pub leans_on_bounds: bool,
-    /// Of the noise, as far as this parameter's interval rests on it: few where few trials tell of it.
-    pub degrees_of_freedom: f64,
-    /// Median of the posterior.
-    pub posterior_median: f64,
-    /// Credible interval of the same level: data, bounds and prior knowledge.
-    pub credible: [f64; 2],
-    /// Standard deviation of the logarithm in the posterior.
-    pub posterior_log_sd: f64,
-    /// Share of the prior variance of the logarithm that the data removed: 0, they say nothing; 1, all.
-    pub share_from_data: f64,
-}
-
-impl Knowledge {
-    /// Whether the data bound the parameter from both sides.
-    pub fn is_determined(&self) -> bool {
-        self.end_from_data == [true, true]
-    }
-
-    /// Half the interval's width over the most likely value.
-    pub fn relative_half_width(&self) -> f64 {
-        0.5 * (self.interval[1] - self.interval[0]) / self.most_likely
-    }
-}
-
-/// How far the numbers can be trusted.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Soundness {
-    /// Largest difference of −2 log likelihood from what the level asks for, by simulation at the ends of the intervals
-    /// that the data set; 2.7 and more is what a 90 % interval is made of.
-    pub largest_deviance_error: f64,
-    /// How much more trials scatter about the fit than the noise explains (variance ratio, at least 1); intervals are
-    /// widened by its root. Far above 1, something is missing in the model.
-    pub dispersion: f64,
-    /// Largest split R̂: above 1.05 the chains disagree.
-    pub largest_r_hat: f64,
-    /// Least number of independent draws of any parameter.
-    pub fewest_effective_draws: f64,
-    /// Paths of the sampler that went astray.
-    pub divergent: usize,
-    /// Share of draws at the edge of the region that the polynomials cover.
-    pub share_outside: f64,
-}
-
-/// What the trials say.
-#[derive(Clone, Debug)]
-pub struct Identifiability {
-    /// Per parameter, in the order of the request.
-    pub parameters: Vec<Knowledge>,
-    /// From the best known combination of parameters to the least known.
-    pub combinations: Vec<Combination>,
-    /// Correlations of the logarithms in the posterior.
-    pub correlations: DMatrix<f64>,
-    /// Variances of the noise that the fit found.
-    pub noise: NoiseLevels,
-    /// Draws of the logarithms of factors, one row each.
-    pub draws: DMatrix<f64>,
-    /// How far to trust this; of [`identify`].
-    pub soundness: Option<Soundness>,
-    /// How far personalization goes from the model as given (0) to these values (1); of [`identify_session`].
-    pub part_of_the_way: Option<f64>,
-    /// Candidates for the next trial, the most informative first.
-    pub next_trials: Vec<RankedTrial>,
 }
 
 /// What the training trials say about parameters.
@@ -276,18 +171,6 @@ fn profiled(problem: &Problem, fit: &Fit, request: &Request) -> Result<Profiled,
     let mut profiles = profile::profiles(&surrogate, free, &fit.at, &drops);
     let largest_deviance_error = ends::simulate_ends(problem, fit, &surrogate, free, &mut profiles, &drops)?;
     Ok(Profiled { surrogate, freedom, drops, profiles, largest_deviance_error })
-}
-
-fn check(parameters: &[FreeParameter]) -> Result<(), IdentifiabilityError> {
-    if parameters.is_empty() {
-        return Err(IdentifiabilityError::NoParameters);
-    }
-    for p in parameters {
-        if !(p.lower > 0.0 && p.upper > p.lower && p.upper.is_finite()) {
-            return Err(IdentifiabilityError::Bounds { name: p.name(), lower: p.lower, upper: p.upper });
-        }
-    }
-    Ok(())
 }
 
 fn checked(request: &Request) -> Result<Problem, IdentifiabilityError> {

@@ -5,7 +5,8 @@
 //! ```
 //! C: covariance of parameters after the data so far; X, V: what the fitted model and noise expect of the new trial.
 
-use super::likelihood::{Fit, Problem};
+use super::likelihood::Fit;
+use super::problem::Problem;
 use super::recorded::RecordedTrial;
 use carpus_simulation::simulation::SimulationError;
 

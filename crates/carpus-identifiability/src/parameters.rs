@@ -1,6 +1,7 @@
 //! What is to be determined: properties of muscles, alone or tied together, as logarithms of factors of the model's
 //! values.
 
+use super::error::IdentifiabilityError;
 pub use carpus_osim::osim::spec::MuscleProperty;
 use carpus_osim::osim::spec::MuscleSpec;
 use carpus_simulation::simulation::{MuscleParameters, Property};
@@ -32,6 +33,22 @@ fn deviations_to_bound(property: MuscleProperty) -> f64 {
         MuscleProperty::OptimalFiberLength | MuscleProperty::TendonSlackLength => 3.0,
         _ => 2.0,
     }
+}
+
+/// Whether there are parameters, and values within the bounds of each.
+///
+/// # Errors
+/// What is wrong with them.
+pub(super) fn check(parameters: &[FreeParameter]) -> Result<(), IdentifiabilityError> {
+    if parameters.is_empty() {
+        return Err(IdentifiabilityError::NoParameters);
+    }
+    for p in parameters {
+        if !(p.lower > 0.0 && p.upper > p.lower && p.upper.is_finite()) {
+            return Err(IdentifiabilityError::Bounds { name: p.name(), lower: p.lower, upper: p.upper });
+        }
+    }
+    Ok(())
 }
 
 /// The property among those that every fit estimates.

@@ -7,9 +7,11 @@ use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::answer::{BoundHit, Identifiability, Knowledge};
+use super::directions;
+use super::error::IdentifiabilityError;
 use super::next_trial::RankedTrial;
-use super::parameters::{FreeParameter, fitted};
-use super::{BoundHit, Identifiability, IdentifiabilityError, Knowledge, directions};
+use super::parameters::{FreeParameter, check, fitted};
 use carpus_diagnosis::forward_model::ForwardModel;
 use carpus_diagnosis::inference::muscles::{MuscleEstimate, MusclePrior, MuscleProblem, Muscles, USUAL_REPORTS};
 use carpus_diagnosis::inference::resting_fiber::RestingFiber;
@@ -52,7 +54,7 @@ pub fn identify_session(
     progress: &dyn Fn(usize, usize),
     goes_on: &dyn Fn() -> bool,
 ) -> Result<Identifiability, IdentifiabilityError> {
-    super::check(&request.parameters)?;
+    check(&request.parameters)?;
     let forward = request.forward;
     if forward.trials_for(TrialUse::Train).is_empty() {
         return Err(IdentifiabilityError::NoTrials);

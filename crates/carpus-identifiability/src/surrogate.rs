@@ -13,7 +13,8 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::descent::Quadratic;
-use super::likelihood::{Fit, Problem};
+use super::likelihood::Fit;
+use super::problem::Problem;
 use carpus_numerics::numerics::symmetric_eigen;
 use carpus_simulation::simulation::SimulationError;
 

@@ -11,7 +11,8 @@ use super::axis_figures::{AxisPanel, axis_panels, repetition_words};
 use super::results::{Kind, Results};
 use super::sentence::within_sentence;
 use super::story_figures::{WaterfallStep, waterfall};
-use super::view::{Fact, Group, Pair, ParameterGroup, facts, groups, parameter_groups};
+use super::view::parameters::{ParameterGroup, parameter_groups};
+use super::view::{Fact, Group, Pair, facts, groups};
 use super::warnings::{self, WarningGroup};
 use candidates::{
     CandidateRow, ConfusionRow, DetectableRow, ExperimentRow, candidates, confusion, detectable, experiments,

@@ -2,6 +2,7 @@
 
 use askama::Template;
 
+use super::number::{plain, significant};
 use super::page::finished;
 use super::plot::{self, Curve, CurveFigure};
 use super::policy::{SCRIPT, STYLE, content_security_policy};
@@ -87,8 +88,8 @@ pub fn render_sweep(figure: &SweepFigure) -> String {
         script: SCRIPT,
         figure,
         unit: if figure.unit == "deg" { "°" } else { figure.unit },
-        first: figure.values.first().map(|v| super::plain(*v)).unwrap_or_default(),
-        last: figure.values.last().map(|v| super::plain(*v)).unwrap_or_default(),
+        first: figure.values.first().map(|v| plain(*v)).unwrap_or_default(),
+        last: figure.values.last().map(|v| plain(*v)).unwrap_or_default(),
         view: Warnings { warnings: warnings::groups(&figure.warnings) },
         muscles: (acting.iter().zip(&own))
             .map(|(m, own)| panel(figure, m, if *own { arm_range(&[m]) } else { shared }, *own))
@@ -129,7 +130,7 @@ fn mm(values: &[f64]) -> Vec<f64> {
 
 /// Least and greatest of some values in millimetres; one where they are the same.
 fn words(values: &[f64]) -> String {
-    match plot::extent(values.iter().copied()).map(|ends| ends.map(|v| super::significant(v, 3))) {
+    match plot::extent(values.iter().copied()).map(|ends| ends.map(|v| significant(v, 3))) {
         Some([a, b]) if a == b => format!("{a}\u{202f}mm"),
         Some([a, b]) => format!("{a} to {b}\u{202f}mm"),
         None => String::new(),

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use serde::Serialize;
 use serde_json::Value;
 
 use super::account::fixed;
@@ -32,14 +31,6 @@ pub struct Cohort {
     pub diagnosis: CohortDiagnosis,
     provenance: Provenance,
     title: String,
-}
-
-/// A file's text.
-///
-/// # Errors
-/// None that input can cause.
-pub(super) fn text(value: &impl Serialize) -> Result<String, Failure> {
-    Ok(json::readable(value)? + "\n")
 }
 
 impl Study {
@@ -102,7 +93,7 @@ impl Cohort {
     /// # Errors
     /// The disk.
     pub fn write_to(&self, out: &OutputFolder) -> Result<(), Failure> {
-        out.write("cohort.json", text(&self.value()?)?.as_bytes())?;
+        out.write("cohort.json", json::text(&self.value()?)?.as_bytes())?;
         out.write("cohort.html", self.report().as_bytes())?;
         Ok(())
     }

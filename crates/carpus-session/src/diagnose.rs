@@ -7,10 +7,10 @@ use serde_json::Value;
 
 use super::account::ModelRun;
 use super::candidates::{candidates, without_property};
-use super::cohort_diagnosis::text;
 use super::diagnosis_file::{self, KnownDiagnosis, definitions, proposal_file};
 use super::diagnostic::{Diagnostic, Failure};
 use super::images::images;
+use super::json;
 use super::live_case::state;
 use super::loading::{LoadedParticipant, Purpose};
 use super::output::OutputFolder;
@@ -179,7 +179,7 @@ impl Diagnosed<'_> {
             }
             None => diagnosis_file::write(out, folder, &self.known.value)?,
         }
-        out.write(folder.join("evidence.json"), text(&self.evidence)?.as_bytes())?;
+        out.write(folder.join("evidence.json"), json::text(&self.evidence)?.as_bytes())?;
         write_results(out, folder, &self.results)
     }
 

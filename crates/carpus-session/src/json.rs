@@ -36,3 +36,11 @@ pub fn line(of: &impl Serialize) -> Result<String, Failure> {
 pub fn readable(of: &impl Serialize) -> Result<String, Failure> {
     serde_json::to_string_pretty(of).map_err(|e| Failure::Internal(e.to_string()))
 }
+
+/// The text of a file of JSON that people can read: it ends its last line.
+///
+/// # Errors
+/// None that input can cause.
+pub(super) fn text(of: &impl Serialize) -> Result<String, Failure> {
+    Ok(readable(of)? + "\n")
+}

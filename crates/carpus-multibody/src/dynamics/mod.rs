@@ -18,7 +18,8 @@ mod solve;
 
 pub use constraints::{ConstraintForce, Constraints};
 pub use error::{ConstraintError, DynamicsError, PathJump, PlantError};
-pub use plant::{DrivenPlant, LaggedActuator, Load, Plant, PlantMuscle, PlantState, Work};
+pub use plant::states::PlantState;
+pub use plant::{DrivenPlant, LaggedActuator, Load, Plant, PlantMuscle, Work};
 pub use reduction::{Reduction, Relation};
 pub use simulate::{ForwardOptions, Trajectory, simulate_forward};
 pub use solve::{Accelerations, Dynamics};

@@ -2,7 +2,8 @@
 
 use super::error::{DynamicsError, PlantError};
 use super::path_jump::path_jump;
-use super::plant::{DrivenPlant, Plant, PlantState};
+use super::plant::states::PlantState;
+use super::plant::{DrivenPlant, Plant};
 use carpus_numerics::numerics::{Bdf, Cost, Grouped, StiffSystem};
 use nalgebra::{DMatrix, DVector};
 

@@ -1,6 +1,6 @@
 //! Forward-mode automatic differentiation with a fixed number of directions.
 
-use super::Scalar;
+use super::scalar::Scalar;
 use std::cmp::Ordering;
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 

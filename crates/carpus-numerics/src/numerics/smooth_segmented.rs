@@ -6,7 +6,7 @@
 
 use std::sync::OnceLock;
 
-use super::Scalar;
+use super::scalar::Scalar;
 use thiserror::Error;
 
 /// Largest error in u of the tabulated guess; its square is below the precision of an `f64`.

@@ -4,15 +4,17 @@
 //! line ends; everything else stays. Each edit is checked by reading the new text: one that would make the model
 //! invalid is refused and leaves the file as it was.
 
-use std::ops::Range;
-
-use thiserror::Error;
+mod error;
+pub(super) mod splice;
 
 use super::document::{Document, ElementId, escape};
-use super::error::{DocumentError, OsimError, nearest};
+use super::error::nearest;
+use super::file::OsimFile;
 use super::reader;
-use super::spec::{MuscleKind, MuscleSpec, OtherMuscleSpec, PathSpec};
-use super::{Location, OsimFile};
+use super::spec::{Location, MuscleKind, MuscleSpec, OtherMuscleSpec, PathSpec};
+pub use error::EditError;
+pub use splice::format_number;
+use splice::{Splice, insertion, lines, value_edit};
 
 /// Properties of every muscle that [`OsimFile::set_muscle_property`] can set.
 const MUSCLE_PROPERTIES: [&str; 7] = [
@@ -114,99 +116,6 @@ impl ComponentSet {
             ComponentSet::Constraints => "ConstraintSet",
             ComponentSet::Forces => "ForceSet",
             ComponentSet::Markers => "MarkerSet",
-        }
-    }
-}
-
-/// Why an edit was refused; the file is then as it was.
-#[derive(Debug, Error)]
-pub enum EditError {
-    /// No muscle of that name.
-    #[error("{file}: no muscle named \"{name}\"")]
-    UnknownMuscle {
-        /// File name.
-        file: String,
-        /// The name.
-        name: String,
-        /// The most similar name.
-        nearest: Option<String>,
-    },
-    /// Several muscles of that name in the file.
-    #[error("{file}: {count} muscles are named \"{name}\" (lines {lines:?})", count = .lines.len())]
-    AmbiguousMuscle {
-        /// File name.
-        file: String,
-        /// The name.
-        name: String,
-        /// Where they stand.
-        lines: Vec<usize>,
-    },
-    /// No component at that path.
-    #[error("{file}: no component at {path}")]
-    UnknownComponent {
-        /// File name.
-        file: String,
-        /// The path.
-        path: String,
-        /// The most similar path.
-        nearest: Option<String>,
-    },
-    /// The component has no such property.
-    #[error("{file}:{line}: {path} has no property \"{property}\"")]
-    UnknownProperty {
-        /// File name.
-        file: String,
-        /// Line of the component.
-        line: usize,
-        /// Path of the component.
-        path: String,
-        /// The property.
-        property: String,
-        /// The most similar property.
-        nearest: Option<String>,
-    },
-    /// The property holds objects, not text.
-    #[error("{file}:{line}: {property} of {path} holds components, not a value")]
-    NotAValue {
-        /// File name.
-        file: String,
-        /// Line of the property.
-        line: usize,
-        /// Path of the component.
-        path: String,
-        /// The property.
-        property: String,
-    },
-    /// A muscle parameter has to be a number.
-    #[error("{property} of {muscle}: expected a number, found {value}")]
-    NotANumber {
-        /// Muscle name.
-        muscle: String,
-        /// Property name.
-        property: String,
-        /// The value.
-        value: f64,
-    },
-    /// The component to be added is not one well-formed element.
-    #[error("component to be added: {0}")]
-    Fragment(DocumentError),
-    /// The edited file could not be read.
-    #[error("the edit would make the model invalid: {0}")]
-    Invalid(OsimError),
-}
-
-impl EditError {
-    /// What to do about it.
-    pub fn hint(&self) -> Option<String> {
-        match self {
-            EditError::UnknownMuscle { nearest, .. }
-            | EditError::UnknownComponent { nearest, .. }
-            | EditError::UnknownProperty { nearest, .. } => {
-                nearest.as_ref().map(|nearest| format!("did you mean \"{nearest}\"?"))
-            }
-            EditError::AmbiguousMuscle { .. } => Some("give every muscle a name of its own".to_owned()),
-            EditError::Invalid(error) => error.hint(),
-            _ => None,
         }
     }
 }
@@ -508,40 +417,6 @@ impl OsimFile {
     }
 }
 
-pub(super) type Splice = (Range<usize>, String);
-
-/// The splice that gives a property another value.
-pub(super) fn value_edit(
-    document: &Document,
-    element: ElementId,
-    property: &str,
-    text: &str,
-) -> Result<Splice, EditError> {
-    if !document.children(element).is_empty() {
-        let owner = document.parent(element);
-        return Err(EditError::NotAValue {
-            file: document.file().to_owned(),
-            line: document.line(element),
-            path: owner.and_then(|owner| document.attribute(owner, "name")).unwrap_or_default(),
-            property: property.to_owned(),
-        });
-    }
-    let text = escape(text);
-    if !document.is_self_closing(element) {
-        return Ok((document.value_range(element), text));
-    }
-    Ok(document.appended(element, &text))
-}
-
-/// A number in its shortest form that reads back the same; infinities as OpenSim writes them.
-pub fn format_number(value: f64) -> String {
-    if value.is_infinite() {
-        return if value > 0.0 { "Inf" } else { "-Inf" }.to_owned();
-    }
-    let text = format!("{value:?}");
-    text.strip_suffix(".0").map_or_else(|| text.clone(), str::to_owned)
-}
-
 /// Where every component of a file stands.
 fn locations(file: &OsimFile) -> Vec<&Location> {
     fn path_locations(path: &PathSpec) -> impl Iterator<Item = &Location> {
@@ -567,95 +442,4 @@ fn locations(file: &OsimFile) -> Vec<&Location> {
     }
     all.extend(spec.markers.iter().map(|marker| &marker.at));
     all
-}
-
-fn lines(parts: &[&str]) -> String {
-    let mut text = String::new();
-    for (i, part) in parts.iter().enumerate() {
-        // What stands between the first and last line is one level deeper.
-        let inner = i > 0 && i + 1 < parts.len();
-        for line in reindented(part, if inner { "\t" } else { "" }, "\t", "\n").lines() {
-            if !text.is_empty() {
-                text.push('\n');
-            }
-            text.push_str(line);
-        }
-    }
-    text
-}
-
-/// Splices that make `fragment` the last child of `parent`.
-pub(super) fn insertion(document: &Document, parent: ElementId, fragment: &str) -> Vec<Splice> {
-    let newline = document.newline();
-    let unit = indentation_unit(document);
-    if let Some(&last) = document.children(parent).last() {
-        let end = document.range(last).end;
-        let text = match document.indentation(last) {
-            Some(indentation) => format!("{newline}{}", reindented(fragment, indentation, &unit, newline)),
-            None => fragment.trim().to_owned(),
-        };
-        return vec![(end..end, text)];
-    }
-    let base = document.indentation(parent).unwrap_or_default().to_owned();
-    let text = reindented(fragment, &format!("{base}{unit}"), &unit, newline);
-    if document.is_self_closing(parent) {
-        return vec![document.appended(parent, &format!("{newline}{text}{newline}{base}"))];
-    }
-    // Comments may stand inside; the new child comes behind them, in place of the white space before the end tag.
-    let inner = document.inner(parent);
-    let bytes = &document.bytes()[inner.clone()];
-    let kept = bytes.trim_ascii_end().len();
-    vec![(inner.start + kept..inner.end, format!("{newline}{text}{newline}{base}"))]
-}
-
-/// One level of indentation: that of the model below the root.
-pub(super) fn indentation_unit(document: &Document) -> String {
-    let model = document.children(document.root()).first();
-    let of_model = model.and_then(|&model| document.indentation(model)).filter(|text| !text.is_empty());
-    of_model.unwrap_or("\t").to_owned()
-}
-
-/// The fragment with the indentation of its lines (relative to its last line) expressed in `unit`.
-fn reindented(fragment: &str, indentation: &str, unit: &str, newline: &str) -> String {
-    let fragment = fragment.trim();
-    let leading = |line: &str| line.len() - line.trim_ascii_start().len();
-    let filled = || fragment.lines().skip(1).filter(|line| !line.trim_ascii().is_empty());
-    let least = filled().map(leading).min().unwrap_or(0);
-    let step = filled().map(|line| leading(line) - least).filter(|&extra| extra > 0).min().unwrap_or(1);
-    let mut text = String::new();
-    for (i, line) in fragment.lines().enumerate() {
-        if i > 0 {
-            text.push_str(newline);
-        }
-        let depth = if i == 0 { 0 } else { leading(line).saturating_sub(least) / step };
-        text.push_str(indentation);
-        text.push_str(&unit.repeat(depth));
-        text.push_str(line.trim_ascii());
-    }
-    text
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn verif_numbers_are_written_in_their_shortest_form() {
-        for (value, text) in
-            [(0.1, "0.1"), (5.0, "5"), (-0.0, "-0"), (1e-7, "1e-7"), (1e22, "1e22"), (f64::INFINITY, "Inf")]
-        {
-            assert_eq!(format_number(value), text);
-        }
-        let value = 0.1 + 0.2;
-        assert_eq!(format_number(value).parse::<f64>(), Ok(value));
-    }
-
-    #[test]
-    fn verif_fragments_take_the_indentation_of_the_file() {
-        let fragment = "<a>\n  <b>\n    <c/>\n  </b>\n</a>";
-        assert_eq!(
-            reindented(fragment, "\t\t", "\t", "\r\n"),
-            "\t\t<a>\r\n\t\t\t<b>\r\n\t\t\t\t<c/>\r\n\t\t\t</b>\r\n\t\t</a>"
-        );
-    }
 }

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::OsimFile;
 use super::document::{Document, ElementId};
+use super::file::OsimFile;
 use super::spec::{FrameIndex, FrameKind};
 
 /// A file of geometry that is fixed to a frame.

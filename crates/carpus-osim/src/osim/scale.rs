@@ -27,11 +27,11 @@ pub use inertia::scaled_inertia;
 
 use super::document::ElementId;
 use super::edit::EditError;
+use super::file::OsimFile;
 use super::spec::{
-    ConstraintKind, ForceKind, FrameIndex, FrameKind, JointKind, ModelSpec, MotionType, MuscleKind, PathPointKind,
-    WrapShape,
+    ConstraintKind, ForceKind, FrameIndex, FrameKind, JointKind, Location, ModelSpec, MotionType, MuscleKind,
+    PathPointKind, WrapShape,
 };
-use super::{Location, OsimFile};
 use edits::Edits;
 
 /// Names of the inertia's properties before format 30500, in the order xx yy zz xy xz yz.

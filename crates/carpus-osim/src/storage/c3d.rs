@@ -17,8 +17,9 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use super::error::{StorageError, StorageProblem};
+use super::table::Storage;
+use super::trc::Markers;
 use super::words::metres;
-use super::{Markers, Storage};
 use parameters::{Parameters, Processor, broken};
 
 /// Bytes of a block, in which places in the file are counted.

@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
+use super::c3d::MotionCapture;
 use super::error::{StorageError, StorageProblem};
+use super::table::Storage;
+use super::trc::Markers;
 use super::words::extension;
-use super::{Markers, MotionCapture, Storage};
 
 impl Markers {
     /// Reads a `.trc` or `.c3d` file, or a `.sto` file of vectors.

@@ -1,6 +1,6 @@
 //! What OpenSim's tools do with a storage before they use it.
 
-use super::Storage;
+use super::table::Storage;
 use crate::functions::{Function, FunctionError};
 use crate::osim::spec::FunctionSpec;
 

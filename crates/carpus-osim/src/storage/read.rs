@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::error::{StorageError, StorageProblem};
+use super::table::Storage;
+use super::trc::Markers;
 use super::words::{extension, number};
-use super::{Markers, Storage};
 use carpus_numerics::printable;
 
 /// Keys of SIMM's motion files that mean nothing here (`simmReservedKeys`).

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
-use super::Storage;
 use super::error::{StorageError, StorageProblem};
+use super::table::Storage;
 use super::words::{metres, number};
 
 /// Where markers are over time.

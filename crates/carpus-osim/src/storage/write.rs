@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::Storage;
+use super::table::Storage;
 use carpus_numerics::printable::visible;
 
 /// A number as OpenSim prints it with its tools' `output_precision`: fixed point, padded.

@@ -2,6 +2,7 @@
 
 use super::parameters::FittedParameter;
 use carpus_osim::osim::{EditError, OsimFile};
+use carpus_simulation::simulation::Property;
 
 /// Why fitted parameters are not in the file.
 #[derive(Debug, thiserror::Error)]
@@ -37,9 +38,9 @@ pub fn write_parameters(file: &mut OsimFile, fitted: &[FittedParameter]) -> Resu
     file.set_muscle_properties(&changes)?;
     for p in fitted {
         let found = file.spec.muscles.iter().find(|m| m.name == p.muscle).map(|m| match p.property {
-            super::Property::OptimalFiberLength => m.optimal_fiber_length,
-            super::Property::TendonSlackLength => m.tendon_slack_length,
-            super::Property::MaxIsometricForce => m.max_isometric_force,
+            Property::OptimalFiberLength => m.optimal_fiber_length,
+            Property::TendonSlackLength => m.tendon_slack_length,
+            Property::MaxIsometricForce => m.max_isometric_force,
         });
         // Numbers are written with as many digits as it takes to read the same number.
         if !found.is_some_and(|found| (found - p.after).abs() <= 1e-12 * p.after.abs()) {

@@ -1,7 +1,7 @@
 //! Sensitivity indices of several participants: means and tests over conditions and muscles, as in chapter 2 of the
 //! dissertation (tables 2.2 to 2.5 and 2.3b, figure 2.5).
 
-use super::ScreenedProperty;
+use super::muscle_screening::ScreenedProperty;
 use carpus_numerics::statistics::{
     Comparison, Effect, Factor, PairedT, RepeatedMeasures, StatisticsError, bonferroni, paired_t_test,
     pairwise_comparisons,

@@ -1,6 +1,6 @@
 //! One factor for the forces of each functional group, so that the group reaches the maximum voluntary moment.
 
-use super::StrengthError;
+use super::strength_error::StrengthError;
 use super::strength_target::{StrengthTarget, TargetSource, strength_targets};
 use crate::simulation::{HeldCoordinate, Setup, SimulationError};
 use carpus_multibody::multibody::Model;

@@ -1,6 +1,6 @@
 //! Maximum voluntary moments of a participant and the postures in which they were exerted.
 
-use super::StrengthError;
+use super::strength_error::StrengthError;
 use carpus_study::study::{Direction, Participant, Study, Trial, TrialInfo};
 
 /// A moment that a group of muscles has to reach.

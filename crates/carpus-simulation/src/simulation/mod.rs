@@ -11,6 +11,7 @@
 //! lengths and forces, so they are computed once per study or trial; a further parameter set costs only the fibres'
 //! differential equations. Deliberately not here: reading files, comparing with measured moments, choosing parameters.
 
+mod activation_dynamics;
 mod activation_trajectory;
 mod error;
 mod excitation_tangent;

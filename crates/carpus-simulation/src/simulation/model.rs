@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use super::activation_trajectory::{ActivationDynamics, ActivationLaw, TooFast};
+use super::activation_dynamics::{ActivationDynamics, ActivationLaw};
+use super::activation_trajectory::TooFast;
 use super::error::SimulationError;
 use super::fiber::CurveCache;
 use super::fiber::equation::{Fiber, FiberCurves};

@@ -1,6 +1,6 @@
 //! The properties of a muscle that trials are fitted with.
 
-use super::MuscleParameters;
+use super::model::MuscleParameters;
 
 /// A fitted property of a muscle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -3,7 +3,8 @@
 
 use std::sync::Arc;
 
-use super::activation_trajectory::{ActivationLaw, ActivationTrajectory};
+use super::activation_dynamics::ActivationLaw;
+use super::activation_trajectory::ActivationTrajectory;
 use super::error::SimulationError;
 use super::fiber::equation::FiberCurves;
 use super::fiber::law::{FiberLaw, TabulatedMillard2012};

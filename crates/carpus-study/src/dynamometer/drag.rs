@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use super::derivative;
+use super::derivative::derivative;
 use super::regression::{RegressionError, clustered_regression};
 
 /// A phase is constant where the speed stays within this share of its median.

@@ -10,8 +10,8 @@ use std::path::Path;
 
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
-use super::Participant;
 use super::fault::Fault;
+use super::participants::Participant;
 use super::problem::Problem;
 use super::settings::Settings;
 use super::trial::Trial;

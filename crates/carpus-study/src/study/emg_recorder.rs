@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 
 use super::column_settings::column;
 use super::columns::{Columns, Conversion};
-use super::problem::StudyErrors;
-use super::processing::Recorded;
+use super::fault::Fault;
+use super::problem::{Problem, StudyErrors};
+use super::processing::recording::Recorded;
 use super::table::named_file;
 use super::toml_section::{Sections, TomlSection};
 use super::trial_list::TrialInfo;
@@ -80,7 +81,7 @@ pub(crate) enum EmgRecorderError {
 }
 
 /// Reads `[emg_recorder]`.
-pub(crate) fn settings(sections: &Sections<'_>, problems: &mut Vec<super::Problem>) -> Option<EmgRecorder> {
+pub(crate) fn settings(sections: &Sections<'_>, problems: &mut Vec<Problem>) -> Option<EmgRecorder> {
     let mut section = sections.section("emg_recorder");
     if section.is_empty() {
         section.finish(problems);
@@ -154,9 +155,9 @@ impl EmgRecorder {
         signal: (&[f64], &[f64]),
     ) -> Result<RecordedEmg, EmgRecorderError> {
         let Some(file) = self.file_of(info) else {
-            let fault = super::Fault::MissingEmgFile;
+            let fault = Fault::MissingEmgFile;
             let trials_file = named_at.rsplit_once(':').map_or(named_at, |(file, _)| file);
-            let errors = vec![super::Problem::error(Path::new(trials_file), info.line, fault)];
+            let errors = vec![Problem::error(Path::new(trials_file), info.line, fault)];
             return Err(StudyErrors { errors, ..StudyErrors::default() }.into());
         };
         let mut required: Vec<&str> = columns.emg.iter().map(String::as_str).collect();

@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
-use super::dialect::Dialect;
+use super::dialect::{Dialect, is_time_name};
+use super::fault::Fault;
+use super::limits::MIN_SAMPLES;
 use super::problem::{Problem, StudyErrors};
 use super::table::{next_row, open_recording};
-use super::{Fault, MIN_SAMPLES};
 
 /// The columns of a file, in the file's units.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,7 +54,7 @@ impl Exported {
 
     /// The column of times of a column: the one at or before it, or else the first.
     pub fn clock_of(&self, column: usize) -> Option<usize> {
-        let is_time = |i: &usize| super::is_time_name(&self.names[*i]) || self.states_time(*i);
+        let is_time = |i: &usize| is_time_name(&self.names[*i]) || self.states_time(*i);
         (0..=column).rev().find(is_time).or_else(|| (0..self.names.len()).find(is_time))
     }
 

@@ -2,12 +2,13 @@
 
 use super::columns::AngleUnit;
 use super::fault::Fault;
+use super::participants::Participant;
 use super::problem::Problem;
 use super::raw_emg::EmgSignal;
+use super::settings::Settings;
 use super::times::median;
 use super::trial::Trial;
 use super::trial_list::{Contraction, Direction};
-use super::{Participant, Settings};
 use carpus_numerics::plausible;
 
 /// Coarsest sampling that resolves activation dynamics (time constants of 10–40 ms) \[s\].

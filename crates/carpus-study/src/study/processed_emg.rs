@@ -2,8 +2,12 @@
 
 use rayon::prelude::*;
 
+use super::contents::{Study, gather};
+use super::fault::Fault;
+use super::problem::{Problem, StudyErrors};
 use super::raw_emg::{self, EmgSignal};
-use super::{Problem, Study, StudyErrors, Trial, TrialInfo, gather};
+use super::trial::Trial;
+use super::trial_list::TrialInfo;
 use carpus_numerics::signals::{
     EmgProcessing, Finding, QualityLimits, check_artefact, check_channel, check_excitation, mvc_level, resample,
 };
@@ -104,7 +108,7 @@ fn processed(
         match envelope {
             Ok(envelope) => normalized.push(envelope),
             Err(error) if !columns[..i].contains(&columns[i]) => {
-                let fault = super::Fault::RawEmg { column: columns[i].clone(), error };
+                let fault = Fault::RawEmg { column: columns[i].clone(), error };
                 problems.push(Problem::error(&trial.info.file, None, fault));
             }
             Err(_) => {}

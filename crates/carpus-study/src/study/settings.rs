@@ -9,7 +9,7 @@ use super::fault::Fault;
 use super::imaging_settings::ImagingSettings;
 use super::posture::PostureCoordinate;
 use super::problem::{Problem, Severity};
-use super::processing::{self, ProcessingSettings};
+use super::processing::settings::{self as processing, ProcessingSettings};
 use super::raw_emg::{self, EmgSignal};
 use super::scaling::{self, ScalingSettings, StrengthSettings};
 use super::toml_section::Sections;

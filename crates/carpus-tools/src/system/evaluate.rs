@@ -3,7 +3,7 @@
 use nalgebra::{DVector, Vector3};
 
 use super::actor::Actor;
-use super::{Evaluation, System, SystemState, SystemWork};
+use super::compiled::{Evaluation, System, SystemState, SystemWork};
 use carpus_multibody::dynamics::{Accelerations, DynamicsError};
 use carpus_multibody::forces::AppliedForces;
 use carpus_multibody::multibody::Cache;

@@ -1,6 +1,7 @@
 //! Where results are not finite: of which muscle or force, and at which pose.
 
-use super::{Actor, Evaluation, System, SystemState, SystemWork};
+use super::actor::Actor;
+use super::compiled::{Evaluation, System, SystemState, SystemWork};
 use carpus_multibody::paths::Path as MusclePath;
 use carpus_osim::osim::spec::CoordinateIndex;
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::System;
+use super::compiled::System;
 use carpus_multibody::multibody::Cache;
 use carpus_numerics::numerics::is_finite;
 use carpus_numerics::spatial::SpatialForce;

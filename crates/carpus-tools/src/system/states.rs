@@ -1,6 +1,6 @@
 //! States by the names that OpenSim gives them.
 
-use super::{System, SystemState};
+use super::compiled::{System, SystemState};
 
 /// What of the force set has states.
 enum Owner {

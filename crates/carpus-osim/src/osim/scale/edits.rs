@@ -3,9 +3,10 @@
 use nalgebra::Vector3;
 
 use crate::osim::document::{Document, ElementId};
-use crate::osim::edit::{EditError, Splice, format_number};
-use crate::osim::spec::FunctionSpec;
-use crate::osim::{Location, OsimFile};
+use crate::osim::edit::EditError;
+use crate::osim::edit::splice::{Splice, format_number, indentation_unit, insertion, value_edit};
+use crate::osim::file::OsimFile;
+use crate::osim::spec::{FunctionSpec, Location};
 
 /// Collected edits of one file. Values that do not change are not touched.
 pub(super) struct Edits {
@@ -82,8 +83,7 @@ impl Edits {
     fn scale_mesh(&mut self, mesh: ElementId, factors: Vector3<f64>) {
         let Some(property) = self.document.child(mesh, "scale_factors") else {
             let text = factors.iter().map(|v| format_number(*v)).collect::<Vec<_>>().join(" ");
-            let splices =
-                crate::osim::edit::insertion(&self.document, mesh, &format!("<scale_factors>{text}</scale_factors>"));
+            let splices = insertion(&self.document, mesh, &format!("<scale_factors>{text}</scale_factors>"));
             self.splices.extend(splices);
             return;
         };
@@ -161,7 +161,7 @@ impl Edits {
         let range = document.range(element);
         let newline = document.newline();
         let outer = document.indentation(element).unwrap_or_default().to_owned();
-        let unit = crate::osim::edit::indentation_unit(document);
+        let unit = indentation_unit(document);
         // A function that is named for the property it fills hands that name to what now fills it.
         let name = document.attribute(element, "name").filter(|name| name == "function");
         let name = name.map(|name| format!(" name=\"{name}\"")).unwrap_or_default();
@@ -176,7 +176,7 @@ impl Edits {
     }
 
     fn set_text(&mut self, property: ElementId, name: &str, text: &str) {
-        match crate::osim::edit::value_edit(&self.document, property, name, text) {
+        match value_edit(&self.document, property, name, text) {
             Ok(splice) => self.splices.push(splice),
             Err(error) => self.failed = self.failed.take().or(Some(error)),
         }

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::FunctionSpec;
+use super::functions::FunctionSpec;
 use super::location::{CoordinateIndex, FrameIndex, Location};
 
 /// A constraint.

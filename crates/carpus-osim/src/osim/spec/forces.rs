@@ -2,8 +2,9 @@
 
 use nalgebra::Vector3;
 
+use super::functions::FunctionSpec;
 use super::location::{CoordinateIndex, FrameIndex, Location};
-use super::{FunctionSpec, PathSpec};
+use super::paths::PathSpec;
 
 /// A force that is not a muscle.
 #[derive(Clone, Debug)]

@@ -1,6 +1,6 @@
 //! The positive properties of muscles that data may determine and that effects change, under one name for all classes.
 
-use super::{MuscleKind, MuscleSpec, OtherMuscleSpec};
+use super::muscles::{MuscleKind, MuscleSpec, OtherMuscleSpec};
 
 /// A positive property of a muscle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

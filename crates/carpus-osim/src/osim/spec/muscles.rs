@@ -1,7 +1,8 @@
 //! Muscles and their curves.
 
+use super::functions::FunctionSpec;
 use super::location::Location;
-use super::{FunctionSpec, PathSpec};
+use super::paths::PathSpec;
 
 /// A muscle.
 #[derive(Clone, Debug)]

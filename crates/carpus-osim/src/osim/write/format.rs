@@ -1,6 +1,8 @@
 //! The format that is written.
 
-use crate::osim::{Document, DocumentError, OsimError, OsimFile};
+use crate::osim::document::Document;
+use crate::osim::error::{DocumentError, OsimError};
+use crate::osim::file::OsimFile;
 
 /// The format that is written, that of OpenSim 4.6.
 pub const CURRENT_FORMAT: u32 = 40600;

@@ -12,8 +12,11 @@ mod muscles;
 mod recent;
 mod xml;
 
+use super::diagnostics::{Diagnostics, Severity};
+use super::document::Document;
+use super::error::OsimError;
+use super::file::OsimFile;
 use super::spec::{FrameIndex, FrameKind, ModelSpec};
-use super::{Document, OsimError, OsimFile, Severity};
 pub use format::CURRENT_FORMAT;
 use format::own;
 use xml::Xml;
@@ -61,7 +64,7 @@ impl OsimFile {
         // Elements are of the document that the specification was read from, if it was.
         spec.frames.iter_mut().for_each(|frame| frame.at.element = None);
         spec.bodies.iter_mut().for_each(|body| body.at.element = None);
-        let file = OsimFile { document, spec, diagnostics: super::Diagnostics::default() };
+        let file = OsimFile { document, spec, diagnostics: Diagnostics::default() };
         let mut writer = Writer { file: &file, spec: &file.spec, xml: Xml::default(), left_out: Vec::new() };
         writer.model();
         let Writer { xml, left_out, .. } = writer;

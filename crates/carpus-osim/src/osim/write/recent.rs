@@ -4,7 +4,8 @@ use std::ops::Range;
 
 use super::format::{CURRENT_FORMAT, spliced};
 use crate::osim::document::{ElementId, escape};
-use crate::osim::{OsimError, OsimFile};
+use crate::osim::error::OsimError;
+use crate::osim::file::OsimFile;
 
 /// Paths of forces became a named property.
 const NAMED_PATHS: u32 = 40500;

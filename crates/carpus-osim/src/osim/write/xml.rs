@@ -1,7 +1,7 @@
 //! Indented XML.
 
 use crate::osim::document::escape;
-use crate::osim::edit::format_number;
+use crate::osim::edit::splice::format_number;
 use nalgebra::Vector3;
 
 /// A text that grows.

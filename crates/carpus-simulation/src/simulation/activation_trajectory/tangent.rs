@@ -1,7 +1,8 @@
 //! How activation follows a small change of the excitation, or of its time constants.
 
+use super::super::activation_dynamics::{ActivationDynamics, Branch};
 use super::super::piecewise::{locate, polynomial};
-use super::{ActivationDynamics, ActivationTrajectory, Branch, Piece};
+use super::{ActivationTrajectory, Piece};
 
 /// How activation follows a small change of the excitation or of its time constants, in the steps of a trajectory.
 ///

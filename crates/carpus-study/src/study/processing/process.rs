@@ -2,13 +2,19 @@
 
 use rayon::prelude::*;
 
-use super::{ProcessingSettings, Recorded};
+use super::recording::Recorded;
+use super::settings::ProcessingSettings;
 use crate::dynamometer::{
     Alignment, AlignmentError, PassiveCurve, PassiveError, PassiveRun, RepetitionSignal, derivative, find_repetitions,
     fit_passive,
 };
+use crate::study::columns::Columns;
+use crate::study::contents::Study;
 use crate::study::emg_recorder::{EmgRecorder, EmgRecorderError};
-use crate::study::{Columns, Contraction, Fault, MIN_SAMPLES, Problem, Study, StudyErrors, TrialInfo};
+use crate::study::fault::Fault;
+use crate::study::limits::MIN_SAMPLES;
+use crate::study::problem::{Problem, StudyErrors};
+use crate::study::trial_list::{Contraction, TrialInfo};
 use carpus_numerics::signals::{SignalError, interpolate_linear};
 
 /// A participant's recordings, processed.
@@ -307,7 +313,7 @@ fn cut(trial: ProcessedTrial, settings: &ProcessingSettings) -> Result<Vec<Proce
         RepetitionSignal::Movement => &trial.velocity,
     };
     let found = find_repetitions(&trial.time, signal, repetitions);
-    let long_enough: Vec<_> = found.into_iter().filter(|range| range.len() >= crate::study::MIN_SAMPLES).collect();
+    let long_enough: Vec<_> = found.into_iter().filter(|range| range.len() >= MIN_SAMPLES).collect();
     if long_enough.is_empty() {
         return Err(ProcessingError::NoRepetition { file: trial.info.file.display().to_string() });
     }

@@ -5,6 +5,7 @@ use std::path::Path;
 use crate::study::columns::Conversion;
 use crate::study::dialect::is_time_name;
 use crate::study::fault::Fault;
+use crate::study::limits::MIN_SAMPLES;
 use crate::study::problem::{Problem, StudyErrors};
 use crate::study::table::{Row, is_of_a_study, missing_column, next_row, open_recording};
 use crate::study::times::{implausible_time, median};
@@ -128,8 +129,8 @@ impl Recorded {
                 return None;
             }
         }
-        if times.len() < crate::study::MIN_SAMPLES {
-            let fault = Fault::TooFewSamples { found: times.len(), expected: crate::study::MIN_SAMPLES };
+        if times.len() < MIN_SAMPLES {
+            let fault = Fault::TooFewSamples { found: times.len(), expected: MIN_SAMPLES };
             problems.push(Problem::error(path, None, fault));
             return None;
         }
