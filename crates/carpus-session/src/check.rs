@@ -477,7 +477,7 @@ mod tests {
             found.add_problems([Problem::warning(Path::new(file), None, reversed.clone())].iter());
         }
         found.add_problems([Problem::error(Path::new("c.csv"), 3, Fault::NotText)].iter());
-        let checked = found.into_checked(Path::new("study"), Vec::new());
+        let checked = found.into_checked(Path::new("study"), Vec::new(), Vec::new());
         assert_eq!(checked.level, Level::Red);
         assert_eq!(checked.findings.len(), 2);
         let signs = checked.findings.iter().find(|f| f.subject == Subject::Signs).unwrap();
