@@ -91,3 +91,31 @@ impl Determines {
         self.effects_z.iter().filter(|(_, z)| **z < SEPARABLE_Z).map(|(id, _)| *id).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bundled;
+    use crate::identify::Identify;
+    use crate::output::OutputFolder;
+    use crate::study::Study;
+
+    /// What is expected before a fit is what the fit finds determined.
+    #[test]
+    fn verif_expectation_is_what_the_fit_determines() {
+        let folder = tempfile::tempdir().unwrap();
+        bundled::write_study(&OutputFolder::create(folder.path(), &[]).unwrap()).unwrap();
+        let study = Study::open(folder.path().join("study")).unwrap();
+        let session = study.participants().next().unwrap().load().unwrap();
+        let expected = session.determines().unwrap().unwrap();
+        assert!(expected.effects_z.len() > 20 && !expected.hidden().is_empty());
+        let found = session.identify(&Identify { draws: 40, ..Identify::default() }).unwrap().result;
+        assert_eq!(found.parameters.len(), expected.parameters.len());
+        for p in &found.parameters {
+            let same = |e: &&ExpectedKnowledge| e.muscle == p.muscle && e.property == p.property;
+            let before = expected.parameters.iter().find(same).unwrap();
+            let (before, after) = (before.share_from_data >= DETERMINED, p.share_from_data >= DETERMINED);
+            assert_eq!(before, after, "{} {}", p.muscle, p.property);
+        }
+    }
+}

@@ -61,6 +61,9 @@ fn readable(checked: &Checked) -> String {
     text.trim_end().to_owned() + &listed(&checked.next)
 }
 
+/// Effects in a line of the screen.
+const IN_A_LINE: usize = 4;
+
 /// What trials can determine at all.
 fn expectation(expected: &Determines) -> String {
     let mut text =
@@ -72,7 +75,10 @@ fn expectation(expected: &Determines) -> String {
         text.push_str(&format!("  {title:<12} {}\n", if all.is_empty() { "nothing".to_owned() } else { all }));
     }
     let (hidden, all) = (expected.hidden(), expected.effects_z.len());
-    let not = if hidden.is_empty() { String::new() } else { format!("; not {}", hidden.join(", ")) };
-    text.push_str(&format!("  effects      {} of {all} would show at a plausible size{not}\n", all - hidden.len()));
+    text.push_str(&format!("  effects      {} of {all} would show at a plausible size", all - hidden.len()));
+    text.push_str(if hidden.is_empty() { "\n" } else { "; these would not:\n" });
+    for some in hidden.chunks(IN_A_LINE) {
+        text.push_str(&format!("               {}\n", some.join(", ")));
+    }
     text
 }
