@@ -190,6 +190,7 @@ BY_NAME = (
     "detectable_size",
     "plausible",
     "size",
+    "effects_z",
     "values",
 )
 
