@@ -560,6 +560,23 @@ class Evaluation(Result):
         return self._dict["anova"]
 
 
+class Groups(Result):
+    """What differs between groups of participants, or before and after."""
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Every difference of every quantity as a data frame: estimate, interval, test, size."""
+        import pandas as pd
+
+        rows = []
+        for d in self._dict["differences"]:
+            ends = {k: v for k, v in d.items() if k.endswith("interval_95")}
+            row = {k: v for k, v in d.items() if k not in ends}
+            for name, interval in ends.items():
+                row[f"{name}_lower"], row[f"{name}_upper"] = interval or (None, None)
+            rows.append(row)
+        return pd.DataFrame(rows)
+
+
 class Sensitivity(Result):
     """Which muscle parameters the trials respond to."""
 

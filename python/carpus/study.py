@@ -22,6 +22,7 @@ from .results import (
     Comparison,
     Diagnosis,
     Evaluation,
+    Groups,
     Identification,
     ModelWithEffects,
     Personalization,
@@ -40,8 +41,10 @@ PARAMETERS = ("max_isometric_force", "optimal_fiber_length", "tendon_slack_lengt
 """The last axis of every array of muscle parameters: [N], [m], [m], [rad]."""
 
 
-def _known(value: float | None) -> float | None:
-    """A number, or ``None`` where a data frame has none."""
+def _known(value: float | str | None) -> float | str | None:
+    """A number or a text, or ``None`` where a data frame has none."""
+    if isinstance(value, str):
+        return value or None
     return None if value is None or np.isnan(value) else float(value)
 
 
@@ -80,6 +83,9 @@ class Participant:
         height: Body height [m].
         mvc_flexion: Largest voluntary flexion moment [N·m], positive.
         mvc_extension: Largest voluntary extension moment [N·m], positive.
+        person: Who was measured, where one person is several participants.
+        group: The group that the person belongs to.
+        visit: When the person was measured.
     """
 
     name: str
@@ -87,6 +93,9 @@ class Participant:
     height: float | None = None
     mvc_flexion: float | None = None
     mvc_extension: float | None = None
+    person: str | None = None
+    group: str | None = None
+    visit: str | None = None
 
 
 @dataclass
@@ -693,6 +702,20 @@ class Study:
             seed: Written into the results; nothing in it is random.
         """
         return Evaluation(self._study.evaluate([os.fspath(m) for m in models], whole("seed", seed)))
+
+    def groups(
+        self, results: Sequence[str | os.PathLike[str]] = (), *, values: Sequence[str | os.PathLike[str]] = ()
+    ) -> Groups:
+        """What differs between groups of participants, or before and after, as ``carpus groups``.
+
+        Args:
+            results: Folders that `Identification.write` or `CohortDiagnosis.write` wrote for this study.
+            values: Tables with a column ``participant`` and columns of numbers.
+
+        Raises:
+            InputError: Participants of one group and visit only; results that are not of the study.
+        """
+        return Groups(self._study.groups([os.fspath(r) for r in results], [os.fspath(v) for v in values]))
 
     def sensitivity(
         self, *, starts: int = 25, sobol: int | None = None, resamples: int = 1000, seed: int = 1

@@ -11,6 +11,7 @@ use carpus::session::diagnose::Diagnose;
 use carpus::session::diagnosis_file::{self, KnownDiagnosis};
 use carpus::session::diagnostic::{Diagnostic, Failure};
 use carpus::session::effect_steps::WithEffects;
+use carpus::session::groups::GroupComparison;
 use carpus::session::json::pretty;
 use carpus::session::plan::Planned;
 use carpus::simulation::TrialSimulation;
@@ -128,6 +129,28 @@ impl Result_ for CohortAnswer {
 
     fn report(&self) -> Option<String> {
         Some(self.cohort.report())
+    }
+}
+
+/// A comparison of groups, and the study that it is of.
+pub struct GroupsAnswer {
+    /// The study.
+    pub study: Arc<Opened>,
+    /// What differs.
+    pub found: GroupComparison,
+}
+
+impl Result_ for GroupsAnswer {
+    fn json(&self) -> Result<String, Failure> {
+        pretty(&self.found.value()?)
+    }
+
+    fn write(&self, path: &Path) -> Result<Vec<Diagnostic>, Failure> {
+        self.study.study.write_groups(&self.found, path)
+    }
+
+    fn report(&self) -> Option<String> {
+        Some(self.found.report())
     }
 }
 

@@ -7,6 +7,7 @@ use carpus::session::bundled;
 use carpus::session::diagnose::Diagnose;
 use carpus::session::diagnostic::{Diagnostic, Failure};
 use carpus::session::evaluate::Evaluate;
+use carpus::session::groups::CompareGroups;
 use carpus::session::loading::Purpose;
 use carpus::session::output::OutputFolder;
 use carpus::session::own_effects::register_all;
@@ -23,7 +24,7 @@ use serde_json::json;
 use tempfile::TempDir;
 
 use crate::answer::Answer;
-use crate::answers::CohortAnswer;
+use crate::answers::{CohortAnswer, GroupsAnswer};
 use crate::cells::{EvaluationCell, SensitivityCell};
 use crate::failure::{OrRaise, diagnostics, refused};
 use crate::job::{long, warn};
@@ -46,6 +47,9 @@ struct GivenParticipant {
     height: Option<f64>,
     mvc_flexion: Option<f64>,
     mvc_extension: Option<f64>,
+    person: Option<String>,
+    group: Option<String>,
+    visit: Option<String>,
 }
 
 /// A trial as Python gives it.
@@ -142,6 +146,9 @@ fn in_memory(
         height: p.height,
         mvc_flexion: p.mvc_flexion,
         mvc_extension: p.mvc_extension,
+        person: p.person,
+        group: p.group,
+        visit: p.visit,
         ..Participant::named(&p.name)
     };
     let participants = participants.into_iter().map(participant).collect();
@@ -257,6 +264,16 @@ impl Study {
         long(py, &self.opened.relay, move || {
             let evaluated = EvaluationCell::try_new(opened, |o| o.study.evaluate(&request, &*o.relay))?;
             Ok(Answer::of(evaluated))
+        })
+    }
+
+    /// What differs between groups of participants, or before and after.
+    fn groups(&self, py: Python<'_>, results: Vec<PathBuf>, tables: Vec<PathBuf>) -> PyResult<Answer> {
+        let study = Arc::clone(&self.opened);
+        let request = CompareGroups { tables, ..CompareGroups::new(results) };
+        long(py, &self.opened.relay, move || {
+            let found = study.study.compare_groups(&request)?;
+            Ok(Answer::of(GroupsAnswer { study, found }))
         })
     }
 

@@ -15,6 +15,7 @@ mod evaluation;
 mod fixtures;
 mod forces;
 mod functions;
+mod groups;
 mod identifiability;
 mod imaging;
 mod krylow;

@@ -373,3 +373,38 @@ fn verif_faults_of_use_are_errors_with_fields() {
         Err(StatisticsError::TooFew { .. })
     ));
 }
+
+#[test]
+fn val_lme4_mixed_models() {
+    let reference: Value =
+        serde_json::from_str(include_str!("../../fixtures/statistics/mixed_models.json")).expect("valid JSON");
+    let mut contrasts = 0;
+    for case in list(&reference["cases"]) {
+        let y = numbers(&case["y"]);
+        let whole = |name: &str| numbers(&case[name]).iter().map(|v| *v as usize).collect::<Vec<_>>();
+        let (person, cell) = (whole("person"), whole("cell"));
+        let cells = list(&case["coefficients"]).len();
+        let x = nalgebra::DMatrix::from_fn(y.len(), cells, |i, j| if cell[i] == j { 1.0 } else { 0.0 });
+        let ours = mixed_model(&y, &x, &person).expect("complete data");
+        // Theirs is where an optimizer without derivatives ended.
+        let theirs = |name: &str| number(&case[name]);
+        assert!(ours.criterion <= theirs("criterion") + 1e-10, "{} {}", ours.criterion, theirs("criterion"));
+        let close = |what: &str, a: f64, b: f64, tolerance: f64| {
+            assert!((a - b).abs() <= tolerance * b.abs(), "{what}: ours {a}, reference {b}");
+        };
+        close("criterion", ours.criterion, theirs("criterion"), 1e-10);
+        close("between", ours.between, theirs("between"), 1e-5);
+        close("within", ours.within, theirs("within"), 1e-5);
+        for test in list(&case["contrasts"]) {
+            let found = ours.contrast(&numbers(&test["weights"])).expect("as many weights as cells");
+            let theirs = |name: &str| number(&test[name]);
+            close("estimate", found.estimate, theirs("estimate"), 1e-5);
+            close("standard error", found.standard_error, theirs("se"), 1e-5);
+            close("df", found.df, theirs("df"), 1e-4);
+            close("t", found.t, theirs("t"), 1e-5);
+            close("p", found.p_value, theirs("p"), 1e-4);
+            contrasts += 1;
+        }
+    }
+    assert_eq!(contrasts, 15);
+}

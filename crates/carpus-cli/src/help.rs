@@ -34,7 +34,7 @@ pub const GROUPS: [(&str, &[&str]); 6] = [
         &["info", "audit", "view", "paths", "equilibrium", "effects", "scale", "strength-scale", "upgrade", "run-tool"],
     ),
     ("Recordings", &["dynamometer", "dynamometer-drag", "emg", "c3d"]),
-    ("Statistics", &["evaluate", "sensitivity", "ultrasound", "priors", "power"]),
+    ("Statistics", &["evaluate", "sensitivity", "ultrasound", "groups", "priors", "power"]),
     ("This program", &["completions", "man", "help"]),
 ];
 

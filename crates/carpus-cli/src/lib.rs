@@ -104,6 +104,7 @@ fn execute(cli: &Cli) -> Result<(), Failure> {
         Command::Compare(args) => commands::compare::run(args, global),
         Command::Diagnose(args) => commands::diagnose::run(args, global),
         Command::Identify(args) => commands::identify::run(args, global),
+        Command::Groups(args) => commands::groups::run(args, global),
         Command::Priors(args) => commands::priors::run(args, global),
         Command::Ultrasound(args) => commands::ultrasound::run(args, global),
         Command::Sensitivity(args) => commands::sensitivity::run(args, global),

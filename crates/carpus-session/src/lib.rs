@@ -27,6 +27,7 @@
 //! | [`evaluate`] | [`evaluate::Evaluate`] | models on held-out trials, over participants |
 //! | [`sensitivity`] | [`screening::ScreeningOptions`] | which parameters the trials respond to |
 //! | [`whole_study`] | [`whole_study::WholeStudy`] | all steps of a study and one report |
+//! | [`groups`] | [`groups::CompareGroups`] | what differs between groups of participants, or before and after |
 //! | [`priors`] | [`priors::LearnPriors`] | what earlier fits say about the next participant |
 //! | [`ultrasound`] | [`ultrasound::CompareImages`] | resting muscles beside ultrasound images |
 //! | [`power`] | [`power::Power`] | power of a test, and the participants it needs |
@@ -71,6 +72,7 @@ pub mod errors;
 pub mod evaluate;
 pub mod evaluation_report;
 pub mod geometry;
+pub mod groups;
 pub mod identify;
 pub mod identify_files;
 mod images;

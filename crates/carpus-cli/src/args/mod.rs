@@ -18,7 +18,7 @@ pub use model::{
 pub use parts::{EffectsFile, IdentifyOptions, StudyArgs, StudyInput, StudyWithEffects};
 pub use program::{BookArgs, CompletionsArgs, ManArgs};
 pub use recordings::{C3dArgs, DynamometerDragArgs};
-pub use statistics::{EvaluateArgs, PowerArgs, PowerTest, PriorsArgs, SensitivityArgs, UltrasoundArgs};
+pub use statistics::{EvaluateArgs, GroupsArgs, PowerArgs, PowerTest, PriorsArgs, SensitivityArgs, UltrasoundArgs};
 pub use study::{
     CheckArgs, DemoArgs, DiagnoseArgs, EffectAddArgs, EffectArgs, EffectCommand, EffectRemoveArgs, IdentifyArgs,
     InitArgs, MergeArgs, NoiseLevel, PersonalizeArgs, PlanArgs, SynthArgs, UnitsArgs, WholeStudyArgs,
@@ -140,6 +140,8 @@ pub enum Command {
     Sensitivity(SensitivityArgs),
     /// Resting muscles beside ultrasound: correlation, agreement
     Ultrasound(UltrasoundArgs),
+    /// What differs between groups of participants, before and after
+    Groups(GroupsArgs),
     /// Earlier fits to prior knowledge of the next participant
     Priors(PriorsArgs),
     /// Power of a test, and the participants that it needs

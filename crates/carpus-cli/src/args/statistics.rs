@@ -57,6 +57,27 @@ pub struct UltrasoundArgs {
     pub allow_unsupported: bool,
 }
 
+/// `carpus groups`
+#[derive(Debug, Args)]
+#[command(after_help = text(include_str!("help/groups.txt")))]
+pub struct GroupsArgs {
+    /// The study: its study.toml or the folder it is in
+    #[arg(value_name = "STUDY/study.toml")]
+    pub study: PathBuf,
+    /// Folders of carpus identify, or of carpus diagnose of several participants
+    #[arg(value_name = "FOLDER", required_unless_present = "values")]
+    pub results: Vec<PathBuf>,
+    /// Table with a column participant and columns of numbers to compare; may be given several times
+    #[arg(long, value_name = "FILE")]
+    pub values: Vec<PathBuf>,
+    /// Only this participant; may be given several times (default: all)
+    #[arg(long, value_name = "NAME")]
+    pub participant: Vec<String>,
+    /// Folder for the results
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
 /// `carpus priors`
 #[derive(Debug, Args)]
 #[command(after_help = text(include_str!("help/priors.txt")))]

@@ -15,6 +15,7 @@ pub mod effects;
 pub mod emg;
 pub mod equilibrium;
 pub mod evaluate;
+pub mod groups;
 pub mod identify;
 pub mod info;
 pub mod init;

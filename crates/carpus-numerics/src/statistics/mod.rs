@@ -11,6 +11,7 @@
 //! | which conditions differ? | [`paired_t_test`], [`pairwise_comparisons`] with Bonferroni's correction |
 //! | do two quantities go together? | [`pearson`], [`linear_regression`] |
 //! | do two methods agree? | [`bland_altman`] |
+//! | do groups differ, or the same persons before and after? | [`mixed_model`], [`holm`] |
 //! | what do fits of some persons say about the next? | [`population`] |
 //! | could this many participants have shown it? | [`PowerAnalysis`] |
 
@@ -19,6 +20,7 @@ mod anova;
 mod correlation;
 mod distributions;
 mod error;
+mod mixed_model;
 mod pairwise;
 mod population;
 mod power;
@@ -33,6 +35,7 @@ pub use distributions::{
     t_two_sided,
 };
 pub use error::StatisticsError;
+pub use mixed_model::{Contrast, MixedModel, holm, mixed_model};
 pub use pairwise::{Comparison, PairedT, bonferroni, paired_t_test, pairwise_comparisons};
 pub use population::{Evidence, Population, population};
 pub use power::{PowerAnalysis, Tails, TestDesign};

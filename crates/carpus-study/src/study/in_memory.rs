@@ -53,6 +53,9 @@ impl Participant {
             segment_lengths: Vec::new(),
             mvc_flexion: None,
             mvc_extension: None,
+            person: None,
+            group: None,
+            visit: None,
         }
     }
 }

@@ -9,7 +9,7 @@ use super::table::{Row, Table, named_file};
 use carpus_numerics::plausible::{self, Plausible};
 
 /// Columns of `participants.csv` besides `<segment>_length_m`.
-const COLUMNS: [&str; 9] = [
+const COLUMNS: [&str; 12] = [
     "participant",
     "model",
     "mass_kg",
@@ -19,6 +19,9 @@ const COLUMNS: [&str; 9] = [
     "<segment>_length_m",
     "mvc_flexion_n_m",
     "mvc_extension_n_m",
+    "person",
+    "group",
+    "visit",
 ];
 const SEGMENT_SUFFIX: &str = "_length_m";
 
@@ -47,6 +50,12 @@ pub struct Participant {
     pub mvc_flexion: Option<f64>,
     /// Largest voluntary extension moment [N·m], positive.
     pub mvc_extension: Option<f64>,
+    /// Who was measured, where the same person is several participants (before and after, left and right).
+    pub person: Option<String>,
+    /// The group that the person belongs to (patients, controls).
+    pub group: Option<String>,
+    /// When the person was measured (before, after).
+    pub visit: Option<String>,
 }
 
 /// Sex as recorded.
@@ -146,6 +155,9 @@ fn participant(
         segment_lengths,
         mvc_flexion: mvc("mvc_flexion_n_m", problems),
         mvc_extension: mvc("mvc_extension_n_m", problems),
+        person: row.text("person").map(str::to_owned),
+        group: row.text("group").map(str::to_owned),
+        visit: row.text("visit").map(str::to_owned),
     })
 }
 

@@ -62,6 +62,10 @@ pub fn participant_rows(participants: &[(&Participant, Option<String>)]) -> Vec<
         ["participant", "model", "mass_kg", "height_m", "sex", "side"].map(String::from).to_vec();
     header.extend(segments.iter().map(|s| format!("{s}_length_m")));
     header.extend(["mvc_flexion_n_m", "mvc_extension_n_m"].map(String::from));
+    let in_groups: [(&str, fn(&Participant) -> &Option<String>); 3] =
+        [("person", |p| &p.person), ("group", |p| &p.group), ("visit", |p| &p.visit)];
+    let known: Vec<_> = in_groups.iter().filter(|(_, of)| participants.iter().any(|(p, _)| of(p).is_some())).collect();
+    header.extend(known.iter().map(|(column, _)| (*column).to_owned()));
     let number = |v: Option<f64>, decimals| v.map(|v| decimal(v, decimals)).unwrap_or_default();
     let row = |(p, model): &(&Participant, Option<String>)| {
         let sex = p.sex.map_or("", |s| match s {
@@ -78,6 +82,7 @@ pub fn participant_rows(participants: &[(&Participant, Option<String>)]) -> Vec<
         let length = |s: &&str| p.segment_lengths.iter().find(|(name, _)| name == s).map(|(_, v)| *v);
         row.extend(segments.iter().map(|s| number(length(s), 6)));
         row.extend([number(p.mvc_flexion, 3), number(p.mvc_extension, 3)]);
+        row.extend(known.iter().map(|(_, of)| of(p).clone().unwrap_or_default()));
         row
     };
     std::iter::once(header).chain(participants.iter().map(row)).collect()
