@@ -16,9 +16,7 @@ const AFTER: [f64; PERSONS] = [5.6, 6.9, 4.1, 8.4, 9.1, 6.9];
 /// The demo's study with every person as two participants, before and after; no trial is read.
 fn study(folder: &Path) -> PathBuf {
     let demo = |file: &str| std::fs::read_to_string(root("fixtures/demo_study").join(file)).unwrap();
-    let trial = "data/P01/mvc_flexion.csv";
-    std::fs::create_dir_all(folder.join("data/P01")).unwrap();
-    std::fs::copy(root("fixtures/demo_study").join(trial), folder.join(trial)).unwrap();
+    let trial = demo("data/P01/mvc_flexion.csv");
     std::fs::copy(root("models/wrist.osim"), folder.join("wrist.osim")).unwrap();
     let settings = demo("study.toml").replace("../../models/wrist.osim", "wrist.osim");
     std::fs::write(folder.join("study.toml"), settings).unwrap();
@@ -30,7 +28,9 @@ fn study(folder: &Path) -> PathBuf {
         for (visit, strength) in [("before", BEFORE[i]), ("after", AFTER[i])] {
             let name = format!("P{i}_{visit}");
             participants.push_str(&format!("{name},S{i},{group},{visit}\n"));
-            trials.push_str(&format!("{name},{trial},mvc,100,flexion,0,1,mvc\n"));
+            let file = format!("{name}.csv");
+            std::fs::write(folder.join(&file), &trial).unwrap();
+            trials.push_str(&format!("{name},{file},mvc,100,flexion,0,1,mvc\n"));
             values.push_str(&format!("{name},{strength},{}\n", 30 + i));
         }
     }
