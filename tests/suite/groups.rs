@@ -81,7 +81,7 @@ fn verif_muscle_parameters_are_compared_as_ratios() {
     let template = {
         let out = place.path().join("one");
         let mut command = carpus();
-        command.arg("identify").arg(root("fixtures/demo_study/study.toml")).args(["--draws", "10"]);
+        command.arg("identify").arg(root("fixtures/demo_study/study.toml")).args(["--draws", "40"]);
         command.arg("--out").arg(&out).assert().success();
         json(&out.join("P01/identifiability.json"))
     };

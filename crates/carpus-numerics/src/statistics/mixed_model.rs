@@ -7,6 +7,8 @@ use super::error::StatisticsError;
 
 /// Intervals of the intraclass correlation in which the minimum is looked for first.
 const GRID: usize = 200;
+/// Ratio of the variances beyond which measurements of one person are the same but for rounding errors.
+const GREATEST_RATIO: f64 = 1e9;
 /// Halvings of such an interval: beyond the last digit.
 const HALVINGS: usize = 60;
 
@@ -180,10 +182,13 @@ pub fn mixed_model(y: &[f64], x: &DMatrix<f64>, person: &[usize]) -> Result<Mixe
     let fitted = data.fitted(ratio).ok_or_else(dependent)?;
     // Of measurements that are the same in every group rounding errors are left.
     let rounding = n as f64 * data.y.amax() * f64::EPSILON;
+    if ratio > GREATEST_RATIO {
+        return Err(StatisticsError::NoVariation { what: "measurements of one person" });
+    }
     if !(fitted.within > rounding * rounding) {
         return Err(StatisticsError::NoVariation { what: "measurements of a group" });
     }
-    Ok(data.summed_up(ratio, fitted))
+    data.summed_up(ratio, fitted)
 }
 
 impl Data<'_> {
@@ -193,15 +198,19 @@ impl Data<'_> {
     /// ∂C/∂ψ_k = C Xᵀ V⁻¹ V_k V⁻¹ X C
     /// ∂²(−2 log L)/∂ψ_j ∂ψ_k = −tr(P V_j P V_k) + 2 yᵀ P V_j P V_k P y,    covariance of ψ: twice its inverse
     /// ```
-    fn summed_up(&self, ratio: f64, fitted: Fitted) -> MixedModel {
+    fn summed_up(&self, ratio: f64, fitted: Fitted) -> Result<MixedModel, StatisticsError> {
         let within = fitted.within;
         let covariance = &fitted.unscaled * within;
         let weighted_x = self.weighted(self.x, ratio) / within;
         let slope_of = |middle: DMatrix<f64>| &covariance * middle * &covariance;
         let sums = self.sums(&weighted_x);
         let slopes = [slope_of(sums.transpose() * sums), slope_of(weighted_x.transpose() * &weighted_x)];
-        MixedModel {
-            of_variances: (ratio > 0.0).then(|| self.of_variances(ratio, &fitted, &covariance, &weighted_x)),
+        let of_variances = match ratio > 0.0 {
+            true => Some(self.of_variances(ratio, &fitted, &covariance, &weighted_x)?),
+            false => None,
+        };
+        Ok(MixedModel {
+            of_variances,
             coefficients: fitted.beta,
             covariance,
             between: ratio * within,
@@ -210,7 +219,7 @@ impl Data<'_> {
             observations: self.y.len(),
             persons: self.counts.len(),
             slopes,
-        }
+        })
     }
 
     fn of_variances(
@@ -219,7 +228,7 @@ impl Data<'_> {
         fitted: &Fitted,
         covariance: &DMatrix<f64>,
         weighted_x: &DMatrix<f64>,
-    ) -> [[f64; 2]; 2] {
+    ) -> Result<[[f64; 2]; 2], StatisticsError> {
         let (n, within) = (self.y.len(), fitted.within);
         let inverse = self.weighted(&DMatrix::identity(n, n), ratio) / within;
         let projection = inverse - weighted_x * covariance * weighted_x.transpose();
@@ -237,7 +246,10 @@ impl Data<'_> {
         };
         let [a, b, d] = [entry(0, 0), entry(0, 1), entry(1, 1)];
         let determinant = a * d - b * b;
-        [[2.0 * d / determinant, -2.0 * b / determinant], [-2.0 * b / determinant, 2.0 * a / determinant]]
+        if !(determinant > 0.0 && a > 0.0) {
+            return Err(StatisticsError::NoVariation { what: "measurements of one person" });
+        }
+        Ok([[2.0 * d / determinant, -2.0 * b / determinant], [-2.0 * b / determinant, 2.0 * a / determinant]])
     }
 }
 
@@ -355,6 +367,10 @@ mod tests {
         assert!(matches!(refused, Err(StatisticsError::NoVariation { .. })), "{refused:?}");
         let x = DMatrix::from_element(3, 1, 1.0);
         assert!(matches!(mixed_model(&[2.0; 3], &x, &[0, 1, 2]), Err(StatisticsError::NoVariation { .. })));
+        let (age, visits) = ([30.0, 31.0, 33.0, 30.0, 31.0, 33.0], [0, 1, 2, 0, 1, 2]);
+        let x_of_visits = DMatrix::from_fn(6, 2, |i, j| f64::from(u8::from(i / 3 == j)));
+        let of_age = mixed_model(&age, &x_of_visits, &visits);
+        assert!(matches!(of_age, Err(StatisticsError::NoVariation { .. })), "{of_age:?}");
         assert!(matches!(mixed_model(&[2.0; 2], &x, &[0, 1, 2]), Err(StatisticsError::Length { .. })));
         assert!(matches!(mixed_model(&[1.0, f64::NAN, 2.0], &x, &[0, 1, 2]), Err(StatisticsError::NotFinite { .. })));
     }
