@@ -64,15 +64,16 @@ impl<'o> UnitStore<'o> {
         Ok(UnitStore { out, program, finished: Mutex::new(BTreeMap::new()), counts })
     }
 
-    /// Does the units that are not finished, on as many threads as there are, each unit on one; a unit that cannot be
-    /// done does not keep the others from being done. The reasons of those come back, in the order of the units, after
+    /// Does the units that are not finished, on as many threads as there are: each unit on one, on more where there are
+    /// fewer units than threads. A unit that cannot be done does not keep the others from being done. The reasons of those come back, in the order of the units, after
     /// warnings of what was stored and is damaged: it is computed again.
     ///
     /// - `inputs`: hashes of the files that all of these units depend on
     /// - `progress`: is told which unit was finished, at the given count of steps
     ///
     /// # Errors
-    /// A fault of this program, the disk; a request to stop, before a unit.
+    /// A fault of this program; a unit that cannot be stored, after which none is begun; a request to stop, before a
+    /// unit.
     pub fn run(
         &self,
         units: &[Unit],
@@ -102,34 +103,45 @@ impl<'o> UnitStore<'o> {
         }
         let next = AtomicUsize::new(0);
         let failures: Mutex<Vec<(usize, Failure)>> = Mutex::new(Vec::new());
+        let not_stored: Mutex<Option<Failure>> = Mutex::new(None);
         let work_on = |i: usize| -> Result<(), Failure> {
             go_on(progress)?;
             let unit = &units[i];
-            let started = ThreadTime::now();
+            let started = processor_seconds();
             let value = (unit.work)()?;
-            let seconds = started.elapsed().as_secs_f64();
-            self.store(&unit.place, &keys[i], value, seconds)?;
+            let seconds = processor_seconds() - started;
+            if let Err(why) = self.store(&unit.place, &keys[i], value, seconds) {
+                lock(&not_stored).get_or_insert(why);
+                return Ok(());
+            }
             self.counts[1].fetch_add(1, Ordering::Relaxed);
             done(&unit.place);
             Ok(())
         };
         let worker = || {
             while let Some(&i) = open.get(next.fetch_add(1, Ordering::Relaxed)) {
+                if lock(&not_stored).is_some() {
+                    break;
+                }
                 if let Err(failure) = work_on(i) {
                     lock(&failures).push((i, failure));
                 }
             }
         };
-        let threads = rayon::current_num_threads().min(open.len());
+        let threads = rayon::current_num_threads();
+        let workers = threads.min(open.len());
         std::thread::scope(|scope| -> Result<(), Failure> {
-            for _ in 0..threads {
-                // What is parallel inside a unit stays on the unit's own thread, so that its time is its own.
-                let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+            for _ in 0..workers {
+                // What is parallel inside a unit stays on the unit's own threads, so that its time is its own.
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads / workers).build();
                 let pool = pool.map_err(|e| Failure::Internal(format!("cannot start a thread: {e}")))?;
                 scope.spawn(move || pool.install(worker));
             }
             Ok(())
         })?;
+        if let Some(why) = lock(&not_stored).take() {
+            return Err(with_hint(why, "make room, then start again with the same words: what is finished is found"));
+        }
         let mut failures = failures.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
         failures.sort_by_key(|(i, _)| *i);
         for (_, failure) in failures {
@@ -222,6 +234,19 @@ impl<'o> UnitStore<'o> {
 
     fn finish(&self, place: &str, value: Value) {
         lock(&self.finished).insert(place.to_owned(), value);
+    }
+}
+
+/// What the threads of this thread's pool have computed so far [s].
+fn processor_seconds() -> f64 {
+    rayon::broadcast(|_| ThreadTime::now().as_duration().as_secs_f64()).iter().sum()
+}
+
+/// The same failure, whose messages say what to do.
+fn with_hint(failure: Failure, hint: &str) -> Failure {
+    match failure {
+        Failure::Input(messages) => Failure::Input(messages.into_iter().map(|m| m.hint(hint)).collect()),
+        other => other,
     }
 }
 
