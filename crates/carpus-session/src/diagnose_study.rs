@@ -228,8 +228,8 @@ impl Study {
         progress: &dyn Progress,
     ) -> Result<Vec<Diagnostic>, Failure> {
         let phases = Phases { progress, finished: AtomicUsize::new(0), of: read.len() };
-        let unit = |r: &Read<'_>| {
-            let participant = r.participant;
+        let mut units: Vec<Unit> = Vec::new();
+        for Read { participant, depends_on, .. } in read {
             let phases = &phases;
             let work = move || {
                 let session = participant.load_for(Purpose::Diagnosis)?.with_progress(phases);
@@ -238,13 +238,9 @@ impl Study {
                 found = found.made_by(&Provenance::default())?;
                 value(&found)
             };
-            Unit {
-                place: format!("{STEP}/{}", participant.about().name),
-                depends_on: r.depends_on.clone(),
-                work: Box::new(work),
-            }
-        };
-        let units: Vec<Unit> = read.iter().map(unit).collect();
+            let place = format!("{STEP}/{}", participant.about().name);
+            units.push(Unit { place, depends_on: depends_on.clone(), work: Box::new(work) });
+        }
         let said = store.run(&units, "", &phases, [0, read.len()])?;
         let (damaged, failed): (Vec<_>, Vec<_>) = said.into_iter().partition(|m| m.severity == Severity::Warning);
         progress.finished();

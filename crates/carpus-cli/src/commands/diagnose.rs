@@ -6,8 +6,8 @@ use crate::args::{DiagnoseArgs, Global};
 use crate::bars::Bars;
 use crate::failure::Failure;
 use crate::next_steps;
-use crate::separations::separation_table;
 use crate::provenance;
+use crate::separations::separation_table;
 use crate::study_run::{StudyRun, task_done};
 use crate::table::{fixed, table};
 use carpus_diagnosis::catalogue::effect;
@@ -34,8 +34,8 @@ pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
     let request = Diagnose { seed: global.seed, candidates: args.candidates.clone(), baselines: args.baselines };
     let bars = Bars::new(global);
     if let Some(task) = args.task {
-        let asked = (task, provenance::arguments_of_task().as_slice());
-        let done = study.study.diagnose_task(&request, asked, &study.out, &readable, &bars)?;
+        let arguments = provenance::arguments_of_task();
+        let done = study.study.diagnose_task(&request, (task, &arguments), &study.out, &readable, &bars)?;
         return task_done(&done, study.out.path(), global);
     }
     let found = study.study.diagnose_all(&request, &study.out, &readable, &bars)?;
