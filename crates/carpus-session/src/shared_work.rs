@@ -7,7 +7,7 @@ use std::time::{Duration, SystemTime};
 use serde::Serialize;
 
 use crate::diagnostic::{Diagnostic, Failure};
-use crate::task::{FOLDER, Task, TaskRecord, TaskState};
+use crate::task::{FOLDER, LIBRARY, Task, TaskRecord, TaskState};
 use crate::units::is_whole;
 
 /// Files that a note names before it counts the rest.
@@ -146,11 +146,14 @@ fn records(folder: &Path) -> (Vec<TaskRecord>, Vec<String>) {
 /// What a person should know of a task.
 fn note_of(record: &TaskRecord) -> Option<String> {
     let TaskRecord { task, host, process, .. } = record;
-    let again = format!("carpus {} --task {task}", record.arguments.join(" "));
+    let again = match record.arguments.as_slice() {
+        [request] if request.starts_with(LIBRARY) => "start it again".to_owned(),
+        words => format!("start it again: carpus {} --task {task}", words.join(" ")),
+    };
     if record.is_gone() {
         return Some(format!(
             "task {task}: process {process} has gone without an end (killed, or its disk was full): what it finished \
-             counts; start it again: {again}"
+             counts; {again}"
         ));
     }
     if let (Some(other), TaskState::Begun) = (&record.beside, record.state) {
@@ -164,8 +167,9 @@ fn note_of(record: &TaskRecord) -> Option<String> {
     (record.state == TaskState::Failed).then(|| {
         let rest = record.failed.len().saturating_sub(1);
         let reason = record.failed.first().map_or("", |reason| reason.lines().next().unwrap_or_default());
+        let reason = reason.trim_start_matches("error: ");
         let more = if rest > 0 { format!(" (and {rest} more)") } else { String::new() };
-        format!("task {task}: failed: {reason}{more}; what it finished counts; start it again: {again}")
+        format!("task {task}: failed: {reason}{more}; what it finished counts; {again}")
     })
 }
 

@@ -13,8 +13,15 @@ use crate::output::OutputFolder;
 /// Folder of the records in that of the results.
 pub(super) const FOLDER: &str = "tasks";
 pub(super) const SCHEMA: &str = "carpus.task/1";
+/// Begins the one argument of a task that no command asked for.
+pub(super) const LIBRARY: &str = "library: ";
 /// Most tasks that work is divided into.
 const MOST_TASKS: usize = 1_000_000;
+
+/// What a program asks of all tasks, in place of the arguments of a command.
+pub fn asked_by_program(request: &impl fmt::Debug) -> Vec<String> {
+    vec![format!("{LIBRARY}{request:?}")]
+}
 
 /// The I-th of N parts of the work: every N-th participant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::Mutex;
+use std::sync::{Mutex, OnceLock};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use cpu_time::ThreadTime;
@@ -17,6 +17,15 @@ use super::progress::{Progress, go_on};
 use super::provenance::{self, hash};
 
 const SCHEMA: &str = "carpus.unit/2";
+
+/// The file of the program, where it is not that of the process.
+static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+
+/// Says which file the program is, where an interpreter loaded it: units are of this file, and of no other. Only the
+/// first call counts.
+pub fn set_program(file: PathBuf) {
+    PROGRAM.get_or_init(|| file);
+}
 
 /// What a unit computes.
 pub type Work<'a> = Box<dyn Fn() -> Result<Value, Failure> + Send + Sync + 'a>;
@@ -58,7 +67,7 @@ impl<'o> UnitStore<'o> {
     /// The program's own file cannot be read: its hash is part of every key.
     pub fn new(out: &'o OutputFolder) -> Result<UnitStore<'o>, Failure> {
         let unreadable = |e: std::io::Error| Failure::Internal(format!("the program's own file: {e}"));
-        let program = std::env::current_exe().map_err(unreadable)?;
+        let program = PROGRAM.get().cloned().map_or_else(std::env::current_exe, Ok).map_err(unreadable)?;
         let program = provenance::input_file(&program, "carpus", "program")?.sha256;
         let counts = [AtomicUsize::new(0), AtomicUsize::new(0)];
         Ok(UnitStore { out, program, finished: Mutex::new(BTreeMap::new()), counts })
