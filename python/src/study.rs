@@ -318,7 +318,11 @@ impl Study {
                 let done = study.study_task(&request, task, &asked_by_program(&request), &out, &*relay)?;
                 let [found, computed] = [done.units_found_finished, done.units_computed];
                 let said = json!({ "report": "", "units_found_finished": found, "units_computed": computed });
-                return if done.failed.is_empty() { Ok((said.to_string(), done.failed)) } else { Err(done.failed.into()) };
+                return if done.failed.is_empty() {
+                    Ok((said.to_string(), done.failed))
+                } else {
+                    Err(done.failed.into())
+                };
             }
             let report = study.whole_study(&request, &out, &*relay)?;
             let step = |s: &carpus::session::whole_study::StepResult| {

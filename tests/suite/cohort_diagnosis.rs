@@ -100,7 +100,9 @@ fn verif_diagnoses_of_several_machines_are_merged_to_the_bytes_of_one() {
     let folder = tempfile::tempdir().unwrap();
     let study = two(&folder.path().join("study"));
     let [whole, shared] = ["whole", "shared"].map(|name| folder.path().join(name));
-    [&whole, &shared].map(|path| std::fs::create_dir(path).unwrap());
+    for path in [&whole, &shared] {
+        std::fs::create_dir(path).unwrap();
+    }
     let run = |place: &Path, more: &[&str]| {
         let mut command = Command::cargo_bin("carpus").unwrap();
         command.current_dir(place).arg("diagnose").arg(&study).args(["--out", "done"]);
