@@ -30,7 +30,7 @@ def main() -> None:
     parser.add_argument("--starts", type=int)
     asked = parser.parse_args()
     options = {"steps": [step for step in asked.steps.split(",") if step], "starts": asked.starts}
-    with Client(asked.scheduler, threads_per_worker=1) if asked.scheduler is None else Client(asked.scheduler) as client:
+    with Client(asked.scheduler) if asked.scheduler else Client(threads_per_worker=1) as client:
         # A task whose worker was lost is done again by another, and goes on where it was.
         parts = [
             client.submit(task, asked.study, asked.out, f"{i}/{asked.tasks}", options, pure=False, retries=2)
