@@ -1,6 +1,6 @@
 """A study in tasks, by Dask.
 
-``python dask_study.py study/study.toml done 8 [--scheduler tcp://node:8786] [--steps sensitivity,evaluate] [--starts 25]``
+``python dask_study.py study/study.toml done 8 [--scheduler tcp://node:8786] [--steps STEP,…] [--starts R]``
 
 Without a scheduler, processes of this machine do the tasks. The folder of the results lies where all workers see it.
 """

@@ -13,4 +13,5 @@
 #SBATCH --requeue
 # A job whose node failed is put into the queue again and goes on where it was.
 
-exec "${CARPUS:-carpus}" "$@" --task "$SLURM_ARRAY_TASK_ID/$SLURM_ARRAY_TASK_COUNT" --threads "${SLURM_CPUS_PER_TASK:-1}"
+task=$SLURM_ARRAY_TASK_ID/$SLURM_ARRAY_TASK_COUNT
+exec "${CARPUS:-carpus}" "$@" --task "$task" --threads "${SLURM_CPUS_PER_TASK:-1}"
