@@ -376,6 +376,24 @@ mod tests {
     }
 
     #[test]
+    fn verif_where_a_unit_cannot_be_stored_no_further_one_is_begun() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = OutputFolder::create(folder.path(), &[]).unwrap();
+        std::fs::write(folder.path().join("units"), "a file in place of the folder").unwrap();
+        let count = AtomicUsize::new(0);
+        let units = ["s/P01/a", "s/P01/b", "s/P02/a"].map(|place| unit(place, "", &count));
+        let run = || UnitStore::new(&out).unwrap().run(&units, "", &Silent, [0, 0]);
+        let Err(Failure::Input(messages)) =
+            rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(run)
+        else {
+            panic!("it is an error");
+        };
+        assert_eq!((messages.len(), count.load(Ordering::Relaxed)), (1, 1));
+        assert!(messages[0].text.contains("cannot be written"), "{}", messages[0].text);
+        assert!(messages[0].hint.as_deref().is_some_and(|hint| hint.contains("what is finished is found")));
+    }
+
+    #[test]
     fn verif_a_unit_that_fails_is_named_and_the_others_are_done() {
         let folder = tempfile::tempdir().unwrap();
         let out = OutputFolder::create(folder.path(), &[]).unwrap();
