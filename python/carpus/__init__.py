@@ -36,6 +36,7 @@ from .study import PARAMETERS, Batch, Participant, Recorded, Session, Study, Tri
 from .tools import ToolRun, command, read_storage, run_tool
 
 __version__: str = _carpus.VERSION
+_carpus.set_program(_carpus.__file__)
 
 __all__ = [
     "PARAMETERS",

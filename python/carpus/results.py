@@ -599,7 +599,7 @@ class StudyReport:
     """What came of a whole study."""
 
     report: str
-    """The page."""
+    """The page; empty of a task."""
     steps: list[dict[str, Any]] = field(default_factory=list)
     """The steps: ``id``, ``title``, and why it was not run."""
     units_found_finished: int = 0

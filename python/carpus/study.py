@@ -742,8 +742,12 @@ class Study:
         sqp_iterations: int | None = None,
         priors: str | os.PathLike[str] | None = None,
         seed: int = 1,
+        task: str | None = None,
     ) -> StudyReport:
         """All steps of a study and one report, as ``carpus study``; a run that was stopped goes on where it was.
+
+        Several processes or machines share the work, and a folder: each does a task, and the same call without a task
+        then finds all units finished and makes the report.
 
         Args:
             out: The folder of the results.
@@ -751,6 +755,10 @@ class Study:
             starts, sobol, bayesian_evaluations, sqp_iterations: How hard to work; without them as the command.
             priors: A table of prior knowledge.
             seed: Of everything random.
+            task: ``"I/N"``, only the I-th of N parts of the participants; without a report and steps in the answer.
+
+        Raises:
+            InputError: The study, an unknown step, the folder; a task of which some units could not be done.
         """
         table = None if priors is None else os.fspath(priors)
         said = self._study.whole_study(
@@ -762,6 +770,7 @@ class Study:
             _count("sqp_iterations", sqp_iterations),
             table,
             whole("seed", seed),
+            task,
         )
         return StudyReport(**json.loads(said))
 

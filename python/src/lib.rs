@@ -47,7 +47,7 @@ mod _carpus {
     #[pymodule_export]
     use super::model::Model;
     #[pymodule_export]
-    use super::program::program;
+    use super::program::{program, set_program};
     #[pymodule_export]
     use super::session::Session;
     #[pymodule_export]

@@ -13,6 +13,7 @@ use carpus::session::output::OutputFolder;
 use carpus::session::own_effects::register_all;
 use carpus::session::screening::ScreeningOptions;
 use carpus::session::study::{Opening, Study as OpenStudy};
+use carpus::session::task::{Task, asked_by_program};
 use carpus::session::whole_study::{Told, WholeStudy};
 use carpus::study::{
     Contraction, Direction, MomentPart, Participant, PostureCoordinate, RelativeBounds, Settings, Study as Tables,
@@ -296,7 +297,7 @@ impl Study {
     }
 
     /// All steps of a study and one report, as JSON: the page, the steps, what could not be done.
-    #[pyo3(signature = (out, steps, starts, sobol, bayesian_evaluations, sqp_iterations, priors, seed))]
+    #[pyo3(signature = (out, steps, starts, sobol, bayesian_evaluations, sqp_iterations, priors, seed, task))]
     fn whole_study(
         &self,
         py: Python<'_>,
@@ -308,6 +309,7 @@ impl Study {
         sqp_iterations: Option<u64>,
         priors: Option<PathBuf>,
         seed: u64,
+        task: Option<&str>,
     ) -> PyResult<String> {
         let known = WholeStudy::default();
         let request = WholeStudy {
@@ -323,10 +325,22 @@ impl Study {
         let Some((path, opening)) = self.opened.again.clone() else {
             return Err(refused("a whole study is of a folder: this one is in memory")).or_raise(py);
         };
+        let wrong = |why: String| refused(format!("task: {why}"));
+        let task = task.map(|text| text.parse::<Task>().map_err(wrong)).transpose().or_raise(py)?;
         let relay = Arc::clone(&self.opened.relay);
         let (report, failed) = long(py, &self.opened.relay, move || {
             // The steps may process recordings to a study of their own: they take theirs.
             let study = OpenStudy::open_with(&path, opening)?.scaling_models();
+            if let Some(task) = task {
+                let done = study.study_task(&request, task, &asked_by_program(&request), &out, &*relay)?;
+                let [found, computed] = [done.units_found_finished, done.units_computed];
+                let said = json!({ "report": "", "units_found_finished": found, "units_computed": computed });
+                return if done.failed.is_empty() {
+                    Ok((said.to_string(), done.failed))
+                } else {
+                    Err(done.failed.into())
+                };
+            }
             let report = study.whole_study(&request, &out, &*relay)?;
             let step = |s: &carpus::session::whole_study::StepResult| {
                 let not_run = match &s.told {

@@ -108,6 +108,10 @@ COMMANDS: dict[str, tuple[Callable[[Path], None] | None, Words]] = {
     "identify": (None, out("identify", "identified", "--draws", "200")),
     "priors": (None, lambda f: ["priors", str(f / "identified"), "--out", str(f / "priors.csv")]),
     "diagnose": (None, out("diagnose", "diagnosed")),
+    "diagnose --task": (
+        None,
+        out("diagnose", "shared_diagnosis", "--candidates", "joint_damping", "--task", "1/1"),
+    ),
     "effect add": (None, out("effect add", "diagnosed", "joint_damping", "--i-choose")),
     "effect remove": (None, lambda f: ["effect", "remove", str(f / "diagnosed" / "P01"), "--to", "1"]),
     "effect auto": (None, out("effect auto", "diagnosed")),

@@ -80,6 +80,24 @@ def test_verif_a_cohort_is_that_of_the_command(found: carpus.CohortDiagnosis, sa
     assert not mismatch and not errors
 
 
+def test_verif_tasks_of_a_study_give_the_bytes_of_one_run(folder: Path, tmp_path: Path) -> None:
+    def study(out: str, task: str | None = None) -> carpus.StudyReport:
+        return carpus.Study.open(folder).study(tmp_path / out, steps=["evaluate"], task=task)
+
+    whole = study("whole")
+    parts = [study("shared", f"{i}/2") for i in (2, 1)]
+    assert [p.report for p in parts] == ["", ""] and not (tmp_path / "shared" / "report.html").exists()
+    assert sum(p.units_computed for p in parts) == whole.units_computed == len(FRICTION)
+    merged = study("shared")
+    assert (merged.units_found_finished, merged.units_computed) == (len(FRICTION), 0)
+    names = [p.relative_to(tmp_path / "whole").as_posix() for p in (tmp_path / "whole").rglob("*.*")]
+    results = [n for n in names if not n.startswith("timings")]
+    _, mismatch, errors = filecmp.cmpfiles(tmp_path / "whole", tmp_path / "shared", results, shallow=False)
+    assert "report.html" in results and not mismatch and not errors
+    with pytest.raises(carpus.InputError, match="expected I/N"):
+        study("shared", "3/2")
+
+
 def test_verif_one_participant_is_no_cohort() -> None:
     with pytest.raises(carpus.InputError, match="at least two participants") as caught:
         carpus.demo().diagnose(["gravity", "coulomb_friction"])

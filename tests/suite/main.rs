@@ -40,6 +40,7 @@ mod statistics;
 mod streams;
 mod study;
 mod study_command;
+mod study_faults;
 mod tools;
 mod user_loop;
 mod user_path;

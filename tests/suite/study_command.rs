@@ -9,7 +9,7 @@ use predicates::prelude::*;
 use predicates::str::contains;
 
 /// Two participants with four training and four held-out trials each, made of the bundled study.
-fn small_study() -> tempfile::TempDir {
+pub fn small_study() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/demo_study");
     std::fs::create_dir(folder.path().join("data")).unwrap();
@@ -56,7 +56,7 @@ fn arguments(study: &Path) -> Vec<String> {
 }
 
 /// Every file below a folder but the timings.
-fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+pub fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut found = BTreeMap::new();
     let mut open = vec![folder.to_path_buf()];
     while let Some(here) = open.pop() {
@@ -76,12 +76,18 @@ fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     found
 }
 
+/// Files that are not the same in two folders.
+pub fn differing(one: &BTreeMap<PathBuf, Vec<u8>>, other: &BTreeMap<PathBuf, Vec<u8>>) -> Vec<PathBuf> {
+    let names: std::collections::BTreeSet<&PathBuf> = one.keys().chain(other.keys()).collect();
+    names.into_iter().filter(|name| one.get(*name) != other.get(*name)).cloned().collect()
+}
+
 fn rows(files: &BTreeMap<PathBuf, Vec<u8>>, name: &str) -> usize {
     String::from_utf8_lossy(&files[Path::new(name)]).lines().count() - 1
 }
 
 /// Units that are finished. Only names are asked for: while a study runs, files go over from one name to another.
-fn units(folder: &Path) -> usize {
+pub fn units(folder: &Path) -> usize {
     let in_folder = |folder: &Path| std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let is_unit = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();

@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 use std::sync::{PoisonError, RwLock};
 
-use carpus_session::whole_study::shared_arguments;
+use carpus_session::shared_arguments::shared_arguments;
 
 static WORDS: RwLock<Option<Vec<OsString>>> = RwLock::new(None);
 

@@ -2,16 +2,18 @@
 
 use std::path::Path;
 
-use super::args::{EffectsFile, StudyArgs, StudyInput};
+use super::args::{EffectsFile, Global, StudyArgs, StudyInput};
 use super::bars::Bars;
 use super::failure::{self, Diagnostic, Failure};
 use super::provenance;
 use super::stdout::print_result;
+use carpus_session::json;
 use carpus_session::loading::Purpose;
 use carpus_session::outcomes::Outcomes;
 use carpus_session::output::OutputFolder;
 use carpus_session::participant::Session;
 use carpus_session::study::{Opening, Study};
+use carpus_session::task::TaskDone;
 
 /// A study that was opened, and the folder that its results go to.
 #[derive(Debug)]
@@ -95,6 +97,27 @@ impl StudyRun {
         failure::print(&self.out.close(command, &self.study.others())?);
         Ok(())
     }
+}
+
+/// Prints what came of a task, then fails with the reasons of what could not be done.
+///
+/// - `out`: the folder that the tasks share
+///
+/// # Errors
+/// Writing to stdout; a unit that could not be done.
+pub fn task_done(done: &TaskDone, out: &Path, global: &Global) -> Result<(), Failure> {
+    let TaskDone { record, units_found_finished: found, units_computed: computed, failed } = done;
+    if global.json {
+        print_result(&json::line(record)?)?;
+    } else {
+        print_result(&format!(
+            "task {}: {found} units were finished before, {computed} were computed\n\nwhen all tasks are done:\n  \
+             carpus merge {}\n",
+            record.task,
+            out.display()
+        ))?;
+    }
+    if failed.is_empty() { Ok(()) } else { Err(Failure::Input(failed.clone())) }
 }
 
 /// How a command opens a study.

@@ -29,6 +29,9 @@ use carpus_report::results::{Kind, Results, rounded};
 use carpus_simulation::simulation::MuscleParameters;
 use carpus_study::study::TrialUse;
 
+/// Key of what simpler methods need, in `diagnosis.json`.
+pub(super) const BASELINES: &str = "baselines";
+
 /// A diagnosis.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnose {
@@ -173,14 +176,18 @@ impl Diagnosed<'_> {
     /// # Errors
     /// The disk.
     pub fn write_to(&self, out: &OutputFolder, folder: &Path) -> Result<(), Failure> {
-        match &self.baselines {
-            Some(ingredients) => {
-                diagnosis_file::write(out, folder, &with_baselines(&self.known.value, ingredients)?)?;
-            }
-            None => diagnosis_file::write(out, folder, &self.known.value)?,
-        }
+        diagnosis_file::write(out, folder, &self.written()?)?;
         out.write(folder.join("evidence.json"), json::text(&self.evidence)?.as_bytes())?;
         write_results(out, folder, &self.results)
+    }
+
+    /// What is written as `diagnosis.json`, with baselines if they were asked for.
+    pub(super) fn written(&self) -> Result<Value, Failure> {
+        let mut value = self.known.value.clone();
+        if let Some(ingredients) = &self.baselines {
+            value[BASELINES] = serde_json::to_value(ingredients).map_err(|e| Failure::Internal(e.to_string()))?;
+        }
+        Ok(value)
     }
 
     /// Writes the files of `carpus diagnose` into a folder of results. Returns what a person should know about files of
@@ -237,12 +244,6 @@ fn with_models(
     }
     results.live = session.live_case(request.seed, false, states)?;
     Ok(results)
-}
-
-fn with_baselines(value: &Value, ingredients: &Ingredients) -> Result<Value, Failure> {
-    let mut value = value.clone();
-    value["baselines"] = serde_json::to_value(ingredients).map_err(|e| Failure::Internal(e.to_string()))?;
-    Ok(value)
 }
 
 /// The trials of a participant, ready to be diagnosed.

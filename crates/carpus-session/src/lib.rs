@@ -19,7 +19,7 @@
 //! | [`compare`] | [`compare::Compare`] | errors of the model as it is, and where they are |
 //! | [`personalize`] | [`personalize::Personalize`] | fitted muscle parameters, the model that has them |
 //! | [`identify`] | [`identify::Identify`] | intervals and posterior of muscle parameters |
-//! | [`diagnose`] | [`diagnose::Diagnose`] | which physical effects are missing |
+//! | [`diagnose`], [`diagnose_study`] | [`diagnose::Diagnose`] | which physical effects are missing |
 //! | [`effect_steps`] | [`effect_steps::AddEffects`] | the model with effects, step by step |
 //! | [`plan`] | [`plan::Plan`] | further trials that tell explanations apart |
 //! | [`remove_effects`] | [`remove_effects::RemoveEffects`] | a step back in the ledger of effects |
@@ -59,6 +59,7 @@ pub mod cohort_intervals;
 pub mod compare;
 pub mod determines;
 pub mod diagnose;
+pub mod diagnose_study;
 pub mod diagnosis_file;
 pub mod diagnostic;
 pub mod drag;
@@ -108,11 +109,14 @@ pub mod screening;
 pub mod sensitivity;
 pub mod sensitivity_report;
 pub mod series;
+pub mod shared_arguments;
+pub mod shared_work;
 pub mod simulate;
 pub mod strength;
 pub mod study;
 pub mod sweep;
 pub mod synth;
+pub mod task;
 pub mod ultrasound;
 pub mod units;
 pub mod upgrade;

@@ -3,8 +3,8 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, OnceLock};
 
 use cpu_time::ThreadTime;
 use serde::Serialize;
@@ -17,6 +17,15 @@ use super::progress::{Progress, go_on};
 use super::provenance::{self, hash};
 
 const SCHEMA: &str = "carpus.unit/2";
+
+/// The file of the program, where it is not that of the process.
+static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+
+/// Says which file the program is, where an interpreter loaded it: units are of this file, and of no other. Only the
+/// first call counts.
+pub fn set_program(file: PathBuf) {
+    PROGRAM.get_or_init(|| file);
+}
 
 /// What a unit computes.
 pub type Work<'a> = Box<dyn Fn() -> Result<Value, Failure> + Send + Sync + 'a>;
@@ -58,21 +67,22 @@ impl<'o> UnitStore<'o> {
     /// The program's own file cannot be read: its hash is part of every key.
     pub fn new(out: &'o OutputFolder) -> Result<UnitStore<'o>, Failure> {
         let unreadable = |e: std::io::Error| Failure::Internal(format!("the program's own file: {e}"));
-        let program = std::env::current_exe().map_err(unreadable)?;
+        let program = PROGRAM.get().cloned().map_or_else(std::env::current_exe, Ok).map_err(unreadable)?;
         let program = provenance::input_file(&program, "carpus", "program")?.sha256;
         let counts = [AtomicUsize::new(0), AtomicUsize::new(0)];
         Ok(UnitStore { out, program, finished: Mutex::new(BTreeMap::new()), counts })
     }
 
-    /// Does the units that are not finished, on as many threads as there are, each unit on one; a unit that cannot be
-    /// done does not keep the others from being done. The reasons of those come back, in the order of the units, after
+    /// Does the units that are not finished, on as many threads as there are: each unit on one, on more where there are
+    /// fewer units than threads. A unit that cannot be done does not keep the others from being done. The reasons of those come back, in the order of the units, after
     /// warnings of what was stored and is damaged: it is computed again.
     ///
     /// - `inputs`: hashes of the files that all of these units depend on
     /// - `progress`: is told which unit was finished, at the given count of steps
     ///
     /// # Errors
-    /// A fault of this program, the disk; a request to stop, before a unit.
+    /// A fault of this program; a unit that cannot be stored, after which none is begun; a request to stop, before a
+    /// unit.
     pub fn run(
         &self,
         units: &[Unit],
@@ -102,34 +112,45 @@ impl<'o> UnitStore<'o> {
         }
         let next = AtomicUsize::new(0);
         let failures: Mutex<Vec<(usize, Failure)>> = Mutex::new(Vec::new());
+        let not_stored: Mutex<Option<Failure>> = Mutex::new(None);
         let work_on = |i: usize| -> Result<(), Failure> {
             go_on(progress)?;
             let unit = &units[i];
-            let started = ThreadTime::now();
+            let started = processor_seconds();
             let value = (unit.work)()?;
-            let seconds = started.elapsed().as_secs_f64();
-            self.store(&unit.place, &keys[i], value, seconds)?;
+            let seconds = processor_seconds() - started;
+            if let Err(why) = self.store(&unit.place, &keys[i], value, seconds) {
+                lock(&not_stored).get_or_insert(why);
+                return Ok(());
+            }
             self.counts[1].fetch_add(1, Ordering::Relaxed);
             done(&unit.place);
             Ok(())
         };
         let worker = || {
             while let Some(&i) = open.get(next.fetch_add(1, Ordering::Relaxed)) {
+                if lock(&not_stored).is_some() {
+                    break;
+                }
                 if let Err(failure) = work_on(i) {
                     lock(&failures).push((i, failure));
                 }
             }
         };
-        let threads = rayon::current_num_threads().min(open.len());
+        let threads = rayon::current_num_threads();
+        let workers = threads.min(open.len());
         std::thread::scope(|scope| -> Result<(), Failure> {
-            for _ in 0..threads {
-                // What is parallel inside a unit stays on the unit's own thread, so that its time is its own.
-                let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+            for _ in 0..workers {
+                // What is parallel inside a unit stays on the unit's own threads, so that its time is its own.
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads / workers).build();
                 let pool = pool.map_err(|e| Failure::Internal(format!("cannot start a thread: {e}")))?;
                 scope.spawn(move || pool.install(worker));
             }
             Ok(())
         })?;
+        if let Some(why) = lock(&not_stored).take() {
+            return Err(with_hint(why, "make room, then start again with the same words: what is finished is found"));
+        }
         let mut failures = failures.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
         failures.sort_by_key(|(i, _)| *i);
         for (_, failure) in failures {
@@ -222,6 +243,19 @@ impl<'o> UnitStore<'o> {
 
     fn finish(&self, place: &str, value: Value) {
         lock(&self.finished).insert(place.to_owned(), value);
+    }
+}
+
+/// What the threads of this thread's pool have computed so far [s].
+fn processor_seconds() -> f64 {
+    rayon::broadcast(|_| ThreadTime::now().as_duration().as_secs_f64()).iter().sum()
+}
+
+/// The same failure, whose messages say what to do.
+fn with_hint(failure: Failure, hint: &str) -> Failure {
+    match failure {
+        Failure::Input(messages) => Failure::Input(messages.into_iter().map(|m| m.hint(hint)).collect()),
+        other => other,
     }
 }
 
@@ -339,6 +373,24 @@ mod tests {
     fn verif_a_result_that_json_cannot_hold_is_not_stored() {
         assert!(value(&vec![1.0]).is_ok());
         assert!(matches!(value(&vec![1.0, f64::NAN]), Err(Failure::Input(_))));
+    }
+
+    #[test]
+    fn verif_where_a_unit_cannot_be_stored_no_further_one_is_begun() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = OutputFolder::create(folder.path(), &[]).unwrap();
+        std::fs::write(folder.path().join("units"), "a file in place of the folder").unwrap();
+        let count = AtomicUsize::new(0);
+        let units = ["s/P01/a", "s/P01/b", "s/P02/a"].map(|place| unit(place, "", &count));
+        let run = || UnitStore::new(&out).unwrap().run(&units, "", &Silent, [0, 0]);
+        let Err(Failure::Input(messages)) =
+            rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(run)
+        else {
+            panic!("it is an error");
+        };
+        assert_eq!((messages.len(), count.load(Ordering::Relaxed)), (1, 1));
+        assert!(messages[0].text.contains("cannot be written"), "{}", messages[0].text);
+        assert!(messages[0].hint.as_deref().is_some_and(|hint| hint.contains("what is finished is found")));
     }
 
     #[test]

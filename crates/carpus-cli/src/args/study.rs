@@ -9,7 +9,8 @@ use super::parts::{
 };
 use carpus_session::candidates::EffectSize;
 use carpus_session::screening::DEFAULT_STARTS;
-use carpus_session::whole_study::{DEFAULT_BAYESIAN_EVALUATIONS, DEFAULT_SOBOL, DEFAULT_SQP_ITERATIONS, Task};
+use carpus_session::task::Task;
+use carpus_session::whole_study::{DEFAULT_BAYESIAN_EVALUATIONS, DEFAULT_SOBOL, DEFAULT_SQP_ITERATIONS};
 
 /// `carpus demo`
 #[derive(Debug, Args)]
@@ -94,6 +95,9 @@ pub struct DiagnoseArgs {
     /// Also write what simpler methods need to compare themselves (key `baselines`, megabytes)
     #[arg(long)]
     pub baselines: bool,
+    /// Only the I-th of N parts of the participants, without results; `carpus merge` then writes them
+    #[arg(long, value_name = "I/N")]
+    pub task: Option<Task>,
     /// Effects beside the model.
     #[command(flatten)]
     pub effects: EffectsFile,
@@ -244,7 +248,7 @@ pub enum NoiseLevel {
 #[derive(Debug, Args)]
 #[command(after_help = text(include_str!("help/units.txt")))]
 pub struct UnitsArgs {
-    /// The folder that `carpus study --out` writes to
+    /// The folder that `carpus study --out` or `carpus diagnose --out` writes to
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
 }

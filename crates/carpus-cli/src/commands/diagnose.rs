@@ -6,8 +6,9 @@ use crate::args::{DiagnoseArgs, Global};
 use crate::bars::Bars;
 use crate::failure::Failure;
 use crate::next_steps;
+use crate::provenance;
 use crate::separations::separation_table;
-use crate::study_run::StudyRun;
+use crate::study_run::{StudyRun, task_done};
 use crate::table::{fixed, table};
 use carpus_diagnosis::catalogue::effect;
 use carpus_diagnosis::diagnose::{Diagnosis, NamedEffect, ParameterEstimate, Verdict, is_determined};
@@ -16,10 +17,10 @@ use carpus_diagnosis::what_remains::ProposedFormula;
 use carpus_report::intervals::with_validity;
 use carpus_session::candidates::candidates;
 use carpus_session::cohort_diagnosis::Cohort;
-use carpus_session::diagnose::{Diagnose, forward_model};
+use carpus_session::diagnose::Diagnose;
+use carpus_session::diagnose_study::ParticipantDiagnosis;
 use carpus_session::diagnosis_file::proposal_file;
 use carpus_session::json;
-use carpus_session::loading::Purpose;
 use carpus_session::output::OutputFolder;
 use carpus_session::verdict_words::in_words;
 
@@ -31,31 +32,25 @@ pub fn run(args: &DiagnoseArgs, global: &Global) -> Result<(), Failure> {
     candidates(&args.candidates)?;
     let study = StudyRun::prepare_with(&args.study, &args.effects, "diagnose")?;
     let request = Diagnose { seed: global.seed, candidates: args.candidates.clone(), baselines: args.baselines };
-    let (mut evidence, mut inputs) = (Vec::new(), Vec::new());
-    let outcomes = study.each("diagnosing", Purpose::Diagnosis, &Bars::new(global), |session, folder| {
-        let diagnosed = session.diagnosed(&forward_model(&session.data)?, &request)?;
-        diagnosed.write_to(&study.out, folder)?;
-        inputs.extend(session.data.inputs.clone());
-        evidence.push(diagnosed.evidence);
-        Ok((diagnosed.diagnosis, diagnosed.known.value, diagnosed.results))
-    })?;
-    let cohort = study.study.cohort(&evidence, &request, inputs);
-    if let Some(cohort) = &cohort {
-        cohort.write_to(&study.out)?;
+    let bars = Bars::new(global);
+    if let Some(task) = args.task {
+        let arguments = provenance::arguments_of_task();
+        let done = study.study.diagnose_task(&request, (task, &arguments), &study.out, &readable, &bars)?;
+        return task_done(&done, study.out.path(), global);
     }
+    let found = study.study.diagnose_all(&request, &study.out, &readable, &bars)?;
     if global.json {
-        let text = json::line(&outcomes.done.iter().map(|(_, value, _)| value).collect::<Vec<_>>())?;
-        return study.print("diagnose", &text, outcomes.failed);
+        let text = json::line(&found.participants.iter().map(ParticipantDiagnosis::value).collect::<Vec<_>>())?;
+        return study.print("diagnose", &text, found.failed);
     }
-    let page = |d: &Diagnosis| study.report_of(&d.participant);
-    let mut text: Vec<String> = outcomes.done.iter().map(|(d, ..)| format!("{}\n\n{}", readable(d), page(d))).collect();
-    let results = outcomes.done.iter().map(|(.., results)| results);
+    let one = |p: &ParticipantDiagnosis| format!("{}\n\n{}", p.told, study.report_of(&p.evidence.participant));
+    let mut text: Vec<String> = found.participants.iter().map(one).collect();
     if let Some(last) = text.last_mut() {
-        last.push_str(&next_steps::in_words(results, study.out.path()));
+        last.push_str(&next_steps::in_words(found.participants.iter().map(|p| &p.results), study.out.path()));
     }
-    text.extend(cohort.map(|cohort| together(&cohort, &study.out)));
+    text.extend(found.cohort.map(|cohort| together(&cohort, &study.out)));
     let text = text.join("\n\n");
-    study.print("diagnose", &text, outcomes.failed)
+    study.print("diagnose", &text, found.failed)
 }
 
 /// What the participants say together.

@@ -5,10 +5,10 @@ use std::ffi::OsString;
 use clap::FromArgMatches;
 
 use crate::args::{Cli, Command, Global, MergeArgs};
-use crate::commands::study;
+use crate::commands::{diagnose, study};
 use crate::failure::{Diagnostic, Failure};
 use crate::{help, provenance};
-use carpus_session::whole_study::SharedWork;
+use carpus_session::shared_work::SharedWork;
 
 /// Runs the command.
 ///
@@ -17,7 +17,7 @@ use carpus_session::whole_study::SharedWork;
 pub fn run(args: &MergeArgs, global: &Global) -> Result<(), Failure> {
     let shared = SharedWork::of(&args.folder)?;
     let none = || {
-        let hint = "run parts of a study first: carpus study STUDY --out DIR --task I/N";
+        let hint = "run parts first: carpus study STUDY --out DIR --task I/N, or carpus diagnose in its place";
         Failure::from(Diagnostic::error("no tasks share this folder").in_file(&args.folder).hint(hint))
     };
     let record = shared.asked(&args.folder)?.ok_or_else(none)?;
@@ -29,7 +29,6 @@ pub fn run(args: &MergeArgs, global: &Global) -> Result<(), Failure> {
     };
     let parsed = help::command().try_get_matches_from(&words).and_then(|matches| Cli::from_arg_matches(&matches));
     let cli = parsed.map_err(|e| unreadable(e.to_string()))?;
-    let Command::Study(asked) = cli.command else { return Err(unreadable("it is no study".to_owned())) };
     // Paths are relative to where the tasks began.
     if std::env::current_dir().ok().as_deref() != Some(record.directory.as_path()) {
         std::env::set_current_dir(&record.directory).map_err(|e| {
@@ -38,5 +37,10 @@ pub fn run(args: &MergeArgs, global: &Global) -> Result<(), Failure> {
         })?;
     }
     provenance::set_words(words);
-    study::run(&asked, &Global { seed: cli.global.seed, ..*global })
+    let global = Global { seed: cli.global.seed, ..*global };
+    match cli.command {
+        Command::Study(asked) => study::run(&asked, &global),
+        Command::Diagnose(asked) => diagnose::run(&asked, &global),
+        _ => Err(unreadable("it is no command with tasks".to_owned())),
+    }
 }

@@ -6,11 +6,10 @@ use crate::commands::identify;
 use crate::failure::Failure;
 use crate::provenance;
 use crate::stdout::print_result;
-use crate::study_run::opening;
+use crate::study_run::{opening, task_done};
 use crate::table::tables;
-use carpus_session::json;
 use carpus_session::study::Study;
-use carpus_session::whole_study::{Task, Told, WholeStudy};
+use carpus_session::whole_study::{Told, WholeStudy};
 
 /// Runs the command.
 ///
@@ -30,7 +29,8 @@ pub fn run(args: &WholeStudyArgs, global: &Global) -> Result<(), Failure> {
     request.check()?;
     let study = Study::open_with(&args.study.input.study, opening(&args.study, None))?;
     if let Some(task) = args.task {
-        return part(study, &request, task, args, global);
+        let (arguments, out) = (provenance::arguments_of_task(), &args.study.out);
+        return task_done(&study.study_task(&request, task, &arguments, out, &Bars::new(global))?, out, global);
     }
     let done = study.whole_study(&request, &args.study.out, &Bars::new(global))?;
     if global.json {
@@ -48,23 +48,6 @@ pub fn run(args: &WholeStudyArgs, global: &Global) -> Result<(), Failure> {
         text.push_str(&format!("{found} units were finished before, {computed} were computed\n"));
         text.push_str(&format!("{}\n", done.report.display()));
         print_result(&text)?;
-    }
-    if done.failed.is_empty() { Ok(()) } else { Err(Failure::Input(done.failed)) }
-}
-
-/// One part of the participants, for one of several machines.
-fn part(study: Study, request: &WholeStudy, task: Task, args: &WholeStudyArgs, global: &Global) -> Result<(), Failure> {
-    let out = &args.study.out;
-    let done = study.study_task(request, task, &provenance::arguments_of_task(), out, &Bars::new(global))?;
-    if global.json {
-        print_result(&json::line(&done.record)?)?;
-    } else {
-        let (found, computed) = (done.units_found_finished, done.units_computed);
-        print_result(&format!(
-            "task {task}: {found} units were finished before, {computed} were computed\n\nwhen all tasks are done:\n  \
-             carpus merge {}\n",
-            out.display()
-        ))?;
     }
     if done.failed.is_empty() { Ok(()) } else { Err(Failure::Input(done.failed)) }
 }

@@ -5,7 +5,8 @@ use crate::failure::Failure;
 use crate::stdout::print_result;
 use crate::table::table;
 use carpus_session::json;
-use carpus_session::whole_study::{SharedWork, StepUnits, TaskShown, TaskState};
+use carpus_session::shared_work::{SharedWork, StepUnits, TaskShown};
+use carpus_session::task::TaskState;
 
 /// Reasons that are shown of a task.
 const REASONS: usize = 3;
@@ -29,6 +30,7 @@ pub fn run(args: &UnitsArgs, global: &Global) -> Result<(), Failure> {
     };
     let rows: Vec<Vec<String>> = found.units.iter().flat_map(of_step).collect();
     text.push_str(&table(&["step", "participant", "finished", "missing", "damaged"], 2, rows));
+    text.push_str(&found.notes.iter().map(|note| format!("\n\n{note}")).collect::<String>());
     print_result(&(text + "\n"))
 }
 

@@ -14,9 +14,7 @@ mod power;
 mod request;
 mod scale;
 mod sensitivity;
-mod shared_arguments;
 mod step;
-mod task;
 mod ultrasound;
 
 use std::path::{Path, PathBuf};
@@ -30,17 +28,15 @@ use crate::output::OutputFolder;
 use crate::progress::{Progress, go_on};
 use crate::report_parts::ReportParts;
 use crate::study::Study;
+use crate::task::{Recorder, Task, TaskDone};
 use crate::units::UnitStore;
 use carpus_report::article::{Article, Block, Section};
 use carpus_report::render_article;
 use carpus_report::results::InputFile;
 
 pub use request::{DEFAULT_BAYESIAN_EVALUATIONS, DEFAULT_SOBOL, DEFAULT_SQP_ITERATIONS, WholeStudy};
-pub use shared_arguments::shared_arguments;
 pub use step::Told;
 use step::{Context, Step};
-use task::Recorder;
-pub use task::{SharedWork, StepUnits, Task, TaskRecord, TaskShown, TaskState};
 
 /// The steps, in the order in which they are done.
 const STEPS: [&dyn Step; 10] = [
@@ -153,24 +149,11 @@ impl Study {
         let store = UnitStore::new(&out)?;
         let context = Context { study: &study, out: &out, request, store: &store, processing };
         let mut recorder = Recorder::begin(&out, task, arguments)?;
-        let work = context.work(&steps, Some((task, &mut recorder)), progress)?;
-        let record = recorder.end(&work.failures)?;
-        let [units_found_finished, units_computed] = store.counts();
-        Ok(TaskDone { record, units_found_finished, units_computed, failed: work.failures })
+        match context.work(&steps, Some((task, &mut recorder)), progress) {
+            Ok(work) => recorder.end(work.failures, store.counts()),
+            Err(reason) => Err(recorder.fail(reason)),
+        }
     }
-}
-
-/// What came of a task.
-#[derive(Clone, Debug)]
-pub struct TaskDone {
-    /// As it stands in the folder.
-    pub record: TaskRecord,
-    /// Units that an earlier run had finished.
-    pub units_found_finished: usize,
-    /// Units that were computed.
-    pub units_computed: usize,
-    /// What could not be done.
-    pub failed: Vec<Diagnostic>,
 }
 
 /// What came of the participants' units.
