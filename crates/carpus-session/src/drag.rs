@@ -149,7 +149,14 @@ fn named_by(study: &Study) -> (Vec<PathBuf>, Names) {
 }
 
 fn read(file: &Path, names: &Names) -> Result<Run, Failure> {
-    let recorded = Recorded::read(file, None, Some(&names.time), &[&names.angle, &names.moment], &[&names.velocity])?;
+    let recorded = Recorded::read(
+        file,
+        names.table.as_deref(),
+        None,
+        Some(&names.time),
+        &[&names.angle, &names.moment],
+        &[&names.velocity],
+    )?;
     let column = |name: &str, conversion: Conversion| {
         recorded.column(name).map(|x| x.iter().map(|v| conversion.of(*v)).collect::<Vec<f64>>())
     };

@@ -85,6 +85,8 @@ impl TrialInfo {
             start_time: None,
             arm_flipped: false,
             emg_file: None,
+            table: None,
+            emg_table: None,
         }
     }
 

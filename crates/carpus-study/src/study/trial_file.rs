@@ -8,8 +8,9 @@ use super::limits::{MAX_SAMPLES, MIN_SAMPLES};
 use super::nearest::nearest;
 use super::problem::{Problem, Severity, StudyErrors};
 use super::raw_emg::{self, EmgSignal};
+use super::recording_file::{Recording, Source};
 use super::settings::Settings;
-use super::table::{is_of_a_study, missing_column, next_row, open_recording};
+use super::table::{is_of_a_study, missing_column};
 use super::trial::Trial;
 use super::trial_checks::{check_arrays, check_excitation, check_time, note_resampled};
 use super::trial_list::TrialInfo;
@@ -165,8 +166,17 @@ fn read_samples(
 ) -> Option<Trial> {
     let file = &info.file;
     let named_at = format!("{}:{}", trials_file.display(), info.line);
-    let expected = Some(settings.columns.time.as_str());
-    let (mut reader, header, dialect) = open_recording(file, "trial file", Some(&named_at), expected, problems)?;
+    let columns = [&settings.columns.time, &settings.columns.angle, &settings.columns.moment].map(String::as_str);
+    let source = Source {
+        path: file,
+        table: info.table.as_deref().or(settings.columns.table.as_deref()),
+        columns: &columns,
+        what: "trial file",
+        named_at: Some(&named_at),
+        key: "table",
+    };
+    let mut recording = Recording::open(&source, problems)?;
+    let header = recording.names.clone();
     let layout = layout(&header, settings, file, problems)?;
 
     let unit = settings.columns.angle_unit;
@@ -178,12 +188,10 @@ fn read_samples(
     let mut velocity = layout.velocity.map(|_| Vec::new());
     let mut bad: Vec<BadCells> = header.iter().map(|_| BadCells::default()).collect();
     let mut ragged: Option<(usize, usize, usize)> = None;
-    let is_plain = dialect.is_plain();
-    let mut record = csv::StringRecord::new();
-    while next_row(&mut reader, &mut record, file, problems)? {
-        let line = record.position().map_or(0, |p| p.line() as usize);
-        if record.len() != header.len() {
-            let first = ragged.get_or_insert((line, record.len(), 0));
+    while recording.next(file, problems)? {
+        let line = recording.place();
+        if recording.cells() != header.len() {
+            let first = ragged.get_or_insert((line, recording.cells(), 0));
             first.2 += 1;
             continue;
         }
@@ -192,11 +200,9 @@ fn read_samples(
             return None;
         }
         let mut number = |column: usize| {
-            let text = &record[column];
-            let value = if is_plain { text.parse().ok() } else { dialect.number(text) };
-            let value = value.filter(|v| is_of_a_study(*v));
+            let value = recording.number(column).filter(|v| is_of_a_study(*v));
             if value.is_none() {
-                bad[column].note(line, text);
+                bad[column].note(line, &recording.text_of(column));
             }
             value.unwrap_or(0.0) // never used: a noted cell fails the whole trial below
         };
@@ -213,7 +219,7 @@ fn read_samples(
         for (i, (channel, column)) in trial.excitation.iter_mut().zip(&layout.emg).enumerate() {
             // A column that serves several muscles is counted as bad once.
             let again = layout.emg[..i].contains(column);
-            let value = if again { dialect.number(&record[*column]).unwrap_or(0.0) } else { number(*column) };
+            let value = if again { recording.number(*column).unwrap_or(0.0) } else { number(*column) };
             channel.push(conversions.emg(i).of(value));
         }
         trial.lines.push(u32::try_from(line).unwrap_or(u32::MAX));
