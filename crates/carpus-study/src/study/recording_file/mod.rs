@@ -311,3 +311,6 @@ fn failed<T>(path: &Path, result: Result<T, RecordingFileError>, problems: &mut 
     let report = |error| problems.push(Problem::error(path, None, Fault::Recording(error)));
     result.map_err(report).ok()
 }
+
+#[cfg(all(test, feature = "recordings"))]
+mod tests;
