@@ -30,7 +30,18 @@ impl Trial {
     ) -> Result<Trial, StudyErrors> {
         let mut problems = Vec::new();
         let trial = read_samples(info, settings, trials_file, &mut problems);
-        Self::settled(trial, settings, mvc_levels, problems)
+        let in_table = |problems: &mut [Problem]| Problem::set_table(problems, &info.file, table_of(info, settings));
+        Self::settled(trial, settings, mvc_levels, problems).map_or_else(
+            |mut errors| {
+                in_table(&mut errors.errors);
+                in_table(&mut errors.warnings);
+                Err(errors)
+            },
+            |mut trial| {
+                in_table(&mut trial.warnings);
+                Ok(trial)
+            },
+        )
     }
 
     /// As [`Trial::read`], of samples that are in memory.
@@ -70,6 +81,11 @@ impl Trial {
         // No samples and no error cannot be: every way out of `read_samples` reports.
         trial.map(|trial| Trial { warnings, ..trial }).ok_or_else(StudyErrors::default)
     }
+}
+
+/// The table of a trial's file that is stated.
+fn table_of<'s>(info: &'s TrialInfo, settings: &'s Settings) -> Option<&'s str> {
+    info.table.as_deref().or(settings.columns.table.as_deref())
 }
 
 /// Where each quantity stands in the header; EMG of a recorder of its own stands nowhere.
@@ -169,7 +185,7 @@ fn read_samples(
     let columns = [&settings.columns.time, &settings.columns.angle, &settings.columns.moment].map(String::as_str);
     let source = Source {
         path: file,
-        table: info.table.as_deref().or(settings.columns.table.as_deref()),
+        table: table_of(info, settings),
         columns: &columns,
         what: "trial file",
         named_at: Some(&named_at),

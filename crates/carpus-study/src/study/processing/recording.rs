@@ -53,6 +53,7 @@ impl Recorded {
     ) -> Result<Recorded, StudyErrors> {
         let mut problems = Vec::new();
         let found = Self::read_parts(path, table, named_at, time, required, optional, &mut problems);
+        Problem::set_table(&mut problems, path, table);
         StudyErrors::settle(problems)?;
         // Nothing read and no error cannot be.
         found.ok_or_else(StudyErrors::default)

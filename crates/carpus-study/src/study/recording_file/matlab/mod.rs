@@ -224,7 +224,8 @@ impl<'v> Scope<'v> {
         let one = |i: usize| {
             let label = labels.get(i).filter(|label| !label.is_empty()).cloned();
             let stated = || self.text(&format!("{name}_unit")).or_else(|| self.text(&format!("{name}_units")));
-            let unit = stated().map(str::to_owned).filter(|_| count == 1).or_else(|| units.get(i).cloned());
+            let of_all = || stated().or_else(|| self.text("units").or_else(|| self.text("unit")).filter(|_| count > 1));
+            let unit = units.get(i).cloned().or_else(|| of_all().map(str::to_owned));
             (label.unwrap_or_else(|| numbered(i)), unit.unwrap_or_default())
         };
         (0..count).map(one).collect()
