@@ -326,7 +326,7 @@ fn one_workbook(out: &Path, trials: &[Trial]) -> io::Result<()> {
             "mvc" => "MVC".to_owned(),
             "isotonic" => "isok".to_owned(),
             "isometric" => "isom".to_owned(),
-            other => other.chars().take(4).collect(),
+            other => other.to_owned(),
         };
         let sign = |posture: i32| if posture < 0 { "n" } else { "p" };
         let words = trial.words(word, |posture| format!("{}{}deg", sign(posture), posture.abs()));
