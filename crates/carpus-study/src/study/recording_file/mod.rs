@@ -81,11 +81,16 @@ impl Recording {
         match format_of(source.path, &head(source.path)) {
             Ok(Format::Text) => Self::text(source, problems),
             Ok(format) => {
-                let tables = failed(source.path, tables(source.path, format), problems)?;
-                let titles: Vec<String> = tables.iter().map(|table| table.title.clone()).collect();
-                let names: Vec<&[String]> = tables.iter().map(|table| table.names.as_slice()).collect();
-                let chosen = failed(source.path, choose(source, &titles, &names), problems)?;
-                Self::of_table(source.path, format, tables.into_iter().nth(chosen)?, problems)
+                let of = |wanted: Option<&str>| {
+                    let mut tables = tables(source.path, format, wanted)?;
+                    let titles: Vec<String> = tables.iter().map(|table| table.title.clone()).collect();
+                    let names: Vec<&[String]> = tables.iter().map(|table| table.names.as_slice()).collect();
+                    choose(source, &titles, &names).map(|chosen| tables.swap_remove(chosen))
+                };
+                // A table that is named is read without the others; a number counts all of them.
+                let alone = source.table.map(str::trim).filter(|title| title.parse::<usize>().is_err());
+                let found = alone.and_then(|title| of(Some(title)).ok()).map_or_else(|| of(None), Ok);
+                Self::of_table(source.path, format, failed(source.path, found, problems)?, problems)
             }
             Err(error) => failed(source.path, Err(error), problems),
         }
@@ -112,7 +117,7 @@ impl Recording {
             };
             return titles.into_iter().zip(tables).filter_map(open).collect();
         }
-        let tables = failed(path, tables(path, format), problems).unwrap_or_default();
+        let tables = failed(path, tables(path, format, None), problems).unwrap_or_default();
         let is_alone = tables.len() == 1;
         let open = |table: RecordedTable| {
             let title = (!is_alone).then(|| table.title.clone());
@@ -270,8 +275,10 @@ fn head(path: &Path) -> Vec<u8> {
 }
 
 /// The tables of a file that is no text.
+///
+/// - `wanted`: title of the one that is needed; others may be left out
 #[cfg(feature = "recordings")]
-fn tables(path: &Path, format: Format) -> Result<Vec<RecordedTable>, RecordingFileError> {
+fn tables(path: &Path, format: Format, wanted: Option<&str>) -> Result<Vec<RecordedTable>, RecordingFileError> {
     let unreadable = |found: String| RecordingFileError::Broken {
         format,
         place: "file".to_owned(),
@@ -284,16 +291,18 @@ fn tables(path: &Path, format: Format) -> Result<Vec<RecordedTable>, RecordingFi
     if bytes.len() as u64 > MOST_BYTES {
         return Err(RecordingFileError::TooLarge { format, what: "bytes", limit: MOST_BYTES as usize });
     }
-    tables_of(&bytes, format)
+    tables_of(&bytes, format, wanted)
 }
 
 /// The tables in bytes of a format.
 #[cfg(feature = "recordings")]
-fn tables_of(bytes: &[u8], format: Format) -> Result<Vec<RecordedTable>, RecordingFileError> {
+fn tables_of(bytes: &[u8], format: Format, wanted: Option<&str>) -> Result<Vec<RecordedTable>, RecordingFileError> {
+    // Titles begin with the name of the sheet or the variable.
+    let is_wanted = |name: &str| wanted.is_none_or(|title| title.to_lowercase().starts_with(&name.to_lowercase()));
     match format {
         Format::Text => Ok(Vec::new()),
-        Format::Workbook => workbook::tables(bytes),
-        Format::Matlab => matlab::tables(bytes),
+        Format::Workbook => workbook::tables(bytes, &is_wanted),
+        Format::Matlab => matlab::tables(bytes, &is_wanted),
         Format::Edf => edf::tables(bytes),
         Format::C3d => c3d::tables(bytes),
     }
@@ -301,7 +310,7 @@ fn tables_of(bytes: &[u8], format: Format) -> Result<Vec<RecordedTable>, Recordi
 
 /// No tables: only text is read.
 #[cfg(not(feature = "recordings"))]
-fn tables(_: &Path, format: Format) -> Result<Vec<RecordedTable>, RecordingFileError> {
+fn tables(_: &Path, format: Format, _: Option<&str>) -> Result<Vec<RecordedTable>, RecordingFileError> {
     let what = format!("a {}", format.words());
     Err(RecordingFileError::NotRead { what, hint: "this program was built without the feature `recordings`: give CSV" })
 }

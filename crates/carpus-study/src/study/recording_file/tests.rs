@@ -86,6 +86,13 @@ fn verif_a_table_is_chosen_by_title_number_or_columns() {
         let without = message(None, &["Time", "Force"]);
         assert!(without.contains("`Force`") && without.contains("Torque"), "{without}");
     }
+    // Other sheets and structs are not read.
+    let alone = |file: &str, format, wanted| tables(&fixture(file), format, Some(wanted)).map(|tables| tables.len());
+    assert_eq!(alone("repetitions.xlsx", Format::Workbook, "REP 2"), Ok(1));
+    assert_eq!(alone("struct.mat", Format::Matlab, "data"), Ok(1));
+    assert!(
+        alone("struct.mat", Format::Matlab, "other").is_err() && alone("spike2.mat", Format::Matlab, "Ch").is_err()
+    );
     same("devices.csv", None, ["Time", "Angle", "Torque", "", ""], 1.0);
     same("devices.csv", None, ["Time", "", "", "ECRL", "FCR"], 1.0);
     let (recording, _) = read("devices.csv", None, &["Time", "FCR"]).unwrap();
@@ -103,7 +110,7 @@ fn verif_units_and_places_are_those_of_the_file() {
     let (recording, _) = read("recording.xlsx", None, &["Torque"]).unwrap();
     assert_eq!(recording.dialect.units, ["s", "deg", "N-m"]);
     // Six rows of the sheet are above the forty of numbers.
-    let rows = tables(&fixture("recording.xlsx"), Format::Workbook).unwrap()[0].places.clone();
+    let rows = tables(&fixture("recording.xlsx"), Format::Workbook, None).unwrap()[0].places.clone();
     assert_eq!(rows, (7..=46).collect::<Vec<_>>());
     // A table of a text ends before the next one begins.
     let (_, first) = read("repetitions.csv", Some("1"), &[]).unwrap();
@@ -143,7 +150,7 @@ fn verif_files_that_are_cut_off_or_changed_do_no_harm() {
         if format == Format::Text {
             continue;
         }
-        let mut look = |bytes: &[u8]| match tables_of(bytes, format) {
+        let mut look = |bytes: &[u8]| match tables_of(bytes, format, None) {
             Ok(tables) => {
                 assert!(tables.iter().all(|table| table.columns.iter().all(|c| c.len() == table.rows())));
                 read += 1;

@@ -39,6 +39,8 @@ pub enum Value {
 const HEADER: usize = 128;
 /// Most bytes that all variables of a file take once unpacked: a gigabyte, an hour of sixteen channels at 2 kHz.
 const MOST_BYTES: usize = 1 << 30;
+/// Bytes at the beginning of a variable that its class, dimensions and name are in: names have up to 63 letters.
+const BEGINNING: u64 = 256;
 /// Deepest nesting of structs and cells: files that people make have less than ten.
 const DEEPEST: usize = 24;
 /// Most values of a file: every one takes some fifty bytes beside its numbers.
@@ -65,9 +67,11 @@ mod kind {
 
 /// The variables of a file, by name.
 ///
+/// - `is_wanted`: which structs are read; their names stand at their beginning
+///
 /// # Errors
 /// Bytes that are not of this format; more than is read of a file.
-pub fn variables(bytes: &[u8]) -> Result<Vec<(String, Value)>, RecordingFileError> {
+pub fn variables(bytes: &[u8], is_wanted: &dyn Fn(&str) -> bool) -> Result<Vec<(String, Value)>, RecordingFileError> {
     let order = match bytes.get(126..HEADER) {
         Some(b"IM") => Order::Little,
         Some(b"MI") => Order::Big,
@@ -83,6 +87,10 @@ pub fn variables(bytes: &[u8]) -> Result<Vec<(String, Value)>, RecordingFileErro
     while rest.len() >= 8 {
         let (kind, data, after) = reader.element(rest, "variables")?;
         let mut buffer = Vec::new();
+        if reader.struct_name(kind, data).is_some_and(|name| !is_wanted(&name)) {
+            rest = after;
+            continue;
+        }
         let (kind, data) = match kind {
             kind::COMPRESSED => {
                 let left = (MOST_BYTES - unpacked) as u64;
@@ -147,6 +155,24 @@ impl Reader {
         let data = after.get(..size).ok_or_else(cut)?;
         let padded = if kind == kind::COMPRESSED { size } else { size.next_multiple_of(8) };
         Ok((kind, data, after.get(padded..).unwrap_or_default()))
+    }
+
+    /// The name of a variable that is a struct, of as much of it as that takes.
+    fn struct_name(&self, kind: u32, data: &[u8]) -> Option<String> {
+        let mut beginning = Vec::new();
+        let body = match kind {
+            kind::COMPRESSED => {
+                // What is damaged is told when the variable is read.
+                let _ = ZlibDecoder::new(data).take(BEGINNING).read_to_end(&mut beginning);
+                beginning.get(8..)?
+            }
+            _ => data,
+        };
+        let (_, flags, rest) = self.element(body, "").ok()?;
+        let class = self.word(*flags.first_chunk()?) & 0xff;
+        let (_, _, rest) = self.element(rest, "").ok()?;
+        let (_, name, _) = self.element(rest, "").ok()?;
+        (class == 2).then(|| text(name))
     }
 
     /// A variable, a cell or a field: its name and what it holds.

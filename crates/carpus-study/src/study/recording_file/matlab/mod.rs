@@ -22,10 +22,12 @@ const TOP: &str = "variables";
 
 /// The tables of a file.
 ///
+/// - `is_wanted`: which variables that are structs are read
+///
 /// # Errors
 /// Bytes that are no such file; no table; too much.
-pub fn tables(bytes: &[u8]) -> Result<Vec<RecordedTable>, RecordingFileError> {
-    let variables = element::variables(bytes)?;
+pub fn tables(bytes: &[u8], is_wanted: &dyn Fn(&str) -> bool) -> Result<Vec<RecordedTable>, RecordingFileError> {
+    let variables = element::variables(bytes, is_wanted)?;
     let named: Vec<(&str, &Value)> = variables.iter().map(|(name, value)| (name.as_str(), value)).collect();
     let mut tables = Vec::new();
     of_scope("", &Scope { named: &named, outer: None }, &mut tables)?;

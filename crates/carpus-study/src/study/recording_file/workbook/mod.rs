@@ -18,9 +18,11 @@ use crate::study::limits::MIN_SAMPLES;
 
 /// The tables of a file.
 ///
+/// - `is_wanted`: which sheets are read
+///
 /// # Errors
 /// Bytes that are no workbook; no table; too much.
-pub fn tables(bytes: &[u8]) -> Result<Vec<RecordedTable>, RecordingFileError> {
+pub fn tables(bytes: &[u8], is_wanted: &dyn Fn(&str) -> bool) -> Result<Vec<RecordedTable>, RecordingFileError> {
     let mut archive = Archive::of(bytes)?;
     let start = archive.text("_rels/.rels")?.unwrap_or_default();
     let start = sheets::relations(&start, "_rels/.rels")?;
@@ -52,7 +54,7 @@ pub fn tables(bytes: &[u8]) -> Result<Vec<RecordedTable>, RecordingFileError> {
     let times = sheets::times(&text, &place)?;
     let mut tables = Vec::new();
     let mut count = 0;
-    for (sheet, id) in &names {
+    for (sheet, id) in names.iter().filter(|(sheet, _)| is_wanted(sheet)) {
         // Sheets of diagrams have no cells.
         let target = related.iter().find(|[of, kind, _]| of == id && kind.ends_with("/worksheet"));
         let Some([_, _, target]) = target else { continue };
