@@ -1,4 +1,4 @@
-//! Writes one participant's recordings as three laboratories would export them.
+//! Writes one participant's recordings as four laboratories would export them.
 //!
 //! ```console
 //! $ cargo run --example lab_exports -- exports
@@ -13,10 +13,16 @@
 //! | `biodex_delsys` | Biodex: equal column widths, ms | Delsys: a time column a channel, acceleration | one trigger |
 //! | `humac_noraxon` | HUMAC: foot-pounds, reversed | Noraxon: names with commas, µV | torque as a voltage of the EMG |
 //! | `one_file` | semicolons, decimal commas, units below, German | in the same file, mV | one |
+//! | `workbook_matlab` | one workbook, a sheet a trial | one `.mat` file, a struct a trial, µV | one trigger |
+
+#[path = "lab_exports/workbook_matlab.rs"]
+mod workbook_matlab;
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs, io};
+
+use workbook_matlab::{EmgStruct, Sheet, write_matlab, write_workbook};
 
 /// Muscles of the bundled study: name, as Delsys' users write it, as Noraxon abbreviates it, in Latin.
 const MUSCLES: [[&str; 4]; 5] = [
@@ -59,7 +65,7 @@ fn main() -> io::Result<()> {
     Ok(())
 }
 
-/// Writes the three folders.
+/// Writes the four folders.
 ///
 /// # Errors
 /// The disk.
@@ -67,7 +73,8 @@ pub fn write(out: &Path) -> io::Result<()> {
     let trials = EXPORTED.iter().map(|name| Trial::read(name)).collect::<io::Result<Vec<_>>>()?;
     biodex_delsys(&out.join("biodex_delsys"), &trials)?;
     humac_noraxon(&out.join("humac_noraxon"), &trials)?;
-    one_file(&out.join("one_file"), &trials)
+    one_file(&out.join("one_file"), &trials)?;
+    one_workbook(&out.join("workbook_matlab"), &trials)
 }
 
 /// A trial of the bundled study.
@@ -307,4 +314,41 @@ fn one_file(out: &Path, trials: &[Trial]) -> io::Result<()> {
         fs::write(folder.join(format!("{name}.csv")), text)?;
     }
     Ok(())
+}
+
+/// A workbook of all exports of the dynamometer and a `.mat` file of all EMG.
+fn one_workbook(out: &Path, trials: &[Trial]) -> io::Result<()> {
+    const RATE: f64 = 2000.0;
+    fs::create_dir_all(out)?;
+    let (mut sheets, mut structs) = (Vec::new(), Vec::new());
+    for (i, trial) in trials.iter().enumerate() {
+        let word = |word: &str| match word {
+            "mvc" => "MVC".to_owned(),
+            "isotonic" => "isok".to_owned(),
+            "isometric" => "isom".to_owned(),
+            other => other.to_owned(),
+        };
+        let sign = |posture: i32| if posture < 0 { "n" } else { "p" };
+        let words = trial.words(word, |posture| format!("{}{}deg", sign(posture), posture.abs()));
+        let velocity = trial.velocity();
+        let row = |k: usize| vec![trial.time[k], trial.moment_n_m[k], trial.angle_deg[k], velocity[k]];
+        sheets.push(Sheet {
+            name: words.join(" "),
+            above: vec![["Patient".into(), "P04".into()], ["Protocol".into(), trial.contraction.clone()]],
+            names: ["Time (s)", "Torque (Nm)", "Position (deg)", "Velocity (deg/s)"].map(String::from).to_vec(),
+            rows: (0..trial.time.len()).map(row).collect(),
+        });
+        let mut noise = Noise(4000 + i as u64);
+        let samples = (trial.duration() * RATE) as usize + 1;
+        let mut channels = vec![Vec::with_capacity(samples); MUSCLES.len()];
+        for k in 0..samples {
+            for (m, channel) in channels.iter_mut().enumerate() {
+                channel.push(noise.emg(m, trial.at(&trial.excitation[m], k as f64 / RATE)));
+            }
+        }
+        let labels = MUSCLES.iter().map(|muscle| muscle[0].to_owned()).collect();
+        structs.push(EmgStruct { name: words.join("_"), labels, channels, rate: RATE });
+    }
+    write_workbook(&out.join("P04_dynamometer.xlsx"), &sheets)?;
+    write_matlab(&out.join("P04_emg.mat"), &structs)
 }

@@ -1,7 +1,7 @@
-//! From a folder of exported files to a study: `carpus init`, `check` and `compare` on what three laboratories export.
+//! From a folder of exported files to a study: `carpus init`, `check` and `compare` on what four laboratories export.
 //!
 //! The files are those of `examples/lab_exports.rs`: OpenSim's trials of the bundled study in the layouts of Biodex,
-//! HUMAC, Delsys and Noraxon, and in one file with decimal commas. So it is known what has to come out.
+//! HUMAC, Delsys and Noraxon, in one file with decimal commas, and as a workbook with a MATLAB file. So it is known what has to come out.
 
 #[allow(dead_code)]
 #[path = "../../examples/lab_exports.rs"]
@@ -29,7 +29,7 @@ fn carpus(words: &[&str]) -> assert_cmd::assert::Assert {
     command.timeout(std::time::Duration::from_secs(600)).env_remove("RUST_LOG").args(words).assert()
 }
 
-/// The three folders, written once, and beside each its proposed study.
+/// The four folders, written once, and beside each its proposed study.
 fn exports() -> &'static Path {
     static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
     let folder = FOLDER.get_or_init(|| {
@@ -144,8 +144,71 @@ fn val_opensim_one_file_with_decimal_commas_becomes_the_study_that_it_was_made_o
 }
 
 #[test]
+fn val_opensim_a_workbook_and_a_matlab_file_become_the_study_that_they_were_made_of() {
+    compared("workbook_matlab");
+    let (out, _) = proposed("workbook_matlab");
+    let table = std::fs::read_to_string(out.path().join("study/trials.csv")).unwrap();
+    let row = "P04_dynamometer.xlsx,isometric,50,flexion,-30,1,train,P04_emg.mat,isom flexion 50 n30deg 1,\
+               isom_flexion_50_n30deg_1";
+    assert!(table.contains(row), "{table}");
+    // As a newcomer goes on, to the personalized model.
+    let study = out.path().join("study/study.toml");
+    let personalized = out.path().join("personalized");
+    carpus(&["personalize", study.to_str().unwrap(), "--out", personalized.to_str().unwrap()]).success();
+    let text = std::fs::read_to_string(personalized.join("P04/results.json")).unwrap();
+    let results: Value = serde_json::from_str(&text).unwrap();
+    let nrmse = |id: &str| {
+        let model = results["models"].as_array().and_then(|all| all.iter().find(|model| model["id"] == id));
+        let errors = model.and_then(|model| model["errors"].as_array()).unwrap_or_else(|| panic!("{id}"));
+        let of = errors.iter().find(|errors| errors["use"] == "held_out");
+        of.and_then(|errors| errors["errors"]["nrmse"].as_f64()).unwrap_or_else(|| panic!("{errors:#?}"))
+    };
+    let [before, after] = ["before", "personalized"].map(nrmse);
+    println!("held out: {:.2} % before, {:.2} % personalized", 100.0 * before, 100.0 * after);
+    assert!(after < 0.7 * before);
+    assert!(personalized.join("P04/model.osim").is_file() && personalized.join("P04/report.html").is_file());
+}
+
+#[test]
+fn verif_a_table_that_is_not_there_and_a_damaged_file_are_told_by_check() {
+    let (out, _) = proposed("workbook_matlab");
+    let file = out.path().join("study/trials.csv");
+    let text = std::fs::read_to_string(&file).unwrap();
+    let told = || {
+        let run = carpus(&["check", out.path().join("study").to_str().unwrap()]).failure().code(1);
+        String::from_utf8_lossy(&run.get_output().stdout).split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    std::fs::write(&file, text.replace(",passive 1,", ",pasive 1,")).unwrap();
+    let said = told();
+    assert!(said.contains("no table `pasive 1`") && said.contains("did you mean `passive 1`"), "{said}");
+    // A row without a table: which of 18 sheets?
+    std::fs::write(&file, text.replace(",passive 1,", ",,")).unwrap();
+    let said = told();
+    assert!(said.contains("several tables have the columns") && said.contains("column table of trials.csv"), "{said}");
+}
+
+#[test]
+fn verif_a_folder_with_files_that_are_not_read_is_told_why() {
+    let folder = tempfile::tempdir().unwrap();
+    for file in ["version73.mat", "recording.xlsx"] {
+        std::fs::copy(root("fixtures/recordings").join(file), folder.path().join(file)).unwrap();
+    }
+    let study = folder.path().join("study");
+    let words = ["init", folder.path().to_str().unwrap(), "--model", "models/wrist.osim", "--yes", "--json", "--out"];
+    let words: Vec<&str> = words.into_iter().chain([study.to_str().unwrap()]).collect();
+    let mut command = Command::cargo_bin("carpus").unwrap();
+    let run = command.current_dir(root("")).args(words).assert().success();
+    let proposal: Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
+    let unknown = proposal["unknown"].to_string();
+    assert!(unknown.contains("version 7.3 (HDF5)") && unknown.contains("-v7"), "{proposal:#}");
+    let trial = &proposal["trials"][0];
+    assert_eq!((&trial["table"], &trial["emg_table"]), (&"Dynamometer".into(), &"EMG".into()), "{proposal:#}");
+    assert_eq!(trial["file"], trial["emg_file"]);
+}
+
+#[test]
 fn verif_no_proposed_study_has_a_red_finding() {
-    for laboratory in ["biodex_delsys", "humac_noraxon", "one_file"] {
+    for laboratory in ["biodex_delsys", "humac_noraxon", "one_file", "workbook_matlab"] {
         checked(laboratory);
     }
 }

@@ -48,6 +48,7 @@ struct Run {
 
 /// Names of columns.
 struct Names {
+    table: Option<String>,
     time: String,
     angle: String,
     velocity: String,
@@ -138,6 +139,7 @@ fn named_by(study: &Study) -> (Vec<PathBuf>, Names) {
     let columns = study.settings.columns.clone();
     let files = study.settings.processing.drag_runs.iter().map(|file| named_file(&study.folder, file)).collect();
     let names = Names {
+        table: columns.table,
         time: columns.time,
         angle: columns.angle,
         velocity: columns.velocity,
@@ -149,7 +151,14 @@ fn named_by(study: &Study) -> (Vec<PathBuf>, Names) {
 }
 
 fn read(file: &Path, names: &Names) -> Result<Run, Failure> {
-    let recorded = Recorded::read(file, None, Some(&names.time), &[&names.angle, &names.moment], &[&names.velocity])?;
+    let recorded = Recorded::read(
+        file,
+        names.table.as_deref(),
+        None,
+        Some(&names.time),
+        &[&names.angle, &names.moment],
+        &[&names.velocity],
+    )?;
     let column = |name: &str, conversion: Conversion| {
         recorded.column(name).map(|x| x.iter().map(|v| conversion.of(*v)).collect::<Vec<f64>>())
     };
@@ -179,6 +188,7 @@ fn files(input: &[PathBuf]) -> Result<(Vec<PathBuf>, Names), Failure> {
     }
     let text = String::from;
     let names = Names {
+        table: None,
         time: text("time_s"),
         angle: text("angle_deg"),
         velocity: text("velocity_deg_per_s"),

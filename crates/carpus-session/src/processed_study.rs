@@ -138,7 +138,8 @@ fn converted_columns(study: &Study) -> Option<Table> {
     let columns = &study.settings.columns;
     let Conversions { time, angle, velocity, moment, emg } = &columns.conversions;
     let mut all = [time, angle, velocity, moment].into_iter().chain(emg);
-    all.any(|conversion| *conversion != Conversion::default()).then_some(())?;
+    // New files have one table each.
+    (all.any(|conversion| *conversion != Conversion::default()) || columns.table.is_some()).then_some(())?;
     let angle_unit = match columns.angle_unit {
         AngleUnit::Degrees => "deg",
         AngleUnit::Radians => "rad",

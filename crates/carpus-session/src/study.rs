@@ -308,8 +308,18 @@ impl Study {
                 inputs.push(provenance::input_file(&path, name, role)?);
             }
         }
-        for trial in trials.iter().filter(|t| t.info.participant == participant.name) {
-            inputs.push(provenance::input_file(&trial.info.file, &trial.info.file_as_written, "trial")?);
+        let recorder = self.tables.settings.emg_recorder.as_ref();
+        // Several trials may be in one file, and EMG in the file of its trial.
+        let mut known: Vec<PathBuf> = Vec::new();
+        for info in trials.iter().map(|trial| &trial.info).filter(|info| info.participant == participant.name) {
+            let emg = recorder.and_then(|recorder| recorder.file_of(info)).map(|file| (shown(&file), file, "emg"));
+            let own = (info.file_as_written.clone(), info.file.clone(), "trial");
+            for (written, file, role) in std::iter::once(own).chain(emg) {
+                if !known.contains(&file) {
+                    inputs.push(provenance::input_file(&file, &written, role)?);
+                    known.push(file);
+                }
+            }
         }
         Ok(inputs)
     }

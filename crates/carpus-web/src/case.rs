@@ -264,6 +264,8 @@ impl TrialOfCase {
             start_time: self.start_time,
             arm_flipped: self.arm_flipped,
             emg_file: None,
+            table: None,
+            emg_table: None,
         }
     }
 }

@@ -19,6 +19,18 @@ pub struct Named {
     pub repetition: Option<u32>,
 }
 
+impl Named {
+    /// Takes from another name what this one does not say.
+    pub fn add(&mut self, other: Named) {
+        self.contraction = self.contraction.or(other.contraction);
+        self.is_isokinetic |= other.is_isokinetic;
+        self.direction = self.direction.or(other.direction);
+        self.effort_percent = self.effort_percent.or(other.effort_percent);
+        self.posture_deg = self.posture_deg.or(other.posture_deg);
+        self.repetition = self.repetition.or(other.repetition);
+    }
+}
+
 /// Words for contractions, as laboratories write them, and what they mean here.
 const CONTRACTIONS: [(&str, Contraction); 31] = [
     ("mvc", Contraction::Mvc),

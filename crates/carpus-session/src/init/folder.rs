@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 
 use super::proposal::Note;
 use crate::diagnostic::{Diagnostic, Failure};
+use carpus_study::study::Format;
 
-/// Ends of names of files that may be tables of numbers.
-const TEXT_FILES: [&str; 7] = ["csv", "txt", "tsv", "dat", "asc", "tab", "prn"];
+/// Ends of names of files of text that may be tables of numbers.
+const TEXT_FILES: [&str; 9] = ["csv", "txt", "tsv", "dat", "asc", "tab", "prn", "sto", "mot"];
 /// Most files that are looked at.
 const MOST_FILES: usize = 5000;
 
@@ -14,16 +15,23 @@ pub fn note_left(folder: &Path, left: &[PathBuf], unknown: &mut Vec<Note>) {
     if !left.is_empty() {
         unknown.push(Note {
             what: format!("what {} hold: {}", count(left.len(), "other file"), some(folder, left.iter())),
-            remedy: "they are not used; carpus reads text (.csv, .txt, .tsv): \
-                     C3D by carpus c3d, .mat and .xlsx exported as CSV"
+            remedy: "they are not used; recordings are tables with a time in text (.csv, .txt, .tsv), .xlsx, .mat, \
+                     .edf, .bdf, .c3d, .sto and .mot"
                 .to_owned(),
         });
     }
 }
 
-/// Files of text below a folder, in the order of their names, and other files.
+/// Whether a file may be a table of numbers by its name, and whether as text.
+pub fn may_be_table(path: &Path) -> (bool, bool) {
+    let end = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let is_text = TEXT_FILES.contains(&end.as_str());
+    (is_text || Format::ENDS.contains(&end.as_str()), is_text)
+}
+
+/// Files below a folder that may be recordings, in the order of their names, and other files.
 pub fn files(folder: &Path) -> Result<(Vec<PathBuf>, Vec<PathBuf>), Failure> {
-    let (mut text, mut others, mut folders) = (Vec::new(), Vec::new(), vec![folder.to_owned()]);
+    let (mut tables, mut others, mut folders) = (Vec::new(), Vec::new(), vec![folder.to_owned()]);
     while let Some(next) = folders.pop() {
         let unreadable =
             |e: std::io::Error| Failure::from(Diagnostic::error(format!("cannot be read: {e}")).in_file(&next));
@@ -34,22 +42,21 @@ pub fn files(folder: &Path) -> Result<(Vec<PathBuf>, Vec<PathBuf>), Failure> {
             if name.starts_with('.') || path.is_symlink() || (is_own && next.join("study.toml").exists()) {
                 continue;
             }
-            let end = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
             match path.is_dir() {
                 true => folders.push(path),
-                false if TEXT_FILES.contains(&end.as_str()) => text.push(path),
+                false if may_be_table(&path).0 => tables.push(path),
                 false => others.push(path),
             }
         }
-        if text.len() > MOST_FILES {
+        if tables.len() > MOST_FILES {
             let message = Diagnostic::error(format!("more than {MOST_FILES} files")).in_file(folder);
             return Err(message.hint("give the folder of one study").into());
         }
     }
     let natural = |path: &PathBuf| natural_order(&path.display().to_string());
-    text.sort_by_key(natural);
+    tables.sort_by_key(natural);
     others.sort();
-    Ok((text, others))
+    Ok((tables, others))
 }
 
 /// A name such that numbers in it are in their order.

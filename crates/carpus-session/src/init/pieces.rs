@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::columns::{self, EmgKind, Role};
 use super::draft::Draft;
-use super::folder::{count, files, note_left, some};
+use super::folder::{count, files, may_be_table, note_left, some, within};
 use super::piece::{Clock, Piece, Pieces};
 use super::proposal::Note;
 use super::read_file::Read;
@@ -16,7 +16,7 @@ use super::{muscles, people};
 use crate::account::fixed;
 use crate::diagnostic::{Diagnostic, Failure};
 use crate::model::LoadedModel;
-use carpus_study::study::{Exported, Participant};
+use carpus_study::study::{Exported, Format, Participant, StudyErrors};
 
 /// What was found in a folder.
 pub struct Found {
@@ -44,28 +44,50 @@ impl Found {
         let (mut assumed, mut unknown) = (Vec::new(), Vec::new());
         let (files, others) = files(folder)?;
         let model_muscles: Vec<&str> = loaded.file.spec.muscles.iter().map(|m| m.name.as_str()).collect();
-        let looked: Vec<(PathBuf, Option<Read>)> = files
+        let looked: Vec<(PathBuf, Result<Vec<Read>, StudyErrors>)> = files
             .into_par_iter()
             .map(|path| {
-                let read = Exported::read(&path).ok().map(|exported| {
+                let with_columns = |exported: Exported| {
                     let columns = columns::columns(&exported, &model_muscles);
                     Read { path: path.clone(), exported, columns }
-                });
+                };
+                let read = Exported::read(&path).map(|tables| tables.into_iter().map(with_columns).collect());
                 (path, read)
             })
             .collect();
         let mut people = Vec::new();
         let (mut dynamometer, mut emg, mut left): (Vec<Read>, Vec<Read>, Vec<PathBuf>) = Default::default();
-        for (path, read) in looked {
-            match read {
-                Some(read) if read.has(&Role::Moment) && read.has(&Role::Angle) && read.has(&Role::Time) => {
-                    dynamometer.push(read);
+        for (path, found) in looked {
+            let is_text = may_be_table(&path).1;
+            let mut is_used = false;
+            match found {
+                Ok(tables) => {
+                    for read in tables {
+                        let is_of_dynamometer =
+                            read.has(&Role::Moment) && read.has(&Role::Angle) && read.has(&Role::Time);
+                        is_used |= is_of_dynamometer || read.has_emg();
+                        match () {
+                            () if is_of_dynamometer => dynamometer.push(read),
+                            () if read.has_emg() => emg.push(read),
+                            () => {}
+                        }
+                    }
                 }
-                Some(read) if read.has_emg() => emg.push(read),
-                _ => match people::read(&path) {
+                // Why a file that is no text cannot be read is worth telling: it holds nothing but recordings.
+                Err(errors) if !is_text => {
+                    unknown.extend(errors.errors.iter().map(|problem| Note {
+                        what: format!("what {} holds: {}", within(folder, &path), problem.fault),
+                        remedy: problem.hint().unwrap_or_default(),
+                    }));
+                    is_used = true;
+                }
+                Err(_) => {}
+            }
+            if !is_used {
+                match people::read(&path).filter(|_| is_text) {
                     Some(found) => people.extend(found),
                     None => left.push(path),
-                },
+                }
             }
         }
         left.extend(others);
@@ -74,7 +96,7 @@ impl Found {
             let text = "no file with a time, an angle and a torque was found";
             let hint = "columns are known by names such as Time, Position or Angle, \
                         Torque or Moment, and by their units; \
-                        carpus reads text: .csv, .txt, .tsv (C3D: carpus c3d; .mat and .xlsx: export them as CSV)";
+                        text (.csv, .txt, .tsv), .xlsx, .mat, .edf, .bdf, .c3d, .sto and .mot are read";
             Failure::from(Diagnostic::error(text).in_file(folder).hint(hint))
         })?;
         // The layout that most files have is the study's.
@@ -181,6 +203,11 @@ impl Found {
     fn describe(&mut self, dynamometer: &[Read], emg: &Read) {
         let layout = |read: &Read| {
             let d = &read.exported.dialect;
+            if read.exported.format != Format::Text {
+                let which =
+                    read.table().map(|table| format!(" ({}s such as `{table}`)", read.exported.format.table_word()));
+                return format!("{}{}", read.exported.format.words(), which.unwrap_or_default());
+            }
             let mut text = format!("columns separated by {}", d.separator.word());
             if d.decimal_comma {
                 text.push_str(", decimal commas");

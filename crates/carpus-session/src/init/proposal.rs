@@ -44,6 +44,10 @@ pub struct ProposedTrial {
     pub file: String,
     /// The file of its EMG, where that is another.
     pub emg_file: Option<String>,
+    /// The table of its file, where that has several.
+    pub table: Option<String>,
+    /// The table of its EMG's file.
+    pub emg_table: Option<String>,
     /// Kind of contraction, as `trials.csv` says it.
     pub contraction: String,
     /// Effort [% of the maximum].

@@ -1,4 +1,4 @@
-//! A file of recordings and what its columns are.
+//! A table of a file of recordings and what its columns are.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use super::columns::{Column, Role};
 use super::piece::Piece;
 use carpus_study::study::Exported;
 
-/// A file and what its columns are.
+/// A table of a file and what its columns are.
 pub struct Read {
     /// The file.
     pub path: PathBuf,
@@ -15,6 +15,11 @@ pub struct Read {
 }
 
 impl Read {
+    /// The table, where the file has several.
+    pub fn table(&self) -> Option<&str> {
+        self.exported.table.as_deref()
+    }
+
     pub(super) fn has(&self, role: &Role) -> bool {
         self.columns.iter().any(|column| column.role == *role)
     }

@@ -34,12 +34,14 @@ const RECORDERS: [&str; 16] = [
 pub struct Recording {
     /// The file.
     pub path: PathBuf,
+    /// The table of it, where it has several.
+    pub table: Option<String>,
     /// Whose it is.
     pub participant: String,
     /// What its name says.
     pub named: Named,
-    /// The file of its EMG, where that is another.
-    pub emg: Option<PathBuf>,
+    /// The file of its EMG and the table of that, where they are others.
+    pub emg: Option<(PathBuf, Option<String>)>,
     /// Angle as recorded.
     pub angle: Vec<f64>,
     /// Moment as recorded.
@@ -50,7 +52,9 @@ pub fn recording(folder: &Path, read: &Read, people: &[Participant]) -> Recordin
     let path = within(folder, &read.path);
     let stem = read.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let participant = participant(folder, &path, &stem, people);
-    let mut named = conditions::of_name(&stem);
+    // A sheet or a struct of one trial says what its file's name leaves out.
+    let mut named = read.table().map(conditions::of_name).unwrap_or_default();
+    named.add(conditions::of_name(&stem));
     // Folders say what names leave out, the nearest first.
     let parents: Vec<&str> = path.split('/').rev().skip(1).collect();
     for parent in parents {
@@ -63,6 +67,7 @@ pub fn recording(folder: &Path, read: &Read, people: &[Participant]) -> Recordin
         participant,
         named,
         emg: None,
+        table: read.table().map(str::to_owned),
         angle: read.samples(&Role::Angle),
         moment: read.samples(&Role::Moment),
         path: read.path.clone(),
@@ -83,12 +88,20 @@ fn participant(folder: &Path, path: &str, stem: &str, people: &[Participant]) ->
     folders.or_else(|| conditions::participant(stem)).or_else(of_root).unwrap_or_else(|| "P01".to_owned())
 }
 
+/// A table of EMG, whose it is, and its name without words for recorders.
+struct Candidate<'r> {
+    who: String,
+    name: String,
+    read: &'r Read,
+}
+
 /// Finds the file of the EMG of every recording.
 pub fn pair(folder: &Path, recordings: &mut Vec<Recording>, emg: &[Read], unknown: &mut Vec<Note>) {
-    let key = |path: &Path| {
+    let key = |path: &Path, table: Option<&str>| {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
         let start = conditions::participant(&stem).map_or(0, |p| p.len());
-        let words = stem[start..].split(|c: char| !(c.is_alphanumeric() || matches!(c, '+' | '-' | '%' | '.')));
+        let text = format!("{} {}", &stem[start..], table.unwrap_or_default().to_lowercase());
+        let words = text.split(|c: char| !(c.is_alphanumeric() || matches!(c, '+' | '-' | '%' | '.')));
         words
             .filter(|word| !word.is_empty() && !RECORDERS.contains(word))
             .map(str::to_owned)
@@ -100,17 +113,24 @@ pub fn pair(folder: &Path, recordings: &mut Vec<Recording>, emg: &[Read], unknow
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         participant(folder, &shown, &stem, &[])
     };
-    let candidates: Vec<(String, String, &PathBuf)> =
-        emg.iter().map(|r| (of(&r.path), key(&r.path), &r.path)).collect();
+    let candidates: Vec<Candidate<'_>> =
+        emg.iter().map(|read| Candidate { who: of(&read.path), name: key(&read.path, read.table()), read }).collect();
     for recording in recordings.iter_mut() {
-        let (who, name) = (of(&recording.path), key(&recording.path));
-        let own: Vec<&(String, String, &PathBuf)> = candidates.iter().filter(|c| c.0 == who).collect();
-        let exact = own.iter().find(|c| c.1 == name);
-        let near = || {
-            let found = nearest(&name, own.iter().map(|c| c.1.as_str()))?;
-            own.iter().find(|c| c.1 == found && same_numbers(&c.1, &name))
+        let (who, name) = (of(&recording.path), key(&recording.path, recording.table.as_deref()));
+        // Tables of one file belong together before all others.
+        let beside: Vec<&Candidate<'_>> = candidates.iter().filter(|c| c.read.path == recording.path).collect();
+        let own: Vec<&Candidate<'_>> = match beside[..] {
+            [] => candidates.iter().filter(|c| c.who == who).collect(),
+            _ => beside,
         };
-        recording.emg = exact.or_else(near).map(|c| c.2.clone());
+        let alone = (own.len() == 1 && own[0].read.path == recording.path).then(|| own[0]);
+        let exact = || own.iter().find(|c| c.name == name).copied();
+        let near = || {
+            let found = nearest(&name, own.iter().map(|c| c.name.as_str()))?;
+            own.iter().find(|c| c.name == found && same_numbers(&c.name, &name)).copied()
+        };
+        let found = alone.or_else(exact).or_else(near);
+        recording.emg = found.map(|c| (c.read.path.clone(), c.read.table().map(str::to_owned)));
     }
     let without: Vec<&PathBuf> = recordings.iter().filter(|r| r.emg.is_none()).map(|r| &r.path).collect();
     if !without.is_empty() {
@@ -124,8 +144,11 @@ pub fn pair(folder: &Path, recordings: &mut Vec<Recording>, emg: &[Read], unknow
         });
         recordings.retain(|r| r.emg.is_some());
     }
-    let alone: Vec<&PathBuf> =
-        emg.iter().map(|r| &r.path).filter(|path| !recordings.iter().any(|r| r.emg.as_ref() == Some(path))).collect();
+    let is_used = |read: &&Read| {
+        let own = (read.path.clone(), read.table().map(str::to_owned));
+        recordings.iter().any(|recording| recording.emg.as_ref() == Some(&own))
+    };
+    let alone: Vec<&PathBuf> = emg.iter().filter(|read| !is_used(read)).map(|read| &read.path).collect();
     if !alone.is_empty() {
         unknown.push(Note {
             what: format!(

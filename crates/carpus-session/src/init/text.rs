@@ -103,6 +103,10 @@ impl Draft {
                 .map(String::from)
                 .to_vec();
         header.extend(apart.then(|| "emg_file".to_owned()));
+        let [tables, emg_tables] =
+            [self.trials.iter().any(|t| t.table.is_some()), self.trials.iter().any(|t| t.emg_table.is_some())];
+        header.extend(tables.then(|| "table".to_owned()));
+        header.extend(emg_tables.then(|| "emg_table".to_owned()));
         let row = |t: &ProposedTrial| {
             let number = |v: Option<f64>| v.map(|v| v.to_string()).unwrap_or_default();
             let mut row = vec![
@@ -116,6 +120,8 @@ impl Draft {
                 t.usage.clone(),
             ];
             row.extend(apart.then(|| t.emg_file.clone().unwrap_or_default()));
+            row.extend(tables.then(|| t.table.clone().unwrap_or_default()));
+            row.extend(emg_tables.then(|| t.emg_table.clone().unwrap_or_default()));
             row
         };
         std::iter::once(header).chain(self.trials.iter().map(row)).collect()

@@ -129,7 +129,9 @@ impl Found {
             trials.push(ProposedTrial {
                 participant: r.participant.clone(),
                 file: within(&self.folder, &r.path),
-                emg_file: r.emg.as_ref().map(|path| within(&self.folder, path)),
+                emg_file: r.emg.as_ref().map(|(path, _)| within(&self.folder, path)),
+                table: r.table.clone(),
+                emg_table: r.emg.as_ref().and_then(|(_, table)| table.clone()),
                 contraction: contraction.word().to_owned(),
                 effort_percent: r.named.effort_percent.or((contraction == Contraction::Mvc).then_some(100.0)),
                 direction: direction.word().to_owned(),

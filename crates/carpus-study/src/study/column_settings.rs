@@ -168,6 +168,7 @@ pub(super) fn columns(
     };
     let emg_stated = emg.iter().any(|(_, read)| read.states_unit);
     let columns = Columns {
+        table: section.optional_string("table"),
         time: time.0,
         angle: angle.0,
         velocity_required,

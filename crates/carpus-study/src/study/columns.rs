@@ -3,6 +3,8 @@
 /// Names of the columns of trial files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Columns {
+    /// The table in trial files that have several, by title or number; `None`: the one that has the columns.
+    pub table: Option<String>,
     /// Time \[s\].
     pub time: String,
     /// Angle of the dynamometer's coordinate, in `angle_unit`.

@@ -9,7 +9,7 @@ use std::collections::HashSet;
 use carpus_numerics::plausible::{Measured, unit_in_name};
 
 /// Rows of numbers that a table has to begin with.
-const ROWS_OF_A_TABLE: usize = 4;
+pub(super) const ROWS_OF_A_TABLE: usize = 4;
 /// Lines that may stand above a table: Delsys writes one for each of up to some hundred channels.
 const MOST_LINES_ABOVE: usize = 2000;
 
@@ -50,7 +50,7 @@ impl Separator {
     }
 
     /// The cells of a line, without quotes.
-    fn cells(self, line: &str) -> Vec<String> {
+    pub(super) fn cells(self, line: &str) -> Vec<String> {
         let line = if self == Separator::Spaces { joined(line) } else { line.to_owned() };
         let mut reader = csv::ReaderBuilder::new()
             .delimiter(self.byte())
@@ -86,6 +86,8 @@ pub struct Dialect {
     pub header_line: usize,
     /// Line of units below the names.
     pub units_line: Option<usize>,
+    /// Last line of the table, where another one follows in the file.
+    pub last_line: Option<usize>,
     /// The lines above the header.
     pub above: Vec<String>,
     /// Units of the columns: of the line of units, else empty.
@@ -108,8 +110,8 @@ impl Dialect {
     /// A cell as a number.
     pub fn number(&self, text: &str) -> Option<f64> {
         match self.decimal_comma {
-            true => number(&text.replace(',', ".")),
-            false => number(text),
+            true => number_of(&text.replace(',', ".")),
+            false => number_of(text),
         }
     }
 
@@ -132,8 +134,8 @@ impl Dialect {
         let cells: Vec<Vec<String>> = lines.iter().map(|line| separator.cells(line)).collect();
         [false, true].into_iter().filter(|comma| !(*comma && separator == Separator::Comma)).find_map(|decimal_comma| {
             let is_number = |cell: &String| match decimal_comma {
-                true => number(&cell.replace(',', ".")).is_some(),
-                false => number(cell).is_some(),
+                true => number_of(&cell.replace(',', ".")).is_some(),
+                false => number_of(cell).is_some(),
             };
             let is_row = |cells: &Vec<String>| {
                 cells.iter().filter(|cell| is_number(cell)).count() >= 2
@@ -157,6 +159,7 @@ impl Dialect {
                 decimal_comma,
                 header_line: header + 1,
                 units_line: before.map(|_| last + 1),
+                last_line: None,
                 above: lines[..header].iter().map(|line| (*line).to_owned()).collect(),
                 units: if before.is_some() { cells[last].clone() } else { Vec::new() },
             };
@@ -166,7 +169,7 @@ impl Dialect {
 }
 
 /// Whether all cells of a line are units or empty, and one at least is a unit.
-fn is_of_units(cells: &[String]) -> bool {
+pub(super) fn is_of_units(cells: &[String]) -> bool {
     let is_unit = |cell: &String| unit_of(cell).is_some();
     cells.iter().any(is_unit) && cells.iter().all(|cell| cell.is_empty() || is_unit(cell))
 }
@@ -178,7 +181,7 @@ fn unit_of(cell: &str) -> Option<&'static carpus_numerics::plausible::NamedUnit>
 }
 
 /// A finite number; words such as `inf` and `nan` are none.
-fn number(text: &str) -> Option<f64> {
+pub(super) fn number_of(text: &str) -> Option<f64> {
     let begins = text.starts_with(|c: char| c.is_ascii_digit() || matches!(c, '+' | '-' | '.'));
     begins.then(|| text.parse().ok()).flatten().filter(|v: &f64| v.is_finite())
 }

@@ -26,6 +26,8 @@ pub struct EmgRecorder {
     /// Its file beside a trial's: `{trial}` stands for the name of the trial's file without extension. `None`: every
     /// row of `trials.csv` names it in `emg_file`.
     pub file: Option<String>,
+    /// The table in its files, by title or number; `None`: the one that has the channels.
+    pub table: Option<String>,
     /// Its time column \[s\]; `None`: the column of time at or before the first channel that is read.
     pub time: Option<String>,
     /// How its numbers become seconds.
@@ -93,9 +95,10 @@ pub(crate) fn settings(sections: &Sections<'_>, problems: &mut Vec<Problem>) -> 
     }
     let time = column(&mut section, "time", Measured::Time);
     let time_conversion = time.as_ref().map(|(_, read)| read.conversion).unwrap_or_default();
+    let table = section.optional_string("table");
     let clock = clock(&mut section);
     section.finish(problems);
-    Some(EmgRecorder { file, time: time.map(|(name, _)| name), time_conversion, clock: clock? })
+    Some(EmgRecorder { file, table, time: time.map(|(name, _)| name), time_conversion, clock: clock? })
 }
 
 fn clock(section: &mut TomlSection<'_>) -> Option<EmgClock> {
@@ -164,7 +167,8 @@ impl EmgRecorder {
         if let EmgClock::Shared { shared, .. } = &self.clock {
             required.push(shared);
         }
-        let recorded = Recorded::read(&file, Some(named_at), self.time.as_deref(), &required, &[])?;
+        let table = info.emg_table.as_deref().or(self.table.as_deref());
+        let recorded = Recorded::read(&file, table, Some(named_at), self.time.as_deref(), &required, &[])?;
         let mut recorded = recorded.in_seconds(self.time_conversion, &file)?;
         let (shift, alignment) = match &self.clock {
             EmgClock::Delay { seconds } => (*seconds, None),

@@ -6,6 +6,7 @@ use super::fault_words::{
     farthest, four_digits, how_resampled, known_list, list_or_none, other_quantity, others, quoted,
 };
 use super::limits::{LONGEST_STEP, LONGEST_TRIAL, SHORTEST_STEP};
+use super::recording_file::error::RecordingFileError;
 use crate::dynamometer::AlignmentError;
 use carpus_numerics::plausible::{Doubt, Measured, NamedUnit};
 use carpus_numerics::printable::number_of;
@@ -33,6 +34,9 @@ pub enum Fault {
     /// The bytes are not UTF-8 text.
     #[error("not UTF-8 text")]
     NotText,
+    /// A recording that is no text cannot be read, or its table cannot be told.
+    #[error(transparent)]
+    Recording(#[from] RecordingFileError),
     /// Broken TOML.
     #[error("not valid TOML: {message}")]
     TomlSyntax {

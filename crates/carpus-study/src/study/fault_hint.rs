@@ -45,6 +45,7 @@ impl Fault {
                 "raise the lower edge of [emg] band_pass_hz above the mains frequency, or record again".to_owned()
             }
             UnequalSteps { .. } => "resample the recording at equal steps".to_owned(),
+            Recording(error) => return error.hint(),
             NotAStudy { hint, .. } => (*hint).to_owned(),
             Refused { hint, .. } => hint.clone(),
             TomlSyntax { message } if message.contains("escape") => {

@@ -88,6 +88,8 @@ impl TrialInfo {
             start_time: None,
             arm_flipped: false,
             emg_file: None,
+            table: None,
+            emg_table: None,
         }
     }
 

@@ -31,7 +31,8 @@ impl<R: BufRead> Lines<R> {
     fn refill(&mut self) -> std::io::Result<bool> {
         self.line.clear();
         self.served = 0;
-        if self.source.read_until(b'\n', &mut self.line)? == 0 {
+        let is_over = self.dialect.last_line.is_some_and(|last| self.count >= last);
+        if is_over || self.source.read_until(b'\n', &mut self.line)? == 0 {
             return Ok(false);
         }
         let ended = self.line.ends_with(b"\n");

@@ -15,7 +15,7 @@
 //! | | | `[ultrasound]`: [`ImagingSettings`] |
 //! | | | `[effects] own = ["my_effect.toml"]`: effects beside the catalogue (`carpus::diagnosis::own_effect`) |
 //! | `participants.csv` | [`Participant`] | any `<segment>_length_m` |
-//! | `trials.csv` | [`TrialInfo`] | `start_time_s`; `arm`: `upright` or `flipped` |
+//! | `trials.csv` | [`TrialInfo`] | `start_time_s`; `arm`: `upright` or `flipped`; `table`, `emg_table` |
 //! | `ultrasound.csv` | [`UltrasoundMeasurement`] | the file itself |
 //! | trial files | time, angle, moment, EMG, perhaps velocity: [`Trial`] | |
 
@@ -43,6 +43,7 @@ mod problem;
 mod processed_emg;
 mod processing;
 mod raw_emg;
+mod recording_file;
 mod scaling;
 mod settings;
 mod table;
@@ -75,6 +76,7 @@ pub use problem::{MAX_LISTED, Problem, Severity, StudyErrors};
 pub use processed_emg::{ParticipantEmg, ProcessedEmg};
 pub use processing::{DelayFound, ProcessedTrial, ProcessingError, ProcessingResult, ProcessingSettings, Recorded};
 pub use raw_emg::EmgSignal;
+pub use recording_file::{Format, RecordingFileError};
 pub use scaling::{FinalMass, ModelLength, ScalingSettings, SegmentScaling, StrengthSettings};
 pub use settings::{Dynamometer, MomentPart, ParameterBounds, RelativeBounds, Settings};
 pub use table::{file_fault, is_of_a_study, named_file};

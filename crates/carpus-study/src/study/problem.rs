@@ -43,6 +43,14 @@ impl Problem {
         Self { severity: Severity::Warning, file: file.to_owned(), line: line.into(), fault }
     }
 
+    /// Says of a file's problems which of its tables they are in.
+    pub(crate) fn set_table(problems: &mut [Problem], file: &Path, table: Option<&str>) {
+        let Some(table) = table else { return };
+        for problem in problems.iter_mut().filter(|problem| problem.file == file) {
+            problem.file = PathBuf::from(format!("{} [{table}]", file.display()));
+        }
+    }
+
     /// What to do about it, if there is something more to say than the message says.
     pub fn hint(&self) -> Option<String> {
         self.fault.hint()

@@ -33,26 +33,10 @@ pub fn named_file(folder: &Path, written: &str) -> PathBuf {
 /// Bytes at the beginning of a recording that its layout is found in.
 const HEAD: u64 = 1 << 18;
 
-/// Opens a recording, however it is laid out, and reads its header; problems with either are reported. Columns of time
-/// may have one name, as those of Delsys' channels: all but the first get a number.
+/// The layout of a file that can be read; `None` where it has no table of numbers.
 ///
 /// - `expected`: a column that a CSV file with its header on the first line has
-pub(crate) fn open_recording(
-    path: &Path,
-    what: &'static str,
-    named_at: Option<&str>,
-    expected: Option<&str>,
-    problems: &mut Vec<Problem>,
-) -> Option<(CsvReader, Vec<String>, Dialect)> {
-    let found = layout_of(path, expected);
-    let is_export = found.is_some();
-    let dialect = found.unwrap_or_else(Dialect::plain);
-    let (reader, header) = open_as(path, what, named_at, &dialect, is_export, problems)?;
-    Some((reader, header, dialect))
-}
-
-/// The layout of a file that can be read; `None` where it has no table of numbers.
-fn layout_of(path: &Path, expected: Option<&str>) -> Option<Dialect> {
+pub(crate) fn layout_of(path: &Path, expected: Option<&str>) -> Option<Dialect> {
     if !std::fs::metadata(path).ok()?.is_file() {
         return None;
     }
@@ -74,7 +58,11 @@ pub(crate) fn open(
     open_as(path, what, named_at, &Dialect::plain(), false, problems)
 }
 
-fn open_as(
+/// Opens a text file of this layout and reads its header; problems with either are reported. Columns of time may have
+/// one name, as those of Delsys' channels: all but the first get a number.
+///
+/// - `is_export`: whether the layout is a recorder's
+pub(crate) fn open_as(
     path: &Path,
     what: &'static str,
     named_at: Option<&str>,
@@ -126,20 +114,32 @@ fn open_as(
             problems.push(Problem::error(path, 1, Fault::Separator { found }));
         }
     }
-    if let Some(character) = header.iter().find_map(|name| deceptive_in(name)).filter(|_| problems.len() == before) {
+    if problems.len() == before {
+        report_deceptive(&header, path, problems);
+    }
+    report_repeated(&header, path, problems);
+    (problems.len() == before).then_some((reader, header))
+}
+
+/// Reports a name of a column that does not show as what it is.
+pub(crate) fn report_deceptive(header: &[String], path: &Path, problems: &mut Vec<Problem>) {
+    if let Some(character) = header.iter().find_map(|name| deceptive_in(name)) {
         let place = "a name in the header".to_owned();
         problems.push(Problem::error(path, 1, Fault::DeceptiveCharacter { place, character }));
     }
+}
+
+/// Reports columns of one name.
+pub(crate) fn report_repeated(header: &[String], path: &Path, problems: &mut Vec<Problem>) {
     for (i, column) in header.iter().enumerate() {
         if header[..i].contains(column) {
             problems.push(Problem::error(path, 1, Fault::DuplicateColumn { column: column.clone() }));
         }
     }
-    (problems.len() == before).then_some((reader, header))
 }
 
 /// Gives columns of time that share a name numbers.
-fn number_times(header: &mut [String]) {
+pub(crate) fn number_times(header: &mut [String]) {
     let repeated: Vec<usize> = (0..header.len()).filter(|i| is_time_name(&header[*i])).collect();
     let mut names: Vec<String> = repeated.iter().map(|i| header[*i].clone()).collect();
     unique_names(&mut names);

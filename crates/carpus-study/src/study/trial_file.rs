@@ -8,8 +8,9 @@ use super::limits::{MAX_SAMPLES, MIN_SAMPLES};
 use super::nearest::nearest;
 use super::problem::{Problem, Severity, StudyErrors};
 use super::raw_emg::{self, EmgSignal};
+use super::recording_file::{Recording, Source};
 use super::settings::Settings;
-use super::table::{is_of_a_study, missing_column, next_row, open_recording};
+use super::table::{is_of_a_study, missing_column};
 use super::trial::Trial;
 use super::trial_checks::{check_arrays, check_excitation, check_time, note_resampled};
 use super::trial_list::TrialInfo;
@@ -29,7 +30,18 @@ impl Trial {
     ) -> Result<Trial, StudyErrors> {
         let mut problems = Vec::new();
         let trial = read_samples(info, settings, trials_file, &mut problems);
-        Self::settled(trial, settings, mvc_levels, problems)
+        let in_table = |problems: &mut [Problem]| Problem::set_table(problems, &info.file, table_of(info, settings));
+        Self::settled(trial, settings, mvc_levels, problems).map_or_else(
+            |mut errors| {
+                in_table(&mut errors.errors);
+                in_table(&mut errors.warnings);
+                Err(errors)
+            },
+            |mut trial| {
+                in_table(&mut trial.warnings);
+                Ok(trial)
+            },
+        )
     }
 
     /// As [`Trial::read`], of samples that are in memory.
@@ -69,6 +81,11 @@ impl Trial {
         // No samples and no error cannot be: every way out of `read_samples` reports.
         trial.map(|trial| Trial { warnings, ..trial }).ok_or_else(StudyErrors::default)
     }
+}
+
+/// The table of a trial's file that is stated.
+fn table_of<'s>(info: &'s TrialInfo, settings: &'s Settings) -> Option<&'s str> {
+    info.table.as_deref().or(settings.columns.table.as_deref())
 }
 
 /// Where each quantity stands in the header; EMG of a recorder of its own stands nowhere.
@@ -165,8 +182,17 @@ fn read_samples(
 ) -> Option<Trial> {
     let file = &info.file;
     let named_at = format!("{}:{}", trials_file.display(), info.line);
-    let expected = Some(settings.columns.time.as_str());
-    let (mut reader, header, dialect) = open_recording(file, "trial file", Some(&named_at), expected, problems)?;
+    let columns = [&settings.columns.time, &settings.columns.angle, &settings.columns.moment].map(String::as_str);
+    let source = Source {
+        path: file,
+        table: table_of(info, settings),
+        columns: &columns,
+        what: "trial file",
+        named_at: Some(&named_at),
+        key: "table",
+    };
+    let mut recording = Recording::open(&source, problems)?;
+    let header = recording.names.clone();
     let layout = layout(&header, settings, file, problems)?;
 
     let unit = settings.columns.angle_unit;
@@ -178,12 +204,10 @@ fn read_samples(
     let mut velocity = layout.velocity.map(|_| Vec::new());
     let mut bad: Vec<BadCells> = header.iter().map(|_| BadCells::default()).collect();
     let mut ragged: Option<(usize, usize, usize)> = None;
-    let is_plain = dialect.is_plain();
-    let mut record = csv::StringRecord::new();
-    while next_row(&mut reader, &mut record, file, problems)? {
-        let line = record.position().map_or(0, |p| p.line() as usize);
-        if record.len() != header.len() {
-            let first = ragged.get_or_insert((line, record.len(), 0));
+    while recording.next(file, problems)? {
+        let line = recording.place();
+        if recording.cells() != header.len() {
+            let first = ragged.get_or_insert((line, recording.cells(), 0));
             first.2 += 1;
             continue;
         }
@@ -192,11 +216,9 @@ fn read_samples(
             return None;
         }
         let mut number = |column: usize| {
-            let text = &record[column];
-            let value = if is_plain { text.parse().ok() } else { dialect.number(text) };
-            let value = value.filter(|v| is_of_a_study(*v));
+            let value = recording.number(column).filter(|v| is_of_a_study(*v));
             if value.is_none() {
-                bad[column].note(line, text);
+                bad[column].note(line, &recording.text_of(column));
             }
             value.unwrap_or(0.0) // never used: a noted cell fails the whole trial below
         };
@@ -213,7 +235,7 @@ fn read_samples(
         for (i, (channel, column)) in trial.excitation.iter_mut().zip(&layout.emg).enumerate() {
             // A column that serves several muscles is counted as bad once.
             let again = layout.emg[..i].contains(column);
-            let value = if again { dialect.number(&record[*column]).unwrap_or(0.0) } else { number(*column) };
+            let value = if again { recording.number(*column).unwrap_or(0.0) } else { number(*column) };
             channel.push(conversions.emg(i).of(value));
         }
         trial.lines.push(u32::try_from(line).unwrap_or(u32::MAX));

@@ -10,7 +10,7 @@ use super::problem::Problem;
 use super::table::{Row, Table, named_file};
 use carpus_numerics::plausible;
 
-const COLUMNS: [&str; 11] = [
+const COLUMNS: [&str; 13] = [
     "participant",
     "file",
     "contraction",
@@ -22,6 +22,8 @@ const COLUMNS: [&str; 11] = [
     "start_time_s",
     "arm",
     "emg_file",
+    "table",
+    "emg_table",
 ];
 const REQUIRED: [(&str, &str); 5] = [
     ("participant", "name of the participant"),
@@ -41,7 +43,8 @@ pub struct TrialInfo {
     /// Line of the row.
     pub line: usize,
     /// Short name that no other trial of the participant has, not even in other case: the file's name without
-    /// extension; where several trials have that, with as many of its folders in front as tell them apart.
+    /// extension, and its table behind it; where several trials have that, with as many of its folders in front as tell
+    /// them apart.
     pub name: String,
     /// Name of the participant.
     pub participant: String,
@@ -67,6 +70,10 @@ pub struct TrialInfo {
     pub arm_flipped: bool,
     /// The file of its EMG, where a recorder of its own wrote that.
     pub emg_file: Option<PathBuf>,
+    /// The table of its file, by title or number, where that has several.
+    pub table: Option<String>,
+    /// The table of its EMG's file.
+    pub emg_table: Option<String>,
 }
 
 /// Words of the column `arm`, and whether the forearm is turned over.
@@ -197,11 +204,16 @@ pub(crate) fn read(
         let order = places.entry(trial.participant.clone()).or_insert(0);
         trial.place = *order;
         *order += 1;
-        if let Some(&first_line) = files.get(&trial.file) {
-            row.error(Fault::Duplicate { what: "trial file", value: trial.file_as_written, first_line }, problems);
+        let recording = (trial.file.clone(), trial.table.clone());
+        if let Some(&first_line) = files.get(&recording) {
+            let value = match &trial.table {
+                Some(table) => format!("{}, {table}", trial.file_as_written),
+                None => trial.file_as_written,
+            };
+            row.error(Fault::Duplicate { what: "trial file", value, first_line }, problems);
             continue;
         }
-        files.insert(trial.file.clone(), row.line);
+        files.insert(recording, row.line);
         if let Some(repetition) = trial.repetition {
             let bits = |v: Option<f64>| v.map(f64::to_bits);
             let condition = (
@@ -232,7 +244,12 @@ fn name_trials(trials: &mut [TrialInfo], folder: &Path) {
             Component::Normal(name) => Some(name.to_string_lossy().into_owned()),
             _ => None,
         });
-        normal.collect()
+        let mut parts: Vec<String> = normal.collect();
+        if let (Some(last), Some(table)) = (parts.last_mut(), &trial.table) {
+            last.push('_');
+            last.extend(table.chars().map(|c| if c.is_alphanumeric() || "+-.".contains(c) { c } else { '_' }));
+        }
+        parts
     };
     let parts: Vec<Vec<String>> = trials.iter().map(parts).collect();
     // How many parts of its path a trial's name has; 0: its path says nothing, the row alone does.
@@ -310,6 +327,8 @@ fn trial(
         start_time,
         arm_flipped: arm?,
         emg_file: row.text("emg_file").map(|file| named_file(place.recordings, file)),
+        table: row.text("table").map(str::to_owned),
+        emg_table: row.text("emg_table").map(str::to_owned),
     })
 }
 

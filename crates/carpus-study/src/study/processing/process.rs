@@ -186,7 +186,8 @@ impl Study {
             None => required.extend(&emg),
         }
         let optional = [columns.velocity.as_str()];
-        let recorded = Recorded::read(&info.file, Some(&named_at), Some(&columns.time), &required, &optional)?;
+        let table = info.table.as_deref().or(columns.table.as_deref());
+        let recorded = Recorded::read(&info.file, table, Some(&named_at), Some(&columns.time), &required, &optional)?;
         let mut recorded = recorded.in_seconds(columns.conversions.time, &info.file)?;
         let delay = recorder.map(|recorder| merge(&mut recorded, info, recorder, columns, &named_at)).transpose()?;
         for (name, samples) in &mut recorded.columns {

@@ -7,7 +7,8 @@ use crate::study::dialect::is_time_name;
 use crate::study::fault::Fault;
 use crate::study::limits::MIN_SAMPLES;
 use crate::study::problem::{Problem, StudyErrors};
-use crate::study::table::{Row, is_of_a_study, missing_column, next_row, open_recording};
+use crate::study::recording_file::{Recording, Source};
+use crate::study::table::{is_of_a_study, missing_column};
 use crate::study::times::{implausible_time, median};
 use carpus_numerics::plausible::{Measured, unit_in_name};
 
@@ -34,9 +35,9 @@ struct Place {
 type Times = (Vec<f64>, usize);
 
 impl Recorded {
-    /// Reads columns of a text file, however it is laid out; those of `required` have to be there. All have the same
-    /// times.
+    /// Reads columns of a file of any format; those of `required` have to be there. All have the same times.
     ///
+    /// - `table`: which of the file's tables, by title or number; `None`: the one that has the required columns
     /// - `time`: the column of times; `None`: the one at or before each column that is read, in the unit that its name
     ///   states
     ///
@@ -44,13 +45,15 @@ impl Recorded {
     /// The file, missing columns, cells that are no numbers, time that does not increase, columns of different times.
     pub fn read(
         path: &Path,
+        table: Option<&str>,
         named_at: Option<&str>,
         time: Option<&str>,
         required: &[&str],
         optional: &[&str],
     ) -> Result<Recorded, StudyErrors> {
         let mut problems = Vec::new();
-        let found = Self::read_parts(path, named_at, time, required, optional, &mut problems);
+        let found = Self::read_parts(path, table, named_at, time, required, optional, &mut problems);
+        Problem::set_table(&mut problems, path, table);
         StudyErrors::settle(problems)?;
         // Nothing read and no error cannot be.
         found.ok_or_else(StudyErrors::default)
@@ -58,13 +61,17 @@ impl Recorded {
 
     fn read_parts(
         path: &Path,
+        table: Option<&str>,
         named_at: Option<&str>,
         time: Option<&str>,
         required: &[&str],
         optional: &[&str],
         problems: &mut Vec<Problem>,
     ) -> Option<Recorded> {
-        let (mut reader, header, dialect) = open_recording(path, "recording", named_at, time, problems)?;
+        let wanted: Vec<&str> = time.iter().chain(required).copied().collect();
+        let source = Source { path, table, columns: &wanted, what: "recording", named_at, key: "emg_table" };
+        let mut recording = Recording::open(&source, problems)?;
+        let header = recording.names.clone();
         let (names, places) = places(path, &header, time, required, optional, problems)?;
         let mut columns: Vec<Vec<f64>> = vec![Vec::new(); names.len()];
         // Each clock once: position of its column, times.
@@ -75,32 +82,34 @@ impl Recorded {
             }
         }
         let before = problems.len();
-        let mut record = csv::StringRecord::new();
-        while next_row(&mut reader, &mut record, path, problems)? {
-            let line = record.position().map_or(0, |p| p.line() as usize);
-            let row = Row { file: path, header: &header, line, record: &record };
-            if record.len() != header.len() {
-                row.error(Fault::FieldCount { expected: header.len(), found: record.len(), more: 0 }, problems);
+        while recording.next(path, problems)? {
+            let line = recording.place();
+            if recording.cells() != header.len() {
+                let fault = Fault::FieldCount { expected: header.len(), found: recording.cells(), more: 0 };
+                problems.push(Problem::error(path, line, fault));
                 return None;
             }
             for (column, (times, last_line)) in &mut clocks {
                 // Channels of several rates stand beside each other; the slow ones end first.
-                let is_over = |place: &&Place| record[place.column].is_empty();
-                let ended = record[*column].is_empty()
+                let is_over = |place: &&Place| recording.is_empty(place.column);
+                let ended = recording.is_empty(*column)
                     && time.is_none()
                     && places.iter().filter(|place| place.time == *column).all(|place| is_over(&place));
                 if ended {
                     continue;
                 }
                 if times.len() == MAX_RECORDED_SAMPLES {
-                    row.error(Fault::TooManySamples { limit: MAX_RECORDED_SAMPLES }, problems);
+                    let fault = Fault::TooManySamples { limit: MAX_RECORDED_SAMPLES };
+                    problems.push(Problem::error(path, line, fault));
                     return None;
                 }
                 let mut number = |column: usize| {
-                    let text = &record[column];
-                    let value = dialect.number(text).filter(|v| is_of_a_study(*v));
+                    let value = recording.number(column).filter(|v| is_of_a_study(*v));
                     if value.is_none() {
-                        row.bad(&header[column], "a number", text, problems);
+                        let found = recording.text_of(column).into_owned();
+                        let column = header[column].clone();
+                        let fault = Fault::BadNumber { column, expected: "a number", found, more: 0 };
+                        problems.push(Problem::error(path, line, fault));
                     }
                     value.unwrap_or(f64::NAN)
                 };
@@ -109,7 +118,8 @@ impl Recorded {
                     samples.push(number(place.column));
                 }
                 if let Some(last) = times.last().filter(|last| t <= **last) {
-                    row.error(Fault::TimeNotIncreasing { time_s: t, before_s: *last, more: 0 }, problems);
+                    let fault = Fault::TimeNotIncreasing { time_s: t, before_s: *last, more: 0 };
+                    problems.push(Problem::error(path, line, fault));
                     return None;
                 }
                 times.push(t);
@@ -135,7 +145,7 @@ impl Recorded {
             return None;
         }
         if time.is_none() {
-            let factor = stated_factor(&header[first], dialect.units.get(first));
+            let factor = stated_factor(&header[first], recording.dialect.units.get(first));
             times.iter_mut().for_each(|t| *t *= factor);
         }
         let columns = names.into_iter().map(str::to_owned).zip(columns).collect();
