@@ -115,7 +115,9 @@ impl Asked {
         };
         let mut commands = Vec::new();
         if let Some(copied) = copy_of.and_then(|id| ledger.step(id)) {
-            let quoted = |inside: &str| Ok::<_, Failure>(command_line([settings.out_word(inside)?])["carpus ".len()..].to_owned());
+            let quoted = |inside: &str| {
+                Ok::<_, Failure>(command_line([settings.out_word(inside)?])["carpus ".len()..].to_owned())
+            };
             commands.push(format!("cp -r {} {}", quoted(&copied.folder)?, quoted(&folder)?));
         }
         commands.push(command_line(words.clone()));
@@ -229,9 +231,9 @@ impl Asked {
             let ledger = settings.out.join(&step.folder).join(participant).join("ledger.json");
             step.outcome.has_results() && ledger.is_file()
         };
-        let step = now.filter(of_participant).ok_or_else(|| {
-            error(format!("the current step added no effects to the model of {participant}"))
-        })?;
+        let step = now
+            .filter(of_participant)
+            .ok_or_else(|| error(format!("the current step added no effects to the model of {participant}")))?;
         let mut words = vec!["effect".to_owned(), "remove".to_owned()];
         words.push(settings.out_word(&format!("{folder}/{participant}"))?);
         if let Some(to) = self.to {

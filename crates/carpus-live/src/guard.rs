@@ -81,7 +81,8 @@ fn refusal(live: &Live, request: &Request) -> Option<&'static str> {
         return Some("only a page of this server may ask for this");
     }
     let knows = cookies(headers, &cookie_name(live)).any(|value| is_same(value, &live.token))
-        || request.uri().path() == "/" && in_query(request.uri().query()).is_some_and(|value| is_same(value, &live.token));
+        || request.uri().path() == "/"
+            && in_query(request.uri().query()).is_some_and(|value| is_same(value, &live.token));
     (!knows).then_some("open the address that carpus live printed: it has the token")
 }
 
@@ -126,7 +127,8 @@ mod tests {
         for host in ["127.0.0.1", "127.0.0.1:80", "LOCALHOST:9000", "[::1]:1", "[::1]"] {
             assert!(is_this_machine(host), "{host}");
         }
-        for host in ["", "evil.example", "127.0.0.1.evil.example", "localhost.", "127.0.0.1:", "localhost:80:90", "::1"] {
+        for host in ["", "evil.example", "127.0.0.1.evil.example", "localhost.", "127.0.0.1:", "localhost:80:90", "::1"]
+        {
             assert!(!is_this_machine(host), "{host}");
         }
     }

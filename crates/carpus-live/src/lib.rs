@@ -12,8 +12,8 @@
 //! Steps never change each other's folders. A command that goes on in a folder (`effect add` after `diagnose`, `effect
 //! remove`) goes on in a copy of it.
 //!
-//! Who may ask: whoever has the token in the address that the server prints ([`guard`](mod@guard)). Reports are shown
-//! in frames that have no access to the server.
+//! Who may ask: whoever has the token in the address that the server prints (`guard`). Reports are shown in
+//! frames that have no access to the server.
 //!
 //! | file | contents |
 //! |---|---|

@@ -14,9 +14,9 @@ use crate::settings::Program;
 /// How often it is looked whether a command has ended or is to stop.
 const LOOK: Duration = Duration::from_millis(30);
 
-/// Time that a command has to stop by itself before it is ended. It stops before its next piece of work; files are
-/// written whole or not at all in any case.
-const GRACE: Duration = Duration::from_secs(10);
+/// Time that a step has to stop by itself, before its next piece of work; then it is ended. Files are written whole or not
+/// at all in any case.
+pub(crate) const GRACE: Duration = Duration::from_secs(3);
 
 /// The variable with the number of threads of a command, which is not to stand in its words.
 const THREADS: &str = "RAYON_NUM_THREADS";
@@ -44,6 +44,7 @@ pub(crate) struct Ended {
 /// Runs a command of the program and waits for its end.
 ///
 /// - `stop`: becomes true when it is to stop
+/// - `grace`: time that it has to stop by itself
 /// - `tell`: is told what the command says on the way
 ///
 /// # Errors
@@ -52,6 +53,7 @@ pub(crate) fn run(
     program: &Program,
     words: &[impl AsRef<OsStr>],
     stop: &AtomicBool,
+    grace: Duration,
     tell: impl Fn(Line) + Sync,
 ) -> Result<Ended, Failure> {
     let internal = |e: std::io::Error| Failure::Internal(format!("{}: {e}", program.file.display()));
@@ -61,6 +63,7 @@ pub(crate) fn run(
     if let Some(threads) = program.threads {
         command.env(THREADS, threads.to_string());
     }
+    by_itself(&mut command);
     let mut child = command.spawn().map_err(internal)?;
     let (mut input, output, errors) = (child.stdin.take(), child.stdout.take(), child.stderr.take());
     std::thread::scope(|scope| {
@@ -71,7 +74,9 @@ pub(crate) fn run(
             String::from_utf8_lossy(&bytes).into_owned()
         });
         scope.spawn(|| {
-            for line in errors.map(BufReader::new).into_iter().flat_map(|errors| errors.split(b'\n').map_while(Result::ok)) {
+            for line in
+                errors.map(BufReader::new).into_iter().flat_map(|errors| errors.split(b'\n').map_while(Result::ok))
+            {
                 let line = String::from_utf8_lossy(&line).trim_end_matches('\r').to_owned();
                 tell(Tick::of_line(&line).map_or(Line::Message(line), Line::Tick));
             }
@@ -87,7 +92,7 @@ pub(crate) fn run(
                 asked = Some(Instant::now());
                 input = None;
             }
-            if asked.is_some_and(|asked| asked.elapsed() > GRACE) {
+            if asked.is_some_and(|asked| asked.elapsed() > grace) {
                 // It may have ended this moment.
                 let _ = child.kill();
             }
@@ -98,3 +103,21 @@ pub(crate) fn run(
         Ok(Ended { code: status?.code(), output, was_stopped: asked.is_some() })
     })
 }
+
+/// Ctrl-C in the terminal is for the server, which then stops the command.
+#[cfg(unix)]
+fn by_itself(command: &mut Command) {
+    std::os::unix::process::CommandExt::process_group(command, 0);
+}
+
+/// Ctrl-C in the terminal is for the server, which then stops the command.
+#[cfg(windows)]
+fn by_itself(command: &mut Command) {
+    /// CREATE_NEW_PROCESS_GROUP of the system's interface.
+    const NEW_PROCESS_GROUP: u32 = 0x200;
+    std::os::windows::process::CommandExt::creation_flags(command, NEW_PROCESS_GROUP);
+}
+
+/// Systems without groups of processes.
+#[cfg(not(any(unix, windows)))]
+fn by_itself(_command: &mut Command) {}

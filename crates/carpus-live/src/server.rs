@@ -1,6 +1,5 @@
 //! The port, and the end.
 
-use std::future::Future;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -73,10 +73,19 @@ pub(crate) struct StudyState {
     pub check: Option<Value>,
     /// Why there is no check.
     pub fault: Option<String>,
-    /// The catalogue with the study's own effects, as `carpus effects --json` prints it.
-    pub effects: Option<Value>,
+    /// The catalogue, with the study's own effects.
+    pub effects: Vec<EffectName>,
     /// How many times the files have been checked.
     pub checks: usize,
+}
+
+/// An effect that can be added.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub(crate) struct EffectName {
+    /// Its identifier.
+    pub id: String,
+    /// Its name.
+    pub name: String,
 }
 
 /// Counts changes, so that who looks again sees what is new.

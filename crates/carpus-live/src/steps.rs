@@ -11,7 +11,7 @@ use carpus_session::progress_lines::Tick;
 
 use crate::asked::{Asked, Planned};
 use crate::ledger::{Outcome, StepModel};
-use crate::process::{self, Ended, Line};
+use crate::process::{self, Ended, GRACE, Line};
 use crate::state::{Job, Live};
 
 /// Why a step was not begun.
@@ -60,7 +60,7 @@ pub(crate) fn begin(live: &Arc<Live>, asked: &Asked) -> Result<usize, NotBegun> 
 fn work(live: &Live, planned: &Planned, stop: &AtomicBool) {
     let messages = Mutex::new(Vec::new());
     let ended = copied(live, planned).and_then(|()| {
-        process::run(&live.settings.program, &planned.words, stop, |line| match line {
+        process::run(&live.settings.program, &planned.words, stop, GRACE, |line| match line {
             Line::Tick(tick) => live.tick(tick),
             Line::Message(text) => {
                 messages.lock().unwrap_or_else(PoisonError::into_inner).push(text.clone());
@@ -89,7 +89,8 @@ fn work(live: &Live, planned: &Planned, stop: &AtomicBool) {
                 step.models.extend(models(&folder, &step.folder, &state.study.participants));
             }
         }
-        if outcome.has_results() {
+        // Whoever walked elsewhere meanwhile stays there.
+        if outcome.has_results() && state.ledger.current == planned.step.parent {
             state.ledger.current = planned.step.id;
         }
         state.job = None;
@@ -109,7 +110,8 @@ fn copied(live: &Live, planned: &Planned) -> Result<(), Failure> {
     let to = OutputFolder::create(&live.settings.out.join(&planned.step.folder), &[])?;
     let mut folders = vec![PathBuf::new()];
     while let Some(inside) = folders.pop() {
-        let unreadable = |e: std::io::Error| Diagnostic::error(format!("cannot be read: {e}")).in_file(&from.join(&inside));
+        let unreadable =
+            |e: std::io::Error| Diagnostic::error(format!("cannot be read: {e}")).in_file(&from.join(&inside));
         for entry in std::fs::read_dir(from.join(&inside)).map_err(unreadable)? {
             let entry = entry.map_err(unreadable)?;
             let (kind, name) = (entry.file_type().map_err(unreadable)?, inside.join(entry.file_name()));

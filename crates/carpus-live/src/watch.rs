@@ -8,7 +8,7 @@ use serde_json::Value;
 use carpus_study::study::Study;
 
 use crate::process::{self, Line};
-use crate::state::Live;
+use crate::state::{EffectName, Live};
 
 /// How often files are looked at.
 const LOOK: Duration = Duration::from_millis(500);
@@ -86,11 +86,11 @@ fn check(live: &Live, named: &Named) {
     let words = ["effects", "--json"].into_iter().map(str::to_owned);
     let words: Vec<String> = words.chain(own.into_iter().flat_map(|file| ["--own-effect".to_owned(), file])).collect();
     // Where an effect of the study's own is at fault, the check says so.
-    let effects = json_of(live, &words).ok();
+    let effects = json_of(live, &words).ok().map(|catalogue| names(&catalogue));
     live.change(|state| {
         state.study.is_checking = false;
         state.study.checks += 1;
-        state.study.effects = effects.or(state.study.effects.take());
+        state.study.effects = effects.unwrap_or_else(|| std::mem::take(&mut state.study.effects));
         (state.study.check, state.study.fault) = match checked {
             Ok(found) => (Some(found), None),
             Err(fault) => (None, Some(fault)),
@@ -98,10 +98,17 @@ fn check(live: &Live, named: &Named) {
     });
 }
 
+/// Effects of a catalogue, as `carpus effects --json` prints it.
+fn names(catalogue: &Value) -> Vec<EffectName> {
+    let text = |effect: &Value, key: &str| effect.get(key).and_then(Value::as_str).map(str::to_owned);
+    let all = catalogue.get("effects").and_then(Value::as_array).into_iter().flatten();
+    all.filter_map(|effect| Some(EffectName { id: text(effect, "id")?, name: text(effect, "name")? })).collect()
+}
+
 /// What a command prints as JSON; else its messages.
 fn json_of(live: &Live, words: &[impl AsRef<std::ffi::OsStr>]) -> Result<Value, String> {
     let messages = std::sync::Mutex::new(String::new());
-    let ended = process::run(&live.settings.program, words, live.ended(), |line| {
+    let ended = process::run(&live.settings.program, words, live.ended(), Duration::ZERO, |line| {
         if let (Line::Message(text), Ok(mut messages)) = (line, messages.lock()) {
             messages.push_str(&(text + "\n"));
         }

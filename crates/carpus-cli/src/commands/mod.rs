@@ -18,6 +18,8 @@ pub mod evaluate;
 pub mod identify;
 pub mod info;
 pub mod init;
+#[cfg(feature = "live")]
+pub mod live;
 pub mod man;
 pub mod merge;
 pub mod paths;
