@@ -401,7 +401,8 @@ fn diagnosed(out: &Path) -> PathBuf {
     let study = looped.path("hidden/study.toml");
     let step = json!({
         "id": 1, "parent": 0, "label": "diagnose", "writer": "diagnose", "reads": [], "copy_of": null, "run_in": "",
-        "commands": [], "folder": "01-diagnose", "outcome": "done", "pages": [], "models": {}, "said": "", "messages": [],
+        "commands": [], "folder": "01-diagnose", "outcome": "done", "pages": [], "models": {}, "said": "",
+        "messages": [],
     });
     let study_file = study.canonicalize().unwrap();
     let ledger = json!({

@@ -21,8 +21,9 @@ use crate::state::Live;
 const TOKEN_BYTES: usize = 16;
 
 /// What the page itself may do: its own script and style, requests to this server, frames with this server's files.
-const PAGE_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; frame-src 'self'; \
-                           img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+const PAGE_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; \
+                           frame-src 'self'; img-src data:; base-uri 'none'; form-action 'none'; \
+                           frame-ancestors 'none'";
 
 /// What results may do, beside what their own policy allows: scripts run without any access to this server, in a frame
 /// of the page or by themselves.

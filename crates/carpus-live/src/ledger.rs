@@ -1,7 +1,7 @@
 //! The ledger: every step that was taken, and which one is the current one.
 //!
-//! It is `live/ledger.json` in the folder of the steps. Steps are only ever added; walking back makes an earlier step the
-//! current one, and the next step then has that one as its parent.
+//! It is `live/ledger.json` in the folder of the steps. Steps are only ever added; walking back makes an earlier step
+//! the current one, and the next step then has that one as its parent.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -160,7 +160,7 @@ impl Ledger {
     }
 }
 
-/// Whether a folder holds anything. A file in its place, or a folder that cannot be read, is told when it is written to.
+/// Whether a folder holds nothing. A file in its place, or a folder that cannot be read, is told when it is written to.
 fn is_empty(folder: &Path) -> bool {
     std::fs::read_dir(folder).map_or(true, |mut entries| entries.next().is_none())
 }

@@ -14,8 +14,8 @@ use crate::settings::Program;
 /// How often it is looked whether a command has ended or is to stop.
 const LOOK: Duration = Duration::from_millis(30);
 
-/// Time that a step has to stop by itself, before its next piece of work; then it is ended. Files are written whole or not
-/// at all in any case.
+/// Time that a step has to stop by itself, before its next piece of work; then it is ended. Files are written whole or
+/// not at all in any case.
 pub(crate) const GRACE: Duration = Duration::from_secs(3);
 
 /// The variable with the number of threads of a command, which is not to stand in its words.

@@ -193,6 +193,7 @@
       const notes = [outcomes[step.outcome], step.parent !== null && step.parent !== step.id - 1 ? `after ${step.parent || "the study as it is"}` : ""];
       item.append(what, make("span", notes.filter(Boolean).join("; "), "note"));
       if (step.id === current) item.setAttribute("aria-current", "step");
+      item.classList.toggle("looked", step.id > 0 && step.id === looked);
       const acts = make("span", undefined, "acts");
       const act = (name, label, run) => {
         const button = make("button", name);
@@ -203,7 +204,7 @@
       };
       if (step.id && step.outcome !== "running") act("Look", `look at step ${step.id}`, () => look(step.id));
       if (step.id !== current && ["done", "partly"].includes(step.outcome)) {
-        act("Walk back", step.id ? `make step ${step.id} the current one` : "make the study as it is the current one", () => ask("go", { step: step.id }));
+        act("Go here", step.id ? `make step ${step.id} the current one` : "make the study as it is the current one", () => ask("go", { step: step.id }));
       }
       item.append(acts);
       return item;
@@ -218,9 +219,12 @@
 
   const look = (step) => {
     looked = step;
+    showLedger(state.ledger);
     showResult();
   };
 
+  /** The step whose words are shown, so that whoever folds them is let be. */
+  let told = 0;
   const showResult = () => {
     const step = state.ledger.steps[looked - 1];
     id("result").hidden = !step;
@@ -231,16 +235,19 @@
       fill(id("page"), pages.map((page) => [page, page.slice(step.folder.length + 1)]));
       id("commands").textContent = step.commands.join("\n");
       id("said").textContent = [...step.messages, step.said].join("\n").trim();
-      id("told").open = !pages.length;
+      id("said").hidden = !id("said").textContent;
+      if (told !== looked) id("told").open = !pages.length;
+      told = looked;
       const models = Object.entries(step.models).flatMap(([, model]) => [model.model, model.effects]).filter(Boolean);
       id("models").replaceChildren(
         ...models.flatMap((path) => {
           const link = make("a", path);
           link.href = `files/${encoded(path)}`;
           link.download = "";
-          return [link, " "];
+          return [" ", link];
         }),
       );
+      if (models.length) id("models").prepend("Models after this step:");
     }
     showPage();
   };
@@ -266,13 +273,13 @@
     state = now;
     showStudy(now.study);
     showJob(now.job);
-    showLedger(now.ledger);
     const running = now.job?.step;
     if (!before || before.ledger.current !== now.ledger.current) looked = now.ledger.current;
     // What failed is shown, too: it says why.
     const ended = before?.job && !now.job ? before.job.step : null;
     if (ended && now.ledger.steps[ended - 1]?.outcome !== "done") looked = ended;
     if (looked === running) looked = now.ledger.current;
+    showLedger(now.ledger);
     showForm();
     showResult();
     document.body.dataset.ready = "true";

@@ -28,7 +28,7 @@ const seen = await withAddress(address, {}, async (page, seen) => {
     const what = document.getElementById("job-what");
     new MutationObserver(() => window.progress.push(what.textContent)).observe(what, { childList: true });
   });
-  await page.getByLabel("Command").selectOption("personalize");
+  await page.locator("#command").selectOption("personalize");
   await page.getByRole("button", { name: "Run", exact: true }).press("Enter");
   await page.locator("#job").waitFor({ state: "visible" });
   await shoot("running");
@@ -56,16 +56,16 @@ const seen = await withAddress(address, {}, async (page, seen) => {
   seen.current.push(await current("1 personalize"));
 
   // A step that is stopped.
-  await page.getByLabel("Command").selectOption("diagnose");
+  await page.locator("#command").selectOption("diagnose");
   await page.getByRole("button", { name: "Run", exact: true }).click();
   await page.getByRole("button", { name: "Stop", exact: true }).click();
   await page.locator("#ledger li[data-step='2'][data-outcome=cancelled]").waitFor();
   seen.stopped = await page.locator("#ledger li[data-step='2']").textContent();
 
   // Effects are chosen one after the other.
-  await page.getByLabel("Command").selectOption("effect_add");
-  await page.getByLabel("Add", { exact: true }).selectOption("gravity");
-  await page.getByLabel("Add", { exact: true }).selectOption("joint_stiffness");
+  await page.locator("#command").selectOption("effect_add");
+  await page.locator("#effect").selectOption("gravity");
+  await page.locator("#effect").selectOption("joint_stiffness");
   await shoot("effects");
   seen.chosen = await page.locator("#chosen li").count();
   seen.nameless = await page.evaluate(() =>
