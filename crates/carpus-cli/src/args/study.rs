@@ -223,8 +223,8 @@ pub struct LiveArgs {
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
     /// Port of this machine to listen on (default: a free one)
-    #[arg(long, value_name = "PORT", default_value_t = 0, hide_default_value = true)]
-    pub port: u16,
+    #[arg(long, value_name = "PORT")]
+    pub port: Option<u16>,
     /// Do not open a browser
     #[arg(long)]
     pub no_browser: bool,

@@ -16,7 +16,7 @@ pub fn run(args: &LiveArgs, global: &Global) -> Result<(), Failure> {
     let server = Server::new(Settings {
         study: args.study.clone(),
         out: args.out.clone(),
-        port: args.port,
+        port: args.port.unwrap_or(0),
         seed: global.seed,
         allow_unsupported: args.allow_unsupported,
         program: Program { file, threads: global.threads.map(usize::from) },
