@@ -347,6 +347,32 @@ fn verif_a_file_that_changes_is_checked_anew() {
 }
 
 #[test]
+fn verif_an_effect_of_the_study_s_own_is_read_anew() {
+    let folder = tempfile::tempdir().unwrap();
+    let given = folder.path().join("given");
+    let study = small_study(&given);
+    let file = given.join("cogging.toml");
+    let text = read(root("docs/src/guide/cogging.toml"));
+    std::fs::write(&file, &text).unwrap();
+    std::fs::write(&study, read(study.clone()) + "\n[effects]\nown = [\"cogging.toml\"]\n").unwrap();
+    let live = Live::start(&study, &folder.path().join("out"));
+    let name = |state: &Value| {
+        let all = state["study"]["effects"].as_array().unwrap();
+        all.iter().find(|effect| effect["id"] == "cogging").map(|effect| effect["name"].as_str().unwrap().to_owned())
+    };
+    let first = live.checked(1);
+    assert!(first["study"]["check"]["level"] != "red" && name(&first).is_some(), "{first}");
+    let renamed = text.replace(&format!("\"{}\"", name(&first).unwrap()), "\"Teeth of the motor\"");
+    std::fs::write(&file, renamed).unwrap();
+    let second = live.checked(2);
+    assert_eq!(name(&second).as_deref(), Some("Teeth of the motor"));
+    assert_ne!(second["study"]["check"]["level"], "red", "{}", second["study"]["check"]["findings"]);
+    std::fs::write(&file, "id = 3").unwrap();
+    let third = live.checked(3);
+    assert!(third["study"]["check"]["level"] == "red" || third["study"]["fault"].is_string(), "{third}");
+}
+
+#[test]
 fn verif_a_command_is_stopped_and_the_server_ends() {
     let folder = tempfile::tempdir().unwrap();
     let (study, out) = (small_study(&folder.path().join("given")), folder.path().join("out"));

@@ -17,6 +17,11 @@
   let looked = 0;
   const chosen = [];
 
+  /** Sets a text that is read out when it changes, and only then. */
+  const tell = (element, text) => {
+    if (element.textContent !== text) element.textContent = text;
+  };
+
   /** Whether what is said is that the server is gone: then it goes when the server is there again. */
   let isLost = false;
   const say = (text, lost = false) => {
@@ -73,7 +78,7 @@
     const level = check ? check.level : fault ? "red" : "";
     const light = id("light");
     light.className = `light ${level}`;
-    light.textContent = checking ? "checking" : { green: "study: green", amber: "study: amber", red: "study: red" }[level] ?? "not checked";
+    tell(light, checking ? "checking" : level ? `study: ${level}` : "not checked");
     const findings = check?.findings ?? [];
     const open = findings.filter((f) => f.level !== "green");
     const green = findings.filter((f) => f.level === "green");
@@ -120,11 +125,14 @@
     if (command === "effect_remove") showSteps(now);
   };
 
+  /** Whether a step, or the one whose folder it went on in, added effects. */
+  const hasEffects = (step) => Boolean(step) && (step.writer === "effect" || hasEffects(state.ledger.steps[step.copy_of - 1]));
+
   /** Steps of the participant's own ledger of effects. */
   const showSteps = async (now) => {
     const participant = id("participant").value;
     let options = [["", "one step back"]];
-    if (now && participant) {
+    if (hasEffects(now) && participant) {
       try {
         const answer = await fetch(`files/${encoded(`${now.folder}/${participant}/ledger.json`)}`);
         const ledger = answer.ok ? await answer.json() : null;
@@ -143,7 +151,7 @@
     id("run").disabled = Boolean(job);
     if (!job) return;
     id("job-label").textContent = state.ledger.steps[job.step - 1]?.label ?? "";
-    id("job-what").textContent = job.is_stopping ? "stopping" : job.at.what;
+    tell(id("job-what"), job.is_stopping ? "stopping" : job.at.what);
     const bar = id("job-bar");
     if (job.at.steps) {
       bar.max = job.at.steps;
