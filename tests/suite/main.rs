@@ -21,6 +21,7 @@ mod imaging;
 mod krylow;
 mod lab_folder;
 mod live;
+mod live_server;
 mod multibody;
 mod muscle_classes;
 mod muscles;

@@ -24,6 +24,8 @@ pub const GROUPS: [(&str, &[&str]); 6] = [
             "plan",
             "simulate",
             "study",
+            #[cfg(feature = "live")]
+            "live",
             "units",
             "merge",
             "synth",

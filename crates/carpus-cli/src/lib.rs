@@ -120,6 +120,8 @@ fn execute(cli: &Cli) -> Result<(), Failure> {
         Command::Effects(args) => commands::effects::run(args, global),
         Command::Evaluate(args) => commands::evaluate::run(args, global),
         Command::Study(args) => commands::study::run(args, global),
+        #[cfg(feature = "live")]
+        Command::Live(args) => commands::live::run(args, global),
         Command::Units(args) => commands::units::run(args, global),
         Command::Merge(args) => commands::merge::run(args, global),
         Command::Effect(args) => commands::effect::run(args, global),

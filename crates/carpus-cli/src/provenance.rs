@@ -3,6 +3,7 @@
 use std::ffi::OsString;
 use std::sync::{PoisonError, RwLock};
 
+use carpus_session::provenance;
 use carpus_session::shared_arguments::shared_arguments;
 
 static WORDS: RwLock<Option<Vec<OsString>>> = RwLock::new(None);
@@ -22,12 +23,7 @@ pub fn words() -> Vec<OsString> {
 
 /// The command as it was typed, quoted for a shell where needed.
 pub fn command_line() -> String {
-    let quoted = |word: String| {
-        let plain = |c: char| c.is_alphanumeric() || "-_./=:,+%@".contains(c);
-        if !word.is_empty() && word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', r"'\''")) }
-    };
-    let words = words().into_iter().skip(1).map(|word| quoted(word.to_string_lossy().into_owned()));
-    std::iter::once("carpus".to_string()).chain(words).collect::<Vec<_>>().join(" ")
+    provenance::command_line(words().into_iter().skip(1).map(|word| word.to_string_lossy().into_owned()))
 }
 
 /// What the command was asked, without what is of one task or one run alone.

@@ -18,6 +18,7 @@ use super::determines::Determines;
 use super::diagnostic::{Diagnostic, Failure, Severity};
 use super::init::crossed;
 use super::loading::{LoadedParticipant, strengths};
+use super::own_effects;
 use super::participant::Session;
 use super::progress::Progress;
 use super::study::{Opening, Study};
@@ -189,6 +190,11 @@ impl Check {
     pub fn run(&self, path: &Path, progress: &dyn Progress) -> Result<Checked, Failure> {
         let mut found = Findings::default();
         let (mut conditions, mut determines) = (Vec::new(), Vec::new());
+        match own_effects::register_all(&[], Some(path)) {
+            Ok(()) => {}
+            Err(Failure::Input(messages)) => found.add_diagnostics(&messages, Subject::Files),
+            Err(other) => return Err(other),
+        }
         match Study::open_with(path, self.opening.clone()) {
             Ok(study) => {
                 let problems = study

@@ -96,6 +96,7 @@ mod prepared;
 pub mod priors;
 pub mod processed_study;
 pub mod progress;
+pub mod progress_lines;
 pub mod provenance;
 pub mod quantity;
 pub mod remove_effects;

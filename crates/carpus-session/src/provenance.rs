@@ -35,6 +35,17 @@ pub fn made_by(command: Option<&str>, request: &impl std::fmt::Debug, seed: u64,
     }
 }
 
+/// A command as it is typed, quoted for a shell where needed.
+///
+/// - `words`: the arguments, without the name of the program
+pub fn command_line(words: impl IntoIterator<Item = String>) -> String {
+    let quoted = |word: String| {
+        let plain = |c: char| c.is_alphanumeric() || "-_./=:,+%@".contains(c);
+        if !word.is_empty() && word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', r"'\''")) }
+    };
+    std::iter::once("carpus".to_owned()).chain(words.into_iter().map(quoted)).collect::<Vec<_>>().join(" ")
+}
+
 /// A file and its hash.
 ///
 /// # Errors

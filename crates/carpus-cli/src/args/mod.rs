@@ -24,6 +24,9 @@ pub use study::{
     InitArgs, MergeArgs, NoiseLevel, PersonalizeArgs, PlanArgs, SynthArgs, UnitsArgs, WholeStudyArgs,
 };
 
+#[cfg(feature = "live")]
+pub use study::LiveArgs;
+
 use carpus_session::provenance::DEFAULT_SEED;
 
 /// Personalize OpenSim hand and wrist models from dynamometer and EMG recordings, and see where the model fails.
@@ -97,6 +100,9 @@ pub enum Command {
     Simulate(StudyWithEffects),
     /// All steps of a study and one report; resumable
     Study(WholeStudyArgs),
+    /// A study in progress, in a browser: check, run, walk back
+    #[cfg(feature = "live")]
+    Live(LiveArgs),
     /// Which parts of a study several machines have done
     Units(UnitsArgs),
     /// One report of the parts that several machines have done

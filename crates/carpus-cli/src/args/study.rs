@@ -215,6 +215,28 @@ pub struct WholeStudyArgs {
     pub identify: IdentifyOptions,
 }
 
+/// `carpus live`
+#[cfg(feature = "live")]
+#[derive(Debug, Args)]
+#[command(after_help = text(include_str!("help/live.txt")))]
+pub struct LiveArgs {
+    /// The study: its study.toml or the folder it is in
+    #[arg(value_name = "STUDY/study.toml")]
+    pub study: PathBuf,
+    /// Folder for the steps, one folder each, and the ledger
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Port of this machine to listen on (default: a free one)
+    #[arg(long, value_name = "PORT")]
+    pub port: Option<u16>,
+    /// Do not open a browser
+    #[arg(long)]
+    pub no_browser: bool,
+    /// Go on although the model has components that would change the result and are not supported
+    #[arg(long)]
+    pub allow_unsupported: bool,
+}
+
 /// `carpus synth`
 #[derive(Debug, Args)]
 #[command(after_help = text(include_str!("help/synth.txt")))]

@@ -19,6 +19,8 @@ pub mod groups;
 pub mod identify;
 pub mod info;
 pub mod init;
+#[cfg(feature = "live")]
+pub mod live;
 pub mod man;
 pub mod merge;
 pub mod paths;

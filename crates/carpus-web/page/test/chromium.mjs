@@ -21,7 +21,10 @@ const args = [
 export const looks = { timeout: 300_000, polling: 50 };
 
 /** Opens a page from disk; `act` does with it what is to be done. What was seen comes back. */
-export async function withPage(file, options, act) {
+export const withPage = (file, options, act) => withAddress(pathToFileURL(path.resolve(file)).href, options, act);
+
+/** Opens an address. */
+export async function withAddress(own, options, act) {
   const profile = mkdtempSync(path.join(tmpdir(), "carpus-browser-"));
   const context = await chromium.launchPersistentContext(profile, {
     executablePath: process.env.CARPUS_CHROMIUM ?? "/usr/bin/chromium",
@@ -35,7 +38,6 @@ export async function withPage(file, options, act) {
   try {
     const page = await context.newPage();
     page.setDefaultTimeout(120_000);
-    const own = pathToFileURL(path.resolve(file)).href;
     context.on("request", (request) => {
       const is = request.url().split("#")[0];
       if (is !== own && !/^(blob:|data:)/.test(is)) seen.requests.push(request.url());
