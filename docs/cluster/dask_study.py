@@ -10,9 +10,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from dask.distributed import Client
-
 import carpus
+from dask.distributed import Client
 
 
 def task(study: str, out: str, which: str, options: dict[str, Any]) -> int:
