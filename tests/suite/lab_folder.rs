@@ -1,7 +1,8 @@
 //! From a folder of exported files to a study: `carpus init`, `check` and `compare` on what four laboratories export.
 //!
 //! The files are those of `examples/lab_exports.rs`: OpenSim's trials of the bundled study in the layouts of Biodex,
-//! HUMAC, Delsys and Noraxon, in one file with decimal commas, and as a workbook with a MATLAB file. So it is known what has to come out.
+//! HUMAC, Delsys and Noraxon, in one file with decimal commas, and as a workbook with a MATLAB file. So it is known what
+//! has to come out.
 
 #[allow(dead_code)]
 #[path = "../../examples/lab_exports.rs"]

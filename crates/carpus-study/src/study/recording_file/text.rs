@@ -49,6 +49,10 @@ pub(super) fn several(path: &Path, first: &Dialect) -> Option<Vec<TextTable>> {
 
 /// The lines of a file that are not blank, rows of numbers together.
 fn rows(path: &Path, dialect: &Dialect) -> Option<Vec<Row>> {
+    // Devices have no end, pipes are read once: what they are is told when the file is opened.
+    if !std::fs::metadata(path).ok()?.is_file() {
+        return None;
+    }
     let mut source = BufReader::with_capacity(1 << 16, File::open(path).ok()?);
     let mut rows: Vec<Row> = Vec::new();
     let (mut line, mut place, mut words) = (Vec::new(), 0, 0);

@@ -1,7 +1,8 @@
 //! Archives (zip) of which a workbook is one: the files in it, by name.
 //!
 //! # References
-//! PKWARE, *APPNOTE.TXT – .ZIP File Format Specification*, 4.3. Files of more than 4 GB and encrypted ones are not read.
+//! PKWARE, *APPNOTE.TXT – .ZIP File Format Specification*, 4.3. Files of more than 4 GB and encrypted ones are not
+//! read.
 
 use std::io::Read;
 

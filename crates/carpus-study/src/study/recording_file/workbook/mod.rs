@@ -153,8 +153,8 @@ mod tests {
     #[test]
     fn verif_times_of_day_are_seconds_and_formats_are_told_apart() {
         let styles = "<styleSheet><numFmts><numFmt numFmtId=\"164\" formatCode=\"[Red]0.00\"/><numFmt numFmtId=\"165\" \
-                      formatCode=\"mm:ss.000\"/><numFmt numFmtId=\"166\" formatCode=\"0.0\\ &quot;days&quot;\"/></numFmts>\
-                      <cellXfs><xf numFmtId=\"0\"/><xf numFmtId=\"164\"/><xf numFmtId=\"165\"/><xf numFmtId=\"166\"/>\
+                      formatCode=\"mm:ss.000\"/><numFmt numFmtId=\"166\" formatCode=\"0.0\\ &quot;days&quot;\"/>\
+                      </numFmts><cellXfs><xf numFmtId=\"0\"/><xf numFmtId=\"164\"/><xf numFmtId=\"165\"/><xf numFmtId=\"166\"/>\
                       <xf numFmtId=\"46\"/></cellXfs></styleSheet>";
         let times = sheets::times(styles, "styles").unwrap();
         assert_eq!(times, [false, false, true, false, true]);
