@@ -62,6 +62,26 @@ def recorded_study(folder: Path) -> None:
     (folder / "wrist.osim").write_bytes(Path(WRIST).read_bytes())
 
 
+def visits(folder: Path) -> None:
+    """Four persons before and after training, of whom a table knows the strength."""
+    folder.mkdir(parents=True)
+    (folder / "wrist.osim").write_bytes(Path(WRIST).read_bytes())
+    text = (Path(DEMO) / "study.toml").read_text().replace("../../models/wrist.osim", "wrist.osim")
+    (folder / "study.toml").write_text(text)
+    trial = (Path(DEMO) / "data" / "P01" / "mvc_flexion.csv").read_bytes()
+    participants, trials, values = "participant,person,visit\n", "participant,file,contraction,use\n", ""
+    for person, strengths in enumerate([(5.1, 5.6), (6.4, 6.9), (4.2, 4.1), (7.3, 8.4)]):
+        for visit, strength in zip(("before", "after"), strengths, strict=True):
+            name = f"P{person}_{visit}"
+            (folder / f"{name}.csv").write_bytes(trial)
+            participants += f"{name},P{person},{visit}\n"
+            trials += f"{name},{name}.csv,mvc,mvc\n"
+            values += f"{name},{strength},\n"
+    (folder / "participants.csv").write_text(participants)
+    (folder / "trials.csv").write_text(trials)
+    (folder / "values.csv").write_text("participant,strength_n_m,unknown\n" + values)
+
+
 def machine_alone(folder: Path) -> None:
     """Runs of a machine with a drag of 0.2 N·m·s/rad."""
     import numpy as np
@@ -158,6 +178,17 @@ COMMANDS: dict[str, tuple[Callable[[Path], None] | None, Words]] = {
         lambda f: ["c3d", str(ROOT / "fixtures" / "motion_capture" / "float.c3d"), "--out", str(f / "c3d" / "float")],
     ),
     "ultrasound": (None, lambda f: ["ultrasound", str(ROOT / "fixtures" / "imaging"), "--out", str(f / "imaging")]),
+    "groups": (
+        lambda f: visits(f / "visits"),
+        lambda f: [
+            "groups",
+            str(f / "visits"),
+            "--values",
+            str(f / "visits" / "values.csv"),
+            "--out",
+            str(f / "compared_visits"),
+        ],
+    ),
     "power": (None, lambda f: ["power", "paired-t", "--effect", "0.72", "--n", "10", "--tails", "2"]),
     "power --published": (None, lambda f: ["power", "--published"]),
 }
