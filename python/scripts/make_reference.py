@@ -28,6 +28,7 @@ GROUPS: dict[str, list[Any]] = {
         carpus.ModelWithEffects,
         carpus.Plan,
         carpus.Evaluation,
+        carpus.Groups,
         carpus.Sensitivity,
         carpus.StudyReport,
     ],

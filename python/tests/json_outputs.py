@@ -69,13 +69,17 @@ def visits(folder: Path) -> None:
     text = (Path(DEMO) / "study.toml").read_text().replace("../../models/wrist.osim", "wrist.osim")
     (folder / "study.toml").write_text(text)
     trial = (Path(DEMO) / "data" / "P01" / "mvc_flexion.csv").read_bytes()
-    participants, trials, values = "participant,person,visit\n", "participant,file,contraction,use\n", ""
+    participants, trials, values = (
+        "participant,person,visit\n",
+        "participant,file,contraction,effort_percent,direction,use\n",
+        "",
+    )
     for person, strengths in enumerate([(5.1, 5.6), (6.4, 6.9), (4.2, 4.1), (7.3, 8.4)]):
         for visit, strength in zip(("before", "after"), strengths, strict=True):
             name = f"P{person}_{visit}"
             (folder / f"{name}.csv").write_bytes(trial)
             participants += f"{name},P{person},{visit}\n"
-            trials += f"{name},{name}.csv,mvc,mvc\n"
+            trials += f"{name},{name}.csv,mvc,100,flexion,mvc\n"
             values += f"{name},{strength},\n"
     (folder / "participants.csv").write_text(participants)
     (folder / "trials.csv").write_text(trials)

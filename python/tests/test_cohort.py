@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import json_outputs
 import pytest
 from conftest import DEMO, ROOT
 
@@ -102,3 +103,22 @@ def test_verif_one_participant_is_no_cohort() -> None:
     with pytest.raises(carpus.InputError, match="at least two participants") as caught:
         carpus.demo().diagnose(["gravity", "coulomb_friction"])
     assert caught.value.diagnostics[0].hint
+
+
+def test_verif_groups_are_those_of_the_command(tmp_path: Path) -> None:
+    json_outputs.visits(tmp_path / "visits")
+    values = tmp_path / "visits" / "values.csv"
+    words = ["groups", str(tmp_path / "visits"), "--values", str(values), "--out", str(tmp_path / "command")]
+    subprocess.run([sys.executable, "-m", "carpus", *words], check=True, capture_output=True)
+    study = carpus.Study.open(tmp_path / "visits", command=f"carpus {' '.join(words)}")
+    found = study.groups(values=[values])
+    found.write(tmp_path / "package")
+    for name in ("groups.json", "groups.csv", "groups.html"):
+        assert filecmp.cmp(tmp_path / "command" / name, tmp_path / "package" / name, shallow=False), name
+    row = found.to_dict()["differences"][0]
+    assert row["difference"] == "after − before" and row["persons"] == 4
+    with pytest.raises(carpus.InputError, match=r"no identifiability.json of a participant of the study"):
+        study.groups([tmp_path])
+    pd = pytest.importorskip("pandas")
+    table = found.to_pandas()
+    assert isinstance(table, pd.DataFrame) and len(table) == 1 and table.interval_95_lower[0] < table.estimate[0]
