@@ -45,7 +45,13 @@ pub fn intervals(description: &str, rows: &[IntervalRow]) -> String {
 /// - `line`: value at which a line is drawn
 pub fn intervals_about(line: f64, description: &str, rows: &[IntervalRow]) -> String {
     const ROW: f64 = 15.0;
-    let (width, left, right, top) = (300.0, 44.0, 8.0, 6.0);
+    // Width of a letter, of what is drawn beside the labels, of the labels at least.
+    const LETTER: f64 = 6.0;
+    const DRAWN: f64 = 256.0;
+    const LABELS: f64 = 44.0;
+    let longest = rows.iter().map(|r| r.label.chars().count()).max().unwrap_or(0);
+    let left = LABELS.max(LETTER * longest as f64 + 4.0);
+    let (width, right, top) = (left + DRAWN, 8.0, 6.0);
     let bottom = top + ROW * rows.len() as f64;
     let height = bottom + 20.0;
     let all = rows.iter().flat_map(|r| [r.interval[0], r.interval[1], r.value]).chain([line]);
@@ -106,5 +112,9 @@ mod tests {
         assert_eq!((svg.matches("link fell").count(), svg.matches("link rose").count()), (1, 1));
         assert!(svg.contains(r#"x1="48.0" x2="292.0""#), "{svg}");
         assert!(svg.contains("P&lt;1") && !svg.contains("P<1"));
+        let long =
+            IntervalRow { label: "FCU max_isometric_force".into(), value: 1.0, interval: [0.9, 1.1], ends: [true; 2] };
+        let svg = intervals("d", &[long]);
+        assert!(svg.contains(r#"viewBox="0 0 398 "#) && svg.contains(r#"x="138.0""#), "{svg}");
     }
 }

@@ -226,11 +226,18 @@ impl GroupComparison {
     pub fn in_words(&self) -> String {
         let found = self.differences.iter().filter(|d| d.p_holm < 0.05).count();
         let quantities = self.differences.iter().map(|d| &d.quantity).collect::<std::collections::BTreeSet<_>>().len();
+        let of = match quantities {
+            1 => "1 quantity".to_owned(),
+            n => format!("{n} quantities"),
+        };
         match found {
-            0 => format!("{quantities} quantities: none differs (p < 0.05 after Holm's correction)"),
-            _ => format!("{quantities} quantities, {} differences: {found} with p < 0.05 after Holm's correction", {
-                self.differences.len()
-            }),
+            0 => format!("{of}: none differs (p < 0.05 after Holm's correction)"),
+            _ => {
+                format!(
+                    "{of}, {} comparisons: {found} differ (p < 0.05 after Holm's correction)",
+                    self.differences.len()
+                )
+            }
         }
     }
 
