@@ -119,7 +119,7 @@ fn verif_a_task_that_was_killed_is_named_and_goes_on() {
     std::fs::write(&half, "{\"schema\": \"carpus.unit/2\", \"val").unwrap();
     let notes = notes(place.path());
     if cfg!(target_os = "linux") {
-        let words = "has gone without an end (killed, or its disk was full)";
+        let words = "stopped without recording an end (killed, or its disk was full)";
         assert!(notes[0].contains(words) && notes[0].contains("--task 1/1"), "{notes:?}");
     }
     assert!(notes.last().unwrap().starts_with("hidden files below units"), "{notes:?}");

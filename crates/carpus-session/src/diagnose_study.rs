@@ -13,7 +13,7 @@ use crate::diagnose::{BASELINES, Diagnose, forward_model};
 use crate::diagnosis_file;
 use crate::diagnostic::{Diagnostic, Failure, Severity};
 use crate::json;
-use crate::loading::{LoadedParticipant, Purpose};
+use crate::loading::{LoadedParticipant, Purpose, memory_needed, participants_at_once};
 use crate::output::OutputFolder;
 use crate::participant::{Session, StudyParticipant};
 use crate::progress::Progress;
@@ -91,6 +91,8 @@ struct Read<'s> {
     participant: StudyParticipant<'s>,
     inputs: Vec<InputFile>,
     depends_on: String,
+    /// Memory that the diagnosis takes [bytes].
+    memory: f64,
 }
 
 impl Study {
@@ -198,7 +200,8 @@ impl Study {
                     progress.warnings(&data.warnings);
                     progress.warnings(&without_property(&effects, &data));
                     let depends_on = self.depends_on(request, &data);
-                    read.push(Read { participant, inputs: data.inputs, depends_on });
+                    let memory = memory_needed(&data.trials, data.model.muscle_names().count(), true);
+                    read.push(Read { participant, inputs: data.inputs, depends_on, memory });
                 }
                 Err(Failure::Input(messages)) => failed.extend(messages),
                 Err(other) => return Err(other),
@@ -215,7 +218,8 @@ impl Study {
         // Paths and warnings are in the results.
         let (folder, model) = (self.tables.folder.display(), run.loaded.path.display());
         let opening = (self.opening.allow_unsupported, self.opening.scales_models);
-        format!("{request:?} {opening:?} {folder} {model} {hashes}")
+        let warnings = run.warnings.iter().map(|w| w.text.as_str()).collect::<Vec<_>>().join("\n");
+        format!("{request:?} {opening:?} {folder} {model} {hashes} {warnings}")
     }
 
     /// Does the units of these participants. Why some could not be done.
@@ -233,6 +237,11 @@ impl Study {
             let phases = &phases;
             let work = move || {
                 let session = participant.load_for(Purpose::Diagnosis)?.with_progress(phases);
+                // The unit is stored under the key of what was read first.
+                if self.depends_on(request, &session.data) != *depends_on {
+                    let text = format!("{}: a file was changed while it was diagnosed", participant.about().name);
+                    return Err(Diagnostic::error(text).hint("start again with the same words").into());
+                }
                 let mut found = ParticipantDiagnosis::of(&session, request, tell)?;
                 // Who asked is known when the files are written.
                 found = found.made_by(&Provenance::default())?;
@@ -241,7 +250,11 @@ impl Study {
             let place = format!("{STEP}/{}", participant.about().name);
             units.push(Unit { place, depends_on: depends_on.clone(), work: Box::new(work) });
         }
-        let said = store.run(&units, "", &phases, [0, read.len()])?;
+        let largest = read.iter().map(|r| r.memory).fold(0.0, f64::max);
+        let mut said = Vec::new();
+        for together in units.chunks(participants_at_once(largest)) {
+            said.extend(store.run(together, "", &phases, [0, read.len()])?);
+        }
         let (damaged, failed): (Vec<_>, Vec<_>) = said.into_iter().partition(|m| m.severity == Severity::Warning);
         progress.finished();
         progress.warnings(&damaged);

@@ -95,6 +95,8 @@ pub struct GroupComparison {
     pub differences: Vec<Difference>,
     /// Quantities that cannot be compared.
     pub left_out: Vec<LeftOut>,
+    /// What the reader must know.
+    pub warnings: Vec<String>,
     /// Program, command and inputs.
     pub provenance: Provenance,
     #[serde(skip)]
@@ -110,9 +112,9 @@ impl Study {
         let participants = self.chosen();
         let design = Design::new(&self.tables, participants)?;
         let mut quantities = Quantities::default();
-        quantities.read_results(&request.results, participants)?;
+        quantities.read_results(&self.tables.settings.name, &request.results, participants)?;
         for table in &request.tables {
-            quantities.read_table(table, participants)?;
+            quantities.read_table(table, &self.tables.participants, participants)?;
         }
         let mut left_out = Vec::new();
         let mut fitted = Vec::new();
@@ -143,6 +145,7 @@ impl Study {
             cells: design.names,
             differences,
             left_out,
+            warnings: design.warning().into_iter().collect(),
             provenance: self.provenance(request, request.seed, quantities.inputs),
             title: self.tables.settings.name.clone(),
         })
@@ -342,7 +345,7 @@ impl GroupComparison {
             kicker: format!("Comparison of groups · {}", self.title),
             lead: self.in_words() + ".",
             facts: vec![("groups and visits".to_owned(), self.cells.join("; "))],
-            warnings: Vec::new(),
+            warnings: self.warnings.clone(),
             sections: vec![Section { id: "groups".to_owned(), title: "Differences".to_owned(), blocks }],
             provenance: self.provenance.clone(),
         }

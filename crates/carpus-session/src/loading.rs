@@ -83,6 +83,21 @@ fn averaged(trials: Vec<Trial>, rate: f64, warnings: &mut Vec<Diagnostic>) -> Ve
 /// Memory that the noise of trials may take [bytes]: half of what a laptop of these years has.
 const MOST_MEMORY: f64 = 4e9;
 
+/// Memory that the noise of the trials to train on takes [bytes].
+///
+/// - `muscles`, `with_envelopes`: as [`require_memory`]
+pub fn memory_needed(trials: &[Trial], muscles: usize, with_envelopes: bool) -> f64 {
+    let trained = trials.iter().filter(|t| t.info.usage == TrialUse::Train);
+    trained.map(|t| memory_of_noise(&t.time, muscles, with_envelopes)).sum()
+}
+
+/// Participants that may be worked on at the same time: as many as take no more memory together than one may.
+///
+/// - `largest`: what one of them takes [bytes]
+pub fn participants_at_once(largest: f64) -> usize {
+    ((MOST_MEMORY / largest.max(1.0)) as usize).max(1)
+}
+
 /// Fails where the noise of the trials to train on would take more memory than `MOST_MEMORY`: it grows with the square
 /// of their duration.
 ///
@@ -95,7 +110,7 @@ pub fn require_memory(
     trials_file: &Path,
 ) -> Result<(), Failure> {
     let trained = || trials.iter().filter(|t| t.info.usage == TrialUse::Train);
-    let needed: f64 = trained().map(|t| memory_of_noise(&t.time, muscles, with_envelopes)).sum();
+    let needed = memory_needed(trials, muscles, with_envelopes);
     let longest = trained().max_by(|a, b| a.duration().total_cmp(&b.duration()));
     let Some(longest) = longest.filter(|_| needed > MOST_MEMORY) else { return Ok(()) };
     let text = format!(

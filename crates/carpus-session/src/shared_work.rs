@@ -152,7 +152,7 @@ fn note_of(record: &TaskRecord) -> Option<String> {
     };
     if record.is_gone() {
         return Some(format!(
-            "task {task}: process {process} has gone without an end (killed, or its disk was full): what it finished \
+            "task {task}: process {process} stopped without recording an end (killed, or its disk was full): what it finished \
              counts; {again}"
         ));
     }

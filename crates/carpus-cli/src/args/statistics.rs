@@ -64,7 +64,7 @@ pub struct GroupsArgs {
     /// The study: its study.toml or the folder it is in
     #[arg(value_name = "STUDY/study.toml")]
     pub study: PathBuf,
-    /// Folders of carpus identify, or of carpus diagnose of several participants
+    /// Folders of carpus identify, or of carpus diagnose of several participants; required without --values
     #[arg(value_name = "FOLDER", required_unless_present = "values")]
     pub results: Vec<PathBuf>,
     /// Table with a column participant and columns of numbers to compare; may be given several times

@@ -22,6 +22,8 @@ pub fn run(args: &GroupsArgs, global: &Global) -> Result<(), Failure> {
         return print_result(&found.value()?.to_string());
     }
     let (header, words) = GroupComparison::HEADER;
+    let warnings: Vec<_> = found.warnings.iter().map(|w| failure::Diagnostic::warning(w.clone())).collect();
+    failure::print(&warnings);
     let mut text = table(&header, words, found.rows());
     for left in &found.left_out {
         text.push_str(&format!("\nnot compared: {}: {}", left.quantity, left.reason));

@@ -10,6 +10,8 @@ pub struct Design {
     pub cells: Vec<usize>,
     /// Person of every participant.
     pub persons: Vec<usize>,
+    /// Whether there are several visits.
+    pub has_visits: bool,
     /// Names of the cells.
     pub names: Vec<String>,
     /// Differences in words, with a weight for every cell.
@@ -66,8 +68,21 @@ impl Design {
         Ok(Design {
             cells: group.iter().zip(&visit).map(|(g, v)| g * visits.len() + v).collect(),
             persons: levels(person).1,
+            has_visits: visits.len() > 1,
             names: groups.iter().flat_map(|g| visits.iter().map(move |v| cell_name(g, v))).collect(),
             contrasts: contrasts(&groups, &visits),
+        })
+    }
+}
+
+impl Design {
+    /// Said where visits are compared and no person came twice.
+    pub fn warning(&self) -> Option<String> {
+        let persons = self.persons.iter().collect::<std::collections::BTreeSet<_>>().len();
+        (self.has_visits && persons == self.persons.len()).then(|| {
+            "no person came to two visits: they are compared as different persons; the column person of \
+             participants.csv says who is the same"
+                .to_owned()
         })
     }
 }

@@ -51,15 +51,22 @@ pub struct Quantities {
 impl Quantities {
     /// Reads what there is in folders of results: `PARTICIPANT/identifiability.json`, `cohort.json`.
     ///
+    /// - `study`: its name
+    ///
     /// # Errors
     /// A folder with neither; a file that is none of these.
-    pub fn read_results(&mut self, folders: &[PathBuf], participants: &[Participant]) -> Result<(), Failure> {
+    pub fn read_results(
+        &mut self,
+        study: &str,
+        folders: &[PathBuf],
+        participants: &[Participant],
+    ) -> Result<(), Failure> {
         for folder in folders {
             let before = self.inputs.len();
             for (i, participant) in participants.iter().enumerate() {
                 let file = folder.join(&participant.name).join("identifiability.json");
                 if file.exists() {
-                    self.muscle_parameters(&file, i, participants)?;
+                    self.muscle_parameters(study, &file, i, participants)?;
                 }
             }
             let cohort = folder.join("cohort.json");
@@ -84,10 +91,16 @@ impl Quantities {
     /// Reads a table with a row a participant.
     ///
     /// - `file`: a column `participant`, and columns of numbers; empty cells are not known
+    /// - `all`: participants of the study; those that are not asked for are passed over
     ///
     /// # Errors
     /// No such column; a participant that the study does not have, or twice; a cell that is no number.
-    pub fn read_table(&mut self, file: &Path, participants: &[Participant]) -> Result<(), Failure> {
+    pub fn read_table(
+        &mut self,
+        file: &Path,
+        all: &[Participant],
+        participants: &[Participant],
+    ) -> Result<(), Failure> {
         let text = read_text(file).map_err(|e| Diagnostic::error(format!("cannot be read: {e}")).in_file(file))?;
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
         let refused = |e: csv::Error| Diagnostic::error(e.to_string()).in_file(file);
@@ -107,7 +120,9 @@ impl Quantities {
             let mut fault = |text: String| faults.push(Diagnostic::error(text).in_file(file).at_line(line));
             let name = record.get(of_name).unwrap_or_default();
             let Some(i) = participants.iter().position(|p| p.name == name) else {
-                fault(format!("the study has no participant `{name}`"));
+                if !all.iter().any(|p| p.name == name) {
+                    fault(format!("the study has no participant `{name}`"));
+                }
                 continue;
             };
             if std::mem::replace(&mut seen[i], true) {
@@ -147,13 +162,23 @@ impl Quantities {
         &mut self.all[place]
     }
 
-    fn muscle_parameters(&mut self, file: &Path, of: usize, participants: &[Participant]) -> Result<(), Failure> {
+    fn muscle_parameters(
+        &mut self,
+        study: &str,
+        file: &Path,
+        of: usize,
+        participants: &[Participant],
+    ) -> Result<(), Failure> {
         let fault = |what: String| Diagnostic::error(what).in_file(file).hint("is it what carpus identify wrote?");
         let text = read_text(file).map_err(|e| fault(format!("cannot be read: {e}")))?;
         let result: IdentifiabilityResult =
             serde_json::from_str(&text).map_err(|e| fault(format!("not a result of carpus identify: {e}")))?;
         if result.schema != IDENTIFIABILITY_SCHEMA {
             return Err(fault(format!("schema `{}`, expected `{IDENTIFIABILITY_SCHEMA}`", result.schema)).into());
+        }
+        if result.study != study {
+            let text = format!("is of the study `{}`, not of `{study}`", result.study);
+            return Err(Diagnostic::error(text).in_file(file).hint("give results of this study").into());
         }
         for parameter in &result.parameters {
             let name = format!("{} {}", parameter.muscle, parameter.property);
@@ -184,8 +209,10 @@ impl Quantities {
                 for (name, size) in &member.parameters {
                     let unit = effect.parameters.get(name).map_or("", |p| p.unit.as_str());
                     let name = format!("{} {name}", effect.effect);
-                    self.place(QuantityKind::Effect, &name, unit, participants.len()).values[i] =
-                        Some(size.alone.value);
+                    let quantity = self.place(QuantityKind::Effect, &name, unit, participants.len());
+                    if quantity.values[i].replace(size.alone.value).is_some() {
+                        return Err(fault(format!("{name} of {} is in another folder, too", member.participant)).into());
+                    }
                 }
             }
         }

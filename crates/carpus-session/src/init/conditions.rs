@@ -83,6 +83,26 @@ const DIRECTIONS: [(&str, Direction); 10] = [
 /// Ends of numbers that are angles.
 const ANGLES: [&str; 4] = ["deg", "degrees", "grad", "°"];
 
+/// Words of names that say which recorder a file is of.
+pub const RECORDERS: [&str; 16] = [
+    "emg",
+    "semg",
+    "delsys",
+    "trigno",
+    "noraxon",
+    "biodex",
+    "humac",
+    "cybex",
+    "raw",
+    "export",
+    "torque",
+    "dyno",
+    "dynamometer",
+    "data",
+    "isomed",
+    "contrex",
+];
+
 /// Reads a name; words are separated by anything but letters, digits, signs and `%`, or by the change from letters to
 /// digits.
 pub fn of_name(name: &str) -> Named {
@@ -186,8 +206,12 @@ pub fn participant(word: &str) -> Option<String> {
     let starts =
         ["s", "sub", "subj", "subject", "p", "pat", "part", "participant", "vp", "proband", "prob", "id", "tn"];
     let is_known = starts.contains(&letters.to_lowercase().as_str());
-    let ends = rest[digits.len()..].chars().next().is_none_or(|c| !c.is_alphanumeric());
-    (is_known && !digits.is_empty() && ends).then(|| word[..word.len() - (rest.len() - digits.len())].to_owned())
+    // A letter behind the number is a part of the name: the visits P01a and P01b.
+    let after = &rest[digits.len()..];
+    let letter = after.chars().next().filter(char::is_ascii_alphabetic).map_or(0, char::len_utf8);
+    let ends = after[letter..].chars().next().is_none_or(|c| !c.is_alphanumeric());
+    let length = word.len() - after.len() + letter;
+    (is_known && !digits.is_empty() && ends).then(|| word[..length].to_owned())
 }
 
 #[cfg(test)]
@@ -224,10 +248,11 @@ mod tests {
 
     #[test]
     fn verif_participants_are_known_by_their_names() {
-        for (word, name) in [("S01_MVC", "S01"), ("P2", "P2"), ("Sub-12 x", "Sub-12"), ("Proband 3", "Proband 3")] {
+        for (word, name) in [("S01_MVC", "S01"), ("P2", "P2"), ("Sub-12 x", "Sub-12"), ("S01a", "S01a")] {
             assert_eq!(participant(word).as_deref(), Some(name), "{word}");
         }
-        for word in ["MVC_1", "isometric_50", "EMG", "P", "pos30", "S01a"] {
+        assert_eq!(participant("Proband 3").as_deref(), Some("Proband 3"));
+        for word in ["MVC_1", "isometric_50", "EMG", "P", "pos30", "p30deg"] {
             assert_eq!(participant(word), None, "{word}");
         }
     }

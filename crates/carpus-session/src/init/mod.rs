@@ -17,6 +17,7 @@ mod read_file;
 mod recordings;
 mod text;
 mod trials;
+mod whose;
 
 use std::path::{Component, Path, PathBuf};
 

@@ -12,6 +12,7 @@ use super::piece::{Clock, Piece, Pieces};
 use super::proposal::Note;
 use super::read_file::Read;
 use super::recordings::{Recording, pair, recording};
+use super::whose::Whose;
 use super::{muscles, people};
 use crate::account::fixed;
 use crate::diagnostic::{Diagnostic, Failure};
@@ -136,9 +137,11 @@ impl Found {
             (false, Some(shared)) => Clock::Shared(shared.name),
             (false, None) => Clock::Trigger,
         };
-        let mut recordings: Vec<Recording> = dynamometer.iter().map(|read| recording(folder, read, &people)).collect();
+        let paths = dynamometer.iter().chain(&emg).map(|read| read.path.as_path());
+        let whose = Whose::new(folder, &people, paths, [&mut assumed, &mut unknown]);
+        let mut recordings: Vec<Recording> = dynamometer.iter().map(|read| recording(folder, read, &whose)).collect();
         if !in_one_file {
-            pair(folder, &mut recordings, &emg, &mut unknown);
+            pair(folder, &mut recordings, &emg, &whose, &mut unknown);
         }
         let emg_place = of_emg.columns.iter().position(|c| matches!(c.role, Role::Emg(_))).unwrap_or(0);
         let moment_place = first.columns.iter().position(|c| c.role == Role::Moment).unwrap_or(0);

@@ -3,31 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use super::columns::Role;
-use super::conditions::{self, Named};
+use super::conditions::{self, Named, RECORDERS};
 use super::folder::{count, some, within};
 use super::proposal::Note;
 use super::read_file::Read;
-use carpus_study::study::{Participant, nearest};
-
-/// Words of names that say which recorder a file is of.
-const RECORDERS: [&str; 16] = [
-    "emg",
-    "semg",
-    "delsys",
-    "trigno",
-    "noraxon",
-    "biodex",
-    "humac",
-    "cybex",
-    "raw",
-    "export",
-    "torque",
-    "dyno",
-    "dynamometer",
-    "data",
-    "isomed",
-    "contrex",
-];
+use super::whose::Whose;
+use carpus_study::study::nearest;
 
 /// A file of the dynamometer.
 #[derive(Clone, Debug)]
@@ -48,10 +29,11 @@ pub struct Recording {
     pub moment: Vec<f64>,
 }
 
-pub fn recording(folder: &Path, read: &Read, people: &[Participant]) -> Recording {
+/// What a file of the dynamometer is.
+pub fn recording(folder: &Path, read: &Read, whose: &Whose<'_>) -> Recording {
     let path = within(folder, &read.path);
     let stem = read.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let participant = participant(folder, &path, &stem, people);
+    let participant = whose.of(&read.path);
     // A sheet or a struct of one trial says what its file's name leaves out.
     let mut named = read.table().map(conditions::of_name).unwrap_or_default();
     named.add(conditions::of_name(&stem));
@@ -74,20 +56,6 @@ pub fn recording(folder: &Path, read: &Read, people: &[Participant]) -> Recordin
     }
 }
 
-/// Who a file is of: a folder or the beginning of the name that is a participant's, or the first folder that tells
-/// participants of the table.
-fn participant(folder: &Path, path: &str, stem: &str, people: &[Participant]) -> String {
-    let parts: Vec<&str> = path.split('/').collect();
-    let of_table = |part: &&str| people.iter().find(|p| part.to_lowercase().starts_with(&p.name.to_lowercase()));
-    if let Some(known) = parts.iter().find_map(of_table) {
-        return known.name.clone();
-    }
-    let whole = |part: &&str| conditions::participant(part);
-    let folders = parts.iter().take(parts.len().saturating_sub(1)).find_map(whole);
-    let of_root = || conditions::participant(&folder.file_name().unwrap_or_default().to_string_lossy());
-    folders.or_else(|| conditions::participant(stem)).or_else(of_root).unwrap_or_else(|| "P01".to_owned())
-}
-
 /// A table of EMG, whose it is, and its name without words for recorders.
 struct Candidate<'r> {
     who: String,
@@ -96,7 +64,7 @@ struct Candidate<'r> {
 }
 
 /// Finds the file of the EMG of every recording.
-pub fn pair(folder: &Path, recordings: &mut Vec<Recording>, emg: &[Read], unknown: &mut Vec<Note>) {
+pub fn pair(folder: &Path, recordings: &mut Vec<Recording>, emg: &[Read], whose: &Whose<'_>, unknown: &mut Vec<Note>) {
     let key = |path: &Path, table: Option<&str>| {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
         let start = conditions::participant(&stem).map_or(0, |p| p.len());
@@ -108,11 +76,7 @@ pub fn pair(folder: &Path, recordings: &mut Vec<Recording>, emg: &[Read], unknow
             .collect::<Vec<_>>()
             .join(" ")
     };
-    let of = |path: &Path| {
-        let shown = within(folder, path);
-        let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        participant(folder, &shown, &stem, &[])
-    };
+    let of = |path: &Path| whose.of(path);
     let candidates: Vec<Candidate<'_>> =
         emg.iter().map(|read| Candidate { who: of(&read.path), name: key(&read.path, read.table()), read }).collect();
     for recording in recordings.iter_mut() {

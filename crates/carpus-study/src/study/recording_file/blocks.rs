@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 use std::ops::Range;
 
-use crate::study::dialect::{ROWS_OF_A_TABLE, is_of_units, is_time_name};
+use crate::study::dialect::{ROWS_OF_A_TABLE, is_of_units, is_time_name, number_of};
 
 /// What a row holds.
 pub(super) enum RowKind {
@@ -50,7 +50,8 @@ pub(super) fn blocks(rows: &[Row]) -> Vec<Block> {
         let mut end = begins.get(k + 1).map_or(rows.len(), |(_, (header, _))| *header);
         let is_last = k + 1 == begins.len();
         // Words before the next table are its title; below the last one, what is apart from it is about the recording.
-        let words = (*first..end).rev().take_while(|i| matches!(rows[*i].kind, RowKind::Words(_)));
+        let is_of_words = |i: &usize| matches!(&rows[*i].kind, RowKind::Words(cells) if !is_of_samples(cells));
+        let words = (*first..end).rev().take_while(is_of_words);
         let is_apart = |i: &usize| rows[*i].place > rows[i - 1].place + rows[i - 1].count;
         end = words.filter(|i| !is_last || is_apart(i)).last().unwrap_or(end);
         let cells = |row: usize| match &rows[row].kind {
@@ -93,8 +94,19 @@ fn header(rows: &[Row], first: usize) -> Option<(usize, Option<usize>)> {
     names(last).map(|_| (last, None))
 }
 
-/// Whether cells can be names of columns: two at the least, no two of the same but those of times.
+/// Whether half of the cells or more are numbers: a row of samples of which some could not be recorded.
+fn is_of_samples(cells: &[String]) -> bool {
+    let filled = cells.iter().filter(|cell| !cell.trim().is_empty());
+    let is_number = |cell: &&String| number_of(cell).or_else(|| number_of(&cell.replace(',', "."))).is_some();
+    let numbers = cells.iter().filter(is_number).count();
+    numbers > 0 && 2 * numbers >= filled.count()
+}
+
+/// Whether cells can be names of columns: two at the least, no two of the same but those of times, most not numbers.
 fn are_names(cells: &[String]) -> bool {
+    if is_of_samples(cells) {
+        return false;
+    }
     let names: Vec<&String> = cells.iter().filter(|cell| !cell.trim().is_empty()).collect();
     let mut known = HashSet::new();
     let are_distinct = names.iter().all(|name| known.insert(name.as_str()) || is_time_name(name));

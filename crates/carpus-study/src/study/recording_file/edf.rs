@@ -51,8 +51,8 @@ pub fn tables(bytes: &[u8]) -> Result<Vec<RecordedTable>, RecordingFileError> {
         let is_count = (0.0..=1e9).contains(&value) && value.fract() == 0.0;
         if is_count { Ok(value as usize) } else { Err(broken(place, "a count", value)) }
     };
-    if field(192, 44, "reserved part of the header")?.starts_with("EDF+D") {
-        let what = "an EDF+ file with pauses (EDF+D)".to_owned();
+    if field(192, 44, "reserved part of the header")?.get(1..).is_some_and(|kind| kind.starts_with("DF+D")) {
+        let what = "an EDF+ or BDF+ file with pauses (EDF+D, BDF+D)".to_owned();
         return Err(RecordingFileError::NotRead { what, hint: "export the parts as files of their own" });
     }
     let duration = number(244, 8, "duration of a record")?;

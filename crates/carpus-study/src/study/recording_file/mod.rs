@@ -298,7 +298,11 @@ fn tables(path: &Path, format: Format, wanted: Option<&str>) -> Result<Vec<Recor
 #[cfg(feature = "recordings")]
 fn tables_of(bytes: &[u8], format: Format, wanted: Option<&str>) -> Result<Vec<RecordedTable>, RecordingFileError> {
     // Titles begin with the name of the sheet or the variable.
-    let is_wanted = |name: &str| wanted.is_none_or(|title| title.to_lowercase().starts_with(&name.to_lowercase()));
+    let is_wanted = |name: &str| {
+        let begins = |title: &str| title.to_lowercase().starts_with(&name.to_lowercase());
+        // Structs of one signal are columns among the variables that are in no struct.
+        wanted.is_none_or(|title| begins(title) || title.to_lowercase().starts_with(matlab::TOP))
+    };
     match format {
         Format::Text => Ok(Vec::new()),
         Format::Workbook => workbook::tables(bytes, &is_wanted),

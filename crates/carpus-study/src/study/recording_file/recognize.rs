@@ -47,7 +47,7 @@ pub(super) fn format_of(path: &Path, head: &[u8]) -> Result<Format, RecordingFil
     if begins(b"\xFFBIOSEMI") || is_edf(head) {
         return Ok(Format::Edf);
     }
-    if end == "c3d" || (head.len() >= HEAD && head[1] == 0x50 && head[0] > 1 && head[0] < 0x20) {
+    if end == "c3d" || (head.len() >= HEAD && head[1] == 0x50 && is_c3d(head[0])) {
         return Ok(Format::C3d);
     }
     match end.as_str() {
@@ -56,6 +56,12 @@ pub(super) fn format_of(path: &Path, head: &[u8]) -> Result<Format, RecordingFil
         "edf" | "bdf" => Ok(Format::Edf),
         _ => Ok(Format::Text),
     }
+}
+
+/// Whether the first byte of C3D may be this: the block of its parameters, behind that of the header. Blank space is the
+/// beginning of a text.
+fn is_c3d(first: u8) -> bool {
+    first > 1 && first < 0x20 && !first.is_ascii_whitespace()
 }
 
 /// Whether a header of EDF begins here: version 0, and its own length, 256 bytes more than 256 a signal.

@@ -46,6 +46,9 @@ const DEEPEST: usize = 24;
 /// Most values of a file: every one takes some fifty bytes beside its numbers.
 const MOST_VALUES: usize = 1 << 20;
 
+/// Most numbers and characters of a file: a gigabyte once they are numbers of eight bytes.
+const MOST_NUMBERS: usize = 1 << 27;
+
 /// Kinds of elements.
 mod kind {
     pub const INT8: u32 = 1;
@@ -80,7 +83,7 @@ pub fn variables(bytes: &[u8], is_wanted: &dyn Fn(&str) -> bool) -> Result<Vec<(
             return Err(broken("header", "128 bytes that end in IM or MI", found));
         }
     };
-    let mut reader = Reader { order, values: 0 };
+    let mut reader = Reader { order, values: 0, numbers: 0 };
     let mut rest = &bytes[HEADER..];
     let mut variables = Vec::new();
     let mut unpacked = 0usize;
@@ -127,6 +130,7 @@ enum Order {
 struct Reader {
     order: Order,
     values: usize,
+    numbers: usize,
 }
 
 impl Reader {
@@ -208,6 +212,12 @@ impl Reader {
         let (_, dimensions, rest) = self.element(rest, "dimensions of a variable")?;
         let dimensions: Vec<usize> = dimensions.chunks_exact(4).map(|b| self.size([b[0], b[1], b[2], b[3]])).collect();
         let count = dimensions.iter().try_fold(1usize, |n, d| n.checked_mul(*d)).unwrap_or(usize::MAX);
+        if matches!(class, 4 | 6..=15) {
+            self.numbers = self.numbers.saturating_add(count);
+            if self.numbers > MOST_NUMBERS {
+                return Err(too_large("numbers and characters", MOST_NUMBERS));
+            }
+        }
         let rows = dimensions.first().copied().unwrap_or(0);
         let (_, name, rest) = self.element(rest, "name of a variable")?;
         let name = text(name);

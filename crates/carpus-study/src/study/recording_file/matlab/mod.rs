@@ -18,7 +18,7 @@ use crate::study::limits::MIN_SAMPLES;
 /// Most tables of a file: a thousand trials.
 const MOST_TABLES: usize = 1000;
 /// Title of variables that are in no struct.
-const TOP: &str = "variables";
+pub(super) const TOP: &str = "variables";
 
 /// The tables of a file.
 ///
@@ -174,6 +174,11 @@ fn is_rate(name: &str) -> Option<bool> {
     let has = |names: &[&str]| found.iter().any(|word| names.contains(&word.as_str())) || names.contains(&&*whole);
     if has(&["isi", "dt", "interval", "sampleinterval", "sampinterval", "ts"]) {
         return Some(false);
+    }
+    // Cut-off frequencies, rates of stimuli and the like say nothing of samples.
+    let others = ["cut", "filt", "notch", "high", "low", "band", "heart", "move", "stim", "step", "strok", "resp"];
+    if found.iter().any(|word| others.iter().any(|other| word.starts_with(other))) {
+        return None;
     }
     let rates = ["fs", "fsamp", "srate", "sr", "samplerate", "samplingrate", "rate", "frequency", "freq", "hz"];
     (has(&rates) || whole.ends_with("samplingfrequency") || whole.ends_with("samplefrequency")).then_some(true)

@@ -224,7 +224,9 @@ pub fn cells(
             Piece::Text(text) if in_text => open.iter_mut().for_each(|open| open.text.push_str(text)),
             Piece::End("c") => {
                 let Some(open) = open.take().filter(|open| !open.text.trim().is_empty()) else { return Ok(()) };
-                *count += 1;
+                // Cells that are left out before this one take room, too.
+                let before = rows.last().filter(|(last, _)| *last == row).map_or(0, |(_, cells)| cells.len());
+                *count += (open.column + 1).saturating_sub(before);
                 if *count > MOST_CELLS {
                     let (format, what) = (Format::Workbook, "cells");
                     return Err(RecordingFileError::TooLarge { format, what, limit: MOST_CELLS });
