@@ -139,6 +139,21 @@ fn verif_what_cannot_be_compared_is_said_with_its_place() {
     let participants = std::fs::read_to_string(&table).unwrap();
     std::fs::write(&table, participants.replacen(",controls", ",", 1)).unwrap();
     said("`group` is empty, and others have one");
+    // Without persons visits are those of different ones.
+    let unpaired: String = participants
+        .lines()
+        .map(|line| {
+            let cells: Vec<&str> = line.split(',').collect();
+            format!("{},{}\n", cells[0], cells[3])
+        })
+        .collect();
+    std::fs::write(&table, unpaired).unwrap();
+    let all = BEFORE.iter().zip(AFTER).enumerate();
+    let rows = all.map(|(i, (before, after))| format!("P{i}_before,{before}\nP{i}_after,{after}\n"));
+    std::fs::write(&values, format!("participant,strength\n{}", rows.collect::<String>())).unwrap();
+    let mut command = carpus();
+    command.arg("groups").arg(&study).arg("--values").arg(&values).arg("--out").arg(place.path().join("unpaired"));
+    command.assert().success().stderr(contains("no person came to two visits"));
     let one = participants.replace("patients", "controls").replace(",after", ",before");
     std::fs::write(&table, one).unwrap();
     said("nothing to compare: all participants are of one group and one visit");

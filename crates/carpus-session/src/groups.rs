@@ -142,10 +142,10 @@ impl Study {
         }
         Ok(GroupComparison {
             schema: "carpus.groups/1".to_owned(),
+            warnings: design.warning().into_iter().collect(),
             cells: design.names,
             differences,
             left_out,
-            warnings: design.warning().into_iter().collect(),
             provenance: self.provenance(request, request.seed, quantities.inputs),
             title: self.tables.settings.name.clone(),
         })

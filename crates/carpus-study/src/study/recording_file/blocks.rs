@@ -112,3 +112,30 @@ fn are_names(cells: &[String]) -> bool {
     let are_distinct = names.iter().all(|name| known.insert(name.as_str()) || is_time_name(name));
     names.len() >= 2 && are_distinct
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn regress_a_sample_that_was_not_recorded_begins_no_table() {
+        let words = |place: usize, cells: &[&str]| Row {
+            place,
+            count: 1,
+            kind: RowKind::Words(cells.iter().map(|cell| (*cell).to_owned()).collect()),
+            cells: Some(cells.len()),
+        };
+        let numbers = |place: usize| Row { place, count: 9, kind: RowKind::Numbers, cells: Some(3) };
+        for missing in [["0.58", "NaN", "2.8"], ["0,58", "#N/A", "2,8"], ["0.58", "-", ""], ["x", "1.5", "2.8"]] {
+            let rows = [words(1, &["Time", "Angle", "Torque"]), numbers(2), words(11, &missing), numbers(12)];
+            let found = blocks(&rows);
+            assert_eq!(found.len(), 1, "{missing:?}");
+            assert_eq!(found[0].rows, 1..4, "{missing:?}");
+            // Nor is it the title of the next table.
+            let next = [words(22, &["Time", "Angle", "Torque"]), numbers(23)];
+            let rows: Vec<Row> = rows.into_iter().take(3).chain(next).collect();
+            let found = blocks(&rows);
+            assert_eq!((found.len(), found[0].rows.clone()), (2, 1..3), "{missing:?}");
+        }
+    }
+}

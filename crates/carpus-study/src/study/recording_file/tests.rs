@@ -174,3 +174,24 @@ fn verif_files_that_are_cut_off_or_changed_do_no_harm() {
     println!("{read} read, {refused} refused");
     assert!(read > 1000 && refused > 1000);
 }
+
+#[test]
+fn regress_a_sample_that_was_not_recorded_ends_no_recording() {
+    let text = std::fs::read_to_string(fixture("recording.csv")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("missing.csv");
+    for missing in ["NaN", "#N/A", "-", "marker"] {
+        let lines = text.lines().enumerate().map(|(i, line)| match line.rsplit_once(',') {
+            Some((before, _)) if i == 20 => format!("{before},{missing}\n"),
+            _ => format!("{line}\n"),
+        });
+        std::fs::write(&file, lines.collect::<String>()).unwrap();
+        match read(file.to_str().unwrap(), None, &["Time"]) {
+            Ok((_, columns)) => assert_eq!(columns[0].1.len(), 40, "{missing}"),
+            Err(problems) => assert!(problems.iter().any(|p| p.to_string().contains(":21")), "{missing}: {problems:?}"),
+        }
+    }
+    // A text that begins with blank lines is no C3D file.
+    std::fs::write(&file, format!("\nPatient: {}\n{text}", "x".repeat(600))).unwrap();
+    assert_eq!(format_of(&file, &head(&file)), Ok(Format::Text));
+}
