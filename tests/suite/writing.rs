@@ -39,6 +39,8 @@ fn verif_nothing_else_writes_files() {
     }
     sources(&root.join("src"), &mut files);
     sources(&root.join("python/src"), &mut files);
+    // A folder's own file of tests, which its `mod.rs` has as such.
+    files.retain(|file| file.file_name().is_none_or(|name| name != "tests.rs"));
     assert!(files.len() > 300, "{}", files.len());
     let mut writers = Vec::new();
     for file in &files {
