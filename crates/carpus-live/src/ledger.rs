@@ -139,6 +139,11 @@ impl Ledger {
         Ok(ledger)
     }
 
+    /// Whether a folder of steps has a ledger.
+    pub fn is_in(out: &Path) -> bool {
+        out.join(FILE).exists()
+    }
+
     /// A step by its number.
     pub fn step(&self, id: usize) -> Option<&Step> {
         self.steps.get(id.checked_sub(1)?)

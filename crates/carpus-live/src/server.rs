@@ -38,10 +38,12 @@ impl Server {
     pub fn new(settings: Settings) -> Result<Server, Failure> {
         let study_file = study_file(&settings)?;
         // A folder with other files is refused before anything is written there.
-        Ledger::open(&settings.study_word()?, &study_file, &settings.out)?;
+        let mut ledger = Ledger::open(&settings.study_word()?, &study_file, &settings.out)?;
         let lock = locked(&settings)?;
         // Another server may have written until now.
-        let ledger = Ledger::open(&settings.study_word()?, &study_file, &settings.out)?;
+        if Ledger::is_in(&settings.out) {
+            ledger = Ledger::open(&settings.study_word()?, &study_file, &settings.out)?;
+        }
         ledger.write(&settings.out)?;
         let address = SocketAddr::from((Ipv4Addr::LOCALHOST, settings.port));
         let refused = |e: std::io::Error| {
