@@ -146,7 +146,7 @@ pub enum Command {
     Sensitivity(SensitivityArgs),
     /// Resting muscles beside ultrasound: correlation, agreement
     Ultrasound(UltrasoundArgs),
-    /// What differs between groups of participants, before and after
+    /// What differs between groups of participants or visits
     Groups(GroupsArgs),
     /// Earlier fits to prior knowledge of the next participant
     Priors(PriorsArgs),
