@@ -4,6 +4,7 @@
 mod amplitudes;
 mod before_a_fit;
 mod columns;
+mod emg_iteration;
 mod expected_residual;
 mod further_trials;
 mod generic_discrepancy;
@@ -33,6 +34,7 @@ use crate::noise::{self, NoiseLevels};
 pub use before_a_fit::Determinable;
 use carpus_simulation::simulation::SimulationError;
 use carpus_study::study::ParameterBounds;
+use emg_iteration::EmgIteration;
 use expected_residual::beyond_the_linear_model;
 use noise_along_the_way::{factors, weighted};
 use state::{Around, ODDS, Reached, Start};
@@ -54,7 +56,7 @@ const PASSES: usize = 2;
 /// Share of the sizes' scales that is as good as nothing.
 const NOTHING_ELSE: f64 = 0.02;
 /// Corrections of the EMG at a point, at most: each passes through the muscles anew, equation (10) …
-const CORRECTIONS: usize = 4;
+const CORRECTIONS: usize = 8;
 /// … and one that changes −2 log posterior by less is the last.
 const SETTLED_EMG: f64 = 1.0;
 /// Of the sets that were tried in a round, so many at a time have their noise estimated anew, until one is ahead.
@@ -404,10 +406,12 @@ impl<'a> Session<'a> {
         let mut passing = factors(&noise, &levels)?;
         let mut model = self.model(&point, &columns, &passing);
         let mut posterior = model.posterior(&set, &sizes);
+        let mut iteration = EmgIteration::default();
         for _ in 0..CORRECTIONS {
             let step = &posterior.mean - &model.offset;
             let expected = self.expected_emg(&noise, &weighted(&columns, &step, &passing), &levels);
-            point = self.with_emg(&point, expected)?;
+            let next = iteration.next(&point.correction, expected, &noise, &passing);
+            point = self.with_emg(&point, next)?;
             // Muscles and effects stay: the EMG's corrections hardly change what effects do.
             linear = self.analysis.linearize_beside(&point, &linear)?;
             noise = self.structure(&mut linear, &point);
