@@ -153,8 +153,8 @@ impl<'a> Session<'a> {
         let starts = self.starts(&candidates, &always, report)?;
         report(&format!("{} starts, {:.1?}", starts.len(), clock.elapsed()));
         let mut followed: Vec<State> = Vec::new();
-        for prepared in self.raced(starts, f64::INFINITY) {
-            let Ok(mut state) = self.in_place(prepared, &candidates, &always) else { continue };
+        for state in self.raced(starts, None) {
+            let Ok(mut state) = self.in_place(state, &candidates, &always) else { continue };
             let next = self.advanced(&state, None)?.into_iter().next();
             if let Some(Ok(next)) = next.map(|start| self.assessed(start, &candidates, &always)) {
                 state = if self.behind(&next, &state) < 0.0 { next } else { state };
@@ -221,13 +221,11 @@ impl<'a> Session<'a> {
         let clock = Instant::now();
         for _ in 0..ROUNDS {
             let sets = self.advanced(&best, Some((&candidates, &always)))?;
-            let here = self.deviance_here(&best);
             let (mut next, mut fall) = (None, 0.0);
             for some in sets.chunks(ASSESSED) {
-                let raced = self.raced(some.iter().cloned(), here);
-                let tried = raced.into_iter().filter_map(|prepared| {
-                    let set = prepared.set.clone();
-                    self.settled(prepared, &[], &set).ok()
+                let tried = self.raced(some.iter().cloned(), Some(&best)).into_iter().filter_map(|state| {
+                    let set = self.places(&state.point.effects);
+                    self.settled(state, &[], &set).ok()
                 });
                 next = self.most_probable(next.into_iter().chain(tried));
                 fall = next.as_ref().map_or(0.0, |next| self.behind(&best, next));

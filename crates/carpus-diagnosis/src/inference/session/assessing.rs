@@ -11,47 +11,43 @@ use super::noise_along_the_way::{factors, weighted};
 use super::state::{ODDS, Session, Start, State};
 use super::steps::{STEPS, profiled};
 use super::{PASSES, SETTLED};
-use crate::fit::Point;
-use crate::fit::linearization::Linear;
-use crate::noise::{self, NoiseLevels, TrialNoise};
+use crate::noise;
 use carpus_simulation::simulation::SimulationError;
 
 /// Corrections of the EMG at a point, at most: each passes through the muscles anew, equation (10).
 const CORRECTIONS: usize = 8;
 
-/// A start with the EMG that goes with its point, variances and directions as they were.
-pub(super) struct Prepared {
-    pub(super) set: Vec<usize>,
-    sizes: Sizes,
-    levels: NoiseLevels,
-    point: Point,
-    linear: Vec<Linear>,
-    noise: Vec<TrialNoise>,
-    /// −2 log posterior, equation (18), at the sizes that go with it.
-    pub(super) deviance: f64,
-}
-
 impl Session<'_> {
-    /// The starts with their EMG, less those that are behind the first of them, or behind what is known, by more
-    /// than [`NEGLIGIBLE`]. All have the same variances. Starts that cannot be simulated are left out.
-    ///
-    /// - `known`: −2 log posterior of a state with these variances
-    pub(super) fn raced(&self, starts: impl IntoIterator<Item = Start>, known: f64) -> Vec<Prepared> {
-        let mut out: Vec<Prepared> = starts.into_iter().filter_map(|start| self.prepared(start).ok()).collect();
-        out.sort_by(|a, b| a.deviance.total_cmp(&b.deviance));
-        let least = out.first().map_or(known, |first| first.deviance.min(known));
-        out.retain(|prepared| prepared.deviance < least + NEGLIGIBLE);
-        out
+    /// The starts with their EMG, directions and variances as they were: the most probable first, less those that
+    /// are behind it, or behind a known state, by more than [`NEGLIGIBLE`], equation (20). All have the variances of
+    /// the known state. Starts that cannot be simulated are left out.
+    pub(super) fn raced(&self, starts: impl IntoIterator<Item = Start>, known: Option<&State>) -> Vec<State> {
+        let states = starts.into_iter().filter_map(|start| self.prepared(start).ok());
+        let mut states: Vec<(f64, State)> = states.map(|state| (self.deviance_by_simulation(&state), state)).collect();
+        states.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let known = known.map(|state| (self.deviance_by_simulation(state), state));
+        let first = states.first().map(|(deviance, state)| (*deviance, state));
+        let leader = match (known, first) {
+            (Some(known), Some(first)) if known.0 < first.0 => known,
+            (_, Some(first)) => first,
+            _ => return Vec::new(),
+        };
+        let is_near = |(deviance, state): &(f64, State)| {
+            *deviance < leader.0 + NEGLIGIBLE || self.behind(state, leader.1) < NEGLIGIBLE
+        };
+        let near: Vec<bool> = states.iter().map(is_near).collect();
+        states.into_iter().zip(near).filter(|(_, near)| *near).map(|((_, state), _)| state).collect()
     }
 
-    /// −2 log posterior of a state, equation (18), to be held against starts with its variances.
-    pub(super) fn deviance_here(&self, state: &State) -> f64 {
+    /// Q of equation (20) with a state's own variances.
+    fn deviance_by_simulation(&self, state: &State) -> f64 {
         let set = self.places(&state.point.effects);
-        state.model.sizes_for(&set, self.sizes(state)).1 + 2.0 * ODDS.ln() * set.len() as f64
+        let deviance = state.model.posterior(&set, self.sizes(state)).deviance;
+        deviance + 2.0 * ODDS.ln() * set.len() as f64 + beyond_the_linear_model(&state.expected, &state.factors)
     }
 
-    /// A start with the EMG that goes with its point.
-    fn prepared(&self, start: Start) -> Result<Prepared, SimulationError> {
+    /// A start with the EMG that goes with its point, directions and variances as they were.
+    fn prepared(&self, start: Start) -> Result<State, SimulationError> {
         let Start { mut point, levels, set, sizes, directions } = start;
         let mut linear = self.analysis.linearize(&point, &[])?;
         let mut noise = self.structure(&mut linear, &point);
@@ -77,21 +73,33 @@ impl Session<'_> {
                 break;
             }
         }
-        let (sizes, deviance) = model.sizes_for(&set, &sizes);
-        let deviance = deviance + 2.0 * ODDS.ln() * set.len() as f64;
-        if !deviance.is_finite() {
-            return Err(SimulationError::NoiseCovariance);
+        let mut state = State {
+            model,
+            factors: passing,
+            sets: Sets::none(),
+            expected: Vec::new(),
+            stand_ins: BTreeMap::new(),
+            others: Vec::new(),
+            point,
+            levels,
+            noise,
+            linear,
+            directions,
+        };
+        self.weigh(&mut state, &set, &sizes, &[], &set);
+        match state.sets.best().deviance.is_finite() {
+            true => Ok(state),
+            false => Err(SimulationError::NoiseCovariance),
         }
-        Ok(Prepared { set, sizes, levels, point, linear, noise, deviance })
     }
 
-    /// Directions, variances and linear model at a point with its EMG.
-    fn with_directions(&self, prepared: Prepared) -> Result<State, SimulationError> {
-        let Prepared { set, sizes, levels, point, linear, noise, .. } = prepared;
+    /// The state with the directions and the variances that go with its point and its EMG.
+    fn with_noise(&self, state: State, set: &[usize], sizes: &Sizes) -> Result<State, SimulationError> {
+        let State { point, linear, noise, levels, .. } = state;
         let directions = self.analysis.calc_directions(&linear, &point)?.0;
         let columns = self.all_columns(&point, &linear, &directions);
         let model = self.model(&point, &columns, &factors(&noise, &levels)?);
-        let regressors = Self::regressors(&model, &columns, &model.sds(&set, &sizes));
+        let regressors = Self::regressors(&model, &columns, &model.sds(set, sizes));
         let levels = self.levels(&noise, &regressors, levels);
         let factors = factors(&noise, &levels)?;
         Ok(State {
@@ -109,7 +117,7 @@ impl Session<'_> {
         })
     }
 
-    /// Noise, linear model and sets at a point.
+    /// EMG, noise, linear model and sets at a point, and at rest.
     pub(super) fn assessed(
         &self,
         start: Start,
@@ -122,29 +130,29 @@ impl Session<'_> {
     /// As [`Session::assessed`], the EMG being known.
     pub(super) fn settled(
         &self,
-        prepared: Prepared,
+        state: State,
         candidates: &[usize],
         always: &[usize],
     ) -> Result<State, SimulationError> {
-        let (set, sizes) = (prepared.set.clone(), prepared.sizes.clone());
-        let state = self.with_directions(prepared)?;
+        let (set, sizes) = (self.places(&state.point.effects), self.sizes(&state).clone());
+        let state = self.with_noise(state, &set, &sizes)?;
         let mut state = self.at_rest(state, &set, &sizes)?;
         self.weigh(&mut state, &set, &sizes, candidates, always);
-        if !state.sets.best().deviance.is_finite() {
-            return Err(SimulationError::NoiseCovariance);
+        match state.sets.best().deviance.is_finite() {
+            true => Ok(state),
+            false => Err(SimulationError::NoiseCovariance),
         }
-        Ok(state)
     }
 
     /// As [`Session::settled`], where the point stays.
     pub(super) fn in_place(
         &self,
-        prepared: Prepared,
+        state: State,
         candidates: &[usize],
         always: &[usize],
     ) -> Result<State, SimulationError> {
-        let (set, sizes) = (prepared.set.clone(), prepared.sizes.clone());
-        let mut state = self.with_directions(prepared)?;
+        let (set, sizes) = (self.places(&state.point.effects), self.sizes(&state).clone());
+        let mut state = self.with_noise(state, &set, &sizes)?;
         self.weigh(&mut state, &set, &sizes, candidates, always);
         Ok(state)
     }
@@ -160,7 +168,8 @@ impl Session<'_> {
             }
             let from = state.around(sizes);
             let reached = self.reach_from(&from, state.point.clone(), set, STEPS)?;
-            let mut next = self.with_directions(self.prepared(reached.start(state.levels))?)?;
+            let next = self.prepared(reached.start(state.levels))?;
+            let mut next = self.with_noise(next, set, sizes)?;
             self.weigh(&mut next, set, sizes, &[], set);
             if self.behind(&next, &state) > 0.0 {
                 break;

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::super::muscle_columns::COLUMNS;
 use super::super::search::NEGLIGIBLE;
-use super::state::{OtherMinimum, Reached, Session, State};
+use super::state::{ODDS, OtherMinimum, Reached, Session, State};
 use crate::fit::Point;
 use crate::forward_model::{FITTED_PER_MUSCLE, Setting};
 use crate::score_test::normal;
@@ -28,14 +28,14 @@ impl Session<'_> {
         let sizes = self.sizes(state);
         let from = state.around(sizes);
         // With the state's noise, as those that are reached.
-        let here = self.deviance_here(state);
+        let here = state.model.sizes_for(&set, sizes).1 + 2.0 * ODDS.ln() * set.len() as f64;
         let points = self.drawn_points(&state.point);
         let reach = |point: &Point| self.reach_from(&from, point.clone(), &set, STEPS).ok();
         let reached: Vec<Option<Reached>> = points.par_iter().with_max_len(1).map(reach).collect();
         // A draw that cannot be simulated leads nowhere.
         let near = reached.into_iter().flatten().filter(|r| r.deviance < here + NEGLIGIBLE);
-        let raced = self.raced(near.map(|r| r.start(state.levels)), here);
-        Ok(raced.into_iter().filter_map(|prepared| self.settled(prepared, &[], &set).ok()).collect())
+        let raced = self.raced(near.map(|r| r.start(state.levels)), Some(state));
+        Ok(raced.into_iter().filter_map(|other| self.settled(other, &[], &set).ok()).collect())
     }
 
     /// The state with the other minima, each as probable as equation (20) says.

@@ -167,7 +167,6 @@ impl Session<'_> {
         let pairs: Vec<(usize, usize)> =
             set.iter().flat_map(|effect| rivals(*effect).into_iter().map(|rival| (*effect, rival))).collect();
         let (sizes, here) = (self.sizes(state), state.model.posterior(&set, self.sizes(state)).deviance);
-        let best = self.deviance_here(state);
         let stands_in = |(effect, rival): &(usize, usize)| {
             let mut exchanged: Vec<usize> = set.iter().copied().filter(|e| e != effect).chain([*rival]).collect();
             exchanged.sort_unstable();
@@ -176,8 +175,8 @@ impl Session<'_> {
             }
             // One that cannot be simulated in its place does not stand there.
             let reached = self.reach(&state.around(sizes), &exchanged, STEPS).ok()?;
-            let prepared = self.raced([reached.start(state.levels)], best).pop()?;
-            let other = self.settled(prepared, &[], &exchanged).ok()?;
+            let other = self.raced([reached.start(state.levels)], Some(state)).pop()?;
+            let other = self.settled(other, &[], &exchanged).ok()?;
             let behind = self.behind(&other, state);
             let minimum = (behind < -2.0 * STANDS_IN.ln()).then(|| self.other(&other, state, behind))?;
             Some((minimum, (behind < -SETTLED).then_some((behind, other))))
