@@ -51,8 +51,6 @@ const ROUNDS: usize = 6;
 const PASSES: usize = 2;
 /// Share of the sizes' scales that is as good as nothing.
 const NOTHING_ELSE: f64 = 0.02;
-/// Of the sets that were tried in a round, so many at a time have their noise estimated anew, until one is ahead.
-const ASSESSED: usize = 2;
 /// The estimate has settled when a round lowers −2 log posterior, equation (20), by less than this; so has a descent
 /// that promises less, and the EMG when a correction changes it by less.
 const SETTLED: f64 = 3.0;
@@ -153,7 +151,7 @@ impl<'a> Session<'a> {
         let starts = self.starts(&candidates, &always, report)?;
         report(&format!("{} starts, {:.1?}", starts.len(), clock.elapsed()));
         let mut followed: Vec<State> = Vec::new();
-        for state in self.raced(starts, None) {
+        for state in self.raced(starts) {
             let Ok(mut state) = self.in_place(state, &candidates, &always) else { continue };
             let next = self.advanced(&state, None)?.into_iter().next();
             if let Some(Ok(next)) = next.map(|start| self.assessed(start, &candidates, &always)) {
@@ -222,11 +220,9 @@ impl<'a> Session<'a> {
         for _ in 0..ROUNDS {
             let sets = self.advanced(&best, Some((&candidates, &always)))?;
             let (mut next, mut fall) = (None, 0.0);
-            for some in sets.chunks(ASSESSED) {
-                let tried = self.raced(some.iter().cloned(), Some(&best)).into_iter().filter_map(|state| {
-                    let set = self.places(&state.point.effects);
-                    self.settled(state, &[], &set).ok()
-                });
+            for state in self.raced(sets) {
+                let set = self.places(&state.point.effects);
+                let tried = self.settled(state, &[], &set).ok();
                 next = self.most_probable(next.into_iter().chain(tried));
                 fall = next.as_ref().map_or(0.0, |next| self.behind(&best, next));
                 if fall >= SETTLED {

@@ -18,23 +18,16 @@ use carpus_simulation::simulation::SimulationError;
 const CORRECTIONS: usize = 8;
 
 impl Session<'_> {
-    /// The starts with their EMG, directions and variances as they were: the most probable first, less those that
-    /// are behind it, or behind a known state, by more than [`NEGLIGIBLE`], equation (20). All have the variances of
-    /// the known state. Starts that cannot be simulated are left out.
-    pub(super) fn raced(&self, starts: impl IntoIterator<Item = Start>, known: Option<&State>) -> Vec<State> {
+    /// The starts with their EMG, directions and variances as they were, which all have in common: the most probable
+    /// first, less those that are behind it by more than [`NEGLIGIBLE`], equation (20). Starts that cannot be
+    /// simulated are left out.
+    pub(super) fn raced(&self, starts: impl IntoIterator<Item = Start>) -> Vec<State> {
         let states = starts.into_iter().filter_map(|start| self.prepared(start).ok());
         let mut states: Vec<(f64, State)> = states.map(|state| (self.deviance_by_simulation(&state), state)).collect();
         states.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let known = known.map(|state| (self.deviance_by_simulation(state), state));
-        let first = states.first().map(|(deviance, state)| (*deviance, state));
-        let leader = match (known, first) {
-            (Some(known), Some(first)) if known.0 < first.0 => known,
-            (_, Some(first)) => first,
-            _ => return Vec::new(),
-        };
-        let is_near = |(deviance, state): &(f64, State)| {
-            *deviance < leader.0 + NEGLIGIBLE || self.behind(state, leader.1) < NEGLIGIBLE
-        };
+        let Some((least, first)) = states.first() else { return Vec::new() };
+        let is_near =
+            |(deviance, state): &(f64, State)| *deviance < least + NEGLIGIBLE || self.behind(state, first) < NEGLIGIBLE;
         let near: Vec<bool> = states.iter().map(is_near).collect();
         states.into_iter().zip(near).filter(|(_, near)| *near).map(|((_, state), _)| state).collect()
     }

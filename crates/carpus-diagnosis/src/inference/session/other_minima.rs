@@ -34,7 +34,7 @@ impl Session<'_> {
         let reached: Vec<Option<Reached>> = points.par_iter().with_max_len(1).map(reach).collect();
         // A draw that cannot be simulated leads nowhere.
         let near = reached.into_iter().flatten().filter(|r| r.deviance < here + NEGLIGIBLE);
-        let raced = self.raced(near.map(|r| r.start(state.levels)), Some(state));
+        let raced = self.raced(near.map(|r| r.start(state.levels)));
         Ok(raced.into_iter().filter_map(|other| self.settled(other, &[], &set).ok()).collect())
     }
 

@@ -167,27 +167,38 @@ impl Session<'_> {
         let pairs: Vec<(usize, usize)> =
             set.iter().flat_map(|effect| rivals(*effect).into_iter().map(|rival| (*effect, rival))).collect();
         let (sizes, here) = (self.sizes(state), state.model.posterior(&set, self.sizes(state)).deviance);
-        let stands_in = |(effect, rival): &(usize, usize)| {
-            let mut exchanged: Vec<usize> = set.iter().copied().filter(|e| e != effect).chain([*rival]).collect();
-            exchanged.sort_unstable();
-            if state.model.posterior(&exchanged, sizes).deviance - here > NEGLIGIBLE {
-                return None;
-            }
-            // One that cannot be simulated in its place does not stand there.
-            let reached = self.reach(&state.around(sizes), &exchanged, STEPS).ok()?;
-            let other = self.raced([reached.start(state.levels)], Some(state)).pop()?;
-            let other = self.settled(other, &[], &exchanged).ok()?;
+        let exchanged = |(effect, rival): &(usize, usize)| {
+            let mut out: Vec<usize> = set.iter().copied().filter(|e| e != effect).chain([*rival]).collect();
+            out.sort_unstable();
+            out
+        };
+        let mut sets: Vec<Vec<usize>> = pairs.iter().map(exchanged).collect();
+        sets.sort();
+        sets.dedup();
+        sets.retain(|set| state.model.posterior(set, sizes).deviance - here < NEGLIGIBLE);
+        // Beside what the set itself comes to. One that cannot be simulated in its place does not stand there.
+        let known = if sets.is_empty() { None } else { Some(&set) };
+        let tried: Vec<&Vec<usize>> = sets.iter().chain(known).collect();
+        let reached: Vec<_> = tried
+            .into_par_iter()
+            .with_max_len(ONE_BY_ONE)
+            .map(|set| self.reach(&state.around(sizes), set, STEPS).ok())
+            .collect();
+        let raced = self.raced(reached.into_iter().flatten().map(|reached| reached.start(state.levels)));
+        let others = raced.into_iter().filter(|other| self.places(&other.point.effects) != set);
+        let settled = |other: State| {
+            let set = self.places(&other.point.effects);
+            let other = self.settled(other, &[], &set).ok()?;
             let behind = self.behind(&other, state);
             let minimum = (behind < -2.0 * STANDS_IN.ln()).then(|| self.other(&other, state, behind))?;
-            Some((minimum, (behind < -SETTLED).then_some((behind, other))))
+            Some((set, minimum, (behind < -SETTLED).then_some((behind, other))))
         };
-        let found: Vec<Option<(OtherMinimum, Option<(f64, State)>)>> =
-            pairs.par_iter().with_max_len(ONE_BY_ONE).map(stands_in).collect();
         let mut out = StandIns { of_effects: BTreeMap::new(), minima: Vec::new(), ahead: None };
         let mut least = 0.0;
-        for ((effect, rival), found) in pairs.into_iter().zip(found) {
-            let Some((minimum, ahead)) = found else { continue };
-            out.of_effects.entry(effect).or_default().push(rival);
+        for (set, minimum, ahead) in others.filter_map(settled) {
+            for (effect, rival) in pairs.iter().filter(|pair| exchanged(pair) == set) {
+                out.of_effects.entry(*effect).or_default().push(*rival);
+            }
             out.minima.push(minimum);
             if let Some((behind, state)) = ahead.filter(|(behind, _)| *behind < least) {
                 (least, out.ahead) = (behind, Some(state));
