@@ -2,11 +2,11 @@
 //! (`docs/src/theory/many-small-errors.md`, equations (10), (12) and (20)).
 
 use std::collections::BTreeMap;
+use std::sync::OnceLock;
 
 use super::super::linear_model::Sizes;
 use super::super::search::{NEGLIGIBLE, Sets, search};
 use super::emg_iteration::EmgIteration;
-use super::expected_residual::beyond_the_linear_model;
 use super::noise_along_the_way::{factors, weighted};
 use super::state::{ODDS, Session, Start, State};
 use super::steps::{STEPS, profiled};
@@ -15,7 +15,7 @@ use crate::noise;
 use carpus_simulation::simulation::SimulationError;
 
 /// Corrections of the EMG at a point, at most: each passes through the muscles anew, equation (10).
-const CORRECTIONS: usize = 8;
+const CORRECTIONS: usize = 5;
 
 impl Session<'_> {
     /// The starts with their EMG, directions and variances as they were, which all have in common: the most probable
@@ -36,7 +36,7 @@ impl Session<'_> {
     fn deviance_by_simulation(&self, state: &State) -> f64 {
         let set = self.places(&state.point.effects);
         let deviance = state.model.posterior(&set, self.sizes(state)).deviance;
-        deviance + 2.0 * ODDS.ln() * set.len() as f64 + beyond_the_linear_model(&state.expected, &state.factors)
+        deviance + 2.0 * ODDS.ln() * set.len() as f64 + self.beyond_the_linear_model(state, &state.factors)
     }
 
     /// A start with the EMG that goes with its point, directions and variances as they were.
@@ -70,7 +70,7 @@ impl Session<'_> {
             model,
             factors: passing,
             sets: Sets::none(),
-            expected: Vec::new(),
+            expected: OnceLock::new(),
             stand_ins: BTreeMap::new(),
             others: Vec::new(),
             point,
@@ -99,7 +99,7 @@ impl Session<'_> {
             model: self.model(&point, &columns, &factors),
             factors,
             sets: Sets::none(),
-            expected: Vec::new(),
+            expected: OnceLock::new(),
             stand_ins: BTreeMap::new(),
             others: Vec::new(),
             point,
@@ -182,10 +182,10 @@ impl Session<'_> {
         always: &[usize],
     ) {
         let starts = [set.to_vec(), self.places(&state.point.effects)];
-        let before = (!state.expected.is_empty()).then(|| self.sizes(state).clone());
+        let before = (!state.sets.found.is_empty()).then(|| self.sizes(state).clone());
         state.sets = search(&state.model, candidates, always, 2.0 * ODDS.ln(), &starts, sizes, self.budget);
         if before.as_ref() != Some(self.sizes(state)) {
-            state.expected = self.expected_residuals(state);
+            state.expected = OnceLock::new();
         }
     }
 
@@ -201,7 +201,7 @@ impl Session<'_> {
             let of = |factors: Vec<_>| self.model(&state.point, &columns, &factors).posterior(&set, self.sizes(state));
             let cost = 2.0 * ODDS.ln() * set.len() as f64;
             factors(&state.noise, &levels).map_or(f64::INFINITY, |factors| {
-                let beyond = beyond_the_linear_model(&state.expected, &factors);
+                let beyond = self.beyond_the_linear_model(state, &factors);
                 of(factors).deviance + beyond + cost
             })
         };

@@ -13,7 +13,7 @@ const PARTS: [f64; 4] = [1.0, 0.5, 0.25, 0.0];
 impl Session<'_> {
     /// What is left of every trial where the linear model of a state expects everything; empty where not even
     /// its point can be simulated.
-    pub(super) fn expected_residuals(&self, state: &State) -> Vec<ExpectedResidual> {
+    fn expected_residuals(&self, state: &State) -> Vec<ExpectedResidual> {
         let (set, model) = (self.places(&state.point.effects), &state.model);
         let posterior = model.posterior(&set, self.sizes(state));
         let own = self.columns_of_point(&state.point);
@@ -55,12 +55,15 @@ impl Session<'_> {
         };
         residuals.par_iter().zip(&columns).map(of_trial).collect()
     }
-}
 
-/// By how much −2 log likelihood is larger by simulation than the linear model expects.
-pub(super) fn beyond_the_linear_model(expected: &[ExpectedResidual], factors: &[Cholesky<f64, Dyn>]) -> f64 {
-    let square = |v: &DVector<f64>, factor: &Cholesky<f64, Dyn>| {
-        factor.l_dirty().solve_lower_triangular(v).map_or(f64::INFINITY, |w| w.norm_squared())
-    };
-    expected.iter().zip(factors).map(|(e, factor)| square(&e.simulated, factor) - square(&e.linear, factor)).sum()
+    /// By how much −2 log likelihood is larger by simulation than the linear model of a state expects.
+    ///
+    /// - `factors`: of the noise's covariance of every trial
+    pub(super) fn beyond_the_linear_model(&self, state: &State, factors: &[Cholesky<f64, Dyn>]) -> f64 {
+        let square = |v: &DVector<f64>, factor: &Cholesky<f64, Dyn>| {
+            factor.l_dirty().solve_lower_triangular(v).map_or(f64::INFINITY, |w| w.norm_squared())
+        };
+        let expected = state.expected.get_or_init(|| self.expected_residuals(state));
+        expected.iter().zip(factors).map(|(e, factor)| square(&e.simulated, factor) - square(&e.linear, factor)).sum()
+    }
 }
