@@ -29,6 +29,18 @@ enum CouplingFunction {
 }
 
 impl Coupler {
+    /// A coordinate that follows another by a function.
+    pub(super) fn by_function(
+        name: String,
+        independent: CoordinateIndex,
+        dependent: CoordinateIndex,
+        function: Function,
+    ) -> Coupler {
+        let function = CouplingFunction::One(Box::new(function));
+        let independent = vec![independent];
+        Coupler { name, independent, dependent, function, scale_factor: 1.0, follows_opensim: false }
+    }
+
     /// The same, its second rates those of OpenSim.
     pub(super) fn with_second_rates_of_opensim(self) -> Coupler {
         Coupler { follows_opensim: true, ..self }

@@ -13,6 +13,7 @@
 
 mod activation_dynamics;
 mod activation_trajectory;
+mod closed_loops;
 mod error;
 mod excitation_tangent;
 mod fiber;

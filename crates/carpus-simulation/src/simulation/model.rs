@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::activation_dynamics::{ActivationDynamics, ActivationLaw};
 use super::activation_trajectory::TooFast;
+use super::closed_loops::{self, ClosedLoops};
 use super::error::SimulationError;
 use super::fiber::CurveCache;
 use super::fiber::equation::{Fiber, FiberCurves};
@@ -128,6 +129,7 @@ pub struct MusculoskeletalModel {
     pub(crate) forces: Forces,
     pub(crate) passive_paths: Vec<PassivePath>,
     pub(crate) setup: Setup,
+    pub(crate) closed_loops: Option<ClosedLoops>,
     left_out: Vec<(String, String)>,
 }
 
@@ -140,6 +142,8 @@ impl MusculoskeletalModel {
     pub fn compile(spec: &ModelSpec, setup: &Setup) -> Result<MusculoskeletalModel, SimulationError> {
         let skeleton = Model::compile(spec)?;
         let coordinate = independent_coordinate(&skeleton, &setup.coordinate)?;
+        let held = held_values(&skeleton, &setup.posture)?;
+        let (skeleton, closed_loops) = closed_loops::close(spec, skeleton, coordinate, &held)?;
         let posture = posture(&skeleton, &setup.posture)?;
         let mut cache = CurveCache::default();
         let muscles = setup
@@ -184,6 +188,7 @@ impl MusculoskeletalModel {
             forces,
             passive_paths,
             setup: setup.clone(),
+            closed_loops,
             left_out,
         })
     }
@@ -282,6 +287,14 @@ pub(crate) fn independent_coordinate(skeleton: &Model, name: &str) -> Result<Coo
 
 /// Sets coordinates to values in degrees or metres and makes the others follow.
 pub(crate) fn set_posture(skeleton: &Model, q: &mut [f64], held: &[HeldCoordinate]) -> Result<(), SimulationError> {
+    held_values(skeleton, held)?.into_iter().for_each(|(index, value)| q[index.0] = value);
+    skeleton.satisfy_couplers(q);
+    Ok(())
+}
+
+/// Coordinates that are held, and their values [rad or m].
+fn held_values(skeleton: &Model, held: &[HeldCoordinate]) -> Result<Vec<(CoordinateIndex, f64)>, SimulationError> {
+    let mut values = Vec::with_capacity(held.len());
     for item in held {
         let index = independent_coordinate(skeleton, &item.coordinate)?;
         let coordinate = &skeleton.coordinates[index.0];
@@ -297,10 +310,9 @@ pub(crate) fn set_posture(skeleton: &Model, q: &mut [f64], held: &[HeldCoordinat
             let name = item.coordinate.clone();
             return Err(SimulationError::PostureOutOfRange { name, is_translation, value, lower, upper });
         }
-        q[index.0] = value;
+        values.push((index, value));
     }
-    skeleton.satisfy_couplers(q);
-    Ok(())
+    Ok(values)
 }
 
 /// The default pose with some coordinates held and couplers followed [rad or m].
