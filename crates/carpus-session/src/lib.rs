@@ -78,6 +78,7 @@ pub mod identify;
 pub mod identify_files;
 mod images;
 pub mod info;
+pub mod info_study;
 pub mod init;
 pub mod json;
 mod live_case;

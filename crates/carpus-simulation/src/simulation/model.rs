@@ -223,6 +223,11 @@ impl MusculoskeletalModel {
         &self.left_out
     }
 
+    /// Whether constraints make coordinates follow the moving one, so that the skeleton has more couplers than the file.
+    pub fn closes_loops(&self) -> bool {
+        self.closed_loops.is_some()
+    }
+
     /// Largest deviation of the tabulated muscle curves from the exact ones, of all active muscles.
     pub fn curve_deviation(&self) -> f64 {
         self.muscles.iter().map(|m| m.curves.deviation()).fold(0.0, f64::max)
@@ -323,6 +328,16 @@ pub fn posture(skeleton: &Model, held: &[HeldCoordinate]) -> Result<Vec<f64>, Si
     let mut q = skeleton.default_coordinates();
     set_posture(skeleton, &mut q, held)?;
     Ok(q)
+}
+
+/// Whether a muscle can be active in a study.
+///
+/// - `skeleton`: compiled from `spec`
+///
+/// # Errors
+/// Why it cannot.
+pub fn check_muscle(spec: &ModelSpec, skeleton: &Model, name: &str) -> Result<(), SimulationError> {
+    active_muscle(spec, skeleton, name, &mut CurveCache::default()).map(drop)
 }
 
 fn active_muscle(
