@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::diagnostic::{Diagnostic, Failure};
+use super::diagnostic::{Diagnostic, Failure, Severity};
 use super::model::{self, LoadedModel, Needs};
 use super::output::OutputFolder;
 use super::{own_effects, provenance};
@@ -10,6 +10,7 @@ use carpus_diagnosis::export::SideCar;
 use carpus_diagnosis::own_effect::definition;
 use carpus_multibody::multibody::Model;
 use carpus_osim::osim::OsimFile;
+use carpus_osim::osim::spec::{ForceKind, ForceSpec};
 use carpus_report::results::{InputFile, Provenance};
 use carpus_simulation::scaling::{ParticipantScaling, ParticipantScalingError, scale_participant};
 use carpus_simulation::simulation::{Setup, SimulationError};
@@ -230,9 +231,24 @@ impl Study {
         Setup { allow_unsupported: self.opening.allow_unsupported, ..Setup::from_settings(&self.tables.settings) }
     }
 
+    /// Refuses active muscles whose paths are not computed, which stand among the model's other forces.
+    fn check_paths(&self, loaded: &LoadedModel) -> Result<(), Failure> {
+        let file = &loaded.file;
+        let not_computed = |name: &String| {
+            let is_it = |f: &&ForceSpec| f.name == *name && matches!(f.kind, ForceKind::Unsupported { .. });
+            let force = file.spec.forces.iter().find(is_it)?;
+            let found = file.diagnostics.items.iter().find(|d| d.path == force.at.path)?;
+            let hint = "leave it out of [muscles] active in study.toml, or give it a GeometryPath or FunctionBasedPath";
+            Some(model::finding(&loaded.path, found, Severity::Error).hint(hint))
+        };
+        let messages: Vec<Diagnostic> = self.tables.settings.active_muscles.iter().filter_map(not_computed).collect();
+        if messages.is_empty() { Ok(()) } else { Err(messages.into()) }
+    }
+
     /// Checks the names that the study uses against the model.
     fn check_names(&self, loaded: &LoadedModel) -> Result<(), Failure> {
         let spec = &loaded.file.spec;
+        self.check_paths(loaded)?;
         let coordinates: Vec<&str> = spec.coordinates.iter().map(|c| c.name.as_str()).collect();
         let muscles: Vec<&str> = spec.muscles.iter().map(|m| m.name.as_str()).collect();
         let problems = self.tables.check_names(&loaded.path, &coordinates, &muscles);
