@@ -148,16 +148,16 @@ fn val_opensim_tables_are_drawn_beside_the_curves_of_a_model() {
     let ragged = written("ragged.csv", "flexion_deg,FCR_length\n0,0.3\n10\n");
     let other = written("other.csv", "deviation_deg,FCR_moment_arm_flexion\n0,0.01\n10,0.012\n");
     let plan = json!({ "set": [], "over": "deviation", "tables": [
-        [table("lengths.sto")], [table("moment_arms.csv")],
+        [table("lengths.sto")], [table("moment_arms.csv")], [shifted],
         [table("wrist_MuscleAnalysis_Length.sto"), table("wrist_Kinematics_q.sto")],
         [table("wrist_MuscleAnalysis_MomentArm_flexion.sto"), table("wrist_Kinematics_q.sto")],
-        [shifted], [ragged], [other],
+        [ragged], [other],
         [table("wrist_MuscleAnalysis_Length.sto")],
     ]});
     let seen = seen_in_browser(&page, &plan);
     assert_calm(&seen);
     let tables = seen["tables"].as_array().unwrap();
-    for (i, tolerance) in [LENGTHS_AGREE, ARMS_AGREE, LENGTHS_AGREE, ARMS_AGREE].into_iter().enumerate() {
+    for (i, tolerance) in [(0, LENGTHS_AGREE), (1, ARMS_AGREE), (3, LENGTHS_AGREE), (4, ARMS_AGREE)] {
         let said = tables[i]["said"].as_str().unwrap();
         let rows = tables[i]["rows"].as_array().unwrap();
         assert_eq!((rows.len(), &tables[i]["error"]), (5, &json!(0)), "{said}");
@@ -165,11 +165,11 @@ fn val_opensim_tables_are_drawn_beside_the_curves_of_a_model() {
             let difference: f64 = row["difference"].as_str().unwrap().parse().unwrap();
             assert!(difference.abs() < tolerance, "{row}");
         }
-        let drawn = if i % 2 == 0 { json!([5, 0]) } else { json!([0, 5]) };
+        let drawn = if tolerance == LENGTHS_AGREE { json!([5, 0]) } else { json!([0, 5]) };
         assert_eq!(json!([tables[i]["lengths"], tables[i]["arms"]]), drawn, "{said}");
         assert!(said.contains("values of flexion, dashed") && said.contains("differs by at most"), "{said}");
     }
-    let (row, said) = (&tables[4]["rows"][0], tables[4]["said"].as_str().unwrap());
+    let (row, said) = (&tables[2]["rows"][0], tables[2]["said"].as_str().unwrap());
     let number = |key: &str| row[key].as_str().unwrap().parse::<f64>().unwrap();
     assert!((number("difference") - 2e-3).abs() < LENGTHS_AGREE && row["muscle"] == "FCR", "{row}");
     assert!((number("at").to_degrees() - 20.0).abs() < 1e-6, "{row}");

@@ -59,8 +59,7 @@ impl StudyUse {
             let not = |class: &str| Unusable { name: force.name.clone(), reason: format!("{class} is not computed") };
             match &force.kind {
                 ForceKind::Unsupported { class } if class == "BodyActuator" => {}
-                // A muscle whose path is not read stands among the other forces.
-                ForceKind::Unsupported { class } if class.contains("Muscle") => found.muscles_not.push(Unusable {
+                ForceKind::Unsupported { .. } if force.is_muscle_without_path() => found.muscles_not.push(Unusable {
                     name: force.name.clone(),
                     reason: "neither its path nor its force is computed".to_owned(),
                 }),

@@ -58,7 +58,10 @@ pub fn compiled(
     let findings = &file.diagnostics;
     messages.extend(findings.of(FindingSeverity::Warning).map(|d| finding(path, d, Severity::Warning)));
     // Muscles are judged by those who know which of them act.
-    let is_muscle = |d: &Finding| file.spec.muscles.iter().any(|m| m.at.path == d.path);
+    let without_path = file.spec.forces.iter().filter(|f| f.is_muscle_without_path());
+    let muscles = file.spec.muscles.iter().map(|m| &m.at).chain(without_path.map(|f| &f.at));
+    let muscles: Vec<&str> = muscles.map(|at| at.path.as_str()).collect();
+    let is_muscle = |d: &Finding| muscles.contains(&d.path.as_str());
     let matters = |d: &&Finding| match needs {
         Needs::Motion => !acts_by_force(&d.path),
         Needs::Trials { .. } if closes_loop(&file.spec, &d.path) => false,

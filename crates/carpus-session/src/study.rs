@@ -10,7 +10,6 @@ use carpus_diagnosis::export::SideCar;
 use carpus_diagnosis::own_effect::definition;
 use carpus_multibody::multibody::Model;
 use carpus_osim::osim::OsimFile;
-use carpus_osim::osim::spec::{ForceKind, ForceSpec};
 use carpus_report::results::{InputFile, Provenance};
 use carpus_simulation::scaling::{ParticipantScaling, ParticipantScalingError, scale_participant};
 use carpus_simulation::simulation::{Setup, SimulationError};
@@ -235,8 +234,8 @@ impl Study {
     fn check_paths(&self, loaded: &LoadedModel) -> Result<(), Failure> {
         let file = &loaded.file;
         let not_computed = |name: &String| {
-            let is_it = |f: &&ForceSpec| f.name == *name && matches!(f.kind, ForceKind::Unsupported { .. });
-            let force = file.spec.forces.iter().find(is_it)?;
+            let mut forces = file.spec.forces.iter();
+            let force = forces.find(|force| force.name == *name && force.is_muscle_without_path())?;
             let found = file.diagnostics.items.iter().find(|d| d.path == force.at.path)?;
             let hint = "leave it out of [muscles] active in study.toml, or give it a GeometryPath or FunctionBasedPath";
             Some(model::finding(&loaded.path, found, Severity::Error).hint(hint))

@@ -95,6 +95,10 @@ impl Coupler {
         let rate = |k: usize| qdot[self.independent[k].0];
         self.scale_factor
             * match &self.function {
+                // So does `ExpressionBasedFunction`.
+                CouplingFunction::One(function) if self.follows_opensim && function.is_formula() => {
+                    function.derivative(q[self.independent[0].0]) * rate(0) * rate(0)
+                }
                 CouplingFunction::One(function) => {
                     function.second_derivative(q[self.independent[0].0]) * rate(0) * rate(0)
                 }

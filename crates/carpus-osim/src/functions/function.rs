@@ -146,6 +146,15 @@ impl Function {
         }
     }
 
+    /// Whether it is an `ExpressionBasedFunction` (possibly scaled).
+    pub fn is_formula(&self) -> bool {
+        match &self.kind {
+            Kind::Expression(_) => true,
+            Kind::Multiplier { function, .. } => function.is_formula(),
+            _ => false,
+        }
+    }
+
     /// Slope and intercept, if the function is a `LinearFunction` (possibly scaled).
     pub fn linear_coefficients(&self) -> Option<(f64, f64)> {
         match &self.kind {

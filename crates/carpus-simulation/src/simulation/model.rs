@@ -163,8 +163,10 @@ impl MusculoskeletalModel {
         }
         let passive = setup.includes(MomentPart::Passive);
         let forces = if passive { Forces::compile(spec, &skeleton)? } else { Forces::default() };
-        let mut unsupported: Vec<_> =
-            forces.unsupported.iter().filter(|(_, class)| !INERT_CLASSES.contains(&class.as_str())).cloned().collect();
+        // A muscle without a path that is read is not active, or it is missed above.
+        let acts =
+            |(_, class): &&(String, String)| !INERT_CLASSES.contains(&class.as_str()) && !class.contains("Muscle");
+        let mut unsupported: Vec<_> = forces.unsupported.iter().filter(acts).cloned().collect();
         // A trial's own time is not that of the model's functions.
         unsupported.extend(forces.over_time.iter().map(|force| (force.name.clone(), "PrescribedForce".to_owned())));
         if !unsupported.is_empty() && !setup.allow_unsupported {
