@@ -148,7 +148,6 @@ class Page {
         .map(({ muscle, y }) => ({
           name: `${this.description.muscles[muscle].name}, OpenSim's table`,
           class: "series theirs",
-          color: this.colors[muscle],
           key: muscle,
           x: Float64Array.from(this.theirs.x, (v) => v * axis.scale),
           y: y.map((v) => v * factor),

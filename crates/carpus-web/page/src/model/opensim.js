@@ -2,6 +2,8 @@
 import { button, element, shown, words } from "../format.js";
 import { comparison, largest, parse } from "./table.js";
 
+/** Smaller differences are those of rounding [m]. */
+const ROUNDING = 1e-9;
 /** Largest file that is read [bytes]. */
 const MOST_BYTES = 50e6;
 
@@ -75,7 +77,11 @@ export class OpenSimTable {
       if (!row.worst) return element("li", {}, `${what}: no value of the table can be compared`);
       const { size, theirs, ours: own, x: at } = row.worst;
       const values = `OpenSim's table ${inUnit(row, theirs, 6)}, here ${inUnit(row, own, 6)}`;
-      const made = element("li", {}, `${what}: differs by at most ${inUnit(row, Math.abs(size))}, at ${place(at)} (${values})`);
+      const differs =
+        Math.abs(size) < ROUNDING
+          ? `agrees within ${inUnit(row, ROUNDING)}`
+          : `differs by at most ${inUnit(row, Math.abs(size))}, at ${place(at)} (${values})`;
+      const made = element("li", {}, `${what}: ${differs}`);
       Object.assign(made.dataset, { muscle: muscles[row.muscle].name, kind: row.kind, difference: size, at });
       return made;
     };
