@@ -32,8 +32,8 @@ pub enum PathError {
     },
     /// A lengthening speed that is no speed of a length.
     #[error(
-        "{}: lengthening_speed_function: expected a speed that is 0 at rest and proportional to the coordinates' speeds, \
-         found another", .at.path
+        "{}: lengthening_speed_function: expected a speed that is 0 at rest and proportional to the coordinates' \
+         speeds, found another", .at.path
     )]
     NotProportional {
         /// The path.

@@ -25,8 +25,8 @@
 //! points, a curve over an ellipsoid that leaves its surface) a finite one is given.
 //!
 //! **Functions.** A `FunctionBasedPath` has no points: its length is a function of coordinates, its moment arms are
-//! functions of their own or the derivatives of the length. Moment arms follow couplers, where OpenSim's `computeMomentArm`
-//! gives the function's value; the forces on coordinates are the same.
+//! functions of their own or the derivatives of the length. Moment arms follow couplers, where OpenSim's
+//! `computeMomentArm` gives the function's value; the forces on coordinates are the same.
 //!
 //! **History.** The result depends on the pose alone. OpenSim keeps the previous wrap of every path outside its state,
 //! but version 4.6 cannot use it: the factor that it multiplies it with is NaN after every copy. So OpenSim's result

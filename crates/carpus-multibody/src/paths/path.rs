@@ -92,8 +92,8 @@ impl Path {
         Ok(Path { points, wraps, functions: None })
     }
 
-    /// Length of the straight lines through the points that are active [m]: what the path would be without wrapping; the
-    /// length where functions give it.
+    /// Length of the straight lines through the points that are active [m]: what the path would be without wrapping;
+    /// the length where functions give it.
     ///
     /// - `q`: all coordinates
     /// - `cache`: positions of the bodies at `q`

@@ -123,7 +123,8 @@ pub enum SimulationError {
     },
     /// Constraints between bodies that cannot hold over the motion of the trials.
     #[error(
-        "the model's constraints {} hold for `{coordinate}` from {:.3} to {:.3} rad or m, the trials need {:.3} to {:.3}",
+        "the model's constraints {} hold for `{coordinate}` from {:.3} to {:.3} rad or m, the trials need {:.3} to \
+         {:.3}",
         list(.constraints), .closed[0], .closed[1], .found[0], .found[1]
     )]
     LoopOpen {

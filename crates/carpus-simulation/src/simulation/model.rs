@@ -225,7 +225,7 @@ impl MusculoskeletalModel {
         &self.left_out
     }
 
-    /// Whether constraints make coordinates follow the moving one, so that the skeleton has more couplers than the file.
+    /// Whether constraints make coordinates follow the moving one: the skeleton then has more couplers than the file.
     pub fn closes_loops(&self) -> bool {
         self.closed_loops.is_some()
     }
