@@ -48,6 +48,8 @@ fn regress_reference_outputs_match_their_manifests() {
         assert_eq!(check_outputs(&format!("fixtures/{subject}/manifest.json")), 1);
     }
     assert_eq!(check_outputs("fixtures/muscle_laws/manifest.json"), 2 * 5);
+    assert_eq!(check_outputs("fixtures/path_tables/manifest.json"), 5);
+    assert_eq!(check_outputs("fixtures/other_paths/manifest.json"), 2 * 5);
     assert_eq!(check_outputs("fixtures/demo_study/manifest.json"), 28 + 4);
     assert_eq!(check_outputs("fixtures/two_axes/manifest.json"), 17 + 4);
     assert_eq!(check_outputs("fixtures/hidden_effects/manifest.json"), 7 * (19 + 4));

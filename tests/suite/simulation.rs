@@ -266,6 +266,24 @@ fn val_opensim_prescribed_motion_of_muscles_of_every_class() {
     validation::assert_passed(&rows);
 }
 
+/// Wrists as fixtures/scripts/other_paths.py writes them: paths by functions, and loops that constraints close.
+const OTHER_PATHS: [&str; 5] = ["functions", "formula", "rod", "strut", "welded_strut"];
+
+#[test]
+fn val_opensim_prescribed_motion_along_functions_and_in_closed_loops() {
+    let mut rows = Vec::new();
+    for case in OTHER_PATHS {
+        let file = OsimFile::read(fixture(&format!("fixtures/other_paths/{case}.osim"))).unwrap();
+        let table = fixture(&format!("fixtures/other_paths/{case}.csv"));
+        let posture = [("elbow_flexion", 90.0), ("pro_sup", 0.0)];
+        rows.extend(compare_file_with_opensim(&format!("the bundled wrist, {case}"), &file, &table, &posture, true));
+    }
+    for row in &rows {
+        println!("{row:?}");
+    }
+    validation::assert_passed(&rows);
+}
+
 /// Weight and inertia about the coordinate [N·m]. Moments here are below 1 N·m, and both programs move along the same
 /// spline, so that only the tables' interpolation and the digits of the reference are between them.
 const SKELETON_MOMENT_TOLERANCE: f64 = 1e-8;

@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod display;
+mod other_models;
 
 use std::path::{Path, PathBuf};
 

@@ -119,6 +119,74 @@ fn verif_a_laboratory_s_model_in_a_page_gives_the_numbers_of_the_program() {
     assert!(differs < SAME && count == 50, "{differs:.1e} m");
 }
 
+/// Lengths and moment arms of OpenSim's tables and of a page agree so well [m]: the bars of `val_opensim_…` along a motion.
+const LENGTHS_AGREE: f64 = 1e-6;
+const ARMS_AGREE: f64 = 1e-5;
+
+#[test]
+#[cfg_attr(not(has_browser), ignore = "needs Chromium (CARPUS_CHROMIUM), Node and npm ci in crates/carpus-web/page")]
+fn val_opensim_tables_are_drawn_beside_the_curves_of_a_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let (model, page) = (root("models/wrist.osim"), folder.path().join("view.html"));
+    viewed(&model, &page, &["--set", "elbow_flexion=90deg"]);
+    let table = |file: &str| root("fixtures/path_tables").join(file);
+    let written = |name: &str, text: &str| {
+        std::fs::write(folder.path().join(name), text).unwrap();
+        folder.path().join(name)
+    };
+    // FCR 2 mm longer at 20°, and a muscle that the model lacks.
+    let shifted = written("shifted.csv", &{
+        let lengths = read(table("lengths.sto"));
+        let rows = lengths.lines().skip_while(|line| *line != "endheader").skip(2);
+        let row = |line: &str| {
+            let cells: Vec<f64> = line.split('\t').map(|v| v.parse().unwrap()).collect();
+            let more = if cells[0] == 20.0 { 2e-3 } else { 0.0 };
+            format!("{},{},1\n", cells[0].to_radians(), cells[4] + more)
+        };
+        "flexion,FCR,brachialis\n".to_owned() + &rows.map(row).collect::<String>()
+    });
+    let ragged = written("ragged.csv", "flexion_deg,FCR_length\n0,0.3\n10\n");
+    let other = written("other.csv", "deviation_deg,FCR_moment_arm_flexion\n0,0.01\n10,0.012\n");
+    let plan = json!({ "set": [], "over": "deviation", "tables": [
+        [table("lengths.sto")], [table("moment_arms.csv")], [shifted],
+        [table("wrist_MuscleAnalysis_Length.sto"), table("wrist_Kinematics_q.sto")],
+        [table("wrist_MuscleAnalysis_MomentArm_flexion.sto"), table("wrist_Kinematics_q.sto")],
+        [ragged], [other],
+        [table("wrist_MuscleAnalysis_Length.sto")],
+    ]});
+    let seen = seen_in_browser(&page, &plan);
+    assert_calm(&seen);
+    let tables = seen["tables"].as_array().unwrap();
+    for (i, tolerance) in [(0, LENGTHS_AGREE), (1, ARMS_AGREE), (3, LENGTHS_AGREE), (4, ARMS_AGREE)] {
+        let said = tables[i]["said"].as_str().unwrap();
+        let rows = tables[i]["rows"].as_array().unwrap();
+        assert_eq!((rows.len(), &tables[i]["error"]), (5, &json!(0)), "{said}");
+        for row in rows {
+            let difference: f64 = row["difference"].as_str().unwrap().parse().unwrap();
+            assert!(difference.abs() < tolerance, "{row}");
+        }
+        let drawn = if tolerance == LENGTHS_AGREE { json!([5, 0]) } else { json!([0, 5]) };
+        assert_eq!(json!([tables[i]["lengths"], tables[i]["arms"]]), drawn, "{said}");
+        let words = if i < 3 { "agrees within" } else { "differs by at most" };
+        assert!(said.contains("values of flexion, dashed") && said.contains(words), "{said}");
+    }
+    let (row, said) = (&tables[2]["rows"][0], tables[2]["said"].as_str().unwrap());
+    let number = |key: &str| row[key].as_str().unwrap().parse::<f64>().unwrap();
+    assert!((number("difference") - 2e-3).abs() < LENGTHS_AGREE && row["muscle"] == "FCR", "{row}");
+    assert!((number("at").to_degrees() - 20.0).abs() < 1e-6, "{row}");
+    for part in ["2\u{202f}mm, at flexion = 20°", "taken for radians", "taken for lengths", "compared: brachialis"] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+    for (i, part) in [
+        (5, "ragged.csv, line 3: expected 2 values as in the heading, found 1"),
+        (6, "FCR_moment_arm_flexion is a moment arm about flexion, but deviation changes"),
+        (7, "choose the file of coordinates, too"),
+    ] {
+        let said = tables[i]["said"].as_str().unwrap();
+        assert!(said.contains(part) && tables[i]["error"] == 1 && tables[i]["lengths"] == 0, "{said}");
+    }
+}
+
 #[test]
 #[cfg_attr(not(has_browser), ignore = "needs Chromium (CARPUS_CHROMIUM), Node and npm ci in crates/carpus-web/page")]
 fn verif_hostile_names_of_a_model_are_only_text() {

@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::diagnostic::{Diagnostic, Failure};
+use super::info_study::StudyUse;
 use super::model;
 use carpus_multibody::multibody::Model;
 use carpus_osim::osim::spec::{CoordinateIndex, JointKind, ModelSpec, MotionType, MuscleKind, MuscleSpec};
@@ -50,6 +51,8 @@ pub struct MuscleInfo {
     pub tendon_slack_length_m: f64,
     /// Pennation at the optimal length.
     pub pennation_angle_at_optimal_deg: f64,
+    /// OpenSim class of its path.
+    pub path: &'static str,
     /// Points of its path.
     pub path_points: usize,
     /// Wrap objects of its path.
@@ -81,6 +84,7 @@ impl MuscleInfo {
     pub fn notes(&self) -> String {
         let mut notes = Vec::new();
         notes.extend((self.class != "Millard2012EquilibriumMuscle").then(|| self.class.clone()));
+        notes.extend((self.path != "GeometryPath").then(|| self.path.to_string()));
         notes.extend((!self.applies_force).then(|| "applies no force".to_string()));
         notes.join(", ")
     }
@@ -113,6 +117,8 @@ pub struct Info {
     pub coordinates: Vec<CoordinateInfo>,
     /// The muscles.
     pub muscles: Vec<MuscleInfo>,
+    /// What of it a study can use; `None` where it cannot be computed with.
+    pub study: Option<StudyUse>,
     /// What was understood, and what was not.
     pub diagnostics: Diagnostics,
     /// Why it cannot be computed with.
@@ -148,6 +154,7 @@ impl Info {
             markers: spec.markers.len(),
             coordinates: coordinates(spec, compiled.as_ref().ok()),
             muscles: spec.muscles.iter().map(muscle).collect(),
+            study: compiled.as_ref().ok().map(|model| StudyUse::of(spec, model)),
             compile_error: compiled.as_ref().err().map(ToString::to_string),
             diagnostics: file.diagnostics,
         };
@@ -225,6 +232,7 @@ fn muscle(spec: &MuscleSpec) -> MuscleInfo {
         optimal_fiber_length_m: spec.optimal_fiber_length,
         tendon_slack_length_m: spec.tendon_slack_length,
         pennation_angle_at_optimal_deg: spec.pennation_angle_at_optimal.to_degrees(),
+        path: if spec.path.functions.is_some() { "FunctionBasedPath" } else { "GeometryPath" },
         path_points: spec.path.points.len(),
         wraps: spec.path.wraps.len(),
         applies_force: spec.applies_force,

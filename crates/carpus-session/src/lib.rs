@@ -42,7 +42,7 @@
 //! | [`view`] | [`view::ViewModel`] | a page that shows a model in three dimensions |
 //! | [`equilibrium`] | [`equilibrium::Equilibrium`] | fibre lengths and forces at rest in a posture |
 //! | [`audit`] | [`audit::AuditModel`] | what no body has, over the ranges of a model's coordinates |
-//! | [`info`] | [`info::Info`] | what is in a model |
+//! | [`info`] | [`info::Info`] | what is in a model, and what of it a study can use ([`info_study`]) |
 //! | [`upgrade`] | [`upgrade::Upgrade`] | an old model in the current format |
 //! | [`run_tool`] | [`run_tool::RunTool`] | what OpenSim's tool of a setup file writes |
 
@@ -78,6 +78,7 @@ pub mod identify;
 pub mod identify_files;
 mod images;
 pub mod info;
+pub mod info_study;
 pub mod init;
 pub mod json;
 mod live_case;

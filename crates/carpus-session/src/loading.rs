@@ -156,16 +156,19 @@ impl Study {
     ) -> Result<LoadedParticipant, Failure> {
         let settings = &self.tables.settings;
         let mut warnings: Vec<Diagnostic> = self.tables.warnings.iter().map(Diagnostic::from).collect();
-        let needs = if settings.dynamometer.includes(MomentPart::Passive) { Needs::Forces } else { Needs::Motion };
+        let needs = Needs::Trials { passive: settings.dynamometer.includes(MomentPart::Passive) };
         let mut loaded = self.load_model(participant, needs, &mut warnings)?;
         let scaling = self.scaled_to(participant, &mut loaded, &mut warnings)?;
         let model = MusculoskeletalModel::compile(&loaded.file.spec, &self.setup())
             .map_err(|e| self.compile_message(&e, &loaded))?;
-        let at_study = |e: SimulationError| Failure::from(simulation_message(&e, &loaded));
+        if model.closes_loops() {
+            loaded.model = model.skeleton().clone();
+        }
         let left_out = model.left_out().iter().map(|(name, class)| format!("{name} ({class})")).collect::<Vec<_>>();
         if !left_out.is_empty() {
             warnings.push(Diagnostic::warning(format!("left out: {}", left_out.join(", "))).in_file(&loaded.path));
         }
+        let at_study = |e: SimulationError| Failure::from(simulation_message(&e, &loaded));
         let trials = self.tables.load_trials(&participant.name)?;
         warnings.extend(trials.iter().flat_map(|t| t.warnings.iter().map(Diagnostic::from)));
         warnings.extend(self.check_trials(participant, &trials, &model)?);

@@ -6,7 +6,7 @@ use super::diagnostic::{Diagnostic, Failure, Severity};
 use super::quantity::{Assignment, Quantity};
 use carpus_multibody::multibody::Model;
 use carpus_multibody::paths::{Path as MusclePath, PathGeometry};
-use carpus_osim::osim::spec::{CoordinateIndex, MotionType, MuscleIndex};
+use carpus_osim::osim::spec::{ConstraintKind, ConstraintSpec, CoordinateIndex, ModelSpec, MotionType, MuscleIndex};
 use carpus_osim::osim::{Diagnostic as Finding, OsimError, OsimFile, Severity as FindingSeverity};
 use carpus_study::study::outside_range;
 
@@ -26,8 +26,11 @@ pub struct LoadedModel {
 pub enum Needs {
     /// Only the motion of bodies.
     Motion,
-    /// Motion and all forces that are not muscles.
-    Forces,
+    /// Motion of trials, in which loops that constraints and joints close stay closed.
+    Trials {
+        /// All forces that are not muscles, too.
+        passive: bool,
+    },
 }
 
 /// Reads and compiles a model. Unsupported components that the result depends on are errors, or warnings if allowed.
@@ -55,10 +58,15 @@ pub fn compiled(
     let findings = &file.diagnostics;
     messages.extend(findings.of(FindingSeverity::Warning).map(|d| finding(path, d, Severity::Warning)));
     // Muscles are judged by those who know which of them act.
-    let is_muscle = |d: &Finding| file.spec.muscles.iter().any(|m| m.at.path == d.path);
+    let without_path = file.spec.forces.iter().filter(|f| f.is_muscle_without_path());
+    let muscles = file.spec.muscles.iter().map(|m| &m.at).chain(without_path.map(|f| &f.at));
+    let muscles: Vec<&str> = muscles.map(|at| at.path.as_str()).collect();
+    let is_muscle = |d: &Finding| muscles.contains(&d.path.as_str());
     let matters = |d: &&Finding| match needs {
         Needs::Motion => !acts_by_force(&d.path),
-        Needs::Forces => !is_driver(&d.path) && !is_muscle(d),
+        Needs::Trials { .. } if closes_loop(&file.spec, &d.path) => false,
+        Needs::Trials { passive: false } => !acts_by_force(&d.path),
+        Needs::Trials { passive: true } => !is_driver(&d.path) && !is_muscle(d),
     };
     let unsupported: Vec<_> = findings.of(FindingSeverity::Unsupported).filter(matters).collect();
     if allow {
@@ -85,6 +93,13 @@ pub fn compiled(
 /// Whether a component acts only through forces: it changes neither motion nor paths.
 fn acts_by_force(path: &str) -> bool {
     is_driver(path) || path.starts_with("/forceset")
+}
+
+/// Whether a component is a constraint or joint that a study holds to.
+fn closes_loop(spec: &ModelSpec, path: &str) -> bool {
+    let enforced = |c: &&ConstraintSpec| !matches!(c.kind, ConstraintKind::Unsupported { .. });
+    spec.constraints.iter().filter(enforced).any(|c| c.at.path == path)
+        || spec.loop_joints().into_iter().any(|joint| spec.joints[joint.0].at.path == path)
 }
 
 /// Whether a component only drives, measures or serves others: excitations and motion are given here.

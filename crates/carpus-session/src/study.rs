@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::diagnostic::{Diagnostic, Failure};
+use super::diagnostic::{Diagnostic, Failure, Severity};
 use super::model::{self, LoadedModel, Needs};
 use super::output::OutputFolder;
 use super::{own_effects, provenance};
@@ -230,9 +230,24 @@ impl Study {
         Setup { allow_unsupported: self.opening.allow_unsupported, ..Setup::from_settings(&self.tables.settings) }
     }
 
+    /// Refuses active muscles whose paths are not computed, which stand among the model's other forces.
+    fn check_paths(&self, loaded: &LoadedModel) -> Result<(), Failure> {
+        let file = &loaded.file;
+        let not_computed = |name: &String| {
+            let mut forces = file.spec.forces.iter();
+            let force = forces.find(|force| force.name == *name && force.is_muscle_without_path())?;
+            let found = file.diagnostics.items.iter().find(|d| d.path == force.at.path)?;
+            let hint = "leave it out of [muscles] active in study.toml, or give it a GeometryPath or FunctionBasedPath";
+            Some(model::finding(&loaded.path, found, Severity::Error).hint(hint))
+        };
+        let messages: Vec<Diagnostic> = self.tables.settings.active_muscles.iter().filter_map(not_computed).collect();
+        if messages.is_empty() { Ok(()) } else { Err(messages.into()) }
+    }
+
     /// Checks the names that the study uses against the model.
     fn check_names(&self, loaded: &LoadedModel) -> Result<(), Failure> {
         let spec = &loaded.file.spec;
+        self.check_paths(loaded)?;
         let coordinates: Vec<&str> = spec.coordinates.iter().map(|c| c.name.as_str()).collect();
         let muscles: Vec<&str> = spec.muscles.iter().map(|m| m.name.as_str()).collect();
         let problems = self.tables.check_names(&loaded.path, &coordinates, &muscles);

@@ -206,6 +206,7 @@ fn function(spec: &FunctionSpec) -> Value {
         FunctionSpec::Step { .. } => json!({ "class": "StepFunction" }),
         FunctionSpec::GcvSpline { .. } => json!({ "class": "GCVSpline" }),
         FunctionSpec::Sine { .. } => json!({ "class": "Sine" }),
+        FunctionSpec::ExpressionBased { .. } => json!({ "class": "ExpressionBasedFunction" }),
     }
 }
 

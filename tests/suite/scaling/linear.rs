@@ -102,6 +102,21 @@ fn val_opensim_scaled_lab_models() {
 }
 
 #[test]
+fn val_opensim_scaling_leaves_paths_by_functions() {
+    // OpenSim 4.6: Model::scale changes neither the path's length nor the muscle's own lengths.
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/other_paths/functions.osim");
+    let mut file = OsimFile::read(path).unwrap();
+    let before = file.spec.muscles.clone();
+    let factors = ["humerus", "ulna", "radius", "hand"].map(|body| (body.to_owned(), [1.2; 3])).to_vec();
+    let done = scale(&mut file, &ScaleRequest { factors, ..ScaleRequest::default() }).unwrap();
+    for (before, after) in before.iter().zip(&file.spec.muscles) {
+        assert_eq!(before.tendon_slack_length, after.tendon_slack_length);
+        assert!(done.left.iter().any(|(at, why)| *at == after.at.path && why.contains("FunctionBasedPath")));
+    }
+    assert!(done.lengths.iter().all(|length| length.ratio() == 1.0));
+}
+
+#[test]
 fn verif_factors_of_one_change_nothing() {
     let out = tempfile::tempdir().unwrap();
     let model = root("models/wrist.osim");

@@ -54,6 +54,18 @@ fn val_opensim_coupler_of_two_coordinates() {
 }
 
 #[test]
+fn val_opensim_paths_by_functions_and_through_points_of_a_cable() {
+    let paths = of(&["function_paths.osim"]);
+    paths.compare("function_paths.xml", "function_paths", TOLERANCE);
+    paths.compare("function_paths_inverse.xml", "function_paths_inverse", OF_EIGHT_DIGITS);
+}
+
+#[test]
+fn val_opensim_coupler_by_a_formula() {
+    of(&["formula_coupler.osim"]).compare("formula_coupler.xml", "formula_coupler", REASSEMBLED);
+}
+
+#[test]
 fn val_opensim_assembly_moves_what_is_free_to_satisfy_constraints() {
     of(&["free_to_satisfy.osim"]).compare("free_to_satisfy.xml", "free_to_satisfy", ASSEMBLED);
 }

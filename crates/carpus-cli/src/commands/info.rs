@@ -38,8 +38,15 @@ fn readable(info: &Info, all: bool) -> String {
         text.push_str(&muscle_table(&info.muscles));
         text.push_str("\n\n");
     }
+    if let Some(study) = &info.study {
+        text.push_str(&format!("in a study:\n{}\n\n", indented(&study.lines())));
+    }
     text.push_str(&findings(&info.diagnostics, &info.file, all));
     text
+}
+
+fn indented(lines: &[String]) -> String {
+    lines.iter().map(|line| format!("  {line}")).collect::<Vec<_>>().join("\n")
 }
 
 fn coordinate_table(coordinates: &[CoordinateInfo]) -> String {

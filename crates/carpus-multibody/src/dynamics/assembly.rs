@@ -78,6 +78,12 @@ impl Dynamics<'_> {
         assembled(violation)
     }
 
+    /// Whether the constraints leave no coordinate free to move.
+    pub fn is_determined(&mut self, time: f64, q: &[f64]) -> bool {
+        let rows = self.rows_at(time, q, &vec![0.0; q.len()]);
+        Space::of(&rows.G, q.len()).free.ncols() == 0
+    }
+
     fn violation(&mut self, time: f64, q: &[f64]) -> DVector<f64> {
         self.rows_at(time, q, &vec![0.0; q.len()]).error
     }

@@ -231,6 +231,16 @@ impl Constraints {
         self.kinds.iter().any(Kind::ties_several)
     }
 
+    /// The two bases that each constraint between bodies joins.
+    pub fn joined_bases(&self) -> impl Iterator<Item = [BaseIndex; 2]> + '_ {
+        self.kinds.iter().filter_map(|kind| match kind {
+            Kind::Coupler(_) | Kind::Locked { .. } | Kind::Prescribed { .. } => None,
+            Kind::Weld { first, second } => Some([first.0, second.0]),
+            Kind::Point { first, second } | Kind::Distance { first, second, .. } => Some([first.base, second.base]),
+            Kind::OnLine { line, follower, .. } => Some([line.base, follower.base]),
+        })
+    }
+
     /// Number of scalar equations.
     pub fn n_rows(&self) -> usize {
         self.rows

@@ -29,6 +29,18 @@ enum CouplingFunction {
 }
 
 impl Coupler {
+    /// A coordinate that follows another by a function.
+    pub(super) fn by_function(
+        name: String,
+        independent: CoordinateIndex,
+        dependent: CoordinateIndex,
+        function: Function,
+    ) -> Coupler {
+        let function = CouplingFunction::One(Box::new(function));
+        let independent = vec![independent];
+        Coupler { name, independent, dependent, function, scale_factor: 1.0, follows_opensim: false }
+    }
+
     /// The same, its second rates those of OpenSim.
     pub(super) fn with_second_rates_of_opensim(self) -> Coupler {
         Coupler { follows_opensim: true, ..self }
@@ -83,6 +95,10 @@ impl Coupler {
         let rate = |k: usize| qdot[self.independent[k].0];
         self.scale_factor
             * match &self.function {
+                // So does `ExpressionBasedFunction`.
+                CouplingFunction::One(function) if self.follows_opensim && function.is_formula() => {
+                    function.derivative(q[self.independent[0].0]) * rate(0) * rate(0)
+                }
                 CouplingFunction::One(function) => {
                     function.second_derivative(q[self.independent[0].0]) * rate(0) * rate(0)
                 }

@@ -2,6 +2,7 @@
 
 use super::coupler::Coupler;
 use super::model::Model;
+use carpus_osim::functions::Function;
 use carpus_osim::osim::spec::CoordinateIndex;
 
 impl Model {
@@ -12,6 +13,22 @@ impl Model {
         for coupler in &self.couplers {
             q[coupler.dependent.0] = coupler.value(q);
         }
+    }
+
+    /// The same model, in which further coordinates follow an independent one by functions.
+    ///
+    /// - `followers`: coordinates that no coupler drives
+    pub fn with_followers(mut self, of: CoordinateIndex, followers: Vec<(CoordinateIndex, Function)>) -> Model {
+        // Before all others: couplers may have them for arguments.
+        let named = followers.into_iter().map(|(dependent, function)| {
+            let name = format!("loop through {}", self.coordinates[dependent.0].name);
+            Coupler::by_function(name, of, dependent, function)
+        });
+        self.couplers = named.chain(std::mem::take(&mut self.couplers)).collect();
+        for (i, coupler) in self.couplers.iter().enumerate() {
+            self.driven_by[coupler.dependent.0] = Some(i);
+        }
+        self
     }
 
     /// Default values of all coordinates [rad or m], couplers satisfied.

@@ -14,6 +14,31 @@ pub enum PathError {
         /// Number of points found.
         found: usize,
     },
+    /// A path of functions without coordinates.
+    #[error("{}: coordinate_paths: expected at least one coordinate, found none", .at.path)]
+    NoCoordinates {
+        /// The path.
+        at: Location,
+    },
+    /// Moment arm functions for some of the coordinates only.
+    #[error("{}: moment_arm_functions: expected {expected}, one for each coordinate, or none, found {found}", .at.path)]
+    MomentArmFunctions {
+        /// The path.
+        at: Location,
+        /// Number of coordinates.
+        expected: usize,
+        /// Number of functions.
+        found: usize,
+    },
+    /// A lengthening speed that is no speed of a length.
+    #[error(
+        "{}: lengthening_speed_function: expected a speed that is 0 at rest and proportional to the coordinates' \
+         speeds, found another", .at.path
+    )]
+    NotProportional {
+        /// The path.
+        at: Location,
+    },
     /// A point or wrap refers to something that the model does not have.
     #[error("{}: refers to {what} {index}, but there are only {count}", .at.path)]
     BadReference {

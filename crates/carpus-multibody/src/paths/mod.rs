@@ -24,6 +24,10 @@
 //! finite tolerances of ellipsoid and torus show at 1e-5 m. Where OpenSim's own result is not a number (coincident
 //! points, a curve over an ellipsoid that leaves its surface) a finite one is given.
 //!
+//! **Functions.** A `FunctionBasedPath` has no points: its length is a function of coordinates, its moment arms are
+//! functions of their own or the derivatives of the length. Moment arms follow couplers, where OpenSim's
+//! `computeMomentArm` gives the function's value; the forces on coordinates are the same.
+//!
 //! **History.** The result depends on the pose alone. OpenSim keeps the previous wrap of every path outside its state,
 //! but version 4.6 cannot use it: the factor that it multiplies it with is NaN after every copy. So OpenSim's result
 //! does not depend on the path's history either, with one exception that has not been seen in practice: an ellipsoid
@@ -32,6 +36,7 @@
 
 mod drawing;
 mod error;
+mod functions;
 mod geometry;
 mod motion;
 mod path;

@@ -28,6 +28,9 @@ impl Path {
     /// - `cache`: after [`Model::update_unit_motion`](crate::multibody::Model::update_unit_motion) for c at `q`
     /// - `geometry`: after [`Path::update`] at `q`
     pub fn moment_arm(&self, q: &[f64], cache: &Cache, geometry: &PathGeometry) -> f64 {
+        if let Some(functions) = &self.functions {
+            return functions.moment_arm(q, cache.coupling());
+        }
         let velocity =
             |point: &CurrentPoint| self.velocity(point, q, cache, cache.partial_velocity(point.base), cache.coupling());
         moment_arm_of(geometry, velocity)
@@ -37,6 +40,9 @@ impl Path {
     ///
     /// - `qdot`, `cache`: as for [`Path::lengthening_speed`]
     pub fn moment_arm_of_motion(&self, q: &[f64], qdot: &[f64], cache: &Cache, geometry: &PathGeometry) -> f64 {
+        if let Some(functions) = &self.functions {
+            return functions.moment_arm(q, qdot);
+        }
         moment_arm_of(geometry, |point| self.velocity(point, q, cache, cache.V_GB(point.base), qdot))
     }
 
@@ -47,6 +53,9 @@ impl Path {
     /// - `cache`: after [`Model::update_velocities`](crate::multibody::Model::update_velocities) at `q`, `qdot`
     /// - `geometry`: after [`Path::update`] at `q`
     pub fn lengthening_speed(&self, q: &[f64], qdot: &[f64], cache: &Cache, geometry: &PathGeometry) -> f64 {
+        if let Some(functions) = &self.functions {
+            return functions.lengthening_speed(q, qdot);
+        }
         let velocity = |point: &CurrentPoint| self.velocity(point, q, cache, cache.V_GB(point.base), qdot);
         let mut speed = 0.0;
         for pair in geometry.points.windows(2) {
@@ -73,6 +82,10 @@ impl Path {
         mut on_body: impl FnMut(BaseIndex, &Vector3<f64>, &Vector3<f64>),
         mut on_coordinate: impl FnMut(CoordinateIndex, f64),
     ) {
+        if let Some(functions) = &self.functions {
+            functions.moment_arms(q).for_each(|(c, arm)| on_coordinate(c, arm));
+            return;
+        }
         for Piece { from, to, along, distance } in pieces_between_bodies(geometry) {
             let pull = along / distance;
             for (point, force) in [(from, pull), (to, -pull)] {

@@ -1,6 +1,7 @@
 //! The compiled path.
 
 use super::error::PathError;
+use super::functions::PathFunctions;
 use super::wrapping::{ConstrainedHalf, Surface};
 use crate::multibody::{BaseIndex, Cache, Model};
 use carpus_numerics::spatial::Transform;
@@ -14,11 +15,13 @@ use nalgebra::{Matrix3, Vector3};
 /// Slack of a conditional point's range [rad or m] (OpenSim's `ConditionalPathPoint::isActive`).
 const CONDITIONAL_TOLERANCE: f64 = 1e-5;
 
-/// A `GeometryPath`, compiled against a skeleton. Immutable.
+/// A `GeometryPath` or a `FunctionBasedPath`, compiled against a skeleton. Immutable.
 #[derive(Clone, Debug)]
 pub struct Path {
     pub(super) points: Vec<PathPoint>,
     pub(super) wraps: Vec<PathWrap>,
+    /// What takes the place of points and wraps.
+    pub(super) functions: Option<Box<PathFunctions>>,
 }
 
 /// A point of the path as the model states it.
@@ -76,21 +79,29 @@ impl Path {
     /// # Errors
     /// Any [`PathError`].
     pub fn compile(spec: &PathSpec, model_spec: &ModelSpec, model: &Model) -> Result<Path, PathError> {
+        if let Some(functions) = &spec.functions {
+            let functions = PathFunctions::compile(functions, &spec.at, model.n_coordinates())?;
+            return Ok(Path { points: Vec::new(), wraps: Vec::new(), functions: Some(Box::new(functions)) });
+        }
         if spec.points.len() < 2 {
             return Err(PathError::TooFewPoints { at: spec.at.clone(), found: spec.points.len() });
         }
         let points = spec.points.iter().map(|point| PathPoint::compile(point, model)).collect::<Result<_, _>>()?;
         let wraps =
             spec.wraps.iter().map(|wrap| PathWrap::compile(wrap, spec, model_spec, model)).collect::<Result<_, _>>()?;
-        Ok(Path { points, wraps })
+        Ok(Path { points, wraps, functions: None })
     }
 
-    /// Length of the straight lines through the points that are active [m]: what the path would be without wrapping.
+    /// Length of the straight lines through the points that are active [m]: what the path would be without wrapping;
+    /// the length where functions give it.
     ///
     /// - `q`: all coordinates
     /// - `cache`: positions of the bodies at `q`
     #[allow(non_snake_case)]
     pub fn polyline_length(&self, q: &[f64], cache: &Cache) -> f64 {
+        if let Some(functions) = &self.functions {
+            return functions.length(q);
+        }
         let active = self.points.iter().filter(|point| point.is_active(q));
         let mut previous: Option<Vector3<f64>> = None;
         let mut length = 0.0;
@@ -113,9 +124,11 @@ impl Path {
         bodies
     }
 
-    /// Coordinates that the path depends on directly, through conditional and moving points; each once, ascending.
+    /// Coordinates that the path depends on directly, through conditional and moving points or functions; each once,
+    /// ascending.
     pub fn direct_coordinates(&self) -> Vec<CoordinateIndex> {
-        let mut coordinates = Vec::new();
+        let mut coordinates: Vec<CoordinateIndex> =
+            self.functions.iter().flat_map(|functions| functions.coordinates.iter().copied()).collect();
         for point in &self.points {
             match &point.kind {
                 PointKind::Fixed { .. } => {}
@@ -134,8 +147,8 @@ impl Path {
     /// runs along against one another, or a point of it.
     pub fn depends_on(&self, model: &Model, c: CoordinateIndex) -> bool {
         let mut bases = self.points.iter().map(|p| p.base).chain(self.wraps.iter().map(|w| w.base));
-        let Some(first) = bases.next() else { return false };
-        bases.any(|base| model.moves_between(first, base, c))
+        let first = bases.next();
+        first.is_some_and(|first| bases.any(|base| model.moves_between(first, base, c)))
             || self.direct_coordinates().into_iter().any(|own| model.are_coupled(own, c))
     }
 

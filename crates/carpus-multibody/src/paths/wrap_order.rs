@@ -32,6 +32,10 @@ impl Path {
     ///   [`Model::update_positions`](crate::multibody::Model::update_positions)
     /// - `cache`: poses of the bodies at `q` (at least [`Path::bodies`])
     pub fn update(&self, q: &[f64], cache: &Cache, geometry: &mut PathGeometry) {
+        if let Some(functions) = &self.functions {
+            geometry.length = functions.length(q);
+            return;
+        }
         geometry.start(self, q, cache);
         self.apply_wraps(q, cache, geometry);
         geometry.length = geometry.measure();

@@ -1,5 +1,7 @@
 //! Why a function cannot be built.
 
+use super::expression::ExpressionError;
+
 /// Why a function cannot be built.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FunctionError {
@@ -76,6 +78,9 @@ pub enum FunctionError {
         /// Number of coefficients found.
         found: usize,
     },
+    /// The formula of an `ExpressionBasedFunction`.
+    #[error("ExpressionBasedFunction: {0}")]
+    Expression(#[from] ExpressionError),
     /// A function of another number of variables.
     #[error("expected a function of {expected} variables, found one of {found}")]
     Dimension {

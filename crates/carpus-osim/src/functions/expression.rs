@@ -10,7 +10,7 @@ mod tree;
 
 use std::sync::Arc;
 
-use carpus_numerics::numerics::Scalar;
+use carpus_numerics::numerics::{Dual, Scalar};
 
 pub use parser::ExpressionError;
 use tree::{Binary, Function, Node, Operation, evaluate};
@@ -60,6 +60,23 @@ impl Expression {
         evaluate(&self.root, variables)
     }
 
+    /// Derivative by variable `i`.
+    ///
+    /// - `n`: number of variables
+    /// - `x`: the variables
+    pub fn derivative_at(&self, n: usize, x: impl Fn(usize) -> f64, i: usize) -> f64 {
+        let variable = |k: usize| if k == i { Dual::<1>::variable(x(k), 0) } else { Dual::from(x(k)) };
+        let variables: Vec<Dual<1>> = (0..n).map(variable).collect();
+        evaluate(&self.root, &variables).gradient[0]
+    }
+
+    /// Derivative by variables `i` and `j`: the central difference of the derivative by `i`.
+    pub fn second_derivative_at(&self, n: usize, x: impl Fn(usize) -> f64, i: usize, j: usize) -> f64 {
+        let step = f64::EPSILON.cbrt() * x(j).abs().max(1.0);
+        let moved = |by: f64| self.derivative_at(n, |k| if k == j { x(k) + by } else { x(k) }, i);
+        (moved(step) - moved(-step)) / (2.0 * step)
+    }
+
     /// Whether a variable occurs in it.
     pub fn uses(&self, variable: usize) -> bool {
         self.root.any(&|n| matches!(n.operation, Operation::Variable(i) if i == variable))
@@ -97,7 +114,6 @@ impl Expression {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use carpus_numerics::numerics::Dual;
 
     fn at(text: &str, q: f64, qdot: f64) -> f64 {
         Expression::parse(text).unwrap_or_else(|e| panic!("{text}: {e}")).value(q, qdot)

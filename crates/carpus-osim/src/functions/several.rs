@@ -1,54 +1,72 @@
-//! Polynomials of several variables, with first and second derivatives.
+//! Functions of several variables, with first and second derivatives.
 
 use super::error::FunctionError;
+use super::expression::Expression;
+use super::function::Function;
 use super::points::finite;
 use crate::osim::spec::FunctionSpec;
 
-/// A function of several variables: a sum of products of powers of them.
+/// A function of several variables.
 ///
-/// OpenSim: `MultivariatePolynomialFunction`, `LinearFunction` of several variables, `Constant`, `MultiplierFunction`
-/// of these.
-#[derive(Clone, Debug, PartialEq)]
+/// OpenSim: `MultivariatePolynomialFunction`, `LinearFunction` of several variables, `ExpressionBasedFunction`,
+/// `Constant`, `MultiplierFunction` of these; of one variable every [`Function`].
+#[derive(Clone, Debug)]
 pub struct FunctionOfSeveral {
     /// Number of variables.
     dimension: usize,
-    /// Coefficient and powers, one of each variable.
-    terms: Vec<(f64, Vec<i32>)>,
+    kind: Kind,
 }
+
+#[derive(Clone, Debug)]
+enum Kind {
+    Polynomial(Polynomial),
+    Formula { factor: f64, formula: Expression },
+    One(Box<Function>),
+}
+
+/// Products of powers: coefficient and powers of each, one of each variable.
+#[derive(Clone, Debug, PartialEq)]
+struct Polynomial(Vec<(f64, Vec<i32>)>);
 
 impl FunctionOfSeveral {
     /// Builds a function of `dimension` variables.
     ///
     /// # Errors
-    /// A function of another number of variables; coefficients that are not finite or of another number.
+    /// A function of another number of variables; coefficients that are not finite or of another number; a formula
+    /// that cannot be read.
     pub fn compile(spec: &FunctionSpec, dimension: usize) -> Result<FunctionOfSeveral, FunctionError> {
-        match spec {
+        let kind = match spec {
             FunctionSpec::Constant { value } => {
-                let terms = vec![(finite("Constant", "value", *value)?, vec![0; dimension])];
-                Ok(FunctionOfSeveral { dimension, terms })
+                Kind::Polynomial(Polynomial(vec![(finite("Constant", "value", *value)?, vec![0; dimension])]))
             }
             FunctionSpec::Multiplier { scale, function } => {
                 let scale = finite("MultiplierFunction", "scale", *scale)?;
-                let mut function = FunctionOfSeveral::compile(function, dimension)?;
-                function.terms.iter_mut().for_each(|(coefficient, _)| *coefficient *= scale);
-                Ok(function)
+                match FunctionOfSeveral::compile(function, dimension)?.kind {
+                    Kind::Polynomial(mut polynomial) => {
+                        polynomial.0.iter_mut().for_each(|(coefficient, _)| *coefficient *= scale);
+                        Kind::Polynomial(polynomial)
+                    }
+                    Kind::Formula { factor, formula } => Kind::Formula { factor: scale * factor, formula },
+                    Kind::One(_) => Kind::One(Box::new(Function::compile(spec)?)),
+                }
             }
             FunctionSpec::MultivariatePolynomial { dimension: own, order, coefficients } if *own == dimension => {
-                let (expected, found) = (n_terms(dimension, *order), coefficients.len());
-                let class = "MultivariatePolynomialFunction";
-                if expected != found {
-                    return Err(FunctionError::CoefficientCount { class, expected, found });
-                }
-                let term = |(powers, c): (Vec<i32>, &f64)| Ok((finite(class, "coefficients", *c)?, powers));
-                let terms =
-                    powers(dimension, *order).into_iter().zip(coefficients).map(term).collect::<Result<_, _>>()?;
-                Ok(FunctionOfSeveral { dimension, terms })
+                Kind::Polynomial(Polynomial::compile(dimension, *order, coefficients)?)
             }
             FunctionSpec::MultivariatePolynomial { dimension: own, .. } => {
-                Err(FunctionError::Dimension { expected: dimension, found: *own })
+                return Err(FunctionError::Dimension { expected: dimension, found: *own });
             }
-            _ => Err(FunctionError::Dimension { expected: dimension, found: 1 }),
-        }
+            FunctionSpec::ExpressionBased { variables, .. } if variables.len() != dimension => {
+                return Err(FunctionError::Dimension { expected: dimension, found: variables.len() });
+            }
+            FunctionSpec::ExpressionBased { expression, variables } => {
+                let names: Vec<&str> = variables.iter().map(String::as_str).collect();
+                Kind::Formula { factor: 1.0, formula: Expression::parse_in(expression, &names)? }
+            }
+            _ if dimension == 1 => Kind::One(Box::new(Function::compile(spec)?)),
+            _ => return Err(FunctionError::Dimension { expected: dimension, found: 1 }),
+        };
+        Ok(FunctionOfSeveral { dimension, kind })
     }
 
     /// Number of variables.
@@ -58,17 +76,44 @@ impl FunctionOfSeveral {
 
     /// Value; `x` gives the variables.
     pub fn value(&self, x: impl Fn(usize) -> f64) -> f64 {
-        self.sum(x, &[])
+        match &self.kind {
+            Kind::Polynomial(polynomial) => polynomial.sum(x, &[]),
+            Kind::Formula { factor, formula } => {
+                let variables: Vec<f64> = (0..self.dimension).map(x).collect();
+                factor * formula.value_at(&variables)
+            }
+            Kind::One(function) => function.value(x(0)),
+        }
     }
 
     /// Derivative by variable `i`.
     pub fn derivative(&self, x: impl Fn(usize) -> f64, i: usize) -> f64 {
-        self.sum(x, &[i])
+        match &self.kind {
+            Kind::Polynomial(polynomial) => polynomial.sum(x, &[i]),
+            Kind::Formula { factor, formula } => factor * formula.derivative_at(self.dimension, x, i),
+            Kind::One(function) => function.derivative(x(0)),
+        }
     }
 
     /// Derivative by variables `i` and `j`.
     pub fn second_derivative(&self, x: impl Fn(usize) -> f64, i: usize, j: usize) -> f64 {
-        self.sum(x, &[i, j])
+        match &self.kind {
+            Kind::Polynomial(polynomial) => polynomial.sum(x, &[i, j]),
+            Kind::Formula { factor, formula } => factor * formula.second_derivative_at(self.dimension, x, i, j),
+            Kind::One(function) => function.second_derivative(x(0)),
+        }
+    }
+}
+
+impl Polynomial {
+    fn compile(dimension: usize, order: usize, coefficients: &[f64]) -> Result<Polynomial, FunctionError> {
+        let (expected, found) = (n_terms(dimension, order), coefficients.len());
+        let class = "MultivariatePolynomialFunction";
+        if expected != found {
+            return Err(FunctionError::CoefficientCount { class, expected, found });
+        }
+        let term = |(powers, c): (Vec<i32>, &f64)| Ok((finite(class, "coefficients", *c)?, powers));
+        powers(dimension, order).into_iter().zip(coefficients).map(term).collect::<Result<_, _>>().map(Polynomial)
     }
 
     /// Sum of all terms, each differentiated by some variables.
@@ -84,7 +129,7 @@ impl FunctionOfSeveral {
             }
             product
         };
-        self.terms.iter().map(term).sum()
+        self.0.iter().map(term).sum()
     }
 }
 

@@ -147,8 +147,21 @@ pub fn scale(file: &mut OsimFile, request: &ScaleRequest) -> Result<LinearScalin
         lengths.push(length);
     }
     scaled.scale_path_lengths(&ratio).map_err(ScaleError::from)?;
+    let mut left = bodies.left;
+    left.extend(paths_by_functions(&scaled.spec));
     *file = scaled;
-    Ok(LinearScaling { factors, mass: [bodies.mass_before, bodies.mass_after], lengths, left: bodies.left })
+    Ok(LinearScaling { factors, mass: [bodies.mass_before, bodies.mass_after], lengths, left })
+}
+
+/// Muscles and forces whose paths are functions of coordinates, which no factor of a body changes.
+fn paths_by_functions(spec: &ModelSpec) -> impl Iterator<Item = (String, String)> + '_ {
+    let of_muscles = spec.muscles.iter().map(|muscle| (&muscle.at.path, Some(&muscle.path)));
+    let of_forces = spec.forces.iter().map(|force| (&force.at.path, force.kind.path()));
+    let by_functions =
+        of_muscles.chain(of_forces).filter(|(_, path)| path.is_some_and(|path| path.functions.is_some()));
+    by_functions.map(|(at, _)| {
+        (at.clone(), "FunctionBasedPath: its functions stay, and the lengths that go with the path".to_owned())
+    })
 }
 
 /// Component path, name and length in the default pose of everything that has a path.

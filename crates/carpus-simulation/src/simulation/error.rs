@@ -102,6 +102,41 @@ pub enum SimulationError {
         /// Name and class of each.
         constraints: Vec<(String, String)>,
     },
+    /// Constraints between bodies that cannot hold.
+    #[error("the posture of the study does not satisfy the model's constraints {}: {reason}", list(.constraints))]
+    Constraint {
+        /// Name and class of each.
+        constraints: Vec<(String, String)>,
+        /// Why.
+        reason: String,
+    },
+    /// Constraints between bodies that hold in several ways.
+    #[error(
+        "the model's constraints {} do not determine the coordinates of their loops: {}", list(.constraints),
+        .free.join(", ")
+    )]
+    LoopUndetermined {
+        /// Name and class of each.
+        constraints: Vec<(String, String)>,
+        /// Coordinates that are free to satisfy them.
+        free: Vec<String>,
+    },
+    /// Constraints between bodies that cannot hold over the motion of the trials.
+    #[error(
+        "the model's constraints {} hold for `{coordinate}` from {:.3} to {:.3} rad or m, the trials need {:.3} to \
+         {:.3}",
+        list(.constraints), .closed[0], .closed[1], .found[0], .found[1]
+    )]
+    LoopOpen {
+        /// Name and class of each.
+        constraints: Vec<(String, String)>,
+        /// The moving coordinate.
+        coordinate: String,
+        /// Where they hold [rad or m].
+        closed: [f64; 2],
+        /// Range of the trials [rad or m].
+        found: [f64; 2],
+    },
     /// Not enough samples to interpolate.
     #[error("{recording}: {found} samples, expected at least {expected}")]
     TooFewSamples {
@@ -285,6 +320,12 @@ impl SimulationError {
         match self {
             SimulationError::UnsupportedForces { .. } | SimulationError::UnsupportedConstraints { .. } => {
                 Some("remove or disable them in the model, or allow unsupported components to leave them out")
+            }
+            SimulationError::Constraint { .. } => {
+                Some("change [posture_deg] in study.toml, or remove the constraint from the model (isEnforced: false)")
+            }
+            SimulationError::LoopUndetermined { .. } => {
+                Some("hold some of them in [posture_deg] of study.toml, so that the constraints determine the others")
             }
             SimulationError::AngleOutOfRange { .. } => {
                 Some("check the angle's unit and zero; if it is right, widen the coordinate's range in the model")

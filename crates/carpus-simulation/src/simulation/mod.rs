@@ -13,6 +13,7 @@
 
 mod activation_dynamics;
 mod activation_trajectory;
+mod closed_loops;
 mod error;
 mod excitation_tangent;
 mod fiber;
@@ -34,7 +35,7 @@ pub use error::SimulationError;
 pub use excitation_tangent::{ExcitationTangent, ForceChange};
 pub use fiber::radau::Work;
 pub use fiber::step::FiberAccuracy;
-pub use model::{HeldCoordinate, MuscleParameters, MusculoskeletalModel, Setup, posture};
+pub use model::{HeldCoordinate, MuscleParameters, MusculoskeletalModel, Setup, check_muscle, posture};
 pub use motion::{MotionInterpolation, speed_and_acceleration};
 pub use property::Property;
 pub use response::{AngleResponse, ExcitationResponse, RestResponse};

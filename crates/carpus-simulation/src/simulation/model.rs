@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::activation_dynamics::{ActivationDynamics, ActivationLaw};
 use super::activation_trajectory::TooFast;
+use super::closed_loops::{self, ClosedLoops};
 use super::error::SimulationError;
 use super::fiber::CurveCache;
 use super::fiber::equation::{Fiber, FiberCurves};
@@ -128,6 +129,7 @@ pub struct MusculoskeletalModel {
     pub(crate) forces: Forces,
     pub(crate) passive_paths: Vec<PassivePath>,
     pub(crate) setup: Setup,
+    pub(crate) closed_loops: Option<ClosedLoops>,
     left_out: Vec<(String, String)>,
 }
 
@@ -140,6 +142,8 @@ impl MusculoskeletalModel {
     pub fn compile(spec: &ModelSpec, setup: &Setup) -> Result<MusculoskeletalModel, SimulationError> {
         let skeleton = Model::compile(spec)?;
         let coordinate = independent_coordinate(&skeleton, &setup.coordinate)?;
+        let held = held_values(&skeleton, &setup.posture)?;
+        let (skeleton, closed_loops) = closed_loops::close(spec, skeleton, coordinate, &held)?;
         let posture = posture(&skeleton, &setup.posture)?;
         let mut cache = CurveCache::default();
         let muscles = setup
@@ -159,8 +163,10 @@ impl MusculoskeletalModel {
         }
         let passive = setup.includes(MomentPart::Passive);
         let forces = if passive { Forces::compile(spec, &skeleton)? } else { Forces::default() };
-        let mut unsupported: Vec<_> =
-            forces.unsupported.iter().filter(|(_, class)| !INERT_CLASSES.contains(&class.as_str())).cloned().collect();
+        // A muscle without a path that is read is not active, or it is missed above.
+        let acts =
+            |(_, class): &&(String, String)| !INERT_CLASSES.contains(&class.as_str()) && !class.contains("Muscle");
+        let mut unsupported: Vec<_> = forces.unsupported.iter().filter(acts).cloned().collect();
         // A trial's own time is not that of the model's functions.
         unsupported.extend(forces.over_time.iter().map(|force| (force.name.clone(), "PrescribedForce".to_owned())));
         if !unsupported.is_empty() && !setup.allow_unsupported {
@@ -184,6 +190,7 @@ impl MusculoskeletalModel {
             forces,
             passive_paths,
             setup: setup.clone(),
+            closed_loops,
             left_out,
         })
     }
@@ -216,6 +223,11 @@ impl MusculoskeletalModel {
     /// Name and class of forces and constraints that were left out because `allow_unsupported` was set.
     pub fn left_out(&self) -> &[(String, String)] {
         &self.left_out
+    }
+
+    /// Whether constraints make coordinates follow the moving one: the skeleton then has more couplers than the file.
+    pub fn closes_loops(&self) -> bool {
+        self.closed_loops.is_some()
     }
 
     /// Largest deviation of the tabulated muscle curves from the exact ones, of all active muscles.
@@ -282,6 +294,14 @@ pub(crate) fn independent_coordinate(skeleton: &Model, name: &str) -> Result<Coo
 
 /// Sets coordinates to values in degrees or metres and makes the others follow.
 pub(crate) fn set_posture(skeleton: &Model, q: &mut [f64], held: &[HeldCoordinate]) -> Result<(), SimulationError> {
+    held_values(skeleton, held)?.into_iter().for_each(|(index, value)| q[index.0] = value);
+    skeleton.satisfy_couplers(q);
+    Ok(())
+}
+
+/// Coordinates that are held, and their values [rad or m].
+fn held_values(skeleton: &Model, held: &[HeldCoordinate]) -> Result<Vec<(CoordinateIndex, f64)>, SimulationError> {
+    let mut values = Vec::with_capacity(held.len());
     for item in held {
         let index = independent_coordinate(skeleton, &item.coordinate)?;
         let coordinate = &skeleton.coordinates[index.0];
@@ -297,10 +317,9 @@ pub(crate) fn set_posture(skeleton: &Model, q: &mut [f64], held: &[HeldCoordinat
             let name = item.coordinate.clone();
             return Err(SimulationError::PostureOutOfRange { name, is_translation, value, lower, upper });
         }
-        q[index.0] = value;
+        values.push((index, value));
     }
-    skeleton.satisfy_couplers(q);
-    Ok(())
+    Ok(values)
 }
 
 /// The default pose with some coordinates held and couplers followed [rad or m].
@@ -311,6 +330,16 @@ pub fn posture(skeleton: &Model, held: &[HeldCoordinate]) -> Result<Vec<f64>, Si
     let mut q = skeleton.default_coordinates();
     set_posture(skeleton, &mut q, held)?;
     Ok(q)
+}
+
+/// Whether a muscle can be active in a study.
+///
+/// - `skeleton`: compiled from `spec`
+///
+/// # Errors
+/// Why it cannot.
+pub fn check_muscle(spec: &ModelSpec, skeleton: &Model, name: &str) -> Result<(), SimulationError> {
+    active_muscle(spec, skeleton, name, &mut CurveCache::default()).map(drop)
 }
 
 fn active_muscle(

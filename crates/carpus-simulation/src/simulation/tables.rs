@@ -62,6 +62,9 @@ impl CoordinateTables {
         // A held joint still needs a table that is wide enough to be well conditioned.
         let margin = 1e-3_f64.max(0.002 * (range[1] - range[0]));
         let range = [range[0] - margin, range[1] + margin];
+        if let Some(loops) = &model.closed_loops {
+            loops.check(&model.setup.coordinate, range)?;
+        }
         let mut muscles = Vec::with_capacity(model.muscles.len());
         for muscle in &model.muscles {
             muscles.push(path_table(model, &muscle.path, &muscle.name, range)?);

@@ -3,7 +3,8 @@
 //   node view.mjs PAGE.html PLAN.json SEEN.json
 //
 // A plan: { "set": [[coordinate, value]], "over": coordinate of the curves or null, "save": true or false, "theme":
-// "light" or "dark", "size": [width, height] or null, "screenshots": folder or null }.
+// "light" or "dark", "size": [width, height] or null, "screenshots": folder or null, "tables": [[files]] that are chosen one
+// after another, or null }.
 import { readFileSync, writeFileSync } from "node:fs";
 import path from "node:path";
 import { looks, withPage } from "./chromium.mjs";
@@ -76,6 +77,21 @@ const seen = await withPage(file, options, async (page, seen, downloads) => {
     await keyboard(page, seen, renewed);
     await pointed(page, seen);
     await shoot("pointed");
+  }
+  seen.tables = [];
+  for (const files of plan.tables ?? []) {
+    const picker = page.getByLabel("Tables of OpenSim to compare with");
+    await picker.setInputFiles([]);
+    await renewed(() => picker.setInputFiles(files));
+    const rows = await page.evaluate(() => [...document.querySelectorAll(".live-table li")].map((li) => ({ ...li.dataset })));
+    seen.tables.push({
+      said: await page.locator(".live-table").innerText(),
+      rows,
+      lengths: await page.locator('svg[aria-label="Lengths of the chosen muscles"] .curve.theirs').count(),
+      arms: await page.locator('svg[aria-label="Moment arms of the chosen muscles"] .curve.theirs').count(),
+      error: await page.locator(".live-table-error").count(),
+    });
+    await shoot(`table_${seen.tables.length}`);
   }
   seen.text = await page.locator("main").innerText();
 });

@@ -28,7 +28,9 @@ impl Reader<'_> {
                     let severity = if is_enforced { Severity::Unsupported } else { Severity::Ignored };
                     let kind = self.joining_constraint(&class, &object);
                     let message = match kind {
-                        Some(_) => format!("{class} is read, but not enforced where motion is prescribed"),
+                        Some(_) => format!(
+                            "{class} holds in studies and run-tool; other commands take all coordinates as given"
+                        ),
                         None => format!("{class} is not enforced"),
                     };
                     self.diagnose(severity, element, &object.path, message, None);

@@ -83,7 +83,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Takes an element and everything in it as read.
-    fn mark_all(&mut self, element: ElementId) {
+    pub(super) fn mark_all(&mut self, element: ElementId) {
         self.mark(element);
         for &child in self.document.children(element) {
             self.mark_all(child);

@@ -3,6 +3,7 @@
 use super::object::Object;
 use super::properties::Bound;
 use super::state::Reader;
+use crate::functions::Expression;
 use crate::osim::document::ElementId;
 use crate::osim::error::ProblemKind;
 use crate::osim::spec::FunctionSpec;
@@ -71,6 +72,7 @@ impl Reader<'_> {
                 FunctionSpec::Polynomial { coefficients }
             }
             "MultivariatePolynomialFunction" => self.multivariate(&object),
+            "ExpressionBasedFunction" => self.expression(&object),
             "MultiplierFunction" => {
                 let scale = self.number(&object, &["scale"], 1.0, Bound::Finite);
                 let inner = self.own_property(&object, &["function"]);
@@ -118,6 +120,26 @@ impl Reader<'_> {
         let order = self.whole_number(object, "order", 0..=100);
         let coefficients = self.list(object, "coefficients");
         FunctionSpec::MultivariatePolynomial { dimension, order, coefficients }
+    }
+
+    fn expression(&mut self, object: &Object) -> FunctionSpec {
+        let variables = self.words(object, &["variables"]);
+        let Some((element, expression)) = self.string(object, &["expression"]) else {
+            let kind = ProblemKind::Missing { property: "expression".to_owned(), expected: "a formula" };
+            self.problem(object.line, &object.path, kind);
+            return FunctionSpec::Constant { value: 0.0 };
+        };
+        let names: Vec<&str> = variables.iter().map(String::as_str).collect();
+        if let Err(error) = Expression::parse_in(&expression, &names) {
+            let found = format!("`{expression}`: {error}");
+            let kind = ProblemKind::NotReadable {
+                property: "expression".to_owned(),
+                expected: "a formula in its variables",
+                found,
+            };
+            self.problem(self.document.line(element), &object.path, kind);
+        }
+        FunctionSpec::ExpressionBased { expression, variables }
     }
 
     /// A whole number in a range, its lowest if there is none.

@@ -16,6 +16,7 @@ mod leftovers;
 mod muscles;
 mod object;
 mod other_muscles;
+mod other_paths;
 mod paths;
 mod pending;
 mod plausibility;

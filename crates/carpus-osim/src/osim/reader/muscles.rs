@@ -41,6 +41,7 @@ impl Reader<'_> {
             Err(path_class) => {
                 let message = format!("muscle with a path of class {path_class}: neither path nor force is computed");
                 self.diagnose(Severity::Unsupported, element, &object.path, message, None);
+                self.mark_all(element);
                 let applies_force = self.enabled(object, "appliesForce");
                 let at = self.location(object);
                 self.spec.forces.push(ForceSpec { name, at, applies_force, kind: ForceKind::Unsupported { class } });

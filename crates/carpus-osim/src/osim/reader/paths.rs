@@ -25,10 +25,12 @@ impl Reader<'_> {
             .property(owner, &["GeometryPath"])
             .or_else(|| self.one_object(owner, "path", |tag| tag.ends_with("Path")).flatten());
         let object = match element {
-            Some(element) if self.document.tag(element) != "GeometryPath" => {
-                return Err(self.document.tag(element).to_owned());
-            }
-            Some(element) => self.object(element, &owner.path, "path"),
+            Some(element) => match self.document.tag(element) {
+                "GeometryPath" => self.object(element, &owner.path, "path"),
+                "FunctionBasedPath" => return self.read_function_path(element, owner),
+                "Scholz2015GeometryPath" => return self.read_scholz_path(element, owner),
+                class => return Err(class.to_owned()),
+            },
             // Formats of OpenSim 1: the sets stand in the muscle itself.
             None => Object { path: format!("{}/path", owner.path), ..owner.clone() },
         };
@@ -38,7 +40,7 @@ impl Reader<'_> {
         if points.1 < 2 {
             self.problem(object.line, &object.path, ProblemKind::TooFewPathPoints { found: points.1 });
         }
-        Ok(PathSpec { at: self.location(&object), points: points.0, wraps })
+        Ok(PathSpec { at: self.location(&object), points: points.0, wraps, functions: None })
     }
 
     fn path_objects(&mut self, path: &Object, sets: &[&'static str]) -> Vec<ElementId> {

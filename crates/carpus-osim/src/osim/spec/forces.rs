@@ -19,6 +19,13 @@ pub struct ForceSpec {
     pub kind: ForceKind,
 }
 
+impl ForceSpec {
+    /// Whether it is a muscle that stands among other forces, because its path is of a class that is not read.
+    pub fn is_muscle_without_path(&self) -> bool {
+        matches!(&self.kind, ForceKind::Unsupported { class } if class.contains("Muscle"))
+    }
+}
+
 /// Force classes other than muscles.
 #[derive(Clone, Debug)]
 pub enum ForceKind {

@@ -74,6 +74,13 @@ pub enum FunctionSpec {
         /// Coefficients of the terms; powers of the last variable change first, lowest first.
         coefficients: Vec<f64>,
     },
+    /// `ExpressionBasedFunction`: a formula.
+    ExpressionBased {
+        /// The formula.
+        expression: String,
+        /// Names of its variables, in the order of the arguments.
+        variables: Vec<String>,
+    },
     /// `MultiplierFunction`.
     Multiplier {
         /// Factor.

@@ -26,7 +26,8 @@ pub use muscles::{
     TendonForceLengthSpec, Thelen2003Spec,
 };
 pub use paths::{
-    PathPointKind, PathPointSpec, PathSpec, PathWrapSpec, Quadrant, WrapMethod, WrapObjectSpec, WrapShape,
+    PathFunctionsSpec, PathPointKind, PathPointSpec, PathSpec, PathWrapSpec, Quadrant, WrapMethod, WrapObjectSpec,
+    WrapShape,
 };
 
 use nalgebra::{Matrix3, Vector3};

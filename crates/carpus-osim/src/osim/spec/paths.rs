@@ -78,6 +78,21 @@ pub struct PathSpec {
     pub points: Vec<PathPointSpec>,
     /// Wrap instances in the order of the file.
     pub wraps: Vec<PathWrapSpec>,
+    /// Functions that take the place of points and wraps: `FunctionBasedPath`.
+    pub functions: Option<Box<PathFunctionsSpec>>,
+}
+
+/// What a `FunctionBasedPath` states.
+#[derive(Clone, Debug)]
+pub struct PathFunctionsSpec {
+    /// Arguments of the functions, in their order.
+    pub coordinates: Vec<CoordinateIndex>,
+    /// Length [m].
+    pub length: FunctionSpec,
+    /// Moment arms [m] about the coordinates; empty: minus the derivatives of the length.
+    pub moment_arms: Vec<FunctionSpec>,
+    /// Lengthening speed [m/s] by coordinates, then their rates; `None`: by the moment arms.
+    pub lengthening_speed: Option<FunctionSpec>,
 }
 
 /// A point of a path.

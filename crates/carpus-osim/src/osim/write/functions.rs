@@ -62,6 +62,11 @@ impl Xml {
                 self.text("order", &order.to_string());
                 self.text("coefficients", &numbers(coefficients));
             }
+            FunctionSpec::ExpressionBased { expression, variables } => {
+                self.open("ExpressionBasedFunction", &[]);
+                self.text("expression", expression);
+                self.text("variables", &variables.join(" "));
+            }
             FunctionSpec::Multiplier { scale, function } => {
                 self.open("MultiplierFunction", &[]);
                 self.function("function", function);

@@ -3,11 +3,31 @@
 use super::Writer;
 use super::xml::numbers;
 use crate::osim::spec::{
-    DeprecatedMuscleKind, Millard2012Spec, MuscleKind, MuscleSpec, OtherMuscleSpec, PathPointKind, PathSpec, WrapMethod,
+    DeprecatedMuscleKind, Millard2012Spec, MuscleKind, MuscleSpec, OtherMuscleSpec, PathFunctionsSpec, PathPointKind,
+    PathSpec, WrapMethod,
 };
 
 impl Writer<'_> {
+    fn function_path(&mut self, path: &PathFunctionsSpec) {
+        self.xml.open("FunctionBasedPath", &[("name", "path")]);
+        let coordinates: Vec<String> = path.coordinates.iter().map(|c| self.coordinate(*c)).collect();
+        self.xml.text("coordinate_paths", &coordinates.join(" "));
+        self.xml.function("length_function", &path.length);
+        if !path.moment_arms.is_empty() {
+            self.xml.open("moment_arm_functions", &[]);
+            path.moment_arms.iter().for_each(|function| self.xml.bare_function(function));
+            self.xml.close();
+        }
+        if let Some(speed) = &path.lengthening_speed {
+            self.xml.function("lengthening_speed_function", speed);
+        }
+        self.xml.close();
+    }
+
     pub(super) fn path(&mut self, path: &PathSpec) {
+        if let Some(functions) = &path.functions {
+            return self.function_path(functions);
+        }
         self.xml.open("GeometryPath", &[("name", "path")]);
         self.xml.open("PathPointSet", &[]);
         self.xml.open("objects", &[]);

@@ -7,6 +7,7 @@ import { csv, save, saveButtons } from "../saving.js";
 import { block, sceneModule } from "../unpack.js";
 import { Coordinates, held, range } from "./coordinates.js";
 import { Muscles } from "./muscles.js";
+import { OpenSimTable } from "./opensim.js";
 
 /** Values of a coordinate over which curves are drawn. */
 const VALUES = 121;
@@ -25,6 +26,8 @@ class Page {
     this.q = [...this.start];
     this.coordinates = new Coordinates(description, (i, value) => this.set(i, value));
     this.muscles = new Muscles(description, { onChoose: () => this.chosen(), onHover: (m) => this.light(m) });
+    this.theirs = null;
+    this.opensim = new OpenSimTable(description, { onTable: (table) => this.beside(table), about: () => this.about });
     const x = { name: "", unit: "" };
     this.length = new Figure({
       label: "Lengths of the chosen muscles",
@@ -64,6 +67,30 @@ class Page {
     return this.newest.ask({ q: [...this.q], about: this.about, chosen: [...this.muscles.chosen].slice(0, MOST) });
   }
 
+  /** Shows a table of OpenSim beside the curves: over its coordinate, with its muscles; null: none. */
+  beside(table) {
+    this.theirs = table;
+    if (table) {
+      for (const [i, value] of table.held) this.q[i] = value;
+      this.about = table.about;
+      this.axisSelect.value = table.about;
+      this.ready = false;
+      this.muscles.choose(new Set(table.curves.map((curve) => curve.muscle)));
+      this.ready = true;
+    }
+    if (this.swept) this.swept.key = null;
+    this.chosen();
+  }
+
+  /** Our values where the table of OpenSim has its own, one array for each of its curves. */
+  async atTheirs(q) {
+    const { about, x, curves } = this.theirs;
+    const muscles = [...new Set(curves.map((curve) => curve.muscle))];
+    const swept = await this.remote.call("sweep", { q, about, values: [...x], muscles });
+    const part = (k) => swept.subarray(k * x.length, (k + 1) * x.length);
+    return curves.map(({ muscle, kind }) => part(2 * muscles.indexOf(muscle) + (kind === "arm" ? 1 : 0)));
+  }
+
   /** Posture and moment arms; curves, where anything that they depend on has changed. */
   async compute({ q, about, chosen }) {
     const axis = this.description.coordinates[about];
@@ -85,6 +112,8 @@ class Page {
       const part = (k) => swept.subarray(k * VALUES, (k + 1) * VALUES);
       const curves = chosen.map((m, i) => ({ muscle: m, length: part(2 * i), arm: part(2 * i + 1) }));
       this.swept = { key, about, values, curves };
+      if (this.theirs?.about === about) this.opensim.compare(await this.atTheirs(q));
+      else if (this.theirs) this.opensim.away();
       this.drawCurves();
     }
     const now = this.posture.q[about] * axis.scale;
@@ -112,9 +141,22 @@ class Page {
         x,
         y: curve[what].map((v) => v * factor),
       }));
+    const theirs = (what, factor) => {
+      const drawn = this.theirs?.about === about ? this.theirs.curves.filter((c) => c.kind === what) : [];
+      return drawn
+        .filter(({ muscle }) => this.muscles.chosen.has(muscle))
+        .map(({ muscle, y }) => ({
+          name: `${this.description.muscles[muscle].name}, OpenSim's table`,
+          class: "series theirs",
+          key: muscle,
+          x: Float64Array.from(this.theirs.x, (v) => v * axis.scale),
+          y: y.map((v) => v * factor),
+        }));
+    };
+    const factor = isLength ? 1e3 : 1;
     for (const [figure, drawn] of [
-      [this.length, of("length", 1e3)],
-      [this.arm, of("arm", isLength ? 1e3 : 1)],
+      [this.length, [...of("length", 1e3), ...theirs("length", 1e3)]],
+      [this.arm, [...of("arm", factor), ...theirs("arm", factor)]],
     ]) {
       figure.x = title;
       figure.draw(drawn);
@@ -217,6 +259,7 @@ class Page {
     const choice = element("select", {}, ...options);
     choice.setAttribute("aria-label", "Coordinate of the curves and moment arms");
     choice.value = this.about;
+    this.axisSelect = choice;
     choice.addEventListener("change", () => {
       this.about = Number(choice.value);
       this.ask();
@@ -397,7 +440,11 @@ async function start() {
   const holder = at("live-stage");
   at("live-stage-tools").append(page.tools());
   await page.open3d(holder);
-  at("live-curves").append(page.axisChoice(), element("div", { class: "live-pair" }, ...page.figures()));
+  at("live-curves").append(
+    element("div", { class: "live-tools" }, page.axisChoice(), page.opensim.choice, page.opensim.remove),
+    element("div", { class: "live-pair" }, ...page.figures()),
+    page.opensim.said,
+  );
   page.paint();
   page.chooseSurfaces();
   await page.ask();
