@@ -269,7 +269,7 @@ fn verif_a_moment_about_a_second_coordinate_tells_muscles_apart() {
     request.trials.truncate(2);
     let one = identify(&request).unwrap();
     for trial in &mut request.trials {
-        let arms = known.model.moment_arms_about("deviation", &trial.angle).unwrap();
+        let arms = known.model.moment_arms_about("deviation", &[], &trial.angle).unwrap();
         let forces = trial.prepared.simulate(&known.truth).unwrap();
         let moment: Vec<f64> = (0..trial.time.len())
             .map(|k| arms.iter().zip(&forces.muscles).map(|(a, f)| a[k] * f.tendon_force[k]).sum())

@@ -373,7 +373,9 @@ fn look(session: &Session<'_>, found: &mut Findings) -> Result<(), Failure> {
     lead(data, found);
     let chosen = data.model.coordinate();
     for (name, default_deg, muscles) in crossed(&data.loaded, &settings.active_muscles, chosen)? {
-        if !settings.posture.iter().any(|held| held.coordinate == name) {
+        let stated = settings.posture.iter().any(|held| held.coordinate == name)
+            || data.trials.iter().all(|t| t.info.held_at(&name).is_some());
+        if !stated {
             let text =
                 format!("{name} stays at the model's {}°, and {} cross it", fixed(default_deg, 0), muscles.join(", "));
             found.add(Level::Amber, Subject::Posture, text, &format!("set {name} in [posture_deg] of study.toml"));

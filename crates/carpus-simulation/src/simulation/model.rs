@@ -12,7 +12,7 @@ use carpus_multibody::multibody::Model;
 use carpus_multibody::muscles::{FirstOrderActivation, MuscleModel};
 use carpus_multibody::paths::Path;
 use carpus_osim::osim::spec::{CoordinateIndex, ModelSpec, MotionType, MuscleSpec};
-use carpus_study::study::{MomentPart, Settings};
+use carpus_study::study::{MomentPart, PostureCoordinate, Settings};
 
 /// Classes of OpenSim forces that do nothing without a control of their own.
 const INERT_CLASSES: [&str; 1] = ["BodyActuator"];
@@ -47,16 +47,18 @@ pub struct HeldCoordinate {
     pub value_deg_or_m: f64,
 }
 
+impl From<&PostureCoordinate> for HeldCoordinate {
+    fn from(held: &PostureCoordinate) -> HeldCoordinate {
+        HeldCoordinate { coordinate: held.coordinate.clone(), value_deg_or_m: held.value_deg_or_m }
+    }
+}
+
 impl Setup {
     /// What a study's settings say.
     pub fn from_settings(settings: &Settings) -> Setup {
-        let held = |p: &carpus_study::study::PostureCoordinate| HeldCoordinate {
-            coordinate: p.coordinate.clone(),
-            value_deg_or_m: p.value_deg_or_m,
-        };
         Setup {
             coordinate: settings.dynamometer.coordinate.clone(),
-            posture: settings.posture.iter().map(held).collect(),
+            posture: settings.posture.iter().map(HeldCoordinate::from).collect(),
             active_muscles: settings.active_muscles.clone(),
             parts: settings.dynamometer.include.clone(),
             dynamometer_damping: settings.dynamometer.damping,
@@ -201,6 +203,16 @@ impl MusculoskeletalModel {
     /// The coordinate that the dynamometer moves.
     pub fn coordinate(&self) -> CoordinateIndex {
         self.coordinate
+    }
+
+    /// All coordinates in the posture of the study with some held otherwise, couplers satisfied [rad or m].
+    ///
+    /// # Errors
+    /// A coordinate that is not there, follows another, is the moving one, or is outside its range.
+    pub fn posture_with(&self, held: &[HeldCoordinate]) -> Result<Vec<f64>, SimulationError> {
+        let mut q = self.posture.clone();
+        set_posture(&self.skeleton, &mut q, held)?;
+        Ok(q)
     }
 
     /// Names of the active muscles, in order.
