@@ -92,7 +92,7 @@
 //! let time: Vec<f64> = (0..100).map(|k| 0.01 * f64::from(k)).collect();
 //! let (angle, excitation) = (vec![0.0; 100], vec![0.3; 100]);
 //! let recording =
-//!     Recording { name: "held".to_owned(), time: &time, angle: &angle, excitation: vec![&excitation; names.len()] };
+//!     Recording { name: "held".to_owned(), time: &time, angle: &angle, excitation: vec![&excitation; names.len()], held: vec![] };
 //! let trial = model.prepare(&recording, &Options::default())?;
 //!
 //! let mut parameters = model.nominal_parameters();

@@ -59,6 +59,7 @@ fn known() -> Known {
             time: &t.time,
             angle: &t.angle,
             excitation: columns.iter().map(|c| t.excitation[*c].as_slice()).collect(),
+            held: Vec::new(),
         })
         .collect();
     let prepared = model.prepare_all(&recordings, &Options::default()).unwrap();
@@ -249,6 +250,7 @@ fn verif_tied_muscles_and_other_properties() {
             time: &trial.time,
             angle: &trial.angle,
             excitation: trial.excitation.iter().map(Vec::as_slice).collect(),
+            held: trial.held.clone(),
         };
         let prepared = truth.prepare_like(&recording, &trial.prepared, &Options::default()).unwrap();
         trial.channels[0].measured = prepared.simulate(&strong).unwrap().moment;
