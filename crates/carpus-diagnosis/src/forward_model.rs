@@ -187,7 +187,7 @@ impl ForwardModel {
             given: Vec::new(),
             angle_noise: None,
             silent_muscles: SilentMuscles::of_trials(spec, model, &recordings, &base),
-            joint: JointTraits::of(trials, spec.coordinates[model.coordinate().0].range),
+            joint: JointTraits::of(trials, spec.coordinates[model.coordinate().0].range, model.weight_moment()),
             covered: None,
             model: model.clone(),
             by_motion: base.iter().map(|_| ByMotion::default()).collect(),

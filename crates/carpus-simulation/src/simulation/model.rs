@@ -7,7 +7,7 @@ use super::activation_trajectory::TooFast;
 use super::error::SimulationError;
 use super::fiber::CurveCache;
 use super::fiber::equation::{Fiber, FiberCurves};
-use carpus_multibody::forces::{Forces, PathForce};
+use carpus_multibody::forces::{Forces, PathForce, first_moment_of_mass};
 use carpus_multibody::multibody::Model;
 use carpus_multibody::muscles::{FirstOrderActivation, MuscleModel};
 use carpus_multibody::paths::Path;
@@ -16,6 +16,9 @@ use carpus_study::study::{MomentPart, PostureCoordinate, Settings};
 
 /// Classes of OpenSim forces that do nothing without a control of their own.
 const INERT_CLASSES: [&str; 1] = ["BodyActuator"];
+
+/// Gravity on earth [m/s²].
+const STANDARD_GRAVITY: f64 = 9.80665;
 
 /// Activation that a `DeGrooteFregly2016Muscle` has at least. OpenSim's class has no bound and divides by the
 /// activation.
@@ -213,6 +216,16 @@ impl MusculoskeletalModel {
         let mut q = self.posture.clone();
         set_posture(&self.skeleton, &mut q, held)?;
         Ok(q)
+    }
+
+    /// Largest moment that gravity, however directed, has about the moving coordinate [N·m or N], in the posture of the
+    /// study: how heavy what the coordinate moves is.
+    pub fn weight_moment(&self) -> f64 {
+        let (skeleton, moved) = (&self.skeleton, self.skeleton.bodies_moved_by(&[self.coordinate]));
+        let mut cache = skeleton.new_cache();
+        skeleton.update_positions(&self.posture, &mut cache);
+        skeleton.update_unit_motion(&self.posture, self.coordinate, &mut cache);
+        STANDARD_GRAVITY * first_moment_of_mass(skeleton, &moved, &cache).norm()
     }
 
     /// Names of the active muscles, in order.
