@@ -59,6 +59,7 @@ fn trial(contraction: &str, effort: f64, direction: &str, repetition: u32, noise
             direction: direction.into(),
         },
         posture_deg: (!moves).then_some(posture),
+        held: Vec::new(),
         repetition: Some(repetition),
         trial_use: if held_out { Use::HeldOut } else { Use::Train },
         samples: 5000,
