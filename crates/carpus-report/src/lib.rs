@@ -6,6 +6,7 @@
 
 pub mod article;
 mod axis_figures;
+mod torque_angle;
 pub mod bars;
 pub mod convergence;
 pub mod diagnosis;

@@ -7,6 +7,7 @@ use super::number::{percent, plain, quantity, significant};
 use super::plot::{self, Curve, CurveFigure};
 use super::results::{Condition, Errors, HeldCoordinate, Kind, ModelResult, Results, StageResult, TrialResult, Use};
 use super::sentence::within_sentence;
+use super::torque_angle::{self, AnglePanel};
 use super::warnings::{self, WarningGroup};
 use parameters::{ParameterGroup, parameter_groups};
 
@@ -118,6 +119,7 @@ pub struct View {
     pub stages: Vec<StageRow>,
     pub axes: Vec<AxisPanel>,
     pub repetition_noise: String,
+    pub angles: Vec<AnglePanel>,
 }
 
 impl View {
@@ -163,6 +165,18 @@ impl View {
             stages: results.stages.iter().map(stage_row).collect(),
             axes: axis_panels(None, results.residuals.last(), &[]),
             repetition_noise: repetition_words(results.residuals.last()),
+            angles: match pair.after {
+                Some(after) => torque_angle::panels(
+                    &results.trials,
+                    pair.before.map(|m| m.id.as_str()),
+                    &after.id,
+                    |t: &TrialResult| {
+                        let held = t.held.iter().map(|h| format!(" · {}", held_words(h)));
+                        condition_title(&t.condition) + &held.collect::<String>()
+                    },
+                ),
+                None => Vec::new(),
+            },
         }
     }
 }
