@@ -23,8 +23,8 @@ use nalgebra::DMatrix;
 
 use carpus_osim::osim::spec::{ModelSpec, MuscleSpec};
 use carpus_simulation::simulation::{
-    AngleResponse, ExcitationTangent, FiberAccuracy, HeldCoordinate, MuscleParameters, MuscleSolution, MusculoskeletalModel, Options,
-    PreparedTrial, Recording, RestResponse, SimulationError,
+    AngleResponse, ExcitationTangent, FiberAccuracy, HeldCoordinate, MuscleParameters, MuscleSolution,
+    MusculoskeletalModel, Options, PreparedTrial, Recording, RestResponse, SimulationError,
 };
 use carpus_study::study::{Trial, TrialUse};
 

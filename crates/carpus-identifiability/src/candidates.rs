@@ -175,7 +175,13 @@ impl<'a> Known<'a> {
                 if let Some(excitation) = self.excitation(direction, effort, Contraction::Isotonic) {
                     let (from, to) = if direction == Direction::Flexion { (low, high) } else { (high, low) };
                     let angle = sweep(from, to, 0.8, 1.65, None);
-                    plans.push(Plan { name: format!("isotonic, {how}"), direction, angle, excitation, held: Vec::new() });
+                    plans.push(Plan {
+                        name: format!("isotonic, {how}"),
+                        direction,
+                        angle,
+                        excitation,
+                        held: Vec::new(),
+                    });
                 }
             }
         }

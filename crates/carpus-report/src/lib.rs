@@ -6,7 +6,6 @@
 
 pub mod article;
 mod axis_figures;
-mod torque_angle;
 pub mod bars;
 pub mod convergence;
 pub mod diagnosis;
@@ -29,6 +28,7 @@ pub mod signals;
 mod story;
 mod story_figures;
 pub mod sweep;
+mod torque_angle;
 pub mod ultrasound;
 mod view;
 mod warnings;

@@ -330,8 +330,8 @@ pub fn percent_axis(max: f64) -> String {
     w
 }
 
-/// Where a fitted value lies between its bounds (positions 0 to 1), with the value before as a tick and the interval as a
-/// bar.
+/// Where a fitted value lies between its bounds (positions 0 to 1), with the value before as a tick and the interval as
+/// a bar.
 pub fn bounds_bar(before: f64, after: f64, interval: Option<[f64; 2]>, at_bound: bool) -> String {
     let [width, height] = ROW_SIZE;
     let x = Scale { data: [0.0, 1.0], drawn: [8.0, width - 8.0] };

@@ -109,8 +109,7 @@ fn figure(title: &str, parts: &[Part], has_before: bool) -> Option<String> {
         parts.iter().zip(&x).flat_map(|(p, x)| of_trials(p).into_iter().map(|m| [*x, m])).collect();
     let (old, new): (Vec<f64>, Vec<f64>) = parts.iter().map(|p| (mean(&p.before), mean(&p.after))).unzip();
     let band: Vec<[f64; 2]> = parts.iter().filter_map(|p| plot::extent(p.after.iter().copied())).collect();
-    let mut curves =
-        vec![Curve { class: "measured thin".to_owned(), name: "measured".to_owned(), values: &measured }];
+    let mut curves = vec![Curve { class: "measured thin".to_owned(), name: "measured".to_owned(), values: &measured }];
     if has_before {
         curves.push(Curve { class: "before".to_owned(), name: "before".to_owned(), values: &old });
     }

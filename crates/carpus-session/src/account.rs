@@ -60,7 +60,12 @@ pub fn results(setting: Setting, trials: &[Trial], runs: &[ModelRun]) -> Result<
     let trial = |i: usize| {
         let errors = runs.iter().zip(&tables).map(|(run, table)| (run.id.clone(), measured(&table.trials[i].errors)));
         let errors: BTreeMap<_, _> = if compared { errors.collect() } else { BTreeMap::new() };
-        trial_result(&trials[i], setting.spec, errors, runs.iter().map(|run| (run.id.clone(), run.moments[i].as_slice())))
+        trial_result(
+            &trials[i],
+            setting.spec,
+            errors,
+            runs.iter().map(|run| (run.id.clone(), run.moments[i].as_slice())),
+        )
     };
     Ok(Results {
         schema: SCHEMA.to_string(),

@@ -349,8 +349,10 @@ fn identified(
         for about in further {
             let trial = candidate.trial.clone();
             let zeros = vec![0.0; trial.time.len()];
-            let arms =
-                run.model.moment_arms_about(&about.coordinate, &trial.held, &trial.angle).map_err(|e| failed(run, e.into()))?;
+            let arms = run
+                .model
+                .moment_arms_about(&about.coordinate, &trial.held, &trial.angle)
+                .map_err(|e| failed(run, e.into()))?;
             candidate.trial = trial.with_channel(&about.coordinate, &zeros, arms);
         }
     }

@@ -350,7 +350,8 @@ fn path_warnings(
     let mut postures: Vec<(Vec<HeldCoordinate>, [f64; 2])> = Vec::new();
     for trial in trials {
         let held: Vec<HeldCoordinate> = trial.info.held.iter().map(HeldCoordinate::from).collect();
-        let [low, high] = trial.angle.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], a| [l.min(*a), h.max(*a)]);
+        let [low, high] =
+            trial.angle.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], a| [l.min(*a), h.max(*a)]);
         match postures.iter_mut().find(|(known, _)| *known == held) {
             Some((_, range)) => *range = [range[0].min(low), range[1].max(high)],
             None => postures.push((held, [low, high])),

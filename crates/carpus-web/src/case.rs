@@ -8,7 +8,9 @@ use serde::{Deserialize, Serialize};
 use super::columns;
 use carpus_numerics::signals::OwnSamples;
 use carpus_simulation::simulation::{HeldCoordinate, MuscleParameters, Setup};
-use carpus_study::study::{Contraction, Direction, MomentPart, ParameterBounds, PostureCoordinate, Trial, TrialInfo, TrialUse};
+use carpus_study::study::{
+    Contraction, Direction, MomentPart, ParameterBounds, PostureCoordinate, Trial, TrialInfo, TrialUse,
+};
 
 /// Schema of the header.
 pub const CASE_SCHEMA: &str = "carpus.case/1";

@@ -78,12 +78,8 @@ impl MusculoskeletalModel {
             let posture = self.posture_with(held)?;
             Ok(Arc::new(CoordinateTables::build(self, &posture, [low - margin, high + margin])?))
         };
-        let tables: Vec<Arc<CoordinateTables>> = postures
-            .par_iter()
-            .map(build)
-            .collect::<Vec<_>>()
-            .into_iter()
-            .collect::<Result<_, SimulationError>>()?;
+        let tables: Vec<Arc<CoordinateTables>> =
+            postures.par_iter().map(build).collect::<Vec<_>>().into_iter().collect::<Result<_, SimulationError>>()?;
         Ok(of_recording.into_iter().map(|i| Arc::clone(&tables[i])).collect())
     }
 

@@ -378,7 +378,8 @@ impl Study {
         if let Some(first) = self.trials.iter().find(moves) {
             let column = posture_column(driven);
             let expected = "a column of a coordinate other than the dynamometer's, which follows the recorded angle";
-            let fault = Fault::BadValue { key: column.clone(), expected: expected.to_owned(), found: format!("`{column}`") };
+            let fault =
+                Fault::BadValue { key: column.clone(), expected: expected.to_owned(), found: format!("`{column}`") };
             problems.push(Problem::error(&trials_file, first.line, fault));
         }
         let has_weight = self.settings.dynamometer.includes(MomentPart::Gravity);

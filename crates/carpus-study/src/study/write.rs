@@ -3,9 +3,7 @@
 
 use toml_edit::{DocumentMut, Item, Value};
 
-use super::{
-    MomentPart, Participant, RelativeBounds, Settings, Sex, Side, Trial, held_coordinates, posture_column,
-};
+use super::{MomentPart, Participant, RelativeBounds, Settings, Sex, Side, Trial, held_coordinates, posture_column};
 
 /// The text of `study.toml`.
 ///
