@@ -189,7 +189,7 @@ fn verif_a_posture_that_cannot_be_is_an_error_with_its_line() {
         expected.iter().for_each(|words| assert!(text.contains(words), "{words}: {text}"));
     };
     let column = "posture_wrist_flexion_deg";
-    refused(&|t| t.replace(column, "posture_wrist_deg"), &["trials.csv:2", "wrist_flexion"]);
+    refused(&|t| t.replace(column, "posture_wrist_deg"), &["trials.csv:2", "coordinate `wrist` is not in the model"]);
     refused(&|t| t.replace(column, "posture_mcp_flexion_deg"), &["trials.csv:2", "other than the dynamometer's"]);
     refused(&|t| t.replacen(",60,-40,", ",60,-140,", 1), &["trials.csv:5", "wrist_flexion", "outside its range"]);
     refused(&|t| t.replacen(",60,-40,", ",60,back,", 1), &["trials.csv:5", column, "an angle in degrees", "back"]);
