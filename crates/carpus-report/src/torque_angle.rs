@@ -1,5 +1,7 @@
 //! Moment over angle, a figure per condition: what was measured, and what models make of it.
 
+use std::ops::Range;
+
 use super::plot::{self, Curve, CurveFigure};
 use super::results::TrialResult;
 
@@ -9,6 +11,8 @@ const PARTS: usize = 12;
 const SAME_ANGLE_DEG: f64 = 3.0;
 /// A held contraction is judged where the measured moment has at least this share of its largest.
 const PLATEAU: f64 = 0.8;
+/// Share of the range from which on a joint has left an angle.
+const REST_SHARE: f64 = 0.02;
 /// A joint that turns less than this is held [deg].
 const HELD_DEG: f64 = 4.0;
 
@@ -74,7 +78,9 @@ fn panel(title: String, trials: &[&TrialResult], before: Option<&str>, after: &s
             })
         };
         let mut measured: Vec<(usize, f64)> = Vec::new();
-        for k in 0..s.angle_deg.len().min(s.measured_n_m.len()) {
+        let count = s.angle_deg.len().min(s.measured_n_m.len());
+        let drawn = if is_held { 0..count } else { moving(&s.angle_deg[..count], REST_SHARE * (whole[1] - whole[0])) };
+        for k in drawn {
             if is_held && s.measured_n_m[k].abs() < PLATEAU * largest {
                 continue;
             }
@@ -99,6 +105,15 @@ fn panel(title: String, trials: &[&TrialResult], before: Option<&str>, after: &s
         false => format!("{} {}", trials.len(), if trials.len() == 1 { "trial" } else { "trials" }),
     };
     Some(AnglePanel { svg: figure(&title, &parts, before.is_some())?, title, note })
+}
+
+/// Samples between the first departure from the first angle and the last arrival at the last one: before and after, the
+/// effort rises and falls at rest.
+fn moving(angle: &[f64], far: f64) -> Range<usize> {
+    let (Some(first), Some(last)) = (angle.first(), angle.last()) else { return 0..0 };
+    let begin = angle.iter().position(|a| (a - first).abs() > far).unwrap_or(0);
+    let end = angle.iter().rposition(|a| (a - last).abs() > far).map_or(angle.len(), |i| i + 1);
+    if begin < end { begin..end } else { 0..angle.len() }
 }
 
 fn figure(title: &str, parts: &[Part], has_before: bool) -> Option<String> {
