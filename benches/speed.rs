@@ -162,6 +162,7 @@ fn measure(arguments: &Arguments, reference: &Reference) -> Timings {
         time: reference.column("time"),
         angle: reference.column("flexion"),
         excitation,
+        held: Vec::new(),
     };
     let repeat = arguments.repeat;
 

@@ -91,8 +91,9 @@
 //!
 //! let time: Vec<f64> = (0..100).map(|k| 0.01 * f64::from(k)).collect();
 //! let (angle, excitation) = (vec![0.0; 100], vec![0.3; 100]);
-//! let recording =
-//!     Recording { name: "held".to_owned(), time: &time, angle: &angle, excitation: vec![&excitation; names.len()] };
+//! let name = "held".to_owned();
+//! let excitation: Vec<&[f64]> = vec![&excitation; names.len()];
+//! let recording = Recording { name, time: &time, angle: &angle, excitation, held: Vec::new() };
 //! let trial = model.prepare(&recording, &Options::default())?;
 //!
 //! let mut parameters = model.nominal_parameters();

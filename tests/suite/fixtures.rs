@@ -52,6 +52,7 @@ fn regress_reference_outputs_match_their_manifests() {
     assert_eq!(check_outputs("fixtures/other_paths/manifest.json"), 2 * 5);
     assert_eq!(check_outputs("fixtures/demo_study/manifest.json"), 28 + 4);
     assert_eq!(check_outputs("fixtures/two_axes/manifest.json"), 17 + 4);
+    assert_eq!(check_outputs("fixtures/index_finger/manifest.json"), 35 + 4);
     assert_eq!(check_outputs("fixtures/hidden_effects/manifest.json"), 7 * (19 + 4));
     assert_eq!(check_outputs("fixtures/laboratory/manifest.json"), 3 * (14 + 4));
 }

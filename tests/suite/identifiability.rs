@@ -59,6 +59,7 @@ fn known() -> Known {
             time: &t.time,
             angle: &t.angle,
             excitation: columns.iter().map(|c| t.excitation[*c].as_slice()).collect(),
+            held: Vec::new(),
         })
         .collect();
     let prepared = model.prepare_all(&recordings, &Options::default()).unwrap();
@@ -249,6 +250,7 @@ fn verif_tied_muscles_and_other_properties() {
             time: &trial.time,
             angle: &trial.angle,
             excitation: trial.excitation.iter().map(Vec::as_slice).collect(),
+            held: trial.held.clone(),
         };
         let prepared = truth.prepare_like(&recording, &trial.prepared, &Options::default()).unwrap();
         trial.channels[0].measured = prepared.simulate(&strong).unwrap().moment;
@@ -269,7 +271,7 @@ fn verif_a_moment_about_a_second_coordinate_tells_muscles_apart() {
     request.trials.truncate(2);
     let one = identify(&request).unwrap();
     for trial in &mut request.trials {
-        let arms = known.model.moment_arms_about("deviation", &trial.angle).unwrap();
+        let arms = known.model.moment_arms_about("deviation", &[], &trial.angle).unwrap();
         let forces = trial.prepared.simulate(&known.truth).unwrap();
         let moment: Vec<f64> = (0..trial.time.len())
             .map(|k| arms.iter().zip(&forces.muscles).map(|(a, f)| a[k] * f.tendon_force[k]).sum())

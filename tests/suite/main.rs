@@ -12,6 +12,7 @@ mod dynamometer;
 mod effects;
 mod emg;
 mod evaluation;
+mod fingers;
 mod fixtures;
 mod forces;
 mod functions;

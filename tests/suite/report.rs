@@ -59,6 +59,7 @@ fn trial(contraction: &str, effort: f64, direction: &str, repetition: u32, noise
             direction: direction.into(),
         },
         posture_deg: (!moves).then_some(posture),
+        held: Vec::new(),
         repetition: Some(repetition),
         trial_use: if held_out { Use::HeldOut } else { Use::Train },
         samples: 5000,
@@ -249,10 +250,16 @@ fn verif_page_needs_nothing_from_outside() {
 fn verif_page_shows_every_trial_parameter_and_input() {
     let results = example();
     let page = render_report(&results);
-    assert_eq!(page.matches("<figure class=\"panel").count(), results.trials.len());
-    assert_eq!(page.matches("<figure class=\"panel held\"").count(), 8, "held-out panels");
-    assert_eq!(page.matches("class=\"curve measured\"").count(), results.trials.len());
-    assert_eq!(page.matches("class=\"curve before\"").count(), results.trials.len());
+    let at = |id: &str| page.find(&format!("<section id=\"{id}\"")).unwrap_or_else(|| panic!("no section {id}"));
+    let trials = &page[at("trials")..at("parameters")];
+    assert_eq!(trials.matches("<figure class=\"panel").count(), results.trials.len());
+    assert_eq!(trials.matches("<figure class=\"panel held\"").count(), 8, "held-out panels");
+    assert_eq!(trials.matches("class=\"curve measured\"").count(), results.trials.len());
+    assert_eq!(trials.matches("class=\"curve before\"").count(), results.trials.len());
+    let angles = &page[at("angles")..at("trials")];
+    assert_eq!(angles.matches("<figure class=\"panel").count(), 8, "a figure of every condition that has angles");
+    assert_eq!(angles.matches("class=\"band after\"").count(), 8, "the model's range");
+    assert!(angles.matches("class=\"dot measured\"").count() >= 2 * 8, "points at two angles and more");
     for parameter in &results.parameters {
         assert!(page.contains(&parameter.muscle) && page.contains(&parameter.property));
     }

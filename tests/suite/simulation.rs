@@ -69,6 +69,7 @@ fn recording(table: &Table) -> Recording<'_> {
         time: table.column("time"),
         angle: table.column("flexion"),
         excitation: MUSCLES.map(|m| table.muscle(m, "excitation")).to_vec(),
+        held: Vec::new(),
     }
 }
 
@@ -318,6 +319,7 @@ fn val_opensim_weight_and_inertia_along_a_motion() {
             time: table.column("time"),
             angle: table.column("flexion"),
             excitation: vec![&rest; MUSCLES.len()],
+            held: Vec::new(),
         };
         let trial = model.prepare(&recording, &Options::default()).unwrap();
         let ours = trial.kinematics();
@@ -414,7 +416,8 @@ fn short_trial() -> (MusculoskeletalModel, Vec<f64>, Vec<f64>, Vec<Vec<f64>>) {
 }
 
 fn as_recording<'a>(time: &'a [f64], angle: &'a [f64], excitation: &'a [Vec<f64>]) -> Recording<'a> {
-    Recording { name: "trial.csv".into(), time, angle, excitation: excitation.iter().map(Vec::as_slice).collect() }
+    let excitation = excitation.iter().map(Vec::as_slice).collect();
+    Recording { name: "trial.csv".into(), time, angle, excitation, held: Vec::new() }
 }
 
 #[test]

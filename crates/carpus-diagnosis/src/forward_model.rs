@@ -23,8 +23,8 @@ use nalgebra::DMatrix;
 
 use carpus_osim::osim::spec::{ModelSpec, MuscleSpec};
 use carpus_simulation::simulation::{
-    AngleResponse, ExcitationTangent, FiberAccuracy, MuscleParameters, MuscleSolution, MusculoskeletalModel, Options,
-    PreparedTrial, Recording, RestResponse, SimulationError,
+    AngleResponse, ExcitationTangent, FiberAccuracy, HeldCoordinate, MuscleParameters, MuscleSolution,
+    MusculoskeletalModel, Options, PreparedTrial, Recording, RestResponse, SimulationError,
 };
 use carpus_study::study::{Trial, TrialUse};
 
@@ -51,7 +51,7 @@ pub struct ForwardModel {
     given: Vec<Setting>,
     /// None: the angle is exact.
     angle_noise: Option<DrawnNoise>,
-    silent_muscles: SilentMuscles,
+    silent_muscles: Vec<Arc<SilentMuscles>>,
     /// How strong the joint is beside a wrist, and where its middle is.
     pub joint: JointTraits,
     /// What another session covers, in whose units columns are; `None`: what these trials do.
@@ -186,8 +186,8 @@ impl ForwardModel {
             directions,
             given: Vec::new(),
             angle_noise: None,
-            silent_muscles: SilentMuscles::of(spec, model, &base),
-            joint: JointTraits::of(trials, spec.coordinates[model.coordinate().0].range),
+            silent_muscles: SilentMuscles::of_trials(spec, model, &recordings, &base),
+            joint: JointTraits::of(trials, spec.coordinates[model.coordinate().0].range, model.weight_moment()),
             covered: None,
             model: model.clone(),
             by_motion: base.iter().map(|_| ByMotion::default()).collect(),
@@ -244,6 +244,12 @@ impl ForwardModel {
         }
     }
 
+    /// Muscles that the study does not activate: which there are. What they do depends on the trial's posture.
+    fn silent(&self) -> &SilentMuscles {
+        static NONE: SilentMuscles = SilentMuscles::none();
+        self.silent_muscles.first().map_or(&NONE, |silent| silent)
+    }
+
     /// Positions of the trials of a use.
     pub fn trials_for(&self, usage: TrialUse) -> Vec<usize> {
         (0..self.trials.len()).filter(|g| self.trials[*g].info.usage == usage).collect()
@@ -288,7 +294,7 @@ impl ForwardModel {
             muscle_moment,
             directions: &self.directions,
             excitation,
-            silent_muscles: &self.silent_muscles,
+            silent_muscles: &self.silent_muscles[trial],
             muscles: &self.muscles,
         }
     }
@@ -352,6 +358,7 @@ impl ForwardModel {
             time: &record.time,
             angle,
             excitation: excitation.iter().map(Vec::as_slice).collect(),
+            held: record.info.held.iter().map(HeldCoordinate::from).collect(),
         }
     }
 

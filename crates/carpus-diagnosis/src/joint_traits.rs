@@ -7,6 +7,11 @@ use carpus_study::study::{Contraction, Trial, TrialUse};
 /// Largest moments that trials of wrists show, of weak efforts and of strong people [N·m].
 const WRIST: [f64; 2] = [1.0, 20.0];
 
+/// Weights of hands about the wrist [N·m]: the lightest.
+const LIGHT_HAND: f64 = 0.2;
+/// Bodies that weigh less about a joint have no masses of their own: a gram at a centimetre [N·m].
+const NO_WEIGHT: f64 = 1e-4;
+
 /// A large size of an effect, as a share of the largest plausible one.
 const LARGE_SIZE: f64 = 0.75;
 
@@ -15,6 +20,9 @@ const LARGE_SIZE: f64 = 0.75;
 pub struct JointTraits {
     /// How many times as strong as a wrist it is: 1 within what wrists reach.
     pub strength: f64,
+    /// How many times as heavy as a hand what it moves is: in proportion to its strength, unless the model's bodies are
+    /// lighter than a hand, as those of a finger are.
+    pub weight: f64,
     /// Angle about which its passive properties lie [rad].
     pub neutral_angle: f64,
 }
@@ -34,13 +42,17 @@ impl JointTraits {
     /// Strength by the largest moment of the trials that are not held out; moments at rest do not tell a weak joint.
     ///
     /// - `range`: of the coordinate [rad]
-    pub fn of(trials: &[Trial], range: [f64; 2]) -> JointTraits {
+    /// - `weight_moment`: of the model's bodies about the coordinate [N·m]
+    pub fn of(trials: &[Trial], range: [f64; 2], weight_moment: f64) -> JointTraits {
         let seen = || trials.iter().filter(|t| t.info.usage != TrialUse::Test);
         let largest = seen().flat_map(|t| &t.moment).fold(0.0_f64, |most, m| most.max(m.abs()));
         let strength = if largest > 0.0 { largest / largest.clamp(WRIST[0], WRIST[1]) } else { 1.0 };
         let at_rest = seen().all(|t| t.info.contraction == Contraction::Passive);
+        let strength = if at_rest { strength.max(1.0) } else { strength };
+        let is_light = (NO_WEIGHT..LIGHT_HAND).contains(&weight_moment);
         JointTraits {
-            strength: if at_rest { strength.max(1.0) } else { strength },
+            strength,
+            weight: if is_light { strength.min(weight_moment / LIGHT_HAND) } else { strength },
             neutral_angle: neutral_angle(range),
         }
     }
@@ -94,6 +106,7 @@ impl JointTraits {
         match parameter.strength {
             StrengthScaling::None => 1.0,
             StrengthScaling::Proportional => self.strength,
+            StrengthScaling::Weight => self.weight,
             StrengthScaling::Inverse => 1.0 / self.strength,
         }
     }
@@ -106,7 +119,7 @@ mod tests {
 
     #[test]
     fn verif_every_parameter_with_moment_in_its_unit_is_in_proportion() {
-        let joint = JointTraits { strength: 3.0, neutral_angle: 0.0 };
+        let joint = JointTraits { strength: 3.0, weight: 3.0, neutral_angle: 0.0 };
         for parameter in CATALOGUE.iter().flat_map(|e| e.description().parameters) {
             let expected = match parameter.unit {
                 "rad/(N·m)" => 1.0 / 3.0,
@@ -115,6 +128,13 @@ mod tests {
             };
             assert_eq!(joint.scale(parameter), parameter.scale * expected, "{}", parameter.name);
         }
+    }
+
+    #[test]
+    fn verif_what_is_lighter_than_a_hand_weighs_less_whatever_its_strength() {
+        let weight = |moment: f64| JointTraits::of(&[], [-1.0, 1.0], moment).weight;
+        assert_eq!([0.0, 0.25, 8.0].map(weight), [1.0; 3]);
+        assert!((weight(0.02) - 0.1).abs() < 1e-12);
     }
 
     #[test]
@@ -130,7 +150,7 @@ mod tests {
 
     #[test]
     fn verif_angles_of_effects_move_with_the_neutral_angle() {
-        let joint = JointTraits { strength: 2.0, neutral_angle: 1.0 };
+        let joint = JointTraits { strength: 2.0, weight: 2.0, neutral_angle: 1.0 };
         let of = |id: &str, name: &str| {
             let effect = CATALOGUE.iter().find(|e| e.description().id == id).unwrap();
             let i = effect.description().parameters.iter().position(|p| p.name == name).unwrap();

@@ -1,8 +1,10 @@
 //! Muscles of the model that the study does not activate, such as those of the fingers: what moment they could exert.
 
+use std::sync::Arc;
+
 use super::series::interpolate;
 use carpus_osim::osim::spec::ModelSpec;
-use carpus_simulation::simulation::{MusculoskeletalModel, Options, PreparedTrial, Recording, Setup};
+use carpus_simulation::simulation::{HeldCoordinate, MusculoskeletalModel, Options, PreparedTrial, Recording, Setup};
 use carpus_study::study::MomentPart;
 
 /// Angles at which the moments are tabulated.
@@ -22,8 +24,49 @@ pub struct SilentMuscles {
 }
 
 impl SilentMuscles {
-    /// Those of a model, over the angles of its trials. Muscles of classes that are not computed are left out.
-    pub fn of(spec: &ModelSpec, model: &MusculoskeletalModel, trials: &[PreparedTrial]) -> SilentMuscles {
+    /// No muscle.
+    pub const fn none() -> SilentMuscles {
+        SilentMuscles { names: Vec::new(), angle: Vec::new(), moment: [Vec::new(), Vec::new()] }
+    }
+
+    /// Those of every trial; trials of one posture share theirs.
+    ///
+    /// - `recordings`, `trials`: of all trials, in one order
+    pub fn of_trials(
+        spec: &ModelSpec,
+        model: &MusculoskeletalModel,
+        recordings: &[Recording],
+        trials: &[PreparedTrial],
+    ) -> Vec<Arc<SilentMuscles>> {
+        let mut postures: Vec<(&[HeldCoordinate], Vec<&PreparedTrial>)> = Vec::new();
+        for (recording, trial) in recordings.iter().zip(trials) {
+            match postures.iter_mut().find(|(held, _)| *held == recording.held) {
+                Some((_, of_posture)) => of_posture.push(trial),
+                None => postures.push((&recording.held, vec![trial])),
+            }
+        }
+        let mut found: Vec<(&[HeldCoordinate], SilentMuscles)> = Vec::with_capacity(postures.len());
+        for (held, trials) in postures {
+            let mut setup = model.setup().clone();
+            setup.posture.extend_from_slice(held);
+            found.push((held, SilentMuscles::in_posture(spec, &setup, &trials)));
+        }
+        // A muscle that acts in one posture is there in all.
+        let mut names: Vec<String> = Vec::new();
+        for name in found.iter().flat_map(|(_, silent)| &silent.names) {
+            if !names.contains(name) {
+                names.push(name.clone());
+            }
+        }
+        found.iter_mut().for_each(|(_, silent)| silent.names.clone_from(&names));
+        let found: Vec<_> = found.into_iter().map(|(held, silent)| (held, Arc::new(silent))).collect();
+        let of = |recording: &Recording| found.iter().find(|(held, _)| *held == recording.held).map(|(_, s)| s.clone());
+        recordings.iter().map(|recording| of(recording).unwrap_or_default()).collect()
+    }
+
+    /// Those of a model, over the angles of trials of one posture. Muscles of classes that are not computed are left
+    /// out.
+    fn in_posture(spec: &ModelSpec, setup: &Setup, trials: &[&PreparedTrial]) -> SilentMuscles {
         let angles = || trials.iter().flat_map(|t| &t.kinematics().angle).copied();
         let (low, high) = (angles().fold(f64::INFINITY, f64::min), angles().fold(f64::NEG_INFINITY, f64::max));
         if !(low.is_finite() && high.is_finite()) {
@@ -36,7 +79,7 @@ impl SilentMuscles {
         let mut out = SilentMuscles { names: Vec::new(), angle, moment: [vec![0.0; ANGLES], vec![0.0; ANGLES]] };
         for muscle in &spec.muscles {
             let computed = muscle.is_computed() && muscle.applies_force;
-            if !computed || model.muscle_names().any(|name| name == muscle.name) {
+            if !computed || setup.active_muscles.contains(&muscle.name) {
                 continue;
             }
             let setup = Setup {
@@ -44,7 +87,7 @@ impl SilentMuscles {
                 parts: vec![MomentPart::Muscles],
                 dynamometer_damping: 0.0,
                 allow_unsupported: true,
-                ..model.setup().clone()
+                ..setup.clone()
             };
             let Some([passive, full]) = moments(spec, &setup, &time, &out.angle) else { continue };
             let active: Vec<f64> = full.iter().zip(&passive).map(|(f, p)| f - p).collect();
@@ -73,7 +116,7 @@ fn moments(spec: &ModelSpec, setup: &Setup, time: &[f64], angle: &[f64]) -> Opti
     let options = Options { allow_angle_outside_range: true, ..Options::default() };
     let at = |level: f64| {
         let excitation = vec![level; time.len()];
-        let recording = Recording { name: String::new(), time, angle, excitation: vec![&excitation] };
+        let recording = Recording { name: String::new(), time, angle, excitation: vec![&excitation], held: Vec::new() };
         let trial = model.prepare(&recording, &options).ok()?;
         trial.simulate(&model.nominal_parameters()).ok().map(|s| s.moment)
     };

@@ -2,8 +2,8 @@
 
 use super::next_trial::Candidate;
 use super::recorded::RecordedTrial;
-use carpus_simulation::simulation::{MusculoskeletalModel, Options, Recording, SimulationError};
-use carpus_study::study::{Contraction, Direction, Trial, TrialInfo, TrialUse};
+use carpus_simulation::simulation::{HeldCoordinate, MusculoskeletalModel, Options, Recording, SimulationError};
+use carpus_study::study::{Contraction, Direction, PostureCoordinate, Trial, TrialInfo, TrialUse};
 
 /// Efforts offered, in percent of the maximum.
 const EFFORTS: [f64; 4] = [25.0, 50.0, 75.0, 100.0];
@@ -11,6 +11,8 @@ const EFFORTS: [f64; 4] = [25.0, 50.0, 75.0, 100.0];
 const USUAL_RANGE: f64 = 0.52;
 /// Rate of what is simulated [1/s].
 const RATE: f64 = 100.0;
+/// Postures of other joints at most in which trials are offered: lowest, middle and highest tell most of the others.
+const MOST_POSTURES: usize = 3;
 /// Duration of an offered trial [s].
 const DURATION: f64 = 4.0;
 
@@ -29,6 +31,7 @@ struct Plan {
     direction: Direction,
     angle: Vec<f64>,
     excitation: Vec<Vec<f64>>,
+    held: Vec<PostureCoordinate>,
 }
 
 /// [`usual_candidates`] as trials, with zero moments, to be recorded after others.
@@ -42,6 +45,7 @@ pub fn usual_recordings(model: &MusculoskeletalModel, trials: &[Trial]) -> Vec<T
             usage: TrialUse::Train,
             start_time: None,
             arm_flipped: false,
+            held: plan.held,
             ..first.info.clone()
         };
         Trial::from_samples(info, time.clone(), plan.angle, vec![0.0; time.len()], plan.excitation)
@@ -52,7 +56,8 @@ pub fn usual_recordings(model: &MusculoskeletalModel, trials: &[Trial]) -> Vec<T
 /// Contractions × efforts × postures × directions.
 ///
 /// Excitations are those of the recorded trial that is most like the candidate, scaled by the effort. Held trials are
-/// offered in the middle of the recorded range and near its ends, moving ones over it.
+/// offered in the middle of the recorded range and near its ends, moving ones over it; all of them in postures of other
+/// joints that trials were recorded in.
 ///
 /// # Errors
 /// A candidate that cannot be simulated with the model as it is.
@@ -67,6 +72,7 @@ pub fn usual_candidates(model: &MusculoskeletalModel, trials: &[Trial]) -> Resul
             time: &time,
             angle: &p.angle,
             excitation: p.excitation.iter().map(Vec::as_slice).collect(),
+            held: p.held.iter().map(HeldCoordinate::from).collect(),
         })
         .collect();
     let options = Options { allow_angle_outside_range: true, ..Options::default() };
@@ -111,6 +117,37 @@ impl<'a> Known<'a> {
     }
 
     fn plans(&self) -> Vec<Plan> {
+        let in_posture = |held: Vec<PostureCoordinate>| {
+            let words = |h: &PostureCoordinate| format!(", {} {:.0}°", h.coordinate, h.value_deg_or_m);
+            let suffix = held.iter().map(words).collect::<String>().replace('-', "−");
+            self.plans_of_angles().into_iter().map(move |plan| Plan {
+                name: format!("{}{suffix}", plan.name),
+                held: held.clone(),
+                ..plan
+            })
+        };
+        self.postures().into_iter().flat_map(in_posture).collect()
+    }
+
+    /// Postures of other joints than the moving one, of which some stand for all.
+    fn postures(&self) -> Vec<Vec<PostureCoordinate>> {
+        let values = |held: &[PostureCoordinate]| held.iter().map(|h| h.value_deg_or_m).collect::<Vec<_>>();
+        let mut found: Vec<&Vec<PostureCoordinate>> = Vec::new();
+        for trial in &self.trials {
+            if !found.iter().any(|held| values(held) == values(&trial.info.held)) {
+                found.push(&trial.info.held);
+            }
+        }
+        found.sort_by(|a, b| values(a).partial_cmp(&values(b)).unwrap_or(std::cmp::Ordering::Equal));
+        let last = found.len() - 1;
+        let kept = match found.len() {
+            0..=MOST_POSTURES => (0..=last).collect::<Vec<_>>(),
+            _ => (0..MOST_POSTURES).map(|k| k * last / (MOST_POSTURES - 1)).collect(),
+        };
+        kept.into_iter().map(|i| found[i].clone()).collect()
+    }
+
+    fn plans_of_angles(&self) -> Vec<Plan> {
         let mut plans = Vec::new();
         let [low, high] = self.range;
         // Round angles, so that noise of the recorded angles does not make other candidates of every participant.
@@ -131,13 +168,20 @@ impl<'a> Known<'a> {
                             direction,
                             angle: vec![posture; steps],
                             excitation: excitation.clone(),
+                            held: Vec::new(),
                         });
                     }
                 }
                 if let Some(excitation) = self.excitation(direction, effort, Contraction::Isotonic) {
                     let (from, to) = if direction == Direction::Flexion { (low, high) } else { (high, low) };
                     let angle = sweep(from, to, 0.8, 1.65, None);
-                    plans.push(Plan { name: format!("isotonic, {how}"), direction, angle, excitation });
+                    plans.push(Plan {
+                        name: format!("isotonic, {how}"),
+                        direction,
+                        angle,
+                        excitation,
+                        held: Vec::new(),
+                    });
                 }
             }
         }
@@ -145,7 +189,7 @@ impl<'a> Known<'a> {
             let angle = sweep(low, high, 0.2, duration, Some(0.4 + duration));
             let excitation = self.rest.iter().map(|e| vec![*e; steps]).collect();
             let name = format!("passive, {words} sweep");
-            plans.push(Plan { name, direction: Direction::None, angle, excitation });
+            plans.push(Plan { name, direction: Direction::None, angle, excitation, held: Vec::new() });
         }
         plans
     }

@@ -3,7 +3,7 @@
 use nalgebra::DVector;
 
 use carpus_diagnosis::fit::{block_means, block_starts};
-use carpus_simulation::simulation::{PreparedTrial, Recording};
+use carpus_simulation::simulation::{HeldCoordinate, PreparedTrial, Recording};
 use carpus_study::study::Direction;
 
 /// Generalized force about one coordinate over a trial.
@@ -34,6 +34,8 @@ pub struct RecordedTrial {
     pub rows_per_moment: f64,
     /// Excitation of every active muscle, as recorded.
     pub excitation: Vec<Vec<f64>>,
+    /// Coordinates held otherwise than in the posture of the study.
+    pub held: Vec<HeldCoordinate>,
     /// What was measured.
     pub channels: Vec<Channel>,
     /// Prepared with the excitation as recorded.
@@ -58,6 +60,7 @@ impl RecordedTrial {
             angle: recording.angle.to_vec(),
             rows_per_moment: 1.0,
             excitation: recording.excitation.iter().map(|e| e.to_vec()).collect(),
+            held: recording.held.clone(),
             channels: vec![Channel {
                 coordinate: coordinate.to_string(),
                 measured: measured.to_vec(),
@@ -90,6 +93,7 @@ impl RecordedTrial {
             time: &self.time,
             angle: &self.angle,
             excitation: excitation.iter().map(Vec::as_slice).collect(),
+            held: self.held.clone(),
         }
     }
 

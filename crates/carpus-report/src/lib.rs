@@ -28,6 +28,7 @@ pub mod signals;
 mod story;
 mod story_figures;
 pub mod sweep;
+mod torque_angle;
 pub mod ultrasound;
 mod view;
 mod warnings;

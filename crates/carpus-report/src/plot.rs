@@ -115,12 +115,12 @@ const STRIP: f64 = 34.0;
 impl CurveFigure<'_> {
     /// The figure as SVG.
     pub fn svg(&self) -> String {
-        self.draw(&[], self.left())
+        self.draw(&[], &[], self.left())
     }
 
     /// The figure with its axis at `left`, as that of a figure above or below it.
     pub fn svg_from(&self, left: f64) -> String {
-        self.draw(&[], left)
+        self.draw(&[], &[], left)
     }
 
     /// Where the axis stands, so that the widest label of the ordinate is inside the drawing.
@@ -134,10 +134,15 @@ impl CurveFigure<'_> {
 
     /// The figure over bands: class, and lower and upper edge at the abscissae.
     pub fn svg_over(&self, bands: &[(&'static str, Vec<[f64; 2]>)]) -> String {
-        self.draw(bands, self.left())
+        self.draw(bands, &[], self.left())
     }
 
-    fn draw(&self, bands: &[(&'static str, Vec<[f64; 2]>)], left: f64) -> String {
+    /// As [`CurveFigure::svg_over`], with points that were measured: abscissa and ordinate.
+    pub fn svg_with_points(&self, bands: &[(&'static str, Vec<[f64; 2]>)], points: &[[f64; 2]]) -> String {
+        self.draw(bands, points, self.left())
+    }
+
+    fn draw(&self, bands: &[(&'static str, Vec<[f64; 2]>)], points: &[[f64; 2]], left: f64) -> String {
         let [width, height] = self.size;
         let strip_height = if self.strip.is_some() { STRIP } else { 0.0 };
         let x = Scale { data: self.x_range, drawn: [left, width - RIGHT] };
@@ -176,6 +181,10 @@ impl CurveFigure<'_> {
             let class = &curve.class;
             let name = escape(&curve.name);
             let _ = write!(w, r#"<polyline class="curve {class}" data-name="{name}" points="{points}"/>"#);
+        }
+        for [at, value] in points {
+            let (cx, cy) = (x.at(*at), y.at(*value));
+            let _ = write!(w, r#"<circle class="dot measured" cx="{cx:.1}" cy="{cy:.2}" r="2.6"/>"#);
         }
         w.push_str("</svg>");
         svg
@@ -321,21 +330,26 @@ pub fn percent_axis(max: f64) -> String {
     w
 }
 
-/// Where a fitted value lies between its bounds (positions 0 to 1), with the value before as a tick.
-pub fn bounds_bar(before: f64, after: f64, at_bound: bool) -> String {
+/// Where a fitted value lies between its bounds (positions 0 to 1), with the value before as a tick and the interval as
+/// a bar.
+pub fn bounds_bar(before: f64, after: f64, interval: Option<[f64; 2]>, at_bound: bool) -> String {
     let [width, height] = ROW_SIZE;
     let x = Scale { data: [0.0, 1.0], drawn: [8.0, width - 8.0] };
     let middle = height / 2.0;
     let [a, b] = [x.at(before.clamp(0.0, 1.0)), x.at(after.clamp(0.0, 1.0))];
     let [low, high] = x.drawn;
     let class = if at_bound { "dot after bound" } else { "dot after" };
+    let known = interval.map_or(String::new(), |ends| {
+        let [from, to] = ends.map(|end| x.at(end.clamp(0.0, 1.0)));
+        format!(r#"<line class="known" x1="{from:.1}" x2="{to:.1}" y1="{middle}" y2="{middle}"/>"#)
+    });
     format!(
         concat!(
             r#"<svg class="row" viewBox="0 0 {width} {height}" aria-hidden="true">"#,
             r#"<line class="track" x1="{low}" x2="{high}" y1="{middle}" y2="{middle}"/>"#,
             r#"<line class="end" x1="{low}" x2="{low}" y1="5" y2="17"/>"#,
             r#"<line class="end" x1="{high}" x2="{high}" y1="5" y2="17"/>"#,
-            r#"<line class="link fell" x1="{a:.1}" x2="{b:.1}" y1="{middle}" y2="{middle}"/>"#,
+            r#"{known}<line class="link fell" x1="{a:.1}" x2="{b:.1}" y1="{middle}" y2="{middle}"/>"#,
             r#"<line class="start" x1="{a:.1}" x2="{a:.1}" y1="5" y2="17"/>"#,
             r#"<circle class="{class}" cx="{b:.1}" cy="{middle}" r="5"/></svg>"#
         ),
@@ -344,6 +358,7 @@ pub fn bounds_bar(before: f64, after: f64, at_bound: bool) -> String {
         low = low,
         high = high,
         middle = middle,
+        known = known,
         a = a,
         b = b,
         class = class

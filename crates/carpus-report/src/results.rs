@@ -118,7 +118,7 @@ pub struct StudyResult {
     pub moment_includes: Vec<String>,
     /// Muscles that act.
     pub active_muscles: Vec<String>,
-    /// Coordinates held for every trial.
+    /// Coordinates held for every trial that has no value of its own.
     #[serde(default)]
     pub posture: Vec<HeldCoordinate>,
 }
@@ -262,6 +262,9 @@ pub struct TrialResult {
     /// Posture of the trial about the dynamometer's coordinate [deg], for isometric trials.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub posture_deg: Option<f64>,
+    /// Other coordinates that are held at values of their own in this trial.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub held: Vec<HeldCoordinate>,
     /// Repetition number.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub repetition: Option<u32>,

@@ -58,6 +58,16 @@ struct MusclePanel {
     lengths: String,
 }
 
+/// Moment arms of several muscles on one pair of axes.
+struct Together {
+    svg: String,
+    /// Class and name of every curve.
+    legend: Vec<(String, String)>,
+}
+
+/// Strokes that the style sheet has for curves of muscles.
+const STROKES: usize = 24;
+
 #[derive(Template)]
 #[template(path = "sweep.html")]
 struct Page<'a> {
@@ -71,6 +81,8 @@ struct Page<'a> {
     view: Warnings,
     /// Muscles that turn the coordinate, in the order of the model.
     muscles: Vec<MusclePanel>,
+    /// All moment arms on the axes that they share; none for one muscle.
+    together: Option<Together>,
     /// How many of them have an axis of their own.
     own_axis: usize,
     /// Name and lengths of the others.
@@ -82,7 +94,9 @@ pub fn render_sweep(figure: &SweepFigure) -> String {
     let acts = |m: &&SweepMuscle| m.moment_arm_m.iter().any(|arm| arm.abs() > NO_ARM);
     let (acting, others): (Vec<&SweepMuscle>, Vec<&SweepMuscle>) = figure.muscles.iter().partition(acts);
     let (shared, own) = shared_arm_range(&acting);
+    let sharing: Vec<&SweepMuscle> = acting.iter().zip(&own).filter(|(_, own)| !**own).map(|(m, _)| *m).collect();
     let page = Page {
+        together: (sharing.len() > 1).then(|| together(figure, &sharing, shared)),
         policy: content_security_policy(),
         style: STYLE,
         script: SCRIPT,
@@ -122,6 +136,29 @@ fn arm_range(muscles: &[&SweepMuscle]) -> [f64; 2] {
     let range = plot::extent(muscles.iter().flat_map(|m| m.moment_arm_m.iter().map(|v| 1e3 * v)));
     let [low, high] = plot::padded(range.unwrap_or([0.0, 1.0]), 0.06);
     [low.min(0.0), high.max(0.0)]
+}
+
+/// Moment arms of muscles on one pair of axes.
+fn together(figure: &SweepFigure, muscles: &[&SweepMuscle], y_range: [f64; 2]) -> Together {
+    let class = |i: usize| format!("muscle m{}", i % STROKES);
+    let curve = |(i, m): (usize, &&SweepMuscle)| (class(i), m.name.clone(), mm(&m.moment_arm_m));
+    let drawn: Vec<(String, String, Vec<f64>)> = muscles.iter().enumerate().map(curve).collect();
+    let svg = CurveFigure {
+        description: format!("Moment arms over {}", figure.coordinate),
+        x: &figure.values,
+        x_name: ("at", if figure.unit == "deg" { "°" } else { "m" }),
+        unit: "mm",
+        curves: (drawn.iter())
+            .map(|(class, name, values)| Curve { class: class.clone(), name: name.clone(), values })
+            .collect(),
+        x_range: plot::extent(figure.values.iter().copied()).unwrap_or([0.0, 1.0]),
+        y_range,
+        strip: None,
+        size: [1240.0, 380.0],
+        ticks: [12, 8],
+    }
+    .svg();
+    Together { svg, legend: drawn.into_iter().map(|(class, name, _)| (class, name)).collect() }
 }
 
 fn mm(values: &[f64]) -> Vec<f64> {

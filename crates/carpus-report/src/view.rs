@@ -5,8 +5,9 @@ pub(super) mod parameters;
 use super::axis_figures::{AxisPanel, axis_panels, repetition_words};
 use super::number::{percent, plain, quantity, significant};
 use super::plot::{self, Curve, CurveFigure};
-use super::results::{Condition, Errors, Kind, ModelResult, Results, StageResult, TrialResult, Use};
+use super::results::{Condition, Errors, HeldCoordinate, Kind, ModelResult, Results, StageResult, TrialResult, Use};
 use super::sentence::within_sentence;
+use super::torque_angle::{self, AnglePanel};
 use super::warnings::{self, WarningGroup};
 use parameters::{ParameterGroup, parameter_groups};
 
@@ -118,6 +119,7 @@ pub struct View {
     pub stages: Vec<StageRow>,
     pub axes: Vec<AxisPanel>,
     pub repetition_noise: String,
+    pub angles: Vec<AnglePanel>,
 }
 
 impl View {
@@ -163,6 +165,18 @@ impl View {
             stages: results.stages.iter().map(stage_row).collect(),
             axes: axis_panels(None, results.residuals.last(), &[]),
             repetition_noise: repetition_words(results.residuals.last()),
+            angles: match pair.after {
+                Some(after) => torque_angle::panels(
+                    &results.trials,
+                    pair.before.map(|m| m.id.as_str()),
+                    &after.id,
+                    |t: &TrialResult| {
+                        let held = t.held.iter().map(|h| format!(" · {}", held_words(h)));
+                        condition_title(&t.condition) + &held.collect::<String>()
+                    },
+                ),
+                None => Vec::new(),
+            },
         }
     }
 }
@@ -284,13 +298,14 @@ pub(super) fn facts(results: &Results) -> Vec<Fact> {
     facts.push(Fact { name: "Simulated moment sums", value: results.study.moment_includes.join(", ") });
     facts.push(Fact { name: "Active muscles", value: results.study.active_muscles.join(", ") });
     if !results.study.posture.is_empty() {
-        let held =
-            results.study.posture.iter().map(|h| {
-                format!("{} {}{}", h.coordinate, plain(h.value), if h.unit == "deg" { "°" } else { "\u{202f}m" })
-            });
+        let held = results.study.posture.iter().map(held_words);
         facts.push(Fact { name: "Posture", value: held.collect::<Vec<_>>().join(", ") });
     }
     facts
+}
+
+fn held_words(h: &HeldCoordinate) -> String {
+    format!("{} {}{}", h.coordinate, plain(h.value), if h.unit == "deg" { "°" } else { "\u{202f}m" })
 }
 
 fn participant(results: &Results) -> String {
@@ -487,8 +502,10 @@ fn panel(trial: &TrialResult, pair: &Pair, ranges: &PanelRanges) -> Panel {
     let error = |m: Option<&ModelResult>| m.and_then(|m| trial.errors.get(&m.id));
     let (before, after) = (error(pair.before), error(pair.after));
     let held = trial.posture_deg.filter(|_| ranges.angle.is_none());
-    let parts = [held.map(|p| format!("{}°", plain(p))), trial.repetition.map(|r| format!("repetition {r}"))];
-    let title = parts.into_iter().flatten().collect::<Vec<_>>().join(", ");
+    let mut parts: Vec<String> = held.map(|p| format!("{}°", plain(p))).into_iter().collect();
+    parts.extend(trial.held.iter().map(held_words));
+    parts.extend(trial.repetition.map(|r| format!("repetition {r}")));
+    let title = parts.join(", ");
     Panel {
         title: if title.is_empty() { trial.id.replace('_', " ") } else { title },
         id: trial.id.clone(),

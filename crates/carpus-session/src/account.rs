@@ -10,7 +10,7 @@ use carpus_report::results::{
     SCHEMA, Series, StudyResult, TrialResult, Use, UseErrors, WarningResult, rounded, thinned,
 };
 use carpus_simulation::evaluation::{ErrorMeasures, ErrorSummary, ErrorTable, SetErrors, TrialErrors};
-use carpus_study::study::{MomentPart, Participant, Sex, Side, Study, Trial, TrialInfo, TrialUse};
+use carpus_study::study::{MomentPart, Participant, PostureCoordinate, Sex, Side, Study, Trial, TrialInfo, TrialUse};
 
 /// Samples of a trial that a results file keeps for drawing.
 const DRAWN_SAMPLES: usize = 400;
@@ -60,7 +60,12 @@ pub fn results(setting: Setting, trials: &[Trial], runs: &[ModelRun]) -> Result<
     let trial = |i: usize| {
         let errors = runs.iter().zip(&tables).map(|(run, table)| (run.id.clone(), measured(&table.trials[i].errors)));
         let errors: BTreeMap<_, _> = if compared { errors.collect() } else { BTreeMap::new() };
-        trial_result(&trials[i], errors, runs.iter().map(|run| (run.id.clone(), run.moments[i].as_slice())))
+        trial_result(
+            &trials[i],
+            setting.spec,
+            errors,
+            runs.iter().map(|run| (run.id.clone(), run.moments[i].as_slice())),
+        )
     };
     Ok(Results {
         schema: SCHEMA.to_string(),
@@ -122,6 +127,7 @@ fn model_result(run: &ModelRun, table: &ErrorTable, compared: bool) -> ModelResu
 
 fn trial_result<'r>(
     trial: &Trial,
+    spec: &ModelSpec,
     errors: BTreeMap<String, Errors>,
     simulated: impl Iterator<Item = (String, &'r [f64])>,
 ) -> TrialResult {
@@ -134,6 +140,7 @@ fn trial_result<'r>(
         file: info.file_as_written.clone(),
         condition: condition(info.contraction.word(), info.effort_percent, info.direction.word()),
         posture_deg: info.posture.map(|p| rounded(p.to_degrees(), 12)),
+        held: held(&info.held, spec),
         repetition: info.repetition,
         trial_use: usage(info),
         samples: trial.len(),
@@ -211,6 +218,19 @@ fn summarized(e: &ErrorSummary) -> Errors {
     }
 }
 
+fn held(held: &[PostureCoordinate], spec: &ModelSpec) -> Vec<HeldCoordinate> {
+    let of = |p: &PostureCoordinate| {
+        let coordinate = spec.coordinates.iter().find(|c| c.name == p.coordinate);
+        let translation = coordinate.is_some_and(|c| c.motion_type == MotionType::Translational);
+        HeldCoordinate {
+            coordinate: p.coordinate.clone(),
+            value: p.value_deg_or_m,
+            unit: if translation { "m" } else { "deg" }.to_string(),
+        }
+    };
+    held.iter().map(of).collect()
+}
+
 fn study_result(study: &Study, spec: &ModelSpec) -> StudyResult {
     let settings = &study.settings;
     let parts = [
@@ -219,15 +239,6 @@ fn study_result(study: &Study, spec: &ModelSpec) -> StudyResult {
         (MomentPart::Gravity, "gravity"),
         (MomentPart::Inertia, "inertia"),
     ];
-    let held = settings.posture.iter().map(|p| {
-        let coordinate = spec.coordinates.iter().find(|c| c.name == p.coordinate);
-        let translation = coordinate.is_some_and(|c| c.motion_type == MotionType::Translational);
-        HeldCoordinate {
-            coordinate: p.coordinate.clone(),
-            value: p.value_deg_or_m,
-            unit: if translation { "m" } else { "deg" }.to_string(),
-        }
-    });
     StudyResult {
         name: settings.name.clone(),
         coordinate: settings.dynamometer.coordinate.clone(),
@@ -237,7 +248,7 @@ fn study_result(study: &Study, spec: &ModelSpec) -> StudyResult {
             .map(|(_, word)| word.to_string())
             .collect(),
         active_muscles: settings.active_muscles.clone(),
-        posture: held.collect(),
+        posture: held(&settings.posture, spec),
     }
 }
 

@@ -137,6 +137,9 @@ pub struct Condition {
     pub efforts_percent: Vec<f64>,
     /// Least and greatest angle that was recorded [deg].
     pub angle_deg: Option<[f64; 2]>,
+    /// Other coordinates that trials hold at values of their own [deg, or m], each value once.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub held: BTreeMap<String, Vec<f64>>,
     /// Largest moment that was recorded [N·m].
     pub largest_moment_n_m: Option<f64>,
     /// Trials that are fitted.
@@ -373,7 +376,9 @@ fn look(session: &Session<'_>, found: &mut Findings) -> Result<(), Failure> {
     lead(data, found);
     let chosen = data.model.coordinate();
     for (name, default_deg, muscles) in crossed(&data.loaded, &settings.active_muscles, chosen)? {
-        if !settings.posture.iter().any(|held| held.coordinate == name) {
+        let stated = settings.posture.iter().any(|held| held.coordinate == name)
+            || data.trials.iter().all(|t| t.info.held_at(&name).is_some());
+        if !stated {
             let text =
                 format!("{name} stays at the model's {}°, and {} cross it", fixed(default_deg, 0), muscles.join(", "));
             found.add(Level::Amber, Subject::Posture, text, &format!("set {name} in [posture_deg] of study.toml"));
@@ -446,6 +451,7 @@ fn of_participant(data: &LoadedParticipant) -> Vec<Condition> {
             direction: info.direction.word(),
             efforts_percent: Vec::new(),
             angle_deg: None,
+            held: BTreeMap::new(),
             largest_moment_n_m: None,
             fitted: 0,
             held_out: 0,
@@ -455,6 +461,13 @@ fn of_participant(data: &LoadedParticipant) -> Vec<Condition> {
             if !condition.efforts_percent.contains(&effort) {
                 condition.efforts_percent.push(effort);
                 condition.efforts_percent.sort_by(f64::total_cmp);
+            }
+        }
+        for own in &info.held {
+            let values = condition.held.entry(own.coordinate.clone()).or_default();
+            if !values.contains(&own.value_deg_or_m) {
+                values.push(own.value_deg_or_m);
+                values.sort_by(f64::total_cmp);
             }
         }
         let [low, high] = condition.angle_deg.unwrap_or([f64::INFINITY, f64::NEG_INFINITY]);

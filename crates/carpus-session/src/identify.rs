@@ -349,8 +349,10 @@ fn identified(
         for about in further {
             let trial = candidate.trial.clone();
             let zeros = vec![0.0; trial.time.len()];
-            let arms =
-                run.model.moment_arms_about(&about.coordinate, &trial.angle).map_err(|e| failed(run, e.into()))?;
+            let arms = run
+                .model
+                .moment_arms_about(&about.coordinate, &trial.held, &trial.angle)
+                .map_err(|e| failed(run, e.into()))?;
             candidate.trial = trial.with_channel(&about.coordinate, &zeros, arms);
         }
     }
@@ -385,7 +387,7 @@ fn estimation(
                 RecordedTrial::new(&t.info.name, t.info.direction, coordinate, &Recording::from(t), &t.moment, p)
                     .sampled_every(t.rows_per_moment());
             further.iter().zip(&t.further_moments).try_fold(trial, |trial, (about, measured)| {
-                let arms = run.model.moment_arms_about(&about.coordinate, &t.angle)?;
+                let arms = run.model.moment_arms_about(&about.coordinate, &trial.held, &t.angle)?;
                 Ok(trial.with_channel(&about.coordinate, measured, arms))
             })
         })

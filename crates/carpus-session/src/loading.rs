@@ -14,10 +14,10 @@ use carpus_osim::osim::spec::{ModelSpec, MotionType};
 use carpus_report::results::InputFile;
 use carpus_simulation::scaling::ParticipantScaling;
 use carpus_simulation::simulation::{
-    MuscleKinematics, MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording, SimulationError,
-    TrialSimulation,
+    HeldCoordinate, MuscleKinematics, MuscleParameters, MusculoskeletalModel, Options, PreparedTrial, Recording,
+    SimulationError, TrialSimulation,
 };
-use carpus_study::study::{Contraction, MIN_SAMPLES, MomentPart, Participant, Trial, TrialUse};
+use carpus_study::study::{Contraction, MIN_SAMPLES, MomentPart, Participant, Trial, TrialInfo, TrialUse};
 
 /// What a participant's model and trials are read for: some work needs more memory, or fewer samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -164,6 +164,7 @@ impl Study {
         if model.closes_loops() {
             loaded.model = model.skeleton().clone();
         }
+        self.check_postures(participant, &model)?;
         let left_out = model.left_out().iter().map(|(name, class)| format!("{name} ({class})")).collect::<Vec<_>>();
         if !left_out.is_empty() {
             warnings.push(Diagnostic::warning(format!("left out: {}", left_out.join(", "))).in_file(&loaded.path));
@@ -243,6 +244,23 @@ impl Study {
         check_angles(chosen.iter().map(|&i| &run.trials[i]), &model)?;
         let prepared = model.prepare_all(&recordings, &checked_angles()).map_err(failed)?;
         carpus_simulation::simulation::simulate_all(&prepared, &model.nominal_parameters()).map_err(failed)
+    }
+
+    /// Checks the postures that trials have of their own.
+    fn check_postures(&self, of: &Participant, model: &MusculoskeletalModel) -> Result<(), Failure> {
+        let trials = self.tables.trials_of(&of.name).filter(|t| t.usage != TrialUse::Ignore);
+        let wrong = |info: &TrialInfo| {
+            let held: Vec<HeldCoordinate> = info.held.iter().map(HeldCoordinate::from).collect();
+            let error = model.posture_with(&held).err()?;
+            let message = Diagnostic::error(error.to_string()).in_file(&self.tables.folder.join("trials.csv"));
+            let message = message.at_line(info.line);
+            Some(match error.hint() {
+                Some(hint) => message.hint(hint),
+                None => message,
+            })
+        };
+        let wrong: Vec<Diagnostic> = trials.filter_map(wrong).collect();
+        if wrong.is_empty() { Ok(()) } else { Err(wrong.into()) }
     }
 
     /// Checks the recorded angles against the range of the coordinate. Returns warnings of angles a little outside.
@@ -330,10 +348,26 @@ fn path_warnings(
     model: &MusculoskeletalModel,
     trials: &[Trial],
 ) -> Result<Vec<Diagnostic>, Failure> {
-    let angles = trials.iter().flat_map(|t| &t.angle);
-    let range = angles.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], a| [low.min(*a), high.max(*a)]);
     let names: Vec<String> = model.muscle_names().map(String::from).collect();
-    path_check::over_range(loaded, &loaded.muscles(&names)?, model.coordinate(), &model.posture, range)
+    let muscles = loaded.muscles(&names)?;
+    let mut postures: Vec<(Vec<HeldCoordinate>, [f64; 2])> = Vec::new();
+    for trial in trials {
+        let held: Vec<HeldCoordinate> = trial.info.held.iter().map(HeldCoordinate::from).collect();
+        let [low, high] =
+            trial.angle.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], a| [l.min(*a), h.max(*a)]);
+        match postures.iter_mut().find(|(known, _)| *known == held) {
+            Some((_, range)) => *range = [range[0].min(low), range[1].max(high)],
+            None => postures.push((held, [low, high])),
+        }
+    }
+    let mut found: Vec<Diagnostic> = Vec::new();
+    for (held, range) in postures {
+        let posture = model.posture_with(&held).map_err(|e| Failure::from(simulation_message(&e, loaded)))?;
+        let new = path_check::over_range(loaded, &muscles, model.coordinate(), &posture, range)?;
+        // A path that is wrong in several postures is named once.
+        found.extend(new.into_iter().filter(|d| !found.contains(d)).collect::<Vec<_>>());
+    }
+    Ok(found)
 }
 
 /// Checks recorded angles against the range of the coordinate. Returns warnings of those a little outside.

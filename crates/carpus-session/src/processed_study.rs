@@ -10,6 +10,7 @@ use super::output::OutputFolder;
 use carpus_report::results::rounded;
 use carpus_study::study::{
     AngleUnit, Conversion, Conversions, MomentPart, Participant, ProcessedTrial, Study, TrialInfo, TrialUse,
+    held_coordinates, posture_column,
 };
 
 /// Significant digits of a posture: what was read in degrees comes back as it was written, without the rounding of
@@ -219,6 +220,9 @@ fn trials_csv(trials: &[NewTrial<'_>], study: &Study) -> Result<String, Failure>
     header.extend(timed.then_some("start_time_s"));
     let turned = trials.iter().any(|new| new.trial.info.arm_flipped);
     header.extend(turned.then_some("arm"));
+    let held = held_coordinates(trials.iter().map(|new| &new.trial.info));
+    let columns: Vec<String> = held.iter().map(|coordinate| posture_column(coordinate)).collect();
+    header.extend(columns.iter().map(String::as_str));
     let subtracted = study.settings.processing.passive_order.is_some();
     let rows = trials.iter().map(|new| {
         let info: &TrialInfo = &new.trial.info;
@@ -242,6 +246,7 @@ fn trials_csv(trials: &[NewTrial<'_>], study: &Study) -> Result<String, Failure>
             row.push(start.map(|v| v.to_string()).unwrap_or_default());
         }
         row.extend(turned.then(|| info.arm_word().to_owned()));
+        row.extend(held.iter().map(|coordinate| info.held_at(coordinate).map(|v| v.to_string()).unwrap_or_default()));
         row
     });
     csv_text(header.iter(), rows)

@@ -89,7 +89,9 @@ fn condition(trial: &Trial) -> String {
     let info = &trial.info;
     let bits = |v: Option<f64>| v.map(f64::to_bits);
     let (effort, posture) = (bits(info.effort_percent), bits(info.posture));
-    format!("{:?} {:?} {effort:?} {posture:?} {}", info.contraction, info.direction, info.arm_word())
+    let held: Vec<(&str, u64)> =
+        info.held.iter().map(|h| (h.coordinate.as_str(), h.value_deg_or_m.to_bits())).collect();
+    format!("{:?} {:?} {effort:?} {posture:?} {} {held:?}", info.contraction, info.direction, info.arm_word())
 }
 
 fn muscle_names(run: &LoadedParticipant) -> Vec<MuscleName> {

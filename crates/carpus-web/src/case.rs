@@ -8,7 +8,9 @@ use serde::{Deserialize, Serialize};
 use super::columns;
 use carpus_numerics::signals::OwnSamples;
 use carpus_simulation::simulation::{HeldCoordinate, MuscleParameters, Setup};
-use carpus_study::study::{Contraction, Direction, MomentPart, ParameterBounds, Trial, TrialInfo, TrialUse};
+use carpus_study::study::{
+    Contraction, Direction, MomentPart, ParameterBounds, PostureCoordinate, Trial, TrialInfo, TrialUse,
+};
 
 /// Schema of the header.
 pub const CASE_SCHEMA: &str = "carpus.case/1";
@@ -105,6 +107,8 @@ pub struct TrialOfCase {
     pub usage: TrialUse,
     pub start_time: Option<f64>,
     pub arm_flipped: bool,
+    #[serde(default)]
+    pub held: Vec<(String, f64)>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moment_samples: Option<OwnSamples>,
 }
@@ -242,11 +246,17 @@ impl TrialOfCase {
             usage: info.usage,
             start_time: info.start_time,
             arm_flipped: info.arm_flipped,
+            held: info.held.iter().map(|h| (h.coordinate.clone(), h.value_deg_or_m)).collect(),
             moment_samples: trial.moment_samples.clone(),
         }
     }
 
     fn info(&self, participant: &str, index: usize) -> TrialInfo {
+        let held = |(coordinate, value): &(String, f64)| PostureCoordinate {
+            coordinate: coordinate.clone(),
+            line: 0,
+            value_deg_or_m: *value,
+        };
         TrialInfo {
             index,
             place: self.place,
@@ -259,6 +269,7 @@ impl TrialOfCase {
             effort_percent: self.effort_percent,
             direction: self.direction,
             posture: self.posture,
+            held: self.held.iter().map(held).collect(),
             repetition: self.repetition,
             usage: self.usage,
             start_time: self.start_time,

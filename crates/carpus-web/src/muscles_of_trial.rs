@@ -3,7 +3,7 @@
 use super::scene::{Scene, SceneError};
 use super::workbench::{Workbench, WorkbenchError};
 use carpus_diagnosis::forward_model::Setting;
-use carpus_simulation::simulation::MuscleParameters;
+use carpus_simulation::simulation::{HeldCoordinate, MuscleParameters};
 
 /// Parameters per muscle by which moments are derived: the first is the maximum isometric force.
 const PER_MUSCLE: usize = 3;
@@ -61,8 +61,11 @@ impl Workbench {
 
     /// All coordinates at a sample of a trial [rad or m]: the study's posture, the moving coordinate as recorded.
     pub fn coordinates_at(&self, trial: usize, sample: usize) -> Vec<f64> {
-        let mut q = self.model.posture.clone();
-        if let Some(angle) = self.trials.get(trial).and_then(|t| t.angle.get(sample)) {
+        let Some(trial) = self.trials.get(trial) else { return self.model.posture.clone() };
+        let held: Vec<HeldCoordinate> = trial.info.held.iter().map(HeldCoordinate::from).collect();
+        // Trials were prepared in their postures, so that each can be taken.
+        let mut q = self.model.posture_with(&held).unwrap_or_else(|_| self.model.posture.clone());
+        if let Some(angle) = trial.angle.get(sample) {
             q[self.model.coordinate().0] = *angle;
         }
         q

@@ -207,7 +207,8 @@ fn verif_a_path_of_kilometres_is_refused() {
     };
     let model = MusculoskeletalModel::compile(&spec, &setup).unwrap();
     let (time, angle, excitation) = ([0.0, 0.1, 0.2, 0.3, 0.4, 0.5], [0.1, 0.2, 0.3, 0.4, 0.5, 0.6], [0.5; 6]);
-    let recording = Recording { name: "t".into(), time: &time, angle: &angle, excitation: vec![&excitation] };
+    let excitation = vec![&excitation[..]];
+    let recording = Recording { name: "t".into(), time: &time, angle: &angle, excitation, held: Vec::new() };
     let Err(error) = model.prepare(&recording, &Options::default()) else { panic!("a path of a kilometre") };
     assert!(matches!(&error, SimulationError::PathLength { muscle, .. } if muscle == "far"), "{error}");
     assert!(error.to_string().contains("expected a length above 0 m and below 20 m"), "{error}");

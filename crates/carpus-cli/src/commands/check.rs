@@ -1,5 +1,7 @@
 //! `carpus check`: what can be found in a study before a run.
 
+use std::collections::BTreeSet;
+
 use crate::args::{CheckArgs, Global};
 use crate::bars::Bars;
 use crate::failure::{Diagnostic, Failure};
@@ -28,15 +30,21 @@ pub fn run(args: &CheckArgs, global: &Global) -> Result<(), Failure> {
 fn readable(checked: &Checked) -> String {
     let mut text = String::new();
     if !checked.conditions.is_empty() {
-        let header =
-            ["participant", "contraction", "direction", "effort %", "angle °", "max. N·m", "fit", "held out", "MVC"];
+        let held: BTreeSet<&String> = checked.conditions.iter().flat_map(|c| c.held.keys()).collect();
+        let mut header = vec!["participant", "contraction", "direction", "effort %", "angle °"];
+        header.extend(held.iter().map(|name| name.as_str()));
+        header.extend(["max. N·m", "fit", "held out", "MVC"]);
         let rows = checked.conditions.iter().map(|c| {
             let efforts = c.efforts_percent.iter().map(|e| fixed(*e, 0)).collect::<Vec<_>>().join(" ");
             let angle = c.angle_deg.map_or(String::new(), |[a, b]| format!("{} to {}", fixed(a, 0), fixed(b, 0)));
-            let moment = c.largest_moment_n_m.map_or(String::new(), |m| fixed(m, 1));
+            let moment = c.largest_moment_n_m.map_or(String::new(), |m| fixed(m, if m < 1.0 { 2 } else { 1 }));
+            let at = |v: &f64| fixed(*v, 0);
+            let other = |name: &&String| {
+                c.held.get(*name).map_or(String::new(), |v| v.iter().map(at).collect::<Vec<_>>().join(" "))
+            };
             let counts = [c.fitted, c.held_out, c.mvc].map(|n| n.to_string());
-            let own = [c.participant.clone(), c.contraction.to_owned(), c.direction.to_owned(), efforts, angle, moment];
-            own.into_iter().chain(counts).collect()
+            let own = [c.participant.clone(), c.contraction.to_owned(), c.direction.to_owned(), efforts, angle];
+            own.into_iter().chain(held.iter().map(other)).chain([moment]).chain(counts).collect()
         });
         text.push_str(&table(&header, 3, rows));
         text.push_str("\n\n");

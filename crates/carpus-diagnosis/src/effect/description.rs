@@ -59,8 +59,10 @@ pub enum Quantity {
 pub enum StrengthScaling {
     /// They do not.
     None,
-    /// In proportion: moments, stiffness, drag, inertia.
+    /// In proportion: moments, stiffness, drag.
     Proportional,
+    /// As the weight of what the joint moves: weight and inertia.
+    Weight,
     /// Inversely: compliance.
     Inverse,
 }
@@ -321,6 +323,11 @@ impl Parameter {
     /// Larger in proportion at a stronger joint.
     pub(crate) const fn of_strength(self) -> Parameter {
         Parameter { strength: StrengthScaling::Proportional, ..self }
+    }
+
+    /// Smaller where what the joint moves is lighter.
+    pub(crate) const fn of_weight(self) -> Parameter {
+        Parameter { strength: StrengthScaling::Weight, ..self }
     }
 
     /// Smaller in proportion at a stronger joint.

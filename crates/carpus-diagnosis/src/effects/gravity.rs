@@ -22,9 +22,9 @@ static DESCRIPTION: Description = Description {
             "weight of the hand 0.2 to 0.6 N·m, and the attachment (assumed, no published source); up to 1.2 either \
              way, with a handle, is still taken for plausible",
         )
-        .of_strength(),
+        .of_weight(),
         amplitude("moment_at_90_deg", "N·m", 0.2, [-1.2, 1.2], "the same, for another direction of gravity")
-            .of_strength(),
+            .of_weight(),
     ],
     signature: "a sinusoid against angle, the same at every activation",
     experiment: "relaxed sweep, forearm turned over (arm = flipped in trials.csv: the other sign)",

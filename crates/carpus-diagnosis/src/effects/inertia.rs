@@ -19,7 +19,7 @@ static DESCRIPTION: Description = Description {
         [0.0, 0.05],
         "0.002 to 0.02 (assumed, no published source); 0 to 0.05 is still taken for plausible",
     )
-    .of_strength()],
+    .of_weight()],
     signature: "follows acceleration",
     experiment: "fast start and stop",
     rivals: &["history_dependence", "time_shift"],

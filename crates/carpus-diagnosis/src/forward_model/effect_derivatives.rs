@@ -126,7 +126,7 @@ impl ForwardModel {
             here.angle == recorded.angle && here.speed == recorded.speed && here.acceleration == recorded.acceleration
         };
         let usual = || setting.values == self.joint.absent(setting.effect).values;
-        if !setting.effect.follows_motion_alone(&self.silent_muscles) || !usual() || !as_recorded() {
+        if !setting.effect.follows_motion_alone(self.silent()) || !usual() || !as_recorded() {
             return calc();
         }
         let key = (setting.effect.description().id, parameter);
@@ -438,7 +438,7 @@ mod tests {
         let mut count = 0;
         for effect in crate::catalogue::CATALOGUE {
             let setting = forward.joint.absent(*effect);
-            if !effect.follows_motion_alone(&forward.silent_muscles) {
+            if !effect.follows_motion_alone(forward.silent()) {
                 continue;
             }
             count += 1;
@@ -453,6 +453,6 @@ mod tests {
             }
         }
         assert!(count >= 8, "{count}");
-        assert!(!effect("unmodelled_muscles").unwrap().follows_motion_alone(&forward.silent_muscles));
+        assert!(!effect("unmodelled_muscles").unwrap().follows_motion_alone(forward.silent()));
     }
 }

@@ -193,7 +193,7 @@ impl ForwardModel {
 
     /// Whether the joint's moment follows excitations otherwise than through the active muscles.
     pub fn follows_excitation(&self, effects: &[Setting]) -> bool {
-        let follows = |s: &Setting| !s.is_absent() && s.effect.excitation_memory(&self.silent_muscles).is_some();
+        let follows = |s: &Setting| !s.is_absent() && s.effect.excitation_memory(self.silent()).is_some();
         self.acting(effects).iter().any(follows)
     }
 
@@ -216,7 +216,7 @@ impl ForwardModel {
         let ordered = in_order(&acting);
         let mut following: Vec<(&Setting, f64)> = Vec::new();
         for setting in ordered.iter().copied().filter(|s| !s.is_absent()) {
-            following.extend(setting.effect.excitation_memory(&self.silent_muscles).map(|memory| (setting, memory)));
+            following.extend(setting.effect.excitation_memory(self.silent()).map(|memory| (setting, memory)));
         }
         let memory = following.iter().map(|(_, memory)| *memory).fold(0.0, f64::max);
         let context = self.context(trial, &core.excitation, core.shown());

@@ -1,5 +1,7 @@
 //! Weight and inertia of the bodies as generalized forces about one coordinate.
 
+use nalgebra::Vector3;
+
 use crate::multibody::{BaseIndex, BodySubset, Cache, Model};
 use carpus_osim::osim::spec::BodyIndex;
 
@@ -17,6 +19,16 @@ pub fn gravity_force(model: &Model, subset: &BodySubset, cache: &Cache) -> f64 {
         sum += body.mass * model.gravity.dot(&cache.partial_velocity(base).velocity_at(&p_cm));
     }
     sum
+}
+
+/// Σ m_B v_Bcm of the bodies of `subset` for unit speed of the coordinate of the cache's unit motion [kg·m/rad or kg]:
+/// its length times g is the largest moment that gravity, however directed, has about the coordinate.
+pub fn first_moment_of_mass(model: &Model, subset: &BodySubset, cache: &Cache) -> Vector3<f64> {
+    let moment = |(body, base): (&crate::multibody::Body, BaseIndex)| {
+        let p_cm = cache.X_GB(base).R * body.mass_center;
+        body.mass * cache.partial_velocity(base).velocity_at(&p_cm)
+    };
+    massive_bodies(model, subset).map(moment).sum()
 }
 
 /// Generalized inertia force [N·m or N] of the bodies of `subset` about the coordinate of the cache's unit motion

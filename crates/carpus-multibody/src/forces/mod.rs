@@ -20,7 +20,7 @@ mod spring;
 
 pub use actuator::Actuator;
 pub use applied::AppliedForces;
-pub use body_forces::{gravity_force, inertia_force};
+pub use body_forces::{first_moment_of_mass, gravity_force, inertia_force};
 pub use bushing::{BushingForce, BushingLaw};
 pub use coordinate_limit::CoordinateLimitForce;
 pub use error::ForceError;

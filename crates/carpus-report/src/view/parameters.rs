@@ -43,7 +43,12 @@ pub fn parameter_groups(parameters: &[ParameterResult]) -> Vec<ParameterGroup> {
             change: if p.before == 0.0 { "–".to_string() } else { signed_percent(p.after / p.before - 1.0) },
             lower: quantity(p.lower, &p.unit),
             upper: quantity(p.upper, &p.unit),
-            svg: plot::bounds_bar(p.position(p.before), p.position(p.after), p.at_bound()),
+            svg: plot::bounds_bar(
+                p.position(p.before),
+                p.position(p.after),
+                p.interval.as_ref().map(|i| [i.lower, i.upper].map(|end| p.position(end))),
+                p.at_bound(),
+            ),
             at_bound: p.at_bound(),
             deviation: uncertainty(p),
             open: p.interval.as_ref().is_some_and(|i| !i.is_determined()),

@@ -123,6 +123,7 @@ fn group(
     let is_translation = skeleton.coordinates[coordinate.0].motion_type == MotionType::Translational;
     let value_deg_or_m = if is_translation { target.angle } else { target.angle.to_degrees() };
     let mut held = setup.posture;
+    held.extend_from_slice(&target.held);
     held.push(HeldCoordinate { coordinate: setup.coordinate, value_deg_or_m });
     let q = crate::simulation::posture(skeleton, &held)?;
     let mut cache = skeleton.new_cache();

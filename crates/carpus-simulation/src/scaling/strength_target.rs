@@ -1,6 +1,7 @@
 //! Maximum voluntary moments of a participant and the postures in which they were exerted.
 
 use super::strength_error::StrengthError;
+use crate::simulation::HeldCoordinate;
 use carpus_study::study::{Direction, Participant, Study, Trial, TrialInfo};
 
 /// A moment that a group of muscles has to reach.
@@ -12,6 +13,8 @@ pub struct StrengthTarget {
     pub moment: f64,
     /// Value of the dynamometer's coordinate [rad or m].
     pub angle: f64,
+    /// Coordinates held otherwise than in the study's posture: those of the trial that the angle is from.
+    pub held: Vec<HeldCoordinate>,
     /// Where the moment comes from.
     pub source: TargetSource,
 }
@@ -55,10 +58,12 @@ pub fn strength_targets(
             (None, Some(trial)) => (trial.moment, TargetSource::Trial(trial.file.clone())),
             (None, None) => continue,
         };
-        let angle = in_posture.or(trial.map(|trial| trial.angle));
+        let of_trial = trial.filter(|_| in_posture.is_none());
+        let held = of_trial.as_ref().map(|trial| trial.held.clone()).unwrap_or_default();
+        let angle = in_posture.or(of_trial.map(|trial| trial.angle));
         let unknown =
             || StrengthError::NoPosture { participant: participant.name.clone(), direction: direction.word() };
-        targets.push(StrengthTarget { direction, moment, angle: angle.ok_or_else(unknown)?, source });
+        targets.push(StrengthTarget { direction, moment, angle: angle.ok_or_else(unknown)?, held, source });
     }
     if targets.is_empty() {
         return Err(StrengthError::NoMoment { participant: participant.name.clone() });
@@ -71,6 +76,7 @@ struct Largest {
     file: String,
     moment: f64,
     angle: f64,
+    held: Vec<HeldCoordinate>,
 }
 
 fn largest(study: &Study, participant: &Participant, direction: Direction) -> Result<Option<Largest>, StrengthError> {
@@ -89,7 +95,8 @@ fn largest(study: &Study, participant: &Participant, direction: Direction) -> Re
         }
         if best.as_ref().is_none_or(|best| along > best.moment) {
             let angle = info.posture.unwrap_or(trial.angle[at]);
-            best = Some(Largest { file: info.file_as_written.clone(), moment: along, angle });
+            let held = info.held.iter().map(HeldCoordinate::from).collect();
+            best = Some(Largest { file: info.file_as_written.clone(), moment: along, angle, held });
         }
     }
     Ok(best.filter(|best| best.moment > 0.0))

@@ -8,15 +8,18 @@ use super::closed_loops::{self, ClosedLoops};
 use super::error::SimulationError;
 use super::fiber::CurveCache;
 use super::fiber::equation::{Fiber, FiberCurves};
-use carpus_multibody::forces::{Forces, PathForce};
+use carpus_multibody::forces::{Forces, PathForce, first_moment_of_mass};
 use carpus_multibody::multibody::Model;
 use carpus_multibody::muscles::{FirstOrderActivation, MuscleModel};
 use carpus_multibody::paths::Path;
 use carpus_osim::osim::spec::{CoordinateIndex, ModelSpec, MotionType, MuscleSpec};
-use carpus_study::study::{MomentPart, Settings};
+use carpus_study::study::{MomentPart, PostureCoordinate, Settings};
 
 /// Classes of OpenSim forces that do nothing without a control of their own.
 const INERT_CLASSES: [&str; 1] = ["BodyActuator"];
+
+/// Gravity on earth [m/s²].
+const STANDARD_GRAVITY: f64 = 9.80665;
 
 /// Activation that a `DeGrooteFregly2016Muscle` has at least. OpenSim's class has no bound and divides by the
 /// activation.
@@ -48,16 +51,18 @@ pub struct HeldCoordinate {
     pub value_deg_or_m: f64,
 }
 
+impl From<&PostureCoordinate> for HeldCoordinate {
+    fn from(held: &PostureCoordinate) -> HeldCoordinate {
+        HeldCoordinate { coordinate: held.coordinate.clone(), value_deg_or_m: held.value_deg_or_m }
+    }
+}
+
 impl Setup {
     /// What a study's settings say.
     pub fn from_settings(settings: &Settings) -> Setup {
-        let held = |p: &carpus_study::study::PostureCoordinate| HeldCoordinate {
-            coordinate: p.coordinate.clone(),
-            value_deg_or_m: p.value_deg_or_m,
-        };
         Setup {
             coordinate: settings.dynamometer.coordinate.clone(),
-            posture: settings.posture.iter().map(held).collect(),
+            posture: settings.posture.iter().map(HeldCoordinate::from).collect(),
             active_muscles: settings.active_muscles.clone(),
             parts: settings.dynamometer.include.clone(),
             dynamometer_damping: settings.dynamometer.damping,
@@ -208,6 +213,26 @@ impl MusculoskeletalModel {
     /// The coordinate that the dynamometer moves.
     pub fn coordinate(&self) -> CoordinateIndex {
         self.coordinate
+    }
+
+    /// All coordinates in the posture of the study with some held otherwise, couplers satisfied [rad or m].
+    ///
+    /// # Errors
+    /// A coordinate that is not there, follows another, is the moving one, or is outside its range.
+    pub fn posture_with(&self, held: &[HeldCoordinate]) -> Result<Vec<f64>, SimulationError> {
+        let mut q = self.posture.clone();
+        set_posture(&self.skeleton, &mut q, held)?;
+        Ok(q)
+    }
+
+    /// Largest moment that gravity, however directed, has about the moving coordinate [N·m or N], in the posture of the
+    /// study: how heavy what the coordinate moves is.
+    pub fn weight_moment(&self) -> f64 {
+        let (skeleton, moved) = (&self.skeleton, self.skeleton.bodies_moved_by(&[self.coordinate]));
+        let mut cache = skeleton.new_cache();
+        skeleton.update_positions(&self.posture, &mut cache);
+        skeleton.update_unit_motion(&self.posture, self.coordinate, &mut cache);
+        STANDARD_GRAVITY * first_moment_of_mass(skeleton, &moved, &cache).norm()
     }
 
     /// Names of the active muscles, in order.

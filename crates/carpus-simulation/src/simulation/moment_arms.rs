@@ -1,18 +1,25 @@
 //! Moment arms of active muscles about any coordinate, along a recorded angle.
 
 use super::error::SimulationError;
-use super::model::{MusculoskeletalModel, independent_coordinate};
+use super::model::{HeldCoordinate, MusculoskeletalModel, independent_coordinate};
 
 impl MusculoskeletalModel {
     /// Moment arm of every active muscle about a coordinate at every sample [m], while the dynamometer's coordinate is
     /// at `angle` [rad or m] and all others at the posture of the study. Couplers are followed.
     ///
+    /// - `held`: coordinates held otherwise than in the posture of the study
+    ///
     /// # Errors
     /// An unknown coordinate, or one that a coupler determines.
-    pub fn moment_arms_about(&self, coordinate: &str, angle: &[f64]) -> Result<Vec<Vec<f64>>, SimulationError> {
+    pub fn moment_arms_about(
+        &self,
+        coordinate: &str,
+        held: &[HeldCoordinate],
+        angle: &[f64],
+    ) -> Result<Vec<Vec<f64>>, SimulationError> {
         let skeleton = &self.skeleton;
         let about = independent_coordinate(skeleton, coordinate)?;
-        let mut q = self.posture.clone();
+        let mut q = self.posture_with(held)?;
         let mut cache = skeleton.new_cache();
         let mut geometries: Vec<_> = self.muscles.iter().map(|m| m.path.new_geometry()).collect();
         let mut arms: Vec<Vec<f64>> = vec![Vec::with_capacity(angle.len()); self.muscles.len()];

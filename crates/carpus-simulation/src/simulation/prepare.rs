@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::activation_trajectory::ActivationTrajectory;
 use super::error::SimulationError;
 use super::fiber::plan::StepPlan;
-use super::model::MusculoskeletalModel;
+use super::model::{HeldCoordinate, MusculoskeletalModel};
 use super::motion::Motion;
 use super::tables::{CoordinateTables, LENGTH, MOMENT_ARM, UNIT_SPEED};
 use super::trial::{
@@ -22,12 +22,12 @@ impl MusculoskeletalModel {
     /// As there.
     pub fn prepare(&self, recording: &Recording, options: &Options) -> Result<PreparedTrial, SimulationError> {
         let motion = self.checked_motion(recording, options)?;
-        let tables = Arc::new(CoordinateTables::build(self, motion.range())?);
+        let tables = Arc::new(CoordinateTables::build(self, &self.posture_with(&recording.held)?, motion.range())?);
         self.prepare_with(recording, motion, tables, options)
     }
 
     /// Computes everything about the recordings that does not depend on muscle parameters. Paths are evaluated once for
-    /// the whole range of all recordings.
+    /// the whole range of all recordings of a posture.
     ///
     /// # Errors
     /// A recording that cannot be used (the first in order), or a muscle whose forces cannot be balanced with the
@@ -43,17 +43,44 @@ impl MusculoskeletalModel {
             .collect::<Vec<_>>()
             .into_iter()
             .collect::<Result<_, _>>()?;
-        let Some(range) = motions.iter().map(Motion::range).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]) else {
-            return Ok(Vec::new());
-        };
-        let tables = Arc::new(CoordinateTables::build(self, range)?);
+        let tables = self.tables_of(recordings, &motions, 0.0)?;
         recordings
             .par_iter()
             .zip(motions)
-            .map(|(recording, motion)| self.prepare_with(recording, motion, Arc::clone(&tables), options))
+            .zip(tables)
+            .map(|((recording, motion), tables)| self.prepare_with(recording, motion, tables, options))
             .collect::<Vec<_>>()
             .into_iter()
             .collect()
+    }
+
+    /// Tables for every recording; those of one posture share theirs.
+    ///
+    /// - `margin`: how far tables go beyond the recorded angles [rad or m]
+    pub(crate) fn tables_of(
+        &self,
+        recordings: &[Recording],
+        motions: &[Motion],
+        margin: f64,
+    ) -> Result<Vec<Arc<CoordinateTables>>, SimulationError> {
+        let mut postures: Vec<(&[HeldCoordinate], [f64; 2])> = Vec::new();
+        let mut of_recording = Vec::with_capacity(recordings.len());
+        for (recording, motion) in recordings.iter().zip(motions) {
+            let [low, high] = motion.range();
+            let known = postures.iter().position(|(held, _)| *held == recording.held);
+            of_recording.push(known.unwrap_or(postures.len()));
+            match known {
+                Some(i) => postures[i].1 = [postures[i].1[0].min(low), postures[i].1[1].max(high)],
+                None => postures.push((&recording.held, [low, high])),
+            }
+        }
+        let build = |(held, [low, high]): &(&[HeldCoordinate], [f64; 2])| {
+            let posture = self.posture_with(held)?;
+            Ok(Arc::new(CoordinateTables::build(self, &posture, [low - margin, high + margin])?))
+        };
+        let tables: Vec<Arc<CoordinateTables>> =
+            postures.par_iter().map(build).collect::<Vec<_>>().into_iter().collect::<Result<_, SimulationError>>()?;
+        Ok(of_recording.into_iter().map(|i| Arc::clone(&tables[i])).collect())
     }
 
     pub(crate) fn checked_motion(&self, recording: &Recording, options: &Options) -> Result<Motion, SimulationError> {

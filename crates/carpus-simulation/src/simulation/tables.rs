@@ -1,4 +1,4 @@
-//! What depends on the moving coordinate alone, tabulated once for all trials of a study.
+//! What depends on the moving coordinate alone, tabulated once for all trials of a posture.
 
 use super::error::SimulationError;
 use super::model::MusculoskeletalModel;
@@ -56,9 +56,15 @@ pub(crate) struct CoordinateTables {
 impl CoordinateTables {
     /// Tabulates paths and forces of `model` on `range` of its moving coordinate.
     ///
+    /// - `posture`: all coordinates, of which the moving one varies
+    ///
     /// # Errors
     /// [`SimulationError::PathLength`].
-    pub(crate) fn build(model: &MusculoskeletalModel, range: [f64; 2]) -> Result<CoordinateTables, SimulationError> {
+    pub(crate) fn build(
+        model: &MusculoskeletalModel,
+        posture: &[f64],
+        range: [f64; 2],
+    ) -> Result<CoordinateTables, SimulationError> {
         // A held joint still needs a table that is wide enough to be well conditioned.
         let margin = 1e-3_f64.max(0.002 * (range[1] - range[0]));
         let range = [range[0] - margin, range[1] + margin];
@@ -67,18 +73,18 @@ impl CoordinateTables {
         }
         let mut muscles = Vec::with_capacity(model.muscles.len());
         for muscle in &model.muscles {
-            muscles.push(path_table(model, &muscle.path, &muscle.name, range)?);
+            muscles.push(path_table(model, posture, &muscle.path, &muscle.name, range)?);
         }
         let mut passive_paths = Vec::with_capacity(model.passive_paths.len());
         for force in &model.passive_paths {
-            passive_paths.push(path_table(model, &force.path, &force.name, range)?);
+            passive_paths.push(path_table(model, posture, &force.path, &force.name, range)?);
         }
         let expressions = model
             .forces
             .expressions()
-            .map(|force| follower_table(model, force.coordinate, range))
+            .map(|force| follower_table(model, posture, force.coordinate, range))
             .collect::<Result<_, SimulationError>>()?;
-        let forces = force_table(model, range)?;
+        let forces = force_table(model, posture, range)?;
         Ok(CoordinateTables { muscles, passive_paths, expressions, forces })
     }
 
@@ -106,10 +112,10 @@ struct Posed<'a> {
 
 impl<'a> Posed<'a> {
     /// - `bodies`: those whose poses matter
-    fn new(model: &'a MusculoskeletalModel, bodies: BodySubset) -> Posed<'a> {
+    fn new(model: &'a MusculoskeletalModel, posture: &[f64], bodies: BodySubset) -> Posed<'a> {
         let skeleton = &model.skeleton;
         let mut cache = skeleton.new_cache();
-        let q = model.posture.clone();
+        let q = posture.to_vec();
         skeleton.update_positions_in(&bodies, &q, &mut cache);
         skeleton.update_unit_motion_in(&bodies, &q, model.coordinate, &mut cache);
         let moving = bodies.intersection(&skeleton.bodies_moved_by(&[model.coordinate]));
@@ -127,12 +133,13 @@ impl<'a> Posed<'a> {
 
 fn path_table(
     model: &MusculoskeletalModel,
+    posture: &[f64],
     path: &Path,
     owner: &str,
     range: [f64; 2],
 ) -> Result<PathTable<3>, SimulationError> {
     let skeleton = &model.skeleton;
-    let mut posed = Posed::new(model, skeleton.body_subset(&path.bodies()));
+    let mut posed = Posed::new(model, posture, skeleton.body_subset(&path.bodies()));
     let mut geometry: PathGeometry = path.new_geometry();
     // The bodies that do not move keep velocity zero.
     let mut evaluate = |angle: f64| {
@@ -156,6 +163,7 @@ fn path_table(
 /// that one.
 fn follower_table(
     model: &MusculoskeletalModel,
+    posture: &[f64],
     coordinate: CoordinateIndex,
     range: [f64; 2],
 ) -> Result<Option<PathTable<3>>, SimulationError> {
@@ -163,7 +171,7 @@ fn follower_table(
     if !skeleton.are_coupled(coordinate, model.coordinate) {
         return Ok(None);
     }
-    let mut posed = Posed::new(model, skeleton.bodies_moved_by(&[model.coordinate]));
+    let mut posed = Posed::new(model, posture, skeleton.bodies_moved_by(&[model.coordinate]));
     let mut speeds = vec![0.0; skeleton.n_coordinates()];
     let mut evaluate = |angle: f64| {
         posed.set(angle);
@@ -174,7 +182,11 @@ fn follower_table(
     PathTable::build(range, accuracy, &mut evaluate).map(Some)
 }
 
-fn force_table(model: &MusculoskeletalModel, range: [f64; 2]) -> Result<Option<PathTable<5>>, SimulationError> {
+fn force_table(
+    model: &MusculoskeletalModel,
+    posture: &[f64],
+    range: [f64; 2],
+) -> Result<Option<PathTable<5>>, SimulationError> {
     let setup = &model.setup;
     let skeleton = &model.skeleton;
     let mut acting: Vec<&Force> = Vec::new();
@@ -193,7 +205,7 @@ fn force_table(model: &MusculoskeletalModel, range: [f64; 2]) -> Result<Option<P
     } else {
         skeleton.body_subset(&acting.iter().flat_map(|f| f.bodies(skeleton)).collect::<Vec<_>>())
     };
-    let mut posed = Posed::new(model, bodies);
+    let mut posed = Posed::new(model, posture, bodies);
     let mut rates = vec![0.0; skeleton.n_coordinates()];
     let mut accelerations = vec![0.0; skeleton.n_coordinates()];
     let zero = vec![0.0; skeleton.n_coordinates()];

@@ -11,7 +11,7 @@ use super::fiber::equation::{Drive, Fiber};
 use super::fiber::plan::StepPlan;
 use super::fiber::radau::Work;
 use super::fiber::step::{Cursor, DriveSource, FiberAccuracy, StepTaken};
-use super::model::{ActiveMuscle, MuscleParameters};
+use super::model::{ActiveMuscle, HeldCoordinate, MuscleParameters};
 use super::motion::{Motion, MotionInterpolation};
 use super::path_table::PathTable;
 use super::tables::{CoordinateTables, LENGTH, UNIT_SPEED};
@@ -31,6 +31,8 @@ pub struct Recording<'a> {
     pub angle: &'a [f64],
     /// Excitation of each active muscle, in the model's order; linear between samples.
     pub excitation: Vec<&'a [f64]>,
+    /// Coordinates held otherwise than in the posture of the study.
+    pub held: Vec<HeldCoordinate>,
 }
 
 impl<'a> From<&'a Trial> for Recording<'a> {
@@ -40,6 +42,7 @@ impl<'a> From<&'a Trial> for Recording<'a> {
             time: &trial.time,
             angle: &trial.angle,
             excitation: trial.excitation.iter().map(Vec::as_slice).collect(),
+            held: trial.info.held.iter().map(HeldCoordinate::from).collect(),
         }
     }
 }

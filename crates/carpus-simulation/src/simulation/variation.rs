@@ -9,7 +9,6 @@ use super::error::SimulationError;
 use super::fiber::equation::FiberCurves;
 use super::fiber::law::{FiberLaw, TabulatedMillard2012};
 use super::model::{ActiveMuscle, MusculoskeletalModel, active_muscle_along};
-use super::tables::CoordinateTables;
 use super::trial::{Options, PreparedMuscle, PreparedTrial, Recording, Source};
 use carpus_osim::osim::spec::MuscleSpec;
 
@@ -81,15 +80,12 @@ impl MusculoskeletalModel {
     ) -> Result<Vec<PreparedTrial>, SimulationError> {
         let motions =
             recordings.iter().map(|r| self.checked_motion(r, options)).collect::<Result<Vec<_>, SimulationError>>()?;
-        let Some([low, high]) = motions.iter().map(|m| m.range()).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
-        else {
-            return Ok(Vec::new());
-        };
-        let tables = Arc::new(CoordinateTables::build(self, [low - ANGLE_MARGIN, high + ANGLE_MARGIN])?);
+        let tables = self.tables_of(recordings, &motions, ANGLE_MARGIN)?;
         recordings
             .iter()
             .zip(motions)
-            .map(|(recording, motion)| self.prepare_with(recording, motion, Arc::clone(&tables), options))
+            .zip(tables)
+            .map(|((recording, motion), tables)| self.prepare_with(recording, motion, tables, options))
             .collect()
     }
 

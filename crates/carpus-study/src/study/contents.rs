@@ -1,6 +1,6 @@
 //! What a study holds: who was measured, how, and which trials there are.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -16,7 +16,7 @@ use super::raw_emg::{self, EmgSignal};
 use super::settings::{MomentPart, Settings};
 use super::table;
 use super::trial::Trial;
-use super::trial_list::{self, TrialInfo, TrialUse};
+use super::trial_list::{self, TrialInfo, TrialUse, posture_column};
 use super::ultrasound::{self, UltrasoundMeasurement};
 use carpus_numerics::signals::EmgProcessing;
 
@@ -287,6 +287,7 @@ impl Study {
                 problems.push(Problem::error(file, line, fault));
             }
         };
+        let mut named = HashSet::new();
         let dynamometer = &self.settings.dynamometer;
         check("coordinate", &dynamometer.coordinate, coordinates, &self.file, dynamometer.coordinate_line);
         for further in &self.settings.columns.further_moments {
@@ -294,6 +295,13 @@ impl Study {
         }
         for held in &self.settings.posture {
             check("coordinate", &held.coordinate, coordinates, &self.file, held.line);
+        }
+        let list = self.folder.join("trials.csv");
+        for held in self.trials.iter().filter(|t| t.usage != TrialUse::Ignore).flat_map(|t| &t.held) {
+            // One message for a column.
+            if named.insert(held.coordinate.as_str()) {
+                check("coordinate", &held.coordinate, coordinates, &list, held.line);
+            }
         }
         for muscle in &self.settings.active_muscles {
             check("muscle", muscle, muscles, &self.file, self.settings.active_line);
@@ -364,6 +372,15 @@ impl Study {
                 let fault = Fault::SomeStartTimes { participant, without, trials };
                 problems.push(Problem::warning(&trials_file, first.line, fault));
             }
+        }
+        let driven = &self.settings.dynamometer.coordinate;
+        let moves = |t: &&TrialInfo| t.held.iter().any(|held| held.coordinate == *driven);
+        if let Some(first) = self.trials.iter().find(moves) {
+            let column = posture_column(driven);
+            let expected = "a column of a coordinate other than the dynamometer's, which follows the recorded angle";
+            let fault =
+                Fault::BadValue { key: column.clone(), expected: expected.to_owned(), found: format!("`{column}`") };
+            problems.push(Problem::error(&trials_file, first.line, fault));
         }
         let has_weight = self.settings.dynamometer.includes(MomentPart::Gravity);
         let turned = |t: &&TrialInfo| t.usage != TrialUse::Ignore && t.arm_flipped;

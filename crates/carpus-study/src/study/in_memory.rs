@@ -83,6 +83,7 @@ impl TrialInfo {
             effort_percent: None,
             direction,
             posture: None,
+            held: Vec::new(),
             repetition: None,
             usage,
             start_time: None,

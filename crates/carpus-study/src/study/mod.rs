@@ -82,5 +82,5 @@ pub use settings::{Dynamometer, MomentPart, ParameterBounds, RelativeBounds, Set
 pub use table::{file_fault, is_of_a_study, named_file};
 pub use toml_section::{Sections, TomlSection};
 pub use trial::Trial;
-pub use trial_list::{Contraction, Direction, TrialInfo, TrialUse};
+pub use trial_list::{Contraction, Direction, TrialInfo, TrialUse, held_coordinates, posture_column};
 pub use ultrasound::UltrasoundMeasurement;

@@ -1,11 +1,11 @@
 //! The posture in which trials are recorded.
 
-/// A coordinate held at a value in every trial.
+/// A coordinate held at a value: in every trial (`study.toml`), or in one (`trials.csv`).
 #[derive(Clone, Debug, PartialEq)]
 pub struct PostureCoordinate {
     /// OpenSim coordinate.
     pub coordinate: String,
-    /// Line of `study.toml`.
+    /// Line of its file.
     pub line: usize,
     /// The value as written: degrees if the coordinate is a rotation, metres if a translation. Which of the two it
     /// is only the model knows: see [`Self::value`].
@@ -17,4 +17,13 @@ impl PostureCoordinate {
     pub fn value(&self, is_translation: bool) -> f64 {
         if is_translation { self.value_deg_or_m } else { self.value_deg_or_m.to_radians() }
     }
+}
+
+/// Why a posture in degrees looks like radians: it is a multiple of 15° written in radians.
+pub(super) fn radian_evidence(value: f64) -> Option<String> {
+    let in_degrees = value.to_degrees();
+    let nearest = (in_degrees / 15.0).round() * 15.0;
+    let round_in_degrees = (value * 4.0).fract() == 0.0;
+    (value != 0.0 && !round_in_degrees && value.abs() < 3.2 && nearest != 0.0 && (in_degrees - nearest).abs() < 0.1)
+        .then(|| format!("{value} rad are {nearest}°"))
 }

@@ -7,7 +7,7 @@ use super::columns::{Columns, FurtherMoment};
 use super::emg_recorder::{self, EmgRecorder};
 use super::fault::Fault;
 use super::imaging_settings::ImagingSettings;
-use super::posture::PostureCoordinate;
+use super::posture::{PostureCoordinate, radian_evidence};
 use super::problem::{Problem, Severity};
 use super::processing::settings::{self as processing, ProcessingSettings};
 use super::raw_emg::{self, EmgSignal};
@@ -278,15 +278,6 @@ fn posture(
         }
     }
     held
-}
-
-/// Why a posture in degrees looks like radians: it is a multiple of 15° written in radians.
-fn radian_evidence(value: f64) -> Option<String> {
-    let in_degrees = value.to_degrees();
-    let nearest = (in_degrees / 15.0).round() * 15.0;
-    let round_in_degrees = (value * 4.0).fract() == 0.0;
-    (value != 0.0 && !round_in_degrees && value.abs() < 3.2 && nearest != 0.0 && (in_degrees - nearest).abs() < 0.1)
-        .then(|| format!("{value} rad are {nearest}°"))
 }
 
 fn bounds(sections: &Sections<'_>, file: &Path, problems: &mut Vec<Problem>) -> ParameterBounds {

@@ -6,6 +6,7 @@ use std::path::{Component, Path, PathBuf};
 use super::fault::Fault;
 use super::nearest::nearest;
 use super::participants::Participant;
+use super::posture::{PostureCoordinate, radian_evidence};
 use super::problem::Problem;
 use super::table::{Row, Table, named_file};
 use carpus_numerics::plausible;
@@ -25,6 +26,8 @@ const COLUMNS: [&str; 13] = [
     "table",
     "emg_table",
 ];
+/// What surrounds a coordinate's name in the column of its posture.
+const POSTURE_COLUMN: (&str, &str) = ("posture_", "_deg");
 const REQUIRED: [(&str, &str); 5] = [
     ("participant", "name of the participant"),
     ("file", "the trial's file, relative to study.toml"),
@@ -60,6 +63,8 @@ pub struct TrialInfo {
     pub direction: Direction,
     /// Posture of the dynamometer's coordinate \[rad\], where one was asked for.
     pub posture: Option<f64>,
+    /// Other coordinates that are held at a value of their own in this trial; all further ones are as in `study.toml`.
+    pub held: Vec<PostureCoordinate>,
     /// Number of the repetition, as the lab counts.
     pub repetition: Option<u32>,
     /// What the trial is for.
@@ -83,6 +88,11 @@ impl TrialInfo {
     /// Whether it is a maximum voluntary contraction that scales EMG or strength.
     pub fn is_mvc(&self) -> bool {
         self.usage == TrialUse::Mvc || self.contraction == Contraction::Mvc
+    }
+
+    /// The value that a coordinate is held at in this trial, where it has one of its own [degrees, or metres].
+    pub fn held_at(&self, coordinate: &str) -> Option<f64> {
+        self.held.iter().find(|held| held.coordinate == coordinate).map(|held| held.value_deg_or_m)
     }
 
     /// The word that stands for the arm's position in `trials.csv`.
@@ -191,7 +201,7 @@ pub(crate) fn read(
     problems: &mut Vec<Problem>,
 ) -> Vec<TrialInfo> {
     let Some(table) = Table::read(path, "trials.csv", None, problems) else { return Vec::new() };
-    if !table.check_columns(&REQUIRED, &COLUMNS, |c| COLUMNS.contains(&c), problems) {
+    if !table.check_columns(&REQUIRED, &COLUMNS, |c| COLUMNS.contains(&c) || held_coordinate(c).is_some(), problems) {
         return Vec::new();
     }
     let mut trials: Vec<TrialInfo> = Vec::new();
@@ -220,6 +230,7 @@ pub(crate) fn read(
                 trial.participant.clone(),
                 (trial.contraction, trial.direction, repetition, trial.arm_flipped),
                 (bits(trial.effort_percent), bits(trial.posture)),
+                trial.held.iter().map(|h| (h.coordinate.clone(), h.value_deg_or_m.to_bits())).collect::<Vec<_>>(),
             );
             let first_line = *conditions.entry(condition).or_insert(row.line);
             if first_line != row.line {
@@ -299,6 +310,7 @@ fn trial(
         row.warning(Fault::OutsideStudy { found: file.to_owned() }, problems);
     }
     let posture = row.number("posture_deg", "an angle in degrees", |v| v.abs() <= 360.0, problems);
+    let held = held(row, problems);
     let repetition =
         row.number("repetition", "0, 1, 2, 3 …", |v| (0.0..=1e6).contains(&v) && v.fract() == 0.0, problems);
     let start_time = row.number("start_time_s", "a time in seconds, 0 or more", |v| v >= 0.0, problems);
@@ -322,6 +334,7 @@ fn trial(
         effort_percent,
         direction: direction?,
         posture: posture.map(f64::to_radians),
+        held,
         repetition: repetition.map(|r| r as u32),
         usage: usage?,
         start_time,
@@ -330,6 +343,43 @@ fn trial(
         table: row.text("table").map(str::to_owned),
         emg_table: row.text("emg_table").map(str::to_owned),
     })
+}
+
+/// The coordinate whose posture a column has.
+fn held_coordinate(column: &str) -> Option<&str> {
+    let (before, after) = POSTURE_COLUMN;
+    column.strip_prefix(before)?.strip_suffix(after).filter(|name| !name.is_empty())
+}
+
+/// Coordinates that some of the trials hold at values of their own, in the order in which they come.
+pub fn held_coordinates<'t>(trials: impl IntoIterator<Item = &'t TrialInfo>) -> Vec<String> {
+    let mut found: Vec<String> = Vec::new();
+    for held in trials.into_iter().flat_map(|trial| &trial.held) {
+        if !found.contains(&held.coordinate) {
+            found.push(held.coordinate.clone());
+        }
+    }
+    found
+}
+
+/// Name of the column of a coordinate's posture.
+pub fn posture_column(coordinate: &str) -> String {
+    let (before, after) = POSTURE_COLUMN;
+    format!("{before}{coordinate}{after}")
+}
+
+/// Coordinates that a row holds at values of its own, in the order of the columns.
+fn held(row: &Row<'_>, problems: &mut Vec<Problem>) -> Vec<PostureCoordinate> {
+    let columns = row.header.iter().filter_map(|column| Some((column, held_coordinate(column)?)));
+    let of = |(column, coordinate): (&String, &str)| {
+        let expected = "an angle in degrees (metres for a translation)";
+        let value_deg_or_m = row.number(column, expected, |v| v.abs() <= 360.0, problems)?;
+        if let Some(evidence) = radian_evidence(value_deg_or_m) {
+            row.warning(Fault::LooksLikeRadians { name: column.clone(), evidence }, problems);
+        }
+        Some(PostureCoordinate { coordinate: coordinate.to_owned(), line: row.line, value_deg_or_m })
+    };
+    columns.filter_map(of).collect()
 }
 
 /// Whether a file that is there lies elsewhere than below the study's folder, links followed.

@@ -3,7 +3,7 @@
 
 use toml_edit::{DocumentMut, Item, Value};
 
-use super::{MomentPart, Participant, RelativeBounds, Settings, Sex, Side, Trial};
+use super::{MomentPart, Participant, RelativeBounds, Settings, Sex, Side, Trial, held_coordinates, posture_column};
 
 /// The text of `study.toml`.
 ///
@@ -98,6 +98,8 @@ pub fn trial_list_rows(trials: &[(&Trial, String)]) -> Vec<Vec<String>> {
     header.extend(timed.then(|| "start_time_s".to_owned()));
     let turned = trials.iter().any(|(t, _)| t.info.arm_flipped);
     header.extend(turned.then(|| "arm".to_owned()));
+    let held = held_coordinates(trials.iter().map(|(trial, _)| &trial.info));
+    header.extend(held.iter().map(|coordinate| posture_column(coordinate)));
     let row = |(trial, file): &(&Trial, String)| {
         let info = &trial.info;
         let number = |v: Option<f64>| v.map(|v| decimal(v, 6)).unwrap_or_default();
@@ -113,6 +115,7 @@ pub fn trial_list_rows(trials: &[(&Trial, String)]) -> Vec<Vec<String>> {
         ];
         row.extend(timed.then(|| number(info.start_time)));
         row.extend(turned.then(|| info.arm_word().to_owned()));
+        row.extend(held.iter().map(|coordinate| info.held_at(coordinate).map(|v| decimal(v, 6)).unwrap_or_default()));
         row
     };
     std::iter::once(header).chain(trials.iter().map(row)).collect()
