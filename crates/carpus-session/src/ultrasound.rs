@@ -219,7 +219,7 @@ pub(super) fn missing_ratios(study: &Tables, cases: &[CaseResult], warnings: &mu
         cases.iter().flat_map(|c| &c.quantities).any(|r| r.quantity == key && r.unconverted > 0)
     };
     let sources = [
-        (Quantity::BellyLength, "fiber_to_belly_length", "Lieber et al. 1990, doi:10.1016/0363-5023(90)90103-X"),
+        (Quantity::BellyLength, "fiber_to_belly_length", "Lieber et al. 1990, J Hand Surg 15A:244"),
         (Quantity::TendonLength, "external_to_total_tendon_length", "Loren & Lieber 1995"),
     ];
     for (quantity, name, source) in sources {

@@ -32,7 +32,8 @@ const SOURCE: &str = "Lieber et al. 1990, Holzbaur et al. 2005";
 /// doi:10.1152/japplphysiol.00296.2024), but areas are those of cadavers and models are stronger: 74 to 231 in
 /// MoBL-ARMS (Saul et al. 2015, doi:10.1080/10255842.2014.916698).
 const TENSION: [f64; 2] = [10.0, 300.0];
-/// Optimal fibre length over the published one: persons differ by 0.7 to 1.4, monkeys and children by half.
+/// Optimal fibre length over the published one that a model may have. Chosen, without a published range: wide, because
+/// persons differ, and such that a slip of a unit or a decimal place lies outside.
 const LENGTH_RATIO: [f64; 2] = [0.4, 1.8];
 /// No muscle is this many times as strong as the next of its model.
 const STRONGEST: f64 = 4.0;
