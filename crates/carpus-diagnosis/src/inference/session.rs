@@ -49,8 +49,8 @@ const FIRST_STEPS: usize = 4;
 const ROUNDS: usize = 6;
 /// Times that a descent goes on with the directions and the noise where it came to, at most.
 const PASSES: usize = 2;
-/// Of the sets that race in a round, so many come to rest, at most.
-const AT_REST: usize = 3;
+/// Of the sets that are compared in a round, so many are brought to convergence, at most.
+const CONVERGED: usize = 3;
 /// Share of the sizes' scales that is as good as nothing.
 const NOTHING_ELSE: f64 = 0.02;
 /// The estimate has settled when a round lowers −2 log posterior, equation (20), by less than this; so has a descent
@@ -153,7 +153,7 @@ impl<'a> Session<'a> {
         let starts = self.starts(&candidates, &always, report)?;
         report(&format!("{} starts, {:.1?}", starts.len(), clock.elapsed()));
         let mut followed: Vec<State> = Vec::new();
-        for state in self.raced(starts) {
+        for state in self.first_compared(starts) {
             let Ok(mut state) = self.in_place(state, &candidates, &always) else { continue };
             let next = self.advanced(&state, None)?.into_iter().next();
             if let Some(Ok(next)) = next.map(|start| self.assessed(start, &candidates, &always)) {
@@ -222,7 +222,7 @@ impl<'a> Session<'a> {
         for _ in 0..ROUNDS {
             let sets = self.advanced(&best, Some((&candidates, &always)))?;
             let (mut next, mut fall) = (None, 0.0);
-            for state in self.raced(sets).into_iter().take(AT_REST) {
+            for state in self.first_compared(sets).into_iter().take(CONVERGED) {
                 let set = self.places(&state.point.effects);
                 let tried = self.settled(state, &[], &set).ok();
                 next = self.most_probable(next.into_iter().chain(tried));

@@ -21,7 +21,7 @@ impl Session<'_> {
     /// The starts with their EMG, directions and variances as they were, which all have in common: the most probable
     /// first, less those that are behind it by more than [`NEGLIGIBLE`], equation (20). Starts that cannot be
     /// simulated are left out.
-    pub(super) fn raced(&self, starts: impl IntoIterator<Item = Start>) -> Vec<State> {
+    pub(super) fn first_compared(&self, starts: impl IntoIterator<Item = Start>) -> Vec<State> {
         let states = starts.into_iter().filter_map(|start| self.prepared(start).ok());
         let mut states: Vec<(f64, State)> = states.map(|state| (self.deviance_by_simulation(&state), state)).collect();
         states.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -110,7 +110,7 @@ impl Session<'_> {
         })
     }
 
-    /// EMG, noise, linear model and sets at a point, and at rest.
+    /// EMG, noise, linear model and sets at a point, brought to convergence.
     pub(super) fn assessed(
         &self,
         start: Start,
@@ -129,7 +129,7 @@ impl Session<'_> {
     ) -> Result<State, SimulationError> {
         let (set, sizes) = (self.places(&state.point.effects), self.sizes(&state).clone());
         let state = self.with_noise(state, &set, &sizes)?;
-        let mut state = self.at_rest(state, &set, &sizes)?;
+        let mut state = self.converged(state, &set, &sizes)?;
         self.weigh(&mut state, &set, &sizes, candidates, always);
         match state.sets.best().deviance.is_finite() {
             true => Ok(state),
@@ -151,7 +151,7 @@ impl Session<'_> {
     }
 
     /// The state moved on until directions and noise at its point are those that it is a minimum with, equation (21).
-    fn at_rest(&self, mut state: State, set: &[usize], sizes: &Sizes) -> Result<State, SimulationError> {
+    fn converged(&self, mut state: State, set: &[usize], sizes: &Sizes) -> Result<State, SimulationError> {
         self.weigh(&mut state, set, sizes, &[], set);
         for _ in 0..PASSES {
             let own = self.columns_of_point(&state.point);

@@ -183,8 +183,8 @@ impl Session<'_> {
             .with_max_len(ONE_BY_ONE)
             .map(|set| self.reach(&state.around(sizes), set, STEPS).ok())
             .collect();
-        let raced = self.raced(reached.into_iter().flatten().map(|reached| reached.start(state.levels)));
-        let others = raced.into_iter().filter(|other| self.places(&other.point.effects) != set);
+        let compared = self.first_compared(reached.into_iter().flatten().map(|reached| reached.start(state.levels)));
+        let others = compared.into_iter().filter(|other| self.places(&other.point.effects) != set);
         let settled = |other: State| {
             let set = self.places(&other.point.effects);
             let other = self.settled(other, &[], &set).ok()?;

@@ -22,8 +22,8 @@ const OTHERS: usize = 3;
 const ADDITIONS: usize = 3;
 /// … and sets in which an effect gives way to a rival.
 const RIVALS: usize = 6;
-/// Sets that race in a round, at most.
-const RACE: usize = 6;
+/// Sets that are compared a first time in a round, at most.
+const COMPARED: usize = 6;
 /// A descent ends where the next step would lower Ψ by less: parameters are then within a quarter of a
 /// standard deviation.
 const SETTLED_DESCENT: f64 = 0.05;
@@ -49,7 +49,7 @@ impl Session<'_> {
         reached.sort_by(|a, b| a.deviance.total_cmp(&b.deviance));
         let least = reached.first().map_or(0.0, |r| r.deviance);
         reached.retain(|r| r.deviance < least + NEGLIGIBLE);
-        reached.truncate(RACE);
+        reached.truncate(COMPARED);
         let start = |r: Reached| r.start(state.levels);
         Ok(reached.into_iter().map(start).collect())
     }
