@@ -39,7 +39,7 @@ impl Session<'_> {
         deviance + 2.0 * ODDS.ln() * set.len() as f64 + self.beyond_the_linear_model(state, &state.factors)
     }
 
-    /// A start with the EMG that goes with its point, directions and variances as they were.
+    /// A start with the EMG that goes with its point, directions and variances as they were, and with its own set alone.
     fn prepared(&self, start: Start) -> Result<State, SimulationError> {
         let Start { mut point, levels, set, sizes, directions } = start;
         let mut linear = self.analysis.linearize(&point, &[])?;
@@ -79,7 +79,7 @@ impl Session<'_> {
             linear,
             directions,
         };
-        self.weigh(&mut state, &set, &sizes, &[], &set);
+        state.sets = search(&state.model, &[], &set, 2.0 * ODDS.ln(), &[], &sizes, self.budget);
         match state.sets.best().deviance.is_finite() {
             true => Ok(state),
             false => Err(SimulationError::NoiseCovariance),
@@ -127,7 +127,7 @@ impl Session<'_> {
         candidates: &[usize],
         always: &[usize],
     ) -> Result<State, SimulationError> {
-        let (set, sizes) = (self.places(&state.point.effects), self.sizes(&state).clone());
+        let (set, sizes) = (state.sets.best().effects.clone(), state.sets.best().sizes.clone());
         let state = self.with_noise(state, &set, &sizes)?;
         let mut state = self.converged(state, &set, &sizes)?;
         self.weigh(&mut state, &set, &sizes, candidates, always);
@@ -144,7 +144,7 @@ impl Session<'_> {
         candidates: &[usize],
         always: &[usize],
     ) -> Result<State, SimulationError> {
-        let (set, sizes) = (self.places(&state.point.effects), self.sizes(&state).clone());
+        let (set, sizes) = (state.sets.best().effects.clone(), state.sets.best().sizes.clone());
         let mut state = self.with_noise(state, &set, &sizes)?;
         self.weigh(&mut state, &set, &sizes, candidates, always);
         Ok(state)

@@ -7,6 +7,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
+use super::noise_along_the_way::LARGEST_NOISE;
 use crate::noise::TrialNoise;
 use carpus_numerics::numerics::cholesky;
 
@@ -27,7 +28,7 @@ pub(super) struct EmgIteration {
 
 impl EmgIteration {
     /// The next correction: that of the weights of the last ones, with the sum 1, with which the moment would change
-    /// least (Anderson acceleration).
+    /// least (Anderson acceleration); within the bounds of the EMG's noise.
     ///
     /// - `here`, `expected`: the present correction, and that which equation (10) expects there
     /// - `noise`, `factors`: there
@@ -51,7 +52,9 @@ impl EmgIteration {
         self.before.drain(..first);
         let weights = self.weights();
         let terms = self.before.iter().zip(weights.iter()).flat_map(|((x, f, _), w)| [(*w, x), (*w, f)]);
-        combined(&terms.collect::<Vec<_>>())
+        let mut next = combined(&terms.collect::<Vec<_>>());
+        next.iter_mut().flatten().for_each(|w| w.apply(|w| *w = w.clamp(-LARGEST_NOISE, LARGEST_NOISE)));
+        next
     }
 
     /// Of every correction.

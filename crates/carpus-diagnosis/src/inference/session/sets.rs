@@ -11,7 +11,7 @@ use super::super::muscles::Muscles;
 use super::super::search::{Budget, NEGLIGIBLE};
 use super::handing_over::STANDS_IN;
 use super::state::{Begun, ODDS, OtherMinimum, Session, Start, State};
-use super::steps::{STEPS, profiled};
+use super::steps::{COMPARED, STEPS, profiled};
 use super::{ROUNDS, SETTLED};
 use crate::ONE_BY_ONE;
 use crate::addition::unidentifiable;
@@ -174,10 +174,13 @@ impl Session<'_> {
         let mut sets: Vec<Vec<usize>> = pairs.iter().map(exchanged).collect();
         sets.sort();
         sets.dedup();
-        sets.retain(|set| state.model.posterior(set, sizes).deviance - here < NEGLIGIBLE);
+        let weighed = |set: Vec<usize>| (state.model.posterior(&set, sizes).deviance - here, set);
+        let mut sets: Vec<(f64, Vec<usize>)> = sets.into_iter().map(weighed).filter(|s| s.0 < NEGLIGIBLE).collect();
+        sets.sort_by(|a, b| a.0.total_cmp(&b.0));
+        sets.truncate(COMPARED);
         // Beside what the set itself comes to. One that cannot be simulated in its place does not stand there.
         let known = if sets.is_empty() { None } else { Some(&set) };
-        let tried: Vec<&Vec<usize>> = sets.iter().chain(known).collect();
+        let tried: Vec<&Vec<usize>> = sets.iter().map(|s| &s.1).chain(known).collect();
         let reached: Vec<_> = tried
             .into_par_iter()
             .with_max_len(ONE_BY_ONE)

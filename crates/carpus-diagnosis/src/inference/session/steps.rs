@@ -22,8 +22,8 @@ const OTHERS: usize = 3;
 const ADDITIONS: usize = 3;
 /// … and sets in which an effect gives way to a rival.
 const RIVALS: usize = 6;
-/// Sets that are compared a first time in a round, at most.
-const COMPARED: usize = 6;
+/// Sets that are compared a first time, at most.
+pub(super) const COMPARED: usize = 6;
 /// A descent ends where the next step would lower Ψ by less: parameters are then within a quarter of a
 /// standard deviation.
 const SETTLED_DESCENT: f64 = 0.05;
