@@ -117,6 +117,7 @@ class Trial:
         repetition: Number of the repetition.
         start_time: When it began since the session began [s].
         arm_flipped: Whether the forearm is turned over.
+        held: Other coordinates held in this trial, in place of the study's ``posture`` [deg, or m of a translation].
     """
 
     name: str
@@ -133,6 +134,7 @@ class Trial:
     repetition: int | None = None
     start_time: float | None = None
     arm_flipped: bool = False
+    held: Mapping[str, float] | None = None
 
     @classmethod
     def from_frame(
@@ -182,6 +184,7 @@ class Trial:
             "usage": self.use,
             "effort_percent": _known(self.effort_percent),
             "posture": _known(self.posture),
+            "held": [(c, float(v)) for c, v in (self.held or {}).items()],
             "repetition": None if _known(self.repetition) is None else int(self.repetition or 0),
             "start_time": _known(self.start_time),
             "arm_flipped": self.arm_flipped,
@@ -288,7 +291,9 @@ class Session:
         return list(self._names)
 
     def trials(self) -> pd.DataFrame:
-        """A data frame with a row per trial: contraction, direction, use, effort, posture, samples."""
+        """A data frame with a row per trial: contraction, direction, use, effort, posture, other coordinates held in it
+        alone [deg, or m of a translation], samples.
+        """
         import pandas as pd
 
         return pd.DataFrame(self._trials).set_index("name")
@@ -575,7 +580,7 @@ class Study:
             coordinate: OpenSim coordinate about which the dynamometer measures.
             muscles: That EMG drives; all others are disabled.
             participants: Without any the names that the trials have.
-            posture: Coordinates held in every trial [deg, or m of a translation].
+            posture: Coordinates held in every trial [deg, or m of a translation]; a trial may have ``held`` of its own.
             include: What the simulated moment sums: ``muscles``, ``passive``, ``gravity``, ``inertia``; without it
                 muscles and passive.
             damping: Viscous drag of the machine [N·m·s/rad].

@@ -20,7 +20,7 @@ use carpus::study::{PriorKnowledge, PriorUnit};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use serde_json::json;
+use serde_json::{Map, json};
 
 use crate::answer::Answer;
 use crate::answers::{EffectsAnswer, PlanAnswer};
@@ -95,6 +95,7 @@ impl Session {
             json!({
                 "name": i.name, "contraction": i.contraction, "direction": i.direction, "use": i.usage,
                 "effort_percent": i.effort_percent, "posture_deg": i.posture.map(f64::to_degrees),
+                "held": i.held.iter().map(|h| (h.coordinate.clone(), json!(h.value_deg_or_m))).collect::<Map<_, _>>(),
                 "repetition": i.repetition, "start_time_s": i.start_time, "samples": t.len(),
                 "duration_s": t.duration(),
             })

@@ -64,6 +64,7 @@ struct GivenTrial {
     usage: String,
     effort_percent: Option<f64>,
     posture: Option<f64>,
+    held: Vec<(String, f64)>,
     repetition: Option<u32>,
     start_time: Option<f64>,
     arm_flipped: bool,
@@ -92,6 +93,11 @@ fn of_word<T: DeserializeOwned>(key: &str, word: &str, expected: &str) -> Result
     serde_json::from_value(json!(word)).map_err(|_| refused(format!("{key}: expected {expected}, found `{word}`")))
 }
 
+/// A coordinate held at a value [degrees, or metres].
+fn held((coordinate, value): (String, f64)) -> PostureCoordinate {
+    PostureCoordinate { coordinate, line: 0, value_deg_or_m: value }
+}
+
 impl GivenTrial {
     fn trial(self) -> Result<Trial, Failure> {
         let contraction: Contraction =
@@ -101,6 +107,7 @@ impl GivenTrial {
         let info = TrialInfo {
             effort_percent: self.effort_percent,
             posture: self.posture,
+            held: self.held.into_iter().map(held).collect(),
             repetition: self.repetition,
             start_time: self.start_time,
             arm_flipped: self.arm_flipped,
@@ -118,7 +125,6 @@ fn in_memory(
     let muscles: Vec<&str> = given.muscles.iter().map(String::as_str).collect();
     let mut settings = Settings::with_defaults(&given.name, &given.coordinate, &muscles)?;
     settings.dynamometer.damping = given.damping;
-    let held = |(coordinate, value): (String, f64)| PostureCoordinate { coordinate, line: 0, value_deg_or_m: value };
     settings.posture = given.posture.into_iter().map(held).collect();
     if let Some(include) = given.include {
         let part = |word: &String| of_word::<MomentPart>("include", word, "muscles, passive, gravity or inertia");

@@ -66,6 +66,24 @@ def test_verif_a_data_frame_is_a_trial() -> None:
     np.testing.assert_allclose(trial.angle, np.deg2rad(30 * np.sin(t)))
 
 
+def test_verif_a_trial_has_a_posture_of_its_own() -> None:
+    t = np.arange(0, 2, 0.01)
+    arrays = [t, 0.5 * np.sin(t), np.sin(t), np.full((5, t.size), 0.2)]
+
+    def moments(of_trial: dict | None, **of_study: float) -> tuple[np.ndarray, carpus.Session]:
+        trial = carpus.Trial("swing", *arrays, "isotonic", held=of_trial)
+        about = {"coordinate": "flexion", "muscles": MUSCLES, "posture": of_study}
+        session = carpus.Study.from_memory(carpus.Model.bundled(), [trial], **about).load()
+        return session.simulate()["swing"].moment, session
+
+    bent, session = moments({"elbow_flexion": 30.0}, elbow_flexion=90.0)
+    assert session.trials().loc["swing", "held"] == {"elbow_flexion": 30.0}
+    np.testing.assert_allclose(bent, moments(None, elbow_flexion=30.0)[0], rtol=1e-12, atol=1e-12)
+    assert np.abs(bent - moments(None, elbow_flexion=90.0)[0]).max() > 1e-6
+    with pytest.raises(carpus.InputError, match="held"):
+        moments({"elbow_flexion": np.nan})
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [

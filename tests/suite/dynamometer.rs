@@ -402,6 +402,39 @@ fn verif_drag_through_the_program() {
 }
 
 #[test]
+fn verif_one_passive_curve_is_not_subtracted_in_several_postures() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut text = "time_s,angle_deg,velocity_deg_per_s,moment_n_m,emg_FCR\n".to_owned();
+    for i in 0..1200 {
+        let t = 0.01 * f64::from(i);
+        let [q, v] = [30.0 * (0.9 * t).sin(), 27.0 * (0.9 * t).cos()];
+        // As the machine reads it: the relaxed limb, less the drag.
+        writeln!(text, "{t},{q},{v},{},0.1", -0.01 * q - 0.005 * v).unwrap();
+    }
+    ["a.csv", "b.csv"].iter().for_each(|name| std::fs::write(folder.path().join(name), &text).unwrap());
+    let processed = |processing: &str, of_passive: &str, of_moving: &str| {
+        let study = study(folder.path(), processing, "");
+        let header = "participant,file,contraction,effort_percent,direction,posture_elbow_flexion_deg";
+        let rows = format!("P01,a.csv,passive,,none,{of_passive}\nP01,b.csv,isotonic,25,flexion,{of_moving}\n");
+        std::fs::write(folder.path().join("trials.csv"), format!("{header}\n{rows}")).unwrap();
+        let out = tempfile::tempdir().unwrap();
+        carpus(&["dynamometer".as_ref(), study.as_ref(), "--out".as_ref(), out.path().join("out").as_ref()])
+    };
+    let subtract = "[processing]\nremove_drag = true\nsubtract_passive = true\npassive_order = 1\n";
+    for (of_passive, of_moving) in [("90", "45"), ("", "45"), ("45", "")] {
+        let failed = processed(subtract, of_passive, of_moving).code(1);
+        let said = String::from_utf8(failed.get_output().stderr.clone()).unwrap();
+        for words in ["trials.csv:3", "not held as in line 2", "leave out subtract_passive"] {
+            assert!(said.contains(words), "expected `{words}` in:\n{said}");
+        }
+    }
+    // The same posture, written or that of study.toml; and several where nothing is subtracted.
+    processed(subtract, "45", "45").success();
+    processed(subtract, "", "90").success();
+    processed("[processing]\nremove_drag = true\n", "90", "45").success();
+}
+
+#[test]
 fn verif_bad_processing_is_explained() {
     let refused = |processing: &str, words: &[&str]| {
         let folder = tempfile::tempdir().unwrap();

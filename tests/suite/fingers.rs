@@ -6,11 +6,14 @@
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
+use carpus::identifiability::usual_recordings;
 use carpus::osim::OsimFile;
 use carpus::simulation::{
     MuscleParameters, MusculoskeletalModel, Options, Recording, Setup, TrialSimulation, simulate_all,
 };
-use carpus::study::{Contraction, Study, Trial};
+use carpus::study::{
+    Contraction, Direction, Participant, PostureCoordinate, Settings, Study, Trial, TrialInfo, TrialUse,
+};
 use serde_json::Value;
 
 /// Angle at which the capsule of the model has no moment [rad].
@@ -193,6 +196,84 @@ fn verif_a_posture_that_cannot_be_is_an_error_with_its_line() {
     refused(&|t| t.replace(column, "posture_mcp_flexion_deg"), &["trials.csv:2", "other than the dynamometer's"]);
     refused(&|t| t.replacen(",60,-40,", ",60,-140,", 1), &["trials.csv:5", "wrist_flexion", "outside its range"]);
     refused(&|t| t.replacen(",60,-40,", ",60,back,", 1), &["trials.csv:5", column, "an angle in degrees", "back"]);
+}
+
+/// Names of the trials that are offered after three that hold other joints so: one list for each.
+fn offered(model: &MusculoskeletalModel, held: [&[(&str, f64)]; 3]) -> Vec<String> {
+    let (mut trials, ..) = finger();
+    trials.retain(|t| t.info.usage == TrialUse::Train);
+    trials.truncate(3);
+    let of = |(coordinate, value): &(&str, f64)| PostureCoordinate {
+        coordinate: (*coordinate).to_owned(),
+        line: 0,
+        value_deg_or_m: *value,
+    };
+    trials.iter_mut().zip(held).for_each(|(trial, held)| trial.info.held = held.iter().map(of).collect());
+    usual_recordings(model, &trials).into_iter().map(|trial| trial.info.name).collect()
+}
+
+#[test]
+fn verif_offered_trials_have_names_that_tell_their_postures_apart() {
+    let study = Study::read(root("fixtures/index_finger")).unwrap();
+    let (_, model, _) = finger();
+    let of = |names: &[String], ends: &str| names.iter().filter(|name| name.ends_with(ends)).count();
+    // Less than a degree apart; the same value of two joints; a joint more.
+    let near = offered(&model, [&[("wrist_flexion", 12.4)], &[("wrist_flexion", 12.6)], &[("pip_flexion", 12.4)]]);
+    let in_each = near.len() / 3;
+    assert!(in_each > 1 && near.len() == 3 * in_each, "{near:?}");
+    for ends in [", wrist_flexion 12.4°", ", wrist_flexion 12.6°", ", pip_flexion 12.4°"] {
+        assert_eq!(of(&near, ends), in_each, "{ends}: {near:?}");
+    }
+    // One posture, in whatever order its joints stand.
+    let [one, other] =
+        [[("wrist_flexion", -5.0), ("pip_flexion", 20.0)], [("pip_flexion", 20.0), ("wrist_flexion", -5.0)]];
+    let same = offered(&model, [&one, &other, &one]);
+    assert_eq!((same.len(), of(&same, ", wrist_flexion −5°, pip_flexion 20°")), (in_each, in_each), "{same:?}");
+
+    // A joint that slides.
+    let text = std::fs::read_to_string(root("models/index_finger.osim")).unwrap();
+    let (before, dip) = text.split_once("<PinJoint name=\"dip\">").unwrap();
+    let text = format!("{before}<SliderJoint name=\"dip\">{}", dip.replacen("</PinJoint>", "</SliderJoint>", 1));
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("sliding.osim"), text).unwrap();
+    let file = OsimFile::read(folder.path().join("sliding.osim")).unwrap();
+    let mut setup = Setup::from_settings(&study.settings);
+    setup.posture.retain(|held| held.coordinate != "dip_flexion");
+    let sliding = MusculoskeletalModel::compile(&file.spec, &setup).unwrap();
+    let slid = offered(&sliding, [&[("dip_flexion", 0.012)], &[("dip_flexion", 0.0125)], &[]]);
+    for ends in [", dip_flexion 0.012\u{202f}m", ", dip_flexion 0.0125\u{202f}m"] {
+        assert_eq!(of(&slid, ends), in_each, "{ends}: {slid:?}");
+    }
+}
+
+#[test]
+fn verif_postures_and_turned_arms_of_arrays_are_among_the_inputs() {
+    let hashes = |change: &dyn Fn(&mut TrialInfo)| {
+        let mut info = TrialInfo::new("P01", "a", Contraction::Isotonic, Direction::Flexion, TrialUse::Train);
+        change(&mut info);
+        let time: Vec<f64> = (0..50).map(|k| 0.01 * f64::from(k)).collect();
+        let angle = time.iter().map(|t| 0.3 * t).collect();
+        let trial = Trial::from_samples(info, time.clone(), angle, vec![1.0; 50], vec![vec![0.1; 50]]);
+        let settings = Settings::with_defaults("arrays", "flexion", &["FCR"]).unwrap();
+        let tables = Study::of_trials(settings, vec![Participant::named("P01")], vec![trial.clone()]).unwrap();
+        let model = OsimFile::read(root("models/wrist.osim")).unwrap();
+        let study = carpus::session::study::Study::from_memory(tables, model);
+        let inputs = study.inputs(&Participant::named("P01"), Path::new("model.osim"), &[trial]).unwrap();
+        assert_eq!(inputs.iter().map(|i| i.role.as_str()).collect::<Vec<_>>(), ["model", "trials", "trial"]);
+        inputs.into_iter().map(|i| i.sha256).collect::<Vec<_>>()
+    };
+    let held = |value: f64| {
+        hashes(&|info| {
+            let coordinate = "elbow_flexion".to_owned();
+            info.held = vec![PostureCoordinate { coordinate, line: 0, value_deg_or_m: value }];
+        })
+    };
+    let plain = hashes(&|_| {});
+    assert_eq!(plain, hashes(&|_| {}));
+    for other in [held(90.0), held(45.0), hashes(&|info| info.arm_flipped = true)] {
+        assert!(other != plain && other[0] == plain[0] && other[2] == plain[2]);
+    }
+    assert_ne!(held(90.0), held(45.0));
 }
 
 fn json(path: &Path) -> Value {

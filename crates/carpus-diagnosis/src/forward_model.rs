@@ -186,7 +186,7 @@ impl ForwardModel {
             directions,
             given: Vec::new(),
             angle_noise: None,
-            silent_muscles: SilentMuscles::of_trials(spec, model, &recordings, &base),
+            silent_muscles: SilentMuscles::of_trials(spec, model, &recordings, &base)?,
             joint: JointTraits::of(trials, spec.coordinates[model.coordinate().0].range, model.weight_moment()),
             covered: None,
             model: model.clone(),

@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use super::series::interpolate;
 use carpus_osim::osim::spec::ModelSpec;
-use carpus_simulation::simulation::{HeldCoordinate, MusculoskeletalModel, Options, PreparedTrial, Recording, Setup};
+use carpus_simulation::simulation::{
+    HeldCoordinate, MusculoskeletalModel, Options, PreparedTrial, Recording, Setup, SimulationError,
+};
 use carpus_study::study::MomentPart;
 
 /// Angles at which the moments are tabulated.
@@ -32,12 +34,15 @@ impl SilentMuscles {
     /// Those of every trial; trials of one posture share theirs.
     ///
     /// - `recordings`, `trials`: of all trials, in one order
+    ///
+    /// # Errors
+    /// Loops of constraints that do not close.
     pub fn of_trials(
         spec: &ModelSpec,
         model: &MusculoskeletalModel,
         recordings: &[Recording],
         trials: &[PreparedTrial],
-    ) -> Vec<Arc<SilentMuscles>> {
+    ) -> Result<Vec<Arc<SilentMuscles>>, SimulationError> {
         let mut postures: Vec<(&[HeldCoordinate], Vec<&PreparedTrial>)> = Vec::new();
         for (recording, trial) in recordings.iter().zip(trials) {
             match postures.iter_mut().find(|(held, _)| *held == recording.held) {
@@ -49,7 +54,7 @@ impl SilentMuscles {
         for (held, trials) in postures {
             let mut setup = model.setup().clone();
             setup.posture.extend_from_slice(held);
-            found.push((held, SilentMuscles::in_posture(spec, &setup, &trials)));
+            found.push((held, SilentMuscles::in_posture(spec, &setup, model.closed_range(), &trials)?));
         }
         // A muscle that acts in one posture is there in all.
         let mut names: Vec<String> = Vec::new();
@@ -61,20 +66,29 @@ impl SilentMuscles {
         found.iter_mut().for_each(|(_, silent)| silent.names.clone_from(&names));
         let found: Vec<_> = found.into_iter().map(|(held, silent)| (held, Arc::new(silent))).collect();
         let of = |recording: &Recording| found.iter().find(|(held, _)| *held == recording.held).map(|(_, s)| s.clone());
-        recordings.iter().map(|recording| of(recording).unwrap_or_default()).collect()
+        Ok(recordings.iter().map(|recording| of(recording).unwrap_or_default()).collect())
     }
 
     /// Those of a model, over the angles of trials of one posture. Muscles of classes that are not computed are left
     /// out.
-    fn in_posture(spec: &ModelSpec, setup: &Setup, trials: &[&PreparedTrial]) -> SilentMuscles {
+    ///
+    /// - `closed`: angles at which loops of constraints close; `None` without loops
+    fn in_posture(
+        spec: &ModelSpec,
+        setup: &Setup,
+        closed: Option<[f64; 2]>,
+        trials: &[&PreparedTrial],
+    ) -> Result<SilentMuscles, SimulationError> {
         let angles = || trials.iter().flat_map(|t| &t.kinematics().angle).copied();
         let (low, high) = (angles().fold(f64::INFINITY, f64::min), angles().fold(f64::NEG_INFINITY, f64::max));
         if !(low.is_finite() && high.is_finite()) {
-            return SilentMuscles::default();
+            return Ok(SilentMuscles::default());
         }
         let part = |k: usize| k as f64 / (ANGLES - 1) as f64;
         let margin = 0.01 + 0.05 * (high - low);
-        let angle: Vec<f64> = (0..ANGLES).map(|k| low - margin + (high - low + 2.0 * margin) * part(k)).collect();
+        let [least, most] = closed.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+        let (first, last) = ((low - margin).max(least), (high + margin).min(most));
+        let angle: Vec<f64> = (0..ANGLES).map(|k| first + (last - first) * part(k)).collect();
         let time: Vec<f64> = (0..ANGLES).map(|k| SWEEP * part(k)).collect();
         let mut out = SilentMuscles { names: Vec::new(), angle, moment: [vec![0.0; ANGLES], vec![0.0; ANGLES]] };
         for muscle in &spec.muscles {
@@ -89,7 +103,11 @@ impl SilentMuscles {
                 allow_unsupported: true,
                 ..setup.clone()
             };
-            let Some([passive, full]) = moments(spec, &setup, &time, &out.angle) else { continue };
+            let [passive, full] = match moments(spec, &setup, &time, &out.angle) {
+                Ok(moments) => moments,
+                Err(error) if error.is_about_loops() => return Err(error),
+                Err(_) => continue,
+            };
             let active: Vec<f64> = full.iter().zip(&passive).map(|(f, p)| f - p).collect();
             if active.iter().all(|m| m.abs() < 1e-6) {
                 continue;
@@ -98,7 +116,7 @@ impl SilentMuscles {
             out.moment[side].iter_mut().zip(&active).for_each(|(sum, m)| *sum += m);
             out.names.push(muscle.name.clone());
         }
-        out
+        Ok(out)
     }
 
     /// Moment [N·m] at an angle, fully activated: of those that decrease the coordinate, of those that increase it.
@@ -110,15 +128,18 @@ impl SilentMuscles {
     }
 }
 
-/// Moment without and with full excitation; `None` if the muscle cannot be simulated.
-fn moments(spec: &ModelSpec, setup: &Setup, time: &[f64], angle: &[f64]) -> Option<[Vec<f64>; 2]> {
-    let model = MusculoskeletalModel::compile(spec, setup).ok()?;
+/// Moment without and with full excitation.
+///
+/// # Errors
+/// The muscle cannot be simulated.
+fn moments(spec: &ModelSpec, setup: &Setup, time: &[f64], angle: &[f64]) -> Result<[Vec<f64>; 2], SimulationError> {
+    let model = MusculoskeletalModel::compile(spec, setup)?;
     let options = Options { allow_angle_outside_range: true, ..Options::default() };
     let at = |level: f64| {
         let excitation = vec![level; time.len()];
         let recording = Recording { name: String::new(), time, angle, excitation: vec![&excitation], held: Vec::new() };
-        let trial = model.prepare(&recording, &options).ok()?;
-        trial.simulate(&model.nominal_parameters()).ok().map(|s| s.moment)
+        let trial = model.prepare(&recording, &options)?;
+        trial.simulate(&model.nominal_parameters()).map(|s| s.moment)
     };
-    Some([at(0.0)?, at(1.0)?])
+    Ok([at(0.0)?, at(1.0)?])
 }

@@ -2,8 +2,9 @@
 
 use super::next_trial::Candidate;
 use super::recorded::RecordedTrial;
+use carpus_osim::osim::spec::MotionType;
 use carpus_simulation::simulation::{HeldCoordinate, MusculoskeletalModel, Options, Recording, SimulationError};
-use carpus_study::study::{Contraction, Direction, PostureCoordinate, Trial, TrialInfo, TrialUse};
+use carpus_study::study::{Contraction, Direction, PostureCoordinate, Trial, TrialInfo, TrialUse, is_same_posture};
 
 /// Efforts offered, in percent of the maximum.
 const EFFORTS: [f64; 4] = [25.0, 50.0, 75.0, 100.0];
@@ -18,6 +19,7 @@ const DURATION: f64 = 4.0;
 
 /// What every candidate is made from.
 struct Known<'a> {
+    model: &'a MusculoskeletalModel,
     trials: Vec<&'a Trial>,
     /// Angles between which candidates lie [rad].
     range: [f64; 2],
@@ -90,7 +92,7 @@ pub fn usual_candidates(model: &MusculoskeletalModel, trials: &[Trial]) -> Resul
 }
 
 impl<'a> Known<'a> {
-    fn new(model: &MusculoskeletalModel, trials: &'a [Trial]) -> Option<Known<'a>> {
+    fn new(model: &'a MusculoskeletalModel, trials: &'a [Trial]) -> Option<Known<'a>> {
         let trials: Vec<&Trial> =
             trials.iter().filter(|t| matches!(t.info.usage, TrialUse::Train | TrialUse::Mvc)).collect();
         let first = trials.first()?;
@@ -113,13 +115,12 @@ impl<'a> Known<'a> {
                 trials.iter().map(lowest).fold(f64::INFINITY, f64::min)
             })
             .collect();
-        Some(Known { trials, range, rest })
+        Some(Known { model, trials, range, rest })
     }
 
     fn plans(&self) -> Vec<Plan> {
         let in_posture = |held: Vec<PostureCoordinate>| {
-            let words = |h: &PostureCoordinate| format!(", {} {:.0}°", h.coordinate, h.value_deg_or_m);
-            let suffix = held.iter().map(words).collect::<String>().replace('-', "−");
+            let suffix = held.iter().map(|h| self.words(h)).collect::<String>();
             self.plans_of_angles().into_iter().map(move |plan| Plan {
                 name: format!("{}{suffix}", plan.name),
                 held: held.clone(),
@@ -129,12 +130,25 @@ impl<'a> Known<'a> {
         self.postures().into_iter().flat_map(in_posture).collect()
     }
 
+    /// A coordinate and its value with all digits: no two postures have the same words.
+    fn words(&self, held: &PostureCoordinate) -> String {
+        let mut coordinates = self.model.skeleton().coordinates.iter();
+        let is_translation =
+            coordinates.any(|c| c.name == held.coordinate && c.motion_type == MotionType::Translational);
+        let unit = if is_translation { "\u{202f}m" } else { "°" };
+        // Adding 0 leaves no −0.
+        let value = (held.value_deg_or_m + 0.0).to_string().replace('-', "−");
+        format!(", {} {value}{unit}", held.coordinate)
+    }
+
     /// Postures of other joints than the moving one, of which some stand for all.
     fn postures(&self) -> Vec<Vec<PostureCoordinate>> {
-        let values = |held: &[PostureCoordinate]| held.iter().map(|h| h.value_deg_or_m).collect::<Vec<_>>();
+        fn values(held: &[PostureCoordinate]) -> Vec<(&str, f64)> {
+            held.iter().map(|h| (h.coordinate.as_str(), h.value_deg_or_m)).collect()
+        }
         let mut found: Vec<&Vec<PostureCoordinate>> = Vec::new();
         for trial in &self.trials {
-            if !found.iter().any(|held| values(held) == values(&trial.info.held)) {
+            if !found.iter().any(|held| is_same_posture(held, &trial.info.held)) {
                 found.push(&trial.info.held);
             }
         }

@@ -77,6 +77,12 @@ impl AuditModel {
         // What is not supported is told by `info`; the rest of the model is looked at all the same.
         let loaded = model::load(&self.model, Needs::Motion, true, &mut messages)?;
         messages.clear();
+        let open: Vec<&str> = loaded.model.unsupported_constraints.iter().map(|(name, _)| name.as_str()).collect();
+        if !open.is_empty() {
+            let text = format!("constraints do not hold here, coordinates are taken as given: {}", open.join(", "));
+            let hint = "what is found of coordinates in their loops holds for poses that the model may not reach";
+            messages.push(Diagnostic::warning(text).in_file(&self.model).hint(hint));
+        }
         let posture = loaded.posture(&self.set, &mut messages)?;
         let poses = Poses::of(&loaded, &self.coordinates, posture)?;
         let mut findings = reading::findings(&loaded);

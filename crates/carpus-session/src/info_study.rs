@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-use carpus_multibody::multibody::Model;
-use carpus_osim::osim::spec::{ConstraintKind, ForceKind, ModelSpec};
-use carpus_simulation::simulation::check_muscle;
+use carpus_multibody::multibody::{Coordinate, Model};
+use carpus_osim::osim::spec::{ConstraintKind, CoordinateIndex, ForceKind, ModelSpec};
+use carpus_simulation::simulation::check_muscles;
 
 /// Names that are listed in a line before the rest is only counted.
 const LISTED: usize = 8;
@@ -41,19 +41,20 @@ impl StudyUse {
     /// - `model`: compiled from `spec`
     pub fn of(spec: &ModelSpec, model: &Model) -> StudyUse {
         let mut found = StudyUse::default();
-        for muscle in &spec.muscles {
-            match check_muscle(spec, model, &muscle.name) {
-                Ok(()) => found.muscles.push(muscle.name.clone()),
+        for (muscle, checked) in check_muscles(spec, model) {
+            match checked {
+                Ok(()) => found.muscles.push(muscle.to_owned()),
                 Err(error) => {
                     let reason = error.to_string();
-                    let prefix = format!("{}: ", muscle.name);
+                    let prefix = format!("{muscle}: ");
                     let reason = reason.strip_prefix(&prefix).unwrap_or(&reason).to_owned();
-                    found.muscles_not.push(Unusable { name: muscle.name.clone(), reason });
+                    found.muscles_not.push(Unusable { name: muscle.to_owned(), reason });
                 }
             }
         }
         let coordinates = model.coordinates.iter().enumerate();
-        let free = coordinates.filter(|(i, _)| model.driver_of(carpus_osim::osim::spec::CoordinateIndex(*i)).is_none());
+        let is_free = |c: &Coordinate| !c.locked && c.prescribed.is_none();
+        let free = coordinates.filter(|(i, c)| is_free(c) && !model.is_dependent(CoordinateIndex(*i)));
         found.coordinates.extend(free.map(|(_, c)| c.name.clone()));
         for force in spec.forces.iter().filter(|force| force.applies_force) {
             let not = |class: &str| Unusable { name: force.name.clone(), reason: format!("{class} is not computed") };

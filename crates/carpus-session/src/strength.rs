@@ -139,7 +139,7 @@ fn scaled(
     progress: &dyn Progress,
 ) -> Result<ParticipantStrength, Failure> {
     let mut warnings: Vec<Diagnostic> = study.tables.warnings.iter().map(Diagnostic::from).collect();
-    let loaded = study.load_model(participant, Needs::Motion, &mut warnings)?;
+    let loaded = study.load_model(participant, Needs::Trials { passive: false }, &mut warnings)?;
     let mut file = loaded.file.clone();
     if linear {
         let settings = study.tables.settings.scaling.as_ref();

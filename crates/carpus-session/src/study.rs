@@ -289,10 +289,14 @@ impl Study {
             sha256: provenance::hash_of(bytes),
         };
         let mut inputs = vec![input(model.display().to_string(), "model", file.document.bytes())];
-        for trial in trials.iter().filter(|t| t.info.participant == participant.name) {
+        let of_participant = || trials.iter().filter(|t| t.info.participant == participant.name);
+        let text = |rows: Vec<Vec<String>>| rows.iter().map(|row| row.join(",") + "\n").collect::<String>();
+        // Conditions of the trials, with the postures of other joints and whether the arm is turned over.
+        let list: Vec<(&Trial, String)> = of_participant().map(|t| (t, t.info.file_as_written.clone())).collect();
+        inputs.push(input("trials.csv".to_owned(), "trials", text(write::trial_list_rows(&list)).as_bytes()));
+        for trial in of_participant() {
             let rows = write::trial_rows(trial, &self.tables.settings.active_muscles);
-            let text: String = rows.iter().map(|row| row.join(",") + "\n").collect();
-            inputs.push(input(trial.info.file_as_written.clone(), "trial", text.as_bytes()));
+            inputs.push(input(trial.info.file_as_written.clone(), "trial", text(rows).as_bytes()));
         }
         Ok(inputs)
     }

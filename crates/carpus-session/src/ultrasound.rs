@@ -168,7 +168,7 @@ fn pairs_of(
             None => participant.model.clone(),
         };
         let mut found = Vec::new();
-        let loaded = model::load(&path, Needs::Motion, allow_unsupported, &mut found)?;
+        let loaded = model::load(&path, Needs::Trials { passive: false }, allow_unsupported, &mut found)?;
         // The same model serves several participants: what is said of it is said once.
         found.retain(|m| !warnings.contains(m));
         warnings.extend(found);

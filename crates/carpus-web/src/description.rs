@@ -6,9 +6,10 @@ use super::case::{Header, three};
 use super::workbench::Workbench;
 use carpus_diagnosis::catalogue::with_own;
 use carpus_diagnosis::effect::{Effect, Quantity, Role};
+use carpus_osim::osim::spec::MotionType;
 use carpus_simulation::evaluation::Condition;
 use carpus_simulation::simulation::speed_and_acceleration;
-use carpus_study::study::{RelativeBounds, Trial};
+use carpus_study::study::{PostureCoordinate, RelativeBounds, Trial};
 
 impl Workbench {
     /// Muscles with their bounds, effects with their parameters and plausible ranges, trials, models to go back to.
@@ -36,7 +37,7 @@ impl Workbench {
             "muscles": self.model.muscle_names().zip(nominal.iter().map(three)).map(muscle).collect::<Vec<_>>(),
             "effects": effects,
             "given_effects": given,
-            "trials": self.trials.iter().map(trial).collect::<Vec<_>>(),
+            "trials": self.trials.iter().map(|t| self.trial(t)).collect::<Vec<_>>(),
             "states": states,
         })
     }
@@ -77,16 +78,25 @@ impl Workbench {
         out.extend((0..t.len()).map(mean));
         out
     }
-}
 
-fn trial(trial: &Trial) -> Value {
-    let info = &trial.info;
-    json!({
-        "name": info.name,
-        "condition": Condition::of(info).label(),
-        "posture_deg": info.posture.map(f64::to_degrees),
-        "repetition": info.repetition,
-        "use": info.usage,
-        "samples": trial.len(),
-    })
+    /// - `held`: coordinates that have a value of their own in the trial
+    fn trial(&self, trial: &Trial) -> Value {
+        let info = &trial.info;
+        let coordinates = &self.model.skeleton().coordinates;
+        let is_length =
+            |name: &str| coordinates.iter().any(|c| c.name == name && c.motion_type == MotionType::Translational);
+        let held = |h: &PostureCoordinate| {
+            let unit = if is_length(&h.coordinate) { "m" } else { "deg" };
+            json!({ "coordinate": h.coordinate, "value": h.value_deg_or_m, "unit": unit })
+        };
+        json!({
+            "name": info.name,
+            "condition": Condition::of(info).label(),
+            "posture_deg": info.posture.map(f64::to_degrees),
+            "held": info.held.iter().map(held).collect::<Vec<_>>(),
+            "repetition": info.repetition,
+            "use": info.usage,
+            "samples": trial.len(),
+        })
+    }
 }

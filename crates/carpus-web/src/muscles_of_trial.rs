@@ -59,7 +59,8 @@ impl Workbench {
         Scene::of(&self.file)
     }
 
-    /// All coordinates at a sample of a trial [rad or m]: the study's posture, the moving coordinate as recorded.
+    /// All coordinates at a sample of a trial [rad or m]: the study's posture, the moving coordinate as recorded, those
+    /// that follow it.
     pub fn coordinates_at(&self, trial: usize, sample: usize) -> Vec<f64> {
         let Some(trial) = self.trials.get(trial) else { return self.model.posture.clone() };
         let held: Vec<HeldCoordinate> = trial.info.held.iter().map(HeldCoordinate::from).collect();
@@ -67,6 +68,7 @@ impl Workbench {
         let mut q = self.model.posture_with(&held).unwrap_or_else(|_| self.model.posture.clone());
         if let Some(angle) = trial.angle.get(sample) {
             q[self.model.coordinate().0] = *angle;
+            self.model.skeleton().satisfy_couplers(&mut q);
         }
         q
     }

@@ -1,6 +1,12 @@
 //! Models with paths by functions, with cables, and with loops that constraints close, as users meet them.
 
 use super::*;
+use carpus::diagnosis::forward_model::ForwardModel;
+use carpus::diagnosis::silent_muscles::SilentMuscles;
+use carpus::osim::OsimFile;
+use carpus::scaling::strength_scale;
+use carpus::simulation::{MusculoskeletalModel, Options, PreparedTrial, Recording, Setup, SimulationError};
+use carpus::study::{Study, Trial};
 
 fn other(name: &str) -> PathBuf {
     root("fixtures/other_paths").join(format!("{name}.osim"))
@@ -114,6 +120,151 @@ fn verif_loops_that_do_not_close_are_explained() {
         "wrist.osim",
         &["rod (ConstantDistanceConstraint) hold for `flexion` from -0.", "the trials need -0."],
     );
+}
+
+/// A model of these fixtures after a change of its text.
+fn read_changed(name: &str, change: &dyn Fn(&str) -> String) -> OsimFile {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("changed.osim");
+    std::fs::write(&file, change(&std::fs::read_to_string(other(name)).unwrap())).unwrap();
+    OsimFile::read(&file).unwrap()
+}
+
+/// The coordinate of the wrist's flexion with another range [rad].
+fn with_range(text: &str, range: &str) -> String {
+    let own = "<range>-1.2217304763960306 1.2217304763960306</range>";
+    assert_eq!(text.matches(own).count(), 1);
+    text.replace(own, &format!("<range>{range}</range>"))
+}
+
+/// The bundled study and one of its trials, from -35° to 35°.
+fn demo() -> (Study, Trial) {
+    let study = Study::read_tables(root("fixtures/demo_study")).unwrap();
+    let trial = study.load_trials("P01").unwrap().into_iter().find(|t| t.info.file_as_written == TRAIN).unwrap();
+    (study, trial)
+}
+
+#[test]
+fn verif_loops_close_as_far_as_trials_are_varied() {
+    let (study, mut trial) = demo();
+    let mut setup = Setup::from_settings(&study.settings);
+    assert_eq!(setup.active_muscles.pop().as_deref(), Some("FCU"));
+    trial.excitation.pop();
+    for name in ["rod", "strut", "welded_strut"] {
+        let file = read_changed(name, &|text| with_range(text, "-0.62 0.62"));
+        let model = MusculoskeletalModel::compile(&file.spec, &setup).unwrap();
+        let forward = ForwardModel::new(&file.spec, &model, std::slice::from_ref(&trial));
+        assert!(forward.is_ok(), "{name}: {:?}", forward.err());
+        let recording = [Recording::from(&trial)];
+        let prepared = model.prepare_all_with_margin(&recording, &Options::default()).unwrap();
+        let silent = SilentMuscles::of_trials(&file.spec, &model, &recording, &prepared).unwrap();
+        assert_eq!(silent[0].names, ["FCU"], "{name}");
+    }
+}
+
+#[test]
+fn verif_trials_near_where_a_loop_ends_are_simulated_and_those_beyond_are_refused() {
+    let (study, mut trial) = demo();
+    // Reaches the hand over a part of the range only, where the wrist deviates farther than muscles do.
+    let file = read_changed("rod", &|text| {
+        let from = text.find("<constant_distance>").unwrap();
+        let to = from + text[from..].find("</constant_distance>").unwrap();
+        format!("{}<constant_distance>0.09{}", &text[..from], &text[to..])
+    });
+    let setup = Setup { active_muscles: Vec::new(), ..Setup::from_settings(&study.settings) };
+    trial.excitation.clear();
+    let model = MusculoskeletalModel::compile(&file.spec, &setup).unwrap();
+    let [least, most] = model.closed_range().unwrap();
+    assert!(least < -0.5 && (-0.1..0.3).contains(&most), "{least} to {most}");
+    let recorded = trial.angle.clone();
+    let mut up_to = |highest: f64| {
+        trial.angle = recorded.iter().map(|angle| highest - 0.1 + 0.1 * angle / 0.62).collect();
+        let recording = [Recording::from(&trial)];
+        let options = Options::default();
+        let moments = |prepared: Result<Vec<PreparedTrial>, SimulationError>| {
+            Ok::<_, SimulationError>(prepared?[0].simulate(&model.nominal_parameters())?.moment)
+        };
+        let alone = moments(model.prepare_all(&recording, &options));
+        let varied = moments(model.prepare_all_with_margin(&recording, &options));
+        (alone, varied)
+    };
+    let (alone, varied) = up_to(most - 0.05);
+    let (alone, varied) = (alone.unwrap(), varied.unwrap());
+    assert!(alone.iter().any(|moment| moment.abs() > 1e-3), "{alone:?}");
+    for (a, b) in alone.iter().zip(&varied) {
+        assert!((a - b).abs() < 1e-3, "{a} {b}");
+    }
+    let (alone, varied) = up_to(most + 0.1);
+    assert!(matches!(alone, Err(SimulationError::LoopOpen { .. })), "{alone:?}");
+    assert!(matches!(varied, Err(SimulationError::LoopOpen { .. })), "{varied:?}");
+}
+
+#[test]
+fn verif_loops_close_over_any_range_of_the_coordinate() {
+    let (study, _) = demo();
+    let setup = Setup::from_settings(&study.settings);
+    // A single value, and a range without the default.
+    for (range, value) in [("0 0", 0.0), ("0.1 0.6", 0.3)] {
+        let file = read_changed("rod", &|text| with_range(text, range));
+        let model = MusculoskeletalModel::compile(&file.spec, &setup).unwrap_or_else(|e| panic!("{range}: {e}"));
+        let [least, most] = model.closed_range().unwrap();
+        assert!(least < value && value < most && most - least < 2.0, "{range}: {least} to {most}");
+    }
+}
+
+#[test]
+fn verif_a_trial_cannot_open_a_loop_by_its_posture() {
+    let held = |coordinate: &str, value: &str| {
+        let study = on(&other("rod"));
+        study.edit("trials.csv", |text| {
+            let more = |(i, line): (usize, &str)| match i {
+                0 => format!("{line},posture_{coordinate}_deg\n"),
+                _ if line.contains(TRAIN) => format!("{line},{value}\n"),
+                _ => format!("{line},\n"),
+            };
+            text.lines().enumerate().map(more).collect()
+        });
+        study
+    };
+    let says = ["`deviation` belongs to a loop", "rod (ConstantDistanceConstraint)", "hint", "[posture_deg]"];
+    held("deviation", "5").refused("trials.csv", &says);
+    held("elbow_flexion", "60").run("compare").success();
+}
+
+#[test]
+fn verif_strength_is_scaled_along_closed_loops() {
+    let (study, _) = demo();
+    let mut file = read_changed("rod", &str::to_owned);
+    let setup = Setup::from_settings(&study.settings);
+    let closed = MusculoskeletalModel::compile(&file.spec, &setup).unwrap();
+    let open = OsimFile::read(&model()).unwrap();
+    let open = MusculoskeletalModel::compile(&open.spec, &setup).unwrap();
+    let scaling = strength_scale(&mut file, &study, &study.participants[0]).unwrap();
+    let mut farthest: f64 = 0.0;
+    for group in &scaling.groups {
+        let arms = |model: &MusculoskeletalModel, name: &str| {
+            let i = model.muscle_names().position(|n| n == name).unwrap();
+            model.moment_arms_about("flexion", &[], &[group.angle]).unwrap()[i][0]
+        };
+        for muscle in &group.muscles {
+            let expected = arms(&closed, &muscle.name);
+            assert!((muscle.moment_arm - expected).abs() < 1e-7, "{}: {expected}", muscle.name);
+            farthest = farthest.max((expected - arms(&open, &muscle.name)).abs());
+        }
+    }
+    assert!(farthest > 1e-5, "{farthest}");
+}
+
+#[test]
+fn verif_info_and_audit_say_what_does_not_move() {
+    let folder = tempfile::tempdir().unwrap();
+    let locked = folder.path().join("locked.osim");
+    let text = std::fs::read_to_string(model()).unwrap();
+    std::fs::write(&locked, text.replacen("<locked>false</locked>", "<locked>true</locked>", 1)).unwrap();
+    let coordinates = |file: &Path| info(file)["study"]["coordinates"].as_array().unwrap().len();
+    assert_eq!(coordinates(&locked) + 1, coordinates(&model()));
+    let audited = carpus().arg("audit").arg(other("rod")).assert();
+    audited.stderr(contains("constraints do not hold here").and(contains("rod")));
 }
 
 #[test]

@@ -58,7 +58,9 @@ impl Init {
             return Err(message.hint("give another folder by --out, or remove it").into());
         }
         let mut messages = Vec::new();
-        let loaded = model::load(&self.model, Needs::Motion, self.allow_unsupported, &mut messages)?;
+        // As trials of a study are read, which the study written here names.
+        let needs = Needs::Trials { passive: false };
+        let loaded = model::load(&self.model, needs, self.allow_unsupported, &mut messages)?;
         let mut found = pieces::Found::of(&self.folder, &loaded)?;
         let muscles = found.pieces.muscles.clone();
         let coordinate = match &self.coordinate {

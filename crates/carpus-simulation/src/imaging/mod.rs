@@ -11,13 +11,14 @@
 //! Correlations compare quantities as they are; limits of agreement compare them after conversion. Images of one person
 //! are counted one by one, as in the dissertation: p-values take them for independent, which flatters them.
 
+use crate::simulation::{HeldCoordinate, SimulationError, skeleton_in_posture};
 use carpus_multibody::multibody::Model;
 use carpus_multibody::muscles::{EquilibriumError, MuscleError, MuscleModel};
 use carpus_multibody::paths::{Path, PathError};
 use carpus_numerics::statistics::{
     Agreement, Correlation, LinearRegression, StatisticsError, bland_altman, linear_regression, pearson,
 };
-use carpus_osim::osim::spec::{ModelSpec, MotionType, MuscleSpec};
+use carpus_osim::osim::spec::{ConstraintKind, ConstraintSpec, ModelSpec, MotionType, MuscleSpec};
 use carpus_study::study::{ImagingSettings, Study, UltrasoundMeasurement};
 
 /// A resting muscle of a model in an imaging posture.
@@ -62,6 +63,9 @@ pub enum ImagingError {
         /// Upper end.
         upper: f64,
     },
+    /// A posture that the model cannot take.
+    #[error(transparent)]
+    Posture(#[from] SimulationError),
     /// The muscle's path.
     #[error(transparent)]
     Path(#[from] PathError),
@@ -94,7 +98,8 @@ pub fn at_rest(
     })
 }
 
-/// The muscle of a measurement in the model, and the length of its path in the posture of the image [m].
+/// The muscle of a measurement in the model, and the length of its path in the posture of the image [m]. Loops of
+/// constraints are closed in that posture.
 ///
 /// # Errors
 /// [`ImagingError`].
@@ -123,11 +128,22 @@ pub fn path_length<'s>(
         q[index.0] = value;
         Ok(())
     };
-    for held in settings.posture.iter().chain(settings.imaging.posture_of(&measurement.muscle)) {
+    let postures = || settings.posture.iter().chain(settings.imaging.posture_of(&measurement.muscle));
+    for held in postures() {
         set(&held.coordinate, &|translation| held.value(translation))?;
     }
     set(coordinate, &|_| angle)?;
     skeleton.satisfy_couplers(&mut q);
+    let closed;
+    let skeleton = if has_loops(spec) {
+        let held: Vec<HeldCoordinate> = postures().map(HeldCoordinate::from).collect();
+        let moving = skeleton.coordinate(coordinate).map(|c| skeleton.coordinates[c.0].motion_type);
+        let value_deg_or_m = if moving == Some(MotionType::Translational) { angle } else { angle.to_degrees() };
+        (closed, _, q) = skeleton_in_posture(spec, coordinate, &held, value_deg_or_m)?;
+        &closed
+    } else {
+        skeleton
+    };
     let muscle = spec
         .muscles
         .iter()
@@ -139,6 +155,12 @@ pub fn path_length<'s>(
     let mut geometry = path.new_geometry();
     path.update(&q, &cache, &mut geometry);
     Ok((muscle, geometry.length()))
+}
+
+/// Whether constraints or joints close loops.
+fn has_loops(spec: &ModelSpec) -> bool {
+    let closes = |c: &ConstraintSpec| c.is_enforced && !matches!(c.kind, ConstraintKind::CoordinateCoupler { .. });
+    spec.constraints.iter().any(closes) || !spec.loop_joints().is_empty()
 }
 
 /// What is compared.

@@ -2,8 +2,7 @@
 
 use super::strength_error::StrengthError;
 use super::strength_target::{StrengthTarget, TargetSource, strength_targets};
-use crate::simulation::{HeldCoordinate, Setup, SimulationError};
-use carpus_multibody::multibody::Model;
+use crate::simulation::{Setup, SimulationError, skeleton_in_posture};
 use carpus_multibody::muscles::MuscleModel;
 use carpus_multibody::paths::Path;
 use carpus_osim::osim::OsimFile;
@@ -93,10 +92,9 @@ pub fn strength_scaling(
     settings: &Settings,
     targets: &[StrengthTarget],
 ) -> Result<StrengthScaling, StrengthError> {
-    let skeleton = Model::compile(spec).map_err(SimulationError::from)?;
     let mut groups = Vec::new();
     for target in targets {
-        groups.push(group(spec, &skeleton, settings, target)?);
+        groups.push(group(spec, settings, target)?);
     }
     // A moment arm that changes its sign between the two postures would put a muscle into both groups.
     keep_the_stronger(&mut groups);
@@ -109,23 +107,15 @@ pub fn strength_scaling(
 }
 
 /// The muscles of a group, before any factor.
-fn group(
-    spec: &ModelSpec,
-    skeleton: &Model,
-    settings: &Settings,
-    target: &StrengthTarget,
-) -> Result<GroupScaling, StrengthError> {
+fn group(spec: &ModelSpec, settings: &Settings, target: &StrengthTarget) -> Result<GroupScaling, StrengthError> {
     let setup = Setup::from_settings(settings);
-    let coordinate = skeleton.coordinate(&setup.coordinate).ok_or_else(|| SimulationError::UnknownCoordinate {
-        name: setup.coordinate.clone(),
-        available: skeleton.coordinates.iter().map(|c| c.name.clone()).collect(),
-    })?;
-    let is_translation = skeleton.coordinates[coordinate.0].motion_type == MotionType::Translational;
+    let moving = spec.coordinates.iter().find(|c| c.name == setup.coordinate);
+    let is_translation = moving.is_some_and(|c| c.motion_type == MotionType::Translational);
     let value_deg_or_m = if is_translation { target.angle } else { target.angle.to_degrees() };
     let mut held = setup.posture;
     held.extend_from_slice(&target.held);
-    held.push(HeldCoordinate { coordinate: setup.coordinate, value_deg_or_m });
-    let q = crate::simulation::posture(skeleton, &held)?;
+    // Loops are closed in the posture of this contraction.
+    let (skeleton, coordinate, q) = skeleton_in_posture(spec, &setup.coordinate, &held, value_deg_or_m)?;
     let mut cache = skeleton.new_cache();
     skeleton.update_positions(&q, &mut cache);
     skeleton.update_unit_motion(&q, coordinate, &mut cache);
@@ -139,7 +129,7 @@ fn group(
     let mut muscles = Vec::new();
     for name in listed.unwrap_or(&settings.active_muscles) {
         let muscle = named(spec, name)?;
-        let path = Path::compile(&muscle.path, spec, skeleton)
+        let path = Path::compile(&muscle.path, spec, &skeleton)
             .map_err(|source| SimulationError::Path { owner: name.clone(), source })?;
         let mut geometry = path.new_geometry();
         path.update(&q, &cache, &mut geometry);

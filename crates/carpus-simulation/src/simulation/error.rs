@@ -137,6 +137,44 @@ pub enum SimulationError {
         /// Range of the trials [rad or m].
         found: [f64; 2],
     },
+    /// A posture of a trial that sets a coordinate of a loop: loops are closed in the posture of the study.
+    #[error(
+        "coordinate `{coordinate}` belongs to a loop that the model's constraints {} close: it cannot be held at a \
+         value of its own in a single trial",
+        list(.constraints)
+    )]
+    LoopPosture {
+        /// Name and class of each.
+        constraints: Vec<(String, String)>,
+        /// The coordinate.
+        coordinate: String,
+    },
+    /// Moment arms about a coordinate of a loop that is closed for the moving coordinate alone.
+    #[error(
+        "there are no moment arms about `{coordinate}`: it belongs to a loop that the model's constraints {} close for \
+         the dynamometer's coordinate alone",
+        list(.constraints)
+    )]
+    LoopMomentArms {
+        /// Name and class of each.
+        constraints: Vec<(String, String)>,
+        /// The coordinate.
+        coordinate: String,
+    },
+    /// Constraints between bodies that hold over the range of a coordinate, which is empty.
+    #[error(
+        "the model's constraints {} are to hold over the range of `{coordinate}`, which is {} to {} rad or m: it is \
+         empty",
+        list(.constraints), .range[0], .range[1]
+    )]
+    LoopRange {
+        /// Name and class of each.
+        constraints: Vec<(String, String)>,
+        /// The moving coordinate.
+        coordinate: String,
+        /// Its range [rad or m].
+        range: [f64; 2],
+    },
     /// Not enough samples to interpolate.
     #[error("{recording}: {found} samples, expected at least {expected}")]
     TooFewSamples {
@@ -301,6 +339,19 @@ pub enum SimulationError {
 }
 
 impl SimulationError {
+    /// Whether loops that constraints close are the reason.
+    pub fn is_about_loops(&self) -> bool {
+        matches!(
+            self,
+            SimulationError::Constraint { .. }
+                | SimulationError::LoopUndetermined { .. }
+                | SimulationError::LoopOpen { .. }
+                | SimulationError::LoopPosture { .. }
+                | SimulationError::LoopMomentArms { .. }
+                | SimulationError::LoopRange { .. }
+        )
+    }
+
     /// The muscle that it is about, if it is about one.
     pub fn muscle(&self) -> Option<&str> {
         match self {
@@ -327,6 +378,11 @@ impl SimulationError {
             SimulationError::LoopUndetermined { .. } => {
                 Some("hold some of them in [posture_deg] of study.toml, so that the constraints determine the others")
             }
+            SimulationError::LoopPosture { .. } => Some(
+                "hold it in [posture_deg] of study.toml for the whole study; if it follows the dynamometer's \
+                 coordinate, leave it out",
+            ),
+            SimulationError::LoopRange { .. } => Some("widen the coordinate's range in the model"),
             SimulationError::AngleOutOfRange { .. } => {
                 Some("check the angle's unit and zero; if it is right, widen the coordinate's range in the model")
             }

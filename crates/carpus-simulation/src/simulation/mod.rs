@@ -35,7 +35,9 @@ pub use error::SimulationError;
 pub use excitation_tangent::{ExcitationTangent, ForceChange};
 pub use fiber::radau::Work;
 pub use fiber::step::FiberAccuracy;
-pub use model::{HeldCoordinate, MuscleParameters, MusculoskeletalModel, Setup, check_muscle, posture};
+pub use model::{
+    HeldCoordinate, MuscleParameters, MusculoskeletalModel, Setup, check_muscles, posture, skeleton_in_posture,
+};
 pub use motion::{MotionInterpolation, speed_and_acceleration};
 pub use property::Property;
 pub use response::{AngleResponse, ExcitationResponse, RestResponse};

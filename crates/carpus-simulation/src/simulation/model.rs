@@ -218,11 +218,32 @@ impl MusculoskeletalModel {
     /// All coordinates in the posture of the study with some held otherwise, couplers satisfied [rad or m].
     ///
     /// # Errors
-    /// A coordinate that is not there, follows another, is the moving one, or is outside its range.
+    /// A coordinate that is not there, follows another, is outside its range, or belongs to a loop of constraints that
+    /// was closed at another value.
     pub fn posture_with(&self, held: &[HeldCoordinate]) -> Result<Vec<f64>, SimulationError> {
         let mut q = self.posture.clone();
+        if let Some(loops) = &self.closed_loops {
+            let named = held.iter().filter_map(|held| Some((self.skeleton.coordinate(&held.coordinate)?, held)));
+            let values = named.map(|(c, held)| (c, value_of(&self.skeleton, c, held)));
+            loops.check_posture(&self.skeleton, &self.posture, values)?;
+        }
         set_posture(&self.skeleton, &mut q, held)?;
         Ok(q)
+    }
+
+    /// Values of the moving coordinate at which the loops of constraints hold [rad or m]; `None` without loops.
+    pub fn closed_range(&self) -> Option<[f64; 2]> {
+        self.closed_loops.as_ref().map(ClosedLoops::range)
+    }
+
+    /// Checks that loops of constraints hold at values of the moving coordinate.
+    ///
+    /// - `range`: least and greatest [rad or m]
+    ///
+    /// # Errors
+    /// [`SimulationError::LoopOpen`].
+    pub(crate) fn check_loops(&self, range: [f64; 2]) -> Result<(), SimulationError> {
+        self.closed_loops.as_ref().map_or(Ok(()), |loops| loops.check(&self.setup.coordinate, range))
     }
 
     /// Largest moment that gravity, however directed, has about the moving coordinate [N·m or N], in the posture of the
@@ -324,16 +345,21 @@ pub(crate) fn set_posture(skeleton: &Model, q: &mut [f64], held: &[HeldCoordinat
     Ok(())
 }
 
+/// The value that a coordinate is held at [rad or m].
+fn value_of(skeleton: &Model, coordinate: CoordinateIndex, held: &HeldCoordinate) -> f64 {
+    match skeleton.coordinates[coordinate.0].motion_type {
+        MotionType::Translational => held.value_deg_or_m,
+        MotionType::Rotational | MotionType::Coupled => held.value_deg_or_m.to_radians(),
+    }
+}
+
 /// Coordinates that are held, and their values [rad or m].
 fn held_values(skeleton: &Model, held: &[HeldCoordinate]) -> Result<Vec<(CoordinateIndex, f64)>, SimulationError> {
     let mut values = Vec::with_capacity(held.len());
     for item in held {
         let index = independent_coordinate(skeleton, &item.coordinate)?;
         let coordinate = &skeleton.coordinates[index.0];
-        let value = match coordinate.motion_type {
-            MotionType::Translational => item.value_deg_or_m,
-            MotionType::Rotational | MotionType::Coupled => item.value_deg_or_m.to_radians(),
-        };
+        let value = value_of(skeleton, index, item);
         let [lower, upper] = coordinate.range;
         // A tenth of a degree: what rounding of values written in degrees may add.
         let slack = 1.8e-3;
@@ -357,14 +383,43 @@ pub fn posture(skeleton: &Model, held: &[HeldCoordinate]) -> Result<Vec<f64>, Si
     Ok(q)
 }
 
-/// Whether a muscle can be active in a study.
+/// The skeleton in which loops of constraints are closed in a posture, its moving coordinate, and all coordinates there
+/// [rad or m].
 ///
-/// - `skeleton`: compiled from `spec`
+/// - `coordinate`: the one that moves
+/// - `held`: the others
+/// - `value_deg_or_m`: of the moving one
 ///
 /// # Errors
-/// Why it cannot.
-pub fn check_muscle(spec: &ModelSpec, skeleton: &Model, name: &str) -> Result<(), SimulationError> {
-    active_muscle(spec, skeleton, name, &mut CurveCache::default()).map(drop)
+/// The skeleton cannot be compiled; as [`posture`]; loops that do not close there.
+pub fn skeleton_in_posture(
+    spec: &ModelSpec,
+    coordinate: &str,
+    held: &[HeldCoordinate],
+    value_deg_or_m: f64,
+) -> Result<(Model, CoordinateIndex, Vec<f64>), SimulationError> {
+    let skeleton = Model::compile(spec)?;
+    let moving = independent_coordinate(&skeleton, coordinate)?;
+    let values = held_values(&skeleton, held)?;
+    let (skeleton, loops) = closed_loops::close(spec, skeleton, moving, &values)?;
+    let mut all = held.to_vec();
+    all.push(HeldCoordinate { coordinate: coordinate.to_owned(), value_deg_or_m });
+    let q = posture(&skeleton, &all)?;
+    if let Some(loops) = loops {
+        loops.check(coordinate, [q[moving.0]; 2])?;
+    }
+    Ok((skeleton, moving, q))
+}
+
+/// Which muscles of a model can be active in a study, and why others cannot.
+///
+/// - `skeleton`: compiled from `spec`
+pub fn check_muscles<'s>(
+    spec: &'s ModelSpec,
+    skeleton: &Model,
+) -> impl Iterator<Item = (&'s str, Result<(), SimulationError>)> {
+    let mut cache = CurveCache::default();
+    spec.muscles.iter().map(move |m| (m.name.as_str(), active_muscle(spec, skeleton, &m.name, &mut cache).map(drop)))
 }
 
 fn active_muscle(

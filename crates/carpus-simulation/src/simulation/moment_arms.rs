@@ -10,7 +10,7 @@ impl MusculoskeletalModel {
     /// - `held`: coordinates held otherwise than in the posture of the study
     ///
     /// # Errors
-    /// An unknown coordinate, or one that a coupler determines.
+    /// An unknown coordinate, one that a coupler determines, or one that loops of constraints move with.
     pub fn moment_arms_about(
         &self,
         coordinate: &str,
@@ -19,6 +19,9 @@ impl MusculoskeletalModel {
     ) -> Result<Vec<Vec<f64>>, SimulationError> {
         let skeleton = &self.skeleton;
         let about = independent_coordinate(skeleton, coordinate)?;
+        if let Some(loops) = &self.closed_loops {
+            loops.check_alone(skeleton, about)?;
+        }
         let mut q = self.posture_with(held)?;
         let mut cache = skeleton.new_cache();
         let mut geometries: Vec<_> = self.muscles.iter().map(|m| m.path.new_geometry()).collect();

@@ -22,7 +22,8 @@ impl MusculoskeletalModel {
     /// As there.
     pub fn prepare(&self, recording: &Recording, options: &Options) -> Result<PreparedTrial, SimulationError> {
         let motion = self.checked_motion(recording, options)?;
-        let tables = Arc::new(CoordinateTables::build(self, &self.posture_with(&recording.held)?, motion.range())?);
+        let tables =
+            Arc::new(CoordinateTables::build(self, &self.posture_with(&recording.held)?, motion.range(), 0.0)?);
         self.prepare_with(recording, motion, tables, options)
     }
 
@@ -76,7 +77,7 @@ impl MusculoskeletalModel {
         }
         let build = |(held, [low, high]): &(&[HeldCoordinate], [f64; 2])| {
             let posture = self.posture_with(held)?;
-            Ok(Arc::new(CoordinateTables::build(self, &posture, [low - margin, high + margin])?))
+            Ok(Arc::new(CoordinateTables::build(self, &posture, [*low, *high], margin)?))
         };
         let tables: Vec<Arc<CoordinateTables>> =
             postures.par_iter().map(build).collect::<Vec<_>>().into_iter().collect::<Result<_, SimulationError>>()?;

@@ -57,20 +57,22 @@ impl CoordinateTables {
     /// Tabulates paths and forces of `model` on `range` of its moving coordinate.
     ///
     /// - `posture`: all coordinates, of which the moving one varies
+    /// - `beyond`: how far tables go beyond the range [rad or m]. Where loops of constraints do not close that far, the
+    ///   tables continue straight on.
     ///
     /// # Errors
-    /// [`SimulationError::PathLength`].
+    /// [`SimulationError::PathLength`]; [`SimulationError::LoopOpen`] within the range.
     pub(crate) fn build(
         model: &MusculoskeletalModel,
         posture: &[f64],
         range: [f64; 2],
+        beyond: f64,
     ) -> Result<CoordinateTables, SimulationError> {
+        model.check_loops(range)?;
+        let range = [range[0] - beyond, range[1] + beyond];
         // A held joint still needs a table that is wide enough to be well conditioned.
         let margin = 1e-3_f64.max(0.002 * (range[1] - range[0]));
         let range = [range[0] - margin, range[1] + margin];
-        if let Some(loops) = &model.closed_loops {
-            loops.check(&model.setup.coordinate, range)?;
-        }
         let mut muscles = Vec::with_capacity(model.muscles.len());
         for muscle in &model.muscles {
             muscles.push(path_table(model, posture, &muscle.path, &muscle.name, range)?);
@@ -122,12 +124,16 @@ impl<'a> Posed<'a> {
         Posed { model, q, cache, moving }
     }
 
-    fn set(&mut self, angle: f64) {
+    /// Takes the pose at an angle, or the nearest in which loops of constraints close. Returns how far the angle is
+    /// from it [rad or m].
+    fn set(&mut self, angle: f64) -> f64 {
         let (skeleton, c) = (&self.model.skeleton, self.model.coordinate);
-        self.q[c.0] = angle;
+        let taken = self.model.closed_range().map_or(angle, |[least, most]| angle.max(least).min(most));
+        self.q[c.0] = taken;
         skeleton.satisfy_couplers(&mut self.q);
         skeleton.update_positions_in(&self.moving, &self.q, &mut self.cache);
         skeleton.update_unit_motion_in(&self.moving, &self.q, c, &mut self.cache);
+        angle - taken
     }
 }
 
@@ -143,18 +149,19 @@ fn path_table(
     let mut geometry: PathGeometry = path.new_geometry();
     // The bodies that do not move keep velocity zero.
     let mut evaluate = |angle: f64| {
-        posed.set(angle);
+        let farther = posed.set(angle);
         path.update(&posed.q, &posed.cache, &mut geometry);
         skeleton.update_velocities_of_unit_motion_in(&posed.moving, &posed.q, &mut posed.cache);
-        let length = geometry.length();
+        let unit_speed = path.lengthening_speed(&posed.q, posed.cache.coupling(), &posed.cache, &geometry);
+        let mut length = geometry.length();
+        // Not where nothing is farther, as a speed may be no number.
+        if farther != 0.0 {
+            length += unit_speed * farther;
+        }
         if !(length > 0.0 && length < LONGEST_PATH) {
             return Err(SimulationError::PathLength { muscle: owner.to_owned(), angle, length });
         }
-        Ok([
-            length,
-            path.moment_arm(&posed.q, &posed.cache, &geometry),
-            path.lengthening_speed(&posed.q, posed.cache.coupling(), &posed.cache, &geometry),
-        ])
+        Ok([length, path.moment_arm(&posed.q, &posed.cache, &geometry), unit_speed])
     };
     PathTable::build(range, PATH_ACCURACY, &mut evaluate)
 }
@@ -174,9 +181,10 @@ fn follower_table(
     let mut posed = Posed::new(model, posture, skeleton.bodies_moved_by(&[model.coordinate]));
     let mut speeds = vec![0.0; skeleton.n_coordinates()];
     let mut evaluate = |angle: f64| {
-        posed.set(angle);
+        let farther = posed.set(angle);
         skeleton.speeds_of_rates(&posed.cache, posed.cache.coupling(), &mut speeds);
-        Ok([posed.q[coordinate.0], posed.cache.coupling()[coordinate.0], speeds[coordinate.0]])
+        let rate = posed.cache.coupling()[coordinate.0];
+        Ok([posed.q[coordinate.0] + rate * farther, rate, speeds[coordinate.0]])
     };
     let accuracy = TableAccuracy { tolerance: [1e-9; 3], start_width: 0.2, min_width: 2e-4 };
     PathTable::build(range, accuracy, &mut evaluate).map(Some)

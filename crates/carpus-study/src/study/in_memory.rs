@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use toml_edit::{DocumentMut, Item, Value};
 
+use super::posture::{POSTURE_EXPECTED, is_posture};
 use super::trial_list::{Contraction, Direction, TrialInfo, TrialUse};
 use super::{Fault, Participant, Problem, Settings, Study, StudyErrors, Trial};
 
@@ -133,6 +134,10 @@ impl Study {
             if !participants.iter().any(|p| p.name == info.participant) {
                 refuse(&info.file, "participant", "one of the participants", &info.participant);
             }
+            for held in info.held.iter().filter(|held| !is_posture(held.value_deg_or_m)) {
+                let found = format!("{} of {}", held.value_deg_or_m, held.coordinate);
+                refuse(&info.file, "held", &format!("{POSTURE_EXPECTED}, up to 360 either way"), &found);
+            }
             let is_same = |other: &Trial| other.info.participant == info.participant && other.info.name == info.name;
             if trials[..i].iter().any(is_same) {
                 refuse(&info.file, "name", "a name that no other trial of the participant has", &info.name);
@@ -168,6 +173,7 @@ impl Study {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::study::PostureCoordinate;
 
     fn trial(name: &str, moment: Vec<f64>) -> Trial {
         let info = TrialInfo::new("P01", name, Contraction::Isotonic, Direction::Flexion, TrialUse::Train);
@@ -190,6 +196,17 @@ mod tests {
         assert_eq!((&trials[0].moment, trials[0].excitation[0].len()), (&moment, 50));
         // A key that is not written means what it means in a file.
         assert!(study.settings.dynamometer.includes(super::super::MomentPart::Passive));
+    }
+
+    #[test]
+    fn verif_a_posture_that_is_no_number_is_refused() {
+        for (value, word) in [(f64::NAN, "NaN of wrist"), (400.0, "400 of wrist")] {
+            let mut bent = trial("a", vec![1.0; 50]);
+            let coordinate = "wrist".to_owned();
+            bent.info.held = vec![PostureCoordinate { coordinate, line: 0, value_deg_or_m: value }];
+            let said = study(vec![bent]).unwrap_err().to_string();
+            assert!(said.contains("held") && said.contains(word), "{said}");
+        }
     }
 
     #[test]

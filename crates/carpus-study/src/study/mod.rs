@@ -70,7 +70,7 @@ pub use limits::{
 };
 pub use nearest::nearest;
 pub use participants::{Participant, Sex, Side};
-pub use posture::PostureCoordinate;
+pub use posture::{PostureCoordinate, is_same_posture};
 pub use priors::{PriorKnowledge, PriorUnit, read_priors};
 pub use problem::{MAX_LISTED, Problem, Severity, StudyErrors};
 pub use processed_emg::{ParticipantEmg, ProcessedEmg};

@@ -19,6 +19,22 @@ impl PostureCoordinate {
     }
 }
 
+/// What a coordinate is held at in a trial.
+pub(super) const POSTURE_EXPECTED: &str = "an angle in degrees (metres for a translation)";
+
+/// Whether a coordinate can be held at a value in a trial [degrees, or metres].
+pub(super) fn is_posture(value: f64) -> bool {
+    value.abs() <= 360.0
+}
+
+/// Whether two lists hold the same coordinates at the same values, in whatever order.
+pub fn is_same_posture(a: &[PostureCoordinate], b: &[PostureCoordinate]) -> bool {
+    let is_in = |held: &PostureCoordinate, other: &[PostureCoordinate]| {
+        other.iter().any(|o| o.coordinate == held.coordinate && o.value_deg_or_m == held.value_deg_or_m)
+    };
+    a.len() == b.len() && a.iter().all(|held| is_in(held, b)) && b.iter().all(|held| is_in(held, a))
+}
+
 /// Why a posture in degrees looks like radians: it is a multiple of 15° written in radians.
 pub(super) fn radian_evidence(value: f64) -> Option<String> {
     let in_degrees = value.to_degrees();

@@ -6,7 +6,7 @@ use std::path::{Component, Path, PathBuf};
 use super::fault::Fault;
 use super::nearest::nearest;
 use super::participants::Participant;
-use super::posture::{PostureCoordinate, radian_evidence};
+use super::posture::{POSTURE_EXPECTED, PostureCoordinate, is_posture, radian_evidence};
 use super::problem::Problem;
 use super::table::{Row, Table, named_file};
 use carpus_numerics::plausible;
@@ -372,8 +372,7 @@ pub fn posture_column(coordinate: &str) -> String {
 fn held(row: &Row<'_>, problems: &mut Vec<Problem>) -> Vec<PostureCoordinate> {
     let columns = row.header.iter().filter_map(|column| Some((column, held_coordinate(column)?)));
     let of = |(column, coordinate): (&String, &str)| {
-        let expected = "an angle in degrees (metres for a translation)";
-        let value_deg_or_m = row.number(column, expected, |v| v.abs() <= 360.0, problems)?;
+        let value_deg_or_m = row.number(column, POSTURE_EXPECTED, is_posture, problems)?;
         if let Some(evidence) = radian_evidence(value_deg_or_m) {
             row.warning(Fault::LooksLikeRadians { name: column.clone(), evidence }, problems);
         }

@@ -1,6 +1,6 @@
 // All trials as small figures, and one of them large, with what is left of it.
 import { Figure } from "./figure.js";
-import { element, percent, shown } from "./format.js";
+import { element, percent, shown, words } from "./format.js";
 import { saveButtons } from "./saving.js";
 
 const TIME = { name: "time", unit: "s" };
@@ -139,5 +139,7 @@ export class Trials {
 }
 
 function posture(trial) {
-  return trial.posture_deg === null ? "" : ` at ${shown(trial.posture_deg)}°`;
+  const own = trial.posture_deg === null ? "" : ` at ${shown(trial.posture_deg)}°`;
+  const held = ({ coordinate, value, unit }) => `, ${words(coordinate)} ${shown(value)}${unit === "m" ? "\u202fm" : "°"}`;
+  return own + trial.held.map(held).join("");
 }

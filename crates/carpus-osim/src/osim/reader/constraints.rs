@@ -29,7 +29,8 @@ impl Reader<'_> {
                     let kind = self.joining_constraint(&class, &object);
                     let message = match kind {
                         Some(_) => format!(
-                            "{class} holds in studies and run-tool; other commands take all coordinates as given"
+                            "{class} holds in the trials and images of studies and in run-tool; other commands take \
+                             all coordinates as given"
                         ),
                         None => format!("{class} is not enforced"),
                     };

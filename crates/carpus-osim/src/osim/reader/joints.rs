@@ -468,7 +468,8 @@ impl Reader<'_> {
             let at = self.spec.joints[joint.0].at.clone();
             let Some(element) = at.element.map(ElementId) else { continue };
             let message = "the joint closes a loop of joints: its child is cut in two there, as in OpenSim, and \
-                           held together in studies and run-tool; other commands take all coordinates as given";
+                           held together in the trials and images of studies and in run-tool; other commands take \
+                           all coordinates as given";
             self.diagnose(Severity::Unsupported, element, &at.path, message.to_owned(), None);
         }
     }

@@ -13,6 +13,7 @@ use crate::study::contents::Study;
 use crate::study::emg_recorder::{EmgRecorder, EmgRecorderError};
 use crate::study::fault::Fault;
 use crate::study::limits::MIN_SAMPLES;
+use crate::study::posture::is_same_posture;
 use crate::study::problem::{Problem, StudyErrors};
 use crate::study::trial_list::{Contraction, TrialInfo};
 use carpus_numerics::signals::{SignalError, interpolate_linear};
@@ -106,6 +107,20 @@ pub enum ProcessingError {
         /// Line of the first such trial.
         line: usize,
     },
+    /// One passive curve for trials in several postures.
+    #[error(
+        "{}:{line}: other joints are not held as in line {first}: the relaxed limb's moment differs between postures, \
+         and one curve is subtracted from all trials",
+        file.display()
+    )]
+    SeveralPostures {
+        /// The `trials.csv`.
+        file: std::path::PathBuf,
+        /// Line of the first trial in another posture.
+        line: usize,
+        /// Line of the first trial.
+        first: usize,
+    },
     /// A recording in which no repetition was found.
     #[error("{file}: no repetition found; [processing.repetitions] does not suit this recording")]
     NoRepetition {
@@ -123,6 +138,9 @@ impl ProcessingError {
             }
             ProcessingError::ArmFlipped { .. } => {
                 Some("leave out subtract_passive, or process the trials with the arm flipped as a study of their own")
+            }
+            ProcessingError::SeveralPostures { .. } => {
+                Some("leave out subtract_passive, or process the trials of each posture as a study of their own")
             }
             ProcessingError::NoRepetition { .. } => {
                 Some("lower threshold or min_duration_s, or name other contractions there")
@@ -154,6 +172,10 @@ impl Study {
             let (file, line) = (self.folder.join("trials.csv"), info.line);
             return Err(ProcessingError::ArmFlipped { file, line });
         }
+        if let Some((info, other)) = self.of_two_postures(&infos).filter(|_| settings.passive_order.is_some()) {
+            let (file, line) = (self.folder.join("trials.csv"), other.line);
+            return Err(ProcessingError::SeveralPostures { file, line, first: info.line });
+        }
         let passive = settings.passive_order.map(|order| fit(&trials, order, participant)).transpose()?;
         if let Some(passive) = &passive {
             for trial in &mut trials {
@@ -167,6 +189,18 @@ impl Study {
         let cut: Vec<Vec<ProcessedTrial>> =
             trials.into_iter().map(|trial| cut(trial, settings)).collect::<Result<_, _>>()?;
         Ok(ProcessingResult { passive, trials: cut.into_iter().flatten().collect() })
+    }
+
+    /// The first trial, and the first one in another posture of the joints that are held.
+    fn of_two_postures<'t>(&self, infos: &[&'t TrialInfo]) -> Option<(&'t TrialInfo, &'t TrialInfo)> {
+        let posture = |info: &TrialInfo| {
+            let of_all = self.settings.posture.iter().filter(|held| info.held_at(&held.coordinate).is_none());
+            of_all.chain(&info.held).cloned().collect::<Vec<_>>()
+        };
+        let (first, others) = infos.split_first()?;
+        let of_first = posture(first);
+        let other = others.iter().find(|info| !is_same_posture(&posture(info), &of_first))?;
+        Some((first, other))
     }
 
     /// One recording up to the removal of the machine's drag.

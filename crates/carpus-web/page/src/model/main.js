@@ -112,8 +112,9 @@ class Page {
       const part = (k) => swept.subarray(k * VALUES, (k + 1) * VALUES);
       const curves = chosen.map((m, i) => ({ muscle: m, length: part(2 * i), arm: part(2 * i + 1) }));
       this.swept = { key, about, values, curves };
-      if (this.theirs?.about === about) this.opensim.compare(await this.atTheirs(q));
-      else if (this.theirs) this.opensim.away();
+      const { theirs } = this;
+      if (theirs?.about === about) this.opensim.compare(theirs, await this.atTheirs(q));
+      else if (theirs) this.opensim.away();
       this.drawCurves();
     }
     const now = this.posture.q[about] * axis.scale;

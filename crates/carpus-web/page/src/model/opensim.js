@@ -62,8 +62,13 @@ export class OpenSimTable {
     this.say(element("p", {}, `${this.read.name} goes over ${over}: choose it for the curves to see both.`));
   }
 
-  /** Says how far the table's curves are from ours at the same values of the coordinate. */
-  compare(ours) {
+  /**
+   * Says how far the table's curves are from ours at the same values of the coordinate.
+   *
+   * - `table`: that ours were computed for; nothing is said where it is no longer the one that was read
+   */
+  compare(table, ours) {
+    if (!this.read || this.read !== table) return;
     const { coordinates, muscles } = this.description;
     const { about, x, curves, notes, name } = this.read;
     const axis = coordinates[about];

@@ -118,14 +118,18 @@ function inRadians(values, label, table, coordinate) {
 /** The values of a table's column at the times of another; both with time. */
 function atTimes(times, table, k) {
   const own = table.columns[table.labels.findIndex(isTime)];
+  let i = 0;
+  let before = -Infinity;
   return times.map((t) => {
-    let i = own.findIndex((o) => o >= t - SAME_TIME);
-    if (i < 0) return NaN;
+    // Times ascend, so that the search goes on where it was; where they fall back, it begins anew.
+    if (!(t >= before)) i = 0;
+    before = t;
+    while (i < own.length && !(own[i] >= t - SAME_TIME)) i += 1;
+    if (i === own.length) return NaN;
     if (Math.abs(own[i] - t) <= SAME_TIME) return table.columns[k][i];
     if (i === 0) return NaN;
-    i -= 1;
-    const part = (t - own[i]) / (own[i + 1] - own[i]);
-    return table.columns[k][i] + part * (table.columns[k][i + 1] - table.columns[k][i]);
+    const part = (t - own[i - 1]) / (own[i] - own[i - 1]);
+    return table.columns[k][i - 1] + part * (table.columns[k][i] - table.columns[k][i - 1]);
   });
 }
 
