@@ -221,8 +221,16 @@ impl<'a> Session<'a> {
         let clock = Instant::now();
         for _ in 0..ROUNDS {
             let sets = self.advanced(&best, Some((&candidates, &always)))?;
+            let own = self.places(&best.point.effects);
+            let compared = self.first_compared(sets);
+            // Ahead of what the present set itself comes to: another set is where the next round begins.
+            let is_exchanged = compared.first().is_some_and(|first| self.places(&first.point.effects) != own)
+                && compared
+                    .iter()
+                    .find(|state| self.places(&state.point.effects) == own)
+                    .is_none_or(|state| self.behind(state, &compared[0]) >= SETTLED);
             let (mut next, mut fall) = (None, 0.0);
-            for state in self.first_compared(sets).into_iter().take(CONVERGED) {
+            for state in compared.into_iter().take(if is_exchanged { 1 } else { CONVERGED }) {
                 let set = self.places(&state.point.effects);
                 let tried = self.settled(state, &[], &set).ok();
                 next = self.most_probable(next.into_iter().chain(tried));
@@ -235,10 +243,10 @@ impl<'a> Session<'a> {
             let (set, sizes) = (self.places(&next.point.effects), self.sizes(&next).clone());
             self.weigh(&mut next, &set, &sizes, &candidates, &always);
             report(&format!("round {} {:.1?}, lower by {fall:.1}", self.in_words(&next), clock.elapsed()));
-            if fall > 0.0 {
+            if fall > 0.0 || is_exchanged {
                 best = next;
             }
-            if fall < SETTLED {
+            if fall < SETTLED && !is_exchanged {
                 break;
             }
         }

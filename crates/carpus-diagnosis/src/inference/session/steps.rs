@@ -40,7 +40,10 @@ impl Session<'_> {
         let from = state.around(&best.sizes);
         let mut sets = vec![best.effects.clone()];
         if let Some((candidates, always)) = among {
-            sets.extend(self.alternatives(&best.effects, &state.model, &state.sets, candidates, always));
+            let own = self.places(&state.point.effects);
+            sets.extend((best.effects != own).then_some(own));
+            let others = self.alternatives(&best.effects, &state.model, &state.sets, candidates, always);
+            sets.extend(others.into_iter().filter(|set| !sets.contains(set)).collect::<Vec<_>>());
             let additions = self.additions(state, candidates);
             sets.extend(additions.into_iter().filter(|set| !sets.contains(set)).collect::<Vec<_>>());
         }
