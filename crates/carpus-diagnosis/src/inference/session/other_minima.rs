@@ -34,8 +34,7 @@ impl Session<'_> {
         let reached: Vec<Option<Reached>> = points.par_iter().with_max_len(1).map(reach).collect();
         // A draw that cannot be simulated leads nowhere.
         let near = reached.into_iter().flatten().filter(|r| r.deviance < here + NEGLIGIBLE);
-        let compared = self.first_compared(near.map(|r| r.start(state.levels)));
-        Ok(compared.into_iter().filter_map(|other| self.settled(other, &[], &set).ok()).collect())
+        Ok(near.filter_map(|r| self.assessed(r.start(state.levels), &[], &set).ok()).collect())
     }
 
     /// The state with the other minima, each as probable as equation (20) says.

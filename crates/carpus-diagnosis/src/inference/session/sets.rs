@@ -11,7 +11,7 @@ use super::super::muscles::Muscles;
 use super::super::search::{Budget, NEGLIGIBLE};
 use super::handing_over::STANDS_IN;
 use super::state::{Begun, ODDS, OtherMinimum, Session, Start, State};
-use super::steps::{COMPARED, STEPS, profiled};
+use super::steps::{STEPS, profiled};
 use super::{ROUNDS, SETTLED};
 use crate::ONE_BY_ONE;
 use crate::addition::unidentifiable;
@@ -127,7 +127,7 @@ impl Session<'_> {
     ///
     /// # Errors
     /// A trial that cannot be simulated.
-    pub fn taken_up(&mut self, muscles: &Muscles) -> Result<State, SimulationError> {
+    pub fn taken_up(&mut self, muscles: &Muscles, report: &dyn Fn(&str)) -> Result<State, SimulationError> {
         let Muscles { session, state, .. } = muscles;
         if !self.noise_is_final {
             let Analysis { kernels, times, blocks, .. } = &session.analysis;
@@ -142,7 +142,8 @@ impl Session<'_> {
             sizes: self.sizes(state).clone(),
             directions: state.directions.clone(),
         };
-        self.assessed(start, &[], &[])
+        let state = self.assessed(start, &[], &[])?;
+        self.rounds(Begun { state, candidates: Vec::new(), always: Vec::new() }, report)
     }
 
     /// Whether something is left beside a state that is not left beside another.
@@ -166,41 +167,25 @@ impl Session<'_> {
         let pairs: Vec<(usize, usize)> =
             set.iter().flat_map(|effect| rivals(*effect).into_iter().map(|rival| (*effect, rival))).collect();
         let (sizes, here) = (self.sizes(state), state.model.posterior(&set, self.sizes(state)).deviance);
-        let exchanged = |(effect, rival): &(usize, usize)| {
-            let mut out: Vec<usize> = set.iter().copied().filter(|e| e != effect).chain([*rival]).collect();
-            out.sort_unstable();
-            out
-        };
-        let mut sets: Vec<Vec<usize>> = pairs.iter().map(exchanged).collect();
-        sets.sort();
-        sets.dedup();
-        let weighed = |set: Vec<usize>| (state.model.posterior(&set, sizes).deviance - here, set);
-        let mut sets: Vec<(f64, Vec<usize>)> = sets.into_iter().map(weighed).filter(|s| s.0 < NEGLIGIBLE).collect();
-        sets.sort_by(|a, b| a.0.total_cmp(&b.0));
-        sets.truncate(COMPARED);
-        // Beside what the set itself comes to. One that cannot be simulated in its place does not stand there.
-        let known = if sets.is_empty() { None } else { Some(&set) };
-        let tried: Vec<&Vec<usize>> = sets.iter().map(|s| &s.1).chain(known).collect();
-        let reached: Vec<_> = tried
-            .into_par_iter()
-            .with_max_len(ONE_BY_ONE)
-            .map(|set| self.reach(&state.around(sizes), set, STEPS).ok())
-            .collect();
-        let compared = self.first_compared(reached.into_iter().flatten().map(|reached| reached.start(state.levels)));
-        let others = compared.into_iter().filter(|other| self.places(&other.point.effects) != set);
-        let settled = |other: State| {
-            let set = self.places(&other.point.effects);
-            let other = self.settled(other, &[], &set).ok()?;
+        let stands_in = |(effect, rival): &(usize, usize)| {
+            let mut exchanged: Vec<usize> = set.iter().copied().filter(|e| e != effect).chain([*rival]).collect();
+            exchanged.sort_unstable();
+            if state.model.posterior(&exchanged, sizes).deviance - here > NEGLIGIBLE {
+                return None;
+            }
+            // One that cannot be simulated in its place does not stand there.
+            let other = self.with_set(state, &exchanged, &[]).ok()?;
             let behind = self.behind(&other, state);
             let minimum = (behind < -2.0 * STANDS_IN.ln()).then(|| self.other(&other, state, behind))?;
-            Some((set, minimum, (behind < -SETTLED).then_some((behind, other))))
+            Some((minimum, (behind < -SETTLED).then_some((behind, other))))
         };
+        let found: Vec<Option<(OtherMinimum, Option<(f64, State)>)>> =
+            pairs.par_iter().with_max_len(ONE_BY_ONE).map(stands_in).collect();
         let mut out = StandIns { of_effects: BTreeMap::new(), minima: Vec::new(), ahead: None };
         let mut least = 0.0;
-        for (set, minimum, ahead) in others.filter_map(settled) {
-            for (effect, rival) in pairs.iter().filter(|pair| exchanged(pair) == set) {
-                out.of_effects.entry(*effect).or_default().push(*rival);
-            }
+        for ((effect, rival), found) in pairs.into_iter().zip(found) {
+            let Some((minimum, ahead)) = found else { continue };
+            out.of_effects.entry(effect).or_default().push(rival);
             out.minima.push(minimum);
             if let Some((behind, state)) = ahead.filter(|(behind, _)| *behind < least) {
                 (least, out.ahead) = (behind, Some(state));

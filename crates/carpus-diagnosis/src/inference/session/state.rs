@@ -1,7 +1,6 @@
 //! What an estimate of a session is made of: the session, where the estimate begins, stands and goes.
 
 use std::collections::BTreeMap;
-use std::sync::OnceLock;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -120,8 +119,8 @@ pub struct State {
     pub model: LinearModel,
     /// Sets of effects.
     pub sets: Sets,
-    /// Of every trial, once asked for: what is left where the linear model expects everything, with the sets' sizes.
-    pub(super) expected: OnceLock<Vec<ExpectedResidual>>,
+    /// Of every trial: what is left where the linear model expects everything.
+    pub(super) expected: Vec<ExpectedResidual>,
     /// Of effects: rivals that may stand in their place, everything else estimated anew.
     pub stand_ins: BTreeMap<usize, Vec<usize>>,
     /// Other local minima with the same effects, once looked for.

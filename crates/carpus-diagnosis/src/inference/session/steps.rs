@@ -22,8 +22,8 @@ const OTHERS: usize = 3;
 const ADDITIONS: usize = 3;
 /// … and sets in which an effect gives way to a rival.
 const RIVALS: usize = 6;
-/// Sets that are compared a first time, at most.
-pub(super) const COMPARED: usize = 6;
+/// Sets that were tried in a round and have their noise estimated anew, at most.
+const ASSESSED_IN_A_ROUND: usize = 6;
 /// A descent ends where the next step would lower Ψ by less: parameters are then within a quarter of a
 /// standard deviation.
 const SETTLED_DESCENT: f64 = 0.05;
@@ -40,10 +40,7 @@ impl Session<'_> {
         let from = state.around(&best.sizes);
         let mut sets = vec![best.effects.clone()];
         if let Some((candidates, always)) = among {
-            let own = self.places(&state.point.effects);
-            sets.extend((best.effects != own).then_some(own));
-            let others = self.alternatives(&best.effects, &state.model, &state.sets, candidates, always);
-            sets.extend(others.into_iter().filter(|set| !sets.contains(set)).collect::<Vec<_>>());
+            sets.extend(self.alternatives(&best.effects, &state.model, &state.sets, candidates, always));
             let additions = self.additions(state, candidates);
             sets.extend(additions.into_iter().filter(|set| !sets.contains(set)).collect::<Vec<_>>());
         }
@@ -52,7 +49,7 @@ impl Session<'_> {
         reached.sort_by(|a, b| a.deviance.total_cmp(&b.deviance));
         let least = reached.first().map_or(0.0, |r| r.deviance);
         reached.retain(|r| r.deviance < least + NEGLIGIBLE);
-        reached.truncate(COMPARED);
+        reached.truncate(ASSESSED_IN_A_ROUND);
         let start = |r: Reached| r.start(state.levels);
         Ok(reached.into_iter().map(start).collect())
     }
