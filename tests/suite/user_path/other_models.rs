@@ -237,7 +237,7 @@ fn verif_strength_is_scaled_along_closed_loops() {
     let mut file = read_changed("rod", &str::to_owned);
     let setup = Setup::from_settings(&study.settings);
     let closed = MusculoskeletalModel::compile(&file.spec, &setup).unwrap();
-    let open = OsimFile::read(&model()).unwrap();
+    let open = OsimFile::read(model()).unwrap();
     let open = MusculoskeletalModel::compile(&open.spec, &setup).unwrap();
     let scaling = strength_scale(&mut file, &study, &study.participants[0]).unwrap();
     let mut farthest: f64 = 0.0;
