@@ -2,14 +2,14 @@
 
 use crate::args::{Global, StudyWithEffects};
 use crate::bars::Bars;
-use crate::errors::error_table;
 use crate::failure::Failure;
 use crate::next_steps;
-use crate::residuals::where_it_fails;
 use crate::study_run::StudyRun;
+use crate::table::tables;
 use carpus_session::compare::Compare;
 use carpus_session::loading::Purpose;
 use carpus_session::result_files::{summaries, write_errors_of_all};
+use carpus_session::text_tables::{of_errors, where_it_fails};
 
 /// Runs the command.
 ///
@@ -27,8 +27,11 @@ pub fn run(args: &StudyWithEffects, global: &Global) -> Result<(), Failure> {
     if global.json {
         return study.print("compare", &summaries(done), outcomes.failed);
     }
-    let mut text = error_table(done);
-    done.iter().for_each(|results| text.push_str(&where_it_fails(results)));
+    let failing: Vec<_> = done.iter().filter_map(where_it_fails).collect();
+    let mut text = tables(&[of_errors(done)]);
+    if !failing.is_empty() {
+        text.push_str(&format!("\n\n{}", tables(&failing)));
+    }
     text.push_str("\n\n");
     for results in done {
         text.push_str(&format!("{}\n", study.report_of(&results.participant.id)));

@@ -7,13 +7,13 @@ use crate::bars::Bars;
 use crate::failure::{self, Failure};
 use crate::next_steps::listed;
 use crate::study_run::StudyRun;
-use crate::table::{fixed, table};
+use crate::table::tables;
 use carpus_report::identifiability::{CombinationResult, IdentifiabilityResult};
-use carpus_report::intervals::with_validity;
 use carpus_report::next_steps::after_identification;
 use carpus_session::identify::{Identify, Priors, properties_named};
 use carpus_session::json;
 use carpus_session::loading::Purpose;
+use carpus_session::text_tables::of_identification;
 
 /// Runs the command.
 ///
@@ -57,32 +57,7 @@ pub fn request_without_priors(options: &IdentifyOptions, seed: u64) -> Result<Id
 }
 
 fn readable(r: &IdentifiabilityResult, study: &StudyRun) -> String {
-    let level = format!("{} %", 100.0 * r.level);
-    let mut text = format!("{}: {} training trials, {level} intervals\n", r.participant, r.trials);
-    let rows = r.parameters.iter().map(|p| {
-        let (scale, unit, decimals) = match p.unit.as_str() {
-            "m" => (1e3, "mm", 1),
-            "rad" => (1f64.to_degrees(), "°", 1),
-            "N" => (1.0, "N", 0),
-            other => (1.0, other, 3),
-        };
-        let number = |v: f64| fixed(scale * v, decimals);
-        let end =
-            |i: usize| if p.end_from_data[i] { number(p.interval[i]) } else { format!("[{}]", number(p.interval[i])) };
-        vec![
-            p.muscle.clone(),
-            p.property.clone(),
-            unit.to_string(),
-            number(p.model),
-            number(p.most_likely),
-            end(0),
-            with_validity(end(1), p.interval, p.most_likely),
-            format!("{} … {}", number(p.credible[0]), number(p.credible[1])),
-            format!("{:.0} %", 100.0 * p.share_from_data),
-        ]
-    });
-    let header = ["muscle", "property", "", "model", "most likely", "from", "to", "with prior", "from data"];
-    text.push_str(&table(&header, 3, rows));
+    let mut text = tables(&[of_identification(r)]);
     text.push_str("\n[ ]: the bound, which the data do not reach\n\nthe data fix            known to\n");
     let line = |c: &CombinationResult| format!("  ±{:.2} %  {}\n", c.sd_percent, c.words);
     r.combinations.iter().filter(|c| c.share_from_data >= 0.5).take(3).for_each(|c| text.push_str(&line(c)));

@@ -4,15 +4,16 @@ use std::path::Path;
 
 use crate::args::{Global, PersonalizeArgs};
 use crate::bars::Bars;
-use crate::errors::error_table;
 use crate::failure::Failure;
 use crate::next_steps;
 use crate::study_run::StudyRun;
+use crate::table::tables;
 use carpus_report::results::Results;
 use carpus_session::loading::Purpose;
 use carpus_session::participant::Session;
 use carpus_session::personalize::{Personalize, remarks};
 use carpus_session::result_files::{summaries, write_errors_of_all};
+use carpus_session::text_tables::of_errors;
 
 /// Runs the command.
 ///
@@ -58,5 +59,5 @@ pub fn personalize(
 /// Errors before and after, and what a person should know of the parameters, for a terminal.
 pub fn readable(outcomes: &[Results]) -> String {
     let remarks = outcomes.iter().flat_map(remarks);
-    std::iter::once(error_table(outcomes)).chain(remarks).collect::<Vec<_>>().join("\n\n")
+    std::iter::once(tables(&[of_errors(outcomes)])).chain(remarks).collect::<Vec<_>>().join("\n\n")
 }

@@ -6,9 +6,8 @@ use crate::bars::Bars;
 use crate::failure::Failure;
 use crate::next_steps::listed;
 use crate::provenance::command_line;
-use crate::separations::separation_table;
 use crate::study_run::StudyRun;
-use crate::table::{fixed, table};
+use crate::table::{fixed, table, tables};
 use carpus_diagnosis::separability::Distance;
 use carpus_diagnosis::separation::{SEPARABLE_Z, most_useful};
 use carpus_report::next_steps::after_plan;
@@ -17,6 +16,7 @@ use carpus_session::diagnose::forward_model;
 use carpus_session::json;
 use carpus_session::loading::Purpose;
 use carpus_session::plan::{Plan, Planned, Separability};
+use carpus_session::text_tables::of_separations;
 
 /// Runs the command.
 ///
@@ -77,10 +77,9 @@ fn of_effect(asked: &EffectSize, args: &PlanArgs, global: &Global) -> Result<(),
 fn readable(planned: &Planned) -> String {
     let best = most_useful(&planned.separations);
     let told = best.iter().find(|s| s.z_then >= SEPARABLE_Z).map(|s| (s.trials, &s.separates[..]));
-    format!(
-        "{}: further trials, and how far they would set explanations apart (z; told apart from {SEPARABLE_Z})\n{}{}",
-        planned.participant,
-        separation_table(best),
-        listed(&after_plan(&command_line(), told))
-    )
+    let title = format!(
+        "{}: further trials, and how far they would set explanations apart (z; told apart from {SEPARABLE_Z})",
+        planned.participant
+    );
+    tables(&[of_separations(title, best)]) + &listed(&after_plan(&command_line(), told))
 }
