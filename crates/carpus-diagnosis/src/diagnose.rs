@@ -97,11 +97,10 @@ pub fn diagnose(request: &Request, at: &dyn Fn(usize)) -> Result<Outcome, Simula
     };
     begins(0);
     let muscles = request.muscles()?;
-    session.starting_from(&muscles);
     begins(1);
     let found = session.estimate(&[], false, &report)?;
     // Beside effects the noise is smaller, and tests of what is left see more.
-    let alone = session.taken_up(&muscles, &report)?;
+    let alone = session.taken_up(&muscles)?;
     begins(2);
     let (state, evidence) = session.likely(found, &report)?;
     let null = session.as_fit(&alone);

@@ -9,11 +9,13 @@ use super::state::{ExpectedResidual, Session, State};
 
 /// Shares of the way to what is expected: the first that can be simulated counts.
 const PARTS: [f64; 4] = [1.0, 0.5, 0.25, 0.0];
+/// An effect that is expected to change −2 log likelihood by less stays linear.
+const UNSEEN: f64 = 0.1;
 
 impl Session<'_> {
     /// What is left of every trial where the linear model of a state expects everything; empty where not even
     /// its point can be simulated.
-    pub(super) fn expected_residuals(&self, state: &State) -> Vec<ExpectedResidual> {
+    fn expected_residuals(&self, state: &State) -> Vec<ExpectedResidual> {
         let (set, model) = (self.places(&state.point.effects), &state.model);
         let posterior = model.posterior(&set, self.sizes(state));
         let own = self.columns_of_point(&state.point);
@@ -21,6 +23,11 @@ impl Session<'_> {
         let columns = self.all_columns(&state.point, &state.linear, &state.directions);
         let joint = &self.forward().joint;
         let emg = self.expected_emg(&state.noise, &weighted(&columns, &step, &state.factors), &state.levels);
+        // Of −2 log likelihood, by some columns alone.
+        let change = |columns: &[usize]| -> f64 {
+            let of = |i: &usize| columns.iter().map(|j| step[*i] * model.products[(*i, *j)] * step[*j]).sum::<f64>();
+            columns.iter().map(of).sum()
+        };
         let simulated = |part: f64| {
             let mut point = self.analysis.moved(&state.point, &(step.rows(0, own) * part).into_owned());
             let towards = |here: &Vec<DVector<f64>>, to: &Vec<DVector<f64>>| {
@@ -30,7 +37,7 @@ impl Session<'_> {
             point = self.with_emg(&point, correction).ok()?;
             let mut is_simulated: Vec<usize> = (0..own).collect();
             for (place, of_effect) in self.amplitude_columns(model).into_iter().enumerate() {
-                if set.contains(&place) || of_effect.amplitudes.iter().all(|column| step[*column] == 0.0) {
+                if set.contains(&place) || change(&of_effect.amplitudes) < UNSEEN {
                     continue;
                 }
                 let mut setting = joint.absent(self.analysis.candidates[place]);
@@ -55,12 +62,15 @@ impl Session<'_> {
         };
         residuals.par_iter().zip(&columns).map(of_trial).collect()
     }
-}
 
-/// By how much −2 log likelihood is larger by simulation than the linear model expects.
-pub(super) fn beyond_the_linear_model(expected: &[ExpectedResidual], factors: &[Cholesky<f64, Dyn>]) -> f64 {
-    let square = |v: &DVector<f64>, factor: &Cholesky<f64, Dyn>| {
-        factor.l_dirty().solve_lower_triangular(v).map_or(f64::INFINITY, |w| w.norm_squared())
-    };
-    expected.iter().zip(factors).map(|(e, factor)| square(&e.simulated, factor) - square(&e.linear, factor)).sum()
+    /// By how much −2 log likelihood is larger by simulation than the linear model of a state expects.
+    ///
+    /// - `factors`: of the noise's covariance of every trial
+    pub(super) fn beyond_the_linear_model(&self, state: &State, factors: &[Cholesky<f64, Dyn>]) -> f64 {
+        let square = |v: &DVector<f64>, factor: &Cholesky<f64, Dyn>| {
+            factor.l_dirty().solve_lower_triangular(v).map_or(f64::INFINITY, |w| w.norm_squared())
+        };
+        let expected = state.expected.get_or_init(|| self.expected_residuals(state));
+        expected.iter().zip(factors).map(|(e, factor)| square(&e.simulated, factor) - square(&e.linear, factor)).sum()
+    }
 }

@@ -1,6 +1,7 @@
 //! What an estimate of a session is made of: the session, where the estimate begins, stands and goes.
 
 use std::collections::BTreeMap;
+use std::sync::OnceLock;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -65,8 +66,6 @@ pub struct Session<'a> {
     /// Mean and standard deviation of the logarithm of every muscle parameter's factor before the data;
     /// empty: those of the bounds.
     pub(super) muscle_priors: Vec<[f64; 2]>,
-    /// Where the search starts from beside the model as given: the muscles alone.
-    pub(in crate::inference) further_start: Option<Point>,
 }
 
 /// What is handed over to the user.
@@ -119,8 +118,8 @@ pub struct State {
     pub model: LinearModel,
     /// Sets of effects.
     pub sets: Sets,
-    /// Of every trial: what is left where the linear model expects everything.
-    pub(super) expected: Vec<ExpectedResidual>,
+    /// Of every trial, once asked for: what is left where the linear model expects everything, with the sets' sizes.
+    pub(super) expected: OnceLock<Vec<ExpectedResidual>>,
     /// Of effects: rivals that may stand in their place, everything else estimated anew.
     pub stand_ins: BTreeMap<usize, Vec<usize>>,
     /// Other local minima with the same effects, once looked for.
