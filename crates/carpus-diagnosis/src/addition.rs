@@ -44,7 +44,7 @@ pub fn fit_steps(
     let mut step = |count: usize| {
         let found = match count {
             0 => {
-                let state = session.taken_up(&alone, &request.report())?;
+                let state = session.taken_up(&alone)?;
                 step(&session, &state, alone.handed_over.clone(), alone.parameters.clone(), &[])
             }
             _ => step_with(&mut session, &ids[..count], &request.report())?,

@@ -97,11 +97,10 @@ pub fn diagnose(request: &Request, at: &dyn Fn(usize)) -> Result<Outcome, Simula
     };
     begins(0);
     let muscles = request.muscles()?;
-    session.starting_from(&muscles);
     begins(1);
     let found = session.estimate(&[], false, &report)?;
     // Beside effects the noise is smaller, and tests of what is left see more.
-    let alone = session.taken_up(&muscles, &report)?;
+    let alone = session.taken_up(&muscles)?;
     begins(2);
     let (state, evidence) = session.likely(found, &report)?;
     let null = session.as_fit(&alone);
@@ -327,7 +326,10 @@ impl Judge<'_> {
             }
         }
         let fitted: Vec<State> = sets.iter().map(|set| session.with_set(state, set, &[])).collect::<Result<_, _>>()?;
-        let behind: Vec<f64> = fitted.iter().map(|state| session.behind(state, &fitted[0])).collect();
+        let behind: Vec<f64> = sets
+            .iter()
+            .map(|other| if *other == set { Ok(0.0) } else { session.behind(state, other) })
+            .collect::<Result<_, _>>()?;
         let least = behind.iter().copied().fold(f64::INFINITY, f64::min);
         let mut out = Vec::new();
         for (state, behind) in fitted.iter().zip(behind).filter(|(_, behind)| *behind < least + BEHIND) {

@@ -20,5 +20,4 @@ pub use response::Response;
 pub use restricted_likelihood::{
     LEAST_WHITE, best_kernel, estimate, estimate_within, prior_deviance, restricted_deviance, spread,
 };
-pub(crate) use trial_noise::scatter_of_all;
 pub use trial_noise::{KNOT_SPACING, TrialNoise, TrialTimes, factor};

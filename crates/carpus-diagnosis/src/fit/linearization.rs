@@ -108,28 +108,6 @@ impl Analysis<'_> {
             .collect()
     }
 
-    /// Measured minus simulated moment of every trial at a point, expected EMG noise and baselines taken into
-    /// account, averaged over blocks [N·m].
-    ///
-    /// - `noise`: how it passes
-    pub(crate) fn residuals(&self, point: &Point, noise: &[TrialNoise]) -> Result<Vec<DVector<f64>>, SimulationError> {
-        let variant = self.forward.variant(&point.effects)?;
-        let of = |position: usize| {
-            let g = self.train[position];
-            let input = &*point.inputs[position];
-            let core = self.forward.core(&variant, g, input, &point.parameters, &point.effects, false)?;
-            let simulated = self.forward.recorded_moment(g, &core, &point.effects);
-            let difference: Vec<f64> = self.target(position).iter().zip(&simulated).map(|(y, s)| y - s).collect();
-            let bare = block_means(&difference, &block_starts(&self.forward.trials[g].time));
-            let noise = &noise[position];
-            let by_baselines = |residual: DVector<f64>, m: usize| {
-                residual - noise.respond_to_baseline(m) * (BASELINE_SD * point.baseline[m])
-            };
-            Ok((0..self.n_muscles()).fold(bare + noise.respond(&point.correction[position]), by_baselines))
-        };
-        (0..self.train.len()).into_par_iter().with_max_len(ONE_BY_ONE).map(of).collect::<Vec<_>>().into_iter().collect()
-    }
-
     /// Derivatives of a trial's recorded moment by the parameters of an effect, averaged over blocks [N·m per
     /// unit of their scales]; 0 for those that do not matter.
     ///

@@ -13,12 +13,12 @@ use carpus_simulation::simulation::{
 };
 
 impl Core {
-    /// How forces follow changes of excitation and of time constants of activation; `None` where these change
-    /// the joint's angle too, where a tendon is rigid, and for a core without derivatives.
+    /// How forces follow changes of excitation and of time constants of activation, the joint's angle held; `None` where
+    /// a tendon is rigid, and for a core without derivatives.
     fn tangents(&self) -> Option<&[ExcitationTangent]> {
         let calc = || {
             let of = |(i, solution)| self.prepared.excitation_tangent(i, solution);
-            let known = self.without.is_none() && !self.solutions.is_empty();
+            let known = !self.solutions.is_empty();
             known.then(|| self.solutions.iter().enumerate().map(of).collect()).flatten()
         };
         self.tangents.get_or_init(calc).as_deref()
@@ -62,10 +62,13 @@ impl ForwardModel {
             && let Some((changes, follows)) =
                 self.followed(trial, core, input, (stage, &sides), variants.get(parameter), 2.0 * step)
         {
-            let by = self.moment_derivative(trial, core, input, parameters, effects, &follows, 2.0 * step);
+            let of_round = |(core, follows): (&Core, &Vec<(usize, ForceChange)>)| {
+                self.moment_derivative(trial, core, input, parameters, effects, follows, 2.0 * step)
+            };
+            let mut rounds: Vec<Vec<f64>> = core.rounds().into_iter().zip(&follows).map(of_round).collect();
             let mut by = match self.reshapes_moment(effects) {
-                true => self.recorded_changes(trial, core, effects, [Change::Moment(&by)]).swap_remove(0),
-                false => by,
+                true => self.recorded_changes(trial, core, effects, [Change::OfRounds(&rounds)]).swap_remove(0),
+                false => rounds.swap_remove(0),
             };
             if let Some((first, beside)) = self.recorded_beside_muscles(trial, core, effects, &changes) {
                 by[first..].iter_mut().zip(&beside).for_each(|(by, beside)| *by += beside);
@@ -190,7 +193,8 @@ impl ForwardModel {
     }
 
     /// Changes of the excitations from one side to the other, and how the muscles that something changes for
-    /// follow; `None` where more changes than their excitations and time constants of activation.
+    /// follow in every round of the moment's feedback; `None` where more changes than their excitations and time
+    /// constants of activation.
     ///
     /// - `stage`: of what differs; `sides`, `variants`, `distance`: as for [`ForwardModel::beside`]
     fn followed(
@@ -201,18 +205,33 @@ impl ForwardModel {
         (stage, sides): (Stage, &[Vec<Setting>; 2]),
         variants: Option<&[Cow<'_, MusculoskeletalModel>; 2]>,
         distance: f64,
-    ) -> Option<(Vec<ExcitationChange>, Vec<(usize, ForceChange)>)> {
+    ) -> Option<(Vec<ExcitationChange>, Vec<Vec<(usize, ForceChange)>>)> {
+        // What drives the muscles by their moment does so through the angle alone.
+        let otherwise = |s: &Setting| {
+            let description = s.effect.description();
+            description.needs_moment() && description.stage < Stage::Joint && !description.feeds_back()
+        };
+        if self.acting(&sides[0]).iter().any(otherwise) {
+            return None;
+        }
+        let tangents: Vec<&[ExcitationTangent]> =
+            core.rounds().into_iter().map(Core::tangents).collect::<Option<_>>()?;
         if stage == Stage::Activation {
             let [up, down] = variants?;
             let ratios = up.log_ratios_of_time_constants(down)?;
-            let tangents = core.tangents()?;
-            let of_muscle =
-                |(i, ratios): (usize, [f64; 2])| (i, tangents[i].follow_time_constants(ratios.map(|r| r / distance)));
-            return Some((Vec::new(), ratios.into_iter().enumerate().map(of_muscle).collect()));
+            let of_round = |tangents: &&[ExcitationTangent]| {
+                let of_muscle = |(i, ratios): (usize, &[f64; 2])| {
+                    (i, tangents[i].follow_time_constants(ratios.map(|r| r / distance)))
+                };
+                ratios.iter().enumerate().map(of_muscle).collect()
+            };
+            return Some((Vec::new(), tangents.iter().map(of_round).collect()));
         }
-        let tangents = core.tangents()?;
         let changes = self.excitation_changes_between(trial, core, input, sides, distance);
-        let follows = changes.iter().map(|c| (c.muscle, tangents[c.muscle].follow(&c.values))).collect();
+        let of_round = |tangents: &&[ExcitationTangent]| {
+            changes.iter().map(|c| (c.muscle, tangents[c.muscle].follow(&c.values))).collect()
+        };
+        let follows = tangents.iter().map(of_round).collect();
         Some((changes, follows))
     }
 

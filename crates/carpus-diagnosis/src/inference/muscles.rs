@@ -175,11 +175,6 @@ impl<'a> Muscles<'a> {
 }
 
 impl Session<'_> {
-    /// The session, its search starting also from where the muscles alone of the same trials are.
-    pub fn starting_from(&mut self, muscles: &Muscles) {
-        self.further_start = Some(muscles.state.point.clone());
-    }
-
     /// Standard deviation of the logarithm of a maximum force that no trial can tell from a gain of the
     /// recordings, equation (32): of every effect that is the same as another maximum force, what is
     /// plausible.

@@ -2,9 +2,10 @@
 //! (`docs/src/theory/many-small-errors.md`, equation (20)).
 
 mod amplitudes;
+mod assessing;
 mod before_a_fit;
 mod columns;
-mod expected_residual;
+mod emg_iteration;
 mod further_trials;
 mod generic_discrepancy;
 mod handing_over;
@@ -15,8 +16,6 @@ mod sets;
 mod state;
 mod steps;
 
-use std::collections::BTreeMap;
-
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use web_time::Instant;
@@ -25,7 +24,7 @@ use super::discrepancy::Ranges;
 use super::linear_model::Sizes;
 use super::muscle_prior::MusclePrior;
 use super::resting_fiber::RestingFiber;
-use super::search::{Budget, Sets, search};
+use super::search::{Budget, search};
 use crate::effect::Effect;
 use crate::fit::{Analysis, Fit};
 use crate::forward_model::{FITTED_PER_MUSCLE, ForwardModel, Setting};
@@ -33,14 +32,10 @@ use crate::noise::{self, NoiseLevels};
 pub use before_a_fit::Determinable;
 use carpus_simulation::simulation::SimulationError;
 use carpus_study::study::ParameterBounds;
-use expected_residual::beyond_the_linear_model;
-use noise_along_the_way::{factors, weighted};
+use noise_along_the_way::factors;
 use state::{Around, ODDS, Reached, Start};
 pub use state::{Begun, HandedOver, OtherMinimum, Session, State};
-use steps::{STEPS, profiled};
 
-/// Points that are followed from the model as given.
-const STARTS: usize = 3;
 /// Sets whose neighbours are looked at around the model as given.
 const FIRST_EXPANSIONS: usize = 6;
 /// Effects that are tried alone from there: those that the linear model has lower the deviance most.
@@ -48,18 +43,13 @@ const ALONE: usize = 16;
 /// Gauss–Newton steps from there.
 const FIRST_STEPS: usize = 4;
 /// Rounds of search, simulation of other sets, noise and relinearization, at most.
-const ROUNDS: usize = 6;
+const ROUNDS: usize = 8;
 /// Times that a descent goes on with the directions and the noise where it came to, at most.
 const PASSES: usize = 2;
 /// Share of the sizes' scales that is as good as nothing.
 const NOTHING_ELSE: f64 = 0.02;
-/// Corrections of the EMG at a point, at most: each passes through the muscles anew, equation (10) …
-const CORRECTIONS: usize = 4;
-/// … and one that changes −2 log posterior by less is the last.
-const SETTLED_EMG: f64 = 1.0;
-/// Of the sets that were tried in a round, so many at a time have their noise estimated anew, until one is ahead.
-const ASSESSED: usize = 2;
-/// The estimate has settled when a round lowers −2 log posterior, equation (20), by less than this.
+/// A set is the next only if it lowers −2 log posterior by more than this; a descent that promises less has settled, and
+/// so has the EMG when a correction changes it by less.
 const SETTLED: f64 = 3.0;
 
 impl<'a> Session<'a> {
@@ -89,7 +79,6 @@ impl<'a> Session<'a> {
             noise_is_final: false,
             images: Vec::new(),
             muscle_priors: Vec::new(),
-            further_start: None,
         }
     }
 
@@ -133,7 +122,7 @@ impl<'a> Session<'a> {
         self.analysis.forward
     }
 
-    /// Estimates the session: many starts, of which the most probable are followed to their end.
+    /// Estimates the session: many starts, of which the most probable is followed to its end.
     ///
     /// - `always`: identifiers of effects that are missing for certain; `only`: no others are
     ///
@@ -157,31 +146,18 @@ impl<'a> Session<'a> {
         let clock = Instant::now();
         let starts = self.starts(&candidates, &always, report)?;
         report(&format!("{} starts, {:.1?}", starts.len(), clock.elapsed()));
-        let mut followed: Vec<State> = Vec::new();
-        for start in starts {
-            let Ok(mut state) = self.with_noise(start.clone()) else { continue };
-            self.weigh(&mut state, &start.set, &start.sizes, &candidates, &always);
-            let next = self.advanced(&state, None)?.into_iter().next();
-            if let Some(Ok(next)) = next.map(|start| self.assessed(start, &candidates, &always)) {
-                state = if self.behind(&next, &state) < 0.0 { next } else { state };
-            }
-            report(&format!("start {} {:.1?}", self.in_words(&state), clock.elapsed()));
-            followed.push(state);
-        }
-        let mut best = self.most_probable(followed);
-        if let Some(state) = best.as_mut().filter(|_| !self.noise_is_final) {
-            let found = state.sets.best().clone();
-            self.choose_kernels(state, &found.effects, &found.sizes);
+        let found = starts.into_iter().find_map(|start| self.assessed(start, &candidates, &always).ok());
+        let mut state = found.ok_or(SimulationError::NoiseCovariance)?;
+        report(&format!("start {} {:.1?}", self.in_words(&state), clock.elapsed()));
+        if !self.noise_is_final {
+            let (set, sizes) = (self.places(&state.point.effects), self.sizes(&state).clone());
+            self.choose_kernels(&mut state, &set, &sizes);
             self.noise_is_final = true;
             report(&format!("kernels {:?} {:.1?}", self.analysis.kernels, clock.elapsed()));
-            let (point, levels) = (state.point.clone(), state.levels);
-            let directions = state.directions.clone();
-            let start = Start { point, levels, set: found.effects, sizes: found.sizes, directions };
-            let state = self.assessed(start, &candidates, &always)?;
+            let State { point, levels, directions, .. } = state;
+            state = self.assessed(Start { point, levels, set, sizes, directions }, &candidates, &always)?;
             self.levels = state.levels;
-            best = Some(state);
         }
-        let state = best.ok_or(SimulationError::NoiseCovariance)?;
         Ok(Begun { state, candidates, always })
     }
 
@@ -200,54 +176,61 @@ impl<'a> Session<'a> {
     /// The state beside other minima with the same effects; rounds go on from one that is ahead. And whether one was.
     fn beside_minima(
         &self,
-        state: State,
+        mut state: State,
         candidates: &[usize],
         always: &[usize],
         report: &dyn Fn(&str),
     ) -> Result<(State, bool), SimulationError> {
-        let mut others = self.other_minima(&state)?;
-        let behind: Vec<f64> = others.iter().map(|other| self.behind(other, &state)).collect();
+        let (here, others) = self.other_minima(&state)?;
+        let behind: Vec<f64> = others.iter().map(|other| other.deviance - here).collect();
         report(&format!("other minima {behind:.1?} behind"));
         let ahead = (0..others.len()).min_by(|a, b| behind[*a].total_cmp(&behind[*b]));
-        let Some(ahead) = ahead.filter(|i| behind[*i] < -SETTLED) else {
-            return Ok((self.beside_others(state, &others), false));
-        };
-        let mut next = std::mem::replace(&mut others[ahead], state);
-        let (set, sizes) = (self.places(&next.point.effects), self.sizes(&next).clone());
-        self.weigh(&mut next, &set, &sizes, candidates, always);
-        let (candidates, always) = (candidates.to_vec(), always.to_vec());
-        let state = self.rounds(Begun { state: next, candidates, always }, report)?;
-        let others = if self.places(&state.point.effects) == set { others } else { self.other_minima(&state)? };
-        Ok((self.beside_others(state, &others), true))
+        if let Some(ahead) = ahead.filter(|i| behind[*i] < -SETTLED) {
+            let start = others.into_iter().nth(ahead).map(|reached| reached.start(state.levels));
+            let next = start.map(|start| self.assessed(start, candidates, always));
+            if let Some(Ok(next)) = next {
+                let (candidates, always) = (candidates.to_vec(), always.to_vec());
+                return Ok((self.rounds(Begun { state: next, candidates, always }, report)?, true));
+            }
+            return Ok((state, false));
+        }
+        state.others =
+            others.iter().zip(behind).map(|(other, behind)| self.other(&other.point, &state, behind)).collect();
+        Ok((state, false))
     }
 
-    /// Rounds from where an estimate has begun.
+    /// Rounds from where an estimate has begun. Of the sets that are reached with a state's noise the most probable is
+    /// the next whose noise is estimated; it is the state of the next round if it is ahead of the present one. The
+    /// rounds end where the state's own set is the most probable.
     fn rounds(&self, begun: Begun, report: &dyn Fn(&str)) -> Result<State, SimulationError> {
-        let Begun { state: mut best, candidates, always } = begun;
+        let Begun { mut state, candidates, always } = begun;
         let clock = Instant::now();
-        for _ in 0..ROUNDS {
-            let sets = self.advanced(&best, Some((&candidates, &always)))?;
-            let (mut next, mut fall) = (None, 0.0);
-            for some in sets.chunks(ASSESSED) {
-                let tried = some.iter().filter_map(|start| self.assessed(start.clone(), &[], &start.set).ok());
-                next = self.most_probable(next.into_iter().chain(tried));
-                fall = next.as_ref().map_or(0.0, |next| self.behind(&best, next));
-                if fall >= SETTLED {
-                    break;
+        let mut visited: Vec<Vec<usize>> = Vec::new();
+        'rounds: while visited.len() < ROUNDS {
+            let own = self.places(&state.point.effects);
+            let reached = self.advanced(&state, &candidates, &always)?;
+            let of_own = reached.iter().find(|r| r.set == own).map_or(f64::INFINITY, |r| r.deviance);
+            if !visited.contains(&own) {
+                visited.push(own);
+            }
+            for next in reached.into_iter().take_while(|r| r.deviance < of_own) {
+                if visited.contains(&next.set) || visited.len() == ROUNDS {
+                    continue;
+                }
+                visited.push(next.set.clone());
+                let fall = of_own - next.deviance;
+                let next = self.assessed(next.start(state.levels), &candidates, &always)?;
+                let (own, set) = (self.places(&state.point.effects), self.places(&next.point.effects));
+                let ahead = 0.5 * (fall + self.deviance_with(&next, &own)? - self.deviance_with(&next, &set)?);
+                report(&format!("round {} {:.1?}, ahead by {ahead:.1}", self.in_words(&next), clock.elapsed()));
+                if ahead > 0.0 {
+                    state = next;
+                    continue 'rounds;
                 }
             }
-            let Some(mut next) = next else { break };
-            let (set, sizes) = (self.places(&next.point.effects), self.sizes(&next).clone());
-            self.weigh(&mut next, &set, &sizes, &candidates, &always);
-            report(&format!("round {} {:.1?}, lower by {fall:.1}", self.in_words(&next), clock.elapsed()));
-            if fall > 0.0 {
-                best = next;
-            }
-            if fall < SETTLED {
-                break;
-            }
+            break;
         }
-        Ok(best)
+        Ok(state)
     }
 
     /// An estimate in the form that tests of what is left take.
@@ -354,128 +337,7 @@ impl<'a> Session<'a> {
                 r.sizes.everything
             ));
         }
-        reached.truncate(STARTS);
-        let mut starts: Vec<Start> = reached.into_iter().map(|r| r.start(levels)).collect();
-        if let Some(point) = self.further_start.clone() {
-            starts.push(Start { point, levels, set: none, sizes, directions });
-        }
-        Ok(starts)
-    }
-
-    /// Noise, linear model and sets at a point.
-    fn assessed(&self, start: Start, candidates: &[usize], always: &[usize]) -> Result<State, SimulationError> {
-        let (set, sizes) = (start.set.clone(), start.sizes.clone());
-        let state = self.with_noise(start)?;
-        let mut state = self.at_rest(state, &set, &sizes)?;
-        self.weigh(&mut state, &set, &sizes, candidates, always);
-        if !state.sets.best().deviance.is_finite() {
-            return Err(SimulationError::NoiseCovariance);
-        }
-        Ok(state)
-    }
-
-    /// The state moved on until directions and noise at its point are those that it is a minimum with, equation (21).
-    fn at_rest(&self, mut state: State, set: &[usize], sizes: &Sizes) -> Result<State, SimulationError> {
-        self.weigh(&mut state, set, sizes, &[], set);
-        for _ in 0..PASSES {
-            let own = self.columns_of_point(&state.point);
-            let promised = profiled(&state.model, own, set, sizes) - state.model.posterior(set, sizes).squares;
-            if promised < SETTLED_EMG || self.places(&state.point.effects) != set {
-                break;
-            }
-            let from = state.around(sizes);
-            let reached = self.reach_from(&from, state.point.clone(), set, STEPS)?;
-            let mut next = self.with_noise(reached.start(state.levels))?;
-            self.weigh(&mut next, set, sizes, &[], set);
-            if self.behind(&next, &state) > 0.0 {
-                break;
-            }
-            state = next;
-        }
-        Ok(state)
-    }
-
-    /// Noise and linear model at a point.
-    fn with_noise(&self, start: Start) -> Result<State, SimulationError> {
-        let Start { mut point, levels, set, sizes, directions } = start;
-        let mut linear = self.analysis.linearize(&point, &[])?;
-        let mut noise = self.structure(&mut linear, &point);
-        let mut columns = self.all_columns(&point, &linear, &directions);
-        let mut passing = factors(&noise, &levels)?;
-        let mut model = self.model(&point, &columns, &passing);
-        let mut posterior = model.posterior(&set, &sizes);
-        for _ in 0..CORRECTIONS {
-            let step = &posterior.mean - &model.offset;
-            let expected = self.expected_emg(&noise, &weighted(&columns, &step, &passing), &levels);
-            point = self.with_emg(&point, expected)?;
-            // Muscles and effects stay: the EMG's corrections hardly change what effects do.
-            linear = self.analysis.linearize_beside(&point, &linear)?;
-            noise = self.structure(&mut linear, &point);
-            columns = self.all_columns(&point, &linear, &directions);
-            passing = factors(&noise, &levels)?;
-            model = self.model(&point, &columns, &passing);
-            let before = posterior.deviance;
-            posterior = model.posterior(&set, &sizes);
-            if (posterior.deviance - before).abs() < SETTLED_EMG {
-                break;
-            }
-        }
-        let directions = self.analysis.calc_directions(&linear, &point)?.0;
-        let columns = self.all_columns(&point, &linear, &directions);
-        let model = self.model(&point, &columns, &factors(&noise, &levels)?);
-        let regressors = Self::regressors(&model, &columns, &model.sds(&set, &sizes));
-        let levels = self.levels(&noise, &regressors, levels);
-        let factors = factors(&noise, &levels)?;
-        Ok(State {
-            model: self.model(&point, &columns, &factors),
-            factors,
-            sets: Sets::none(),
-            expected: Vec::new(),
-            stand_ins: BTreeMap::new(),
-            others: Vec::new(),
-            point,
-            levels,
-            noise,
-            linear,
-            directions,
-        })
-    }
-
-    /// The linear model with the noise as it is, its sets and deviance.
-    fn weigh(&self, state: &mut State, set: &[usize], sizes: &Sizes, candidates: &[usize], always: &[usize]) {
-        let starts = [set.to_vec(), self.places(&state.point.effects)];
-        let before = (!state.expected.is_empty()).then(|| self.sizes(state).clone());
-        state.sets = search(&state.model, candidates, always, 2.0 * ODDS.ln(), &starts, sizes, self.budget);
-        if before.as_ref() != Some(self.sizes(state)) {
-            state.expected = self.expected_residuals(state);
-        }
-    }
-
-    /// How much larger −2 log posterior is at one state than at another, each with its point's effects,
-    /// equation (20): both at the geometric means of their noise's variances, true excitations being
-    /// parameters as all others are. That a model lets less of the EMG's noise pass is no evidence for it,
-    /// and where two let different parts of it pass, their difference is in part chance.
-    pub(crate) fn behind(&self, a: &State, b: &State) -> f64 {
-        let levels = a.levels.between(&b.levels);
-        let deviance = |state: &State| {
-            let columns = self.all_columns(&state.point, &state.linear, &state.directions);
-            let set = self.places(&state.point.effects);
-            let of = |factors: Vec<_>| self.model(&state.point, &columns, &factors).posterior(&set, self.sizes(state));
-            let cost = 2.0 * ODDS.ln() * set.len() as f64;
-            factors(&state.noise, &levels).map_or(f64::INFINITY, |factors| {
-                let beyond = beyond_the_linear_model(&state.expected, &factors);
-                of(factors).deviance + beyond + cost
-            })
-        };
-        let difference = deviance(a) - deviance(b);
-        let scatter = noise::scatter_of_all(&a.noise, &b.noise, &levels).unwrap_or(0.0).max(0.0);
-        let known = difference.abs() / (difference.abs() + scatter).max(f64::MIN_POSITIVE);
-        if difference.is_finite() { difference * known } else { difference }
-    }
-
-    /// The most probable of several states.
-    fn most_probable(&self, states: impl IntoIterator<Item = State>) -> Option<State> {
-        states.into_iter().reduce(|known, other| if self.behind(&other, &known) < 0.0 { other } else { known })
+        Ok(reached.into_iter().map(|r| r.start(levels)).collect())
     }
 
     /// Places of effects among the candidates, ascending.

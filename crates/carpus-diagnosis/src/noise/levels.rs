@@ -63,13 +63,6 @@ impl NoiseLevels {
         let [.., envelope, gain, floor] = self.0;
         [envelope, gain, floor]
     }
-
-    /// Geometric means of both.
-    pub fn between(&self, other: &NoiseLevels) -> NoiseLevels {
-        let mut out = *self;
-        out.0.iter_mut().zip(&other.0).for_each(|(a, b)| *a = (*a * b).sqrt());
-        out
-    }
 }
 
 /// How noise goes with itself in time.

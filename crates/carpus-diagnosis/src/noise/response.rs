@@ -53,30 +53,6 @@ impl Response {
         }
     }
 
-    /// Adds G K Gᵀ to `covariance`, the second G being that of another model; with `factors` on the knots of
-    /// both G D K D Gᵀ.
-    ///
-    /// - `by_step`: correlations over knots
-    pub(super) fn add_covariance_with(
-        &self,
-        other: &Response,
-        by_step: &[f64],
-        factors: Option<[&DVector<f64>; 2]>,
-        covariance: &mut DMatrix<f64>,
-    ) {
-        let factor = |side: usize, knot: usize| factors.map_or(1.0, |f| f[side][knot]);
-        let n = self.by_knots.nrows();
-        let mut spread = vec![0.0; n];
-        for (knot, rows) in other.rows.iter().enumerate().filter(|(_, rows)| !rows.is_empty()) {
-            let shown = self.spread(by_step, |knot| factor(0, knot), knot, &mut spread);
-            for row in rows.clone() {
-                let weight = other.by_knots[(row, knot)] * factor(1, knot);
-                let to = &mut covariance.as_mut_slice()[row * n..(row + 1) * n][shown.clone()];
-                to.iter_mut().zip(&spread[shown.clone()]).for_each(|(to, from)| *to += weight * from);
-            }
-        }
-    }
-
     /// A column of G K, of factors on the knots G D K, and the blocks in which it shows.
     ///
     /// - `knot`: which column; `out`: per block, overwritten

@@ -3,11 +3,9 @@
 use std::sync::Arc;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
-use rayon::prelude::*;
 
 use super::levels::{COMPONENTS, EMG, Kernels, NoiseLevels, slow_component};
 use super::response::Response;
-use crate::ONE_BY_ONE;
 use crate::kernel::{Kernel, correlated, root};
 use carpus_numerics::numerics::cholesky;
 use carpus_study::study::Direction;
@@ -165,29 +163,6 @@ impl TrialNoise {
         v
     }
 
-    /// Covariance of this model's residuals with those of another of the same trial.
-    fn covariance_with(&self, other: &TrialNoise, levels: &NoiseLevels) -> DMatrix<f64> {
-        let [white, slow, ..] = self.levels(levels);
-        let [envelope, gain, floor] = levels.of_emg();
-        let mut v = &self.times.slow * slow + &self.whole * other.whole.transpose() * gain;
-        let n = self.times.white.len();
-        let (mut of_envelope, mut of_floor) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
-        let responses = self.response.iter().zip(&other.response);
-        for ((own, others), (d, of_other)) in responses.zip(self.reciprocal.iter().zip(&other.reciprocal)) {
-            own.add_covariance_with(others, &self.by_step, None, &mut of_envelope);
-            own.add_covariance_with(others, &self.by_step, Some([d, of_other]), &mut of_floor);
-        }
-        v += of_envelope * envelope + of_floor * floor;
-        for (k, w) in self.times.white.iter().enumerate() {
-            v[(k, k)] += white * w;
-        }
-        // How the angle's noise passes through both is not known: alike.
-        for of_angle in [&self.of_angle, &other.of_angle].into_iter().flatten() {
-            v += of_angle * 0.5;
-        }
-        v
-    }
-
     /// The part of V that is noise of one muscle's EMG.
     pub fn covariance_of_muscle(&self, muscle: usize, levels: &NoiseLevels) -> DMatrix<f64> {
         let n = self.times.white.len();
@@ -335,24 +310,6 @@ pub fn factor(noise: &TrialNoise, levels: &NoiseLevels) -> Option<Cholesky<f64, 
     cholesky(noise.covariance(levels))
 }
 
-/// S: how differently noise passes through two models of the same trials; 0 where it passes alike.
-///
-/// ```text
-/// S = Σ n − ‖L_a⁻¹ C_ab L_b⁻ᵀ‖²,   V = L Lᵀ, C_ab: covariance of the residuals of both
-/// ```
-pub(crate) fn scatter_of_all(a: &[TrialNoise], b: &[TrialNoise], levels: &NoiseLevels) -> Option<f64> {
-    let found: Vec<_> = a.par_iter().with_max_len(ONE_BY_ONE).zip(b).map(|(a, b)| scatter(a, b, levels)).collect();
-    found.into_iter().sum::<Option<f64>>().map(|sum| sum.max(0.0))
-}
-
-fn scatter(a: &TrialNoise, b: &TrialNoise, levels: &NoiseLevels) -> Option<f64> {
-    let mut both = a.covariance_with(b, levels);
-    factor(a, levels)?.l_dirty().solve_lower_triangular_mut(&mut both);
-    let mut both = both.transpose();
-    factor(b, levels)?.l_dirty().solve_lower_triangular_mut(&mut both);
-    Some(both.nrows() as f64 - both.norm_squared())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -401,52 +358,5 @@ mod tests {
             let expected = prior * g.tr_mul(&residual);
             assert!((found - &expected).amax() < 1e-12 * expected.amax());
         }
-    }
-
-    /// Noise of a trial of two muscles whose EMG passes by `pass`.
-    fn trial(pass: f64) -> TrialNoise {
-        let (blocks, knots) = (8, 12);
-        let kernel = Kernels::default().emg;
-        let times: Vec<f64> = (0..blocks).map(|b| 0.06 * b as f64).collect();
-        let times = Arc::new(TrialTimes::correlated(Direction::Flexion, &times, &[6; 8], &kernel));
-        let mut responses = vec![Response::new(blocks, knots); 2];
-        for (m, response) in responses.iter_mut().enumerate() {
-            for j in 0..knots {
-                for b in (j / 2)..blocks.min(j / 2 + 3) {
-                    response.add(b, j, pass + 0.5 * (m as f64 + 0.7 * b as f64 - 0.3 * j as f64).cos());
-                }
-            }
-        }
-        let excitation: Vec<Vec<f64>> =
-            (0..2).map(|m| (0..knots).map(|j| 0.1 + 0.02 * (j + m) as f64).collect()).collect();
-        TrialNoise::correlated(&times, responses, &excitation, &kernel)
-    }
-
-    #[test]
-    fn verif_scatter_is_the_variance_of_a_difference_of_misfits() {
-        use rand::SeedableRng;
-        let levels = NoiseLevels([0.05, 0.04, 0.04, 0.04, 0.1, 0.05, 0.004].map(|sd: f64| sd * sd));
-        let (a, b) = (trial(0.2), trial(0.8));
-        assert!((a.covariance_with(&a, &levels) - a.covariance(&levels)).amax() < 1e-12);
-        assert!(scatter(&a, &a, &levels).unwrap().abs() < 1e-9);
-        let expected = 4.0 * scatter(&a, &b, &levels).unwrap();
-        // The same noise of EMG and moment, drawn, as residuals of both.
-        let factors = [&a, &b].map(|noise| factor(noise, &levels).unwrap());
-        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(7);
-        let n = 20_000;
-        let differences: Vec<f64> = (0..n)
-            .map(|_| {
-                let mut normal = || crate::score_test::normal(&mut rng);
-                let (of_emg, of_moment) = (a.draw(&levels, &mut normal), a.draw_moment(&levels, &mut normal));
-                let misfit = |noise: &TrialNoise, i: usize| {
-                    let residual = noise.respond(&noise.relative(&of_emg)) + &of_moment;
-                    residual.dot(&factors[i].solve(&residual))
-                };
-                misfit(&a, 0) - misfit(&b, 1)
-            })
-            .collect();
-        let mean = differences.iter().sum::<f64>() / n as f64;
-        let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / n as f64;
-        assert!(expected > 1.0 && (variance / expected - 1.0).abs() < 0.05, "{variance} and {expected}");
     }
 }

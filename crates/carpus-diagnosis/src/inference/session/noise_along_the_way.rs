@@ -15,7 +15,7 @@ use crate::noise::{self, NoiseLevels, TrialNoise};
 use carpus_simulation::simulation::SimulationError;
 
 /// Largest expected error of the logarithm of the EMG.
-const LARGEST_NOISE: f64 = 0.7;
+pub(super) const LARGEST_NOISE: f64 = 0.7;
 /// Autocorrelations are compared on so many trials at most, evenly spread over the session.
 const TRIALS_FOR_KERNELS: usize = 12;
 

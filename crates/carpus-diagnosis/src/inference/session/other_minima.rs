@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::super::muscle_columns::COLUMNS;
 use super::super::search::NEGLIGIBLE;
-use super::state::{ODDS, OtherMinimum, Reached, Session, State};
+use super::state::{OtherMinimum, Reached, Session, State};
 use crate::fit::Point;
 use crate::forward_model::{FITTED_PER_MUSCLE, Setting};
 use crate::score_test::normal;
@@ -22,32 +22,24 @@ const WIDTH: f64 = 0.5;
 const STEPS: usize = 10;
 
 impl Session<'_> {
-    /// States with a state's effects that descents from other muscles come to, if they are not much less probable.
-    pub(super) fn other_minima(&self, state: &State) -> Result<Vec<State>, SimulationError> {
+    /// Where descents from other muscles come to with a state's effects and noise, if they are not much less probable
+    /// than it; and −2 log posterior of its own, reached alike.
+    pub(super) fn other_minima(&self, state: &State) -> Result<(f64, Vec<Reached>), SimulationError> {
         let set = self.places(&state.point.effects);
-        let sizes = self.sizes(state);
-        let from = state.around(sizes);
-        // With the state's noise, as those that are reached.
-        let here = state.model.sizes_for(&set, sizes).1 + 2.0 * ODDS.ln() * set.len() as f64;
+        let from = state.around(self.sizes(state));
+        let here = self.reach(&from, &set, STEPS)?.deviance;
         let points = self.drawn_points(&state.point);
         let reach = |point: &Point| self.reach_from(&from, point.clone(), &set, STEPS).ok();
         let reached: Vec<Option<Reached>> = points.par_iter().with_max_len(1).map(reach).collect();
         // A draw that cannot be simulated leads nowhere.
-        let near = reached.into_iter().flatten().filter(|r| r.deviance < here + NEGLIGIBLE);
-        Ok(near.filter_map(|r| self.assessed(r.start(state.levels), &[], &set).ok()).collect())
-    }
-
-    /// The state with the other minima, each as probable as equation (20) says.
-    pub(super) fn beside_others(&self, mut state: State, others: &[State]) -> State {
-        state.others = others.iter().map(|other| self.other(other, &state, self.behind(other, &state))).collect();
-        state
+        Ok((here, reached.into_iter().flatten().filter(|r| r.deviance < here + NEGLIGIBLE).collect()))
     }
 
     /// A minimum beside a state.
     ///
     /// - `behind`: by how much, equation (20)
-    pub(super) fn other(&self, other: &State, state: &State, behind: f64) -> OtherMinimum {
-        let [there, here] = [other, state].map(|s| self.own_values(&s.point));
+    pub(super) fn other(&self, other: &Point, state: &State, behind: f64) -> OtherMinimum {
+        let [there, here] = [other, &state.point].map(|point| self.own_values(point));
         let first = self.analysis.n_nuisance();
         let mut away = DVector::from_element(self.columns_of_point(&state.point), f64::NAN);
         away.rows_mut(0, first).copy_from(&(there.rows(0, first) - here.rows(0, first)));
@@ -55,8 +47,8 @@ impl Session<'_> {
         for setting in &state.point.effects {
             let id = setting.effect.description().id;
             let is_it = |s: &&Setting| s.effect.description().id == id;
-            if other.point.effects.iter().any(|s| is_it(&s)) {
-                let before = other.point.effects.iter().take_while(|s| !is_it(s));
+            if other.effects.iter().any(|s| is_it(&s)) {
+                let before = other.effects.iter().take_while(|s| !is_it(s));
                 let at = first + before.map(|s| s.values.len()).sum::<usize>();
                 let count = setting.values.len();
                 away.rows_mut(own, count).copy_from(&(there.rows(at, count) - here.rows(own, count)));

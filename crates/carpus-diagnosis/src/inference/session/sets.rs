@@ -10,7 +10,7 @@ use super::super::linear_model::{Prior, Sizes};
 use super::super::muscles::Muscles;
 use super::super::search::{Budget, NEGLIGIBLE};
 use super::handing_over::STANDS_IN;
-use super::state::{Begun, ODDS, OtherMinimum, Session, Start, State};
+use super::state::{Begun, ODDS, OtherMinimum, Reached, Session, Start, State};
 use super::steps::{STEPS, profiled};
 use super::{ROUNDS, SETTLED};
 use crate::ONE_BY_ONE;
@@ -21,6 +21,8 @@ use crate::fit::{Analysis, Point};
 use crate::forward_model::{FITTED_PER_MUSCLE, ForwardModel};
 use carpus_simulation::simulation::SimulationError;
 
+/// Sets with a rival in an effect's place that are tried, at most.
+const EXCHANGED: usize = 6;
 /// Gauss–Newton steps towards moments that another model made.
 const DISTANT_STEPS: usize = 12;
 
@@ -79,21 +81,24 @@ impl Session<'_> {
             let mut set: Vec<(f64, usize, usize)> = self.places(&state.point.effects).into_iter().map(of).collect();
             set.sort_by(|a, b| is_likely(a.1, a.0).cmp(&is_likely(b.1, b.0)).then(a.0.total_cmp(&b.0)));
             let (mut evidence, mut others) = (Vec::new(), Vec::new());
+            let here = self.deviance_with(&state, &self.places(&state.point.effects))?;
             for (probability, group, effect) in set {
                 let rest: Vec<usize> = self.places(&state.point.effects).into_iter().filter(|e| *e != effect).collect();
-                let mut without = self.with_set(&state, &rest, &[])?;
-                let behind = self.behind(&without, &state);
+                let reached = self.reach(&state.around(self.sizes(&state)), &rest, STEPS)?;
+                let behind = self.behind_from(&state, here, reached.clone())?;
                 report(&format!("without {:?} ({probability:.2}) {behind:.1} behind", self.ids(&[effect])));
                 let in_place = probability / state.sets.of_effect(effect).max(f64::MIN_POSITIVE);
                 let is_likely =
                     is_likely(group, probability) || is_likely_by_simulation(group, behind, in_place.max(1.0));
-                if (!is_likely || behind < 0.0) && !self.takes_what_is_left(&state, &without) {
-                    let sizes = self.sizes(&without).clone();
-                    self.weigh(&mut without, &rest, &sizes, &candidates, &[]);
-                    (state, has_minima) = (without, false);
-                    continue 'again;
+                let other = self.other(&reached.point, &state, behind);
+                if !is_likely || behind < 0.0 {
+                    let without = self.assessed(reached.start(state.levels), &candidates, &[])?;
+                    if !self.takes_what_is_left(&state, &without) {
+                        (state, has_minima) = (without, false);
+                        continue 'again;
+                    }
                 }
-                others.push(self.other(&without, &state, behind));
+                others.push(other);
                 evidence.push((effect, behind));
             }
             let mut goes_on = false;
@@ -127,7 +132,7 @@ impl Session<'_> {
     ///
     /// # Errors
     /// A trial that cannot be simulated.
-    pub fn taken_up(&mut self, muscles: &Muscles, report: &dyn Fn(&str)) -> Result<State, SimulationError> {
+    pub fn taken_up(&mut self, muscles: &Muscles) -> Result<State, SimulationError> {
         let Muscles { session, state, .. } = muscles;
         if !self.noise_is_final {
             let Analysis { kernels, times, blocks, .. } = &session.analysis;
@@ -142,8 +147,7 @@ impl Session<'_> {
             sizes: self.sizes(state).clone(),
             directions: state.directions.clone(),
         };
-        let state = self.assessed(start, &[], &[])?;
-        self.rounds(Begun { state, candidates: Vec::new(), always: Vec::new() }, report)
+        self.assessed(start, &[], &[])
     }
 
     /// Whether something is left beside a state that is not left beside another.
@@ -167,28 +171,42 @@ impl Session<'_> {
         let pairs: Vec<(usize, usize)> =
             set.iter().flat_map(|effect| rivals(*effect).into_iter().map(|rival| (*effect, rival))).collect();
         let (sizes, here) = (self.sizes(state), state.model.posterior(&set, self.sizes(state)).deviance);
-        let stands_in = |(effect, rival): &(usize, usize)| {
-            let mut exchanged: Vec<usize> = set.iter().copied().filter(|e| e != effect).chain([*rival]).collect();
-            exchanged.sort_unstable();
-            if state.model.posterior(&exchanged, sizes).deviance - here > NEGLIGIBLE {
-                return None;
-            }
-            // One that cannot be simulated in its place does not stand there.
-            let other = self.with_set(state, &exchanged, &[]).ok()?;
-            let behind = self.behind(&other, state);
-            let minimum = (behind < -2.0 * STANDS_IN.ln()).then(|| self.other(&other, state, behind))?;
-            Some((minimum, (behind < -SETTLED).then_some((behind, other))))
+        let exchanged = |(effect, rival): &(usize, usize)| {
+            let mut out: Vec<usize> = set.iter().copied().filter(|e| e != effect).chain([*rival]).collect();
+            out.sort_unstable();
+            out
         };
-        let found: Vec<Option<(OtherMinimum, Option<(f64, State)>)>> =
-            pairs.par_iter().with_max_len(ONE_BY_ONE).map(stands_in).collect();
+        let mut sets: Vec<Vec<usize>> = pairs.iter().map(exchanged).collect();
+        sets.sort();
+        sets.dedup();
+        let weighed = |set: Vec<usize>| (state.model.posterior(&set, sizes).deviance - here, set);
+        let mut sets: Vec<(f64, Vec<usize>)> = sets.into_iter().map(weighed).filter(|s| s.0 < NEGLIGIBLE).collect();
+        sets.sort_by(|a, b| a.0.total_cmp(&b.0));
+        sets.truncate(EXCHANGED);
+        // Beside what the set itself comes to. One that cannot be simulated in its place does not stand there.
+        let known = if sets.is_empty() { None } else { Some(&set) };
+        let tried: Vec<&Vec<usize>> = sets.iter().map(|s| &s.1).chain(known).collect();
+        let reached: Vec<_> = tried
+            .into_par_iter()
+            .with_max_len(ONE_BY_ONE)
+            .map(|set| self.reach(&state.around(sizes), set, STEPS).ok())
+            .collect();
+        let reached: Vec<Reached> = reached.into_iter().flatten().collect();
+        let here = reached.iter().find(|r| r.set == set).and_then(|r| self.deviance_of(state, r).ok());
+        let here = here.unwrap_or(f64::INFINITY);
+        let least_of_all = reached.iter().map(|r| r.deviance).fold(f64::INFINITY, f64::min);
+        let near = |r: &Reached| r.set != set && r.deviance < least_of_all + NEGLIGIBLE;
+        let weighed = |r: Reached| self.behind_from(state, here, r.clone()).ok().map(|behind| (behind, r));
+        let reached: Vec<(f64, Reached)> = reached.into_iter().filter(near).filter_map(weighed).collect();
         let mut out = StandIns { of_effects: BTreeMap::new(), minima: Vec::new(), ahead: None };
-        let mut least = 0.0;
-        for ((effect, rival), found) in pairs.into_iter().zip(found) {
-            let Some((minimum, ahead)) = found else { continue };
-            out.of_effects.entry(effect).or_default().push(rival);
-            out.minima.push(minimum);
-            if let Some((behind, state)) = ahead.filter(|(behind, _)| *behind < least) {
-                (least, out.ahead) = (behind, Some(state));
+        let mut least = -SETTLED;
+        for (behind, other) in reached.into_iter().filter(|(behind, _)| *behind < -2.0 * STANDS_IN.ln()) {
+            for (effect, rival) in pairs.iter().filter(|pair| exchanged(pair) == other.set) {
+                out.of_effects.entry(*effect).or_default().push(*rival);
+            }
+            out.minima.push(self.other(&other.point, state, behind));
+            if behind < least {
+                (least, out.ahead) = (behind, self.assessed(other.start(state.levels), &[], &[]).ok());
             }
         }
         out

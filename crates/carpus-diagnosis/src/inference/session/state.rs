@@ -29,6 +29,7 @@ pub(super) struct Around<'s> {
 }
 
 /// Where a descent with a set of effects has come to.
+#[derive(Clone)]
 pub(super) struct Reached {
     pub(super) set: Vec<usize>,
     pub(super) point: Point,
@@ -65,8 +66,6 @@ pub struct Session<'a> {
     /// Mean and standard deviation of the logarithm of every muscle parameter's factor before the data;
     /// empty: those of the bounds.
     pub(super) muscle_priors: Vec<[f64; 2]>,
-    /// Where the search starts from beside the model as given: the muscles alone.
-    pub(in crate::inference) further_start: Option<Point>,
 }
 
 /// What is handed over to the user.
@@ -119,8 +118,6 @@ pub struct State {
     pub model: LinearModel,
     /// Sets of effects.
     pub sets: Sets,
-    /// Of every trial: what is left where the linear model expects everything.
-    pub(super) expected: Vec<ExpectedResidual>,
     /// Of effects: rivals that may stand in their place, everything else estimated anew.
     pub stand_ins: BTreeMap<usize, Vec<usize>>,
     /// Other local minima with the same effects, once looked for.
@@ -133,13 +130,6 @@ impl State {
         let State { point, model, noise, factors, directions, .. } = self;
         Around { point, model, sizes, noise, factors, directions }
     }
-}
-
-/// What is left of a trial's moment with muscles, baselines, all effects and the discrepancy where the linear
-/// model expects them, averaged over blocks [N·m].
-pub(super) struct ExpectedResidual {
-    pub(super) simulated: DVector<f64>,
-    pub(super) linear: DVector<f64>,
 }
 
 /// Another local minimum, with the same effects or others.

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::super::linear_model::{LinearModel, Posterior, Sizes};
 use super::super::search::{NEGLIGIBLE, Sets};
 use super::columns::WhitenedDirections;
-use super::state::{Around, ODDS, Reached, Session, Start, State};
+use super::state::{Around, ODDS, Reached, Session, State};
 use crate::fit::linearization::Linear;
 use crate::fit::{Point, product, whiten};
 use crate::noise::TrialNoise;
@@ -22,36 +22,36 @@ const OTHERS: usize = 3;
 const ADDITIONS: usize = 3;
 /// … and sets in which an effect gives way to a rival.
 const RIVALS: usize = 6;
-/// Sets that were tried in a round and have their noise estimated anew, at most.
-const ASSESSED_IN_A_ROUND: usize = 6;
+/// Share of a promised fall with which derivatives are near enough.
+const NEAR: f64 = 0.8;
 /// A descent ends where the next step would lower Ψ by less: parameters are then within a quarter of a
 /// standard deviation.
-const SETTLED_DESCENT: f64 = 0.05;
+const SETTLED_DESCENT: f64 = 0.3;
 
 impl Session<'_> {
-    /// Steps on: the best set reached by descent; with `among`, others tried by simulation, too: the most
-    /// probable, the noise held.
+    /// Where descents with several sets of effects come to from a state, with its noise: its own, the most probable of
+    /// the linear model, and sets near them; the most probable first.
     pub(super) fn advanced(
         &self,
         state: &State,
-        among: Option<(&[usize], &[usize])>,
-    ) -> Result<Vec<Start>, SimulationError> {
+        candidates: &[usize],
+        always: &[usize],
+    ) -> Result<Vec<Reached>, SimulationError> {
         let best = state.sets.best();
         let from = state.around(&best.sizes);
-        let mut sets = vec![best.effects.clone()];
-        if let Some((candidates, always)) = among {
-            sets.extend(self.alternatives(&best.effects, &state.model, &state.sets, candidates, always));
-            let additions = self.additions(state, candidates);
-            sets.extend(additions.into_iter().filter(|set| !sets.contains(set)).collect::<Vec<_>>());
+        let own = self.places(&state.point.effects);
+        let mut sets = vec![own.clone()];
+        let others = self.alternatives(&best.effects, &state.model, &state.sets, candidates, always);
+        let further = std::iter::once(best.effects.clone()).chain(others).chain(self.additions(state, candidates));
+        for set in further {
+            if !sets.contains(&set) {
+                sets.push(set);
+            }
         }
         let found: Vec<_> = sets.par_iter().with_max_len(1).map(|set| self.reach(&from, set, STEPS)).collect();
         let mut reached: Vec<Reached> = found.into_iter().flatten().collect();
         reached.sort_by(|a, b| a.deviance.total_cmp(&b.deviance));
-        let least = reached.first().map_or(0.0, |r| r.deviance);
-        reached.retain(|r| r.deviance < least + NEGLIGIBLE);
-        reached.truncate(ASSESSED_IN_A_ROUND);
-        let start = |r: Reached| r.start(state.levels);
-        Ok(reached.into_iter().map(start).collect())
+        Ok(reached)
     }
 
     /// Directions with 0 for effects that are on at a point.
@@ -206,7 +206,8 @@ impl Session<'_> {
             .collect();
         let mut model = self.model_beside(point, linear, &whitened, factors);
         let mut radius = 1.0_f64;
-        for step in 0..steps {
+        let mut is_near = true;
+        for _ in 0..steps {
             let own = self.analysis.n_nuisance() + point.effects.iter().map(|s| s.values.len()).sum::<usize>();
             let posterior = model.posterior(set, sizes);
             let here = profiled(&model, own, set, sizes);
@@ -216,8 +217,8 @@ impl Session<'_> {
             }
             let by = (&posterior.mean - &model.offset).rows(0, own) * radius;
             let moved = self.analysis.moved(point, &by.into_owned());
-            // Derivatives by parameters of effects are computed anew at every other point.
-            let near = if step % 2 == 0 { Some(&linear[..]) } else { None };
+            // Derivatives by parameters of effects are computed anew once a step does not come to what it promised.
+            let near = if is_near { Some(&linear[..]) } else { None };
             let next = self.linearized(&moved, noise, near).ok().map(|linear| {
                 let model = self.model_beside(&moved, &linear, &whitened, factors);
                 (profiled(&model, own, set, sizes), linear, model)
@@ -225,9 +226,13 @@ impl Session<'_> {
             match next {
                 Some((there, l, m)) if there < here - 0.05 * promised * radius => {
                     (*point, *linear, model) = (moved, l, m);
+                    is_near = radius == 1.0 && here - there > NEAR * promised;
                     radius = (2.0 * radius).min(1.0);
                 }
-                _ => radius *= 0.3,
+                _ => {
+                    is_near = false;
+                    radius *= 0.3;
+                }
             }
         }
         Ok(model)
