@@ -9,12 +9,13 @@ use predicates::str::contains;
 
 use crate::user_loop::{carpus, root, small_study};
 
-const CLASSES: [&str; 5] = [
+const CLASSES: [&str; 6] = [
     "Thelen2003Muscle",
     "DeGrooteFregly2016Muscle",
     "DeGrooteFregly2016Muscle_rigid",
     "RigidTendonMuscle",
     "Schutte1993Muscle_Deprecated",
+    "Delp1990Muscle_Deprecated",
 ];
 
 /// The bundled study with few trials, its model's muscles of another class.

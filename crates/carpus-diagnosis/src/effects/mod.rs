@@ -116,9 +116,13 @@ mod tests {
     #[test]
     fn verif_what_is_reported_of_muscles_without_the_property_is_a_factor() {
         let root = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
-        for class in
-            ["Thelen2003Muscle", "DeGrooteFregly2016Muscle", "RigidTendonMuscle", "Schutte1993Muscle_Deprecated"]
-        {
+        for class in [
+            "Thelen2003Muscle",
+            "DeGrooteFregly2016Muscle",
+            "RigidTendonMuscle",
+            "Schutte1993Muscle_Deprecated",
+            "Delp1990Muscle_Deprecated",
+        ] {
             let spec = OsimFile::read(root.join(format!("fixtures/muscle_laws/{class}.osim"))).unwrap().spec;
             for effect in CATALOGUE.iter().filter(|effect| !effect.muscle_properties().is_empty()) {
                 let d = effect.description();

@@ -2,7 +2,7 @@
 
 use super::dynamics::MuscleDynamics;
 use super::error::MuscleError;
-use super::law::{Balance, Contraction, MuscleLaw, ValueAndSlope, force_of_fiber};
+use super::law::{Balance, Contraction, MuscleLaw, ValueAndSlope, balance_of_forces, force_of_fiber};
 use carpus_osim::functions::Function;
 use carpus_osim::osim::spec::{DeprecatedMuscleKind, DeprecatedMuscleSpec, MuscleSpec};
 
@@ -389,8 +389,8 @@ impl DeprecatedMuscle {
     }
 }
 
-/// Of Delp's muscle without the mass between fibre and tendon, which the law has no place for: so that it is Schutte's
-/// muscle alone that [`MuscleModel::law`](super::MuscleModel::law) gives.
+/// Of Delp's muscle without the mass between fibre and tendon, for which the law has no place: its limit as the mass
+/// goes to 0.
 impl MuscleLaw for DeprecatedMuscle {
     fn tendon(&self, norm_length: f64) -> ValueAndSlope {
         let strain = norm_length - 1.0;
@@ -417,7 +417,10 @@ impl MuscleLaw for DeprecatedMuscle {
         let ((passive, passive_slope), secant) = (at.passive, at.secant);
         let damping = match &self.contraction {
             Contracting::Schutte { damping } => *damping,
-            Contracting::Delp { .. } => f64::NAN,
+            Contracting::Delp { force_velocity, .. } => {
+                let velocity = (force_velocity.value(u), force_velocity.derivative(u));
+                return balance_of_forces(at, velocity, 0.0);
+            }
         };
         let left = at.tendon * secant - passive;
         let [velocity, by_isometric, by_force] =
@@ -433,7 +436,7 @@ impl MuscleLaw for DeprecatedMuscle {
     }
 
     fn states_velocity(&self) -> bool {
-        true
+        !self.has_velocity_state()
     }
 
     fn max_velocity(&self) -> f64 {

@@ -89,14 +89,14 @@ impl MuscleModel {
         built.map_err(|source| MuscleError::InMuscle { muscle: spec.name.clone(), source: Box::new(source) })
     }
 
-    /// The law of its class; `None` for `Delp1990Muscle_Deprecated`, whose mass makes the fibre's velocity a state.
-    pub fn law(&self) -> Option<&dyn MuscleLaw> {
+    /// The law of its class; of a `Delp1990Muscle_Deprecated` without its mass.
+    pub fn law(&self) -> &dyn MuscleLaw {
         match self {
-            MuscleModel::Millard2012(m) => Some(m.as_ref()),
-            MuscleModel::Thelen2003(m) => Some(m.as_ref()),
-            MuscleModel::DeGrooteFregly2016(m) => Some(m.as_ref()),
-            MuscleModel::RigidTendon(m) => Some(m.as_ref()),
-            MuscleModel::Deprecated(m) => (!m.has_velocity_state()).then_some(m.as_ref() as &dyn MuscleLaw),
+            MuscleModel::Millard2012(m) => m.as_ref(),
+            MuscleModel::Thelen2003(m) => m.as_ref(),
+            MuscleModel::DeGrooteFregly2016(m) => m.as_ref(),
+            MuscleModel::RigidTendon(m) => m.as_ref(),
+            MuscleModel::Deprecated(m) => m.as_ref(),
         }
     }
 

@@ -457,7 +457,7 @@ pub(crate) fn active_muscle_along(
         ));
     }
     let curves = FiberCurves::of(&model, muscle, cache)
-        .ok_or_else(|| not_simulated("the fibre's velocity is a state of a Delp1990Muscle_Deprecated"))?;
+        .ok_or_else(|| not_simulated("its properties are those of another class"))?;
     Ok(ActiveMuscle {
         name: muscle.name.clone(),
         path,

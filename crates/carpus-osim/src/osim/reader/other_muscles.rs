@@ -73,15 +73,19 @@ impl Reader<'_> {
             "Schutte1993Muscle_Deprecated" => {
                 let damping = self.number(object, &["damping"], 0.1, Bound::Finite);
                 let passive = self.given_curve(object, "passive_force_length_curve");
-                self.read_deprecated(object, passive, DeprecatedMuscleKind::Schutte1993 { damping })
+                let tendon = self.curve(object, "tendon_force_length_curve", TENDON);
+                let active = self.curve(object, "active_force_length_curve", ACTIVE);
+                self.read_deprecated(object, [tendon, active], passive, DeprecatedMuscleKind::Schutte1993 { damping })
             }
             "Delp1990Muscle_Deprecated" => {
                 let kind = DeprecatedMuscleKind::Delp1990 {
                     mass: self.number(object, &["mass"], 0.00287, Bound::Finite),
-                    force_velocity_curve: self.curve(object, "force_velocity_curve", FORCE_VELOCITY),
+                    force_velocity_curve: self.nested_curve(object, "force_velocity_curve", FORCE_VELOCITY),
                 };
-                let passive = Some(self.curve(object, "passive_force_length_curve", PASSIVE));
-                self.read_deprecated(object, passive, kind)
+                let passive = Some(self.nested_curve(object, "passive_force_length_curve", PASSIVE));
+                let tendon = self.nested_curve(object, "tendon_force_length_curve", TENDON);
+                let active = self.nested_curve(object, "active_force_length_curve", ACTIVE);
+                self.read_deprecated(object, [tendon, active], passive, kind)
             }
             _ => return None,
         })
@@ -90,6 +94,7 @@ impl Reader<'_> {
     fn read_deprecated(
         &mut self,
         object: &Object,
+        [tendon_force_length_curve, active_force_length_curve]: [FunctionSpec; 2],
         passive_force_length_curve: Option<FunctionSpec>,
         kind: DeprecatedMuscleKind,
     ) -> OtherMuscleSpec {
@@ -97,8 +102,8 @@ impl Reader<'_> {
             time_scale: self.number(object, &["time_scale"], 0.1, Bound::Finite),
             activation1: self.number(object, &["activation1"], 7.667, FRACTION),
             activation2: self.number(object, &["activation2"], 1.459854, FRACTION),
-            tendon_force_length_curve: self.curve(object, "tendon_force_length_curve", TENDON),
-            active_force_length_curve: self.curve(object, "active_force_length_curve", ACTIVE),
+            tendon_force_length_curve,
+            active_force_length_curve,
             passive_force_length_curve,
             kind,
         })
@@ -139,6 +144,20 @@ impl Reader<'_> {
     /// A curve of the file, or the default one.
     fn curve(&mut self, object: &Object, name: &'static str, (x, y): Curve) -> FunctionSpec {
         self.given_curve(object, name).unwrap_or_else(|| FunctionSpec::SimmSpline { x: x.to_vec(), y: y.to_vec() })
+    }
+
+    /// A curve that OpenSim declares as an optional property, and therefore reads in the form `<name><Class>…` alone.
+    fn nested_curve(&mut self, object: &Object, name: &'static str, default: Curve) -> FunctionSpec {
+        let nested = self.property(object, &[name]).is_some();
+        if let (false, Some(Some(element))) = (nested, self.one_object(object, name, is_function)) {
+            let class = self.document.tag(element);
+            let message = format!("<{class} name=\"{name}\"> is not read, as in OpenSim: the class's own curve holds");
+            let hint = format!("write <{name}><{class}>…</{class}></{name}>");
+            self.diagnose(Severity::Warning, element, &object.path, message, Some(hint));
+            let (x, y) = default;
+            return FunctionSpec::SimmSpline { x: x.to_vec(), y: y.to_vec() };
+        }
+        self.curve(object, name, default)
     }
 
     fn given_curve(&mut self, object: &Object, name: &'static str) -> Option<FunctionSpec> {

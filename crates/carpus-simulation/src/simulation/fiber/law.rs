@@ -17,8 +17,8 @@ pub(crate) enum FiberLaw {
     Thelen2003(Arc<Thelen2003>),
     /// `DeGrooteFregly2016Muscle`.
     DeGrooteFregly2016(Arc<DeGrooteFregly2016>),
-    /// `Schutte1993Muscle_Deprecated`.
-    Schutte1993(Arc<DeprecatedMuscle>),
+    /// `Schutte1993Muscle_Deprecated`, `Delp1990Muscle_Deprecated` without its mass.
+    Deprecated(Arc<DeprecatedMuscle>),
     /// `RigidTendonMuscle`.
     RigidTendon(Arc<RigidTendon>),
 }
@@ -59,7 +59,7 @@ macro_rules! of_law {
                 let $law = &**shared;
                 $call
             }
-            $crate::simulation::fiber::law::FiberLaw::Schutte1993(shared) => {
+            $crate::simulation::fiber::law::FiberLaw::Deprecated(shared) => {
                 let $law = &**shared;
                 $call
             }
@@ -81,7 +81,7 @@ impl FiberLaw {
             (FiberLaw::DeGrooteFregly2016(a), FiberLaw::DeGrooteFregly2016(b)) => {
                 Arc::ptr_eq(a, b) || a.has_curves_of(b)
             }
-            (FiberLaw::Schutte1993(a), FiberLaw::Schutte1993(b)) => Arc::ptr_eq(a, b) || a.has_curves_of(b),
+            (FiberLaw::Deprecated(a), FiberLaw::Deprecated(b)) => Arc::ptr_eq(a, b) || a.has_curves_of(b),
             (FiberLaw::RigidTendon(a), FiberLaw::RigidTendon(b)) => Arc::ptr_eq(a, b) || a.has_curves_of(b),
             _ => false,
         }

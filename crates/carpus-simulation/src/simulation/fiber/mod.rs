@@ -26,8 +26,8 @@ impl FiberCurves {
         self.law.deviation()
     }
 
-    /// What a muscle of any class is simulated with; `None` for `Delp1990Muscle_Deprecated`, whose fibre velocity is a
-    /// state.
+    /// What a muscle of any class is simulated with; `None` for properties of another class than the muscle's. The mass
+    /// of a `Delp1990Muscle_Deprecated` is left out.
     ///
     /// - `properties`: what `muscle` was built from
     pub(crate) fn of(
@@ -43,8 +43,7 @@ impl FiberCurves {
             MuscleModel::Thelen2003(own) => FiberLaw::Thelen2003(Arc::new((**own).clone())),
             MuscleModel::DeGrooteFregly2016(own) => FiberLaw::DeGrooteFregly2016(Arc::new((**own).clone())),
             MuscleModel::RigidTendon(own) => FiberLaw::RigidTendon(Arc::new((**own).clone())),
-            MuscleModel::Deprecated(own) if own.has_velocity_state() => return None,
-            MuscleModel::Deprecated(own) => FiberLaw::Schutte1993(Arc::new((**own).clone())),
+            MuscleModel::Deprecated(own) => FiberLaw::Deprecated(Arc::new((**own).clone())),
         };
         Some(Arc::new(FiberCurves::new(law)))
     }
