@@ -34,7 +34,7 @@ impl Case {
             && let OtherMuscleSpec::Deprecated(own) = &mut **law
             && let DeprecatedMuscleKind::Delp1990 { mass, .. } = &mut own.kind
         {
-            *mass *= 0.01;
+            *mass *= 0.05;
         }
         let model = MuscleModel::from_spec(spec).unwrap();
         let curves = FiberCurves::of(&model, spec, &mut CurveCache::default()).unwrap();
