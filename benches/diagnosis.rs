@@ -9,9 +9,9 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use carpus::diagnosis::catalogue::CATALOGUE;
 use carpus::diagnosis::diagnose::{Request, diagnose};
-use carpus::diagnosis::forward_model::{DIAGNOSIS_ACCURACY, ForwardModel, Setting};
+use carpus::effects::catalogue::CATALOGUE;
+use carpus::effects::forward_model::{DIAGNOSIS_ACCURACY, ForwardModel, Setting};
 use carpus::osim::OsimFile;
 use carpus::simulation::{MusculoskeletalModel, Setup, SimulationError};
 use carpus::study::{Study, TrialUse};

@@ -108,12 +108,12 @@
 //! # An effect of your own
 //!
 //! A physical effect that the catalogue lacks is a formula in a text file. From then on every analysis knows it beside
-//! those of the catalogue ([`diagnosis::catalogue`]).
+//! those of the catalogue ([`effects::catalogue`]).
 //!
 //! ```
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! use carpus::Study;
-//! use carpus::diagnosis::{forward_model::Setting, moments::simulate_all};
+//! use carpus::effects::{forward_model::Setting, moments::simulate_all};
 //! use carpus::session::{diagnose::forward_model, own_effects};
 //!
 //! // Cogging of the machine: A*sin(n*q).
@@ -175,6 +175,7 @@ pub use session::whole_study::WholeStudy;
 #[cfg(feature = "cli")]
 pub use carpus_cli as cli;
 pub use carpus_diagnosis as diagnosis;
+pub use carpus_effects as effects;
 pub use carpus_identifiability as identifiability;
 pub use carpus_multibody::{dynamics, forces, multibody, muscles, paths};
 pub use carpus_numerics::{numerics, plausible, printable, regular_file, signals, spatial, statistics};

@@ -8,7 +8,7 @@ set -euo pipefail
 cd "$(dirname "$0")/../.."
 assets=crates/carpus-report/src/assets/live
 page=crates/carpus-web/page
-crates="numerics osim multibody study simulation personalization diagnosis web"
+crates="numerics osim multibody study simulation effects diagnosis personalization web"
 
 # Sources in a fixed order, and the versions of the libraries that they use.
 sources() {

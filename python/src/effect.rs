@@ -6,8 +6,8 @@ use std::any::Any;
 use std::panic::resume_unwind;
 use std::sync::{Mutex, PoisonError};
 
-use carpus::diagnosis::catalogue;
-use carpus::diagnosis::effect::{
+use carpus::effects::catalogue;
+use carpus::effects::effect::{
     Behaviour, Description, Effect, JointState, MomentUse, MuscleState, OsimForm, Parameter, Stage, amplitude, shape,
 };
 use carpus::session::diagnostic::Failure;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use carpus::diagnosis::catalogue::with_own;
+use carpus::effects::catalogue::with_own;
 use carpus::session::diagnostic::Failure;
 use carpus::session::run_tool::RunTool;
 use pyo3::prelude::*;

@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use carpus::diagnosis::catalogue::CATALOGUE;
 use carpus::diagnosis::diagnose::{Request, Verdict, diagnose};
-use carpus::diagnosis::effect::{Effect, OsimForm, Role};
-use carpus::diagnosis::forward_model::recorded_changes::Change;
-use carpus::diagnosis::forward_model::{Core, ForwardModel, Setting};
+use carpus::effects::catalogue::CATALOGUE;
+use carpus::effects::effect::{Effect, OsimForm, Role};
+use carpus::effects::forward_model::recorded_changes::Change;
+use carpus::effects::forward_model::{Core, ForwardModel, Setting};
 use carpus::osim::OsimFile;
 use carpus::simulation::{MusculoskeletalModel, Setup};
 use carpus::study::{Study, Trial};

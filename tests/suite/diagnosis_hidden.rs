@@ -5,13 +5,13 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use carpus::diagnosis::addition::fit_steps;
-use carpus::diagnosis::catalogue::CATALOGUE;
 use carpus::diagnosis::diagnose::{Diagnosis, Request, Verdict, diagnose, rmse, simulate};
-use carpus::diagnosis::forward_model::{ForwardModel, Setting};
 use carpus::diagnosis::inference::search::Budget;
 use carpus::diagnosis::inference::session::Session;
 use carpus::diagnosis::separability::separability;
 use carpus::diagnosis::separation::Laboratory;
+use carpus::effects::catalogue::CATALOGUE;
+use carpus::effects::forward_model::{ForwardModel, Setting};
 use carpus::osim::OsimFile;
 use carpus::osim::spec::{ForceKind, ModelSpec};
 use carpus::signals::{Band, Butterworth, sample_rate};

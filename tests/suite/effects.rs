@@ -11,9 +11,9 @@ mod signatures;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use carpus::diagnosis::catalogue::{CATALOGUE, effect};
-use carpus::diagnosis::effect::{Description, Effect};
-use carpus::diagnosis::forward_model::{ForwardModel, Setting};
+use carpus::effects::catalogue::{CATALOGUE, effect};
+use carpus::effects::effect::{Description, Effect};
+use carpus::effects::forward_model::{ForwardModel, Setting};
 use carpus::osim::OsimFile;
 use carpus::simulation::{MusculoskeletalModel, Setup};
 use carpus::study::{Contraction, Study, Trial};

@@ -4,12 +4,12 @@
 use std::path::{Path, PathBuf};
 use std::process::Command as Process;
 
-use carpus::diagnosis::catalogue::{CATALOGUE, with_own};
-use carpus::diagnosis::conformance::checks;
-use carpus::diagnosis::effect::{Effect, NativeForm};
-use carpus::diagnosis::export;
-use carpus::diagnosis::forward_model::{ForwardModel, Setting};
-use carpus::diagnosis::own_effect::{self, Definition, register};
+use carpus::effects::catalogue::{CATALOGUE, with_own};
+use carpus::effects::conformance::checks;
+use carpus::effects::effect::{Effect, NativeForm};
+use carpus::effects::export;
+use carpus::effects::forward_model::{ForwardModel, Setting};
+use carpus::effects::own_effect::{self, Definition, register};
 use carpus::functions::Expression;
 use carpus::osim::OsimFile;
 use carpus::simulation::{MusculoskeletalModel, Setup};
@@ -312,7 +312,7 @@ fn val_opensim_an_exported_formula_gives_the_moment_of_the_effect() {
         let written = Expression::parse_in(&written, &words).unwrap();
         for (state, theirs) in states.iter().zip(&theirs) {
             let variable =
-                |v: &carpus::diagnosis::own_effect::Variable| if v.word() == "q" { state[0] } else { state[1] };
+                |v: &carpus::effects::own_effect::Variable| if v.word() == "q" { state[0] } else { state[1] };
             let values: Vec<f64> =
                 definition.variables.iter().map(variable).chain(setting.values.iter().copied()).collect();
             let ours: f64 = definition.expression.value_at(&values);

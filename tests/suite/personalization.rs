@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use carpus::diagnosis::forward_model::ForwardModel;
+use carpus::effects::forward_model::ForwardModel;
 use carpus::evaluation::error_measures;
 use carpus::osim::OsimFile;
 use carpus::personalization::{

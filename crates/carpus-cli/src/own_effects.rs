@@ -2,7 +2,7 @@
 
 use super::args::{Command, EffectCommand, EffectsFile, StudyArgs};
 use super::failure::Failure;
-use carpus_diagnosis::export::SideCar;
+use carpus_effects::export::SideCar;
 use carpus_session::own_effects::register_all;
 
 /// Registers the effects that a command's arguments and its study name.

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use super::diagnose::{ParameterEstimate, Request};
-use super::effect::Effect;
 use super::fit::Analysis;
-use super::forward_model::Setting;
 use super::inference::muscles::MuscleEstimate;
 use super::inference::session::{HandedOver, Session, State};
+use carpus_effects::effect::Effect;
+use carpus_effects::forward_model::Setting;
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 
 /// A model after a step: what was fitted, and what that leaves.

@@ -351,7 +351,7 @@ fn ordered([value, a, b]: [f64; 3]) -> WithInterval {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::score_test::normal;
+    use carpus_effects::random::normal;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 

@@ -11,16 +11,17 @@ use web_time::Instant;
 
 use super::baselines::Ingredients;
 use super::cohort::ParticipantEvidence;
-use super::effect::{Effect, Role};
 use super::fit::{Analysis, Fit};
-use super::forward_model::{ForwardModel, Setting};
 use super::inference::muscles::MuscleEstimate;
 use super::inference::session::{HandedOver, Session, State};
-use super::noise::NoiseLevels;
-use super::score_test::{BlockScore, Omnibus};
 use super::separation::{Separation, most_useful, separations};
 use super::what_remains::formulas;
 use super::where_it_fails::along_axes;
+use crate::noise::NoiseLevels;
+use crate::score_test::{BlockScore, Omnibus};
+use carpus_effects::answers::RULED_OUT;
+use carpus_effects::effect::{Effect, Role};
+use carpus_effects::forward_model::{ForwardModel, Setting};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 use carpus_study::study::{Direction, TrialUse};
 
@@ -30,7 +31,7 @@ pub use simulated::{rmse, simulate};
 
 pub use account::{
     AccountStep, Candidate, Confusion, Diagnosis, Errors, Explanation, Left, NamedEffect, NotListed, ParameterEstimate,
-    Shares, Steps, Verdict, is_determined,
+    Shares, Steps, Verdict,
 };
 
 /// Something is left beside a model if the family-wise p-value of all directions is smaller than this.
@@ -38,8 +39,6 @@ pub const LEVEL: f64 = 0.02;
 
 /// An effect whose signature keeps less than this share once muscle parameters are fitted cannot be tested.
 const TESTABLE: f64 = 0.01;
-/// An effect that is missing with a smaller probability is ruled out.
-pub const RULED_OUT: f64 = 0.01;
 /// Another effect may stand in the place of one that is named if −2 log posterior is larger by less than this: with a
 /// tenth of its probability.
 const BEHIND: f64 = 4.6;
@@ -433,7 +432,7 @@ impl Judge<'_> {
                 else {
                     continue;
                 };
-                let id = |name: &str| super::catalogue::effect(name).map(|e| e.description().id);
+                let id = |name: &str| carpus_effects::catalogue::effect(name).map(|e| e.description().id);
                 if let Some((truth, rival)) = id(&truth.name).zip(id(&rival.name)) {
                     out.push(Confusion { truth, rival, z });
                 }

@@ -2,7 +2,7 @@
 //!
 //! In: the trials that were recorded, for their range of angles and their rest. Out: trials without measured moments.
 
-use super::forward_model::ForwardModel;
+use carpus_effects::forward_model::ForwardModel;
 use carpus_study::study::{Contraction, Direction, Trial, TrialInfo, TrialUse};
 
 /// Sampling interval [s].

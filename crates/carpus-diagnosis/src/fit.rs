@@ -24,12 +24,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::ONE_BY_ONE;
-use super::effect::{Effect, Role};
-use super::forward_model::{FITTED_PER_MUSCLE, ForwardModel, Setting, TrialInput};
-use super::kernel::Kernel;
-use super::noise::{COMPONENTS, Kernels, NoiseLevels, TrialNoise, TrialTimes};
-use super::score_test::{self, Block, BlockScore, Nuisance, Omnibus, Tested, Variances};
-use super::trial_record::TrialRecord;
+use crate::kernel::Kernel;
+use crate::noise::{COMPONENTS, Kernels, NoiseLevels, TrialNoise, TrialTimes};
+use crate::score_test::{self, Block, BlockScore, Nuisance, Omnibus, Tested, Variances};
+use carpus_effects::effect::{Effect, Role};
+use carpus_effects::forward_model::{FITTED_PER_MUSCLE, ForwardModel, Setting, TrialInput};
+use carpus_effects::trial_record::TrialRecord;
 use carpus_simulation::simulation::MuscleParameters;
 use carpus_study::study::ParameterBounds;
 

@@ -15,7 +15,7 @@ mod response;
 mod restricted_likelihood;
 mod trial_noise;
 
-pub use levels::{BASELINE_SD, COMPONENTS, Kernels, NoiseLevels};
+pub use levels::{COMPONENTS, Kernels, NoiseLevels};
 pub use response::Response;
 pub use restricted_likelihood::{
     LEAST_WHITE, best_kernel, estimate, estimate_within, prior_deviance, restricted_deviance, spread,

@@ -3,7 +3,7 @@
 //!
 //! In: residuals of trials, what was recorded in them, and how noise is whitened. Out: at most three formulas, each
 //! with the share of the mean square that it explains in trials that were left out, and as the text of a
-//! `my_effect.toml` ([`crate::own_effect`]). Muscle parameters are fitted beside the terms, to first order; other
+//! `my_effect.toml` ([`carpus_effects::own_effect`]). Muscle parameters are fitted beside the terms, to first order; other
 //! effects are taken as they are.
 //!
 //! ```text
@@ -87,7 +87,7 @@ mod tests {
     use rand::RngExt;
 
     use super::*;
-    use crate::own_effect::Definition;
+    use carpus_effects::own_effect::Definition;
 
     const SAMPLES: usize = 200;
     const TRIALS: usize = 12;

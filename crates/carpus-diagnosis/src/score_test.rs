@@ -28,8 +28,8 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
+use carpus_effects::random::normal;
 use carpus_numerics::numerics::{symmetric_eigen, symmetric_root};
-use carpus_numerics::statistics::normal_of_uniform;
 
 /// Draws of the null distribution of the smallest p-value.
 const DRAWS: usize = 2000;
@@ -371,11 +371,6 @@ fn quantile(rank: usize, freedom: f64, p_value: f64) -> f64 {
 
 fn libm_erfc(x: f64) -> f64 {
     statrs::function::erf::erfc(x)
-}
-
-/// A draw from N(0, 1).
-pub fn normal(rng: &mut ChaCha8Rng) -> f64 {
-    normal_of_uniform([rng.random::<f64>().max(1e-300), rng.random()])
 }
 
 fn pseudo_inverse(matrix: &DMatrix<f64>) -> (DMatrix<f64>, usize) {

@@ -16,11 +16,11 @@
 use rayon::prelude::*;
 
 use super::diagnose::Request;
-use super::effect::Effect;
 use super::fit::Point;
-use super::forward_model::Setting;
 use super::inference::search::Budget;
 use super::inference::session::{Session, State};
+use carpus_effects::effect::Effect;
+use carpus_effects::forward_model::Setting;
 use carpus_simulation::simulation::SimulationError;
 use carpus_study::study::TrialUse;
 
@@ -92,7 +92,7 @@ fn moments_of(session: &Session, state: &State) -> Result<Vec<Vec<f64>>, Simulat
     let Point { parameters, effects, inputs, .. } = &state.point;
     let analysis = &session.analysis;
     let variant = analysis.forward.variant(effects)?;
-    let of_trial = |(g, input): (&usize, &std::sync::Arc<super::forward_model::TrialInput>)| {
+    let of_trial = |(g, input): (&usize, &std::sync::Arc<carpus_effects::forward_model::TrialInput>)| {
         let core = analysis.forward.core(&variant, *g, input, parameters, effects, false)?;
         Ok(analysis.forward.recorded_moment(*g, &core, effects))
     };

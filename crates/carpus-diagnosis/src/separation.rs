@@ -6,18 +6,16 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::catalogue::effect;
-use super::covered::Covered;
 use super::experiments::experiments;
 use super::fit::{AMPLITUDE_PRECISION, Analysis, Fit};
-use super::forward_model::ForwardModel;
-use super::trial_record::TrialRecord;
+use carpus_effects::catalogue::effect;
+use carpus_effects::covered::Covered;
+use carpus_effects::forward_model::ForwardModel;
+use carpus_effects::trial_record::TrialRecord;
 use carpus_osim::osim::spec::ModelSpec;
 use carpus_simulation::simulation::{MusculoskeletalModel, SimulationError};
 use carpus_study::study::{ParameterBounds, Trial};
 
-/// z from which two explanations count as told apart.
-pub const SEPARABLE_Z: f64 = 4.5;
 /// Experiments that are kept for each pair.
 const KEPT: usize = 3;
 
@@ -224,7 +222,7 @@ fn one_way(information: &Information, sizes: &[(&'static str, DVector<f64>)], tr
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::forward_model::Setting;
+    use carpus_effects::forward_model::Setting;
     use carpus_osim::osim::OsimFile;
     use carpus_simulation::simulation::Setup;
     use carpus_study::study::{Study, TrialUse};

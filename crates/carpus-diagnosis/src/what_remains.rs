@@ -4,8 +4,8 @@ use nalgebra::{Cholesky, DMatrix, Dyn};
 use serde::Serialize;
 
 use super::fit::{block_means, block_starts, whiten};
-use super::forward_model::ForwardModel;
 use super::proposals::{TrialTable, propose};
+use carpus_effects::forward_model::ForwardModel;
 
 /// A formula for what remains.
 #[derive(Clone, Debug, Serialize)]

@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-use super::covered::Covered;
-use super::forward_model::ForwardModel;
-use super::score_test::Omnibus;
+use crate::score_test::Omnibus;
+use carpus_effects::covered::Covered;
+use carpus_effects::forward_model::ForwardModel;
 use carpus_simulation::evaluation::residuals::{Band, Bin, Sample, binned, by_frequency};
 use carpus_simulation::simulation::PreparedTrial;
 

@@ -24,8 +24,9 @@ use super::recorded::RecordedTrial;
 use carpus_diagnosis::fit::block_means;
 use carpus_diagnosis::kernel::{FAMILIES, Kernel};
 use carpus_diagnosis::noise::{
-    self, BASELINE_SD, KNOT_SPACING, Kernels, LEAST_WHITE, NoiseLevels, Response, TrialNoise, TrialTimes,
+    self, KNOT_SPACING, Kernels, LEAST_WHITE, NoiseLevels, Response, TrialNoise, TrialTimes,
 };
+use carpus_effects::effects::emg_floor::BASELINE_SD;
 use carpus_simulation::simulation::{PreparedTrial, SimulationError};
 
 /// Evaluations of the first descent, with usual noise, and of those after each estimate of the noise.

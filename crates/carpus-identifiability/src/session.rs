@@ -12,10 +12,10 @@ use super::directions;
 use super::error::IdentifiabilityError;
 use super::next_trial::RankedTrial;
 use super::parameters::{FreeParameter, check, fitted};
-use carpus_diagnosis::forward_model::ForwardModel;
 use carpus_diagnosis::inference::muscles::{MuscleEstimate, MusclePrior, MuscleProblem, Muscles, USUAL_REPORTS};
 use carpus_diagnosis::inference::resting_fiber::RestingFiber;
 use carpus_diagnosis::separation::{Laboratory, after_session};
+use carpus_effects::forward_model::ForwardModel;
 use carpus_numerics::statistics::normal_of_uniform;
 use carpus_study::study::{ParameterBounds, Trial, TrialUse};
 

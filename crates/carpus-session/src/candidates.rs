@@ -6,11 +6,11 @@ use std::str::FromStr;
 use super::diagnostic::{Diagnostic, Failure};
 use super::loading::LoadedParticipant;
 use super::prepared::active_specs;
-use carpus_diagnosis::catalogue::{effect, with_own};
-use carpus_diagnosis::effect::{Effect, lacks_property};
-use carpus_diagnosis::forward_model::Setting;
-use carpus_diagnosis::joint_traits::JointTraits;
-use carpus_diagnosis::synthesis::sized;
+use carpus_effects::catalogue::{effect, with_own};
+use carpus_effects::effect::{Effect, lacks_property};
+use carpus_effects::forward_model::Setting;
+use carpus_effects::joint_traits::JointTraits;
+use carpus_effects::synthesis::sized;
 use carpus_osim::osim::spec::MuscleSpec;
 
 /// An effect and the parameters named with it.

@@ -3,8 +3,8 @@
 use std::fmt::Write;
 
 use super::effect_words::{form, parameter, stage};
-use carpus_diagnosis::catalogue::CATALOGUE;
-use carpus_diagnosis::effect::Description;
+use carpus_effects::catalogue::CATALOGUE;
+use carpus_effects::effect::Description;
 
 /// Stands at the top of every page that is made here.
 pub const MADE: &str = "<!-- Made by `cargo run -- book --out docs/src`. -->\n\n";

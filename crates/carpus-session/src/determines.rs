@@ -12,7 +12,7 @@ use super::prepared::forward_model_of;
 use super::provenance::DEFAULT_SEED;
 use super::study::simulation_message;
 use carpus_diagnosis::inference::muscles::{DETERMINED, MuscleProblem};
-use carpus_diagnosis::separation::SEPARABLE_Z;
+use carpus_effects::answers::SEPARABLE_Z;
 use carpus_study::study::TrialUse;
 
 /// What trials can determine: expected of their postures, motions and EMG with usual noise. What they measured does not

@@ -3,7 +3,7 @@
 use super::candidates::{known, names_of};
 use super::diagnosis_file::KnownDiagnosis;
 use super::diagnostic::{Diagnostic, Failure};
-use carpus_diagnosis::effect::Effect;
+use carpus_effects::effect::Effect;
 use carpus_report::diagnosis::DiagnosisResult;
 
 /// The effects of these identifiers, each once.

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use carpus_diagnosis::effect::{Description, NeutralShift, OsimForm, Parameter, Role, Stage};
+use carpus_effects::effect::{Description, NeutralShift, OsimForm, Parameter, Role, Stage};
 
 /// Effects of the catalogue, for programs.
 #[derive(Debug, Serialize)]

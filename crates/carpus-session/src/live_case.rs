@@ -7,10 +7,10 @@ use super::images::images;
 use super::participant::Session;
 use super::prepared::largest_moment;
 use carpus_diagnosis::diagnose::ParameterEstimate;
-use carpus_diagnosis::export::SideCar;
-use carpus_diagnosis::forward_model::Setting;
 use carpus_diagnosis::inference::muscles::MuscleEstimate;
-use carpus_diagnosis::own_effect::registered;
+use carpus_effects::export::SideCar;
+use carpus_effects::forward_model::Setting;
+use carpus_effects::own_effect::registered;
 use carpus_report::live::packed;
 use carpus_simulation::simulation::MuscleParameters;
 use carpus_web::case::{

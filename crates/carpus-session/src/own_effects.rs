@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::diagnostic::{Diagnostic, Failure};
-use carpus_diagnosis::own_effect::{Definition, OwnEffect, register, registered};
+use carpus_effects::own_effect::{Definition, OwnEffect, register, registered};
 use carpus_study::study::{Fault, Problem, Study};
 
 /// Puts effects beside the catalogue: those that a study's `study.toml` names, then those of further files.

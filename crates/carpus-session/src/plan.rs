@@ -13,10 +13,11 @@ use super::participant::Session;
 use super::prepared::laboratory;
 use super::provenance::DEFAULT_SEED;
 use super::result_files::write_results;
-use carpus_diagnosis::forward_model::ForwardModel;
 use carpus_diagnosis::plan::plan;
 use carpus_diagnosis::separability::{Distance, separability};
-use carpus_diagnosis::separation::{SEPARABLE_Z, Separation, most_useful};
+use carpus_diagnosis::separation::{Separation, most_useful};
+use carpus_effects::answers::SEPARABLE_Z;
+use carpus_effects::forward_model::ForwardModel;
 use carpus_report::diagnosis::DiagnosisResult;
 use carpus_report::results::{Results, rounded};
 

@@ -2,8 +2,8 @@
 
 use super::diagnostic::{Diagnostic, Failure};
 use super::loading::LoadedParticipant;
-use carpus_diagnosis::forward_model::ForwardModel;
 use carpus_diagnosis::separation::Laboratory;
+use carpus_effects::forward_model::ForwardModel;
 use carpus_osim::osim::spec::MuscleSpec;
 
 /// The trials of a participant, ready to be simulated with effects.

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use super::loading::LoadedParticipant;
-use carpus_diagnosis::denoising::denoised;
+use carpus_effects::denoising::denoised;
 use carpus_report::residuals::{AxisCurve, FrequencyBand, ResidualResult};
 use carpus_report::results::rounded;
 use carpus_simulation::evaluation::residuals::{MuscleName, ResidualTrial, SessionUnit, along_axes};

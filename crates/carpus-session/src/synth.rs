@@ -15,11 +15,11 @@ use super::participant::StudyParticipant;
 use super::progress::{Progress, go_on};
 use super::provenance::{DEFAULT_SEED, hash_of};
 use super::study::Study;
-use carpus_diagnosis::angle_noise::AngleNoise;
-use carpus_diagnosis::forward_model::{ForwardModel, Setting};
-use carpus_diagnosis::holds::steadied_trials;
-use carpus_diagnosis::own_effect::{definition, registered};
-use carpus_diagnosis::synthesis::{RecordingNoise, Synthetic, largest_moments, synthesize};
+use carpus_effects::angle_noise::AngleNoise;
+use carpus_effects::forward_model::{ForwardModel, Setting};
+use carpus_effects::holds::steadied_trials;
+use carpus_effects::own_effect::{definition, registered};
+use carpus_effects::synthesis::{RecordingNoise, Synthetic, largest_moments, synthesize};
 use carpus_report::results::{InputFile, rounded};
 use carpus_study::study::{Participant, Settings, Trial, is_of_a_study, write};
 

@@ -1,8 +1,8 @@
 //! What a diagnosis says, in a sentence.
 
 use super::candidates::names_of;
-use carpus_diagnosis::catalogue::with_own;
 use carpus_diagnosis::diagnose::{Diagnosis, NamedEffect, Verdict};
+use carpus_effects::catalogue::with_own;
 
 /// Effects of a group that are listed.
 const IN_GROUP: usize = 3;

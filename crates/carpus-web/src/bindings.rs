@@ -6,7 +6,7 @@ use wasm_bindgen::prelude::*;
 use super::case::EffectOfCase;
 use super::scene::{Scene, twelve};
 use super::workbench::{Exported, Simulated, Workbench};
-use carpus_diagnosis::forward_model::Setting;
+use carpus_effects::forward_model::Setting;
 use carpus_osim::osim::OsimFile;
 use carpus_osim::osim::spec::CoordinateIndex;
 use carpus_simulation::simulation::MuscleParameters;

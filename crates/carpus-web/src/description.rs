@@ -4,8 +4,8 @@ use serde_json::{Value, json};
 
 use super::case::{Header, three};
 use super::workbench::Workbench;
-use carpus_diagnosis::catalogue::with_own;
-use carpus_diagnosis::effect::{Effect, Quantity, Role};
+use carpus_effects::catalogue::with_own;
+use carpus_effects::effect::{Effect, Quantity, Role};
 use carpus_osim::osim::spec::MotionType;
 use carpus_simulation::evaluation::Condition;
 use carpus_simulation::simulation::speed_and_acceleration;

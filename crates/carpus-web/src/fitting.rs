@@ -3,11 +3,11 @@
 use super::case::{EffectOfCase, StateOfCase, three};
 use super::workbench::{Workbench, WorkbenchError};
 use carpus_diagnosis::addition::fit_with;
-use carpus_diagnosis::catalogue::with_own;
 use carpus_diagnosis::diagnose::Request;
-use carpus_diagnosis::forward_model::ForwardModel;
 use carpus_diagnosis::inference::muscles::{MuscleEstimate, MuscleProblem};
 use carpus_diagnosis::inference::resting_fiber::{ImagedMuscle, RestingFiber};
+use carpus_effects::catalogue::with_own;
+use carpus_effects::forward_model::ForwardModel;
 use carpus_personalization::personalization::personalize;
 use carpus_simulation::simulation::Property;
 use carpus_study::study::TrialUse;
@@ -80,7 +80,7 @@ impl Workbench {
             seed: self.header.seed,
         };
         let step = fit_with(&request, &effects, report)?;
-        let of_case = |s: &carpus_diagnosis::forward_model::Setting| {
+        let of_case = |s: &carpus_effects::forward_model::Setting| {
             let description = s.effect.description();
             let of = |name: &str| step.estimates.get(&format!("{}.{name}", description.id)).map(|e| e.ci95);
             let intervals: Vec<[f64; 2]> = description.parameters.iter().filter_map(|p| of(p.name)).collect();

@@ -2,7 +2,7 @@
 
 use super::scene::{Scene, SceneError};
 use super::workbench::{Workbench, WorkbenchError};
-use carpus_diagnosis::forward_model::Setting;
+use carpus_effects::forward_model::Setting;
 use carpus_simulation::simulation::{HeldCoordinate, MuscleParameters};
 
 /// Parameters per muscle by which moments are derived: the first is the maximum isometric force.

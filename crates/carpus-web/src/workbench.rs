@@ -5,11 +5,11 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::case::{Case, CaseError, EffectOfCase, Header};
-use carpus_diagnosis::catalogue::effect;
-use carpus_diagnosis::export::{ExportError, SideCar, SideCarError, write_step};
-use carpus_diagnosis::forward_model::{ForwardModel, Setting};
-use carpus_diagnosis::moments::simulate_all;
-use carpus_diagnosis::own_effect::{Definition, register};
+use carpus_effects::catalogue::effect;
+use carpus_effects::export::{ExportError, SideCar, SideCarError, write_step};
+use carpus_effects::forward_model::{ForwardModel, Setting};
+use carpus_effects::moments::simulate_all;
+use carpus_effects::own_effect::{Definition, register};
 use carpus_osim::osim::{OsimError, OsimFile};
 use carpus_simulation::evaluation::{ErrorSummary, ErrorTable, EvaluationError, TrialErrors};
 use carpus_simulation::simulation::{

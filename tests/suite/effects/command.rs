@@ -1,7 +1,7 @@
 //! `carpus effects`.
 
 use assert_cmd::Command;
-use carpus::diagnosis::catalogue::CATALOGUE;
+use carpus::effects::catalogue::CATALOGUE;
 
 fn carpus(arguments: &[&str]) -> std::process::Output {
     Command::cargo_bin("carpus").unwrap().args(arguments).output().unwrap()

@@ -1,7 +1,7 @@
 //! What every effect has to do.
 
-use carpus::diagnosis::effect::{ExcitationScope, OsimForm, Role, Stage};
-use carpus::diagnosis::forward_model::{DIAGNOSIS_ACCURACY, Setting};
+use carpus::effects::effect::{ExcitationScope, OsimForm, Role, Stage};
+use carpus::effects::forward_model::{DIAGNOSIS_ACCURACY, Setting};
 use carpus::simulation::{Options, Recording};
 
 use super::*;

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use carpus::diagnosis::export::{self, SideCar};
-use carpus::diagnosis::forward_model::Setting;
+use carpus::effects::export::{self, SideCar};
+use carpus::effects::forward_model::Setting;
 use carpus::study::MomentPart;
 
 use super::*;
@@ -21,7 +21,7 @@ fn verif_every_effect_goes_where_its_description_says() {
         let d = effect.description();
         let mut copy = file.clone();
         let report = export::write(&mut copy, &setup(), &[sized(effect, 1.0)]).unwrap_or_else(|e| panic!("{e}"));
-        let native = matches!(d.osim_form, carpus::diagnosis::effect::OsimForm::Native(_));
+        let native = matches!(d.osim_form, carpus::effects::effect::OsimForm::Native(_));
         assert_eq!(
             (report.native.len(), report.side_car.effects.len()),
             if native { (1, 0) } else { (0, 1) },

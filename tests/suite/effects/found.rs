@@ -2,7 +2,7 @@
 //! simulated are in `diagnosis_hidden` and in the table of `fixtures/laboratory`.
 
 use carpus::diagnosis::diagnose::{Diagnosis, Request, Verdict, diagnose};
-use carpus::diagnosis::synthesis::{RecordingNoise, sized as asked, synthesize};
+use carpus::effects::synthesis::{RecordingNoise, sized as asked, synthesize};
 use rayon::prelude::*;
 
 use super::*;

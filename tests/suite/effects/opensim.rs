@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 use std::process::Command;
 
-use carpus::diagnosis::effect::{JointState, OsimForm, TrialContext};
-use carpus::diagnosis::export;
-use carpus::diagnosis::forward_model::Setting;
-use carpus::diagnosis::silent_muscles::SilentMuscles;
+use carpus::effects::effect::{JointState, OsimForm, TrialContext};
+use carpus::effects::export;
+use carpus::effects::forward_model::Setting;
+use carpus::effects::silent_muscles::SilentMuscles;
 use carpus::forces::{Forces, gravity_force, inertia_force};
 use carpus::multibody::Model;
 use carpus::muscles::Millard2012;

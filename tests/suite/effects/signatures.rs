@@ -1,7 +1,7 @@
 //! Whether effects show as their descriptions say.
 
-use carpus::diagnosis::effect::FlippedArm;
-use carpus::diagnosis::forward_model::Setting;
+use carpus::effects::effect::FlippedArm;
+use carpus::effects::forward_model::Setting;
 
 use super::*;
 

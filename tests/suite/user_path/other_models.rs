@@ -1,8 +1,8 @@
 //! Models with paths by functions, with cables, and with loops that constraints close, as users meet them.
 
 use super::*;
-use carpus::diagnosis::forward_model::ForwardModel;
-use carpus::diagnosis::silent_muscles::SilentMuscles;
+use carpus::effects::forward_model::ForwardModel;
+use carpus::effects::silent_muscles::SilentMuscles;
 use carpus::osim::OsimFile;
 use carpus::scaling::strength_scale;
 use carpus::simulation::{MusculoskeletalModel, Options, PreparedTrial, Recording, Setup, SimulationError};

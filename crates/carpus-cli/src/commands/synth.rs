@@ -8,7 +8,7 @@ use crate::failure::Failure;
 use crate::stdout::print_result;
 use crate::study_run::StudyRun;
 use crate::table::table;
-use carpus_diagnosis::synthesis::RecordingNoise;
+use carpus_effects::synthesis::RecordingNoise;
 use carpus_session::synth::{Made, ORIGIN, Synthesize, made_value};
 
 /// Runs the command.

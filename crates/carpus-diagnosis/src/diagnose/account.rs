@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::super::noise::Kernels;
 use super::super::separation::Separation;
 use super::super::what_remains::ProposedFormula;
 use super::super::where_it_fails::AxisResult;
+use crate::noise::Kernels;
 
 /// What the data say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -205,12 +205,6 @@ pub struct Diagnosis {
     pub noise: BTreeMap<&'static str, f64>,
     /// How noise of the EMG's envelope and of the moment goes with itself in time.
     pub noise_correlation: Kernels,
-}
-
-/// Whether a 95 % interval says anything: one of a ratio's logarithm may span a thousandfold and more.
-pub fn is_determined(ci95: [f64; 2]) -> bool {
-    let [low, high] = ci95;
-    !(low > 0.0 && high > 1e3 * low)
 }
 
 /// An effect that is missing.

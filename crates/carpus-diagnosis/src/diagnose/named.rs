@@ -9,8 +9,8 @@ use super::account::{AccountStep, NamedEffect, ParameterEstimate, Shares};
 use super::request::Request;
 use super::simulated::simulate;
 use crate::ONE_BY_ONE;
-use crate::forward_model::{ForwardModel, Setting};
 use crate::inference::session::{HandedOver, Session, State};
+use carpus_effects::forward_model::{ForwardModel, Setting};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 use carpus_study::study::TrialUse;
 

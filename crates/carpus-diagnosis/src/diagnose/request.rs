@@ -1,13 +1,13 @@
 //! What a diagnosis is asked of.
 
-use crate::catalogue::with_own;
-use crate::effect::Effect;
-use crate::forward_model::ForwardModel;
 use crate::inference::muscles::Muscles;
 use crate::inference::resting_fiber::RestingFiber;
 use crate::inference::search::Budget;
 use crate::inference::session::Session;
 use crate::separation::Laboratory;
+use carpus_effects::catalogue::with_own;
+use carpus_effects::effect::Effect;
+use carpus_effects::forward_model::ForwardModel;
 use carpus_simulation::simulation::SimulationError;
 use carpus_study::study::{ParameterBounds, TrialUse};
 

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::forward_model::{ForwardModel, Setting};
+use carpus_effects::forward_model::{ForwardModel, Setting};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 use carpus_study::study::TrialUse;
 

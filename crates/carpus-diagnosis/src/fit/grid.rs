@@ -2,7 +2,7 @@
 
 use nalgebra::DVector;
 
-use super::super::noise::KNOT_SPACING;
+use crate::noise::KNOT_SPACING;
 
 /// Blocks that the samples of a trial are averaged to, if there are as many …
 const BLOCKS: usize = 80;

@@ -4,10 +4,10 @@ use std::sync::atomic::AtomicUsize;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::super::effect::Effect;
-use super::super::forward_model::ForwardModel;
-use super::super::noise::{self, Kernels};
 use super::{AMPLITUDE_PRECISION, Analysis, Fit, Point, log_bounds, prior_sd, trial_times, whiten};
+use crate::noise::{self, Kernels};
+use carpus_effects::effect::Effect;
+use carpus_effects::forward_model::ForwardModel;
 use carpus_simulation::simulation::SimulationError;
 use carpus_study::study::ParameterBounds;
 

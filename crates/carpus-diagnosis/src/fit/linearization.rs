@@ -8,15 +8,16 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use super::super::ONE_BY_ONE;
-use super::super::effect::Effect;
-use super::super::forward_model::recorded_changes::{Change, ExcitationChange};
-use super::super::forward_model::{Core, FITTED_PER_MUSCLE, Setting, matters};
-use super::super::noise::{BASELINE_SD, KNOT_SPACING, Response, TrialNoise};
-use super::super::score_test::Block;
-use super::super::series::interpolate;
 use super::super::where_it_fails;
 use super::grid::{block_means, block_starts, knot_count, slope_of_bounded};
 use super::{Analysis, Point, whiten};
+use crate::noise::{KNOT_SPACING, Response, TrialNoise};
+use crate::score_test::Block;
+use carpus_effects::effect::Effect;
+use carpus_effects::effects::emg_floor::BASELINE_SD;
+use carpus_effects::forward_model::recorded_changes::{Change, ExcitationChange};
+use carpus_effects::forward_model::{Core, FITTED_PER_MUSCLE, Setting, matters};
+use carpus_effects::series::interpolate;
 use carpus_simulation::simulation::{ExcitationResponse, MusculoskeletalModel, SimulationError};
 
 /// Moments per unit of log excitation below this are nothing [N·m].
@@ -391,9 +392,9 @@ fn hat(time: &[f64], excitation: &[f64], knot: usize) -> (usize, Vec<f64>) {
 mod tests {
     use super::super::grid::corrected;
     use super::*;
-    use crate::catalogue::effect;
-    use crate::forward_model::ForwardModel;
     use crate::two_silent_muscles::with_two_silent_muscles;
+    use carpus_effects::catalogue::effect;
+    use carpus_effects::forward_model::ForwardModel;
     use carpus_study::study::ParameterBounds;
 
     /// What silent muscles add to the response to the EMG's noise, and to the difference of whole simulations.

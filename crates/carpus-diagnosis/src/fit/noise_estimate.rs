@@ -1,7 +1,7 @@
 //! The least noise that moments have.
 
-use super::super::noise;
 use super::Analysis;
+use crate::noise;
 
 /// Least white noise of the moment at a wrist [N·m].
 ///

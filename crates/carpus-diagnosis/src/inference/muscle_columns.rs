@@ -1,6 +1,6 @@
 //! Columns of muscle parameters in the linear model.
 
-use crate::forward_model::FITTED_PER_MUSCLE;
+use carpus_effects::forward_model::FITTED_PER_MUSCLE;
 use carpus_simulation::simulation::Property;
 
 /// Columns of every muscle, in their order.

@@ -1,7 +1,7 @@
 //! What is known of muscle parameters beside their bounds.
 
 use super::muscle_columns::place;
-use crate::forward_model::FITTED_PER_MUSCLE;
+use carpus_effects::forward_model::FITTED_PER_MUSCLE;
 use carpus_simulation::simulation::Property;
 
 /// Prior knowledge of a muscle's parameter beside the bounds, or of several muscles that have one factor of a property.

@@ -6,14 +6,14 @@
 
 use nalgebra::DMatrix;
 
-use super::super::catalogue::with_own;
-use super::super::effect::Effect;
-use super::super::forward_model::{FITTED_PER_MUSCLE, ForwardModel};
 use super::muscle_columns::{FORCE, place};
 pub use super::muscle_prior::MusclePrior;
 use super::resting_fiber::RestingFiber;
 use super::search::Budget;
 use super::session::{Determinable, HandedOver, Session, State};
+use carpus_effects::catalogue::with_own;
+use carpus_effects::effect::Effect;
+use carpus_effects::forward_model::{FITTED_PER_MUSCLE, ForwardModel};
 use carpus_numerics::statistics::normal_quantile;
 use carpus_simulation::simulation::{Property, SimulationError};
 use carpus_study::study::{ParameterBounds, TrialUse};

@@ -9,7 +9,7 @@
 use nalgebra::DVector;
 
 use super::muscle_columns::place;
-use crate::forward_model::FITTED_PER_MUSCLE;
+use carpus_effects::forward_model::FITTED_PER_MUSCLE;
 use carpus_multibody::muscles::{Millard2012, Millard2012Parameters, MuscleError, MuscleModel};
 use carpus_numerics::numerics::{Dual, Scalar};
 use carpus_osim::osim::spec::MuscleSpec;

@@ -5,10 +5,6 @@ use std::ops::Range;
 use crate::kernel::{Family, Kernel};
 use carpus_study::study::Direction;
 
-/// Standard deviation expected of an EMG channel's baseline: what a channel at rest shows of its maximum is 0 to 2 %.
-/// Narrower, and baselines that are there are taken for passive forces, drag or reflexes.
-pub const BASELINE_SD: f64 = 0.01;
-
 /// Number of variance components.
 pub const COMPONENTS: usize = 7;
 /// Those of slow disturbances, by the direction of effort.

@@ -299,7 +299,7 @@ mod tests {
     use crate::noise::levels::Kernels;
     use crate::noise::response::Response;
     use crate::noise::trial_noise::TrialTimes;
-    use crate::score_test::normal;
+    use carpus_effects::random::normal;
     use carpus_study::study::Direction;
 
     #[test]

@@ -436,7 +436,7 @@ mod tests {
         let n = 20_000;
         let differences: Vec<f64> = (0..n)
             .map(|_| {
-                let mut normal = || crate::score_test::normal(&mut rng);
+                let mut normal = || carpus_effects::random::normal(&mut rng);
                 let (of_emg, of_moment) = (a.draw(&levels, &mut normal), a.draw_moment(&levels, &mut normal));
                 let misfit = |noise: &TrialNoise, i: usize| {
                     let residual = noise.respond(&noise.relative(&of_emg)) + &of_moment;

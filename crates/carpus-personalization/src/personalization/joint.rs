@@ -7,8 +7,8 @@ use super::objective::objective;
 use super::parameters::ParameterSpace;
 use super::result::{Personalization, Progress, Stage};
 use carpus_diagnosis::diagnose::simulate;
-use carpus_diagnosis::forward_model::ForwardModel;
 use carpus_diagnosis::inference::muscles::{MuscleProblem, USUAL_REPORTS};
+use carpus_effects::forward_model::ForwardModel;
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 use carpus_study::study::TrialUse;
 

@@ -8,9 +8,8 @@ use crate::diagnosis::{CandidateResult, DiagnosisResult};
 use crate::intervals::with_validity;
 use crate::number::{percent, plain, significant};
 use crate::story_figures::{probability_bar, separation};
-use carpus_diagnosis::catalogue::effect;
-use carpus_diagnosis::diagnose::RULED_OUT;
-use carpus_diagnosis::separation::SEPARABLE_Z;
+use carpus_effects::answers::{RULED_OUT, SEPARABLE_Z};
+use carpus_effects::catalogue::effect;
 
 /// A candidate in the ranking.
 pub struct CandidateRow {

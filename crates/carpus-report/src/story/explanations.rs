@@ -11,8 +11,8 @@ use crate::number::{percent, plain, significant};
 use crate::results::Results;
 use crate::story_figures::{interval, share_bar};
 use crate::view::maybe;
-use carpus_diagnosis::catalogue::effect;
-use carpus_diagnosis::diagnose::is_determined;
+use carpus_effects::answers::is_determined;
+use carpus_effects::catalogue::effect;
 
 /// One explanation.
 pub struct ExplanationView {

@@ -1,7 +1,7 @@
 //! Names of effects.
 
 use crate::sentence::within_sentence;
-use carpus_diagnosis::catalogue::effect;
+use carpus_effects::catalogue::effect;
 
 /// The name of an effect.
 pub(super) fn name(id: &str) -> String {

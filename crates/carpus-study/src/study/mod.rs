@@ -13,7 +13,7 @@
 //! | | `[personalization]`, `[ultrasound]` | `[processing]`, `[scaling]` and `[strength_scaling]` |
 //! | | | `[dynamometer] further_moments = { deviation = "column" }`: moments measured about coordinates that are held |
 //! | | | `[ultrasound]`: [`ImagingSettings`] |
-//! | | | `[effects] own = ["my_effect.toml"]`: effects beside the catalogue (`carpus::diagnosis::own_effect`) |
+//! | | | `[effects] own = ["my_effect.toml"]`: effects beside the catalogue (`carpus::effects::own_effect`) |
 //! | `participants.csv` | [`Participant`] | any `<segment>_length_m` |
 //! | `trials.csv` | [`TrialInfo`] | `start_time_s`; `arm`: `upright` or `flipped`; `table`, `emg_table` |
 //! | `ultrasound.csv` | [`UltrasoundMeasurement`] | the file itself |

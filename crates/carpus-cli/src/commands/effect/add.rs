@@ -7,7 +7,7 @@ use crate::bars::Bars;
 use crate::failure::{self, Diagnostic, Failure, Severity};
 use crate::next_steps;
 use crate::study_run::StudyRun;
-use carpus_diagnosis::effect::Effect;
+use carpus_effects::effect::Effect;
 use carpus_report::results::Results;
 use carpus_session::diagnose::forward_model;
 use carpus_session::diagnosis_file::KnownDiagnosis;

@@ -6,9 +6,9 @@ use crate::bars::Bars;
 use crate::failure::Failure;
 use crate::stdout::print_result;
 use crate::table::table;
-use carpus_diagnosis::conformance::Check;
-use carpus_diagnosis::effect::Effect;
-use carpus_diagnosis::own_effect::OwnEffect;
+use carpus_effects::conformance::Check;
+use carpus_effects::effect::Effect;
+use carpus_effects::own_effect::OwnEffect;
 use carpus_report::significant;
 use carpus_session::check_effect::{CheckEffect, Curve, shape};
 
@@ -70,7 +70,7 @@ mod tests {
     use super::*;
     use std::path::Path;
 
-    use carpus_diagnosis::own_effect::{Definition, register};
+    use carpus_effects::own_effect::{Definition, register};
 
     #[test]
     fn verif_a_curve_shows_each_variable() {

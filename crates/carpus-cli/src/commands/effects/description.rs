@@ -1,6 +1,6 @@
 //! An effect in full, for a terminal.
 
-use carpus_diagnosis::effect::Description;
+use carpus_effects::effect::Description;
 use carpus_session::effect_words::{form, parameter, stage};
 
 /// Lines of the description of one effect are broken before this column.
@@ -51,7 +51,7 @@ fn labelled(label: &str, content: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use carpus_diagnosis::catalogue::CATALOGUE;
+    use carpus_effects::catalogue::CATALOGUE;
 
     #[test]
     fn verif_every_effect_is_told_in_full_and_in_lines_that_fit() {

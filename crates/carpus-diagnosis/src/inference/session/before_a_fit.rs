@@ -4,7 +4,7 @@ use super::super::muscle_columns::COLUMNS;
 use super::amplitudes::marginal;
 use super::noise_along_the_way::factors;
 use super::state::Session;
-use crate::forward_model::FITTED_PER_MUSCLE;
+use carpus_effects::forward_model::FITTED_PER_MUSCLE;
 use carpus_simulation::simulation::{Property, SimulationError};
 
 /// What trials can determine.

@@ -6,11 +6,11 @@ use rayon::prelude::*;
 use super::super::discrepancy;
 use super::super::linear_model::{LinearModel, Prior, SizePriors};
 use super::state::Session;
-use crate::effect::{Effect, Role};
 use crate::fit::linearization::Linear;
 use crate::fit::{Point, block_means, block_starts, product, whiten};
-use crate::forward_model::FITTED_PER_MUSCLE;
-use crate::forward_model::recorded_changes::Change;
+use carpus_effects::effect::{Effect, Role};
+use carpus_effects::forward_model::FITTED_PER_MUSCLE;
+use carpus_effects::forward_model::recorded_changes::Change;
 
 /// Prior scale of κ: what a laboratory has of every effect, as a share of what is plausible, equation (5).
 const EVERYTHING: f64 = 0.15;

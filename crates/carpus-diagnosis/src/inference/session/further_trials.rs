@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use super::noise_along_the_way::factors;
 use super::state::{Session, State};
 use crate::fit::{Analysis, Point, trial_times};
-use crate::forward_model::{FITTED_PER_MUSCLE, ForwardModel};
+use carpus_effects::forward_model::{FITTED_PER_MUSCLE, ForwardModel};
 use carpus_simulation::simulation::SimulationError;
 
 impl Session<'_> {

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::state::{HandedOver, Session, State};
 use crate::fit::linearization::Linear;
 use crate::fit::{Analysis, Point, block_means, block_starts, trial_times};
-use crate::series::interpolate;
+use carpus_effects::series::interpolate;
 use carpus_simulation::simulation::SimulationError;
 use carpus_study::study::TrialUse;
 

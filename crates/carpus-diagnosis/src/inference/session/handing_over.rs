@@ -13,7 +13,7 @@ use super::predicting::{End, PRIOR_WEIGHTS};
 use super::state::{HandedOver, Session, State};
 use crate::diagnose::ParameterEstimate;
 use crate::fit::{Point, whiten};
-use crate::forward_model::{FITTED_PER_MUSCLE, Setting};
+use carpus_effects::forward_model::{FITTED_PER_MUSCLE, Setting};
 use carpus_simulation::simulation::{MuscleParameters, Property, SimulationError};
 
 /// Sets of less probability do not widen intervals.

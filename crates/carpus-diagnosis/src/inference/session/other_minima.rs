@@ -10,8 +10,8 @@ use super::super::muscle_columns::COLUMNS;
 use super::super::search::NEGLIGIBLE;
 use super::state::{ODDS, OtherMinimum, Reached, Session, State};
 use crate::fit::Point;
-use crate::forward_model::{FITTED_PER_MUSCLE, Setting};
-use crate::score_test::normal;
+use carpus_effects::forward_model::{FITTED_PER_MUSCLE, Setting};
+use carpus_effects::random::normal;
 use carpus_simulation::simulation::SimulationError;
 
 /// Pairs of opposite draws from the muscles' prior.

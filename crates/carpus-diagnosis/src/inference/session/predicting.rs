@@ -10,7 +10,7 @@ use super::super::linear_model::Prior;
 use super::state::{Session, State};
 use crate::fit::linearization::Linear;
 use crate::fit::{Point, block_means, block_starts};
-use crate::forward_model::{FITTED_PER_MUSCLE, Setting};
+use carpus_effects::forward_model::{FITTED_PER_MUSCLE, Setting};
 use carpus_simulation::simulation::{MuscleParameters, SimulationError};
 
 /// Weights λ of the prior: what is systematic in a trial counts as one observation, or as ten.

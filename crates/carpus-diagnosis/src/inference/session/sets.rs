@@ -16,9 +16,9 @@ use super::{ROUNDS, SETTLED};
 use crate::ONE_BY_ONE;
 use crate::addition::unidentifiable;
 use crate::diagnose::LEVEL;
-use crate::effect::Effect;
 use crate::fit::{Analysis, Point};
-use crate::forward_model::{FITTED_PER_MUSCLE, ForwardModel};
+use carpus_effects::effect::Effect;
+use carpus_effects::forward_model::{FITTED_PER_MUSCLE, ForwardModel};
 use carpus_simulation::simulation::SimulationError;
 
 /// Gauss–Newton steps towards moments that another model made.

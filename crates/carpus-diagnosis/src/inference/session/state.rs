@@ -10,8 +10,8 @@ use super::super::resting_fiber::RestingFiber;
 use super::super::search::{Budget, Sets};
 use crate::fit::linearization::Linear;
 use crate::fit::{Analysis, Point};
-use crate::forward_model::Setting;
 use crate::noise::{NoiseLevels, TrialNoise};
+use carpus_effects::forward_model::Setting;
 use carpus_simulation::simulation::MuscleParameters;
 
 /// Prior odds that an effect is not missing, equation (4).

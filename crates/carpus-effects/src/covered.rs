@@ -5,18 +5,18 @@ use carpus_study::study::TrialUse;
 
 /// What a session covers: the units of columns along an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Covered {
+pub struct Covered {
     /// Largest moment recorded [N·m], either way.
-    pub(crate) moment: f64,
+    pub moment: f64,
     /// Least and largest angle [rad].
-    pub(crate) angle: [f64; 2],
+    pub angle: [f64; 2],
 }
 
 impl Covered {
     /// By trials that are not held out.
     ///
     /// - `strength`: of the joint beside a wrist, the largest moment where none was recorded
-    pub(crate) fn by(trials: &[TrialRecord], strength: f64) -> Covered {
+    pub fn by(trials: &[TrialRecord], strength: f64) -> Covered {
         let seen = || trials.iter().filter(|t| t.info.usage != TrialUse::Test);
         let moments = || seen().flat_map(|t| &t.moment);
         let angles = || seen().flat_map(|t| &t.angle).copied();

@@ -10,7 +10,7 @@ mod axis_misalignment;
 mod coulomb_friction;
 mod electromechanical_delay;
 mod emg_crosstalk;
-mod emg_floor;
+pub mod emg_floor;
 mod emg_gain;
 mod emg_gain_drift;
 mod emg_nonlinearity;

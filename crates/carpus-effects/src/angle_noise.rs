@@ -18,7 +18,7 @@ use nalgebra::DMatrix;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::score_test::normal;
+use super::random::normal;
 use carpus_study::study::{Contraction, Trial, TrialUse};
 
 /// A contraction in which the angle stays within this range is held as a whole [rad]: 3°.

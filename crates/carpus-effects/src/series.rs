@@ -18,7 +18,7 @@ pub(crate) fn delayed(time: &[f64], series: &[f64], delay: f64) -> Vec<f64> {
 }
 
 /// Value of a series at a time, linear between samples and constant outside.
-pub(crate) fn interpolate(time: &[f64], series: &[f64], at: f64) -> f64 {
+pub fn interpolate(time: &[f64], series: &[f64], at: f64) -> f64 {
     between(time, series, time.partition_point(|t| *t <= at), at)
 }
 

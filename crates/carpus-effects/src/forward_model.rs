@@ -55,7 +55,7 @@ pub struct ForwardModel {
     /// How strong the joint is beside a wrist, and where its middle is.
     pub joint: JointTraits,
     /// What another session covers, in whose units columns are; `None`: what these trials do.
-    pub(crate) covered: Option<Covered>,
+    pub covered: Option<Covered>,
     model: MusculoskeletalModel,
     base: Vec<PreparedTrial>,
     options: Options,

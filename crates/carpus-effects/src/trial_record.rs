@@ -25,7 +25,7 @@ pub struct TrialRecord {
 
 impl TrialRecord {
     /// ∫ e dt of every muscle up to the end of the trial [s].
-    pub(super) fn exposure_after(&self) -> Vec<f64> {
+    pub fn exposure_after(&self) -> Vec<f64> {
         self.exposure.iter().zip(&self.excitation).map(|(before, e)| before + integral(e, &self.time)).collect()
     }
 }

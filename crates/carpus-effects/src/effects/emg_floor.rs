@@ -1,7 +1,10 @@
 //! Baseline of the EMG.
 
 use crate::effect::{Behaviour, Description, Effect, ExcitationScope, OsimForm, Stage, TrialContext, amplitude};
-use crate::noise::BASELINE_SD;
+
+/// Standard deviation expected of an EMG channel's baseline: what a channel at rest shows of its maximum is 0 to 2 %.
+/// Narrower, and baselines that are there are taken for passive forces, drag or reflexes.
+pub const BASELINE_SD: f64 = 0.01;
 
 /// Baseline of the EMG: `max(0, e - b)`.
 pub struct EmgFloor;

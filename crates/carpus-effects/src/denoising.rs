@@ -24,7 +24,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::angle_noise::{Disturbance, HELD_RANGE, PAIRS, range};
-use super::score_test::normal;
+use super::random::normal;
 use carpus_study::study::{Trial, TrialUse};
 
 /// White noise that is not worth smoothing [rad]: 0.004°, somewhat more than recordings rounded to 0.01° have.
@@ -314,7 +314,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use crate::score_test::normal;
+    use crate::random::normal;
     use carpus_study::study::{Contraction, Direction, TrialInfo};
 
     fn info() -> TrialInfo {
