@@ -72,6 +72,21 @@ pub struct TextTable {
     pub note: String,
 }
 
+impl TextTable {
+    /// A table without a note.
+    ///
+    /// - `left_columns`: the first columns, which are words
+    pub fn titled(
+        title: impl Into<String>,
+        header: &[&str],
+        left_columns: usize,
+        rows: impl IntoIterator<Item = Vec<String>>,
+    ) -> TextTable {
+        let header = header.iter().map(|h| (*h).to_owned()).collect();
+        TextTable { title: title.into(), header, left_columns, rows: rows.into_iter().collect(), note: String::new() }
+    }
+}
+
 #[derive(Template)]
 #[template(path = "article.html")]
 struct Page<'a> {

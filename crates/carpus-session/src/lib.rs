@@ -46,10 +46,6 @@
 //! | [`upgrade`] | [`upgrade::Upgrade`] | an old model in the current format |
 //! | [`run_tool`] | [`run_tool::RunTool`] | what OpenSim's tool of a setup file writes |
 
-pub mod account;
-pub mod anova;
-pub mod audit;
-pub mod bundled;
 pub mod candidates;
 pub mod catalogue_pages;
 pub mod check;
@@ -61,69 +57,44 @@ pub mod determines;
 pub mod diagnose;
 pub mod diagnose_study;
 pub mod diagnosis_file;
-pub mod diagnostic;
-pub mod drag;
 pub mod dynamometer;
 pub mod effect_choice;
 pub mod effect_steps;
 pub mod effect_words;
 pub mod emg;
-pub mod equilibrium;
-pub mod errors;
 pub mod evaluate;
 pub mod evaluation_report;
-pub mod geometry;
 pub mod groups;
 pub mod identify;
 pub mod identify_files;
 mod images;
-pub mod info;
-pub mod info_study;
-mod info_words;
-pub mod init;
-pub mod json;
 mod live_case;
 pub mod loading;
-pub mod model;
-pub mod motion_capture;
 pub mod outcomes;
-pub mod output;
 pub mod own_effects;
 pub mod participant;
-pub mod path_check;
 pub mod personalize;
 pub mod plan;
-pub mod power;
 mod prepared;
-pub mod priors;
-pub mod processed_study;
-pub mod progress;
-pub mod progress_lines;
-pub mod provenance;
-pub mod quantity;
 pub mod remove_effects;
-pub mod report_parts;
 pub mod residuals;
 pub mod result_files;
-pub mod run_tool;
-pub mod said;
 pub mod scale;
 pub mod screening;
 pub mod sensitivity;
 pub mod sensitivity_report;
-pub mod series;
-pub mod shared_arguments;
-pub mod shared_work;
 pub mod simulate;
 pub mod strength;
 pub mod study;
-pub mod sweep;
 pub mod synth;
-pub mod task;
 pub mod text_tables;
-pub mod ultrasound;
-pub mod units;
-pub mod upgrade;
 pub mod verdict_words;
 pub mod view;
 pub mod whole_study;
+
+pub use carpus_groundwork::{
+    account, anova, audit, bundled, diagnostic, drag, equilibrium, errors, geometry, info, info_study, init, json,
+    model, motion_capture, output, path_check, power, priors, processed_study, progress, progress_lines, provenance,
+    quantity, report_parts, run_tool, said, series, shared_arguments, shared_work, sweep, task, ultrasound, units,
+    upgrade,
+};

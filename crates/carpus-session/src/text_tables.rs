@@ -19,19 +19,6 @@ use carpus_report::results::{Errors, Results};
 /// Axes along which residuals are shown.
 const SHOWN_AXES: usize = 6;
 
-/// A table without a note.
-///
-/// - `left_columns`: the first columns, which are words
-pub(super) fn titled(
-    title: impl Into<String>,
-    header: &[&str],
-    left_columns: usize,
-    rows: impl IntoIterator<Item = Vec<String>>,
-) -> TextTable {
-    let header = header.iter().map(|h| (*h).to_owned()).collect();
-    TextTable { title: title.into(), header, left_columns, rows: rows.into_iter().collect(), note: String::new() }
-}
-
 /// What a diagnosis found: errors, effects or explanations, proposals, what cannot be tested.
 pub fn of_diagnosis(diagnosis: &Diagnosis) -> Vec<TextTable> {
     let mut tables = vec![errors(diagnosis)];
@@ -40,7 +27,7 @@ pub fn of_diagnosis(diagnosis: &Diagnosis) -> Vec<TextTable> {
     } else if !diagnosis.explanations.is_empty() {
         let rows = diagnosis.explanations.iter().flat_map(|e| estimate_rows(&e.parameters, &fixed(e.p_value, 3)));
         let header = ["parameter", "estimate, 95 % interval", "plausible", "p"];
-        tables.push(titled("Explanations that leave nothing", &header, 2, rows));
+        tables.push(TextTable::titled("Explanations that leave nothing", &header, 2, rows));
         if !diagnosis.separating_experiments.is_empty() {
             let title =
                 format!("Further trials that would tell (z: standard deviations; told apart from {SEPARABLE_Z})");
@@ -55,7 +42,7 @@ pub fn of_diagnosis(diagnosis: &Diagnosis) -> Vec<TextTable> {
         };
         let title = "What remains looks like this moment [N·m]; share of its mean square in trials that were left out";
         let rows = diagnosis.proposals.iter().enumerate().map(row);
-        tables.push(titled(title, &["formula", "%", "as an effect of your own"], 1, rows));
+        tables.push(TextTable::titled(title, &["formula", "%", "as an effect of your own"], 1, rows));
     }
     tables
 }
@@ -71,7 +58,7 @@ fn errors(diagnosis: &Diagnosis) -> TextTable {
     };
     let rows = [("training", Some(error.train)), ("held out", error.held_out)].into_iter().filter_map(row);
     let header = ["trials", "as given", "muscles refitted", "with effect", "noise floor"];
-    titled("RMSE in % of the session's MVC moment", &header, 1, rows)
+    TextTable::titled("RMSE in % of the session's MVC moment", &header, 1, rows)
 }
 
 /// A row per effect that is missing where many things are a little wrong: probability, share of the error, parameters.
@@ -98,7 +85,7 @@ fn effects(diagnosis: &Diagnosis) -> TextTable {
     let title = "Missing effects: probability, share of the model's mean squared error that each takes, and the part of \
                  it that nothing else takes";
     let header = ["effect", "probability", "training %", "unique %", "held out %", "parameters, 95 % intervals"];
-    titled(title, &header, 5, diagnosis.effects.iter().map(row))
+    TextTable::titled(title, &header, 5, diagnosis.effects.iter().map(row))
 }
 
 /// A row per parameter: name, estimate, what is plausible, and one more column.
@@ -130,7 +117,7 @@ fn detectable_sizes(diagnosis: &Diagnosis) -> TextTable {
         })
     });
     let title = format!("p = {:.3}. Smallest sizes that would have been found:", diagnosis.null_p_value);
-    titled(title, &["effect", "parameter", "size", "unit"], 2, rows)
+    TextTable::titled(title, &["effect", "parameter", "size", "unit"], 2, rows)
 }
 
 /// A row for every experiment that would tell explanations apart.
@@ -142,7 +129,7 @@ pub fn of_separations<'a>(
         let told = if s.z_then >= SEPARABLE_Z { "yes" } else { "no" };
         vec![s.separates.join(" | "), s.trials.to_owned(), fixed(s.z_now, 1), fixed(s.z_then, 1), told.to_owned()]
     });
-    titled(title, &["tell apart", "record", "z now", "z then", "told apart"], 2, rows)
+    TextTable::titled(title, &["tell apart", "record", "z now", "z then", "told apart"], 2, rows)
 }
 
 /// The axes along which a model fails most, and the noise that repetitions show; `None` where nothing was compared.
@@ -168,7 +155,7 @@ pub fn where_it_fails(results: &Results) -> Option<TextTable> {
     };
     let title = format!("{}: where the error of {} N·m is", results.participant.id, fixed(found.rms_n_m, 3));
     let header = ["along", "% of the error", "largest mean residual, N·m [95 %]"];
-    Some(TextTable { note, ..titled(title, &header, 1, rows) })
+    Some(TextTable { note, ..TextTable::titled(title, &header, 1, rows) })
 }
 
 /// Errors of every participant, use of its trials and model.
@@ -183,7 +170,7 @@ pub fn of_errors(outcomes: &[Results]) -> TextTable {
             rows.push(row);
         }
     }
-    titled("", &header, 3, rows)
+    TextTable::titled("", &header, 3, rows)
 }
 
 fn cells(e: &Errors) -> [String; 6] {
@@ -241,7 +228,7 @@ pub fn of_equilibrium(rows: &[MuscleAtRest]) -> TextTable {
         cells
     });
     let header: Vec<&str> = header.iter().map(String::as_str).collect();
-    titled("", &header, 1, body)
+    TextTable::titled("", &header, 1, body)
 }
 
 /// What trials say of muscle parameters: a row each, ends that the data do not reach in brackets.
@@ -271,5 +258,5 @@ pub fn of_identification(r: &IdentifiabilityResult) -> TextTable {
         ]
     });
     let header = ["muscle", "property", "", "model", "most likely", "from", "to", "with prior", "from data"];
-    titled(title, &header, 3, rows)
+    TextTable::titled(title, &header, 3, rows)
 }

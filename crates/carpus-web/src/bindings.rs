@@ -4,7 +4,7 @@
 use wasm_bindgen::prelude::*;
 
 use super::case::EffectOfCase;
-use super::scene::{Scene, twelve};
+use super::scene::Scene;
 use super::workbench::{Exported, Simulated, Workbench};
 use carpus_effects::forward_model::Setting;
 use carpus_osim::osim::OsimFile;
@@ -160,7 +160,7 @@ impl Stage {
     pub fn posture(&mut self, q: &[f64]) -> Vec<f64> {
         let posture = self.scene.posture(q);
         let mut out = posture.q;
-        out.extend(posture.X_GB.iter().flat_map(twelve));
+        out.extend(posture.X_GB.iter().flat_map(|pose| pose.numbers()));
         for muscle in posture.muscles {
             out.extend([muscle.length, muscle.points.len() as f64]);
             out.extend(muscle.points.iter().flat_map(|p| [p.x, p.y, p.z]));

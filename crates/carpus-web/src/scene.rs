@@ -81,12 +81,6 @@ pub struct Lever {
     pub piece: [Vector3<f64>; 2],
 }
 
-/// A pose as twelve numbers: rotation by rows, position [m].
-pub fn twelve(pose: &Transform) -> [f64; 12] {
-    let (r, p) = (&pose.R, &pose.p);
-    std::array::from_fn(|i| if i < 9 { r[(i / 3, i % 3)] } else { p[i - 9] })
-}
-
 /// Below this relative angular speed a coordinate does not turn one body against another [1].
 const NO_TURN: f64 = 1e-9;
 

@@ -5,7 +5,7 @@ use carpus_osim::osim::spec::{CoordinateIndex, MotionType, WrapShape};
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
-use super::scene::{Scene, twelve};
+use super::scene::Scene;
 
 /// The tip of a body that carries no other lies at most this far from its joint [m].
 const LONGEST_TIP: f64 = 0.45;
@@ -37,7 +37,7 @@ impl Scene {
                 let muscles: Vec<usize> =
                     self.paths().enumerate().filter(|(_, path)| wraps_it(path)).map(|(m, _)| m).collect();
                 json!({
-                    "name": wrap.name, "base": place.base.0, "pose": twelve(&place.X_BW), "active": wrap.active,
+                    "name": wrap.name, "base": place.base.0, "pose": place.X_BW.numbers(), "active": wrap.active,
                     "shape": shape(wrap.shape), "muscles": muscles,
                 })
             })

@@ -15,6 +15,11 @@ pub struct Transform {
 }
 
 impl Transform {
+    /// Twelve numbers: rotation by rows, position [m].
+    pub fn numbers(&self) -> [f64; 12] {
+        std::array::from_fn(|i| if i < 9 { self.R[(i / 3, i % 3)] } else { self.p[i - 9] })
+    }
+
     /// The identity.
     pub fn identity() -> Self {
         Self { R: Matrix3::identity(), p: Vector3::zeros() }

@@ -90,7 +90,7 @@ impl LoadedModel {
         let own = Transform::from_translation_body_xyz(Vector3::new(x, y, z), Vector3::new(a, b, c));
         let pose = frame.X_BF * own;
         json!({
-            "mesh": mesh, "name": spec.file, "base": frame.base.0, "pose": carpus_web::scene::twelve(&pose),
+            "mesh": mesh, "name": spec.file, "base": frame.base.0, "pose": pose.numbers(),
             "scale": spec.scale_factors.as_slice(), "color": spec.color, "opacity": spec.opacity,
         })
     }

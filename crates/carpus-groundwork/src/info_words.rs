@@ -2,7 +2,6 @@
 
 use super::info::{CoordinateInfo, Info, MuscleInfo, understood};
 use super::model;
-use super::text_tables::titled;
 use carpus_osim::osim::Severity;
 use carpus_report::article::TextTable;
 
@@ -32,10 +31,10 @@ impl Info {
     /// Coordinates, and muscles if there are any.
     pub fn tables(&self) -> Vec<TextTable> {
         let header = ["coordinate", "motion", "notes", "default", "range", "unit"];
-        let mut tables = vec![titled("", &header, 3, self.coordinates.iter().map(CoordinateInfo::row))];
+        let mut tables = vec![TextTable::titled("", &header, 3, self.coordinates.iter().map(CoordinateInfo::row))];
         if !self.muscles.is_empty() {
             let header = ["muscle", "notes", "Fmax N", "l_opt mm", "l_slack mm", "pennation °", "points", "wraps"];
-            tables.push(titled("", &header, 2, self.muscles.iter().map(MuscleInfo::row)));
+            tables.push(TextTable::titled("", &header, 2, self.muscles.iter().map(MuscleInfo::row)));
         }
         tables
     }

@@ -11,7 +11,7 @@ use crate::diagnostic::{Diagnostic, Failure};
 use crate::output::OutputFolder;
 
 /// Folder of the records in that of the results.
-pub(super) const FOLDER: &str = "tasks";
+pub const FOLDER: &str = "tasks";
 pub(super) const SCHEMA: &str = "carpus.task/1";
 /// Begins the one argument of a task that no command asked for.
 pub(super) const LIBRARY: &str = "library: ";
@@ -137,7 +137,7 @@ impl TaskRecord {
 }
 
 /// Keeps the record of a task up to date.
-pub(super) struct Recorder<'o> {
+pub struct Recorder<'o> {
     out: &'o OutputFolder,
     file: PathBuf,
     pub(super) record: TaskRecord,
@@ -148,7 +148,7 @@ impl<'o> Recorder<'o> {
     ///
     /// # Errors
     /// The disk.
-    pub(super) fn begin(out: &'o OutputFolder, task: Task, arguments: &[String]) -> Result<Recorder<'o>, Failure> {
+    pub fn begin(out: &'o OutputFolder, task: Task, arguments: &[String]) -> Result<Recorder<'o>, Failure> {
         let file = Path::new(FOLDER).join(format!("{}-of-{}.json", task.number, task.of));
         let record = TaskRecord {
             schema: SCHEMA.to_owned(),
@@ -171,7 +171,7 @@ impl<'o> Recorder<'o> {
     ///
     /// # Errors
     /// The disk.
-    pub(super) fn plan<'u>(&mut self, places: impl Iterator<Item = &'u str>) -> Result<(), Failure> {
+    pub fn plan<'u>(&mut self, places: impl Iterator<Item = &'u str>) -> Result<(), Failure> {
         self.record.units.extend(places.map(str::to_owned));
         self.put()
     }
@@ -182,14 +182,14 @@ impl<'o> Recorder<'o> {
     ///
     /// # Errors
     /// The disk.
-    pub(super) fn end(self, failures: Vec<Diagnostic>, units: [usize; 2]) -> Result<TaskDone, Failure> {
+    pub fn end(self, failures: Vec<Diagnostic>, units: [usize; 2]) -> Result<TaskDone, Failure> {
         let record = self.ended(&failures)?;
         let [units_found_finished, units_computed] = units;
         Ok(TaskDone { record, units_found_finished, units_computed, failed: failures })
     }
 
     /// The task cannot go on. The reason comes back: where the disk is full, the record may not be written either.
-    pub(super) fn fail(self, reason: Failure) -> Failure {
+    pub fn fail(self, reason: Failure) -> Failure {
         match &reason {
             Failure::Input(messages) => {
                 let _ = self.ended(messages);

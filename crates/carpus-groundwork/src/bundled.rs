@@ -65,7 +65,7 @@ mod tests {
         for (name, text) in STUDY {
             let original = there(format!("fixtures/demo_study/{name}"));
             let original = original.replace("model = \"../../models/wrist.osim\"", "model = \"wrist.osim\"");
-            assert!(text == original, "crates/carpus-session/bundled/{name} is not that of fixtures/demo_study");
+            assert!(text == original, "crates/carpus-groundwork/bundled/{name} is not that of fixtures/demo_study");
         }
         let trials = STUDY.iter().find(|(name, _)| *name == "trials.csv").unwrap().1;
         let listed: Vec<&str> = trials.lines().skip(1).filter_map(|l| l.split(',').nth(1)).collect();

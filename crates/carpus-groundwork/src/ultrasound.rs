@@ -186,12 +186,7 @@ fn pairs_of(
 ///
 /// # Errors
 /// A posture or a muscle that the model does not have; a muscle that has no equilibrium.
-pub(super) fn pairs_with(
-    study: &Tables,
-    participant: &str,
-    spec: &ModelSpec,
-    skeleton: &Model,
-) -> Result<Vec<Pair>, Failure> {
+pub fn pairs_with(study: &Tables, participant: &str, spec: &ModelSpec, skeleton: &Model) -> Result<Vec<Pair>, Failure> {
     let mut pairs = Vec::new();
     for image in study.ultrasound.iter().filter(|m| m.participant == participant) {
         let muscle = imaging::at_rest(spec, skeleton, study, image).map_err(|e| {
@@ -213,7 +208,7 @@ fn check_names(study: &Tables, loaded: &LoadedModel) -> Result<(), Failure> {
 }
 
 /// Says once which ratios the study would have to give.
-pub(super) fn missing_ratios(study: &Tables, cases: &[CaseResult], warnings: &mut Vec<Diagnostic>) {
+pub fn missing_ratios(study: &Tables, cases: &[CaseResult], warnings: &mut Vec<Diagnostic>) {
     let unconverted = |q: Quantity| {
         let key = key(q);
         cases.iter().flat_map(|c| &c.quantities).any(|r| r.quantity == key && r.unconverted > 0)
@@ -237,7 +232,7 @@ fn key(quantity: Quantity) -> String {
 }
 
 /// A model case's comparison, rounded for files.
-pub(super) fn case_result(name: &str, pairs: &[Pair]) -> CaseResult {
+pub fn case_result(name: &str, pairs: &[Pair]) -> CaseResult {
     let quantities = imaging::compare(pairs).iter().map(|c| quantity_result(c, pairs)).collect();
     CaseResult { case: name.to_string(), quantities }
 }
@@ -284,7 +279,7 @@ fn quantity_result(c: &Comparison, pairs: &[Pair]) -> QuantityResult {
 ///
 /// # Errors
 /// None that input can cause.
-pub(super) fn tables(cases: &[CaseResult]) -> Result<[(&'static str, String); 3], Failure> {
+pub fn tables(cases: &[CaseResult]) -> Result<[(&'static str, String); 3], Failure> {
     let text = |v: Option<f64>| v.map_or(String::new(), |v| v.to_string());
     let each = || cases.iter().flat_map(|c| c.quantities.iter().map(move |q| (c, q)));
     let header = [

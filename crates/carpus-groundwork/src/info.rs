@@ -206,7 +206,7 @@ fn coordinates(spec: &ModelSpec, model: Option<&Model>) -> Vec<CoordinateInfo> {
 ///
 /// Of a coordinate OpenSim may say only that it is coupled: what turns its joint, wholly or among other things, is an
 /// angle. One that no axis uses may be either.
-pub(super) fn unit_of(spec: &ModelSpec, index: CoordinateIndex) -> &'static str {
+pub fn unit_of(spec: &ModelSpec, index: CoordinateIndex) -> &'static str {
     match spec.coordinates[index.0].motion_type {
         MotionType::Rotational => return "deg",
         MotionType::Translational => return "m",

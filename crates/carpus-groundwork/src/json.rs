@@ -41,6 +41,6 @@ pub fn readable(of: &impl Serialize) -> Result<String, Failure> {
 ///
 /// # Errors
 /// None that input can cause.
-pub(super) fn text(of: &impl Serialize) -> Result<String, Failure> {
+pub fn text(of: &impl Serialize) -> Result<String, Failure> {
     Ok(readable(of)? + "\n")
 }
