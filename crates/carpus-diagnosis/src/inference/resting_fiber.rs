@@ -13,7 +13,7 @@ use carpus_effects::forward_model::FITTED_PER_MUSCLE;
 use carpus_multibody::muscles::{Millard2012, Millard2012Parameters, MuscleError, MuscleModel};
 use carpus_numerics::numerics::{Dual, Scalar};
 use carpus_osim::osim::spec::MuscleSpec;
-use carpus_simulation::simulation::{MuscleParameters, Property};
+use carpus_simulation::simulation::{FiberAtRest, MuscleParameters, Property};
 
 /// Step of differences of parameters, over their size.
 const STEP: f64 = 1e-4;
@@ -23,8 +23,10 @@ const STEP: f64 = 1e-4;
 pub enum ImagedMuscle {
     /// A `Millard2012EquilibriumMuscle`; derivatives are exact.
     Millard2012(Box<Millard2012>),
-    /// A muscle of another class that is simulated; derivatives are central differences.
-    Other(Box<MuscleSpec>),
+    /// A muscle of another class; derivatives are exact.
+    Other(FiberAtRest),
+    /// A muscle with a rigid tendon; derivatives are central differences.
+    RigidTendon(Box<MuscleSpec>),
 }
 
 /// A muscle's fascicle length in an image, and where the model has it then.
@@ -52,7 +54,10 @@ impl ImagedMuscle {
     pub fn from_spec(spec: &MuscleSpec) -> Result<ImagedMuscle, MuscleError> {
         Ok(match MuscleModel::from_spec(spec)? {
             MuscleModel::Millard2012(muscle) => ImagedMuscle::Millard2012(muscle),
-            _ => ImagedMuscle::Other(Box::new(spec.clone())),
+            _ => match FiberAtRest::of(spec)? {
+                Some(fiber) => ImagedMuscle::Other(fiber),
+                None => ImagedMuscle::RigidTendon(Box::new(spec.clone())),
+            },
         })
     }
 }
@@ -63,7 +68,11 @@ impl RestingFiber {
     fn length(&self, p: &MuscleParameters) -> Option<Dual<2>> {
         match &self.imaged {
             ImagedMuscle::Millard2012(muscle) => self.millard_length(muscle, p),
-            ImagedMuscle::Other(spec) => self.length_by_differences(spec, p),
+            ImagedMuscle::Other(fiber) => {
+                let [value, gradient @ ..] = fiber.length(p, self.path_length, self.activation);
+                value.is_finite().then_some(Dual { value, gradient })
+            }
+            ImagedMuscle::RigidTendon(spec) => self.length_by_differences(spec, p),
         }
     }
 
@@ -123,43 +132,56 @@ mod tests {
     use super::*;
     use carpus_osim::osim::OsimFile;
 
+    /// Derivatives are those of differences, and lengths those of the class itself, for muscles of every class.
     #[test]
-    fn verif_row_is_that_of_differences() {
-        let model = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("models/wrist.osim");
-        let spec = OsimFile::read(&model).unwrap().spec;
-        let imaged = ImagedMuscle::from_spec(&spec.muscles[0]).unwrap();
-        let p = &spec.muscles[0];
-        let parameters = |length: f64, slack: f64| MuscleParameters {
-            optimal_fiber_length: p.optimal_fiber_length * length,
-            tendon_slack_length: p.tendon_slack_length * slack,
-            max_isometric_force: p.max_isometric_force,
-            pennation_angle_at_optimal: p.pennation_angle_at_optimal,
-        };
-        // Derivatives by differences are those that are exact.
-        let other = ImagedMuscle::Other(Box::new(spec.muscles[0].clone()));
-        let path_length = p.tendon_slack_length + 0.9 * p.optimal_fiber_length;
-        let fiber = RestingFiber {
-            muscle: 0,
-            imaged,
-            path_length,
-            activation: 0.01,
-            measured: 0.05,
-            standard_deviation: 0.002,
-        };
-        let at = fiber.length(&parameters(1.05, 0.99)).unwrap();
-        let row = fiber.row(&[parameters(1.05, 0.99)], 3).unwrap();
-        let value = |length: f64, slack: f64| fiber.length(&parameters(length, slack)).unwrap().value;
-        let h = 1e-5;
-        let by = [
-            (value(1.05 * (1.0 + h), 0.99) - value(1.05 * (1.0 - h), 0.99)) / (2.0 * h),
-            (value(1.05, 0.99 * (1.0 + h)) - value(1.05, 0.99 * (1.0 - h))) / (2.0 * h),
-        ];
-        assert!((row[3] + (at.value - 0.05) / 0.002).abs() < 1e-9);
-        for (found, expected) in [(row[1], by[0] / 0.002), (row[2], by[1] / 0.002)] {
-            assert!((found - expected).abs() < 1e-4 * expected.abs().max(1.0), "{found} {expected}");
+    fn verif_rows_are_those_of_differences() {
+        let root = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
+        for class in [
+            "",
+            "Thelen2003Muscle",
+            "DeGrooteFregly2016Muscle",
+            "DeGrooteFregly2016Muscle_rigid",
+            "RigidTendonMuscle",
+            "Schutte1993Muscle_Deprecated",
+            "Delp1990Muscle_Deprecated",
+        ] {
+            let file = match class {
+                "" => root.join("models/wrist.osim"),
+                class => root.join(format!("fixtures/muscle_laws/{class}.osim")),
+            };
+            let spec = OsimFile::read(file).unwrap().spec;
+            let p = &spec.muscles[0];
+            let parameters = |length: f64, slack: f64| MuscleParameters {
+                optimal_fiber_length: p.optimal_fiber_length * length,
+                tendon_slack_length: p.tendon_slack_length * slack,
+                max_isometric_force: p.max_isometric_force,
+                pennation_angle_at_optimal: p.pennation_angle_at_optimal,
+            };
+            let fiber = RestingFiber {
+                muscle: 0,
+                imaged: ImagedMuscle::from_spec(p).unwrap(),
+                path_length: p.tendon_slack_length + 0.9 * p.optimal_fiber_length,
+                activation: 0.05,
+                measured: 0.05,
+                standard_deviation: 0.002,
+            };
+            let at = fiber.length(&parameters(1.05, 0.99)).unwrap();
+            let row = fiber.row(&[parameters(1.05, 0.99)], 3).unwrap();
+            let value = |length: f64, slack: f64| fiber.length(&parameters(length, slack)).unwrap().value;
+            let h = 1e-5;
+            let by = [
+                (value(1.05 * (1.0 + h), 0.99) - value(1.05 * (1.0 - h), 0.99)) / (2.0 * h),
+                (value(1.05, 0.99 * (1.0 + h)) - value(1.05, 0.99 * (1.0 - h))) / (2.0 * h),
+            ];
+            assert!((row[3] + (at.value - 0.05) / 0.002).abs() < 1e-9);
+            for (found, expected) in [(row[1], by[0] / 0.002), (row[2], by[1] / 0.002)] {
+                assert!((found - expected).abs() < 1e-4 * expected.abs().max(1.0), "{class}: {found} {expected}");
+            }
+            assert_eq!(row[0], 0.0);
+            // OpenSim's search for the equilibrium of the deprecated classes ends within 0.01 N.
+            let own = MuscleModel::from_spec(p).unwrap().at_rest(fiber.path_length, fiber.activation).unwrap().0;
+            let found = fiber.length(&parameters(1.0, 1.0)).unwrap().value;
+            assert!((found / own.fiber_length - 1.0).abs() < 1e-4, "{class}: {found} {}", own.fiber_length);
         }
-        let by_differences = RestingFiber { imaged: other, ..fiber }.row(&[parameters(1.05, 0.99)], 3).unwrap();
-        assert!((by_differences - &row).norm() < 1e-4 * row.norm(), "{row}");
-        assert_eq!(row[0], 0.0);
     }
 }

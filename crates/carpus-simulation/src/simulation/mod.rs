@@ -33,6 +33,7 @@ mod variation;
 
 pub use error::SimulationError;
 pub use excitation_tangent::{ExcitationTangent, ForceChange};
+pub use fiber::at_rest::FiberAtRest;
 pub use fiber::radau::Work;
 pub use fiber::step::FiberAccuracy;
 pub use model::{

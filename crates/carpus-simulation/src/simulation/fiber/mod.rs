@@ -1,5 +1,6 @@
 //! The fibre of one muscle: its force equilibrium, and its integration over a trial.
 
+pub(crate) mod at_rest;
 pub(crate) mod curve_table;
 pub(crate) mod equation;
 pub(crate) mod equilibrium;
