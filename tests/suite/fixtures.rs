@@ -47,7 +47,7 @@ fn regress_reference_outputs_match_their_manifests() {
     for subject in ["signals", "emg", "dynamometer", "statistics", "sensitivity", "cohort"] {
         assert_eq!(check_outputs(&format!("fixtures/{subject}/manifest.json")), 1);
     }
-    assert_eq!(check_outputs("fixtures/muscle_laws/manifest.json"), 2 * 5);
+    assert_eq!(check_outputs("fixtures/muscle_laws/manifest.json"), 2 * 6);
     assert_eq!(check_outputs("fixtures/path_tables/manifest.json"), 5);
     assert_eq!(check_outputs("fixtures/other_paths/manifest.json"), 2 * 5);
     assert_eq!(check_outputs("fixtures/demo_study/manifest.json"), 28 + 4);

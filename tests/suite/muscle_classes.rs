@@ -48,6 +48,7 @@ fn verif_muscles_of_every_class_are_personalized() {
             };
             assert!((written / parameter.after - 1.0).abs() < 1e-5, "{class} {}: {written}", parameter.muscle);
         }
+        check_muscle_use(&results, &spec, &out.join("P01/series"), class);
         // Model as given, then personalized.
         let training = |model: usize| {
             let errors = &results.models[model].errors;
@@ -56,6 +57,38 @@ fn verif_muscles_of_every_class_are_personalized() {
         let (before, after) = (training(0), training(results.models.len() - 1));
         println!("{class}: {before:.3} N·m, personalized {after:.3} N·m");
         assert!(after < 0.8 * before, "{class}: {before} {after}");
+    }
+}
+
+/// Where fibres work, as the report draws it, against the series of every trial.
+fn check_muscle_use(results: &Results, spec: &carpus::osim::spec::ModelSpec, series: &Path, class: &str) {
+    let used = results.muscles.as_ref().expect("what muscles did");
+    assert_eq!(used.muscles.len(), 5, "{class}");
+    assert!(used.moment_n_m.len() > 100, "{class}");
+    let mut files: Vec<PathBuf> = std::fs::read_dir(series).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.retain(|file| file.extension().is_some_and(|e| e == "csv"));
+    assert_eq!(files.len(), results.trials.len());
+    for m in &used.muscles {
+        assert_eq!(m.excitation.len(), used.moment_n_m.len());
+        let mut lengths: Vec<f64> = Vec::new();
+        for file in &files {
+            let mut reader = csv::Reader::from_path(file).unwrap();
+            let column = format!("{}_fiber_length", m.muscle);
+            let at = reader.headers().unwrap().iter().position(|name| name.starts_with(&column)).expect("the column");
+            lengths.extend(reader.records().map(|row| row.unwrap()[at].parse::<f64>().unwrap()));
+        }
+        let optimal = spec.muscles.iter().find(|other| other.name == m.muscle).unwrap().optimal_fiber_length;
+        lengths.sort_by(f64::total_cmp);
+        let percentile = |share: f64| lengths[(share * (lengths.len() - 1) as f64).round() as usize] / optimal;
+        let found = m.ranges["personalized"].length;
+        for (found, expected) in found.into_iter().zip([percentile(0.01), percentile(0.99)]) {
+            assert!((found / expected - 1.0).abs() < 2e-3, "{class} {}: {found} {expected}", m.muscle);
+        }
+        let top = m.length.iter().zip(&m.active).max_by(|a, b| a.1.total_cmp(b.1)).unwrap();
+        assert!((top.0 - 1.0).abs() < 0.1 && (top.1 - 1.0).abs() < 0.02, "{class} {}: {top:?}", m.muscle);
+        // The deprecated classes state a fibre's velocity, or have a mass: no force over velocity.
+        assert_eq!(m.force.is_empty(), class.ends_with("_Deprecated"), "{class}");
+        assert!(m.force.windows(2).all(|pair| pair[1] >= pair[0]), "{class}: more force when lengthening");
     }
 }
 

@@ -189,6 +189,7 @@ fn example() -> Results {
             StageResult { name: "forces".into(), evaluations: 8000, objective_before: 0.62, objective_after: 0.21 },
         ],
         residuals: Vec::new(),
+        muscles: None,
         diagnosis: None,
         ledger: None,
         live: None,

@@ -79,6 +79,7 @@ pub fn results(setting: Setting, trials: &[Trial], runs: &[ModelRun]) -> Result<
         part_of_the_way: None,
         stages: Vec::new(),
         residuals: Vec::new(),
+        muscles: None,
         diagnosis: None,
         ledger: None,
         warnings: setting.warnings.iter().map(warning_result).collect(),

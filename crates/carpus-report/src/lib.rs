@@ -16,6 +16,7 @@ pub mod ledger;
 pub mod live;
 pub mod model_page;
 pub mod moments;
+pub mod muscle_use;
 pub mod next_steps;
 mod number;
 mod page;

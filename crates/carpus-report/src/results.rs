@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::diagnosis::DiagnosisResult;
 use super::ledger::Ledger;
+use super::muscle_use::MuscleUse;
 use super::residuals::ResidualResult;
 
 /// Name and version of the schema; the number rises when a reader of the older one would misread the file.
@@ -47,6 +48,9 @@ pub struct Results {
     /// Residuals of models along axes; empty where nothing is compared.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub residuals: Vec<ResidualResult>,
+    /// What muscles did in the trials.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub muscles: Option<MuscleUse>,
     /// Which effects could be missing, if that was asked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub diagnosis: Option<DiagnosisResult>,

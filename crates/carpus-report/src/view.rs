@@ -3,6 +3,7 @@
 pub(super) mod parameters;
 
 use super::axis_figures::{AxisPanel, axis_panels, repetition_words};
+use super::muscle_use::{self, MusclePanels};
 use super::number::{percent, plain, quantity, significant};
 use super::plot::{self, Curve, CurveFigure};
 use super::results::{Condition, Errors, HeldCoordinate, Kind, ModelResult, Results, StageResult, TrialResult, Use};
@@ -120,6 +121,7 @@ pub struct View {
     pub axes: Vec<AxisPanel>,
     pub repetition_noise: String,
     pub angles: Vec<AnglePanel>,
+    pub muscles: Vec<MusclePanels>,
 }
 
 impl View {
@@ -176,6 +178,10 @@ impl View {
                     },
                 ),
                 None => Vec::new(),
+            },
+            muscles: match (&results.muscles, pair.after) {
+                (Some(used), Some(after)) => muscle_use::panels(used, pair.before.map(|m| m.id.as_str()), &after.id),
+                _ => Vec::new(),
             },
         }
     }

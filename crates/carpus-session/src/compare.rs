@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::diagnostic::{Diagnostic, Failure};
 use super::errors::ErrorOverview;
+use super::muscle_use::{Simulated, muscle_use};
 use super::output::OutputFolder;
 use super::participant::Session;
 use super::provenance::DEFAULT_SEED;
@@ -48,6 +49,8 @@ impl Session<'_> {
         let residuals = residual_result(run, "model", &model.moments);
         let mut results = account(Kind::Comparison, self, request, request.seed, &[model])?;
         results.residuals = vec![residuals];
+        let simulated = Simulated { id: "model", spec: &run.loaded.file.spec, trials: &trials };
+        results.muscles = muscle_use(run, &[simulated])?;
         results.live = self.live_case(request.seed, true, Vec::new())?;
         Ok(Comparison { session: self, results, trials })
     }

@@ -70,6 +70,7 @@ pub mod identify_files;
 mod images;
 mod live_case;
 pub mod loading;
+mod muscle_use;
 pub mod outcomes;
 pub mod own_effects;
 pub mod participant;

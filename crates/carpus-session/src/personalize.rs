@@ -8,6 +8,7 @@ use super::errors::ErrorOverview;
 use super::images::images;
 use super::live_case::state;
 use super::loading::{LoadedParticipant, Purpose};
+use super::muscle_use::{Simulated, muscle_use};
 use super::output::OutputFolder;
 use super::participant::Session;
 use super::prepared::forward_model_of;
@@ -87,6 +88,13 @@ impl Session<'_> {
         results.parameters = parameters(run, &estimates, request.intervals);
         results.part_of_the_way = Some(rounded(fit.part_of_the_way, 4));
         results.stages = fit.stages.iter().map(stage).collect();
+        results.muscles = muscle_use(
+            run,
+            &[
+                Simulated { id: "before", spec: &run.loaded.file.spec, trials: &before },
+                Simulated { id: "personalized", spec: &model.spec, trials: &after },
+            ],
+        )?;
         let state = state("Personalized", &fit.parameters, &estimates, &[], &BTreeMap::new());
         results.live = self.live_case(request.seed, true, vec![state])?;
         Ok(Personalized { session: self, results, model, trials: after })
