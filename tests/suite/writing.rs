@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 /// The only files that write.
-const WRITERS: [&str; 2] = ["crates/carpus-osim/src/osim/document.rs", "crates/carpus-groundwork/src/output/folder.rs"];
+const WRITERS: [&str; 2] = ["crates/carpus-groundwork/src/output/folder.rs", "crates/carpus-osim/src/osim/document.rs"];
 
 /// What writes, or changes what is written, beside the writers.
 const WRITING: [&str; 7] =
