@@ -284,7 +284,7 @@ fn val_opensim_prescribed_motion_of_a_muscle_with_a_mass() {
     let mut swinging = Differences::new("tendon force in the first 0.1 s", unit);
     for (i, muscle) in MUSCLES.into_iter().enumerate() {
         let theirs = table.muscle(muscle, "tendon_force");
-        for (k, time) in table.column("time").into_iter().enumerate() {
+        for (k, time) in table.column("time").iter().enumerate() {
             let ours = result.muscles[i].tendon_force[k];
             let to = if *time > SWINGS { &mut settled } else { &mut swinging };
             let at = || format!("{muscle} at {time} s: {ours} instead of {}", theirs[k]);

@@ -35,7 +35,8 @@ pub struct MuscleOperation {
     /// Fibre velocities over maximum contraction velocity at which the curve is given, positive when lengthening; empty
     /// for a class that has no such curve.
     pub velocity: Vec<f64>,
-    /// Force of the fully active fibre at optimal length, less the passive force, over that at rest; with damping.
+    /// Force of the fully active fibre at optimal length, less the passive force, over that at rest; with damping. A
+    /// `Schutte1993Muscle_Deprecated` has none.
     pub force: Vec<f64>,
 }
 
@@ -122,7 +123,13 @@ fn over_curve(
     };
     let bands: Vec<(&'static str, Vec<[f64; 2]>)> =
         [("before", before), ("after", after)].into_iter().filter_map(|(class, r)| Some((class, band(r?)))).collect();
-    let [low, high] = plot::extent(drawn.iter().flat_map(|(_, _, v)| v.iter().copied()))?;
+    // Of other curves only what is near the first: passive forces rise without end.
+    let most = 1.5 * plot::extent(heights.iter().copied())?[1];
+    let [low, high] = plot::extent(drawn.iter().flat_map(|(_, _, v)| v.iter().map(|v| v.min(most))))?;
+    let drawn: Vec<(&str, &str, Vec<f64>)> = drawn
+        .into_iter()
+        .map(|(class, name, v)| (class, name, v.into_iter().map(|v| if v > most { f64::NAN } else { v }).collect()))
+        .collect();
     let curves = drawn.iter().map(|(class, name, values)| Curve {
         class: (*class).to_owned(),
         name: (*name).to_owned(),

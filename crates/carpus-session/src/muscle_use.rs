@@ -47,16 +47,17 @@ pub(super) fn muscle_use(run: &LoadedParticipant, models: &[Simulated]) -> Resul
         }
         let (_, muscle) = muscle_of(run, last.spec, name)?;
         let law = muscle.law();
-        let length = even(LENGTHS);
-        let force = force_over_velocity(law);
+        let length = even(holding(LENGTHS, ranges.values().map(|range| range.length)));
+        let velocity = even(holding(VELOCITIES, ranges.values().map(|range| range.velocity)));
+        let force = force_over_velocity(law, &velocity);
         Ok(MuscleOperation {
             muscle: name.to_owned(),
             excitation: drawn.iter().map(|&(i, k)| rounded(run.trials[i].excitation[position][k], 4)).collect(),
             ranges,
             active: length.iter().map(|x| rounded(law.active(*x).0, 4)).collect(),
-            passive: length.iter().map(|x| rounded(law.passive(*x).0.min(1.5), 4)).collect(),
+            passive: length.iter().map(|x| rounded(law.passive(*x).0, 4)).collect(),
             length,
-            velocity: if force.is_empty() { Vec::new() } else { even(VELOCITIES) },
+            velocity: if force.is_empty() { Vec::new() } else { velocity },
             force,
         })
     };
@@ -75,6 +76,11 @@ fn muscle_of<'s>(
     Ok((own, muscle.map_err(|e| Diagnostic::error(e.to_string()).in_file(&run.loaded.path))?))
 }
 
+/// The interval that also holds others.
+fn holding(whole: [f64; 2], others: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
+    others.fold(whole, |[low, high], other| [low.min(other[0]), high.max(other[1])])
+}
+
 fn even([low, high]: [f64; 2]) -> Vec<f64> {
     (0..CURVE_POINTS).map(|i| rounded(low + (high - low) * i as f64 / (CURVE_POINTS - 1) as f64, 4)).collect()
 }
@@ -83,6 +89,7 @@ fn range(spec: &MuscleSpec, law: &dyn MuscleLaw, position: usize, trials: &[Tria
     let optimal = spec.optimal_fiber_length;
     let fastest = optimal * law.max_velocity();
     let of = |values: &mut Vec<f64>, scale: f64| {
+        values.retain(|v| v.is_finite());
         values.sort_by(f64::total_cmp);
         let last = values.len().saturating_sub(1);
         let at = |share: f64| values.get((share * last as f64).round() as usize).map_or(0.0, |v| rounded(v / scale, 4));
@@ -96,14 +103,15 @@ fn range(spec: &MuscleSpec, law: &dyn MuscleLaw, position: usize, trials: &[Tria
 }
 
 /// Force of the fully active fibre at optimal length, less the passive force, over that at rest; empty for a class
-/// that does not state the force of a moving fibre.
-fn force_over_velocity(law: &dyn MuscleLaw) -> Vec<f64> {
+/// that does not state the force of a moving fibre, and where the curve gives none at rest.
+fn force_over_velocity(law: &dyn MuscleLaw, velocities: &[f64]) -> Vec<f64> {
     let (active, passive) = (law.active(1.0), law.passive(1.0));
     let force = |u: f64| {
         let at = Contraction { u, activation: 1.0, active, passive, cosine: 1.0, secant: 1.0, tendon: 0.0 };
         law.fiber_force(&at)[0] - passive.0
     };
     let rest = force(0.0);
-    let found: Vec<f64> = even(VELOCITIES).into_iter().map(|u| rounded(force(u) / rest, 4)).collect();
-    if found.iter().all(|f| *f == found[0]) { Vec::new() } else { found }
+    let found: Vec<f64> = velocities.iter().map(|u| rounded(force(*u) / rest, 4)).collect();
+    let is_curve = rest > 0.0 && found.iter().all(|f| f.is_finite()) && found.iter().any(|f| *f != found[0]);
+    if is_curve { found } else { Vec::new() }
 }

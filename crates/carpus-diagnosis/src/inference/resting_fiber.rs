@@ -69,8 +69,8 @@ impl RestingFiber {
         match &self.imaged {
             ImagedMuscle::Millard2012(muscle) => self.millard_length(muscle, p),
             ImagedMuscle::Other(fiber) => {
-                let [value, gradient @ ..] = fiber.length(p, self.path_length, self.activation);
-                value.is_finite().then_some(Dual { value, gradient })
+                let [value, gradient @ ..] = fiber.length(p, self.path_length, self.activation)?;
+                Some(Dual { value, gradient })
             }
             ImagedMuscle::RigidTendon(spec) => self.length_by_differences(spec, p),
         }
@@ -182,6 +182,12 @@ mod tests {
             let own = MuscleModel::from_spec(p).unwrap().at_rest(fiber.path_length, fiber.activation).unwrap().0;
             let found = fiber.length(&parameters(1.0, 1.0)).unwrap().value;
             assert!((found / own.fiber_length - 1.0).abs() < 1e-4, "{class}: {found} {}", own.fiber_length);
+            // Without activation, also where the tendon is slack: no number, or numbers.
+            for path_length in [fiber.path_length, 0.9 * p.tendon_slack_length] {
+                let resting = RestingFiber { path_length, activation: 0.0, ..fiber.clone() };
+                let row = resting.row(&[parameters(1.0, 1.0)], 3);
+                assert!(row.is_none_or(|row| row.iter().all(|v| v.is_finite())), "{class}");
+            }
         }
     }
 }

@@ -15,6 +15,9 @@ const TENDON_MAX_STRESS: f64 = 32.0;
 const SHORTEST_FIBER: f64 = 0.05;
 /// OpenSim's `ROUNDOFF_ERROR`.
 const ROUNDOFF: f64 = 2e-13;
+/// Damping over maximum isometric force that takes the place of the mass of Delp's muscle: with neither a mass nor
+/// activation nothing would say how fast a fibre is. At a tenth of the maximum contraction velocity it bears 2e-6 F_max.
+const DAMPING_WITHOUT_MASS: f64 = 2e-5;
 /// Force-velocity curve of Schutte's muscle: shape, slope ratio, greatest eccentric force.
 const KV: f64 = 0.15;
 const SLOPE_K: f64 = 0.13;
@@ -342,6 +345,12 @@ impl DeprecatedMuscle {
     }
 }
 
+/// Force–velocity curve of Delp's muscle and its slope; below the maximum contraction velocity, where curves are
+/// extrapolated and may rise again, the value there.
+fn delp_force_velocity(curve: &Function, u: f64) -> ValueAndSlope {
+    if u < -1.0 { (curve.value(-1.0), 0.0) } else { (curve.value(u), curve.derivative(u)) }
+}
+
 /// Velocity over optimal fibre length and time scale at which a damped fibre bears a force.
 ///
 /// - `isometric`: active force at rest
@@ -418,8 +427,7 @@ impl MuscleLaw for DeprecatedMuscle {
         let damping = match &self.contraction {
             Contracting::Schutte { damping } => *damping,
             Contracting::Delp { force_velocity, .. } => {
-                let velocity = (force_velocity.value(u), force_velocity.derivative(u));
-                return balance_of_forces(at, velocity, 0.0);
+                return balance_of_forces(at, delp_force_velocity(force_velocity, u), DAMPING_WITHOUT_MASS);
             }
         };
         let left = at.tendon * secant - passive;
@@ -444,8 +452,13 @@ impl MuscleLaw for DeprecatedMuscle {
     }
 
     fn fiber_force(&self, at: &Contraction) -> [f64; 3] {
-        // At rest, which is where it is asked for: neither class has a rigid tendon.
-        force_of_fiber(at, (1.0, 0.0), 0.0)
+        match &self.contraction {
+            Contracting::Delp { force_velocity, .. } => {
+                force_of_fiber(at, delp_force_velocity(force_velocity, at.u), DAMPING_WITHOUT_MASS)
+            }
+            // At rest: Schutte's law states the velocity.
+            Contracting::Schutte { .. } => force_of_fiber(at, (1.0, 0.0), 0.0),
+        }
     }
 
     fn shortest(&self) -> f64 {

@@ -41,13 +41,13 @@ pub(crate) enum ActivationLaw {
         /// b, `activation_dynamics_smoothing`.
         steepness: f64,
     },
-    /// Schutte's: rates that do not depend on activation, τ_act at full excitation, τ_deact at none.
+    /// Schutte's and Delp's: rates that do not depend on activation, τ_act at full excitation, τ_deact at none.
     ///
     /// ```text
     /// ȧ = (e − a) [1/τ_deact + (1/τ_act − 1/τ_deact) e]  if e > a,   (e − a)/τ_deact  otherwise
     /// ```
     /// # References
-    /// OpenSim `Schutte1993Muscle_Deprecated`: 1/τ_deact = `activation2`/`time_scale`, 1/τ_act = (`activation1` +
+    /// OpenSim `Schutte1993Muscle_Deprecated`, `Delp1990Muscle_Deprecated`: 1/τ_deact = `activation2`/`time_scale`, 1/τ_act = (`activation1` +
     /// `activation2`)/`time_scale`.
     Linear,
     /// Activation equals excitation (`ignore_activation_dynamics`, `RigidTendonMuscle`).

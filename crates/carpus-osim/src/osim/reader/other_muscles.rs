@@ -150,12 +150,16 @@ impl Reader<'_> {
     fn nested_curve(&mut self, object: &Object, name: &'static str, default: Curve) -> FunctionSpec {
         let nested = self.property(object, &[name]).is_some();
         if let (false, Some(Some(element))) = (nested, self.one_object(object, name, is_function)) {
+            let (x, y) = default;
+            let own = FunctionSpec::SimmSpline { x: x.to_vec(), y: y.to_vec() };
+            if self.document.attribute(element, "name").as_deref() != Some(name) {
+                return own;
+            }
             let class = self.document.tag(element);
             let message = format!("<{class} name=\"{name}\"> is not read, as in OpenSim: the class's own curve holds");
             let hint = format!("write <{name}><{class}>…</{class}></{name}>");
             self.diagnose(Severity::Warning, element, &object.path, message, Some(hint));
-            let (x, y) = default;
-            return FunctionSpec::SimmSpline { x: x.to_vec(), y: y.to_vec() };
+            return own;
         }
         self.curve(object, name, default)
     }

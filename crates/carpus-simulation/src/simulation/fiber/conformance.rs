@@ -204,6 +204,47 @@ fn verif_start_is_that_of_the_muscle_model() {
     }
 }
 
+/// Activation from nothing, or nothing at all, along a path that swings from a taut tendon to a slack one.
+#[derive(Clone, Copy)]
+struct Resting {
+    slack: f64,
+    swing: f64,
+    /// Activation at the end of a second.
+    activation: f64,
+}
+
+impl DriveSource for Resting {
+    fn drive(&self, time: f64, _: &mut Cursor) -> Drive {
+        Drive { activation: self.activation * time, length: self.slack + self.swing * (6.0 * time).cos() }
+    }
+
+    fn speed(&self, time: f64) -> f64 {
+        -6.0 * self.swing * (6.0 * time).sin()
+    }
+}
+
+#[test]
+fn verif_muscles_without_activation_are_followed() {
+    let times: Vec<f64> = (0..100).map(|i| 0.01 * f64::from(i)).collect();
+    let accuracy = FiberAccuracy::default();
+    // Classes that take an activation of 0.
+    for case in Case::all().into_iter().filter(|case| matches!(case.model, MuscleModel::Deprecated(_))) {
+        for activation in [0.0, 0.3] {
+            let motion = Resting { slack: case.path(1.0, 0.0), swing: 0.5 * case.own[0], activation };
+            let fiber = case.fiber();
+            let plan = StepPlan::build(&fiber, &motion, &times, &accuracy).unwrap();
+            let mut out = vec![FiberSample::default(); times.len()];
+            let [optimal, slack, sine] = case.own;
+            let other = case.fiber_with([1.02 * optimal, slack, sine]);
+            other.follow::<true>(&plan, &motion, &accuracy, |k, sample| out[k] = sample, |_| ()).unwrap();
+            let numbers = out.iter().flat_map(|s| [s.x, s.rate].into_iter().chain(s.by_parameters));
+            assert!(numbers.clone().all(f64::is_finite), "{} {activation}", case.name);
+            println!("{} {activation}: {} steps", case.name, plan.len());
+            assert!(plan.len() < 2000, "{} {activation}: {} steps", case.name, plan.len());
+        }
+    }
+}
+
 /// The class's own differential equation, integrated by very many Runge–Kutta steps: normalized tendon force per
 /// sample.
 fn brute_force(case: &Case, motion: Swing, times: &[f64], steps_per_sample: usize) -> Vec<f64> {
