@@ -36,3 +36,6 @@ pub use pennation::{FixedWidthPennation, Pennation};
 pub use rigid_tendon::RigidTendon;
 pub use thelen2003::Thelen2003;
 pub use velocity::{FiberVelocity, Linearization, StateGradient};
+
+#[cfg(test)]
+mod conformance;
