@@ -163,6 +163,21 @@ fn verif_muscles_of_the_same_name_are_not_guessed() {
     assert_eq!(file.spec.muscles[1].optimal_fiber_length, 0.2);
 }
 
+/// A model that a group may read stays so; a new one is not as private as a temporary file.
+#[cfg(unix)]
+#[test]
+fn verif_a_file_that_is_replaced_keeps_its_permissions() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.osim");
+    let mode = || std::fs::metadata(&path).unwrap().permissions().mode() & 0o777;
+    small().write(&path).expect("written");
+    assert_eq!(mode(), 0o644);
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o664)).unwrap();
+    small().write(&path).expect("replaced");
+    assert_eq!(mode(), 0o664);
+}
+
 #[test]
 fn verif_writing_replaces_the_file_or_leaves_it() {
     let folder = tempfile::tempdir().expect("folder");

@@ -50,6 +50,15 @@ fn verif_small_model_of_format_4() {
     assert!(!file.diagnostics.has_unsupported(), "{:?}", file.diagnostics.items);
 }
 
+#[test]
+fn verif_entities_are_characters_in_text_and_attributes() {
+    let written = "&lt;&gt;&amp;&quot;&apos;&#65;&#x42;&#X43;";
+    let text = format!("<a name=\"{written}\">{written}</a>");
+    let document = Document::parse(text.into_bytes(), "entities.xml").unwrap();
+    assert_eq!(document.text(document.root()), "<>&\"'ABC");
+    assert_eq!(document.attribute(document.root(), "name").as_deref(), Some("<>&\"'ABC"));
+}
+
 /// What looks like the start of an entity is text; text of a megabyte is read in one pass.
 #[test]
 fn verif_ampersands_are_text_in_any_number() {

@@ -202,3 +202,72 @@ fn verif_derivatives_of_rates_match_differences() {
         }
     }
 }
+
+/// OpenSim's simulation of a motion: time, and of every muscle activation, path length, its speed, fibre length, tendon
+/// force.
+struct Motion {
+    columns: Vec<String>,
+    rows: Vec<Vec<f64>>,
+}
+
+impl Motion {
+    fn read(class: &str) -> Motion {
+        let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
+        let file = match class {
+            "Millard2012EquilibriumMuscle" => root.join("fixtures/prescribed_motion/wrist.csv"),
+            other => root.join(format!("fixtures/muscle_laws/{other}.csv")),
+        };
+        let text = std::fs::read_to_string(file).unwrap();
+        let mut lines = text.lines();
+        let columns = lines.next().unwrap().split(',').map(str::to_owned).collect();
+        let rows = lines.map(|line| line.split(',').map(|number| number.parse().unwrap()).collect()).collect();
+        Motion { columns, rows }
+    }
+
+    fn column(&self, muscle: &str, quantity: &str) -> Vec<f64> {
+        let name = format!("{muscle}_{quantity}");
+        let at = self.columns.iter().position(|column| *column == name).expect(&name);
+        self.rows.iter().map(|row| row[at]).collect()
+    }
+}
+
+/// At OpenSim's states along a motion: its tendon forces or fibre lengths, and velocities as fast as its fibres move
+/// from row to row.
+#[test]
+fn regress_muscles_along_the_motions_of_opensim() {
+    for case in Case::all() {
+        let (class, muscle) = case.name.split_once(' ').unwrap();
+        let motion = Motion::read(class);
+        let of = |quantity| motion.column(muscle, quantity);
+        let (activation, path, speed) = (of("activation"), of("length"), of("lengthening_speed"));
+        let (fiber, force) = (of("fiber_length"), of("tendon_force"));
+        let most = case.model.max_isometric_force();
+        let is_force_state = case.model.equilibrium_state_name() != "fiber_length";
+        let is_rigid = case.model.ignore_tendon_compliance();
+        assert!(activation.len() > 200, "{}", case.name);
+        let (mut squares, mut differences, mut count) = (0.0, 0.0, 0);
+        for k in 0..activation.len() {
+            let equilibrium_state = if is_force_state { force[k] / most } else { fiber[k] };
+            let state = MuscleState { activation: activation[k], equilibrium_state, fiber_velocity: 0.0 };
+            let at = case.model.dynamics(state, path[k], speed[k]);
+            let place = || format!("{} in row {k}", case.name);
+            assert_near("fibre length", &place(), 1e-3 * at.fiber_length, 1e-3 * fiber[k], case.optimal);
+            let found = case.model.rates(state, path[k], speed[k]).tendon_force;
+            assert!((found - force[k]).abs() < 1e-6 * most, "{}: {found} N, expected {} N", place(), force[k]);
+            // The first 0.1 s apart: there fibres relax from where the motion starts them.
+            let step = motion.rows[1][0] - motion.rows[0][0];
+            if motion.rows[k][0] < 0.1 || k + 2 >= fiber.len() || is_rigid || case.model.has_velocity_state() {
+                continue;
+            }
+            let [near, far] = [fiber[k + 1] - fiber[k - 1], fiber[k + 2] - fiber[k - 2]];
+            let moved = (8.0 * near - far) / (12.0 * step);
+            squares += moved * moved;
+            differences += (at.fiber_velocity - moved) * (at.fiber_velocity - moved);
+            count += 1;
+        }
+        assert!(count > 150 || is_rigid || case.model.has_velocity_state(), "{}", case.name);
+        println!("{}: velocities within {:.1e}", case.name, (differences / squares).sqrt());
+        // Differences over rows of 10 or 20 ms miss what is faster.
+        assert!(count == 0 || differences < 1e-3 * squares, "{}: {differences:e} of {squares:e}", case.name);
+    }
+}
