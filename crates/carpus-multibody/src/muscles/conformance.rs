@@ -265,9 +265,12 @@ fn regress_muscles_along_the_motions_of_opensim() {
             differences += (at.fiber_velocity - moved) * (at.fiber_velocity - moved);
             count += 1;
         }
-        assert!(count > 150 || is_rigid || case.model.has_velocity_state(), "{}", case.name);
+        if is_rigid || case.model.has_velocity_state() {
+            continue;
+        }
+        assert!(count > 150, "{}: {count} rows", case.name);
         println!("{}: velocities within {:.1e}", case.name, (differences / squares).sqrt());
         // Differences over rows of 10 or 20 ms miss what is faster.
-        assert!(count == 0 || differences < 1e-3 * squares, "{}: {differences:e} of {squares:e}", case.name);
+        assert!(differences < 1e-3 * squares, "{}: {differences:e} of {squares:e}", case.name);
     }
 }
