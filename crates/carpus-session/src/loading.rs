@@ -10,7 +10,7 @@ use super::study::{Study, simulation_message};
 use carpus_diagnosis::fit::memory_of_noise;
 use carpus_effects::forward_model::{ForwardModel, Setting};
 use carpus_effects::moments::simulate_all as simulate_effects;
-use carpus_osim::osim::spec::{ModelSpec, MotionType};
+use carpus_osim::osim::spec::{ModelSpec, MotionType, MuscleSpec};
 use carpus_report::results::InputFile;
 use carpus_simulation::scaling::ParticipantScaling;
 use carpus_simulation::simulation::{
@@ -198,6 +198,7 @@ impl Study {
             warnings.push(Diagnostic::warning(text).in_file(&loaded.path).hint(hint));
         }
         warnings.extend(path_warnings(&loaded, &model, &trials)?);
+        warnings.extend(masses_left_out(&loaded, &model));
         let strengths: Vec<Vec<Vec<f64>>> = prepared.iter().map(|trial| strengths(trial, &model)).collect();
         warnings.extend(self.tables.check_channels(&trials, &strengths).iter().map(Diagnostic::from));
         let inputs = self.inputs(participant, &loaded.path, &trials)?;
@@ -325,6 +326,19 @@ fn only_passive(run: &LoadedParticipant) -> Option<Diagnostic> {
     let hint =
         "of eight clean studies of six passive trials five raised an alarm; add trials in which muscles contract";
     Some(Diagnostic::warning(text).in_file(&run.trials_file).hint(hint))
+}
+
+/// The warning that muscles have a mass between fibre and tendon, without which they are simulated.
+fn masses_left_out(loaded: &LoadedModel, model: &MusculoskeletalModel) -> Option<Diagnostic> {
+    let is_active = |muscle: &&MuscleSpec| model.muscle_names().any(|name| name == muscle.name);
+    let massive =
+        loaded.file.spec.muscles.iter().filter(is_active).filter(|m| m.class() == "Delp1990Muscle_Deprecated");
+    let names: Vec<&str> = massive.map(|m| m.name.as_str()).collect();
+    (!names.is_empty()).then(|| {
+        let text = format!("simulated without their mass between fibre and tendon: {}", names.join(", "));
+        let hint = "in wrist movements forces are within 1e-4 of the maximum isometric force after the first 0.1 s";
+        Diagnostic::warning(text).in_file(&loaded.path).hint(hint)
+    })
 }
 
 /// Effects that lie beside a model.
